@@ -1,0 +1,150 @@
+//! `trait Controller`: what a control law implements, and the rows of numbers the runner sees.
+//!
+//! A law sees its configuration and the sample, nothing else: no clock, no file, no random number.
+//! That is what lets the same binary answer a simulated plant today and a real one tomorrow.
+
+use shared_types::describe::{Invalid, LawDescription, Settings};
+use shared_types::table::{Field, Table};
+
+/// A control law, called in this order:
+///
+/// 1. [`start`](Controller::start), once.
+/// 2. [`step`](Controller::step) with every sample, one period apart.
+///
+/// It must be deterministic; use `libm` for sines and exponentials.
+pub trait Controller: Sized + 'static {
+    /// Name in scenarios.
+    const NAME: &'static str;
+    /// One sentence.
+    const SUMMARY: &'static str;
+    /// Names of the plants it is made for; empty means any.
+    const PLANTS: &'static [&'static str] = &[];
+    /// Its own parameters.
+    type Parameters: Table + Default;
+    /// What it believes of the plant; [`Empty`](shared_types::table::Empty) if nothing.
+    type Model: Table + Default;
+    /// The measured signals it needs, bound by name and unit.
+    type Measured: Table;
+    /// The reference signals it needs, bound by name and unit.
+    type Reference: Table;
+    /// The commands it gives.
+    type Command: Table;
+    /// Inner quantities it shows, recorded beside the commands.
+    type Internals: Table;
+
+    /// The law before its first sample.
+    ///
+    /// # Errors
+    /// If the parameters, each in its range, do not go together.
+    fn start(setup: &Setup<Self>) -> Result<Self, Invalid>;
+
+    /// The command that answers a sample.
+    fn step(&mut self, sample: &Sample<Self>) -> (Self::Command, Self::Internals);
+}
+
+/// What a law is configured with.
+#[derive(Clone, Copy, Debug)]
+pub struct Setup<C: Controller> {
+    /// Its parameters.
+    pub parameters: C::Parameters,
+    /// What it believes of the plant.
+    pub model: C::Model,
+    /// Time between two samples that it sees, in s.
+    pub period_s: f64,
+}
+
+/// What a law sees at a step.
+#[derive(Clone, Copy, Debug)]
+pub struct Sample<C: Controller> {
+    /// Simulated time of the sample in s.
+    pub time_s: f64,
+    /// Measured signals.
+    pub measured: C::Measured,
+    /// Reference signals.
+    pub reference: C::Reference,
+    /// Whether every one of these signals is marked valid.
+    pub valid: bool,
+}
+
+/// A law of any type, as rows of numbers in the order of its tables.
+pub trait Law {
+    /// Answers a sample: writes the command row and the row of internals.
+    fn step(&mut self, sample: &Row<'_>, command: &mut [f64], internals: &mut [f64]);
+}
+
+/// A sample as rows.
+#[derive(Clone, Copy, Debug)]
+pub struct Row<'a> {
+    /// Simulated time in s.
+    pub time_s: f64,
+    /// Measured signals in the law's order.
+    pub measured: &'a [f64],
+    /// Reference signals in the law's order.
+    pub reference: &'a [f64],
+    /// Whether all of them are valid.
+    pub valid: bool,
+}
+
+impl<C: Controller> Law for C {
+    fn step(&mut self, row: &Row<'_>, command: &mut [f64], internals: &mut [f64]) {
+        let sample = Sample {
+            time_s: row.time_s,
+            measured: C::Measured::from_row(row.measured),
+            reference: C::Reference::from_row(row.reference),
+            valid: row.valid,
+        };
+        let (commanded, shown) = Controller::step(self, &sample);
+        command.copy_from_slice(commanded.row());
+        internals.copy_from_slice(shown.row());
+    }
+}
+
+/// What a law of any type is started with.
+#[derive(Clone, Copy, Debug)]
+pub struct Start<'a> {
+    /// Every parameter by name.
+    pub parameters: &'a Settings,
+    /// What it believes of the plant, by name.
+    pub model: &'a Settings,
+    /// Time between two samples that it sees, in s.
+    pub period_s: f64,
+    /// The commands it is to give, in its order.
+    pub commands: &'a [Field],
+}
+
+/// A law that can be chosen by name: its description and how to start it.
+pub struct LawKind {
+    /// What `--describe` says of it.
+    pub description: LawDescription,
+    /// Starts it.
+    pub start: fn(&Start<'_>) -> Result<Box<dyn Law>, Invalid>,
+}
+
+impl LawKind {
+    /// The entry of a law type.
+    #[must_use]
+    pub fn of<C: Controller>() -> Self {
+        Self {
+            description: LawDescription {
+                name: C::NAME.into(),
+                summary: C::SUMMARY.into(),
+                plants: C::PLANTS.iter().map(|&name| name.into()).collect(),
+                parameters: C::Parameters::fields(),
+                model: C::Model::fields(),
+                measured: C::Measured::fields(),
+                reference: C::Reference::fields(),
+                commands: Some(C::Command::fields()),
+                internals: C::Internals::fields(),
+            },
+            start: |start| {
+                let missing = |e: shared_types::describe::MissingSetting| Invalid(e.to_string());
+                let setup = Setup {
+                    parameters: start.parameters.to_table().map_err(missing)?,
+                    model: start.model.to_table().map_err(missing)?,
+                    period_s: start.period_s,
+                };
+                Ok(Box::new(C::start(&setup)?))
+            },
+        }
+    }
+}

@@ -1,0 +1,3 @@
+//! The controller. (Map follows below.)
+pub mod controller;
+pub mod laws;

@@ -1,0 +1,5 @@
+//! The expression grammar.
+
+/// An expression.
+#[derive(Clone, Debug)]
+pub struct Expression;

@@ -1,0 +1,178 @@
+//! What a plant or controller binary says of itself when asked with `--describe`.
+//!
+//! The launcher checks scenarios against this, so that it can refuse an unknown key or a value out
+//! of range also for a model it has never seen. JSON on standard output; any language can write it.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use crate::table::{Field, Table, number};
+
+/// Version of the protocol between launcher, plant and controller: description, job file, control
+/// messages, frames and records. Two sides with different versions refuse each other.
+pub const PROTOCOL: u32 = 1;
+
+/// A binary's answer to `--describe`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Description {
+    /// [`PROTOCOL`] of the binary.
+    pub protocol: u32,
+    /// Name of the program.
+    pub program: String,
+    /// Version of the program.
+    pub version: String,
+    /// The plants it can be; empty for a controller.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub plants: Vec<PlantDescription>,
+    /// The laws it can run; empty for a plant.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub laws: Vec<LawDescription>,
+}
+
+impl Description {
+    /// A description without plants and laws, to be filled.
+    #[must_use]
+    pub fn new(program: &str, version: &str) -> Self {
+        Self {
+            protocol: PROTOCOL,
+            program: program.into(),
+            version: version.into(),
+            plants: Vec::new(),
+            laws: Vec::new(),
+        }
+    }
+}
+
+/// One plant.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlantDescription {
+    /// Name, the scenario's `plant.model`.
+    pub name: String,
+    /// One sentence.
+    pub summary: String,
+    /// Parameters with defaults and ranges.
+    pub parameters: Vec<Field>,
+    /// True state and outputs, with the range outside which a run is ended as diverged.
+    pub truth: Vec<Field>,
+    /// What its sensors report.
+    pub measured: Vec<Field>,
+    /// The commands it takes.
+    pub commands: Vec<Field>,
+    /// Named faults, besides those on single parameters.
+    #[serde(default)]
+    pub faults: Vec<FaultDescription>,
+}
+
+/// A named fault of a plant: which faultable parameter of which group it moves, and how.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FaultDescription {
+    /// Name, the scenario's `faults.kind`.
+    pub kind: String,
+    /// One sentence with the equation's source.
+    pub summary: String,
+    /// Key of an effect that selects the target by number, for example `actuator`: `actuator = 1`
+    /// selects the parameter group `actuator1`.
+    pub selector: String,
+    /// Last part of the name of the faultable parameter that is moved.
+    pub parameter: String,
+    /// Key, unit and range of the size of an effect, which is added to the healthy value.
+    pub size: Field,
+    /// How the size sets in.
+    pub profile: ProfileDescription,
+}
+
+/// How a fault's size sets in over time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
+pub enum ProfileDescription {
+    /// All at once.
+    Step,
+    /// `1 - exp(-speed t)`, with the key and range of the speed.
+    Exponential {
+        /// Key, unit and range of the speed.
+        speed: Field,
+    },
+}
+
+/// One control law.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LawDescription {
+    /// Name, the scenario's `controller.law`.
+    pub name: String,
+    /// One sentence.
+    pub summary: String,
+    /// The plants it is made for; empty means any.
+    #[serde(default)]
+    pub plants: Vec<String>,
+    /// Its own parameters, the scenario's `[controller.<law>]`.
+    pub parameters: Vec<Field>,
+    /// What it believes of the plant, the scenario's `[controller.model]`. A value that is not
+    /// given there is the scenario's parameter of the plant with the same name.
+    #[serde(default)]
+    pub model: Vec<Field>,
+    /// Measured signals it needs.
+    pub measured: Vec<Field>,
+    /// Reference signals it needs.
+    pub reference: Vec<Field>,
+    /// The commands it gives; `None`: whatever the plant takes.
+    pub commands: Option<Vec<Field>>,
+    /// Inner quantities it shows.
+    #[serde(default)]
+    pub internals: Vec<Field>,
+}
+
+/// Values by name, as a job file carries them.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Settings(pub BTreeMap<String, Setting>);
+
+/// One value in a job file; infinities travel as text.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Setting(#[serde(with = "number")] pub f64);
+
+/// A row cannot be made from settings.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("parameter `{0}` is missing from the job")]
+pub struct MissingSetting(pub String);
+
+impl Settings {
+    /// Sets a value.
+    pub fn set(&mut self, name: &str, value: f64) {
+        self.0.insert(name.into(), Setting(value));
+    }
+
+    /// Reads a value.
+    #[must_use]
+    pub fn get(&self, name: &str) -> Option<f64> {
+        self.0.get(name).map(|setting| setting.0)
+    }
+
+    /// The settings of a table's row.
+    #[must_use]
+    pub fn of<T: Table>(table: &T) -> Self {
+        let mut settings = Self::default();
+        for (field, value) in T::fields().iter().zip(table.row()) {
+            settings.set(&field.name, *value);
+        }
+        settings
+    }
+
+    /// The row of a table.
+    ///
+    /// # Errors
+    /// If a column of the table has no setting.
+    pub fn to_table<T: Table>(&self) -> Result<T, MissingSetting> {
+        let row = T::fields()
+            .into_iter()
+            .map(|field| self.get(&field.name).ok_or(MissingSetting(field.name)))
+            .collect::<Result<Vec<f64>, _>>()?;
+        Ok(T::from_row(&row))
+    }
+}
+
+/// A combination of parameters that a model or law cannot work with, found at its start.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct Invalid(pub String);

@@ -1,0 +1,489 @@
+//! Tables: what a row of numbers means.
+//!
+//! The wire carries plain `f64` rows. A table gives each column a name with its unit, and, for a
+//! parameter, a default and a range. Inside a model the same row is a struct, declared with
+//! [`table!`](crate::table!), so that equations read `measured.surface_angle_rad` while everything
+//! around the model (binding, recording, faults, expressions, plots) reads the table.
+
+use serde::{Deserialize, Serialize};
+use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
+
+/// One column: a signal or a parameter.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Field {
+    /// Name with its unit at the end, for example `surface_angle_rad`; a field of a group has the
+    /// group in front, for example `actuator1.piston_mass_kg`.
+    pub name: String,
+    /// Unit as text, for example `rad`, `m/s`, `1`.
+    pub unit: String,
+    /// What it is, one sentence.
+    pub description: String,
+    /// The value it has when nothing else is said; none for signals.
+    #[serde(
+        with = "number::option",
+        default,
+        skip_serializing_if = "Option::is_none"
+    )]
+    pub default: Option<f64>,
+    /// Smallest legal value.
+    #[serde(with = "number", default = "lowest")]
+    pub min: f64,
+    /// Largest legal value.
+    #[serde(with = "number", default = "highest")]
+    pub max: f64,
+    /// Whether a fault may change it while the plant runs.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub faultable: bool,
+}
+
+impl Field {
+    /// A column without default and range.
+    #[must_use]
+    pub fn signal(name: &str, unit: &str, description: &str) -> Self {
+        Self {
+            name: name.into(),
+            unit: unit.into(),
+            description: description.trim().into(),
+            default: None,
+            min: lowest(),
+            max: highest(),
+            faultable: false,
+        }
+    }
+
+    /// Whether a value is a number inside the range. Infinity is legal where the range says so.
+    #[must_use]
+    pub fn admits(&self, value: f64) -> bool {
+        (self.min..=self.max).contains(&value)
+    }
+}
+
+fn lowest() -> f64 {
+    f64::NEG_INFINITY
+}
+
+fn highest() -> f64 {
+    f64::INFINITY
+}
+
+/// A struct of `f64` columns without padding, tied to its fields. Declare it with
+/// [`table!`](crate::table!).
+pub trait Table:
+    Copy + FromBytes + IntoBytes + Immutable + KnownLayout + std::fmt::Debug + 'static
+{
+    /// Number of columns.
+    const LEN: usize = size_of::<Self>() / size_of::<f64>();
+
+    /// The columns, in the order of memory.
+    fn fields() -> Vec<Field>;
+
+    /// The row as numbers.
+    fn row(&self) -> &[f64] {
+        if Self::LEN == 0 {
+            return &[]; // a struct without fields is not aligned as f64
+        }
+        <[f64]>::ref_from_bytes(self.as_bytes()).expect("a table is made of f64 only")
+    }
+
+    /// The row as numbers, to write to.
+    fn row_mut(&mut self) -> &mut [f64] {
+        if Self::LEN == 0 {
+            return &mut [];
+        }
+        <[f64]>::mut_from_bytes(self.as_mut_bytes()).expect("a table is made of f64 only")
+    }
+
+    /// The struct of a row.
+    ///
+    /// # Panics
+    /// If the row does not have [`Table::LEN`] numbers.
+    fn from_row(row: &[f64]) -> Self {
+        Self::read_from_bytes(row.as_bytes()).expect("the row has as many columns as the table")
+    }
+}
+
+/// Declares a [`Table`]: a `repr(C)` struct of `f64` whose names, units and descriptions are the
+/// table's.
+///
+/// A signal is `name: "unit"`, optionally with its range of validity (`in min..=max`, used by the
+/// engine's guard). A parameter has a default and a range, and may be open to faults:
+/// `name: "unit" = default in min..=max [faultable]`. Numbers other than plain literals stand in
+/// parentheses. The description is the doc comment.
+///
+/// ```
+/// shared_types::table! {
+///     /// What the teaching plant can be told.
+///     pub struct Parameters {
+///         /// Mass m.
+///         mass_kg: "kg" = 1.0 in 1e-3..=1e3,
+///         /// Spring stiffness k.
+///         stiffness_n_per_m: "N/m" = 100.0 in 0.0..=1e9 [faultable],
+///     }
+/// }
+/// use shared_types::table::Table;
+/// assert_eq!(Parameters::default().row(), [1.0, 100.0]);
+/// assert_eq!(Parameters::fields()[1].name, "stiffness_n_per_m");
+/// ```
+///
+/// A group of tables has types in place of units; its columns carry the group's name in front,
+/// and a default other than the type's follows `=`:
+///
+/// ```
+/// # shared_types::table! { /// One.
+/// # pub struct Actuator { /// Mass.
+/// # mass_kg: "kg" = 55.0 in 0.0..=1e3, } }
+/// shared_types::table! {
+///     /// Two actuators.
+///     pub struct Pair {
+///         /// The first.
+///         actuator1: Actuator,
+///         /// The second, heavier.
+///         actuator2: Actuator = Actuator { mass_kg: 60.0 },
+///     }
+/// }
+/// use shared_types::table::Table;
+/// assert_eq!(Pair::fields()[1].name, "actuator2.mass_kg");
+/// assert_eq!(Pair::fields()[1].default, Some(60.0));
+/// ```
+#[macro_export]
+macro_rules! table {
+    (
+        $(#[doc = $table_doc:expr])+
+        $vis:vis struct $table:ident {
+            $(
+                $(#[doc = $doc:expr])+
+                $name:ident : $unit:literal
+                    $(= $default:tt)? $(in $min:tt ..= $max:tt)? $([$flag:ident])?
+            ),* $(,)?
+        }
+    ) => {
+        $(#[doc = $table_doc])+
+        #[derive(
+            Clone, Copy, Debug, PartialEq,
+            $crate::zerocopy::FromBytes,
+            $crate::zerocopy::IntoBytes,
+            $crate::zerocopy::Immutable,
+            $crate::zerocopy::KnownLayout,
+        )]
+        #[zerocopy(crate = "shared_types::zerocopy")]
+        #[repr(C)]
+        $vis struct $table {
+            $( $(#[doc = $doc])+ pub $name: f64, )*
+        }
+
+        impl ::core::default::Default for $table {
+            fn default() -> Self {
+                Self { $( $name: { let _value = 0.0_f64; $( let _value: f64 = $default; )? _value }, )* }
+            }
+        }
+
+        impl $crate::table::Table for $table {
+            fn fields() -> ::std::vec::Vec<$crate::table::Field> {
+                ::std::vec![
+                    $({
+                        #[allow(unused_mut, reason = "a plain signal changes nothing below")]
+                        let mut field = $crate::table::Field::signal(
+                            stringify!($name),
+                            $unit,
+                            concat!($($doc),+),
+                        );
+                        $( field.default = Some($default); )?
+                        $( (field.min, field.max) = ($min, $max); )?
+                        $( field.faultable = $crate::table::is_faultable(stringify!($flag)); )?
+                        field
+                    },)*
+                ]
+            }
+        }
+    };
+    (
+        $(#[doc = $table_doc:expr])+
+        $vis:vis struct $table:ident {
+            $(
+                $(#[doc = $doc:expr])+
+                $name:ident : $group:ty $(= $default:expr)?
+            ),+ $(,)?
+        }
+    ) => {
+        $(#[doc = $table_doc])+
+        #[derive(
+            Clone, Copy, Debug, PartialEq,
+            $crate::zerocopy::FromBytes,
+            $crate::zerocopy::IntoBytes,
+            $crate::zerocopy::Immutable,
+            $crate::zerocopy::KnownLayout,
+        )]
+        #[zerocopy(crate = "shared_types::zerocopy")]
+        #[repr(C)]
+        $vis struct $table {
+            $( $(#[doc = $doc])+ pub $name: $group, )+
+        }
+
+        impl ::core::default::Default for $table {
+            fn default() -> Self {
+                Self {
+                    $( $name: {
+                        let _value = <$group as ::core::default::Default>::default();
+                        $( let _value: $group = $default; )?
+                        _value
+                    }, )+
+                }
+            }
+        }
+
+        impl $crate::table::Table for $table {
+            fn fields() -> ::std::vec::Vec<$crate::table::Field> {
+                let mut fields = ::std::vec::Vec::new();
+                $( $crate::table::push_group::<$group>(
+                    &mut fields,
+                    stringify!($name),
+                    &Self::default().$name,
+                ); )+
+                fields
+            }
+        }
+    };
+}
+
+/// Whether a flag of [`table!`](crate::table!) is the one that exists.
+#[doc(hidden)]
+#[must_use]
+pub fn is_faultable(flag: &str) -> bool {
+    assert_eq!(flag, "faultable", "a table knows one flag, `faultable`");
+    true
+}
+
+/// Adds a group's columns with the group's name in front and the group's own defaults.
+#[doc(hidden)]
+pub fn push_group<T: Table>(fields: &mut Vec<Field>, group: &str, defaults: &T) {
+    for (field, &default) in T::fields().into_iter().zip(defaults.row()) {
+        fields.push(Field {
+            name: format!("{group}.{}", field.name),
+            default: field.default.map(|_| default),
+            ..field
+        });
+    }
+}
+
+crate::table! {
+    /// A table without columns, for a law without internals or without parameters.
+    pub struct Empty {}
+}
+
+/// The one form of every number that enters a frame or a record: one NaN, no negative zero.
+#[must_use]
+pub fn canonical(value: f64) -> f64 {
+    if value.is_nan() {
+        f64::NAN
+    } else {
+        value + 0.0
+    }
+}
+
+/// The unit that a name's ending stands for, for example `rad` for `surface_angle_rad`.
+///
+/// Used where a signal's unit is not written down: reference signals made from `[[stimuli]]`.
+#[must_use]
+pub fn unit_of_name(name: &str) -> Option<&'static str> {
+    const UNITS: [(&str, &str); 17] = [
+        ("rad", "rad"),
+        ("radps", "rad/s"),
+        ("radps2", "rad/s2"),
+        ("m", "m"),
+        ("mps", "m/s"),
+        ("mps2", "m/s2"),
+        ("pa", "Pa"),
+        ("n", "N"),
+        ("nm", "N m"),
+        ("kg", "kg"),
+        ("m3", "m3"),
+        ("m3ps", "m3/s"),
+        ("a", "A"),
+        ("v", "V"),
+        ("s", "s"),
+        ("hz", "Hz"),
+        ("k", "K"),
+    ];
+    let (_, ending) = name.rsplit_once('_')?;
+    UNITS
+        .iter()
+        .find(|(suffix, _)| *suffix == ending)
+        .map(|(_, unit)| *unit)
+}
+
+/// The name and unit of a signal's derivative: `surface_angle_rad` gives `surface_angle_d2_radps2`
+/// in `rad/s2` for the second.
+#[must_use]
+pub fn derivative_of(name: &str, unit: &str, order: usize) -> (String, String) {
+    let power = if order == 1 {
+        String::new()
+    } else {
+        order.to_string()
+    };
+    let name = match name.rsplit_once('_') {
+        Some((stem, ending)) => format!("{stem}_d{order}_{ending}ps{power}"),
+        None => format!("{name}_d{order}_ps{power}"),
+    };
+    (name, format!("{unit}/s{power}"))
+}
+
+/// Up to three names that are closest to an unknown one, best first.
+#[must_use]
+pub fn nearest<'a>(wanted: &str, known: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
+    let mut scored: Vec<(f64, &str)> = known
+        .into_iter()
+        .map(|name| (strsim::jaro_winkler(wanted, name), name))
+        .filter(|(score, _)| *score > 0.6)
+        .collect();
+    scored.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(b.1)));
+    scored.into_iter().take(3).map(|(_, name)| name).collect()
+}
+
+/// Numbers in JSON, where `inf`, `-inf` and `nan` travel as text.
+pub mod number {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
+
+    #[derive(Serialize, Deserialize)]
+    #[serde(untagged)]
+    enum Number {
+        Finite(f64),
+        Text(String),
+    }
+
+    fn wrap(value: f64) -> Number {
+        if value.is_finite() {
+            Number::Finite(value)
+        } else {
+            Number::Text(value.to_string())
+        }
+    }
+
+    fn unwrap<E: Error>(number: Number) -> Result<f64, E> {
+        match number {
+            Number::Finite(value) => Ok(value),
+            Number::Text(text) => text.parse().map_err(E::custom),
+        }
+    }
+
+    /// Writes a number.
+    #[expect(clippy::missing_errors_doc, reason = "serde's contract")]
+    pub fn serialize<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+        wrap(*value).serialize(serializer)
+    }
+
+    /// Reads a number.
+    #[expect(clippy::missing_errors_doc, reason = "serde's contract")]
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+        unwrap(Number::deserialize(deserializer)?)
+    }
+
+    /// The same for an optional number.
+    pub mod option {
+        use super::{Deserialize, Deserializer, Number, Serialize, Serializer, unwrap, wrap};
+
+        /// Writes a number or null.
+        #[expect(clippy::missing_errors_doc, reason = "serde's contract")]
+        pub fn serialize<S: Serializer>(value: &Option<f64>, s: S) -> Result<S::Ok, S::Error> {
+            value.map(wrap).serialize(s)
+        }
+
+        /// Reads a number or null.
+        #[expect(clippy::missing_errors_doc, reason = "serde's contract")]
+        pub fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<Option<f64>, D::Error> {
+            Option::<Number>::deserialize(d)?.map(unwrap).transpose()
+        }
+    }
+
+    /// The same for a list of numbers.
+    pub mod list {
+        use super::{Deserialize, Deserializer, Number, Serialize, Serializer, unwrap, wrap};
+
+        /// Writes numbers.
+        #[expect(clippy::missing_errors_doc, reason = "serde's contract")]
+        pub fn serialize<S: Serializer>(values: &[f64], s: S) -> Result<S::Ok, S::Error> {
+            let numbers: Vec<Number> = values.iter().map(|v| wrap(*v)).collect();
+            numbers.serialize(s)
+        }
+
+        /// Reads numbers.
+        #[expect(clippy::missing_errors_doc, reason = "serde's contract")]
+        pub fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<Vec<f64>, D::Error> {
+            Vec::<Number>::deserialize(d)?
+                .into_iter()
+                .map(unwrap)
+                .collect()
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    crate::table! {
+        /// Signals.
+        struct Measured {
+            /// Angle.
+            angle_rad: "rad" in (-1.0)..=1.0,
+            /// Rate.
+            rate_radps: "rad/s",
+        }
+    }
+
+    #[test]
+    fn a_row_and_its_struct_are_the_same_numbers() {
+        let measured = Measured {
+            angle_rad: 0.5,
+            rate_radps: -2.0,
+        };
+        assert_eq!(measured.row(), [0.5, -2.0]);
+        assert_eq!(Measured::from_row(&[0.5, -2.0]), measured);
+        assert_eq!(Measured::LEN, 2);
+        assert_eq!(Empty::LEN, 0);
+        assert!(Empty {}.row().is_empty());
+    }
+
+    #[test]
+    fn fields_carry_name_unit_text_and_range() {
+        let fields = Measured::fields();
+        assert_eq!(fields[0].name, "angle_rad");
+        assert_eq!(fields[0].description, "Angle.");
+        assert_eq!((fields[0].min, fields[0].max), (-1.0, 1.0));
+        assert!(!fields[0].admits(f64::NAN) && !fields[0].admits(1.5) && fields[0].admits(1.0));
+    }
+
+    #[test]
+    fn infinity_survives_json() {
+        let field = Field::signal("a_m", "m", "x");
+        let text = serde_json::to_string(&field).expect("serialises");
+        assert_eq!(serde_json::from_str::<Field>(&text).expect("parses"), field);
+    }
+
+    #[test]
+    fn canonical_numbers_have_one_zero_and_one_nan() {
+        assert_eq!(canonical(-0.0).to_bits(), 0);
+        assert_eq!(canonical(-f64::NAN).to_bits(), f64::NAN.to_bits());
+        assert_eq!(canonical(-1.5), -1.5);
+    }
+
+    #[test]
+    fn derivatives_are_named_by_order_and_unit() {
+        let named = |order| derivative_of("surface_angle_rad", "rad", order);
+        assert_eq!(named(1), ("surface_angle_d1_radps".into(), "rad/s".into()));
+        assert_eq!(
+            named(5),
+            ("surface_angle_d5_radps5".into(), "rad/s5".into())
+        );
+    }
+
+    #[test]
+    fn the_nearest_names_come_first() {
+        let known = [
+            "actuator1_pressure1_pa",
+            "surface_angle_rad",
+            "surface_rate_radps",
+        ];
+        assert_eq!(nearest("surface_angel_rad", known)[0], "surface_angle_rad");
+        assert!(nearest("zzz", known).is_empty());
+    }
+}

@@ -1,0 +1,164 @@
+//! Integer time: steps, and the one place where they become seconds.
+//!
+//! Used by everything that knows time. Seconds exist only inside equations and are always computed
+//! from a step, never accumulated.
+
+use serde::{Deserialize, Serialize};
+
+/// Index of a step. Step `k` is the instant `k / rate_hz`.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
+)]
+#[serde(transparent)]
+pub struct Step(pub u64);
+
+impl Step {
+    /// The step after this one.
+    #[must_use]
+    pub const fn next(self) -> Self {
+        Self(self.0 + 1)
+    }
+}
+
+impl std::fmt::Display for Step {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+/// The exchange rate of a run, which turns steps into time and back.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Rate {
+    hz: f64,
+}
+
+impl Rate {
+    /// Lowest accepted rate in Hz.
+    pub const MIN_HZ: f64 = 1e-3;
+    /// Highest accepted rate in Hz: a step of one microsecond.
+    pub const MAX_HZ: f64 = 1e6;
+
+    /// A rate in Hz; `None` outside [`Rate::MIN_HZ`] to [`Rate::MAX_HZ`].
+    #[must_use]
+    pub fn new(hz: f64) -> Option<Self> {
+        (Self::MIN_HZ..=Self::MAX_HZ)
+            .contains(&hz)
+            .then_some(Self { hz })
+    }
+
+    /// The rate in Hz.
+    #[must_use]
+    pub const fn hz(self) -> f64 {
+        self.hz
+    }
+
+    /// The length of one step in seconds.
+    #[must_use]
+    pub fn period_s(self) -> f64 {
+        1.0 / self.hz
+    }
+
+    /// The simulated time of a step in seconds, `step / rate_hz`.
+    #[must_use]
+    pub fn seconds(self, step: Step) -> f64 {
+        step.0 as f64 / self.hz
+    }
+
+    /// The simulated time of a step in nanoseconds, rounded to the nearest.
+    #[must_use]
+    pub fn nanoseconds(self, step: Step) -> u64 {
+        // Whole seconds and the rest apart: 2^40 steps of a microsecond leave a double's 53 bits.
+        let whole = (self.seconds(step)) as u64;
+        let rest_s = (step.0 as f64 - whole as f64 * self.hz) / self.hz;
+        let rest_ns = rest_s * 1e9 + 0.5;
+        if rest_ns < 0.0 {
+            whole * 1_000_000_000 - (-rest_ns) as u64
+        } else {
+            whole * 1_000_000_000 + rest_ns as u64
+        }
+    }
+
+    /// The first step whose time is not before `at_s`, saturating at 0 for negative times.
+    #[must_use]
+    pub fn step_at_or_after(self, at_s: f64) -> Step {
+        let mut step = Step((at_s * self.hz) as u64);
+        while step.0 > 0 && self.seconds(Step(step.0 - 1)) >= at_s {
+            step.0 -= 1;
+        }
+        while self.seconds(step) < at_s {
+            step.0 += 1;
+        }
+        step
+    }
+}
+
+/// One exchange interval, from a step to the next, as an integrator sees it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Interval {
+    /// Simulated time at its begin in seconds.
+    pub start_s: f64,
+    /// Its length in seconds.
+    pub length_s: f64,
+    /// Number of equal integration steps to take inside it, at least 1.
+    pub substeps: u32,
+}
+
+impl Interval {
+    /// The length of one integration step in seconds.
+    #[must_use]
+    pub fn substep_s(&self) -> f64 {
+        self.length_s / f64::from(self.substeps)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rate(hz: f64) -> Rate {
+        Rate::new(hz).expect("a legal rate")
+    }
+
+    #[test]
+    fn a_time_on_the_grid_is_its_own_step() {
+        for hz in [1.0, 3.0, 10.0, 1000.0, 10_000.0, 999_999.0] {
+            for k in [0, 1, 2, 3, 7, 69_999, 70_000, 70_001, 1 << 40] {
+                let at_s = rate(hz).seconds(Step(k));
+                assert_eq!(
+                    rate(hz).step_at_or_after(at_s),
+                    Step(k),
+                    "{hz} Hz, step {k}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_time_between_steps_rounds_up() {
+        assert_eq!(rate(10_000.0).step_at_or_after(7.000_01), Step(70_001));
+        assert_eq!(rate(10_000.0).step_at_or_after(1e-12), Step(1));
+        assert_eq!(rate(10_000.0).step_at_or_after(-1.0), Step(0));
+    }
+
+    #[test]
+    fn nanoseconds_are_exact_over_days() {
+        assert_eq!(rate(10_000.0).nanoseconds(Step(1)), 100_000);
+        assert_eq!(
+            rate(1e6).nanoseconds(Step((1 << 40) + 1)),
+            ((1 << 40) + 1) * 1000
+        );
+        assert_eq!(rate(3.0).nanoseconds(Step(1)), 333_333_333);
+        assert_eq!(
+            rate(3.0).nanoseconds(Step(3_000_001)),
+            1_000_000_333_333_333
+        );
+    }
+
+    #[test]
+    fn rates_outside_the_range_are_refused() {
+        for hz in [0.0, -1.0, 1e7, f64::NAN, f64::INFINITY] {
+            assert_eq!(Rate::new(hz), None, "{hz}");
+        }
+    }
+}
