@@ -1,1 +1,300 @@
-//! To be written.
+//! Stimuli: what the rig asks of the controlled system, as a function of time.
+//!
+//! Called by the engine at every step for every stimulus of the scenario. A stimulus knows nothing
+//! but time; it never looks at the plant, keeps no state and never allocates. Derivatives are
+//! exact: truncated Taylor arithmetic, no differences.
+
+mod taylor;
+
+use std::f64::consts::TAU;
+
+use hil_config::plan::Waveform;
+
+use self::taylor::Taylor;
+
+/// Writes a waveform's value and its time derivatives in rising order.
+///
+/// # Panics
+/// If the row does not have `1 + waveform.derivatives()` numbers.
+pub fn evaluate(waveform: &Waveform, time_s: f64, row: &mut [f64]) {
+    match waveform {
+        Waveform::Paper {
+            amplitude,
+            frequency_hz,
+            onset_per_s3,
+        } => {
+            let t = Taylor::time(time_s);
+            let deflection = sine(t * *frequency_hz, 0.0, *amplitude).atan();
+            let onset = -(t * t * t * -onset_per_s3).exp_m1();
+            row.copy_from_slice(&(deflection * onset).derivatives());
+        }
+        Waveform::Sine {
+            amplitude,
+            frequency_hz,
+            phase_rad,
+            offset,
+        } => {
+            let turns = Taylor::time(time_s) * *frequency_hz;
+            let wave = sine(turns, *phase_rad, *amplitude) + *offset;
+            row.copy_from_slice(&wave.derivatives());
+        }
+        Waveform::Chirp {
+            amplitude,
+            start_hz,
+            end_hz,
+            duration_s,
+            offset,
+        } => {
+            let turns = chirp_turns(time_s, *start_hz, *end_hz, *duration_s);
+            let wave = sine(turns, 0.0, *amplitude) + *offset;
+            row.copy_from_slice(&wave.derivatives());
+        }
+        Waveform::Step {
+            at_s,
+            before,
+            after,
+        } => row.copy_from_slice(&[if time_s < *at_s { *before } else { *after }]),
+        Waveform::Ramp {
+            at_s,
+            duration_s,
+            start,
+            end,
+        } => row.copy_from_slice(&ramp(time_s - at_s, *duration_s, *start, *end)),
+        Waveform::Table {
+            time_s: times_s,
+            values,
+        } => row.copy_from_slice(&polyline(time_s, times_s, values)),
+    }
+}
+
+/// `amplitude sin(2 pi turns + phase)`.
+///
+/// Whole turns are taken off before the multiplication by 2 pi, which would otherwise round the
+/// angle of a long run more and more coarsely.
+fn sine(turns: Taylor, phase_rad: f64, amplitude: f64) -> Taylor {
+    let whole = turns.value().floor();
+    ((turns + -whole) * TAU + phase_rad).sin() * amplitude
+}
+
+/// `f0 t + (f1 - f0) t^2 / (2 d)` until `d`, then on at `f1`.
+fn chirp_turns(time_s: f64, start_hz: f64, end_hz: f64, duration_s: f64) -> Taylor {
+    let (f_0, f_1, d) = (start_hz, end_hz, duration_s);
+    let t = Taylor::time(time_s);
+    if time_s < d {
+        t * f_0 + t * t * ((f_1 - f_0) / (2.0 * d))
+    } else {
+        // The sweep ends at (f0 + f1) d / 2 turns; f1 (t - d) more.
+        t * f_1 + 0.5 * (f_0 - f_1) * d
+    }
+}
+
+/// Value and slope to the right of a ramp, `since_s` after its begin.
+fn ramp(since_s: f64, duration_s: f64, start: f64, end: f64) -> [f64; 2] {
+    if since_s < 0.0 {
+        [start, 0.0]
+    } else if since_s < duration_s {
+        let slope = (end - start) / duration_s;
+        [start + slope * since_s, slope]
+    } else {
+        [end, 0.0]
+    }
+}
+
+/// Value and slope to the right of straight lines between points, found by bisection.
+fn polyline(time_s: f64, times_s: &[f64], values: &[f64]) -> [f64; 2] {
+    let after = times_s.partition_point(|&point_s| point_s <= time_s);
+    if after == 0 {
+        [values[0], 0.0]
+    } else if after == times_s.len() {
+        [values[after - 1], 0.0]
+    } else {
+        let before = after - 1;
+        let slope = (values[after] - values[before]) / (times_s[after] - times_s[before]);
+        [values[before] + slope * (time_s - times_s[before]), slope]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(waveform: &Waveform, time_s: f64) -> Vec<f64> {
+        let mut row = vec![f64::NAN; 1 + waveform.derivatives()];
+        evaluate(waveform, time_s, &mut row);
+        row
+    }
+
+    /// Compares with numbers of 50 digits; the n-th derivative may be off by the rounding of a
+    /// quantity of size `amplitude (2 pi f)^n`.
+    fn assert_close(row: &[f64], expected: &[f64; 6], amplitude: f64, frequency_hz: f64) {
+        let mut scale = amplitude;
+        for (n, (got, want)) in row.iter().zip(expected).enumerate() {
+            let error = (got - want).abs();
+            assert!(error < 1e-14 * scale, "order {n}: {got} is not {want}");
+            scale *= TAU * frequency_hz;
+        }
+    }
+
+    const PAPER: Waveform = Waveform::Paper {
+        amplitude: 0.2,
+        frequency_hz: 1.0,
+        onset_per_s3: 0.1,
+    };
+
+    // mpmath 1.3, mp.dps = 60, [diff(f, t, n) for n in range(6)] with
+    // f = lambda t: atan(mpf(0.2) * sin(2 * pi * t)) * (1 - exp(-mpf(0.1) * t**3))
+    #[test]
+    fn the_papers_command_has_exact_derivatives() {
+        #[rustfmt::skip]
+        let expected = [
+            (0.375, [0.000738913641758171, 0.0013138544991796563, -0.07183956671650436,
+                -1.0504208716213228, -2.854548989062207, 94.98773533743531]),
+            (1.5625, [-0.02422583967853021, -0.4042572584755465, -0.15810583523197633,
+                18.82492575631993, 40.24040385392312, -1120.807822003715]),
+            (7.0, [0.0, 1.2566370614359157, 4.6909031360259986e-14,
+                -53.57884610355904, 1.5094775140055598e-11, 3600.5541664590833]),
+            (19.984375, [-0.01960091748227915, 1.250105601939104, 0.8348860876912019,
+                -53.14117560578409, -55.785833926573325, 3510.0957723377387]),
+        ];
+        for (time_s, expected) in &expected {
+            assert_close(&row(&PAPER, *time_s), expected, 0.2, 1.0);
+        }
+    }
+
+    #[test]
+    fn the_papers_command_keeps_its_digits_at_the_onset() {
+        // The same expression at t = 2^-10 s, where 1 - exp(-c t^3) is 9e-11.
+        #[rustfmt::skip]
+        let expected = [1.1428970040255548e-13, 4.681290265901886e-10, 1.4380826237158157e-06,
+            0.0029451433140580173, 3.015622366498821, -0.627873424330592];
+        for (got, want) in row(&PAPER, 0.0009765625).iter().zip(&expected) {
+            assert!((got / want - 1.0).abs() < 1e-13, "{got} is not {want}");
+        }
+        assert_eq!(row(&PAPER, 0.0)[..4], [0.0; 4]);
+    }
+
+    // f = lambda t: atan(mpf(2.5) * sin(2*pi*mpf(3.5)*t)) * (1 - exp(-mpf(0.75) * t**3))
+    #[test]
+    fn a_steep_paper_command_has_exact_derivatives() {
+        let waveform = Waveform::Paper {
+            amplitude: 2.5,
+            frequency_hz: 3.5,
+            onset_per_s3: 0.75,
+        };
+        #[rustfmt::skip]
+        let expected = [-0.3717490165483958, 0.7862879749168574, 118.26495980481701,
+            6053.898271335933, 447480.2139752133, 34764440.31519431];
+        assert_close(&row(&waveform, 0.8125), &expected, 2.5, 3.5);
+    }
+
+    // f = lambda t: mpf(0.25) + mpf(1.5) * sin(2*pi*mpf(2.5)*t + mpf(0.75))
+    #[test]
+    fn a_sine_has_exact_derivatives() {
+        let waveform = Waveform::Sine {
+            amplitude: 1.5,
+            frequency_hz: 2.5,
+            phase_rad: 0.75,
+            offset: 0.25,
+        };
+        #[rustfmt::skip]
+        let expected = [1.5970778189337096, -10.364653498205502, -332.37812925894985,
+            2557.375744541381, 82011.01618399948, -631007.1725891198];
+        assert_close(&row(&waveform, 3.28125), &expected, 1.5, 2.5);
+    }
+
+    #[test]
+    fn a_sine_is_as_exact_after_a_month_as_at_the_begin() {
+        let waveform = Waveform::Sine {
+            amplitude: 1.0,
+            frequency_hz: 2.0,
+            phase_rad: 0.0,
+            offset: 0.0,
+        };
+        let month_s = 2_592_000.0;
+        assert_eq!(row(&waveform, month_s + 0.0625), row(&waveform, 0.0625));
+    }
+
+    const CHIRP: Waveform = Waveform::Chirp {
+        amplitude: 2.0,
+        start_hz: 0.5,
+        end_hz: 20.0,
+        duration_s: 8.0,
+        offset: -0.5,
+    };
+
+    // f = lambda t: mpf(-0.5) + 2*sin(2*pi*(t/2 + mpf(19.5) * t**2 / 16))
+    #[test]
+    fn a_chirp_has_exact_derivatives_during_its_sweep() {
+        #[rustfmt::skip]
+        let expected = [1.4932764843365667, -13.885705106199074, -14317.056775897183,
+            91958.01078524668, 102905444.24372615, -530291406.40593946];
+        assert_close(&row(&CHIRP, 5.328125), &expected, 2.0, 20.0);
+    }
+
+    // f = lambda t: mpf(-0.5) + 2*sin(2*pi*(4 + mpf(19.5) * 64 / 16 + 20*(t - 8)))
+    #[test]
+    fn a_chirp_goes_on_at_its_end_frequency() {
+        #[rustfmt::skip]
+        let expected = [1.1629392246050905, 139.63002900860414, -26260.08366385044,
+            -2204949.038124087, 414682619.6827409, 34819159569.355576];
+        assert_close(&row(&CHIRP, 9.0078125), &expected, 2.0, 20.0);
+    }
+
+    #[test]
+    fn a_chirp_has_no_jump_where_its_sweep_ends() {
+        let (before, at) = (row(&CHIRP, 8.0 - 1e-9), row(&CHIRP, 8.0));
+        assert!((before[0] - at[0]).abs() < 1e-6);
+        assert!((before[1] - at[1]).abs() < 1e-4);
+    }
+
+    #[test]
+    fn a_step_changes_at_its_time() {
+        let waveform = Waveform::Step {
+            at_s: 2.0,
+            before: -1.0,
+            after: 3.0,
+        };
+        assert_eq!(row(&waveform, 1.9999), [-1.0]);
+        assert_eq!(row(&waveform, 2.0), [3.0]);
+    }
+
+    #[test]
+    fn a_ramp_has_the_slope_to_the_right() {
+        let waveform = Waveform::Ramp {
+            at_s: 2.0,
+            duration_s: 4.0,
+            start: 1.0,
+            end: -1.0,
+        };
+        assert_eq!(row(&waveform, 1.5), [1.0, 0.0]);
+        assert_eq!(row(&waveform, 2.0), [1.0, -0.5]);
+        assert_eq!(row(&waveform, 5.0), [-0.5, -0.5]);
+        assert_eq!(row(&waveform, 6.0), [-1.0, 0.0]);
+        assert_eq!(row(&waveform, 7.0), [-1.0, 0.0]);
+    }
+
+    #[test]
+    fn a_table_is_straight_between_its_points_and_constant_outside() {
+        let waveform = Waveform::Table {
+            time_s: vec![1.0, 2.0, 4.0],
+            values: vec![10.0, 20.0, 0.0],
+        };
+        assert_eq!(row(&waveform, 0.0), [10.0, 0.0]);
+        assert_eq!(row(&waveform, 1.0), [10.0, 10.0]);
+        assert_eq!(row(&waveform, 1.25), [12.5, 10.0]);
+        assert_eq!(row(&waveform, 2.0), [20.0, -10.0]);
+        assert_eq!(row(&waveform, 3.5), [5.0, -10.0]);
+        assert_eq!(row(&waveform, 4.0), [0.0, 0.0]);
+        assert_eq!(row(&waveform, 9.0), [0.0, 0.0]);
+    }
+
+    #[test]
+    fn a_table_of_one_point_is_a_constant() {
+        let waveform = Waveform::Table {
+            time_s: vec![1.0],
+            values: vec![7.0],
+        };
+        assert_eq!(row(&waveform, 0.0), [7.0, 0.0]);
+        assert_eq!(row(&waveform, 1.0), [7.0, 0.0]);
+    }
+}

@@ -1,0 +1,144 @@
+//! Truncated Taylor arithmetic: a value together with its first five time derivatives.
+//!
+//! Used by [`evaluate`](super::evaluate), never by a model. The recurrences are those of Griewank
+//! and Walther, Evaluating Derivatives, 2nd ed., section 13.2: every operation is exact up to
+//! rounding.
+
+use std::ops::{Add, Mul, Neg};
+
+/// Highest derivative.
+const ORDER: usize = 5;
+
+/// A function near an instant, as the coefficients of `c0 + c1 s + .. + c5 s^5` in the time `s`
+/// since then.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Taylor([f64; ORDER + 1]);
+
+impl Taylor {
+    /// Time itself, at an instant.
+    pub(super) const fn time(time_s: f64) -> Self {
+        Self([time_s, 1.0, 0.0, 0.0, 0.0, 0.0])
+    }
+
+    /// The value.
+    pub(super) const fn value(&self) -> f64 {
+        self.0[0]
+    }
+
+    /// The value and the derivatives: the n-th is n! times the n-th coefficient.
+    pub(super) fn derivatives(&self) -> [f64; ORDER + 1] {
+        const FACTORIALS: [f64; ORDER + 1] = [1.0, 1.0, 2.0, 6.0, 24.0, 120.0];
+        std::array::from_fn(|n| FACTORIALS[n] * self.0[n])
+    }
+
+    /// `s = sin u`, together with `c = cos u` from `s' = c u'`, `c' = -s u'`.
+    #[inline]
+    pub(super) fn sin(&self) -> Self {
+        let u = &self.0;
+        let (mut s, mut c) = ([0.0; ORDER + 1], [0.0; ORDER + 1]);
+        (s[0], c[0]) = libm::sincos(u[0]);
+        for k in 1..=ORDER {
+            for j in 1..=k {
+                let weight = j as f64 * u[j];
+                s[k] += weight * c[k - j];
+                c[k] -= weight * s[k - j];
+            }
+            s[k] /= k as f64;
+            c[k] /= k as f64;
+        }
+        Self(s)
+    }
+
+    /// `e = exp(u) - 1`, from `e' = (e + 1) u'`. Keeps all digits where `u` is near 0.
+    #[inline]
+    pub(super) fn exp_m1(&self) -> Self {
+        let u = &self.0;
+        // Either the small difference from 1 or the small exponential is taken exactly.
+        let (less_one, exp) = if u[0].abs() < 0.5 {
+            let less_one = libm::expm1(u[0]);
+            (less_one, less_one + 1.0)
+        } else {
+            let exp = libm::exp(u[0]);
+            (exp - 1.0, exp)
+        };
+        let mut e = [exp, 0.0, 0.0, 0.0, 0.0, 0.0];
+        for k in 1..=ORDER {
+            for j in 1..=k {
+                e[k] += j as f64 * u[j] * e[k - j];
+            }
+            e[k] /= k as f64;
+        }
+        e[0] = less_one;
+        Self(e)
+    }
+
+    /// `y = atan u`, from `(1 + u^2) y' = u'`.
+    #[inline]
+    pub(super) fn atan(&self) -> Self {
+        let u = &self.0;
+        let Self(mut g) = *self * *self;
+        g[0] += 1.0;
+        let mut y = [libm::atan(u[0]), 0.0, 0.0, 0.0, 0.0, 0.0];
+        for k in 1..=ORDER {
+            let mut sum = k as f64 * u[k];
+            for j in 1..k {
+                sum -= j as f64 * y[j] * g[k - j];
+            }
+            y[k] = sum / (k as f64 * g[0]);
+        }
+        Self(y)
+    }
+}
+
+impl Add for Taylor {
+    type Output = Self;
+
+    #[inline]
+    fn add(self, other: Self) -> Self {
+        Self(std::array::from_fn(|k| self.0[k] + other.0[k]))
+    }
+}
+
+impl Add<f64> for Taylor {
+    type Output = Self;
+
+    #[inline]
+    fn add(mut self, constant: f64) -> Self {
+        self.0[0] += constant;
+        self
+    }
+}
+
+impl Mul for Taylor {
+    type Output = Self;
+
+    /// The Cauchy product.
+    #[inline]
+    fn mul(self, other: Self) -> Self {
+        let mut product = [0.0; ORDER + 1];
+        for k in 0..=ORDER {
+            for j in 0..=k {
+                product[k] += self.0[j] * other.0[k - j];
+            }
+        }
+        Self(product)
+    }
+}
+
+impl Mul<f64> for Taylor {
+    type Output = Self;
+
+    #[inline]
+    fn mul(self, factor: f64) -> Self {
+        Self(self.0.map(|c| c * factor))
+    }
+}
+
+impl Neg for Taylor {
+    type Output = Self;
+
+    #[inline]
+    fn neg(self) -> Self {
+        Self(self.0.map(|c| -c))
+    }
+}
