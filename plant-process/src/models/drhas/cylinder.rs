@@ -1,0 +1,170 @@
+//! The hydraulic cylinder: piston and chambers (eqs. 2 to 4).
+//!
+//! Called by the right-hand side of the hydraulic system. The piston has no end stops and the oil
+//! no vapour pressure: the limits of the truth signals end a run before either would matter.
+
+use super::ActuatorState;
+use super::tables::ActuatorParameters;
+
+/// Acceleration of the piston.
+///
+/// `x_h'' = (A_1 P_h1 - A_2 P_h2 - B_h x_h' - F_h - d) / m_h` (eq. 2).
+#[inline]
+#[must_use]
+pub fn piston_acceleration_mps2(
+    p: &ActuatorParameters,
+    state: &ActuatorState,
+    rod_force_n: f64,
+    disturbance_n: f64,
+) -> f64 {
+    let (a_1, a_2, b_h, m_h) = (
+        p.area1_m2,
+        p.area2_m2,
+        p.damping_n_s_per_m,
+        p.piston_mass_kg,
+    );
+    let (v_h, p_h1, p_h2) = (state.velocity_mps, state.pressure1_pa, state.pressure2_pa);
+    let (f_h, d) = (rod_force_n, disturbance_n);
+    (a_1 * p_h1 - a_2 * p_h2 - b_h * v_h - f_h - d) / m_h
+}
+
+/// Volume of the active chamber.
+///
+/// `V_h1 = V_10 + A_1 x_h` (below eq. 4; the model ends where it is 0).
+#[inline]
+#[must_use]
+pub fn active_volume_m3(p: &ActuatorParameters, position_m: f64) -> f64 {
+    p.volume1_m3 + p.area1_m2 * position_m
+}
+
+/// Volume of the passive chamber.
+///
+/// `V_h2 = V_20 - A_2 x_h` (below eq. 4; the model ends where it is 0).
+#[inline]
+#[must_use]
+pub fn passive_volume_m3(p: &ActuatorParameters, position_m: f64) -> f64 {
+    p.volume2_m3 - p.area2_m2 * position_m
+}
+
+/// Stiffness of the oil in the active chamber: pressure per volume pushed into it.
+///
+/// `beta_e / V_h1`, the factor of eq. 3.
+#[inline]
+#[must_use]
+pub fn active_stiffness_pa_per_m3(p: &ActuatorParameters, position_m: f64) -> f64 {
+    p.bulk_modulus_pa / active_volume_m3(p, position_m)
+}
+
+/// Stiffness of the oil in the passive chamber: pressure per volume pushed into it.
+///
+/// `beta_e / V_h2`, the factor of eq. 4.
+#[inline]
+#[must_use]
+pub fn passive_stiffness_pa_per_m3(p: &ActuatorParameters, position_m: f64) -> f64 {
+    p.bulk_modulus_pa / passive_volume_m3(p, position_m)
+}
+
+/// Rate of the active chamber's pressure.
+///
+/// `P_h1' = beta_e / V_h1 (-A_1 x_h' - q_h + Q_h1)` (eq. 3).
+#[inline]
+#[must_use]
+pub fn active_pressure_rate_paps(
+    p: &ActuatorParameters,
+    state: &ActuatorState,
+    leakage_m3ps: f64,
+    valve_flow_m3ps: f64,
+) -> f64 {
+    let (v_h, q_h, q_h1) = (state.velocity_mps, leakage_m3ps, valve_flow_m3ps);
+    active_stiffness_pa_per_m3(p, state.position_m) * (-p.area1_m2 * v_h - q_h + q_h1)
+}
+
+/// Rate of the passive chamber's pressure.
+///
+/// `P_h2' = beta_e / V_h2 (A_2 x_h' + q_h - Q_h2)` (eq. 4).
+#[inline]
+#[must_use]
+pub fn passive_pressure_rate_paps(
+    p: &ActuatorParameters,
+    state: &ActuatorState,
+    leakage_m3ps: f64,
+    valve_flow_m3ps: f64,
+) -> f64 {
+    let (v_h, q_h, q_h2) = (state.velocity_mps, leakage_m3ps, valve_flow_m3ps);
+    passive_stiffness_pa_per_m3(p, state.position_m) * (p.area2_m2 * v_h + q_h - q_h2)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Round numbers, different on both sides.
+    fn parameters() -> ActuatorParameters {
+        ActuatorParameters {
+            piston_mass_kg: 50.0,
+            damping_n_s_per_m: 1e4,
+            area1_m2: 2e-3,
+            area2_m2: 1e-3,
+            bulk_modulus_pa: 800e6,
+            volume1_m3: 1e-4,
+            volume2_m3: 0.5e-4,
+            ..ActuatorParameters::default()
+        }
+    }
+
+    const STATE: ActuatorState = ActuatorState {
+        position_m: 0.01,
+        velocity_mps: 0.1,
+        pressure1_pa: 10e6,
+        pressure2_pa: 6e6,
+    };
+
+    fn assert_near(value: f64, expected: f64) {
+        assert!(
+            (value / expected - 1.0).abs() < 1e-14,
+            "{value} is not {expected}"
+        );
+    }
+
+    #[test]
+    fn the_piston_obeys_newton() {
+        // (20000 - 6000 - 1000 - 2500 - 500) / 50
+        assert_near(
+            piston_acceleration_mps2(&parameters(), &STATE, 2500.0, 500.0),
+            200.0,
+        );
+    }
+
+    #[test]
+    fn an_extended_rod_moves_volume_from_the_passive_to_the_active_side() {
+        assert_near(active_volume_m3(&parameters(), 0.01), 1.2e-4);
+        assert_near(passive_volume_m3(&parameters(), 0.01), 0.4e-4);
+    }
+
+    #[test]
+    fn a_smaller_chamber_is_stiffer() {
+        assert_near(
+            active_stiffness_pa_per_m3(&parameters(), 0.01),
+            8e8 / 1.2e-4,
+        );
+        assert_near(passive_stiffness_pa_per_m3(&parameters(), 0.01), 2e13);
+    }
+
+    #[test]
+    fn the_active_pressure_rises_with_the_valve_and_falls_with_motion_and_leak() {
+        // 800e6 / 1.2e-4 * (-2e-4 - 1e-5 + 3e-4)
+        assert_near(
+            active_pressure_rate_paps(&parameters(), &STATE, 1e-5, 3e-4),
+            6e8,
+        );
+    }
+
+    #[test]
+    fn the_passive_pressure_rises_with_motion_and_leak_and_falls_with_the_valve() {
+        // 800e6 / 0.4e-4 * (1e-4 + 1e-5 - 3e-4)
+        assert_near(
+            passive_pressure_rate_paps(&parameters(), &STATE, 1e-5, 3e-4),
+            -3.8e9,
+        );
+    }
+}

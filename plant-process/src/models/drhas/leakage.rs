@@ -1,0 +1,235 @@
+//! Oil that passes the piston's seal from the active to the passive chamber (eq. 5), and the exact
+//! flow of the fault's part, which an explicit method cannot follow to its end.
+//!
+//! Called by the right-hand side and the substeps of the hydraulic system. The fault's course over
+//! time (eq. 6) is not here: it reaches the plant as the present value of
+//! `leakage_coefficient_m3ps_per_sqrt_pa`, which is `beta C_t`.
+//!
+//! Near `P_h1 = P_h2` the root in eq. 5 is not Lipschitz: the true pressures meet in finite time
+//! and stay together, while a Runge-Kutta step overshoots, and the next one overshoots back. The
+//! fault's leak alone, at fixed volumes, has a closed form instead. With `y = P_h1 - P_h2`,
+//! `sqrt|y|` falls linearly and stays at 0. A substep whose leak alone would empty `y` takes the
+//! leak out of the right-hand side and applies this form, half of it before and half after.
+
+use super::tables::ActuatorParameters;
+use super::{ActuatorState, cylinder};
+
+/// Normal leakage.
+///
+/// `C_i (P_h1 - P_h2)` (eq. 5, first term; laminar, any difference).
+#[inline]
+#[must_use]
+pub fn normal_leakage_m3ps(p: &ActuatorParameters, state: &ActuatorState) -> f64 {
+    p.internal_leakage_m3ps_per_pa * (state.pressure1_pa - state.pressure2_pa)
+}
+
+/// Leakage of the fault past a worn seal.
+///
+/// `beta C_t sqrt|P_h1 - P_h2| sgn(P_h1 - P_h2)` (eq. 5, second term; turbulent, any difference, 0
+/// at difference 0). The coefficient is `beta C_t`.
+#[inline]
+#[must_use]
+pub fn fault_leakage_m3ps(coefficient_m3ps_per_sqrt_pa: f64, state: &ActuatorState) -> f64 {
+    let y = state.pressure1_pa - state.pressure2_pa;
+    let sqrt_y = y.abs().sqrt();
+    coefficient_m3ps_per_sqrt_pa * if y < 0.0 { -sqrt_y } else { sqrt_y }
+}
+
+/// How fast the fault's leak alone brings the pressures together.
+///
+/// `a = beta C_t (beta_e / V_h1 + beta_e / V_h2)`, so that `y' = -a sqrt|y| sgn(y)` for
+/// `y = P_h1 - P_h2` (second terms of eqs. 3 to 5 at fixed volumes).
+#[inline]
+#[must_use]
+pub fn closing_speed_sqrt_pa_per_s(p: &ActuatorParameters, position_m: f64) -> f64 {
+    let c_t = p.leakage_coefficient_m3ps_per_sqrt_pa;
+    let active = cylinder::active_stiffness_pa_per_m3(p, position_m);
+    let passive = cylinder::passive_stiffness_pa_per_m3(p, position_m);
+    c_t * (active + passive)
+}
+
+/// Whether the fault's leak alone would make the pressures equal within a duration.
+///
+/// `sqrt|y| < a h / 2`, from the closed form in [`fault_leak_alone`].
+#[inline]
+#[must_use]
+pub fn empties_within(p: &ActuatorParameters, state: &ActuatorState, duration_s: f64) -> bool {
+    // A sound seal is the common case and saves two divisions.
+    if p.leakage_coefficient_m3ps_per_sqrt_pa == 0.0 {
+        return false;
+    }
+    let a = closing_speed_sqrt_pa_per_s(p, state.position_m);
+    let y = state.pressure1_pa - state.pressure2_pa;
+    y.abs().sqrt() < 0.5 * a * duration_s
+}
+
+/// The state after a duration in which nothing but the fault's leak acts.
+///
+/// `sqrt|y(h)| = max(0, sqrt|y(0)| - a h / 2)`, and the volume
+/// `(y(0) - y(h)) / (beta_e / V_h1 + beta_e / V_h2)` moves from the active to the passive chamber:
+/// the solution of `y' = -a sqrt|y| sgn(y)` at fixed volumes. Exact for any duration; the sign of
+/// `y` never changes.
+#[must_use]
+pub fn fault_leak_alone(
+    p: &ActuatorParameters,
+    state: &ActuatorState,
+    duration_s: f64,
+) -> ActuatorState {
+    let active = cylinder::active_stiffness_pa_per_m3(p, state.position_m);
+    let passive = cylinder::passive_stiffness_pa_per_m3(p, state.position_m);
+    let a = closing_speed_sqrt_pa_per_s(p, state.position_m);
+    let y_0 = state.pressure1_pa - state.pressure2_pa;
+    let left = y_0.abs().sqrt() - 0.5 * a * duration_s;
+    if left > 0.0 {
+        let y_h = if y_0 < 0.0 { -left * left } else { left * left };
+        let moved_m3 = (y_0 - y_h) / (active + passive);
+        ActuatorState {
+            pressure1_pa: state.pressure1_pa - active * moved_m3,
+            pressure2_pa: state.pressure2_pa + passive * moved_m3,
+            ..*state
+        }
+    } else {
+        // One number for both: rounding must not leave a difference with the wrong sign.
+        let moved_m3 = y_0 / (active + passive);
+        let common_pa = state.pressure1_pa - active * moved_m3;
+        ActuatorState {
+            pressure1_pa: common_pa,
+            pressure2_pa: common_pa,
+            ..*state
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::integrate::integrate;
+    use shared_types::time::Interval;
+
+    /// `beta_e / V_h1 = 8e12`, `beta_e / V_h2 = 1.6e13` at position 0, so `a = 1.2e7`.
+    fn parameters() -> ActuatorParameters {
+        ActuatorParameters {
+            bulk_modulus_pa: 800e6,
+            volume1_m3: 1e-4,
+            volume2_m3: 0.5e-4,
+            internal_leakage_m3ps_per_pa: 2e-12,
+            leakage_coefficient_m3ps_per_sqrt_pa: 5e-7,
+            ..ActuatorParameters::default()
+        }
+    }
+
+    fn state(pressure1_pa: f64, pressure2_pa: f64) -> ActuatorState {
+        ActuatorState {
+            position_m: 0.0,
+            velocity_mps: 0.2,
+            pressure1_pa,
+            pressure2_pa,
+        }
+    }
+
+    fn assert_near(value: f64, expected: f64) {
+        assert!(
+            (value / expected - 1.0).abs() < 1e-12,
+            "{value} is not {expected}"
+        );
+    }
+
+    #[test]
+    fn normal_leakage_is_proportional_to_the_pressure_difference() {
+        assert_near(normal_leakage_m3ps(&parameters(), &state(9e6, 5e6)), 8e-6);
+        assert_near(normal_leakage_m3ps(&parameters(), &state(5e6, 9e6)), -8e-6);
+    }
+
+    #[test]
+    fn fault_leakage_goes_with_the_root_and_from_high_to_low() {
+        assert_near(fault_leakage_m3ps(5e-7, &state(9e6, 5e6)), 1e-3);
+        assert_near(fault_leakage_m3ps(5e-7, &state(5e6, 9e6)), -1e-3);
+        assert_eq!(fault_leakage_m3ps(5e-7, &state(5e6, 5e6)), 0.0);
+    }
+
+    #[test]
+    fn closing_speed_adds_both_chambers() {
+        assert_near(closing_speed_sqrt_pa_per_s(&parameters(), 0.0), 1.2e7);
+    }
+
+    #[test]
+    fn a_difference_empties_when_its_root_has_fallen_to_zero() {
+        // sqrt(14400) = 120 = a h / 2 at h = 20 us.
+        let state = state(10_014_400.0, 10_000_000.0);
+        assert!(empties_within(&parameters(), &state, 20.001e-6));
+        assert!(!empties_within(&parameters(), &state, 19.999e-6));
+        let sound = ActuatorParameters {
+            leakage_coefficient_m3ps_per_sqrt_pa: 0.0,
+            ..parameters()
+        };
+        assert!(!empties_within(&sound, &state, 1e6));
+    }
+
+    #[test]
+    fn the_root_of_the_difference_falls_linearly() {
+        // sqrt(y): 2000, minus 1.2e7 * 1e-4 / 2 = 600, is 1400; y falls by 2.04e6, a third of it
+        // in the active chamber, which is half as stiff as the passive one.
+        for sign in [1.0, -1.0] {
+            let before = state(10e6 + sign * 2e6, 10e6 - sign * 2e6);
+            let after = fault_leak_alone(&parameters(), &before, 1e-4);
+            assert_near(after.pressure1_pa, 10e6 + sign * (2e6 - 0.68e6));
+            assert_near(after.pressure2_pa, 10e6 - sign * (2e6 - 1.36e6));
+            assert_eq!((after.position_m, after.velocity_mps), (0.0, 0.2));
+        }
+    }
+
+    #[test]
+    fn the_closed_form_is_what_a_fine_integration_gives() {
+        let p = parameters();
+        let before = state(11e6, 8e6);
+        let mut pressures = [before.pressure1_pa, before.pressure2_pa];
+        let interval = Interval {
+            start_s: 0.0,
+            length_s: 2e-4,
+            substeps: 2000,
+        };
+        integrate(&mut pressures, &interval, |_, &[p_1, p_2]| {
+            let q = fault_leakage_m3ps(5e-7, &state(p_1, p_2));
+            [-8e12 * q, 1.6e13 * q]
+        });
+        let after = fault_leak_alone(&p, &before, 2e-4);
+        assert_near(after.pressure1_pa, pressures[0]);
+        assert_near(after.pressure2_pa, pressures[1]);
+    }
+
+    #[test]
+    fn oil_only_changes_sides() {
+        // V dP / beta_e is the volume gained; what one chamber gains the other loses.
+        for duration_s in [1e-6, 1e-5, 1.0] {
+            let before = state(13.7e6, 9.1e6);
+            let after = fault_leak_alone(&parameters(), &before, duration_s);
+            let gained1_m3 = 1e-4 * (after.pressure1_pa - before.pressure1_pa) / 8e8;
+            let gained2_m3 = 0.5e-4 * (after.pressure2_pa - before.pressure2_pa) / 8e8;
+            assert!(
+                (gained1_m3 + gained2_m3).abs() < 1e-21,
+                "{gained1_m3} {gained2_m3}"
+            );
+            assert!(gained1_m3 < -1e-9);
+        }
+    }
+
+    #[test]
+    fn a_difference_never_changes_its_sign() {
+        let (start1_pa, start2_pa) = (13.7e6, 9.1e6);
+        let emptied = fault_leak_alone(&parameters(), &state(start1_pa, start2_pa), 1.0);
+        assert_eq!(emptied.pressure1_pa, emptied.pressure2_pa);
+        assert_near(emptied.pressure1_pa, 13.7e6 - 4.6e6 / 3.0);
+        let again = fault_leak_alone(&parameters(), &emptied, 1.0);
+        assert_eq!(again, emptied);
+    }
+
+    #[test]
+    fn two_halves_are_a_whole() {
+        let before = state(9e6, 12e6);
+        let half = fault_leak_alone(&parameters(), &before, 5e-5);
+        let twice = fault_leak_alone(&parameters(), &half, 5e-5);
+        let once = fault_leak_alone(&parameters(), &before, 1e-4);
+        assert_near(twice.pressure1_pa, once.pressure1_pa);
+        assert_near(twice.pressure2_pa, once.pressure2_pa);
+    }
+}
