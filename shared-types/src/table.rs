@@ -168,7 +168,7 @@ macro_rules! table {
         #[zerocopy(crate = "shared_types::zerocopy")]
         #[repr(C)]
         $vis struct $table {
-            $( $(#[doc = $doc])+ pub $name: f64, )*
+            $( $(#[doc = $doc])+ $vis $name: f64, )*
         }
 
         impl ::core::default::Default for $table {
@@ -216,7 +216,7 @@ macro_rules! table {
         #[zerocopy(crate = "shared_types::zerocopy")]
         #[repr(C)]
         $vis struct $table {
-            $( $(#[doc = $doc])+ pub $name: $group, )+
+            $( $(#[doc = $doc])+ $vis $name: $group, )+
         }
 
         impl ::core::default::Default for $table {

@@ -1,0 +1,365 @@
+//! The frame: the one form in which a sample or a command crosses the link.
+//!
+//! A fixed header and a row of `f64` that a [`SignalTable`](crate::layout::SignalTable) describes.
+//! Links copy frames; the lockstep machines look at headers only.
+
+use iceoryx2::prelude::ZeroCopySend;
+use xxhash_rust::xxh3::{xxh3_64, xxh3_64_with_seed};
+use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
+
+use crate::table::canonical;
+use crate::time::Step;
+
+/// Most signals that one frame can carry.
+pub const MAX_SIGNALS: usize = 512;
+
+/// Words of validity bits in a header, one bit a signal.
+pub const VALIDITY_WORDS: usize = MAX_SIGNALS / 64;
+
+/// What a frame is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u32)]
+pub enum FrameKind {
+    /// Plant to controller: measured and reference signals of a step.
+    Sample = 1,
+    /// Controller to plant: command and internals that answer the sample of the same step.
+    Command = 2,
+    /// Plant to controller: `step` is the number of steps exchanged, there are no more.
+    End = 3,
+    /// Controller to plant: `step` steps were executed here too.
+    EndConfirmed = 4,
+    /// Either way: the sender gives up; `directive` says why ([`AbortCode`](crate::lockstep::AbortCode)).
+    Abort = 5,
+}
+
+impl FrameKind {
+    /// The kind of a number on the wire.
+    #[must_use]
+    pub const fn from_wire(number: u32) -> Option<Self> {
+        Some(match number {
+            1 => Self::Sample,
+            2 => Self::Command,
+            3 => Self::End,
+            4 => Self::EndConfirmed,
+            5 => Self::Abort,
+            _ => return None,
+        })
+    }
+}
+
+/// The header of a frame: 144 bytes, little-endian, no padding.
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout, ZeroCopySend,
+)]
+#[repr(C)]
+pub struct Header {
+    /// Random number of the session.
+    pub session: u64,
+    /// Hash of the two signal tables agreed at hello.
+    pub layout: u64,
+    /// The step.
+    pub step: u64,
+    /// Counts the frames of this sender from 1.
+    pub sequence: u64,
+    /// Simulated time in ns.
+    pub time_ns: u64,
+    /// Time that the sender spent on this frame's content, in ns of the monotonic clock.
+    pub work_ns: u64,
+    /// For the receiver's runner, never for a law; the reason in an abort.
+    pub directive: u64,
+    /// Which controller of the session: 1 for the first, one more for each that replaces it.
+    pub epoch: u32,
+    /// [`FrameKind`] as a number.
+    pub kind: u32,
+    /// How many steps ago the content was made.
+    pub age_steps: u32,
+    /// Number of values that mean something; the rest is zero.
+    pub count: u32,
+    /// Bit `i % 64` of word `i / 64` set: signal `i` is invalid.
+    pub invalid: [u64; VALIDITY_WORDS],
+    /// xxh3-64 over the values, seeded with the xxh3-64 of all above.
+    pub check_sum: u64,
+}
+
+impl Header {
+    const SUMMED: usize = size_of::<Self>() - size_of::<u64>();
+
+    /// A header of a kind at a step, all else zero.
+    #[must_use]
+    pub const fn new(kind: FrameKind, step: Step) -> Self {
+        Self {
+            session: 0,
+            layout: 0,
+            step: step.0,
+            sequence: 0,
+            time_ns: 0,
+            work_ns: 0,
+            directive: 0,
+            epoch: 0,
+            kind: kind as u32,
+            age_steps: 0,
+            count: 0,
+            invalid: [0; VALIDITY_WORDS],
+            check_sum: 0,
+        }
+    }
+
+    /// The kind, if it is one.
+    #[must_use]
+    pub const fn kind(&self) -> Option<FrameKind> {
+        FrameKind::from_wire(self.kind)
+    }
+
+    /// Whether signal `index` is valid.
+    #[must_use]
+    pub const fn is_valid(&self, index: usize) -> bool {
+        self.invalid[index / 64] >> (index % 64) & 1 == 0
+    }
+
+    fn sum(&self, values: &[f64]) -> u64 {
+        let seed = xxh3_64(&self.as_bytes()[..Self::SUMMED]);
+        xxh3_64_with_seed(values.as_bytes(), seed)
+    }
+}
+
+/// A frame with room for `N` values. `N` is one of [`SizeClass`]'s.
+#[derive(Clone, Copy, Debug, ZeroCopySend)]
+#[repr(C)]
+pub struct Frame<const N: usize> {
+    header: Header,
+    values: [f64; N],
+}
+
+/// Why a frame is not taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum FrameError {
+    /// Its check sum is wrong.
+    #[error("its check sum is wrong")]
+    Corrupt,
+    /// It belongs to another session.
+    #[error("it belongs to another session")]
+    Session,
+    /// It was written by or for another controller of this session.
+    #[error("it belongs to another epoch")]
+    Epoch,
+    /// Its signals are laid out otherwise.
+    #[error("its signals are laid out otherwise")]
+    Layout,
+    /// Its number of values is not the one agreed.
+    #[error("its number of values is not the one agreed")]
+    Count,
+    /// Its kind is unknown.
+    #[error("its kind is unknown")]
+    Kind,
+}
+
+/// What every frame of one direction must carry.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Seal {
+    /// Session.
+    pub session: u64,
+    /// Layout hash.
+    pub layout: u64,
+    /// Epoch.
+    pub epoch: u32,
+}
+
+impl Seal {
+    /// Checks that a header belongs here and carries `count` values if its kind carries any.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn check(&self, header: &Header, count: usize) -> Result<(), FrameError> {
+        let kind = header.kind().ok_or(FrameError::Kind)?;
+        if header.session != self.session {
+            return Err(FrameError::Session);
+        }
+        if header.epoch != self.epoch {
+            return Err(FrameError::Epoch);
+        }
+        if header.layout != self.layout {
+            return Err(FrameError::Layout);
+        }
+        let carries = matches!(kind, FrameKind::Sample | FrameKind::Command);
+        if header.count as usize != if carries { count } else { 0 } {
+            return Err(FrameError::Count);
+        }
+        Ok(())
+    }
+}
+
+impl<const N: usize> Default for Frame<N> {
+    fn default() -> Self {
+        Self {
+            header: Header::new(FrameKind::Sample, Step(0)),
+            values: [0.0; N],
+        }
+    }
+}
+
+impl<const N: usize> Frame<N> {
+    /// Number of the frame in its sender's order; 0 if nothing was ever sent.
+    #[must_use]
+    pub const fn sequence(&self) -> u64 {
+        self.header.sequence
+    }
+
+    /// A frame of these values, sealed and summed. Values become [`canonical`].
+    ///
+    /// # Panics
+    /// If there are more than `N` values; the size class is chosen at hello so that they fit.
+    #[must_use]
+    pub fn sealed(header: &Header, values: &[f64], seal: Seal) -> Self {
+        let mut frame = Self {
+            header: Header {
+                session: seal.session,
+                layout: seal.layout,
+                epoch: seal.epoch,
+                count: values.len() as u32,
+                ..*header
+            },
+            values: [0.0; N],
+        };
+        for (to, from) in frame.values[..values.len()].iter_mut().zip(values) {
+            *to = canonical(*from);
+        }
+        frame.header.check_sum = frame.header.sum(&frame.values[..values.len()]);
+        frame
+    }
+
+    /// Checks the frame and copies its values out.
+    ///
+    /// An end, a confirmation or an abort carries no values and leaves `values` as they were.
+    ///
+    /// # Errors
+    /// What is wrong with it; `values` are then untouched.
+    pub fn open(&self, seal: Seal, values: &mut [f64]) -> Result<Header, FrameError> {
+        let header = &self.header;
+        let carried = self.values.get(..header.count as usize);
+        let carried = carried.ok_or(FrameError::Count)?;
+        if header.check_sum != header.sum(carried) {
+            return Err(FrameError::Corrupt);
+        }
+        seal.check(header, values.len())?;
+        if !carried.is_empty() {
+            values.copy_from_slice(carried);
+        }
+        Ok(*header)
+    }
+}
+
+/// The sizes that frames come in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum SizeClass {
+    /// Up to 16 values.
+    N16,
+    /// Up to 32 values.
+    N32,
+    /// Up to 64 values.
+    N64,
+    /// Up to 128 values.
+    N128,
+    /// Up to 256 values.
+    N256,
+    /// Up to 512 values.
+    N512,
+}
+
+impl SizeClass {
+    /// The smallest class for so many values; `None` beyond [`MAX_SIGNALS`].
+    #[must_use]
+    pub const fn for_count(count: usize) -> Option<Self> {
+        Some(match count {
+            0..=16 => Self::N16,
+            17..=32 => Self::N32,
+            33..=64 => Self::N64,
+            65..=128 => Self::N128,
+            129..=256 => Self::N256,
+            257..=MAX_SIGNALS => Self::N512,
+            _ => return None,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SEAL: Seal = Seal {
+        session: 7,
+        layout: 8,
+        epoch: 1,
+    };
+
+    fn frame(values: &[f64]) -> Frame<16> {
+        Frame::sealed(&Header::new(FrameKind::Sample, Step(3)), values, SEAL)
+    }
+
+    #[test]
+    fn a_frame_opens_to_what_was_sealed() {
+        let mut values = [0.0; 3];
+        let header = frame(&[1.0, -2.0, 3.5])
+            .open(SEAL, &mut values)
+            .expect("opens");
+        assert_eq!((values, header.step), ([1.0, -2.0, 3.5], 3));
+    }
+
+    #[test]
+    fn every_single_flipped_bit_is_found() {
+        let frame = frame(&[1.0, -2.0, 3.5]);
+        let mut bytes = [0_u8; size_of::<Header>() + 3 * 8];
+        bytes[..size_of::<Header>()].copy_from_slice(frame.header.as_bytes());
+        bytes[size_of::<Header>()..].copy_from_slice(frame.values[..3].as_bytes());
+        for bit in 0..bytes.len() * 8 {
+            let mut flipped = bytes;
+            flipped[bit / 8] ^= 1 << (bit % 8);
+            let (header, values) = flipped.split_at(size_of::<Header>());
+            let mut broken = frame;
+            broken.header = Header::read_from_bytes(header).expect("sized");
+            broken.values[..3]
+                .copy_from_slice(<[f64; 3]>::read_from_bytes(values).expect("sized").as_ref());
+            let mut out = [9.0; 3];
+            assert!(broken.open(SEAL, &mut out).is_err(), "bit {bit}");
+            assert_eq!(out, [9.0; 3], "bit {bit}");
+        }
+    }
+
+    #[test]
+    fn frames_of_others_are_named_and_refused() {
+        let frame = frame(&[1.0]);
+        let mut out = [0.0];
+        for (seal, error) in [
+            (Seal { session: 1, ..SEAL }, FrameError::Session),
+            (Seal { epoch: 2, ..SEAL }, FrameError::Epoch),
+            (Seal { layout: 1, ..SEAL }, FrameError::Layout),
+        ] {
+            assert_eq!(frame.open(seal, &mut out), Err(error));
+        }
+        assert_eq!(frame.open(SEAL, &mut [0.0; 2]), Err(FrameError::Count));
+    }
+
+    #[test]
+    fn an_untouched_segment_is_not_a_frame() {
+        assert_eq!(
+            Frame::<16>::default().open(SEAL, &mut [0.0]),
+            Err(FrameError::Corrupt)
+        );
+    }
+
+    #[test]
+    fn negative_zero_and_odd_nans_do_not_cross() {
+        let mut values = [1.0; 2];
+        frame(&[-0.0, f64::from_bits(0xfff8_0000_0000_0001)])
+            .open(SEAL, &mut values)
+            .expect("opens");
+        assert_eq!(values.map(f64::to_bits), [0, f64::NAN.to_bits()]);
+    }
+
+    #[test]
+    fn classes_grow_with_the_count() {
+        assert_eq!(SizeClass::for_count(0), Some(SizeClass::N16));
+        assert_eq!(SizeClass::for_count(17), Some(SizeClass::N32));
+        assert_eq!(SizeClass::for_count(512), Some(SizeClass::N512));
+        assert_eq!(SizeClass::for_count(513), None);
+    }
+}

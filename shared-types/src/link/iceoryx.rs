@@ -1,0 +1,336 @@
+//! The link over iceoryx2 shared memory.
+//!
+//! Frames use the blackboard pattern, one service for each direction: a lock-free cell that holds
+//! the latest frame. It costs about half of publish-subscribe (see the bench `exchange`), and the
+//! newest frame is all that lockstep and real time want. After its writer was killed a blackboard
+//! cell stays locked, so each epoch, that is each controller, gets services of its own.
+//! Control messages use publish-subscribe. The plant creates every service and verifies what it
+//! got; the controller opens them and proves the layout hash.
+
+use iceoryx2::port::publisher::Publisher;
+use iceoryx2::port::reader::{BlackboardValue, EntryHandle};
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::port::writer::EntryHandleMut;
+use iceoryx2::prelude::*;
+use iceoryx2::service::port_factory::blackboard::PortFactory as Blackboard;
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory as Topic;
+
+use super::{FrameSpec, Link, LinkError, Rejected};
+use crate::frame::{Frame, FrameError, Header, Seal, SizeClass};
+use crate::session::SessionInfo;
+
+/// The iceoryx2 service flavour in use.
+pub type Ipc = ipc::Service;
+
+const PLANT_SPEAKS: &str = "control/plant";
+const CONTROLLER_SPEAKS: &str = "control/controller";
+const LAYOUT: &str = "layout";
+/// Control messages that may wait for their receiver.
+const CONTROL_BUFFER: usize = 8;
+
+/// The iceoryx2 node of one process in a session.
+///
+/// # Errors
+/// If the session's shared memory cannot be used.
+pub fn node(session: &SessionInfo, name: &str) -> Result<Node<Ipc>, LinkError> {
+    let failed = |reason: String| LinkError::Transport {
+        service: "shared memory".into(),
+        reason,
+    };
+    let config = session.iceoryx_config().map_err(failed)?;
+    let name = name.try_into().map_err(|e| failed(format!("{e:?}")))?;
+    let node = NodeBuilder::new()
+        .name(&name)
+        .config(&config)
+        .signal_handling_mode(SignalHandlingMode::Disabled)
+        .create::<Ipc>()
+        .map_err(|e| failed(format!("{e:?}")))?;
+    session.tighten();
+    Ok(node)
+}
+
+/// Which end of the link this is.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Side {
+    Plant,
+    Controller,
+}
+
+/// One end of a link over shared memory.
+pub struct IceoryxLink {
+    side: Side,
+    speak: Publisher<Ipc, [u8], ()>,
+    listen: Subscriber<Ipc, [u8], ()>,
+    frames: Option<Frames>,
+    sequence: u64,
+    rejected: Rejected,
+    // Last: what is above must be dropped before the node that it lives in.
+    node: Node<Ipc>,
+}
+
+struct Frames {
+    seal: Seal,
+    outgoing: Box<dyn Outgoing>,
+    incoming: Box<dyn Incoming>,
+}
+
+impl IceoryxLink {
+    /// The plant's end: creates the control services.
+    ///
+    /// # Errors
+    /// If a service exists already or cannot be created.
+    pub fn create(session: &SessionInfo) -> Result<Self, LinkError> {
+        Self::start(session, Side::Plant)
+    }
+
+    /// The controller's end: opens the control services.
+    ///
+    /// # Errors
+    /// [`LinkError::Absent`] as long as the plant has not created them.
+    pub fn open(session: &SessionInfo) -> Result<Self, LinkError> {
+        Self::start(session, Side::Controller)
+    }
+
+    fn start(session: &SessionInfo, side: Side) -> Result<Self, LinkError> {
+        let (name, speaks, hears) = match side {
+            Side::Plant => ("plant", PLANT_SPEAKS, CONTROLLER_SPEAKS),
+            Side::Controller => ("controller", CONTROLLER_SPEAKS, PLANT_SPEAKS),
+        };
+        let node = node(session, name)?;
+        let (speak, listen) = (topic(&node, side, speaks)?, topic(&node, side, hears)?);
+        let speak = (speak.publisher_builder())
+            .initial_max_slice_len(1 << 14)
+            .allocation_strategy(AllocationStrategy::PowerOfTwo)
+            .create()
+            .map_err(|e| transport(speaks, e))?;
+        let listen = (listen.subscriber_builder().create()).map_err(|e| transport(hears, e))?;
+        Ok(Self {
+            side,
+            speak,
+            listen,
+            frames: None,
+            sequence: 0,
+            rejected: Rejected::default(),
+            node,
+        })
+    }
+}
+
+fn transport(service: &str, error: impl std::fmt::Debug) -> LinkError {
+    LinkError::Transport {
+        service: service.into(),
+        reason: format!("{error:?}"),
+    }
+}
+
+fn topic(node: &Node<Ipc>, side: Side, name: &str) -> Result<Topic<Ipc, [u8], ()>, LinkError> {
+    let service_name = name.try_into().map_err(|e| transport(name, e))?;
+    let builder = (node
+        .service_builder(&service_name)
+        .publish_subscribe::<[u8]>())
+    .max_publishers(1)
+    .max_subscribers(4)
+    .history_size(0)
+    .subscriber_max_buffer_size(CONTROL_BUFFER)
+    .enable_safe_overflow(true);
+    match side {
+        Side::Plant => {
+            let topic = builder.create().map_err(|e| transport(name, e))?;
+            // What was asked for is a minimum only when opening, but trust nothing.
+            if topic.static_config().max_publishers() != 1 {
+                return Err(LinkError::Foreign {
+                    service: name.into(),
+                    reason: "it admits more than one publisher".into(),
+                });
+            }
+            Ok(topic)
+        }
+        Side::Controller => builder.open().map_err(|e| LinkError::Absent {
+            service: name.into(),
+            reason: format!("{e:?}"),
+        }),
+    }
+}
+
+/// A frame channel's sending end, whatever its size class.
+trait Outgoing {
+    fn send(&self, header: &Header, values: &[f64], seal: Seal);
+}
+
+/// A frame channel's receiving end, whatever its size class.
+trait Incoming {
+    fn receive(&mut self, values: &mut [f64], seal: Seal) -> Option<Result<Header, FrameError>>;
+}
+
+struct Writer<const N: usize>(EntryHandleMut<Ipc, u8, Frame<N>>);
+
+impl<const N: usize> Outgoing for Writer<N> {
+    fn send(&self, header: &Header, values: &[f64], seal: Seal) {
+        self.0.update_with_copy(Frame::sealed(header, values, seal));
+    }
+}
+
+struct Reader<const N: usize> {
+    cell: EntryHandle<Ipc, u8, Frame<N>>,
+    last: Option<BlackboardValue<Frame<N>>>,
+}
+
+impl<const N: usize> Incoming for Reader<N> {
+    fn receive(&mut self, values: &mut [f64], seal: Seal) -> Option<Result<Header, FrameError>> {
+        if let Some(last) = &self.last
+            && self.cell.is_up_to_date(last)
+        {
+            return None;
+        }
+        let frame = self.last.insert(self.cell.get());
+        (frame.sequence() > 0).then(|| frame.open(seal, values))
+    }
+}
+
+/// Runs a function for the frame size of a class.
+macro_rules! for_class {
+    ($class:expr, $function:ident ( $($argument:expr),* )) => {
+        match $class {
+            SizeClass::N16 => $function::<16>($($argument),*),
+            SizeClass::N32 => $function::<32>($($argument),*),
+            SizeClass::N64 => $function::<64>($($argument),*),
+            SizeClass::N128 => $function::<128>($($argument),*),
+            SizeClass::N256 => $function::<256>($($argument),*),
+            SizeClass::N512 => $function::<512>($($argument),*),
+        }
+    };
+}
+
+fn board<const N: usize>(
+    node: &Node<Ipc>,
+    side: Side,
+    name: &str,
+    seal: Seal,
+) -> Result<Blackboard<Ipc, u8>, LinkError> {
+    let service_name = name.try_into().map_err(|e| transport(name, e))?;
+    let key = LAYOUT.try_into().map_err(|e| transport(name, e))?;
+    let hash = format!("{:016x}", seal.layout);
+    let value = hash.as_str().try_into().map_err(|e| transport(name, e))?;
+    let builder = node.service_builder(&service_name);
+    match side {
+        Side::Plant => {
+            let attributes = AttributeSpecifier::new().define(&key, &value);
+            builder
+                .blackboard_creator::<u8>()
+                .max_readers(4)
+                .add_with_default::<Frame<N>>(0)
+                .create_with_attributes(&attributes.map_err(|e| transport(name, e))?)
+                .map_err(|e| transport(name, e))
+        }
+        Side::Controller => {
+            let attributes = AttributeVerifier::new().require(&key, &value);
+            builder
+                .blackboard_opener::<u8>()
+                .open_with_attributes(&attributes.map_err(|e| transport(name, e))?)
+                .map_err(|e| LinkError::Foreign {
+                    service: name.into(),
+                    reason: format!("{e:?}"),
+                })
+        }
+    }
+}
+
+fn outgoing<const N: usize>(
+    node: &Node<Ipc>,
+    side: Side,
+    name: &str,
+    seal: Seal,
+) -> Result<Box<dyn Outgoing>, LinkError> {
+    let writer = (board::<N>(node, side, name, seal)?
+        .writer_builder()
+        .create())
+    .map_err(|e| transport(name, e))?;
+    let entry = writer
+        .entry::<Frame<N>>(&0)
+        .map_err(|e| transport(name, e))?;
+    Ok(Box::new(Writer(entry)))
+}
+
+fn incoming<const N: usize>(
+    node: &Node<Ipc>,
+    side: Side,
+    name: &str,
+    seal: Seal,
+) -> Result<Box<dyn Incoming>, LinkError> {
+    let reader = (board::<N>(node, side, name, seal)?
+        .reader_builder()
+        .create())
+    .map_err(|e| transport(name, e))?;
+    let cell = reader
+        .entry::<Frame<N>>(&0)
+        .map_err(|e| transport(name, e))?;
+    Ok(Box::new(Reader { cell, last: None }))
+}
+
+fn class(count: usize) -> Result<SizeClass, LinkError> {
+    SizeClass::for_count(count).ok_or(LinkError::TooManySignals(count))
+}
+
+impl Link for IceoryxLink {
+    fn send_control(&mut self, message: &[u8]) -> Result<(), LinkError> {
+        let failed = |e: &dyn std::fmt::Debug| transport("control", e);
+        let sample = (self.speak.loan_slice_uninit(message.len())).map_err(|e| failed(&e))?;
+        sample
+            .write_from_slice(message)
+            .send()
+            .map_err(|e| failed(&e))?;
+        Ok(())
+    }
+
+    fn receive_control(&mut self) -> Result<Option<Vec<u8>>, LinkError> {
+        let sample = self.listen.receive().map_err(|e| transport("control", e))?;
+        Ok(sample.map(|message| message.payload().to_vec()))
+    }
+
+    fn open_frames(&mut self, spec: &FrameSpec) -> Result<(), LinkError> {
+        self.frames = None;
+        self.sequence = 0;
+        let samples = format!("frames/{}/samples", spec.seal.epoch);
+        let commands = format!("frames/{}/commands", spec.seal.epoch);
+        let (out_name, in_name) = match self.side {
+            Side::Plant => (&samples, &commands),
+            Side::Controller => (&commands, &samples),
+        };
+        let (node, side, seal) = (&self.node, self.side, spec.seal);
+        let out_class = class(spec.outgoing)?;
+        let in_class = class(spec.incoming)?;
+        self.frames = Some(Frames {
+            seal,
+            outgoing: for_class!(out_class, outgoing(node, side, out_name, seal))?,
+            incoming: for_class!(in_class, incoming(node, side, in_name, seal))?,
+        });
+        Ok(())
+    }
+
+    fn send(&mut self, header: &Header, values: &[f64]) -> Result<(), LinkError> {
+        let frames = self.frames.as_ref().ok_or(LinkError::NotOpen)?;
+        self.sequence += 1;
+        let header = Header {
+            sequence: self.sequence,
+            ..*header
+        };
+        frames.outgoing.send(&header, values, frames.seal);
+        Ok(())
+    }
+
+    fn receive(&mut self, values: &mut [f64]) -> Result<Option<Header>, LinkError> {
+        let frames = self.frames.as_mut().ok_or(LinkError::NotOpen)?;
+        match frames.incoming.receive(values, frames.seal) {
+            None => Ok(None),
+            Some(Ok(header)) => Ok(Some(header)),
+            Some(Err(error)) => {
+                self.rejected.add(error);
+                Ok(None)
+            }
+        }
+    }
+
+    fn rejected(&self) -> Rejected {
+        self.rejected
+    }
+}

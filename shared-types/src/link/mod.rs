@@ -1,0 +1,118 @@
+//! The link between plant and controller: a transport for frames and for the few control messages
+//! before step 0.
+//!
+//! A link moves bytes and knows nothing of steps; the [lockstep machines](crate::lockstep) know
+//! steps and nothing of links. Two implementations pass the same conformance suite: iceoryx2
+//! shared memory between processes, and a pair of mailboxes within one thread. A network link for
+//! a target board is a third implementation of [`Link`].
+
+#[cfg(test)]
+mod conformance;
+pub mod iceoryx;
+pub mod in_process;
+
+use crate::frame::{FrameError, Header, Seal};
+
+/// One side's end of a link. No method ever blocks.
+///
+/// 1. Both sides exchange control messages until they agree on the layout of frames.
+/// 2. Both call [`open_frames`](Link::open_frames), the plant first.
+/// 3. Frames flow. A newer frame replaces an older one that was not received: the link holds the
+///    latest state, not a queue.
+pub trait Link {
+    /// Sends a control message.
+    ///
+    /// # Errors
+    /// If the transport failed.
+    fn send_control(&mut self, message: &[u8]) -> Result<(), LinkError>;
+
+    /// The next control message, if there is one.
+    ///
+    /// # Errors
+    /// If the transport failed.
+    fn receive_control(&mut self) -> Result<Option<Vec<u8>>, LinkError>;
+
+    /// Opens the frame channels for so many values in each direction.
+    ///
+    /// # Errors
+    /// If the transport failed or the other side opened another layout.
+    fn open_frames(&mut self, spec: &FrameSpec) -> Result<(), LinkError>;
+
+    /// Sends a frame; the link fills in session, layout, epoch, sequence, count and check sum.
+    ///
+    /// # Errors
+    /// If the frame channels are not open or the transport failed.
+    fn send(&mut self, header: &Header, values: &[f64]) -> Result<(), LinkError>;
+
+    /// The latest frame not yet received, its values copied into `values`. A frame that fails a
+    /// check is not delivered; it is counted in [`rejected`](Link::rejected).
+    ///
+    /// # Errors
+    /// If the frame channels are not open or the transport failed.
+    fn receive(&mut self, values: &mut [f64]) -> Result<Option<Header>, LinkError>;
+
+    /// Frames that arrived and were refused.
+    fn rejected(&self) -> Rejected;
+}
+
+/// What the frame channels are opened for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FrameSpec {
+    /// What every frame carries.
+    pub seal: Seal,
+    /// Values in a frame that this side sends.
+    pub outgoing: usize,
+    /// Values in a frame that this side receives.
+    pub incoming: usize,
+}
+
+/// Frames that were refused.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Rejected {
+    /// How many.
+    pub count: u64,
+    /// Why the last one was.
+    pub last: Option<FrameError>,
+}
+
+impl Rejected {
+    fn add(&mut self, error: FrameError) {
+        self.count += 1;
+        self.last = Some(error);
+    }
+}
+
+/// A transport failed.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum LinkError {
+    /// Nothing to attach to (yet).
+    #[error("{service} is not there: {reason}")]
+    Absent {
+        /// Which service.
+        service: String,
+        /// What the transport said.
+        reason: String,
+    },
+    /// It is there, but not as agreed.
+    #[error("{service} is not the one of this session: {reason}")]
+    Foreign {
+        /// Which service.
+        service: String,
+        /// What differs.
+        reason: String,
+    },
+    /// The operating system or the transport refused.
+    #[error("{service}: {reason}")]
+    Transport {
+        /// Which service.
+        service: String,
+        /// What it said.
+        reason: String,
+    },
+    /// More signals in one direction than the largest frame carries.
+    #[error("{0} signals in one direction; a frame carries at most 512")]
+    TooManySignals(usize),
+    /// Frames before [`Link::open_frames`].
+    #[error("the frame channels are not open")]
+    NotOpen,
+}

@@ -1,0 +1,215 @@
+//! The controller's side of lockstep.
+
+use super::{Abort, AbortCode};
+use crate::frame::{FrameKind, Header};
+use crate::hello::{Control, Hello, Welcome};
+use crate::time::Step;
+
+const PEER: &str = "plant";
+
+/// What happened.
+#[derive(Debug)]
+pub enum ControllerEvent<'a> {
+    /// The link is there; begin with this hello.
+    Begin(&'a Hello),
+    /// A control message came.
+    Control(&'a Control),
+    /// The frames are open on this side.
+    Opened,
+    /// A frame came that passed the link's checks.
+    Frame(&'a Header),
+    /// The bounded wait is over.
+    Deadline,
+    /// The plant's process ended.
+    PeerGone,
+    /// Somebody wants the run to end.
+    Stop,
+}
+
+/// What to do next.
+#[derive(Debug, PartialEq)]
+pub enum ControllerAction {
+    /// Nothing; the event changes nothing.
+    Ignore,
+    /// Send the hello.
+    SendHello,
+    /// Open the frames as welcomed.
+    OpenFrames(Box<Welcome>),
+    /// Say ready for this epoch.
+    SendReady(u32),
+    /// Compute the command that answers the sample of this step and send it.
+    Answer(Step),
+    /// Confirm the end after so many steps; the run is over.
+    ConfirmEnd(Step),
+    /// Tell the plant (unless it is gone) and end.
+    Abort(Abort),
+}
+
+#[derive(Clone, Debug, PartialEq)]
+enum State {
+    Start,
+    AwaitWelcome(Box<Hello>),
+    Opening { epoch: u32 },
+    AwaitSample(Step),
+    Over,
+}
+
+/// The controller's side: says hello, answers every sample, confirms the end.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ControllerSide {
+    state: State,
+    ignored: u64,
+}
+
+impl Default for ControllerSide {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl ControllerSide {
+    /// A side at its start.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            state: State::Start,
+            ignored: 0,
+        }
+    }
+
+    /// Whether frames are not flowing yet.
+    #[must_use]
+    pub const fn is_greeting(&self) -> bool {
+        !matches!(self.state, State::AwaitSample(_) | State::Over)
+    }
+
+    /// Whether the run is over, either way.
+    #[must_use]
+    pub const fn is_over(&self) -> bool {
+        matches!(self.state, State::Over)
+    }
+
+    /// Frames of steps long past that were passed over.
+    #[must_use]
+    pub const fn ignored(&self) -> u64 {
+        self.ignored
+    }
+
+    /// The step awaited, for messages.
+    #[must_use]
+    pub const fn at(&self) -> Step {
+        match self.state {
+            State::AwaitSample(step) => step,
+            _ => Step(0),
+        }
+    }
+
+    /// Takes an event and says what to do.
+    pub fn on(&mut self, event: &ControllerEvent<'_>) -> ControllerAction {
+        match (&self.state, event) {
+            (State::Over, _) => ControllerAction::Ignore,
+            (_, ControllerEvent::Stop) => self.abort(Abort::Stopped { at: self.at() }),
+            (_, ControllerEvent::PeerGone) => self.abort(Abort::Gone {
+                peer: PEER,
+                at: self.at(),
+            }),
+
+            (State::Start, ControllerEvent::Begin(hello)) => {
+                self.state = State::AwaitWelcome(Box::new((*hello).clone()));
+                ControllerAction::SendHello
+            }
+            (State::AwaitWelcome(hello), ControllerEvent::Control(Control::Welcome(welcome))) => {
+                match welcome.check(hello) {
+                    Ok(()) => {
+                        self.state = State::Opening {
+                            epoch: welcome.epoch,
+                        };
+                        ControllerAction::OpenFrames(welcome.clone())
+                    }
+                    Err(refused) => self.abort(Abort::Refused(refused.to_string())),
+                }
+            }
+            (State::AwaitWelcome(_), ControllerEvent::Control(Control::Refusal { reason })) => {
+                self.abort(Abort::Refused(reason.clone()))
+            }
+            (State::Opening { epoch }, ControllerEvent::Opened) => {
+                let epoch = *epoch;
+                self.state = State::AwaitSample(Step(0));
+                ControllerAction::SendReady(epoch)
+            }
+
+            (_, ControllerEvent::Frame(header)) => self.on_frame(header),
+
+            (State::AwaitSample(step), ControllerEvent::Deadline) => {
+                let what = format!("send step {step}");
+                self.late(what)
+            }
+            (State::Start, ControllerEvent::Deadline) => {
+                self.late("create the session's link".into())
+            }
+            (State::AwaitWelcome(_), ControllerEvent::Deadline) => self.late("answer hello".into()),
+            // Opening is this side's own work.
+            (State::Opening { .. }, ControllerEvent::Deadline) => ControllerAction::Ignore,
+
+            (
+                _,
+                ControllerEvent::Begin(_) | ControllerEvent::Control(_) | ControllerEvent::Opened,
+            ) => self.ignore(),
+        }
+    }
+
+    fn on_frame(&mut self, header: &Header) -> ControllerAction {
+        let got = Step(header.step);
+        match (&self.state, header.kind()) {
+            (_, Some(FrameKind::Abort)) => {
+                let code = AbortCode::from_wire(header.directive);
+                self.abort(Abort::ByPeer {
+                    peer: PEER,
+                    at: self.at(),
+                    code,
+                })
+            }
+            (State::AwaitSample(step), Some(FrameKind::Sample)) if got == *step => {
+                self.state = State::AwaitSample(got.next());
+                ControllerAction::Answer(got)
+            }
+            (State::AwaitSample(step), Some(FrameKind::End)) => {
+                if got == *step {
+                    self.state = State::Over;
+                    ControllerAction::ConfirmEnd(got)
+                } else {
+                    let what = format!("it ends after {got} steps, {step} were executed here");
+                    self.broken(what)
+                }
+            }
+            // A sample that was answered already, seen again.
+            (_, Some(FrameKind::Sample)) if got.0 < self.at().0 => self.ignore(),
+            (_, kind) => {
+                let name = kind.map_or_else(|| "a frame of no kind".into(), |k| format!("{k:?}"));
+                self.broken(format!("unexpected {name} of step {got}"))
+            }
+        }
+    }
+
+    fn ignore(&mut self) -> ControllerAction {
+        self.ignored += 1;
+        ControllerAction::Ignore
+    }
+
+    fn late(&mut self, what: String) -> ControllerAction {
+        self.abort(Abort::Late { peer: PEER, what })
+    }
+
+    fn broken(&mut self, what: String) -> ControllerAction {
+        self.abort(Abort::Protocol {
+            peer: PEER,
+            at: self.at(),
+            what,
+        })
+    }
+
+    fn abort(&mut self, abort: Abort) -> ControllerAction {
+        self.state = State::Over;
+        ControllerAction::Abort(abort)
+    }
+}

@@ -1,0 +1,145 @@
+//! The lockstep protocol as two state machines without input or output.
+//!
+//! Each machine is told what happened (a frame came, time is up, the peer is gone) and answers with
+//! the one thing to do. It knows no clock, no link and no number of a model, so every interleaving
+//! can be tested without a transport. The plant's engine and the controller's runner drive them.
+//!
+//! ```text
+//! controller            plant
+//!   hello      ------>
+//!              <------  welcome (or refusal)
+//!   ready      ------>
+//!              <------  sample 0
+//!   command 0  ------>            integrate to 1, publish record 0
+//!              <------  sample 1
+//!   ...
+//!              <------  end N     both have executed steps 0 to N - 1
+//!   confirmed N ----->
+//! ```
+
+mod controller;
+mod plant;
+
+pub use controller::{ControllerAction, ControllerEvent, ControllerSide};
+pub use plant::{PlantAction, PlantEvent, PlantSide};
+
+use crate::time::Step;
+
+/// Why a side gave up, as it is told to the other side.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u64)]
+pub enum AbortCode {
+    /// Asked to stop.
+    Stopped = 1,
+    /// The other side did not answer in time.
+    Late = 2,
+    /// The other side is gone.
+    Gone = 3,
+    /// The other side broke the protocol.
+    Protocol = 4,
+    /// The plant left its range of validity.
+    Diverged = 5,
+    /// A command or sample was not a number.
+    NotANumber = 6,
+    /// The observer that records the run is stuck or gone.
+    Observer = 7,
+    /// Something else; the log of the side that gave up tells.
+    Other = 8,
+}
+
+impl AbortCode {
+    /// The code of a number on the wire; unknown ones are [`AbortCode::Other`].
+    #[must_use]
+    pub const fn from_wire(number: u64) -> Self {
+        match number {
+            1 => Self::Stopped,
+            2 => Self::Late,
+            3 => Self::Gone,
+            4 => Self::Protocol,
+            5 => Self::Diverged,
+            6 => Self::NotANumber,
+            7 => Self::Observer,
+            _ => Self::Other,
+        }
+    }
+}
+
+/// Why a lockstep run ended before its last step.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, thiserror::Error)]
+pub enum Abort {
+    /// Asked to stop.
+    #[error("stopped at step {at}")]
+    Stopped {
+        /// The step in work.
+        at: Step,
+    },
+    /// The other side did not say what was awaited in time.
+    #[error("{peer} did not {what} within the wait limit")]
+    Late {
+        /// Who.
+        peer: &'static str,
+        /// What.
+        what: String,
+    },
+    /// The other side is gone.
+    #[error("{peer} is gone at step {at}")]
+    Gone {
+        /// Who.
+        peer: &'static str,
+        /// The step in work.
+        at: Step,
+    },
+    /// The other side broke the protocol.
+    #[error("{peer} broke the protocol at step {at}: {what}")]
+    Protocol {
+        /// Who.
+        peer: &'static str,
+        /// The step in work.
+        at: Step,
+        /// How.
+        what: String,
+    },
+    /// The two sides do not come together.
+    #[error("refused: {0}")]
+    Refused(String),
+    /// The other side gave up.
+    #[error("{peer} gave up at step {at}: {}", told(*code))]
+    ByPeer {
+        /// Who.
+        peer: &'static str,
+        /// The step in work.
+        at: Step,
+        /// Why.
+        code: AbortCode,
+    },
+}
+
+const fn told(code: AbortCode) -> &'static str {
+    match code {
+        AbortCode::Stopped => "it was asked to stop",
+        AbortCode::Late => "it found this side late",
+        AbortCode::Gone => "it found this side gone",
+        AbortCode::Protocol => "it found the protocol broken",
+        AbortCode::Diverged => "the plant left its range of validity",
+        AbortCode::NotANumber => "a signal was not a number",
+        AbortCode::Observer => "the recorder is stuck or gone",
+        AbortCode::Other => "see its log",
+    }
+}
+
+impl Abort {
+    /// What the other side is told.
+    #[must_use]
+    pub const fn code(&self) -> AbortCode {
+        match self {
+            Self::Stopped { .. } => AbortCode::Stopped,
+            Self::Late { .. } => AbortCode::Late,
+            Self::Gone { .. } => AbortCode::Gone,
+            Self::Protocol { .. } => AbortCode::Protocol,
+            Self::Refused(_) | Self::ByPeer { .. } => AbortCode::Other,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,303 @@
+//! Both machines, alone and against each other, without a transport.
+
+use super::*;
+use crate::describe::PROTOCOL;
+use crate::frame::{FrameKind, Header};
+use crate::hello::{Control, Hello, Offer};
+use crate::table::Field;
+use crate::time::Rate;
+
+fn hello() -> Hello {
+    Hello {
+        protocol: PROTOCOL,
+        session: 5,
+        law: "pid".into(),
+        measured: vec![Field::signal("angle_rad", "rad", "x")],
+        reference: vec![],
+        commands: None,
+        internals: vec![],
+    }
+}
+
+fn offer<'a>(measured: &'a [Field], steps: u64) -> Offer<'a> {
+    let rate = Rate::new(10.0).expect("legal");
+    Offer {
+        session: 5,
+        epoch: 1,
+        rate,
+        steps,
+        measured,
+        reference: &[],
+        commands: &[],
+    }
+}
+
+fn header(kind: FrameKind, step: u64) -> Header {
+    Header::new(kind, Step(step))
+}
+
+/// A plant past hello that is to exchange so many steps.
+fn plant(steps: u64) -> PlantSide {
+    let hello = hello();
+    let mut plant = PlantSide::new(steps);
+    let welcomed = plant.on(&PlantEvent::Hello(&hello, &offer(&hello.measured, steps)));
+    assert!(matches!(welcomed, PlantAction::Welcome(_)));
+    assert_eq!(plant.on(&PlantEvent::Ready(1)), PlantAction::Ignore);
+    plant
+}
+
+/// A controller past hello.
+fn controller() -> ControllerSide {
+    let hello = hello();
+    let mut controller = ControllerSide::new();
+    assert_eq!(
+        controller.on(&ControllerEvent::Begin(&hello)),
+        ControllerAction::SendHello
+    );
+    let welcome = crate::hello::agree(&hello, &offer(&hello.measured, 3)).expect("agreed");
+    let message = Control::Welcome(Box::new(welcome));
+    let opened = controller.on(&ControllerEvent::Control(&message));
+    assert!(matches!(opened, ControllerAction::OpenFrames(_)));
+    assert_eq!(
+        controller.on(&ControllerEvent::Opened),
+        ControllerAction::SendReady(1)
+    );
+    controller
+}
+
+#[test]
+fn both_sides_execute_the_same_steps_and_confirm_the_end() {
+    let (mut plant, mut controller) = (plant(3), controller());
+    for step in 0..3 {
+        assert_eq!(
+            plant.on(&PlantEvent::Release),
+            PlantAction::SendSample(Step(step))
+        );
+        let sample = header(FrameKind::Sample, step);
+        let answer = controller.on(&ControllerEvent::Frame(&sample));
+        assert_eq!(answer, ControllerAction::Answer(Step(step)));
+        let command = header(FrameKind::Command, step);
+        assert_eq!(
+            plant.on(&PlantEvent::Frame(&command)),
+            PlantAction::Apply(Step(step))
+        );
+    }
+    assert_eq!(
+        plant.on(&PlantEvent::Release),
+        PlantAction::SendEnd(Step(3))
+    );
+    let end = header(FrameKind::End, 3);
+    assert_eq!(
+        controller.on(&ControllerEvent::Frame(&end)),
+        ControllerAction::ConfirmEnd(Step(3))
+    );
+    let confirmed = header(FrameKind::EndConfirmed, 3);
+    assert_eq!(
+        plant.on(&PlantEvent::Frame(&confirmed)),
+        PlantAction::Finish
+    );
+    assert!(plant.is_over() && controller.is_over());
+}
+
+#[test]
+fn a_command_seen_twice_is_applied_once() {
+    let mut plant = plant(3);
+    plant.on(&PlantEvent::Release);
+    let command = header(FrameKind::Command, 0);
+    assert_eq!(
+        plant.on(&PlantEvent::Frame(&command)),
+        PlantAction::Apply(Step(0))
+    );
+    assert_eq!(plant.on(&PlantEvent::Frame(&command)), PlantAction::Ignore);
+    plant.on(&PlantEvent::Release);
+    assert_eq!(plant.on(&PlantEvent::Frame(&command)), PlantAction::Ignore);
+    assert_eq!(plant.ignored(), 2);
+    let next = header(FrameKind::Command, 1);
+    assert_eq!(
+        plant.on(&PlantEvent::Frame(&next)),
+        PlantAction::Apply(Step(1))
+    );
+}
+
+#[test]
+fn a_sample_seen_twice_is_answered_once() {
+    let mut controller = controller();
+    let sample = header(FrameKind::Sample, 0);
+    assert_eq!(
+        controller.on(&ControllerEvent::Frame(&sample)),
+        ControllerAction::Answer(Step(0))
+    );
+    assert_eq!(
+        controller.on(&ControllerEvent::Frame(&sample)),
+        ControllerAction::Ignore
+    );
+}
+
+#[test]
+fn a_command_from_the_future_is_a_broken_protocol() {
+    let mut plant = plant(3);
+    plant.on(&PlantEvent::Release);
+    let action = plant.on(&PlantEvent::Frame(&header(FrameKind::Command, 1)));
+    assert!(matches!(
+        action,
+        PlantAction::Abort(Abort::Protocol { at: Step(0), .. })
+    ));
+    assert!(plant.is_over());
+}
+
+#[test]
+fn a_command_before_its_sample_is_a_broken_protocol() {
+    let mut plant = plant(3);
+    let action = plant.on(&PlantEvent::Frame(&header(FrameKind::Command, 0)));
+    assert!(
+        matches!(action, PlantAction::Abort(Abort::Protocol { .. })),
+        "{action:?}"
+    );
+}
+
+#[test]
+fn a_skipped_sample_is_a_broken_protocol() {
+    let mut controller = controller();
+    let action = controller.on(&ControllerEvent::Frame(&header(FrameKind::Sample, 1)));
+    assert!(matches!(
+        action,
+        ControllerAction::Abort(Abort::Protocol { .. })
+    ));
+}
+
+#[test]
+fn an_early_end_is_not_confirmed() {
+    let mut controller = controller();
+    controller.on(&ControllerEvent::Frame(&header(FrameKind::Sample, 0)));
+    let action = controller.on(&ControllerEvent::Frame(&header(FrameKind::End, 3)));
+    let ControllerAction::Abort(abort) = action else {
+        panic!("{action:?}")
+    };
+    let told = "plant broke the protocol at step 1: it ends after 3 steps, 1 were executed here";
+    assert_eq!(abort.to_string(), told);
+}
+
+#[test]
+fn a_confirmation_of_another_step_fails_the_barrier() {
+    let mut plant = plant(1);
+    plant.on(&PlantEvent::Release);
+    plant.on(&PlantEvent::Frame(&header(FrameKind::Command, 0)));
+    plant.on(&PlantEvent::Release);
+    let action = plant.on(&PlantEvent::Frame(&header(FrameKind::EndConfirmed, 0)));
+    assert!(matches!(action, PlantAction::Abort(Abort::Protocol { .. })));
+}
+
+#[test]
+fn every_wait_of_the_plant_names_who_is_late_and_for_what() {
+    let late = |mut plant: PlantSide| match plant.on(&PlantEvent::Deadline) {
+        PlantAction::Abort(abort) => abort.to_string(),
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(
+        late(PlantSide::new(3)),
+        "controller did not say hello within the wait limit"
+    );
+    let mut waiting = plant(3);
+    assert_eq!(
+        waiting.on(&PlantEvent::Deadline),
+        PlantAction::Ignore,
+        "nothing is awaited"
+    );
+    waiting.on(&PlantEvent::Release);
+    assert_eq!(
+        late(waiting),
+        "controller did not answer step 0 within the wait limit"
+    );
+    let mut ending = plant(0);
+    ending.on(&PlantEvent::Release);
+    assert_eq!(
+        late(ending),
+        "controller did not confirm the end after 0 steps within the wait limit"
+    );
+}
+
+#[test]
+fn every_wait_of_the_controller_names_who_is_late_and_for_what() {
+    let late = |mut controller: ControllerSide| match controller.on(&ControllerEvent::Deadline) {
+        ControllerAction::Abort(abort) => abort.to_string(),
+        other => panic!("{other:?}"),
+    };
+    let told = "plant did not create the session's link within the wait limit";
+    assert_eq!(late(ControllerSide::new()), told);
+    assert_eq!(
+        late(controller()),
+        "plant did not send step 0 within the wait limit"
+    );
+}
+
+#[test]
+fn stop_and_loss_end_every_state() {
+    let mut fresh = PlantSide::new(1);
+    assert_eq!(
+        fresh.on(&PlantEvent::Stop),
+        PlantAction::Abort(Abort::Stopped { at: Step(0) })
+    );
+    let mut running = plant(3);
+    running.on(&PlantEvent::Release);
+    let gone = Abort::Gone {
+        peer: "controller",
+        at: Step(0),
+    };
+    assert_eq!(running.on(&PlantEvent::PeerGone), PlantAction::Abort(gone));
+    assert_eq!(
+        running.on(&PlantEvent::Release),
+        PlantAction::Ignore,
+        "over is over"
+    );
+    let mut answering = controller();
+    answering.on(&ControllerEvent::Frame(&header(FrameKind::Sample, 0)));
+    let stopped = ControllerAction::Abort(Abort::Stopped { at: Step(1) });
+    assert_eq!(answering.on(&ControllerEvent::Stop), stopped);
+}
+
+#[test]
+fn an_abort_is_passed_on_with_its_reason() {
+    let mut controller = controller();
+    let abort = Header {
+        directive: AbortCode::Diverged as u64,
+        ..header(FrameKind::Abort, 0)
+    };
+    let action = controller.on(&ControllerEvent::Frame(&abort));
+    let ControllerAction::Abort(abort) = action else {
+        panic!("{action:?}")
+    };
+    assert_eq!(
+        abort.to_string(),
+        "plant gave up at step 0: the plant left its range of validity"
+    );
+}
+
+#[test]
+fn a_refusal_ends_both_sides() {
+    let hello = Hello {
+        session: 6,
+        ..hello()
+    };
+    let mut plant = PlantSide::new(3);
+    let action = plant.on(&PlantEvent::Hello(&hello, &offer(&hello.measured, 3)));
+    let PlantAction::Refuse(reason) = action else {
+        panic!("{action:?}")
+    };
+    assert!(plant.is_over());
+    let mut controller = ControllerSide::new();
+    controller.on(&ControllerEvent::Begin(&hello));
+    let action = controller.on(&ControllerEvent::Control(&Control::Refusal {
+        reason: reason.clone(),
+    }));
+    assert_eq!(action, ControllerAction::Abort(Abort::Refused(reason)));
+}
+
+#[test]
+fn a_ready_of_another_epoch_does_not_start_the_run() {
+    let hello = hello();
+    let mut plant = PlantSide::new(3);
+    plant.on(&PlantEvent::Hello(&hello, &offer(&hello.measured, 3)));
+    assert_eq!(plant.on(&PlantEvent::Ready(2)), PlantAction::Ignore);
+    assert_eq!(plant.unreleased(), None);
+    assert!(plant.is_greeting());
+}

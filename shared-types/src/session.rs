@@ -1,0 +1,534 @@
+//! Sessions: names, the private folder, and complete clean-up.
+//!
+//! `hil` owns a session and the processes of a run share it. Everything of a session lives in
+//! shared memory under two names, its folder and a file prefix, so that whoever comes next can
+//! remove all of it. The owner holds a lock that the kernel drops with the process; a session whose
+//! lock is free is dead, and the next `hil` sweeps it away.
+
+use std::fs::{self, DirBuilder, File, Permissions};
+use std::io::{self, ErrorKind};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsExt};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use iceoryx2::prelude::{Config, FileName, Path as IceoryxPath, SemanticString};
+use rustix::fs::{FlockOperation, flock};
+use rustix::process::{Pid, Signal, kill_process};
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+
+/// Where shared memory lives.
+const SHARED_MEMORY: &str = "/dev/shm";
+/// Longest session name: the paths of sockets below the folder must stay under 108 bytes.
+const LONGEST_NAME: usize = 24;
+/// How long another `hil` may hold the lock over all sessions while it creates or sweeps.
+const LOCK_LIMIT: Duration = Duration::from_secs(10);
+
+/// What a session is called and where it lives; the content of its `session.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SessionInfo {
+    /// Version of this file.
+    pub schema: u32,
+    /// Its name.
+    pub name: String,
+    /// Random number that every frame carries.
+    pub id: u64,
+    /// Its private folder.
+    pub folder: PathBuf,
+    /// Prefix of its files in shared memory.
+    pub prefix: String,
+    /// The process that owns it.
+    pub owner: ProcessId,
+    /// The processes that it started.
+    pub children: Vec<ProcessId>,
+    /// Where its run is written, if it is.
+    pub run_dir: Option<PathBuf>,
+}
+
+/// A process that cannot be taken for a later one with the same number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ProcessId {
+    /// Process number.
+    pub pid: u32,
+    /// When it started, in clock ticks since boot.
+    pub start_ticks: u64,
+}
+
+impl ProcessId {
+    /// The process with this number, if there is one.
+    #[must_use]
+    pub fn of(pid: u32) -> Option<Self> {
+        let stat = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
+        // The second field, the name, may hold anything; the third begins after its last `)`.
+        let (_, rest) = stat.rsplit_once(')')?;
+        let mut fields = rest.split_ascii_whitespace();
+        let zombie = matches!(fields.next()?, "Z" | "X");
+        let start_ticks = fields.nth(18)?.parse().ok()?;
+        (!zombie).then_some(Self { pid, start_ticks })
+    }
+
+    /// The calling process.
+    #[must_use]
+    pub fn own() -> Self {
+        let pid = std::process::id();
+        Self::of(pid).unwrap_or(Self {
+            pid,
+            start_ticks: 0,
+        })
+    }
+
+    /// Whether it still runs (or is stopped).
+    #[must_use]
+    pub fn is_alive(self) -> bool {
+        Self::of(self.pid) == Some(self)
+    }
+
+    /// Ends it at once, if it is still there.
+    pub fn kill(self) {
+        if self.is_alive()
+            && let Some(pid) = i32::try_from(self.pid).ok().and_then(Pid::from_raw)
+        {
+            // It may end by itself in between, which is as good.
+            let _ = kill_process(pid, Signal::KILL);
+        }
+    }
+}
+
+/// A session cannot be created, found or removed.
+#[derive(Debug, thiserror::Error)]
+pub enum SessionError {
+    /// The name is not one.
+    #[error("`{0}` is no session name: 1 to 24 of a-z, 0-9 and -")]
+    Name(String),
+    /// A live session has that name.
+    #[error(
+        "session `{name}` is running (process {pid}); choose another --session, or see `hil sessions`"
+    )]
+    Taken {
+        /// The name.
+        name: String,
+        /// Its owner.
+        pid: u32,
+    },
+    /// There is no such session.
+    #[error("no session `{0}`; see `hil sessions`")]
+    Unknown(String),
+    /// The folder of all sessions belongs to someone else or is open to others.
+    #[error("{0} is not a folder of yours alone; remove it or have it removed")]
+    NotPrivate(PathBuf),
+    /// Another `hil` holds the lock over all sessions for too long.
+    #[error("{0} is locked for more than 10 s; is a stopped `hil` holding it?")]
+    Locked(PathBuf),
+    /// The operating system refused.
+    #[error("cannot {action} {}: {error}", path.display())]
+    Io {
+        /// What was tried.
+        action: &'static str,
+        /// On which file.
+        path: PathBuf,
+        /// What it said.
+        error: io::Error,
+    },
+}
+
+impl SessionError {
+    fn io(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
+        let path = path.to_owned();
+        move |error| Self::Io {
+            action,
+            path,
+            error,
+        }
+    }
+}
+
+impl SessionInfo {
+    /// Reads the `session.json` of a session's folder.
+    ///
+    /// # Errors
+    /// If it is missing or not one.
+    pub fn read(folder: &Path) -> Result<Self, SessionError> {
+        read_json(&folder.join("session.json"))
+    }
+
+    /// Reads a JSON file of the session.
+    ///
+    /// # Errors
+    /// If it is missing or not of that form.
+    pub fn read_file<T: DeserializeOwned>(&self, name: &str) -> Result<T, SessionError> {
+        read_json(&self.folder.join(name))
+    }
+
+    /// Writes a JSON file of the session, at once as seen by readers.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn write_file<T: Serialize>(&self, name: &str, content: &T) -> Result<(), SessionError> {
+        let path = self.folder.join(name);
+        let part = self.folder.join(format!("{name}.part"));
+        let bytes = serde_json::to_vec_pretty(content)
+            .map_err(|e| SessionError::io("write", &path)(e.into()))?;
+        let mut file = private_file(&part).map_err(SessionError::io("create", &part))?;
+        io::Write::write_all(&mut file, &bytes).map_err(SessionError::io("write", &part))?;
+        fs::rename(&part, &path).map_err(SessionError::io("write", &path))
+    }
+
+    /// The iceoryx2 configuration that keeps a session apart from everything else on the machine.
+    ///
+    /// # Errors
+    /// If the names do not suit iceoryx2.
+    pub fn iceoryx_config(&self) -> Result<Config, String> {
+        // Not the global configuration: that reads files of the user and the machine.
+        let mut config = Config::default();
+        let prefix = FileName::new(self.prefix.as_bytes());
+        config.global.prefix = prefix.map_err(|e| format!("{e:?}"))?;
+        let root = self.folder.join("i");
+        let root = IceoryxPath::new(root.as_os_str().as_encoded_bytes());
+        config
+            .global
+            .set_root_path(&root.map_err(|e| format!("{e:?}"))?);
+        Ok(config)
+    }
+
+    /// The session's files in shared memory, beside its folder.
+    #[must_use]
+    pub fn segments(&self) -> Vec<PathBuf> {
+        let entries = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
+        entries
+            .filter(|entry| (entry.file_name().to_string_lossy()).starts_with(&self.prefix))
+            .map(|entry| entry.path())
+            .collect()
+    }
+
+    /// Closes every file of the session to other users; iceoryx2 leaves one open to all.
+    pub fn tighten(&self) {
+        for segment in self.segments() {
+            // A file may be gone again by now.
+            let _ = fs::set_permissions(segment, Permissions::from_mode(0o600));
+        }
+    }
+
+    fn remove(&self) -> Result<(), SessionError> {
+        // The folder last: as long as it stands, the next sweep knows the prefix.
+        for segment in self.segments() {
+            unless_gone(fs::remove_file(&segment)).map_err(SessionError::io("remove", &segment))?;
+        }
+        unless_gone(fs::remove_dir_all(&self.folder))
+            .map_err(SessionError::io("remove", &self.folder))
+    }
+}
+
+fn unless_gone(result: io::Result<()>) -> io::Result<()> {
+    match result {
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
+        other => other,
+    }
+}
+
+fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, SessionError> {
+    let text = fs::read_to_string(path).map_err(SessionError::io("read", path))?;
+    serde_json::from_str(&text).map_err(|e| SessionError::io("read", path)(e.into()))
+}
+
+fn private_file(path: &Path) -> io::Result<File> {
+    let mut options = File::options();
+    options.write(true).create(true).truncate(true).mode(0o600);
+    options.open(path)
+}
+
+fn private_folder(path: &Path) -> io::Result<()> {
+    DirBuilder::new().mode(0o700).create(path)
+}
+
+/// A session that this process owns. Dropping it removes all of it.
+#[derive(Debug)]
+pub struct Session {
+    info: SessionInfo,
+    // Held, never read: the kernel releases it with the process.
+    _lock: File,
+}
+
+impl Session {
+    /// Creates a session, after sweeping away dead ones. Without a name it gets a random one.
+    ///
+    /// # Errors
+    /// If the name is taken or unusable, or shared memory cannot be used.
+    pub fn create(name: Option<&str>) -> Result<Self, SessionError> {
+        let id = random_number();
+        let name = name.map_or_else(|| format!("s{:08x}", id >> 32), str::to_owned);
+        let legal = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
+        if name.is_empty() || name.len() > LONGEST_NAME || !name.chars().all(legal) {
+            return Err(SessionError::Name(name));
+        }
+        let all = AllSessions::lock()?;
+        all.sweep()?;
+        let folder = all.folder.join(&name);
+        match private_folder(&folder) {
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => {
+                let pid = SessionInfo::read(&folder).map_or(0, |info| info.owner.pid);
+                return Err(SessionError::Taken { name, pid });
+            }
+            other => other.map_err(SessionError::io("create", &folder))?,
+        }
+        let info = SessionInfo {
+            schema: 1,
+            name,
+            id,
+            prefix: format!("hil_{:08x}_", id as u32),
+            owner: ProcessId::own(),
+            children: Vec::new(),
+            run_dir: None,
+            folder,
+        };
+        let made = info.make();
+        match made {
+            Ok(lock) => Ok(Self { info, _lock: lock }),
+            Err(error) => {
+                let _ = info.remove(); // the first error tells more
+                Err(error)
+            }
+        }
+    }
+
+    /// What it is called and where it lives.
+    #[must_use]
+    pub const fn info(&self) -> &SessionInfo {
+        &self.info
+    }
+
+    /// Notes where the run is written.
+    ///
+    /// # Errors
+    /// If `session.json` cannot be written.
+    pub fn set_run_dir(&mut self, run_dir: &Path) -> Result<(), SessionError> {
+        self.info.run_dir = Some(run_dir.to_owned());
+        self.info.write_file("session.json", &self.info)
+    }
+
+    /// Notes a process that was started, so that a sweep can end it.
+    ///
+    /// # Errors
+    /// If `session.json` cannot be written.
+    pub fn add_child(&mut self, pid: u32) -> Result<(), SessionError> {
+        self.info.children.extend(ProcessId::of(pid));
+        self.info.write_file("session.json", &self.info)
+    }
+}
+
+impl SessionInfo {
+    /// Fills the new folder; the lock goes first, so that no sweep takes it for dead.
+    fn make(&self) -> Result<File, SessionError> {
+        let path = self.folder.join("lock");
+        let lock = private_file(&path).map_err(SessionError::io("create", &path))?;
+        flock(&lock, FlockOperation::NonBlockingLockExclusive)
+            .map_err(|e| SessionError::io("lock", &path)(e.into()))?;
+        let root = self.folder.join("i");
+        private_folder(&root).map_err(SessionError::io("create", &root))?;
+        self.write_file("session.json", self)?;
+        Ok(lock)
+    }
+}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        // Nobody is left to tell; the next sweep tries again.
+        let _ = self.info.remove();
+    }
+}
+
+fn random_number() -> u64 {
+    use std::hash::{BuildHasher, RandomState};
+    RandomState::new().hash_one(std::process::id())
+}
+
+/// The folder of all sessions of this user, locked.
+struct AllSessions {
+    folder: PathBuf,
+    _lock: File,
+}
+
+impl AllSessions {
+    fn lock() -> Result<Self, SessionError> {
+        let uid = rustix::process::geteuid().as_raw();
+        let folder = Path::new(SHARED_MEMORY).join(format!("hil-{uid}"));
+        match private_folder(&folder) {
+            Err(error) if error.kind() != ErrorKind::AlreadyExists => {
+                return Err(SessionError::io("create", &folder)(error));
+            }
+            _ => {}
+        }
+        // Not `metadata`: a link to a folder of ours elsewhere is not ours to use.
+        let found = fs::symlink_metadata(&folder).map_err(SessionError::io("read", &folder))?;
+        if !found.is_dir() || found.uid() != uid || found.mode() & 0o077 != 0 {
+            return Err(SessionError::NotPrivate(folder));
+        }
+        let path = folder.join(".lock");
+        let lock = private_file(&path).map_err(SessionError::io("create", &path))?;
+        let since = Instant::now();
+        while flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err() {
+            if since.elapsed() > LOCK_LIMIT {
+                return Err(SessionError::Locked(path));
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        Ok(Self {
+            folder,
+            _lock: lock,
+        })
+    }
+
+    fn folders(&self) -> Result<Vec<PathBuf>, SessionError> {
+        let entries = fs::read_dir(&self.folder).map_err(SessionError::io("read", &self.folder))?;
+        let mut folders: Vec<PathBuf> = entries
+            .flatten()
+            .map(|entry| entry.path())
+            .filter(|path| path.is_dir())
+            .collect();
+        folders.sort();
+        Ok(folders)
+    }
+
+    /// Removes what dead owners left; returns the names of their sessions.
+    fn sweep(&self) -> Result<Vec<String>, SessionError> {
+        let mut swept = Vec::new();
+        for folder in self.folders()? {
+            if is_live(&folder) {
+                continue;
+            }
+            swept.extend(
+                folder
+                    .file_name()
+                    .map(|name| name.to_string_lossy().into_owned()),
+            );
+            match SessionInfo::read(&folder) {
+                Ok(info) => {
+                    end_orphans(&info.children);
+                    info.remove()?;
+                }
+                // Its owner died before it could write down anything else to remove.
+                Err(_) => unless_gone(fs::remove_dir_all(&folder))
+                    .map_err(SessionError::io("remove", &folder))?,
+            }
+        }
+        Ok(swept)
+    }
+}
+
+/// Whether someone holds the session's lock.
+fn is_live(folder: &Path) -> bool {
+    let Ok(lock) = File::open(folder.join("lock")) else {
+        return false;
+    };
+    flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err()
+}
+
+/// Children of a dead owner end by themselves when their input closes; a stopped one cannot.
+fn end_orphans(children: &[ProcessId]) {
+    let since = Instant::now();
+    let grace = Duration::from_millis(200);
+    while children.iter().any(|child| child.is_alive()) && since.elapsed() < grace {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    for child in children {
+        child.kill();
+    }
+    while children.iter().any(|child| child.is_alive()) && since.elapsed() < 5 * grace {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+/// The live sessions of this user.
+///
+/// # Errors
+/// If their folder cannot be used.
+pub fn list() -> Result<Vec<SessionInfo>, SessionError> {
+    let all = AllSessions::lock()?;
+    let live = all.folders()?.into_iter().filter(|folder| is_live(folder));
+    Ok(live
+        .filter_map(|folder| SessionInfo::read(&folder).ok())
+        .collect())
+}
+
+/// Removes what dead sessions left and returns their names. Live ones, also stopped, stay.
+///
+/// # Errors
+/// If something of a dead session cannot be removed.
+pub fn sweep() -> Result<Vec<String>, SessionError> {
+    AllSessions::lock()?.sweep()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_dropped_session_leaves_nothing() {
+        let session = Session::create(None).expect("a session");
+        let info = session.info().clone();
+        let node = crate::link::iceoryx::node(&info, "test").expect("a node");
+        assert!(info.folder.is_dir());
+        assert!(
+            !info.segments().is_empty(),
+            "iceoryx2 keeps a file for each prefix"
+        );
+        drop(node);
+        drop(session);
+        assert!(!info.folder.exists());
+        assert_eq!(info.segments(), Vec::<PathBuf>::new());
+    }
+
+    #[test]
+    fn everything_is_closed_to_others() {
+        let session = Session::create(None).expect("a session");
+        let _node = crate::link::iceoryx::node(session.info(), "test").expect("a node");
+        let mode = |path: &Path| fs::metadata(path).expect("there").mode() & 0o777;
+        assert_eq!(mode(&session.info().folder), 0o700);
+        assert_eq!(mode(&session.info().folder.join("session.json")), 0o600);
+        for segment in session.info().segments() {
+            assert_eq!(mode(&segment) & 0o077, 0, "{}", segment.display());
+        }
+    }
+
+    #[test]
+    fn a_taken_name_is_refused_and_names_its_owner() {
+        let session = Session::create(None).expect("a session");
+        let error = Session::create(Some(&session.info().name)).expect_err("taken");
+        assert!(matches!(error, SessionError::Taken { pid, .. } if pid == std::process::id()));
+    }
+
+    #[test]
+    fn unusable_names_are_refused() {
+        for name in ["", "a/b", "..", "UPPER", "a-name-that-is-far-too-long", "é"] {
+            assert!(
+                matches!(Session::create(Some(name)), Err(SessionError::Name(_))),
+                "{name}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_sweep_removes_dead_sessions_and_leaves_live_ones() {
+        let live = Session::create(None).expect("a session");
+        let dead = Session::create(None).expect("a session");
+        let info = dead.info().clone();
+        // As after a kill: the lock is gone, the files are not.
+        let segment = Path::new(SHARED_MEMORY).join(format!("{}left", info.prefix));
+        fs::write(&segment, "x").expect("writes");
+        flock(&dead._lock, FlockOperation::Unlock).expect("unlocks");
+        sweep().expect("sweeps");
+        assert!(!info.folder.exists() && !segment.exists());
+        assert!(live.info().folder.exists());
+        assert!(list().expect("lists").contains(live.info()));
+        drop(dead);
+    }
+
+    #[test]
+    fn a_process_is_known_by_its_start_too() {
+        let own = ProcessId::own();
+        assert!(own.is_alive());
+        let later = ProcessId {
+            start_ticks: own.start_ticks + 1,
+            ..own
+        };
+        assert!(!later.is_alive());
+    }
+}
