@@ -1,0 +1,182 @@
+//! The law itself: one sample through the files of this folder, for NRSC and FTSC alike.
+//!
+//! [`nrsc`](super::nrsc) and [`ftsc`](super::ftsc) own one each and differ in whether there is an
+//! estimate of the leakage.
+
+use nalgebra::Vector2;
+use shared_types::describe::Invalid;
+
+use super::adaptation::LeakageEstimate;
+use super::gains::Gains;
+use super::hydraulics::{Hydraulics, hydraulic_force_n};
+use super::model::{ActuatorModel, Model};
+use super::performance::Indicator;
+use super::signals::{Internals, Measured, PistonState, Reference};
+use super::steps::Steps;
+use super::trajectory::Trajectory;
+use super::transformation::Transformation;
+use crate::laws::drhas::Command;
+use crate::laws::limit::limited;
+
+/// The backstepping law with its state.
+#[derive(Clone, Copy, Debug)]
+pub struct Backstepping {
+    actuators: [ActuatorModel; 2],
+    plant: Transformation,
+    trajectory: Trajectory,
+    steps: Steps,
+    command_limits_a: [f64; 2],
+    period_s: f64,
+
+    velocity: VelocityHistory,
+    indicator: Indicator,
+    estimate: Option<LeakageEstimate>,
+    answer: (Command, Internals),
+}
+
+impl Backstepping {
+    /// The law before its first sample; without an estimate it is NRSC.
+    ///
+    /// # Errors
+    /// If the gains break a condition of the design.
+    pub fn start(
+        gains: &Gains,
+        model: &Model,
+        estimate: Option<LeakageEstimate>,
+        period_s: f64,
+    ) -> Result<Self, Invalid> {
+        gains.check()?;
+        Ok(Self {
+            actuators: model.actuators(),
+            plant: Transformation::new(model),
+            trajectory: Trajectory::new(model, gains.trajectory),
+            steps: Steps::new(gains),
+            command_limits_a: gains.outputs.map(|own| own.command_limit_a),
+            period_s,
+            velocity: VelocityHistory::default(),
+            indicator: Indicator::new(gains, period_s),
+            estimate,
+            answer: (Command::default(), Internals::default()),
+        })
+    }
+
+    /// Answers a valid sample.
+    pub fn step(&mut self, measured: &Measured, reference: &Reference) -> (Command, Internals) {
+        let pistons = measured.pistons();
+        let positions = Vector2::new(pistons[0].position_m, pistons[1].position_m);
+        let velocities = Vector2::new(pistons[0].velocity_mps, pistons[1].velocity_mps);
+        let accelerations = self.velocity.acceleration(velocities, self.period_s);
+
+        let f = [positions, velocities, accelerations].map(|x| self.plant.sum_and_difference(x));
+        let theta_d = self.trajectory.surface_angle(
+            measured.surface_angle_rad,
+            measured.surface_rate_radps,
+            &f.map(|f| f[0]),
+        );
+        let theta_r = reference.jet();
+        let x_r1 = self.trajectory.sum(&theta_d, &theta_r);
+        let x_r2 = self.trajectory.difference(&theta_r);
+        let x_r = core::array::from_fn(|j| Vector2::new(x_r1[j], x_r2[j]));
+
+        let [force1_n, force2_n] =
+            core::array::from_fn(|i| hydraulic_force_n(&self.actuators[i], &pistons[i]));
+        let x_3 = Vector2::new(force1_n, force2_n);
+        let (errors, force_rate) =
+            self.steps
+                .errors_and_force_rate(&self.plant, &f, &x_r, &theta_d, x_3);
+
+        let theta_hat = match &self.estimate {
+            Some(estimate) => estimate.theta_hat(),
+            None => Vector2::zeros(),
+        };
+        let hydraulics: [Hydraulics; 2] =
+            core::array::from_fn(|i| Hydraulics::at(&self.actuators[i], &pistons[i]));
+        let [current1_a, current2_a] = core::array::from_fn(|i| {
+            self.current_a(i, &hydraulics[i], &pistons[i], force_rate[i], theta_hat[i])
+        });
+
+        let verdict = self.indicator.judge(&errors);
+        if let Some(estimate) = &mut self.estimate
+            && verdict.degraded
+        {
+            let [f_h13, f_h23] =
+                core::array::from_fn(|i| hydraulics[i].leakage_effect(&pistons[i]));
+            estimate.adapt(
+                &self.plant,
+                Vector2::new(f_h13, f_h23),
+                errors.z_3,
+                self.period_s,
+            );
+        }
+
+        self.answer = (
+            Command {
+                actuator1_valve_current_a: current1_a,
+                actuator2_valve_current_a: current2_a,
+            },
+            Internals {
+                lyapunov_v3: verdict.v3,
+                lyapunov_bound: verdict.bound,
+                fault_detected: if verdict.detected { 1.0 } else { 0.0 },
+                leakage_estimate1_m3ps_per_sqrt_pa: theta_hat[0],
+                leakage_estimate2_m3ps_per_sqrt_pa: theta_hat[1],
+                z11: errors.z_1[0],
+                z12: errors.z_1[1],
+                z21: errors.z_2[0],
+                z22: errors.z_2[1],
+                z31: errors.z_3[0],
+                z32: errors.z_3[1],
+            },
+        );
+        self.answer
+    }
+
+    /// Answers a sample that is not valid: the last command again. Nothing is estimated or judged
+    /// from it; the next velocity difference spans the gap.
+    pub fn hold(&mut self) -> (Command, Internals) {
+        self.velocity.skip();
+        self.indicator.skip();
+        self.answer
+    }
+
+    /// The current of one valve.
+    ///
+    /// `u = F_1^-1 [F_2 + F_3 theta_hat + M_3^-1 (..)]` (eq. 52), within the command's limit.
+    fn current_a(
+        &self,
+        actuator: usize,
+        hydraulics: &Hydraulics,
+        piston: &PistonState,
+        force_rate_n_per_s: f64,
+        theta_hat: f64,
+    ) -> f64 {
+        let model = &self.actuators[actuator];
+        let bracket = hydraulics.motion_effect_n_per_s(model, piston)
+            + hydraulics.leakage_effect(piston) * theta_hat
+            + force_rate_n_per_s;
+        let current_a = hydraulics.current_a(model, piston, bracket);
+        limited(current_a, self.command_limits_a[actuator])
+    }
+}
+
+/// The last measured velocities, for the acceleration.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct VelocityHistory {
+    last_mps: Option<Vector2<f64>>,
+    /// Samples without a valid velocity since the last valid one.
+    missed: u32,
+}
+
+impl VelocityHistory {
+    /// Backward difference `(v_k - v_(k-1)) / T`; 0 at the first sample.
+    fn acceleration(&mut self, velocities_mps: Vector2<f64>, period_s: f64) -> Vector2<f64> {
+        let elapsed_s = f64::from(self.missed.saturating_add(1)) * period_s;
+        let last_mps = self.last_mps.replace(velocities_mps);
+        self.missed = 0;
+        last_mps.map_or(Vector2::zeros(), |last| (velocities_mps - last) / elapsed_s)
+    }
+
+    fn skip(&mut self) {
+        self.missed = self.missed.saturating_add(1);
+    }
+}

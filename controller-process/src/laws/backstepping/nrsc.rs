@@ -1,0 +1,64 @@
+//! `nrsc`: nonlinear robust synchronization control, the FTSC law without adaptation (Remark 10).
+
+use shared_types::describe::Invalid;
+
+use super::gains::{ComponentGains, Gains, Output, Performance, TrajectoryGains};
+use super::law::Backstepping;
+use super::model::Model;
+use super::signals::{Internals, Measured, Reference};
+use crate::controller::{Controller, Sample, Setup};
+use crate::laws::drhas::{Command, PLANT};
+
+shared_types::table! {
+    /// What `nrsc` can be told (Table 2).
+    pub struct Parameters {
+        /// Trajectory generator.
+        trajectory: TrajectoryGains,
+        /// Component 1: the sum of the two actuators.
+        force_sum: ComponentGains,
+        /// Component 2: their difference, the force fight.
+        force_difference: ComponentGains,
+        /// Command of actuator 1.
+        actuator1: Output,
+        /// Command of actuator 2.
+        actuator2: Output,
+        /// Judgement of the performance indicator.
+        performance: Performance,
+    }
+}
+
+/// The law.
+#[derive(Clone, Copy, Debug)]
+pub struct Nrsc(Backstepping);
+
+impl Controller for Nrsc {
+    const NAME: &'static str = "nrsc";
+    const SUMMARY: &'static str =
+        "Nonlinear robust synchronization control: tolerates slight leakage (paper, Remark 10).";
+    const PLANTS: &'static [&'static str] = &[PLANT];
+    type Parameters = Parameters;
+    type Model = Model;
+    type Measured = Measured;
+    type Reference = Reference;
+    type Command = Command;
+    type Internals = Internals;
+
+    fn start(setup: &Setup<Self>) -> Result<Self, Invalid> {
+        let own = &setup.parameters;
+        let gains = Gains {
+            trajectory: own.trajectory,
+            components: [own.force_sum, own.force_difference],
+            outputs: [own.actuator1, own.actuator2],
+            performance: own.performance,
+        };
+        Backstepping::start(&gains, &setup.model, None, setup.period_s).map(Self)
+    }
+
+    fn step(&mut self, sample: &Sample<Self>) -> (Command, Internals) {
+        if sample.valid {
+            self.0.step(&sample.measured, &sample.reference)
+        } else {
+            self.0.hold()
+        }
+    }
+}

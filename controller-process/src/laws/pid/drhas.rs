@@ -1,0 +1,182 @@
+//! `pid` for the hydraulic plant: the paper's baseline, one loop per actuator.
+//!
+//! Each actuator follows `r_d theta_r` with its own piston position; nothing couples the two, which
+//! is why they fight. The paper's gains (Table 2) are proportional only.
+
+use shared_types::describe::Invalid;
+use shared_types::table::Empty;
+
+use super::{Gains, Pid};
+use crate::controller::{Controller, Sample, Setup};
+use crate::laws::drhas::{Command, PLANT};
+use crate::laws::limit::UNLIMITED;
+
+shared_types::table! {
+    /// The gains of one actuator's loop (Table 2).
+    pub struct ActuatorGains {
+        /// Proportional gain k_p.
+        proportional_a_per_m: "A/m" = 90.0 in (-1e9)..=1e9,
+        /// Integral gain k_i.
+        integral_a_per_m_s: "A/(m s)" = 0.0 in (-1e9)..=1e9,
+        /// Derivative gain k_d.
+        derivative_a_s_per_m: "A s/m" = 0.0 in (-1e9)..=1e9,
+        /// Largest magnitude of the current; infinite means no limit.
+        command_limit_a: "A" = UNLIMITED in 0.0..=UNLIMITED,
+    }
+}
+
+shared_types::table! {
+    /// What the law can be told.
+    pub struct Parameters {
+        /// Loop of actuator 1.
+        actuator1: ActuatorGains,
+        /// Loop of actuator 2.
+        actuator2: ActuatorGains,
+    }
+}
+
+shared_types::table! {
+    /// What it believes of the control surface.
+    pub struct SurfaceModel {
+        /// Radial distance r_d between hinge and piston rods.
+        radial_distance_m: "m" = 0.15 in 1e-3..=1e2,
+    }
+}
+
+shared_types::table! {
+    /// What it believes of the plant (Table 1).
+    pub struct Model {
+        /// Control surface.
+        surface: SurfaceModel,
+    }
+}
+
+shared_types::table! {
+    /// What it needs to measure.
+    pub struct Measured {
+        /// Piston position x_h1.
+        actuator1_position_m: "m",
+        /// Piston position x_h2.
+        actuator2_position_m: "m",
+    }
+}
+
+shared_types::table! {
+    /// What it follows.
+    pub struct Reference {
+        /// Deflection command theta_r.
+        surface_angle_rad: "rad",
+    }
+}
+
+/// The law.
+#[derive(Clone, Copy, Debug)]
+pub struct ActuatorPid {
+    radial_distance_m: f64,
+    loops: [Pid; 2],
+}
+
+impl Controller for ActuatorPid {
+    const NAME: &'static str = "pid";
+    const SUMMARY: &'static str =
+        "One PID loop per actuator from the error of its own piston position (paper, Table 2).";
+    const PLANTS: &'static [&'static str] = &[PLANT];
+    type Parameters = Parameters;
+    type Model = Model;
+    type Measured = Measured;
+    type Reference = Reference;
+    type Command = Command;
+    type Internals = Empty;
+
+    fn start(setup: &Setup<Self>) -> Result<Self, Invalid> {
+        let Parameters {
+            actuator1,
+            actuator2,
+        } = setup.parameters;
+        Ok(Self {
+            radial_distance_m: setup.model.surface.radial_distance_m,
+            loops: [actuator1, actuator2].map(|own| {
+                let gains = Gains {
+                    proportional: own.proportional_a_per_m,
+                    integral: own.integral_a_per_m_s,
+                    derivative: own.derivative_a_s_per_m,
+                    limit: own.command_limit_a,
+                };
+                Pid::new(gains, setup.period_s)
+            }),
+        })
+    }
+
+    fn step(&mut self, sample: &Sample<Self>) -> (Command, Empty) {
+        let wanted_m = self.radial_distance_m * sample.reference.surface_angle_rad;
+        let measured = &sample.measured;
+        let [first, second] = &mut self.loops;
+        let command = if sample.valid {
+            Command {
+                actuator1_valve_current_a: first.update(wanted_m - measured.actuator1_position_m),
+                actuator2_valve_current_a: second.update(wanted_m - measured.actuator2_position_m),
+            }
+        } else {
+            Command {
+                actuator1_valve_current_a: first.hold(),
+                actuator2_valve_current_a: second.hold(),
+            }
+        };
+        (command, Empty {})
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample(angle_rad: f64, positions_m: [f64; 2], valid: bool) -> Sample<ActuatorPid> {
+        Sample {
+            time_s: 0.0,
+            measured: Measured {
+                actuator1_position_m: positions_m[0],
+                actuator2_position_m: positions_m[1],
+            },
+            reference: Reference {
+                surface_angle_rad: angle_rad,
+            },
+            valid,
+        }
+    }
+
+    #[test]
+    fn the_papers_gains_answer_each_actuators_own_error() {
+        let setup = Setup {
+            parameters: Parameters::default(),
+            model: Model::default(),
+            period_s: 1e-4,
+        };
+        let mut law = ActuatorPid::start(&setup).expect("starts");
+        let (command, _) = law.step(&sample(0.2, [0.01, -0.02], true));
+        // 90 (0.15 * 0.2 - 0.01) and 90 (0.15 * 0.2 + 0.02)
+        assert!((command.actuator1_valve_current_a - 1.8).abs() < 1e-12);
+        assert!((command.actuator2_valve_current_a - 4.5).abs() < 1e-12);
+        let (held, _) = law.step(&sample(9.0, [9.0, 9.0], false));
+        assert_eq!(held, command);
+    }
+
+    #[test]
+    fn the_two_loops_have_their_own_gains() {
+        let mut parameters = Parameters::default();
+        parameters.actuator2.proportional_a_per_m = 10.0;
+        parameters.actuator2.command_limit_a = 0.2;
+        let setup = Setup {
+            parameters,
+            model: Model {
+                surface: SurfaceModel {
+                    radial_distance_m: 1.0,
+                },
+            },
+            period_s: 1e-4,
+        };
+        let mut law = ActuatorPid::start(&setup).expect("starts");
+        let (command, _) = law.step(&sample(0.5, [0.25, 0.25], true));
+        assert_eq!(command.actuator1_valve_current_a, 22.5);
+        assert_eq!(command.actuator2_valve_current_a, 0.2);
+    }
+}
