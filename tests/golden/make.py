@@ -100,8 +100,8 @@ def plant_rhs():
                 state[-2:] = [supply - rng.uniform(0, 2e3), back + rng.uniform(0, 2e3)]
             if index % 5 == 3:  # outside: a root is clamped
                 state[-2:] = [supply + rng.uniform(1e3, 2e6), back - rng.uniform(1e3, 9e4)]
-            if index % 10 == 9:  # the other way round
-                state[-2:] = state[:-3:-1]
+            if index % 10 in (6, 8):  # the other way round
+                state[-2:] = [state[-1], state[-2]]
         u = [rng.choice((-1, 1)) * rng.uniform(1e-4, 3.0) for _ in (1, 2)]
         if index == 0:
             u = [0.0, 0.0]
@@ -191,7 +191,7 @@ def window(name, law, p, first_tick, ticks, state, gains=None, leak=None, profil
         "rate_hz": RATE_HZ,
         "first_step": first_tick,
         "initial_state": list(state),
-        "command_a": commands,
+        "command_a": commands if gains else None,  # the PID's follows from the state
         "samples": [
             {"step": first_tick + k, "t_s": (first_tick + k) / RATE_HZ, "state": states[k]}
             for k in range(0, ticks + 1, every)
@@ -210,6 +210,17 @@ def plant_windows():
             window("pid from rest", "pid", nominal, 0, 5000, rest(nominal)),
             window("pid, leak evaluated continuously", "pid", nominal, 68000, 4000, moving, None, leak),
             window("pid, leak evaluated once per tick", "pid", nominal, 68000, 4000, moving, None, leak, "tick"),
+            window(
+                "pid, severe leak, pressure differences pass through zero",
+                "pid",
+                nominal,
+                82500,
+                3000,
+                drhas.state_on_reference(nominal, 8.25),
+                None,
+                leak,
+                "tick",
+            ),
             window("ftsc, unequal actuators", "ftsc", UNEQUAL, 0, 5000, rest(UNEQUAL), ftsc),
             window(
                 "ftsc, unequal actuators, moving",
@@ -274,6 +285,10 @@ def law_steps():
         h_21=3.5e18, h_31=2.6e23, epsilon_1=1.1e14, xi_1=1.1e21,
     )  # fmt: skip
     severe = (5e-7, 1e-7)
+    beyond = on(nominal, 3.1)
+    beyond[4:6] = [28.1e6, -1e5]
+    beyond[2] -= 1e-3
+    beyond[6] -= 1e-3
     sequences = [
         sequence("from rest", "nrsc", nominal, 0, 50, rest(nominal)),
         sequence("moving", "nrsc", nominal, 31000, 50, on(nominal, 3.1)),
@@ -302,6 +317,8 @@ def law_steps():
             {"theta_max_1": 2e-9, "theta_max_2": 1e-9},
             severe,
         ),
+        # The pistons must advance while P_1 > P_s and P_2 < P_r: no flow can do it.
+        sequence("first actuator beyond its pressures, F_1 at its floor", "ftsc", nominal, 31000, 1, beyond),
         # A leak backwards asks for a negative estimate: the lower bound holds.
         sequence("leak of the wrong sign, the second estimate stays at 0", "ftsc", nominal, 91000, 40, far, None, (5e-7, -1e-7)),
     ]
