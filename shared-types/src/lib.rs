@@ -1,14 +1,37 @@
-//! Contracts shared by both sides. (Map follows below.)
-extern crate self as shared_types; // the names that `table!` writes must hold here too
+//! The contracts of the framework, used by both sides and by every tool.
+//!
+//! One step, and where its parts live:
+//!
+//! 1. A plant's signals are a [`table`]; what it can be asked is its [`describe`] answer.
+//! 2. Before step 0 both sides say [`hello`] and agree on a [`layout`].
+//! 3. The [`pacer`] releases step `k` of [`time`].
+//! 4. The sample crosses the [`link`] as a [`frame`]; the command comes back the same way. Who may
+//!    send what and when is decided by the [`lockstep`] machines; how to wait, by [`wait`].
+//! 5. The plant publishes the [`record`] of the step on the [`stream`], from which the [`digest`]
+//!    is made.
+//!
+//! A [`session`] is the private place where all this happens and which leaves nothing behind;
+//! [`supervision`] is what its processes hear from the one that started them; [`random`] gives
+//! each consumer of random numbers a stream of its own; [`clock`] is the meters' clock.
 
+extern crate self as shared_types; // the names that `table!` writes must hold in here too
+
+pub mod clock;
 pub mod describe;
+pub mod digest;
 pub mod frame;
 pub mod hello;
 pub mod layout;
 pub mod link;
 pub mod lockstep;
+pub mod pacer;
+pub mod random;
+pub mod record;
 pub mod session;
+pub mod stream;
+pub mod supervision;
 pub mod table;
 pub mod time;
+pub mod wait;
 
 pub use zerocopy;

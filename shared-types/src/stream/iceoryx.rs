@@ -1,0 +1,238 @@
+//! The record stream over iceoryx2 publish-subscribe.
+//!
+//! Overflow is on: a publisher never waits. An observer that returns no credit loses the oldest
+//! items and sees the gap in their numbers.
+
+use iceoryx2::port::publisher::Publisher;
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::prelude::*;
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
+
+use super::{Assembler, Item, ItemKind, RecordSink, RecordSource, send_in_parts};
+use crate::link::LinkError;
+use crate::link::iceoryx::{Ipc, node};
+use crate::record::{Event, RecordLayout};
+use crate::session::SessionInfo;
+
+const RECORDS: &str = "records";
+const CREDIT: &str = "credit";
+/// File of the session's folder that tells observers the layout.
+pub const LAYOUT_FILE: &str = "layout.json";
+/// Items that wait for an observer; large enough for its stalls, small enough to stay in cache
+/// pages that are touched again and again.
+pub const BUFFER: usize = 8192;
+/// Most observers of one session.
+const OBSERVERS: usize = 4;
+/// The credit is looked at when so many items may be under way.
+const LOOK_AT: u64 = BUFFER as u64 / 4;
+/// The loop is held back when fewer free places than this may be left; a step takes far fewer.
+const RESERVE: u64 = 64;
+
+/// Header of an item.
+#[derive(Clone, Copy, Debug, Default, ZeroCopySend)]
+#[repr(C)]
+struct ItemHeader {
+    sequence: u64,
+    kind: u64,
+    bytes: u64,
+}
+
+fn failed(service: &str, error: &dyn std::fmt::Debug) -> LinkError {
+    LinkError::Transport {
+        service: service.into(),
+        reason: format!("{error:?}"),
+    }
+}
+
+type Topics = (
+    PortFactory<Ipc, [u64], ItemHeader>,
+    PortFactory<Ipc, u64, ()>,
+);
+
+fn topics(node: &Node<Ipc>, create: bool) -> Result<Topics, LinkError> {
+    let absent = |e: &dyn std::fmt::Debug| {
+        let reason = format!("{e:?}");
+        LinkError::Absent {
+            service: RECORDS.into(),
+            reason,
+        }
+    };
+    let name = RECORDS.try_into().map_err(|e| failed(RECORDS, &e))?;
+    let records = (node.service_builder(&name).publish_subscribe::<[u64]>())
+        .user_header::<ItemHeader>()
+        .max_publishers(1)
+        .max_subscribers(OBSERVERS)
+        .history_size(0)
+        .subscriber_max_buffer_size(BUFFER)
+        .subscriber_max_borrowed_samples(1)
+        .enable_safe_overflow(true);
+    let name = CREDIT.try_into().map_err(|e| failed(CREDIT, &e))?;
+    let credit = (node.service_builder(&name).publish_subscribe::<u64>())
+        .max_publishers(1)
+        .max_subscribers(1)
+        .history_size(1)
+        .subscriber_max_buffer_size(1)
+        .enable_safe_overflow(true);
+    if create {
+        let records = records.create().map_err(|e| failed(RECORDS, &e))?;
+        Ok((records, credit.create().map_err(|e| failed(CREDIT, &e))?))
+    } else {
+        let records = records.open().map_err(|e| absent(&e))?;
+        Ok((records, credit.open().map_err(|e| absent(&e))?))
+    }
+}
+
+/// The plant's end over shared memory.
+pub struct IceoryxSink {
+    session: SessionInfo,
+    records: PortFactory<Ipc, [u64], ItemHeader>,
+    credit: Subscriber<Ipc, u64, ()>,
+    publisher: Option<Publisher<Ipc, [u64], ItemHeader>>,
+    words: usize,
+    sent: u64,
+    credited: u64,
+    /// Whether the loop waits for an observer rather than lose a record.
+    held: bool,
+    _node: Node<Ipc>,
+}
+
+impl IceoryxSink {
+    /// Creates the stream. With `held` the plant waits for an observer and never outruns it.
+    ///
+    /// # Errors
+    /// If shared memory cannot be used.
+    pub fn create(session: &SessionInfo, held: bool) -> Result<Self, LinkError> {
+        let node = node(session, "records")?;
+        let (records, credit) = topics(&node, true)?;
+        let credit = (credit.subscriber_builder().buffer_size(1).create())
+            .map_err(|e| failed(CREDIT, &e))?;
+        Ok(Self {
+            session: session.clone(),
+            records,
+            credit,
+            publisher: None,
+            words: 1,
+            sent: 0,
+            credited: 0,
+            held,
+            _node: node,
+        })
+    }
+
+    fn send(&mut self, kind: ItemKind, bytes: usize, words: &[u64]) -> Result<(), LinkError> {
+        let publisher = self.publisher.as_ref().ok_or(LinkError::NotOpen)?;
+        let mut item =
+            (publisher.loan_slice_uninit(words.len())).map_err(|e| failed(RECORDS, &e))?;
+        self.sent += 1;
+        *item.user_header_mut() = ItemHeader {
+            sequence: self.sent,
+            kind: kind as u64,
+            bytes: bytes as u64,
+        };
+        item.write_from_slice(words)
+            .send()
+            .map_err(|e| failed(RECORDS, &e))?;
+        Ok(())
+    }
+}
+
+impl RecordSink for IceoryxSink {
+    fn open(&mut self, layout: &RecordLayout) -> Result<(), LinkError> {
+        self.words = layout.words();
+        let publisher = (self.records.publisher_builder())
+            .initial_max_slice_len(self.words)
+            .max_loaned_samples(1)
+            .create()
+            .map_err(|e| failed(RECORDS, &e))?;
+        self.publisher = Some(publisher);
+        // The file tells observers that the publisher is there.
+        (self.session.write_file(LAYOUT_FILE, layout)).map_err(|e| failed(RECORDS, &e))
+    }
+
+    fn has_room(&mut self) -> Result<bool, LinkError> {
+        if !self.held || (self.sent - self.credited < LOOK_AT && self.credited > 0) {
+            return Ok(true);
+        }
+        while let Some(credit) = self.credit.receive().map_err(|e| failed(CREDIT, &e))? {
+            self.credited = *credit;
+        }
+        // No credit at all: the observer is not attached yet. It counts from 1, so that it can
+        // give credit for nothing.
+        Ok(self.credited > 0 && self.sent + 1 - self.credited < BUFFER as u64 - RESERVE)
+    }
+
+    fn record(&mut self, words: &[u64]) -> Result<(), LinkError> {
+        self.send(ItemKind::Record, 8 * words.len(), words)
+    }
+
+    fn event(&mut self, event: &Event) -> Result<(), LinkError> {
+        let words = self.words;
+        send_in_parts(event, words, |kind, bytes, part| {
+            self.send(kind, bytes, part)
+        })
+    }
+}
+
+/// An observer's end over shared memory.
+pub struct IceoryxSource {
+    records: Subscriber<Ipc, [u64], ItemHeader>,
+    credit: Option<Publisher<Ipc, u64, ()>>,
+    items: Assembler,
+    _node: Node<Ipc>,
+}
+
+impl IceoryxSource {
+    /// Attaches to the stream. The one with `credit` is the recorder and holds the plant back; all
+    /// others only watch.
+    ///
+    /// # Errors
+    /// [`LinkError::Absent`] as long as the plant has not created the stream.
+    pub fn open(session: &SessionInfo, credit: bool) -> Result<Self, LinkError> {
+        let node = node(session, "observer")?;
+        let (records, credits) = topics(&node, false)?;
+        let records = (records.subscriber_builder().buffer_size(BUFFER).create())
+            .map_err(|e| failed(RECORDS, &e))?;
+        let credit = if credit {
+            let publisher = credits
+                .publisher_builder()
+                .create()
+                .map_err(|e| failed(CREDIT, &e))?;
+            publisher.send_copy(1).map_err(|e| failed(CREDIT, &e))?;
+            Some(publisher)
+        } else {
+            None
+        };
+        Ok(Self {
+            records,
+            credit,
+            items: Assembler::default(),
+            _node: node,
+        })
+    }
+}
+
+impl RecordSource for IceoryxSource {
+    fn drain(&mut self, take: &mut dyn FnMut(Item<'_>)) -> Result<usize, LinkError> {
+        let mut count = 0;
+        // At most one buffer at a time, so that credit flows while the plant keeps publishing.
+        while count < BUFFER / 8
+            && let Some(item) = self.records.receive().map_err(|e| failed(RECORDS, &e))?
+        {
+            let header = *item.user_header();
+            self.items.take(
+                (header.sequence, header.kind, header.bytes),
+                item.payload(),
+                take,
+            );
+            count += 1;
+        }
+        if count > 0
+            && let Some(credit) = &self.credit
+        {
+            credit
+                .send_copy(self.items.last + 1)
+                .map_err(|e| failed(CREDIT, &e))?;
+        }
+        Ok(count)
+    }
+}

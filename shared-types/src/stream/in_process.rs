@@ -1,0 +1,110 @@
+//! The record stream within one process: a ring of words between two threads.
+
+use rtrb::{Consumer, Producer, RingBuffer, chunks::ChunkError};
+
+use super::{Assembler, Item, ItemKind, RecordSink, RecordSource, send_in_parts};
+use crate::link::LinkError;
+use crate::record::{Event, RecordLayout};
+
+/// Words in the ring: 8 MiB.
+const RING_WORDS: usize = 1 << 20;
+/// Words in front of each item: its length, number, kind and bytes.
+const HEAD_WORDS: usize = 4;
+/// Items that a step may publish: its record and the events before it.
+const RESERVE_ITEMS: usize = 64;
+
+/// A connected sink and source.
+#[must_use]
+pub fn pair() -> (InProcessSink, InProcessSource) {
+    let (producer, consumer) = RingBuffer::new(RING_WORDS);
+    let sink = InProcessSink {
+        ring: producer,
+        words: 1,
+        sent: 0,
+    };
+    let source = InProcessSource {
+        ring: consumer,
+        item: Vec::new(),
+        items: Assembler::default(),
+    };
+    (sink, source)
+}
+
+/// The plant's end within one process.
+pub struct InProcessSink {
+    ring: Producer<u64>,
+    words: usize,
+    sent: u64,
+}
+
+impl InProcessSink {
+    fn send(&mut self, kind: ItemKind, bytes: usize, words: &[u64]) -> Result<(), LinkError> {
+        let full = |_: ChunkError| LinkError::Transport {
+            service: "record ring".into(),
+            reason: "it is full".into(),
+        };
+        self.sent += 1;
+        let mut chunk = self
+            .ring
+            .write_chunk(HEAD_WORDS + words.len())
+            .map_err(full)?;
+        let head = [words.len() as u64, self.sent, kind as u64, bytes as u64];
+        let (front, back) = chunk.as_mut_slices();
+        let places = front.iter_mut().chain(back);
+        for (to, from) in places.zip(head.iter().chain(words)) {
+            *to = *from;
+        }
+        chunk.commit_all();
+        Ok(())
+    }
+}
+
+impl RecordSink for InProcessSink {
+    fn open(&mut self, layout: &RecordLayout) -> Result<(), LinkError> {
+        self.words = layout.words();
+        Ok(())
+    }
+
+    fn has_room(&mut self) -> Result<bool, LinkError> {
+        Ok(self.ring.slots() >= RESERVE_ITEMS * (HEAD_WORDS + self.words))
+    }
+
+    fn record(&mut self, words: &[u64]) -> Result<(), LinkError> {
+        self.send(ItemKind::Record, 8 * words.len(), words)
+    }
+
+    fn event(&mut self, event: &Event) -> Result<(), LinkError> {
+        let words = self.words;
+        send_in_parts(event, words, |kind, bytes, part| {
+            self.send(kind, bytes, part)
+        })
+    }
+}
+
+/// The observer's end within one process.
+pub struct InProcessSource {
+    ring: Consumer<u64>,
+    item: Vec<u64>,
+    items: Assembler,
+}
+
+impl RecordSource for InProcessSource {
+    fn drain(&mut self, take: &mut dyn FnMut(Item<'_>)) -> Result<usize, LinkError> {
+        let mut count = 0;
+        // An item is committed whole, so its head tells how much follows.
+        while let Ok(length) = self.ring.peek().copied() {
+            let Ok(chunk) = self.ring.read_chunk(HEAD_WORDS + length as usize) else {
+                break;
+            };
+            self.item.clear();
+            let (front, back) = chunk.as_slices();
+            self.item.extend_from_slice(front);
+            self.item.extend_from_slice(back);
+            chunk.commit_all();
+            let (head, words) = self.item.split_at(HEAD_WORDS);
+            self.items.take((head[1], head[2], head[3]), words, take);
+            count += 1;
+        }
+        Ok(count)
+    }
+}

@@ -1,0 +1,147 @@
+//! The record stream: from the plant to whoever records, judges or watches.
+//!
+//! The plant's end is a [`RecordSink`], the observer's a [`RecordSource`]. The observer returns
+//! credit, its last contiguous item; a plant that must not lose records looks at it now and then
+//! and holds the loop back when the buffer could overflow. Two implementations: iceoryx2 shared
+//! memory and a ring within one process.
+
+pub mod iceoryx;
+pub mod in_process;
+
+use crate::link::LinkError;
+use crate::record::{Event, RecordLayout};
+
+/// What an item is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u64)]
+enum ItemKind {
+    Record = 1,
+    /// A piece of an event's JSON; the last piece completes it.
+    EventPart = 2,
+    EventEnd = 3,
+}
+
+impl ItemKind {
+    const fn from_wire(number: u64) -> Option<Self> {
+        match number {
+            1 => Some(Self::Record),
+            2 => Some(Self::EventPart),
+            3 => Some(Self::EventEnd),
+            _ => None,
+        }
+    }
+}
+
+/// The plant's end.
+pub trait RecordSink {
+    /// Opens the stream for records of this layout, before step 0.
+    ///
+    /// # Errors
+    /// If the transport failed.
+    fn open(&mut self, layout: &RecordLayout) -> Result<(), LinkError>;
+
+    /// Whether a whole step's items can be published without one being lost.
+    ///
+    /// # Errors
+    /// If the transport failed.
+    fn has_room(&mut self) -> Result<bool, LinkError>;
+
+    /// Publishes a record.
+    ///
+    /// # Errors
+    /// If the transport failed.
+    fn record(&mut self, words: &[u64]) -> Result<(), LinkError>;
+
+    /// Publishes an event.
+    ///
+    /// # Errors
+    /// If the transport failed.
+    fn event(&mut self, event: &Event) -> Result<(), LinkError>;
+}
+
+/// What an observer gets.
+#[derive(Debug)]
+pub enum Item<'a> {
+    /// A record's words.
+    Record(&'a [u64]),
+    /// An event.
+    Event(Event),
+    /// So many items were lost before the next one.
+    Lost(u64),
+    /// An item that could not be read, and why.
+    Broken(String),
+}
+
+/// The observer's end.
+pub trait RecordSource {
+    /// Takes every item that is there, in order, and returns credit for them.
+    ///
+    /// # Errors
+    /// If the transport failed.
+    fn drain(&mut self, take: &mut dyn FnMut(Item<'_>)) -> Result<usize, LinkError>;
+}
+
+/// Puts events together from their pieces and counts losses; both sources use it.
+#[derive(Debug, Default)]
+struct Assembler {
+    last: u64,
+    event: Vec<u8>,
+}
+
+impl Assembler {
+    /// Takes one item: its number, kind, length in bytes and words.
+    fn take(
+        &mut self,
+        (sequence, kind, bytes): (u64, u64, u64),
+        words: &[u64],
+        take: &mut dyn FnMut(Item<'_>),
+    ) {
+        if sequence > self.last + 1 {
+            take(Item::Lost(sequence - self.last - 1));
+            self.event.clear();
+        }
+        self.last = sequence;
+        let part = || {
+            let bytes_of_words = zerocopy::IntoBytes::as_bytes(words);
+            &bytes_of_words[..(bytes as usize).min(bytes_of_words.len())]
+        };
+        match ItemKind::from_wire(kind) {
+            Some(ItemKind::Record) => take(Item::Record(words)),
+            Some(ItemKind::EventPart) => self.event.extend(part()),
+            Some(ItemKind::EventEnd) => {
+                self.event.extend(part());
+                match serde_json::from_slice(&self.event) {
+                    Ok(event) => take(Item::Event(event)),
+                    Err(error) => take(Item::Broken(format!("an event: {error}"))),
+                }
+                self.event.clear();
+            }
+            None => take(Item::Broken(format!("an item of unknown kind {kind}"))),
+        }
+    }
+}
+
+/// Cuts an event into items of at most `words` words and sends each.
+fn send_in_parts<E>(
+    event: &Event,
+    words: usize,
+    mut send: impl FnMut(ItemKind, usize, &[u64]) -> Result<(), E>,
+) -> Result<(), E> {
+    let json = serde_json::to_vec(event).unwrap_or_default();
+    let mut parts = json.chunks(8 * words.max(1)).peekable();
+    while let Some(part) = parts.next() {
+        let mut padded = vec![0_u64; part.len().div_ceil(8)];
+        zerocopy::IntoBytes::as_mut_bytes(&mut padded[..])[..part.len()].copy_from_slice(part);
+        let last = parts.peek().is_none();
+        let kind = if last {
+            ItemKind::EventEnd
+        } else {
+            ItemKind::EventPart
+        };
+        send(kind, part.len(), &padded)?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;

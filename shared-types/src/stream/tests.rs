@@ -1,0 +1,135 @@
+//! What every record stream must do, run on both implementations, and what only one can show.
+
+use super::*;
+use crate::record::{FaultTaken, RecordLayout};
+use crate::session::Session;
+use crate::table::Field;
+
+fn layout() -> RecordLayout {
+    let field = Field::signal("angle_rad", "rad", "x");
+    RecordLayout {
+        truth: vec![field.clone()],
+        measured: vec![field],
+        command_signals: 1,
+        ..RecordLayout::default()
+    }
+}
+
+fn event(text: &str) -> Event {
+    Event::Fault(FaultTaken {
+        id: 1,
+        step: 2,
+        kind: "leakage".into(),
+        target: "actuator1".into(),
+        parameter: text.into(),
+        canonical: String::new(),
+    })
+}
+
+/// Everything a source has, as text.
+fn drained(source: &mut dyn RecordSource) -> Vec<String> {
+    let mut seen = Vec::new();
+    loop {
+        let count = source.drain(&mut |item| {
+            seen.push(match item {
+                Item::Record(words) => format!("record {}", words[0]),
+                Item::Event(Event::Fault(fault)) => format!("event {}", fault.parameter.len()),
+                other => format!("{other:?}"),
+            });
+        });
+        if count.expect("drains") == 0 {
+            return seen;
+        }
+    }
+}
+
+fn records_and_events_arrive_in_order(sink: &mut dyn RecordSink, source: &mut dyn RecordSource) {
+    sink.open(&layout()).expect("opens");
+    let mut words = vec![0; layout().words()];
+    assert!(sink.has_room().expect("asks"));
+    sink.record(&words).expect("publishes");
+    sink.event(&event(&"long ".repeat(500))).expect("publishes");
+    words[0] = 1;
+    sink.record(&words).expect("publishes");
+    assert_eq!(drained(source), ["record 0", "event 2500", "record 1"]);
+}
+
+#[test]
+fn order_is_kept_in_process() {
+    let (mut sink, mut source) = in_process::pair();
+    records_and_events_arrive_in_order(&mut sink, &mut source);
+}
+
+#[test]
+fn order_is_kept_over_iceoryx2() {
+    let session = Session::create(None).expect("a session");
+    let mut sink = iceoryx::IceoryxSink::create(session.info(), true).expect("creates");
+    let mut source = iceoryx::IceoryxSource::open(session.info(), true).expect("opens");
+    records_and_events_arrive_in_order(&mut sink, &mut source);
+}
+
+#[test]
+fn a_full_ring_holds_the_loop_back_until_it_is_drained() {
+    let (mut sink, mut source) = in_process::pair();
+    sink.open(&layout()).expect("opens");
+    let mut words = vec![0; layout().words()];
+    let mut sent = 0;
+    while sink.has_room().expect("asks") {
+        words[0] = sent;
+        sink.record(&words).expect("publishes");
+        sent += 1;
+    }
+    let seen = drained(&mut source);
+    assert_eq!(seen.len() as u64, sent);
+    assert!(sink.has_room().expect("asks"));
+}
+
+#[test]
+fn without_credit_the_plant_waits_and_nothing_is_lost() {
+    let session = Session::create(None).expect("a session");
+    let mut sink = iceoryx::IceoryxSink::create(session.info(), true).expect("creates");
+    sink.open(&layout()).expect("opens");
+    assert!(!sink.has_room().expect("asks"), "no observer yet");
+    let mut source = iceoryx::IceoryxSource::open(session.info(), true).expect("opens");
+    let mut words = vec![0; layout().words()];
+    let mut sent = 0;
+    while sink.has_room().expect("asks") {
+        words[0] = sent;
+        sink.record(&words).expect("publishes");
+        sent += 1;
+    }
+    assert!(
+        sent > iceoryx::BUFFER as u64 / 2 && sent < iceoryx::BUFFER as u64,
+        "{sent}"
+    );
+    let seen = drained(&mut source);
+    let expected: Vec<String> = (0..sent).map(|k| format!("record {k}")).collect();
+    assert_eq!(seen, expected);
+    assert!(sink.has_room().expect("asks"), "credit came back");
+}
+
+#[test]
+fn an_observer_without_credit_sees_its_losses() {
+    let session = Session::create(None).expect("a session");
+    let mut sink = iceoryx::IceoryxSink::create(session.info(), false).expect("creates");
+    sink.open(&layout()).expect("opens");
+    let mut source = iceoryx::IceoryxSource::open(session.info(), false).expect("opens");
+    drained(&mut source);
+    let mut words = vec![0; layout().words()];
+    let sent = iceoryx::BUFFER as u64 + 10;
+    for k in 0..sent {
+        words[0] = k;
+        sink.record(&words).expect("publishes");
+    }
+    let seen = drained(&mut source);
+    assert_eq!(seen[0], "Lost(10)");
+    assert_eq!(seen[1], "record 10");
+    assert_eq!(seen.len(), iceoryx::BUFFER + 1);
+}
+
+#[test]
+fn a_stream_that_is_not_there_cannot_be_opened() {
+    let session = Session::create(None).expect("a session");
+    let opened = iceoryx::IceoryxSource::open(session.info(), true);
+    assert!(matches!(opened, Err(LinkError::Absent { .. })));
+}
