@@ -279,7 +279,7 @@ def main():
             print(f"         {dict(list(result.items())[5:])}")
     if options.json:
         with open(options.json, "w") as file:
-            json.dump({"substeps": options.substeps, "results": results}, file, indent=1)
+            file.write(json.dumps({"substeps": options.substeps, "results": results}, indent=1) + "\n")
 
 
 if __name__ == "__main__":
