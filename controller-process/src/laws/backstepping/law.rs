@@ -180,3 +180,19 @@ impl VelocityHistory {
         self.missed = self.missed.saturating_add(1);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_acceleration_is_the_backward_difference_and_bridges_gaps() {
+        let mut history = VelocityHistory::default();
+        let mut at = |v: f64| history.acceleration(Vector2::new(v, -2.0 * v), 0.25);
+        assert_eq!(at(3.0), Vector2::zeros());
+        assert_eq!(at(4.0), Vector2::new(4.0, -8.0));
+        history.skip();
+        let bridged = history.acceleration(Vector2::new(5.0, -10.0), 0.25);
+        assert_eq!(bridged, Vector2::new(2.0, -4.0));
+    }
+}

@@ -35,5 +35,8 @@ pub mod steps;
 pub mod trajectory;
 pub mod transformation;
 
+#[cfg(test)]
+mod tests;
+
 /// A quantity and its time derivatives: element `j` is the derivative of order `j`.
 pub type Jet<T, const N: usize> = [T; N];

@@ -5,7 +5,7 @@
 use libm::{ceil, exp};
 
 use super::gains::Gains;
-use super::signals::Errors;
+use super::steps::Errors;
 
 /// Judges V_3.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,7 +1,5 @@
 //! The signals of the backstepping laws: what they measure, follow and show.
 
-use nalgebra::Vector2;
-
 use super::Jet;
 
 shared_types::table! {
@@ -126,15 +124,4 @@ shared_types::table! {
         /// Error z_32 of the force difference (eq. 43).
         z32: "N/s2",
     }
-}
-
-/// The three error vectors of the design.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Errors {
-    /// z_1 in N (eq. 39).
-    pub z_1: Vector2<f64>,
-    /// z_2 in N/s (eq. 40).
-    pub z_2: Vector2<f64>,
-    /// z_3 in N/s2 (eq. 43).
-    pub z_3: Vector2<f64>,
 }

@@ -10,10 +10,20 @@ use nalgebra::Vector2;
 
 use super::Jet;
 use super::gains::Gains;
-use super::signals::Errors;
 use super::transformation::Transformation;
 
 type Vector = Vector2<f64>;
+
+/// The three error vectors of the design.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Errors {
+    /// z_1 in N (eq. 39).
+    pub z_1: Vector,
+    /// z_2 in N/s (eq. 40).
+    pub z_2: Vector,
+    /// z_3 in N/s2 (eq. 43).
+    pub z_3: Vector,
+}
 
 /// The gains of the steps, one vector or diagonal each.
 #[derive(Clone, Copy, Debug, PartialEq)]
