@@ -1,5 +1,213 @@
-//! The expression grammar.
+//! Expressions over signals: one grammar for derived signals and metrics.
+//!
+//! Read by the [`check`](crate::check), which resolves every name; computed by an
+//! [`Evaluation`](crate::evaluation::Evaluation) while records arrive. Never allocates while
+//! computing, never looks at anything but a row of numbers.
+//!
+//! ```text
+//! expression  = conjunction { "or" conjunction }
+//! conjunction = negation { "and" negation }
+//! negation    = "not" negation | comparison
+//! comparison  = sum [ ("<" | "<=" | ">" | ">=" | "==" | "!=") sum ]
+//! sum         = product { ("+" | "-") product }
+//! product     = sign { ("*" | "/") sign }
+//! sign        = "-" sign | number | signal | call | "(" expression ")"
+//! signal      = ("truth" | "measured" | "reference" | "command" | "applied" | "internal") "." name
+//!             | name of a derived signal
+//! call        = ("abs" | "sqrt") "(" expression ")"
+//!             | ("min" | "max") "(" expression "," expression ")"
+//!             | reduction "(" expression ")"
+//! reduction   = "max_abs" | "max" | "min" | "mean" | "rms" | "initial" | "final" | "integral"
+//! ```
+//!
+//! A comparison is 1 where it holds and 0 where not; every number but 0 counts as true.
+//!
+//! **A value that does not exist** is NaN, as the command in the final record, and so is the root
+//! of a negative number. Whatever is computed from it does not exist either, comparisons and
+//! `and`, `or`, `not`, `min`, `max` included. A reduction skips rows where its expression does not
+//! exist and counts them; over no row at all it does not exist itself.
+//!
+//! **Reductions** ([`ReductionKind`]) turn the rows of a window into one number. A metric needs at
+//! least one and may compute with them, as in `max(x) - min(x)`; a derived signal has none.
 
-/// An expression.
-#[derive(Clone, Debug)]
-pub struct Expression;
+mod columns;
+mod lexer;
+mod parser;
+mod program;
+mod reduction;
+
+use std::ops::Range;
+
+pub use columns::{Columns, Group};
+pub use program::Program;
+pub use reduction::{Accumulator, Reduction, ReductionKind};
+
+pub(crate) use parser::is_reserved;
+use program::Op;
+
+/// An expression, read but not yet bound to columns.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Expression {
+    text: String,
+    /// In Polish order: operands first.
+    ops: Vec<Op>,
+    /// The signals it names.
+    names: Vec<Name>,
+    reductions: Vec<Reduced>,
+}
+
+/// A signal's name in an expression.
+#[derive(Clone, Debug, PartialEq)]
+struct Name {
+    path: String,
+    span: Range<usize>,
+    /// Whether it stands inside a reduction.
+    reduced: bool,
+}
+
+/// A reduction in an expression.
+#[derive(Clone, Debug, PartialEq)]
+struct Reduced {
+    kind: ReductionKind,
+    ops: Vec<Op>,
+    span: Range<usize>,
+}
+
+/// An error in an expression.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("column {column} of the expression: {message}")]
+pub struct ExpressionError {
+    /// What is wrong.
+    pub message: String,
+    /// Column in the expression, in characters from 1.
+    pub column: usize,
+    /// The bytes of the expression that are wrong.
+    pub span: Range<usize>,
+    /// Names that exist and are closest to an unknown one.
+    pub nearest: Vec<String>,
+}
+
+impl ExpressionError {
+    fn new(text: &str, span: Range<usize>, message: impl Into<String>) -> Self {
+        Self {
+            message: message.into(),
+            column: text[..span.start].chars().count() + 1,
+            span,
+            nearest: Vec::new(),
+        }
+    }
+}
+
+impl std::fmt::Display for Expression {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        self.text.fmt(f)
+    }
+}
+
+impl Expression {
+    /// Reads an expression.
+    ///
+    /// # Errors
+    /// If it does not follow the grammar, reduces a reduction, or uses a signal beside reductions.
+    pub fn parse(text: &str) -> Result<Self, ExpressionError> {
+        parser::parse(text)
+    }
+
+    /// Every name that no column has.
+    #[must_use]
+    pub fn unknown_names(&self, columns: &Columns) -> Vec<ExpressionError> {
+        self.names
+            .iter()
+            .filter_map(|name| self.column(name, columns).err())
+            .collect()
+    }
+
+    /// Refuses reductions, which a derived signal cannot have.
+    ///
+    /// # Errors
+    /// If it has one.
+    pub fn refuse_reduction(&self) -> Result<(), ExpressionError> {
+        match self.reductions.first() {
+            None => Ok(()),
+            Some(reduced) => Err(self.error(
+                reduced.span.clone(),
+                "a reduction needs a window and so belongs into [[metrics]]",
+            )),
+        }
+    }
+
+    /// Refuses an expression without reductions, which a metric cannot be.
+    ///
+    /// # Errors
+    /// If it has none.
+    pub fn refuse_signal(&self) -> Result<(), ExpressionError> {
+        if self.reductions.is_empty() {
+            let message = "a metric needs a reduction, such as max_abs(..)";
+            return Err(self.error(0..self.text.len(), message));
+        }
+        Ok(())
+    }
+
+    /// The expression of a derived signal, bound to columns.
+    ///
+    /// # Errors
+    /// If a name is unknown or the expression has reductions.
+    pub fn compile_signal(&self, columns: &Columns) -> Result<Program, ExpressionError> {
+        self.refuse_reduction()?;
+        self.bind(&self.ops, columns)
+    }
+
+    /// The expression of a metric, bound to columns: its reductions, and what is computed from
+    /// their results.
+    ///
+    /// # Errors
+    /// If a name is unknown or the expression has no reduction.
+    pub fn compile_metric(
+        &self,
+        columns: &Columns,
+    ) -> Result<(Vec<Reduction>, Program), ExpressionError> {
+        self.refuse_signal()?;
+        let reductions = self
+            .reductions
+            .iter()
+            .map(|Reduced { kind, ops, .. }| {
+                Ok(Reduction {
+                    kind: *kind,
+                    program: self.bind(ops, columns)?,
+                })
+            })
+            .collect::<Result<_, _>>()?;
+        Ok((reductions, self.bind(&self.ops, columns)?))
+    }
+
+    fn bind(&self, ops: &[Op], columns: &Columns) -> Result<Program, ExpressionError> {
+        let ops = ops
+            .iter()
+            .map(|&op| match op {
+                Op::Name(index) => self.column(&self.names[index], columns).map(Op::Load),
+                Op::Reduced(index) => Ok(Op::Load(index)),
+                op => Ok(op),
+            })
+            .collect::<Result<_, _>>()?;
+        Ok(Program::new(ops))
+    }
+
+    fn column(&self, name: &Name, columns: &Columns) -> Result<usize, ExpressionError> {
+        columns.index_of(&name.path).ok_or_else(|| {
+            let message = match name.path.split_once('.') {
+                Some((prefix, _)) if !columns.has_prefix(prefix) => {
+                    format!("unknown kind of signal `{prefix}`")
+                }
+                Some(_) => format!("unknown signal `{}`", name.path),
+                None => format!("unknown derived signal `{}`", name.path),
+            };
+            let mut error = self.error(name.span.clone(), &message);
+            error.nearest = columns.nearest(&name.path);
+            error
+        })
+    }
+
+    fn error(&self, span: Range<usize>, message: &str) -> ExpressionError {
+        ExpressionError::new(&self.text, span, message)
+    }
+}

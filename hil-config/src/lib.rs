@@ -1,3 +1,32 @@
-//! Scenarios.
+//! Scenarios: from text to values that plant and controller can use as they are.
+//!
+//! Used by the launcher, which knows plants and laws only by what their binaries say of themselves
+//! ([`shared_types::describe`]), and by the plant, which takes its part of a [`Plan`](plan::Plan).
+//! Starts nothing, and reads no file but the scenario and its tables of points.
+//!
+//! 1. [`Scenario::read`](scenario::Scenario::read): the text becomes a tree whose values know where
+//!    they stand; [`set`](scenario::Scenario::set) puts `--set` values over it.
+//! 2. [`Scenario::check`](scenario::Scenario::check): the tree becomes a [`Plan`](plan::Plan), or
+//!    all [`Problems`](problem::Problems) at once, each with its place and what would be right.
+//! 3. [`show`](show::show) writes a plan as a complete scenario, [`schema`](schema::schema) the
+//!    format for editors.
+//! 4. [`Evaluation`](evaluation::Evaluation) computes the plan's derived signals and metrics while
+//!    records arrive, from its [expressions](expression).
+
+mod check;
+mod document;
+mod flag;
+mod keys;
+mod quantity;
+mod reader;
+mod source;
+
+pub mod evaluation;
 pub mod expression;
 pub mod plan;
+pub mod problem;
+pub mod scenario;
+pub mod schema;
+pub mod show;
+
+pub use source::Excerpt;

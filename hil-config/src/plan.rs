@@ -1,6 +1,6 @@
 //! The plan: a scenario after every check, in values that the processes can use as they are.
 //!
-//! Made by [`check`](crate::check); read by the launcher and, in parts, by the plant. Nothing here
+//! Made by [`Scenario::check`](crate::scenario::Scenario::check); read by the launcher and, in parts, by the plant. Nothing here
 //! can be out of range, unknown or unbound any more.
 
 use serde::{Deserialize, Serialize};
@@ -11,10 +11,12 @@ use shared_types::time::{Rate, Step};
 use crate::expression::Expression;
 
 /// A checked scenario.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     /// Its name.
     pub name: String,
+    /// What it shows; may be empty.
+    pub description: String,
     /// Duration, rate, clock.
     pub run: Run,
     /// The plant.
@@ -249,22 +251,22 @@ pub enum Profile {
 }
 
 /// A derived signal.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Derived {
     /// Name.
     pub name: String,
-    /// Unit, by the name's ending.
+    /// Unit: the one given, else the one that the name's ending stands for, else `1`.
     pub unit: String,
     /// Its value from signals and earlier derived ones.
     pub expression: Expression,
 }
 
 /// A metric: reductions of signals over windows.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Metric {
     /// Name.
     pub name: String,
-    /// Unit, by the name's ending.
+    /// Unit: the one given, else the one that the name's ending stands for, else `1`.
     pub unit: String,
     /// The reductions and what is made of them.
     pub expression: Expression,

@@ -1,0 +1,359 @@
+//! `[controller]`: law, its parameters and model, its rate; and whether every signal that it needs
+//! is there.
+
+use std::collections::BTreeMap;
+
+use shared_types::describe::{LawDescription, PlantDescription, Settings};
+use shared_types::table::{Field, derivative_of};
+
+use super::parameters;
+use crate::keys::{CONTROLLER, WAVEFORMS};
+use crate::plan::{ControllerPlan, Run, Stimulus};
+use crate::problem::{ProblemKind, listed};
+use crate::quantity::{Quantity, number};
+use crate::reader::{Reader, Section};
+
+/// The law of a name for a plant. Laws for different plants may share a name; if none fits the
+/// plant, any of that name.
+pub(crate) fn law_for<'d>(
+    laws: &'d [LawDescription],
+    name: &str,
+    plant: Option<&str>,
+) -> Option<&'d LawDescription> {
+    let named = || laws.iter().filter(|law| law.name == name);
+    named().find(|law| fits(law, plant)).or(named().next())
+}
+
+fn fits(law: &LawDescription, plant: Option<&str>) -> bool {
+    law.plants.is_empty() || plant.is_none_or(|plant| law.plants.iter().any(|name| name == plant))
+}
+
+/// The description of the law that is asked for.
+pub(super) fn find<'d>(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    laws: &'d [LawDescription],
+    plant: Option<&PlantDescription>,
+) -> Option<&'d LawDescription> {
+    let name = reader.text(section, "law")?;
+    let plant = plant.map(|plant| plant.name.as_str());
+    let law = law_for(laws, name, plant);
+    if let Some(law) = law
+        && fits(law, plant)
+    {
+        return Some(law);
+    }
+    let fitting = laws.iter().filter(|law| fits(law, plant));
+    let mut names: Vec<&str> = fitting.map(|law| law.name.as_str()).collect();
+    names.dedup();
+    let (kind, message) = match law {
+        Some(_) => (
+            ProblemKind::Mismatch,
+            format!(
+                "law `{name}` is not made for plant `{}`",
+                plant.unwrap_or_default()
+            ),
+        ),
+        None => (ProblemKind::UnknownName, format!("unknown law `{name}`")),
+    };
+    let problem = reader
+        .report(
+            kind,
+            section.path_of("law"),
+            section.place_of("law"),
+            message,
+        )
+        .expected(format!("one of {}", listed(names.iter().copied())));
+    match law {
+        Some(law) => {
+            let plants = listed(law.plants.iter().map(String::as_str));
+            problem.help(format!("law `{name}` is made for {plants}"));
+        }
+        None => {
+            problem.nearest(name, names);
+        }
+    }
+    None
+}
+
+pub(super) fn check(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    laws: &[LawDescription],
+    law: Option<&LawDescription>,
+    plant: Option<&PlantDescription>,
+    nominal: Option<&Settings>,
+    run: Option<Run>,
+) -> Option<ControllerPlan> {
+    let tables = law_tables(reader, section, laws, plant);
+    let command_delay_steps = reader.integer(section, "command_delay_steps");
+    let rate_divisor = rate_divisor(reader, section, run);
+    let model_section = reader.section(section, "model");
+
+    // Another law's model may stand here too, so that the law can be changed by one flag.
+    let mut known: Vec<Field> = law.map(|law| law.model.clone()).unwrap_or_default();
+    for field in laws.iter().flat_map(|law| &law.model) {
+        if known.iter().all(|other| other.name != field.name) {
+            known.push(field.clone());
+        }
+    }
+    let given_model = model_section
+        .as_ref()
+        .map(|section| parameters::given(reader, section, &known, "the model of a law"))
+        .unwrap_or_default();
+
+    let law = law?;
+    let none = BTreeMap::new();
+    let given = tables.get(law.name.as_str()).unwrap_or(&none);
+    let table = Section {
+        path: section.path_of(&law.name),
+        ..section.clone()
+    };
+    let parameters = parameters::complete(reader, &table, &law.parameters, given, |_| None);
+
+    let (nominal, plant) = (nominal?, plant?);
+    let model_table = Section {
+        path: section.path_of("model"),
+        ..section.clone()
+    };
+    let of_plant = |field: &Field| {
+        let same = |other: &&Field| other.name == field.name && other.unit == field.unit;
+        let parameter = plant.parameters.iter().find(same)?;
+        nominal.get(&parameter.name)
+    };
+    let model = parameters::complete(reader, &model_table, &law.model, &given_model, of_plant);
+    for field in &law.model {
+        let value = model.get(&field.name);
+        let borrowed = !given_model.contains_key(&field.name);
+        if let Some(value) = value
+            && borrowed
+            && !field.admits(value)
+        {
+            let name = &field.name;
+            let message = format!(
+                "`controller.model.{name}` takes the plant's value {}, out of range for law `{}`",
+                number(value),
+                law.name
+            );
+            reader
+                .report(
+                    ProblemKind::OutOfRange,
+                    model_table.path_of(name),
+                    section.place_of("law"),
+                    message,
+                )
+                .expected(Quantity::from(field).expected())
+                .help(format!("give `{name}` in [controller.model]"));
+        }
+    }
+    Some(ControllerPlan {
+        law: law.name.clone(),
+        parameters,
+        model,
+        rate_divisor: rate_divisor?,
+        command_delay_steps: u32::try_from(command_delay_steps?).ok()?,
+    })
+}
+
+/// Checks the tables of all laws, `[controller.<law>]`; the values by law.
+fn law_tables<'d>(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    laws: &'d [LawDescription],
+    plant: Option<&PlantDescription>,
+) -> BTreeMap<&'d str, BTreeMap<String, f64>> {
+    let mut names: Vec<&str> = laws.iter().map(|law| law.name.as_str()).collect();
+    names.sort_unstable();
+    names.dedup();
+    reader.refuse_unknown(section, &names);
+    names.retain(|name| CONTROLLER.iter().all(|key| key.name != *name));
+    let plant = plant.map(|plant| plant.name.as_str());
+    let mut tables = BTreeMap::new();
+    for name in names {
+        let Some(law) = law_for(laws, name, plant) else {
+            continue;
+        };
+        if let Some(table) = reader.table(section, name) {
+            let owner = format!("law `{name}`");
+            let values = parameters::given(reader, &table, &law.parameters, &owner);
+            tables.insert(name, values);
+        }
+    }
+    tables
+}
+
+/// How many exchange steps the law's period has.
+fn rate_divisor(reader: &mut Reader, section: &Section<'_>, run: Option<Run>) -> Option<u32> {
+    if section.table.get("rate_hz").is_none() {
+        return Some(1);
+    }
+    let rate_hz = reader.number(section, "rate_hz")?;
+    let run_hz = run?.rate.hz();
+    let ratio = run_hz / rate_hz;
+    let whole = ratio.round();
+    if whole >= 1.0 && whole <= f64::from(u32::MAX) && (ratio - whole).abs() <= 1e-9 * whole {
+        return Some(whole as u32);
+    }
+    let below = (run_hz / (ratio.floor() + 1.0), run_hz / ratio.floor());
+    let help = if ratio < 1.0 {
+        format!("the highest is {}", number(run_hz))
+    } else {
+        format!(
+            "the nearest are {} and {}",
+            number(below.0),
+            number(below.1)
+        )
+    };
+    reader
+        .report(
+            ProblemKind::Mismatch,
+            section.path_of("rate_hz"),
+            section.place_of("rate_hz"),
+            format!(
+                "`controller.rate_hz` is {}, no whole fraction of `run.rate_hz` = {}",
+                number(rate_hz),
+                number(run_hz)
+            ),
+        )
+        .expected("run.rate_hz divided by 1, 2, 3, .. in Hz")
+        .help(help);
+    None
+}
+
+/// Reports every signal that the law or the plant needs and nothing gives.
+pub(super) fn bind(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    law: &LawDescription,
+    plant: &PlantDescription,
+    stimuli: Option<&[Stimulus]>,
+) {
+    let asks = format!("law `{}` needs the measured signal", law.name);
+    let gives = format!("plant `{}`", plant.name);
+    for field in &law.measured {
+        if !gives_field(&plant.measured, field) {
+            unbound(reader, section, &asks, field, &gives, &plant.measured, None);
+        }
+    }
+    if let Some(commands) = &law.commands {
+        let asks = format!("plant `{}` needs the command", plant.name);
+        let gives = format!("law `{}`", law.name);
+        for field in &plant.commands {
+            if !gives_field(commands, field) {
+                unbound(reader, section, &asks, field, &gives, commands, None);
+            }
+        }
+    }
+    if let Some(stimuli) = stimuli {
+        bind_reference(reader, section, law, stimuli);
+    }
+}
+
+fn gives_field(given: &[Field], wanted: &Field) -> bool {
+    given
+        .iter()
+        .any(|field| field.name == wanted.name && field.unit == wanted.unit)
+}
+
+fn bind_reference(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    law: &LawDescription,
+    stimuli: &[Stimulus],
+) {
+    let given: Vec<Field> = stimuli.iter().flat_map(Stimulus::fields).collect();
+    let missing: Vec<&Field> = law
+        .reference
+        .iter()
+        .filter(|field| !gives_field(&given, field))
+        .collect();
+    let asks = format!("law `{}` needs the reference signal", law.name);
+    let mut reported: Vec<&str> = Vec::new();
+    for field in missing {
+        let (target, _) = target_of(field, &law.reference);
+        // One message for a target: its derivatives come and go with it.
+        if reported.contains(&target.name.as_str()) {
+            continue;
+        }
+        reported.push(&target.name);
+        let highest = law
+            .reference
+            .iter()
+            .map(|field| target_of(field, &law.reference))
+            .filter(|(of, _)| of.name == target.name)
+            .map(|(_, order)| order)
+            .max()
+            .unwrap_or_default();
+        let kinds = WAVEFORMS
+            .iter()
+            .filter(|kind| kind.derivatives >= highest)
+            .map(|kind| kind.name);
+        let needs = match highest {
+            0 => String::new(),
+            1 => " with its first derivative".into(),
+            order => format!(" with its first {order} derivatives"),
+        };
+        let help = format!(
+            "a [[stimuli]] with target = \"{}\" and a kind of {} gives it{needs}",
+            target.name,
+            listed(kinds)
+        );
+        unbound(
+            reader,
+            section,
+            &asks,
+            field,
+            "a stimulus",
+            &given,
+            Some(help),
+        );
+    }
+}
+
+/// The signal that a reference signal is a derivative of, and its order; itself with order 0 if it
+/// is none.
+fn target_of<'f>(field: &'f Field, all: &'f [Field]) -> (&'f Field, usize) {
+    for order in 1..=5 {
+        let is_target = |target: &&Field| {
+            derivative_of(&target.name, &target.unit, order)
+                == (field.name.clone(), field.unit.clone())
+        };
+        if let Some(target) = all.iter().find(is_target) {
+            return (target, order);
+        }
+    }
+    (field, 0)
+}
+
+fn unbound(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    asks: &str,
+    field: &Field,
+    gives: &str,
+    given: &[Field],
+    help: Option<String>,
+) {
+    let Field { name, unit, .. } = field;
+    let other_unit = given.iter().find(|field| field.name == *name);
+    let message = match other_unit {
+        Some(other) => {
+            let other = &other.unit;
+            format!("{asks} `{name}` in {unit}, and {gives} gives it in {other}")
+        }
+        None if gives == "a stimulus" => {
+            format!("{asks} `{name}` in {unit}, which no stimulus gives")
+        }
+        None => format!("{asks} `{name}` in {unit}, which {gives} does not give"),
+    };
+    let problem = reader.report(
+        ProblemKind::Unbound,
+        section.path_of("law"),
+        section.place_of("law"),
+        message,
+    );
+    if other_unit.is_none() {
+        problem.nearest(name, given.iter().map(|field| field.name.as_str()));
+    }
+    problem.help = help;
+}

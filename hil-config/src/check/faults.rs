@@ -1,0 +1,246 @@
+//! `[[faults]]`: events and their effects on faultable parameters.
+
+use shared_types::describe::{FaultDescription, PlantDescription, ProfileDescription, Settings};
+use shared_types::table::Field;
+use shared_types::time::Step;
+
+use crate::document::Value;
+use crate::plan::{FaultEffect, FaultEvent, Profile, Run};
+use crate::problem::{ProblemKind, listed};
+use crate::quantity::{Quantity, number};
+use crate::reader::{Reader, Section};
+
+/// The events that are right; the others are reported.
+pub(super) fn check(
+    reader: &mut Reader,
+    root: &Section<'_>,
+    plant: Option<&PlantDescription>,
+    nominal: Option<&Settings>,
+    run: Option<Run>,
+) -> Vec<FaultEvent> {
+    let sections = reader.list(root, "faults");
+    (1..)
+        .zip(&sections)
+        .filter_map(|(id, section)| event(reader, section, id, plant, nominal, run))
+        .collect()
+}
+
+fn event(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    id: u32,
+    plant: Option<&PlantDescription>,
+    nominal: Option<&Settings>,
+    run: Option<Run>,
+) -> Option<FaultEvent> {
+    reader.refuse_unknown(section, &[]);
+    let kind = reader.text(section, "kind");
+    let at_s = reader.number(section, "at_s");
+    let sections = reader.list(section, "effects");
+    if let Some(entry) = section.table.get("effects")
+        && matches!(&entry.node.value, Value::List(items) if items.is_empty())
+    {
+        let path = section.path_of("effects");
+        let message = format!("`{path}` is empty: the fault would do nothing");
+        reader
+            .report(ProblemKind::MissingKey, path, &entry.node.place, message)
+            .expected("at least one effect");
+    }
+    let step = at_s.and_then(|at_s| step_at(reader, section, "at_s", at_s, run?));
+    let plant = plant?;
+    let fault = find(reader, section, kind?, plant)?;
+    let effects: Vec<Option<FaultEffect>> = sections
+        .iter()
+        .map(|effect_section| {
+            let effect = Effect {
+                plant,
+                fault,
+                nominal,
+            };
+            effect.check(reader, effect_section, at_s.filter(|_| step.is_some()), run)
+        })
+        .collect();
+    Some(FaultEvent {
+        id,
+        kind: fault.kind.clone(),
+        at_s: at_s?,
+        effects: effects.into_iter().collect::<Option<_>>()?,
+    })
+}
+
+fn find<'d>(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    kind: &str,
+    plant: &'d PlantDescription,
+) -> Option<&'d FaultDescription> {
+    let found = plant.faults.iter().find(|fault| fault.kind == kind);
+    if found.is_none() {
+        let names = plant.faults.iter().map(|fault| fault.kind.as_str());
+        let message = format!("plant `{}` has no fault `{kind}`", plant.name);
+        let problem = reader.report(
+            ProblemKind::UnknownName,
+            section.path_of("kind"),
+            section.place_of("kind"),
+            message,
+        );
+        if plant.faults.is_empty() {
+            problem.expected("no faults: this plant offers none");
+        } else {
+            problem
+                .expected(format!("one of {}", listed(names.clone())))
+                .nearest(kind, names);
+        }
+    }
+    found
+}
+
+/// The step at which something takes hold, which must be one that is exchanged.
+fn step_at(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    key: &str,
+    at_s: f64,
+    run: Run,
+) -> Option<Step> {
+    let last = Step(run.steps - 1);
+    // Compared in seconds first: a huge time has no step.
+    let step = (at_s <= run.rate.seconds(last)).then(|| run.rate.step_at_or_after(at_s));
+    if let Some(step) = step
+        && step <= last
+    {
+        return Some(step);
+    }
+    let path = section.path_of(key);
+    let message = format!("`{path}`: at {} s the run is over", number(at_s));
+    reader
+        .report(
+            ProblemKind::OutOfRange,
+            path,
+            section.place_of(key),
+            message,
+        )
+        .expected(format!(
+            "a time from 0 to {} in s, the last step",
+            number(run.rate.seconds(last))
+        ));
+    None
+}
+
+/// What an effect is checked against.
+struct Effect<'d> {
+    plant: &'d PlantDescription,
+    fault: &'d FaultDescription,
+    nominal: Option<&'d Settings>,
+}
+
+impl<'d> Effect<'d> {
+    fn check(
+        &self,
+        reader: &mut Reader,
+        section: &Section<'_>,
+        at_s: Option<f64>,
+        run: Option<Run>,
+    ) -> Option<FaultEffect> {
+        let fault = self.fault;
+        let mut further = vec![fault.selector.as_str(), fault.size.name.as_str()];
+        if let ProfileDescription::Exponential { speed } = &fault.profile {
+            further.push(&speed.name);
+        }
+        reader.refuse_unknown(section, &further);
+        let target = self.target(reader, section);
+        let size = reader.described_number(section, &Quantity::from(&fault.size));
+        let profile = match &fault.profile {
+            ProfileDescription::Step => Some(Profile::Step),
+            ProfileDescription::Exponential { speed } => reader
+                .described_number(section, &Quantity::from(speed))
+                .map(|speed_per_s| Profile::Exponential { speed_per_s }),
+        };
+        let skew_s = reader.number(section, "skew_s");
+        let step = match (at_s, skew_s, run) {
+            (Some(at_s), Some(skew_s), Some(run)) => {
+                step_at(reader, section, "skew_s", at_s + skew_s, run)
+            }
+            _ => None,
+        };
+        let (target, parameter) = target?;
+        self.stays_in_range(reader, section, parameter, size?)?;
+        Some(FaultEffect {
+            target,
+            parameter: parameter.name.clone(),
+            step: step?,
+            size: size?,
+            profile: profile?,
+        })
+    }
+
+    /// The group that the selector means and its parameter that is moved.
+    fn target(&self, reader: &mut Reader, section: &Section<'_>) -> Option<(String, &'d Field)> {
+        let selector = &self.fault.selector;
+        let path = section.path_of(selector);
+        let numbers = listed(targets(self.plant, self.fault).map(|(number, _)| number));
+        let expected = format!("one of {numbers}");
+        let Some(entry) = section.table.get(selector) else {
+            reader.missing(section, &path, expected);
+            return None;
+        };
+        let Value::Integer(number) = entry.node.value else {
+            reader.wrong_type(&path, &entry.node, expected);
+            return None;
+        };
+        let number = number.to_string();
+        let found = targets(self.plant, self.fault).find(|(target, _)| *target == number);
+        let Some((_, parameter)) = found else {
+            let message = format!("plant `{}` has no {selector} {number}", self.plant.name);
+            reader
+                .report(ProblemKind::UnknownName, path, &entry.node.place, message)
+                .expected(expected);
+            return None;
+        };
+        Some((format!("{selector}{number}"), parameter))
+    }
+
+    /// The faulted value is the healthy one plus the size; it must be legal too.
+    fn stays_in_range(
+        &self,
+        reader: &mut Reader,
+        section: &Section<'_>,
+        parameter: &Field,
+        size: f64,
+    ) -> Option<()> {
+        let healthy = self.nominal?.get(&parameter.name)?;
+        if parameter.admits(healthy + size) {
+            return Some(());
+        }
+        let key = &self.fault.size.name;
+        let message = format!(
+            "`{}` would become {} + {} = {}, out of range",
+            parameter.name,
+            number(healthy),
+            number(size),
+            number(healthy + size)
+        );
+        reader
+            .report(
+                ProblemKind::OutOfRange,
+                section.path_of(key),
+                section.place_of(key),
+                message,
+            )
+            .expected(Quantity::from(parameter).expected());
+        None
+    }
+}
+
+/// The numbers that a fault's selector may have, as text, and the parameter that each moves.
+pub(crate) fn targets<'d>(
+    plant: &'d PlantDescription,
+    fault: &'d FaultDescription,
+) -> impl Iterator<Item = (&'d str, &'d Field)> {
+    plant.parameters.iter().filter_map(|field| {
+        let (group, parameter) = field.name.split_once('.')?;
+        let number = group.strip_prefix(fault.selector.as_str())?;
+        let is_number = !number.is_empty() && number.bytes().all(|c| c.is_ascii_digit());
+        (is_number && parameter == fault.parameter && field.faultable).then_some((number, field))
+    })
+}

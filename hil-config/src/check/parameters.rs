@@ -1,0 +1,138 @@
+//! Tables whose keys come from a description: parameters of plants and laws.
+//!
+//! A key is a full name, dotted or as nested tables, or its last part alone, which sets every
+//! parameter that ends so. The longer key wins, whatever the order.
+
+use std::collections::BTreeMap;
+
+use shared_types::describe::Settings;
+use shared_types::table::Field;
+
+use crate::document::{Node, Table, Value};
+use crate::problem::{ProblemKind, listed};
+use crate::quantity::Quantity;
+use crate::reader::{Reader, Section};
+
+/// More names than this are not listed in a message.
+const LISTED: usize = 12;
+
+/// The values that a section gives, by full name. `owner` is named in messages, for example
+/// ``plant `drhas` ``.
+pub(super) fn given(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    fields: &[Field],
+    owner: &str,
+) -> BTreeMap<String, f64> {
+    let mut leaves = Vec::new();
+    collect(section.table, "", fields, &mut leaves);
+    // By full name: how many parts the key had, and the value.
+    let mut values: BTreeMap<String, (usize, f64)> = BTreeMap::new();
+    for (key, node) in leaves {
+        let path = section.path_of(&key);
+        let matching: Vec<&Field> = fields.iter().filter(|f| is_named(&f.name, &key)).collect();
+        if matching.is_empty() {
+            unknown(reader, &path, &key, node, fields, owner);
+        }
+        for field in matching {
+            let parts = key.split('.').count();
+            let earlier = values.get(&field.name).map(|(parts, _)| *parts);
+            if earlier == Some(parts) {
+                let message = format!("`{path}` is given twice");
+                reader.report(ProblemKind::Duplicate, &path, &node.place, message);
+                break;
+            }
+            let Some(value) = reader.quantity(&path, node, &Quantity::from(field)) else {
+                break; // one message for one value
+            };
+            if earlier.is_none_or(|earlier| earlier < parts) {
+                values.insert(field.name.clone(), (parts, value));
+            }
+        }
+    }
+    values
+        .into_iter()
+        .map(|(name, (_, value))| (name, value))
+        .collect()
+}
+
+/// All values: given, else `fallback`, else the field's default. A field without any is reported.
+pub(super) fn complete(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    fields: &[Field],
+    given: &BTreeMap<String, f64>,
+    fallback: impl Fn(&Field) -> Option<f64>,
+) -> Settings {
+    let mut settings = Settings::default();
+    for field in fields {
+        let quantity = Quantity::from(field);
+        let path = section.path_of(&field.name);
+        if let Some(value) = given.get(&field.name) {
+            settings.set(&field.name, *value);
+        } else if let Some(value) = fallback(field) {
+            settings.set(&field.name, value);
+        } else if let Some(value) = field.default {
+            settings.set(&field.name, value);
+        } else {
+            reader.missing(section, &path, quantity.expected());
+        }
+    }
+    settings
+}
+
+/// Whether a key means a name: the name itself or its last parts.
+fn is_named(name: &str, key: &str) -> bool {
+    match name.strip_suffix(key) {
+        Some(rest) => rest.is_empty() || rest.ends_with('.'),
+        None => false,
+    }
+}
+
+/// Every value below a table with its dotted key. A table that is empty counts as a value unless a
+/// field has its name in front.
+fn collect<'a>(
+    table: &'a Table,
+    prefix: &str,
+    fields: &[Field],
+    leaves: &mut Vec<(String, &'a Node)>,
+) {
+    for entry in &table.entries {
+        let key = format!("{prefix}{}", entry.key);
+        let group = format!("{key}.");
+        match &entry.node.value {
+            Value::Table(inner) => {
+                let known = fields.iter().any(|field| field.name.starts_with(&group));
+                if inner.entries.is_empty() && !known {
+                    leaves.push((key, &entry.node));
+                }
+                collect(inner, &group, fields, leaves);
+            }
+            _ => leaves.push((key, &entry.node)),
+        }
+    }
+}
+
+fn unknown(reader: &mut Reader, path: &str, key: &str, node: &Node, fields: &[Field], owner: &str) {
+    let full = fields.iter().map(|field| field.name.as_str());
+    let candidates: Vec<&str> = if key.contains('.') {
+        full.collect()
+    } else {
+        let mut ends: Vec<&str> = full
+            .map(|name| name.rsplit_once('.').map_or(name, |(_, end)| end))
+            .collect();
+        ends.sort_unstable();
+        ends.dedup();
+        ends
+    };
+    let expected = match candidates.len() {
+        0 => "no parameter".into(),
+        count if count <= LISTED => format!("one of {}", listed(candidates.iter().copied())),
+        count => format!("one of {count} names, which `hil config schema` lists"),
+    };
+    let message = format!("{owner} has no parameter `{key}`");
+    reader
+        .report(ProblemKind::UnknownKey, path, &node.place, message)
+        .expected(expected)
+        .nearest(key, candidates);
+}

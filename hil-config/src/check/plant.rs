@@ -1,0 +1,86 @@
+//! `[plant]`: model, substeps, parameters and limits.
+
+use shared_types::describe::PlantDescription;
+
+use super::parameters;
+use crate::plan::{Limit, PlantPlan};
+use crate::problem::{ProblemKind, listed};
+use crate::reader::{Reader, Section};
+
+/// The description of the model that is asked for.
+pub(super) fn find<'d>(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    plants: &'d [PlantDescription],
+) -> Option<&'d PlantDescription> {
+    let model = reader.text(section, "model")?;
+    let found = plants.iter().find(|plant| plant.name == model);
+    if found.is_none() {
+        let names = plants.iter().map(|plant| plant.name.as_str());
+        reader
+            .report(
+                ProblemKind::UnknownName,
+                section.path_of("model"),
+                section.place_of("model"),
+                format!("unknown plant `{model}`"),
+            )
+            .expected(format!("one of {}", listed(names.clone())))
+            .nearest(model, names);
+    }
+    found
+}
+
+pub(super) fn check(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    plant: Option<&PlantDescription>,
+) -> Option<PlantPlan> {
+    reader.refuse_unknown(section, &[]);
+    let substeps = reader.integer(section, "substeps");
+    let parameters_section = reader.section(section, "parameters");
+    let limits_section = reader.section(section, "limits");
+    let plant = plant?;
+
+    let given = parameters_section
+        .as_ref()
+        .map(|given| {
+            let owner = format!("plant `{}`", plant.name);
+            parameters::given(reader, given, &plant.parameters, &owner)
+        })
+        .unwrap_or_default();
+    let whole = parameters_section.as_ref().unwrap_or(section);
+    let parameters = parameters::complete(reader, whole, &plant.parameters, &given, |_| None);
+    let limits = limits_section
+        .map(|section| limits(reader, &section, plant))
+        .unwrap_or_default();
+    Some(PlantPlan {
+        model: plant.name.clone(),
+        substeps: u32::try_from(substeps?).ok()?,
+        parameters,
+        limits,
+    })
+}
+
+fn limits(reader: &mut Reader, section: &Section<'_>, plant: &PlantDescription) -> Vec<Limit> {
+    let mut limits = Vec::new();
+    for entry in &section.table.entries {
+        let path = section.path_of(&entry.key);
+        let Some(signal) = plant.truth.iter().find(|field| field.name == entry.key) else {
+            let names = plant.truth.iter().map(|field| field.name.as_str());
+            let message = format!("plant `{}` has no true signal `{}`", plant.name, entry.key);
+            reader
+                .report(ProblemKind::UnknownName, path, &entry.key_place, message)
+                .expected(format!("one of {}", listed(names.clone())))
+                .nearest(&entry.key, names);
+            continue;
+        };
+        if let Some((min, max)) = reader.pair(&path, &entry.node, &signal.unit) {
+            limits.push(Limit {
+                signal: signal.name.clone(),
+                min,
+                max,
+            });
+        }
+    }
+    limits
+}

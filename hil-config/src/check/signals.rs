@@ -1,0 +1,233 @@
+//! `[[derived]]` and `[[metrics]]`: names, expressions and windows.
+
+use shared_types::table::unit_of_name;
+use shared_types::time::Step;
+
+use super::is_signal_name;
+use crate::document::{Node, Value};
+use crate::expression::{Columns, Expression, ExpressionError, Group, is_reserved};
+use crate::plan::{Derived, Metric, Run, Window};
+use crate::problem::ProblemKind;
+use crate::quantity::number;
+use crate::reader::{Reader, Section};
+
+/// The derived signals and metrics that are right; the others are reported. Without columns,
+/// because plant, law or stimuli are not right themselves, names are not looked up.
+pub(super) fn check(
+    reader: &mut Reader,
+    root: &Section<'_>,
+    mut columns: Option<Columns>,
+    run: Option<Run>,
+) -> (Vec<Derived>, Vec<Metric>) {
+    let derived_sections = reader.list(root, "derived");
+    let metric_sections = reader.list(root, "metrics");
+    let mut names: Vec<&str> = Vec::new();
+    let later: Vec<&str> = derived_sections
+        .iter()
+        .filter_map(|section| match &section.table.get("name")?.node.value {
+            Value::Text(name) => Some(name.as_str()),
+            _ => None,
+        })
+        .collect();
+
+    let mut derived = Vec::new();
+    for section in &derived_sections {
+        reader.refuse_unknown(section, &[]);
+        let name = name(reader, section, &mut names);
+        let unit = unit(reader, section, name);
+        let expression = expression(reader, section, columns.as_ref(), &later, Use::Derived);
+        if let (Some(name), Some(columns)) = (name, &mut columns) {
+            columns.push(Group::Derived, name);
+        }
+        if let (Some(name), Some(unit), Some(expression)) = (name, unit, expression) {
+            derived.push(Derived {
+                name: name.into(),
+                unit,
+                expression,
+            });
+        }
+    }
+
+    let mut metrics = Vec::new();
+    for section in &metric_sections {
+        reader.refuse_unknown(section, &[]);
+        let name = name(reader, section, &mut names);
+        let unit = unit(reader, section, name);
+        let expression = expression(reader, section, columns.as_ref(), &[], Use::Metric);
+        let windows = windows(reader, section, run);
+        if let (Some(name), Some(unit), Some(expression), Some(windows)) =
+            (name, unit, expression, windows)
+        {
+            metrics.push(Metric {
+                name: name.into(),
+                unit,
+                expression,
+                windows,
+            });
+        }
+    }
+    (derived, metrics)
+}
+
+/// A name that is one and that nothing before has.
+fn name<'a>(
+    reader: &mut Reader,
+    section: &Section<'a>,
+    names: &mut Vec<&'a str>,
+) -> Option<&'a str> {
+    let name = reader.text(section, "name")?;
+    let path = section.path_of("name");
+    let place = section.place_of("name");
+    if !is_signal_name(name) || is_reserved(name) {
+        let message = format!("`{path}` is `{name}`");
+        reader
+            .report(ProblemKind::OutOfRange, path, place, message)
+            .expected("a name of letters, digits and _ that is no function, for example error_m");
+        return None;
+    }
+    if names.contains(&name) {
+        let message = format!("a derived signal or metric is already named `{name}`");
+        reader.report(ProblemKind::Duplicate, path, place, message);
+        return None;
+    }
+    names.push(name);
+    Some(name)
+}
+
+/// The unit: written, or that of the name's ending, or none.
+fn unit(reader: &mut Reader, section: &Section<'_>, name: Option<&str>) -> Option<String> {
+    if section.table.get("unit").is_some() {
+        return reader.text(section, "unit").map(Into::into);
+    }
+    Some(unit_of_name(name?).unwrap_or("1").into())
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Use {
+    Derived,
+    Metric,
+}
+
+fn expression(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    columns: Option<&Columns>,
+    later: &[&str],
+    usage: Use,
+) -> Option<Expression> {
+    let text = reader.text(section, "expression")?;
+    let expression = match Expression::parse(text) {
+        Ok(expression) => expression,
+        Err(error) => {
+            report(reader, section, text, &error, None);
+            return None;
+        }
+    };
+    let no_columns = Columns::default();
+    let known = columns.unwrap_or(&no_columns);
+    let mut errors = Vec::new();
+    if columns.is_some() {
+        errors = expression.unknown_names(known);
+    }
+    // What kind of expression it is can be told without columns.
+    let misused = match usage {
+        Use::Derived => expression.refuse_reduction(),
+        Use::Metric => expression.refuse_signal(),
+    };
+    errors.extend(misused.err());
+    for error in &errors {
+        let name = &text[error.span.clone()];
+        let is_later = later.contains(&name);
+        let help = is_later.then_some("a derived signal may use only those above it");
+        report(reader, section, text, error, help);
+    }
+    errors.is_empty().then_some(expression)
+}
+
+/// Reports an error of an expression at its place in the file.
+fn report(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    text: &str,
+    error: &ExpressionError,
+    help: Option<&str>,
+) {
+    let whole = section.place_of("expression");
+    let place = reader.sources.inside(whole, text, error.span.clone());
+    let problem = reader.report(
+        ProblemKind::Expression,
+        section.path_of("expression"),
+        &place,
+        error.to_string(),
+    );
+    problem.nearest.clone_from(&error.nearest);
+    problem.help = help.map(Into::into);
+}
+
+fn windows(reader: &mut Reader, section: &Section<'_>, run: Option<Run>) -> Option<Vec<Window>> {
+    let Some(entry) = section.table.get("windows_s") else {
+        return Some(Vec::new());
+    };
+    let path = section.path_of("windows_s");
+    let Value::List(items) = &entry.node.value else {
+        reader.wrong_type(
+            &path,
+            &entry.node,
+            "a list of windows [[begin, end], ..] in s",
+        );
+        return None;
+    };
+    if items.is_empty() {
+        let message = format!("`{path}` is empty");
+        reader
+            .report(ProblemKind::OutOfRange, &path, &entry.node.place, message)
+            .expected("at least one window [begin, end], or no `windows_s` for the whole run");
+        return None;
+    }
+    let windows: Vec<Option<Window>> = items
+        .iter()
+        .enumerate()
+        .map(|(index, item)| window(reader, &format!("{path}[{index}]"), item, run))
+        .collect();
+    windows.into_iter().collect()
+}
+
+fn window(reader: &mut Reader, path: &str, node: &Node, run: Option<Run>) -> Option<Window> {
+    let (start_s, end_s) = reader.pair(path, node, "s")?;
+    let Run { rate, steps, .. } = run?;
+    let run_end_s = rate.seconds(Step(steps));
+    if !(start_s >= 0.0 && end_s <= run_end_s) {
+        let message = format!(
+            "`{path}` is [{}, {}], which is not inside the run",
+            number(start_s),
+            number(end_s)
+        );
+        reader
+            .report(ProblemKind::OutOfRange, path, &node.place, message)
+            .expected(format!("times from 0 to {} in s", number(run_end_s)));
+        return None;
+    }
+    let first = rate.step_at_or_after(start_s);
+    let after = rate.step_at_or_after(end_s);
+    let last = if rate.seconds(after) > end_s {
+        Step(after.0 - 1) // not before step 0, whose time no end is below
+    } else {
+        after
+    };
+    if first > last {
+        let message = format!("no step lies in `{path}`");
+        reader
+            .report(ProblemKind::OutOfRange, path, &node.place, message)
+            .expected(format!(
+                "a window that holds at least one step; steps are {} s apart",
+                number(rate.period_s())
+            ));
+        return None;
+    }
+    Some(Window {
+        start_s,
+        end_s,
+        first,
+        last,
+    })
+}

@@ -1,0 +1,222 @@
+//! `[[stimuli]]`: reference signals and their waveforms.
+
+use shared_types::describe::LawDescription;
+use shared_types::table::unit_of_name;
+use shared_types::time::Step;
+
+use super::{is_signal_name, points};
+use crate::keys::WAVEFORMS;
+use crate::plan::{Run, Stimulus, Waveform};
+use crate::problem::{ProblemKind, listed};
+use crate::quantity::number;
+use crate::reader::{Reader, Section};
+use crate::scenario::Scenario;
+
+/// The stimuli; `None` if one of them is not right.
+pub(super) fn check(
+    reader: &mut Reader,
+    root: &Section<'_>,
+    scenario: &Scenario,
+    run: Option<Run>,
+    law: Option<&LawDescription>,
+) -> Option<Vec<Stimulus>> {
+    let sections = reader.list(root, "stimuli");
+    let mut stimuli = Vec::new();
+    let mut given: Vec<String> = Vec::new();
+    for section in &sections {
+        let stimulus = stimulus(reader, section, scenario, run, law);
+        if let Some(stimulus) = &stimulus {
+            let fields = stimulus.fields();
+            let again = fields.iter().find(|field| given.contains(&field.name));
+            if let Some(field) = again {
+                let message = format!("two stimuli give the reference signal `{}`", field.name);
+                let path = section.path_of("target");
+                reader.report(
+                    ProblemKind::Duplicate,
+                    path,
+                    section.place_of("target"),
+                    message,
+                );
+            }
+            given.extend(fields.into_iter().map(|field| field.name));
+        }
+        stimuli.push(stimulus);
+    }
+    stimuli.into_iter().collect()
+}
+
+fn stimulus(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    scenario: &Scenario,
+    run: Option<Run>,
+    law: Option<&LawDescription>,
+) -> Option<Stimulus> {
+    let target = target(reader, section);
+    let unit = unit(reader, section, target, law);
+    let waveform = waveform(reader, section, scenario, run);
+    Some(Stimulus {
+        target: target?.into(),
+        unit: unit?,
+        waveform: waveform?,
+    })
+}
+
+fn target<'a>(reader: &mut Reader, section: &Section<'a>) -> Option<&'a str> {
+    let target = reader.text(section, "target")?;
+    if is_signal_name(target) {
+        return Some(target);
+    }
+    let path = section.path_of("target");
+    let message = format!("`{path}` is `{target}`");
+    reader
+        .report(
+            ProblemKind::OutOfRange,
+            path,
+            section.place_of("target"),
+            message,
+        )
+        .expected("a name of letters, digits and _, for example surface_angle_rad");
+    None
+}
+
+/// The unit: written, or that of the name's ending, or what the law expects.
+fn unit(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    target: Option<&str>,
+    law: Option<&LawDescription>,
+) -> Option<String> {
+    if section.table.get("unit").is_some() {
+        return reader.text(section, "unit").map(Into::into);
+    }
+    let target = target?;
+    let of_law = || {
+        let needed = law?.reference.iter().find(|field| field.name == target)?;
+        Some(needed.unit.clone())
+    };
+    let unit = unit_of_name(target).map(Into::into).or_else(of_law);
+    if unit.is_none() {
+        let path = section.path_of("unit");
+        let message = format!("the unit of `{target}` is not known from its name");
+        reader
+            .report(
+                ProblemKind::MissingKey,
+                path,
+                section.place_of("target"),
+                message,
+            )
+            .expected("a name that ends with its unit, or the key `unit`");
+    }
+    unit
+}
+
+fn waveform(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    scenario: &Scenario,
+    run: Option<Run>,
+) -> Option<Waveform> {
+    let name = reader.text(section, "kind")?;
+    let Some(kind) = WAVEFORMS.iter().find(|kind| kind.name == name) else {
+        let names = WAVEFORMS.iter().map(|kind| kind.name);
+        let message = format!("unknown kind of stimulus `{name}`");
+        reader
+            .report(
+                ProblemKind::UnknownName,
+                section.path_of("kind"),
+                section.place_of("kind"),
+                message,
+            )
+            .expected(format!("one of {}", listed(names.clone())))
+            .nearest(name, names);
+        return None;
+    };
+    let further: Vec<&str> = kind.keys.iter().map(|key| key.name).collect();
+    reader.refuse_unknown(section, &further);
+    let section = &section.with_keys(kind.keys);
+    // All numbers are read before any is missed, so that every problem is reported.
+    let mut number = |name| reader.number(section, name);
+    let waveform = match name {
+        "paper" => {
+            let (amplitude, frequency_hz) = (number("amplitude"), number("frequency_hz"));
+            let onset_per_s3 = number("onset_per_s3");
+            Waveform::Paper {
+                amplitude: amplitude?,
+                frequency_hz: frequency_hz?,
+                onset_per_s3: onset_per_s3?,
+            }
+        }
+        "step" => {
+            let (at_s, before, after) = (number("at_s"), number("before"), number("after"));
+            Waveform::Step {
+                at_s: in_run(reader, section, at_s, run)?,
+                before: before?,
+                after: after?,
+            }
+        }
+        "ramp" => {
+            let (at_s, duration_s) = (number("at_s"), number("duration_s"));
+            let (start, end) = (number("start"), number("end"));
+            Waveform::Ramp {
+                at_s: in_run(reader, section, at_s, run)?,
+                duration_s: duration_s?,
+                start: start?,
+                end: end?,
+            }
+        }
+        "sine" => {
+            let (amplitude, frequency_hz) = (number("amplitude"), number("frequency_hz"));
+            let (phase_rad, offset) = (number("phase_rad"), number("offset"));
+            Waveform::Sine {
+                amplitude: amplitude?,
+                frequency_hz: frequency_hz?,
+                phase_rad: phase_rad?,
+                offset: offset?,
+            }
+        }
+        "chirp" => {
+            let (start_hz, end_hz) = (number("start_hz"), number("end_hz"));
+            let (amplitude, duration_s) = (number("amplitude"), number("duration_s"));
+            let offset = number("offset");
+            Waveform::Chirp {
+                amplitude: amplitude?,
+                start_hz: start_hz?,
+                end_hz: end_hz?,
+                duration_s: duration_s?,
+                offset: offset?,
+            }
+        }
+        "table" => points::check(reader, section, scenario)?,
+        _ => unreachable!("every kind is read"),
+    };
+    Some(waveform)
+}
+
+/// A time that must not lie behind the end of the run, where it would have no effect.
+fn in_run(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    at_s: Option<f64>,
+    run: Option<Run>,
+) -> Option<f64> {
+    let at_s = at_s?;
+    let Some(run) = run else {
+        return Some(at_s);
+    };
+    let end_s = run.rate.seconds(Step(run.steps));
+    if at_s <= end_s {
+        return Some(at_s);
+    }
+    let path = section.path_of("at_s");
+    let message = format!("`{path}` is {}, after the end of the run", number(at_s));
+    reader
+        .report(
+            ProblemKind::OutOfRange,
+            path,
+            section.place_of("at_s"),
+            message,
+        )
+        .expected(format!("a time from 0 to {} in s", number(end_s)));
+    None
+}

@@ -1,0 +1,170 @@
+//! What was written: the scenario as a tree of values that remember where they stand.
+//!
+//! Made from TOML text; `--set` values are put into the same tree. Knows nothing of what the keys
+//! mean.
+
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use crate::source::Place;
+
+/// A value and its place.
+#[derive(Clone, Debug)]
+pub(crate) struct Node {
+    /// The value.
+    pub value: Value,
+    /// Its place; for a table under a header, the header's name.
+    pub place: Place,
+}
+
+/// A value as written.
+#[derive(Clone, Debug)]
+pub(crate) enum Value {
+    /// Text.
+    Text(String),
+    /// A whole number.
+    Integer(i64),
+    /// Any other number.
+    Float(f64),
+    /// A number that TOML can write and 64 bits cannot hold.
+    TooLarge,
+    /// `true` or `false`.
+    Boolean,
+    /// A date or time.
+    Date,
+    /// A list.
+    List(Vec<Node>),
+    /// A table.
+    Table(Table),
+}
+
+impl Value {
+    /// Its type, as messages name it.
+    pub(crate) const fn type_name(&self) -> &'static str {
+        match self {
+            Self::Text(_) => "text",
+            Self::Integer(_) | Self::Float(_) => "a number",
+            Self::TooLarge => "a number that is too large",
+            Self::Boolean => "true or false",
+            Self::Date => "a date",
+            Self::List(_) => "a list",
+            Self::Table(_) => "a table",
+        }
+    }
+}
+
+/// A table in the order of the text.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Table {
+    /// Its entries.
+    pub entries: Vec<Entry>,
+}
+
+/// A key and its value.
+#[derive(Clone, Debug)]
+pub(crate) struct Entry {
+    /// The key.
+    pub key: String,
+    /// Where the key stands.
+    pub key_place: Place,
+    /// Its value.
+    pub node: Node,
+}
+
+impl Table {
+    /// The entry of a key.
+    pub(crate) fn get(&self, key: &str) -> Option<&Entry> {
+        self.entries.iter().find(|entry| entry.key == key)
+    }
+
+    /// Reads a document. The errors are those of the TOML syntax.
+    pub(crate) fn parse(text: &str, source: usize) -> Result<Self, Vec<toml::de::Error>> {
+        let (document, errors) = DeTable::parse_recoverable(text);
+        if errors.is_empty() {
+            Ok(table(document.into_inner(), source))
+        } else {
+            Err(errors)
+        }
+    }
+}
+
+impl Value {
+    /// Reads a single TOML value.
+    pub(crate) fn parse(text: &str, place: &Place) -> Option<Self> {
+        let value = DeValue::parse(text).ok()?;
+        let mut node = node(value, place.source, None);
+        shift(&mut node, place.span.start);
+        Some(node.value)
+    }
+}
+
+fn table(table: DeTable<'_>, source: usize) -> Table {
+    let mut entries: Vec<Entry> = table
+        .into_iter()
+        .map(|(key, value)| {
+            let key_place = Place {
+                source,
+                span: key.span(),
+            };
+            Entry {
+                key: key.into_inner().into_owned(),
+                node: node(value, source, Some(&key_place)),
+                key_place,
+            }
+        })
+        .collect();
+    // The parser's map is sorted by name; people expect their own order.
+    entries.sort_by_key(|entry| entry.key_place.span.start);
+    Table { entries }
+}
+
+fn node(value: Spanned<DeValue<'_>>, source: usize, key_place: Option<&Place>) -> Node {
+    let span = value.span();
+    let mut place = Place { source, span };
+    let value = match value.into_inner() {
+        DeValue::String(text) => Value::Text(text.into_owned()),
+        DeValue::Integer(number) => i64::from_str_radix(number.as_str(), number.radix())
+            .map_or(Value::TooLarge, Value::Integer),
+        DeValue::Float(number) => match number.as_str().parse::<f64>() {
+            Ok(value) if value.is_finite() || number.as_str().contains(['n', 'i']) => {
+                Value::Float(value)
+            }
+            _ => Value::TooLarge,
+        },
+        DeValue::Boolean(_) => Value::Boolean,
+        DeValue::Datetime(_) => Value::Date,
+        DeValue::Array(items) => Value::List(
+            items
+                .into_iter()
+                .map(|item| node(item, source, None))
+                .collect(),
+        ),
+        DeValue::Table(entries) => {
+            // A table under a key is known by its key; in a list it has only its own header.
+            if let Some(key_place) = key_place {
+                place = key_place.clone();
+            }
+            Value::Table(table(entries, source))
+        }
+    };
+    Node { value, place }
+}
+
+/// Moves the places of a value that was parsed by itself to where it stands in its source.
+fn shift(node: &mut Node, by: usize) {
+    let moved = |place: &mut Place| {
+        place.span.start += by;
+        place.span.end += by;
+    };
+    moved(&mut node.place);
+    match &mut node.value {
+        Value::List(items) => items.iter_mut().for_each(|item| shift(item, by)),
+        Value::Table(table) => {
+            for entry in &mut table.entries {
+                moved(&mut entry.key_place);
+                shift(&mut entry.node, by);
+            }
+        }
+        _ => {}
+    }
+}

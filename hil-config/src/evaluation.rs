@@ -1,0 +1,183 @@
+//! Derived signals and metrics while records arrive.
+//!
+//! Used by whoever reads the records of a run, live or from a file: made once from the plan and
+//! the columns of a record, then fed one row per step. Feeding allocates nothing, and memory does
+//! not grow with the run.
+
+use serde::Serialize;
+use shared_types::table::canonical;
+use shared_types::time::{Rate, Step};
+
+use crate::expression::{Accumulator, Columns, ExpressionError, Group, Program, Reduction};
+use crate::plan::{Metric, Plan, Window};
+
+/// The derived signals and metrics of a run.
+#[derive(Clone, Debug)]
+pub struct Evaluation {
+    rate: Rate,
+    /// The row of a record, then the derived signals.
+    row: Vec<f64>,
+    signals: usize,
+    derived: Vec<Program>,
+    metrics: Vec<RunningMetric>,
+}
+
+#[derive(Clone, Debug)]
+struct RunningMetric {
+    name: String,
+    unit: String,
+    reductions: Vec<Reduction>,
+    result: Program,
+    /// Values of the reductions in the present row.
+    values: Vec<f64>,
+    windows: Vec<RunningWindow>,
+}
+
+#[derive(Clone, Debug)]
+struct RunningWindow {
+    window: Window,
+    accumulators: Vec<Accumulator>,
+}
+
+/// The value of a metric over a window.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MetricValue {
+    /// Name.
+    pub name: String,
+    /// Unit.
+    pub unit: String,
+    /// The window in s.
+    pub window_s: [f64; 2],
+    /// The value; NaN if it does not exist.
+    pub value: f64,
+    /// Rows of the window that a reduction skipped because its value did not exist there; the
+    /// largest number of all its reductions.
+    pub skipped: u64,
+}
+
+impl Evaluation {
+    /// Derived signals and metrics before the first row; `columns` are those of the rows to come.
+    ///
+    /// # Errors
+    /// If an expression names a signal that no column has.
+    pub fn new(plan: &Plan, columns: &Columns) -> Result<Self, ExpressionError> {
+        let mut all = columns.clone();
+        let mut derived = Vec::new();
+        for signal in &plan.derived {
+            derived.push(signal.expression.compile_signal(&all)?);
+            all.push(Group::Derived, &signal.name);
+        }
+        let whole = Window {
+            start_s: 0.0,
+            end_s: plan.run.rate.seconds(Step(plan.run.steps)),
+            first: Step(0),
+            last: Step(plan.run.steps),
+        };
+        let metrics = plan
+            .metrics
+            .iter()
+            .map(|metric| RunningMetric::new(metric, whole, &all))
+            .collect::<Result<_, _>>()?;
+        Ok(Self {
+            rate: plan.run.rate,
+            row: vec![f64::NAN; all.len()],
+            signals: columns.len(),
+            derived,
+            metrics,
+        })
+    }
+
+    /// Takes the row of a step. Steps must rise.
+    ///
+    /// # Panics
+    /// If the row does not have as many numbers as there are columns.
+    pub fn observe(&mut self, step: Step, row: &[f64]) {
+        self.row[..self.signals].copy_from_slice(row);
+        for (index, program) in self.derived.iter().enumerate() {
+            self.row[self.signals + index] = canonical(program.evaluate(&self.row));
+        }
+        for metric in &mut self.metrics {
+            metric.observe(step, self.rate, &self.row);
+        }
+    }
+
+    /// The derived signals of the last row, in the plan's order.
+    #[must_use]
+    pub fn derived(&self) -> &[f64] {
+        &self.row[self.signals..]
+    }
+
+    /// Every metric over every window, in the plan's order, from the rows so far.
+    #[must_use]
+    pub fn results(&self) -> Vec<MetricValue> {
+        self.metrics
+            .iter()
+            .flat_map(RunningMetric::results)
+            .collect()
+    }
+}
+
+impl RunningMetric {
+    fn new(metric: &Metric, whole: Window, columns: &Columns) -> Result<Self, ExpressionError> {
+        let (reductions, result) = metric.expression.compile_metric(columns)?;
+        let windows = match metric.windows.as_slice() {
+            [] => vec![whole],
+            windows => windows.to_vec(),
+        };
+        let running = |window| RunningWindow {
+            window,
+            accumulators: reductions
+                .iter()
+                .map(|reduction| Accumulator::new(reduction.kind))
+                .collect(),
+        };
+        Ok(Self {
+            name: metric.name.clone(),
+            unit: metric.unit.clone(),
+            windows: windows.into_iter().map(running).collect(),
+            values: vec![f64::NAN; reductions.len()],
+            reductions,
+            result,
+        })
+    }
+
+    fn observe(&mut self, step: Step, rate: Rate, row: &[f64]) {
+        let inside = |running: &RunningWindow| {
+            let Window { first, last, .. } = running.window;
+            (first..=last).contains(&step)
+        };
+        if !self.windows.iter().any(inside) {
+            return;
+        }
+        for (value, reduction) in self.values.iter_mut().zip(&self.reductions) {
+            *value = reduction.program.evaluate(row);
+        }
+        for running in self.windows.iter_mut().filter(|window| inside(window)) {
+            for (accumulator, value) in running.accumulators.iter_mut().zip(&self.values) {
+                accumulator.take(step, rate, *value);
+            }
+        }
+    }
+
+    fn results(&self) -> impl Iterator<Item = MetricValue> {
+        self.windows.iter().map(|running| {
+            let reduced: Vec<f64> = running
+                .accumulators
+                .iter()
+                .map(Accumulator::result)
+                .collect();
+            MetricValue {
+                name: self.name.clone(),
+                unit: self.unit.clone(),
+                window_s: [running.window.start_s, running.window.end_s],
+                value: canonical(self.result.evaluate(&reduced)),
+                skipped: running
+                    .accumulators
+                    .iter()
+                    .map(Accumulator::skipped)
+                    .max()
+                    .unwrap_or_default(),
+            }
+        })
+    }
+}

@@ -1,0 +1,145 @@
+//! The names of the numbers in a row.
+//!
+//! Filled by the check from descriptions and by the launcher from the layout of a record; in a
+//! record the groups follow each other in the order of [`Group`].
+
+use shared_types::describe::{LawDescription, PlantDescription};
+use shared_types::table::{Field, nearest};
+
+use crate::plan::Stimulus;
+
+/// What a signal is, and the first part of its name in expressions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Group {
+    /// True state of the plant, `truth.x`.
+    Truth,
+    /// What its sensors report, `measured.x`.
+    Measured,
+    /// What the rig asks for, `reference.x`.
+    Reference,
+    /// The command as the controller sent it, `command.x`.
+    Command,
+    /// The command as the plant applied it, `applied.x`.
+    Applied,
+    /// Inner quantities of the law, `internal.x`.
+    Internal,
+    /// Computed from the others, `x`.
+    Derived,
+}
+
+impl Group {
+    /// Every group, in the order of a record.
+    pub const ALL: [Self; 7] = [
+        Self::Truth,
+        Self::Measured,
+        Self::Reference,
+        Self::Command,
+        Self::Applied,
+        Self::Internal,
+        Self::Derived,
+    ];
+
+    /// The first part of a name; empty for derived signals.
+    #[must_use]
+    pub const fn prefix(self) -> &'static str {
+        match self {
+            Self::Truth => "truth",
+            Self::Measured => "measured",
+            Self::Reference => "reference",
+            Self::Command => "command",
+            Self::Applied => "applied",
+            Self::Internal => "internal",
+            Self::Derived => "",
+        }
+    }
+}
+
+/// The names of the numbers in a row, in order.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Columns {
+    names: Vec<String>,
+}
+
+impl Columns {
+    /// The columns of a record of this plant, law and stimuli.
+    #[must_use]
+    pub fn of(plant: &PlantDescription, law: &LawDescription, stimuli: &[Stimulus]) -> Self {
+        let mut columns = Self::default();
+        columns.push_fields(Group::Truth, &plant.truth);
+        columns.push_fields(Group::Measured, &plant.measured);
+        for stimulus in stimuli {
+            columns.push_fields(Group::Reference, &stimulus.fields());
+        }
+        columns.push_fields(Group::Command, &plant.commands);
+        columns.push_fields(Group::Applied, &plant.commands);
+        columns.push_fields(Group::Internal, &law.internals);
+        columns
+    }
+
+    /// Adds a column.
+    pub fn push(&mut self, group: Group, name: &str) {
+        self.names.push(match group {
+            Group::Derived => name.into(),
+            _ => format!("{}.{name}", group.prefix()),
+        });
+    }
+
+    /// Adds the columns of a table.
+    pub fn push_fields(&mut self, group: Group, fields: &[Field]) {
+        for field in fields {
+            self.push(group, &field.name);
+        }
+    }
+
+    /// Number of columns.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.names.len()
+    }
+
+    /// Whether there is no column.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.names.is_empty()
+    }
+
+    /// The index of a name as expressions write it, for example `truth.surface_angle_rad`.
+    #[must_use]
+    pub fn index_of(&self, path: &str) -> Option<usize> {
+        self.names.iter().position(|name| name == path)
+    }
+
+    /// Whether the first part of a name is one that exists.
+    pub(super) fn has_prefix(&self, prefix: &str) -> bool {
+        Group::ALL.iter().any(|group| group.prefix() == prefix)
+    }
+
+    /// Names closest to an unknown one. Where it has a kind, names of that kind come first; a name
+    /// without is also looked for in all kinds.
+    pub(super) fn nearest(&self, path: &str) -> Vec<String> {
+        let names = self.names.iter().map(String::as_str);
+        let owned = |found: Vec<&str>| found.into_iter().map(Into::into).collect::<Vec<String>>();
+        let Some((prefix, wanted)) = path.split_once('.') else {
+            let named_so = names
+                .clone()
+                .filter(|name| name.split_once('.').is_some_and(|(_, last)| last == path));
+            let exact: Vec<&str> = named_so.take(3).collect();
+            if !exact.is_empty() {
+                return owned(exact);
+            }
+            return owned(nearest(path, names));
+        };
+        if !self.has_prefix(prefix) {
+            return owned(nearest(path, names));
+        }
+        // Compared without the common prefix, which would make everything look similar.
+        let of_kind = names
+            .filter_map(|name| name.split_once('.'))
+            .filter(|(group, _)| *group == prefix)
+            .map(|(_, name)| name);
+        nearest(wanted, of_kind)
+            .into_iter()
+            .map(|name| format!("{prefix}.{name}"))
+            .collect()
+    }
+}

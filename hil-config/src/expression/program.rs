@@ -1,0 +1,143 @@
+//! A bound expression as a short list of operations on a stack.
+//!
+//! Evaluated once per record for every derived signal and reduction. The stack has a fixed size
+//! that the parser has checked, so nothing is allocated.
+
+/// Number of values that may wait for their operator.
+pub(super) const STACK: usize = 32;
+
+/// One operation. Names and reductions are indices into the expression and are replaced by
+/// [`Op::Load`] when it is bound.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Op {
+    Constant(f64),
+    Name(usize),
+    Reduced(usize),
+    Load(usize),
+    Unary(Unary),
+    Binary(Binary),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Unary {
+    Negate,
+    Not,
+    Abs,
+    Sqrt,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Binary {
+    Add,
+    Subtract,
+    Multiply,
+    Divide,
+    Min,
+    Max,
+    Less,
+    LessOrEqual,
+    Greater,
+    GreaterOrEqual,
+    Equal,
+    NotEqual,
+    And,
+    Or,
+}
+
+/// A bound expression.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Program {
+    ops: Vec<Op>,
+}
+
+impl Program {
+    pub(super) const fn new(ops: Vec<Op>) -> Self {
+        Self { ops }
+    }
+
+    /// Its value on a row.
+    ///
+    /// # Panics
+    /// If the row is shorter than the columns that the program was bound to.
+    #[must_use]
+    pub fn evaluate(&self, row: &[f64]) -> f64 {
+        let mut stack = [0.0; STACK];
+        let mut height = 0;
+        for op in &self.ops {
+            match *op {
+                Op::Constant(value) => {
+                    stack[height] = value;
+                    height += 1;
+                }
+                Op::Load(index) => {
+                    stack[height] = row[index];
+                    height += 1;
+                }
+                Op::Unary(operator) => {
+                    stack[height - 1] = operator.apply(stack[height - 1]);
+                }
+                Op::Binary(operator) => {
+                    height -= 1;
+                    stack[height - 1] = operator.apply(stack[height - 1], stack[height]);
+                }
+                Op::Name(_) | Op::Reduced(_) => unreachable!("a program is bound"),
+            }
+        }
+        stack[0]
+    }
+}
+
+/// The largest number of values on the stack at any time.
+pub(super) fn needed_stack(ops: &[Op]) -> usize {
+    let (mut height, mut highest) = (0_usize, 0_usize);
+    for op in ops {
+        match op {
+            Op::Constant(_) | Op::Name(_) | Op::Reduced(_) | Op::Load(_) => height += 1,
+            Op::Unary(_) => {}
+            Op::Binary(_) => height -= 1,
+        }
+        highest = highest.max(height);
+    }
+    highest
+}
+
+impl Unary {
+    fn apply(self, a: f64) -> f64 {
+        match self {
+            Self::Negate => -a,
+            Self::Abs => a.abs(),
+            Self::Sqrt => a.sqrt(),
+            Self::Not if a.is_nan() => f64::NAN,
+            Self::Not => truth(a == 0.0),
+        }
+    }
+}
+
+impl Binary {
+    fn apply(self, a: f64, b: f64) -> f64 {
+        match self {
+            Self::Add => a + b,
+            Self::Subtract => a - b,
+            Self::Multiply => a * b,
+            Self::Divide => a / b,
+            // A comparison of NaN would be false; what does not exist must stay so.
+            _ if a.is_nan() || b.is_nan() => f64::NAN,
+            Self::Min if b < a => b,
+            Self::Min => a,
+            Self::Max if b > a => b,
+            Self::Max => a,
+            Self::Less => truth(a < b),
+            Self::LessOrEqual => truth(a <= b),
+            Self::Greater => truth(a > b),
+            Self::GreaterOrEqual => truth(a >= b),
+            Self::Equal => truth(a == b),
+            Self::NotEqual => truth(a != b),
+            Self::And => truth(a != 0.0 && b != 0.0),
+            Self::Or => truth(a != 0.0 || b != 0.0),
+        }
+    }
+}
+
+fn truth(holds: bool) -> f64 {
+    if holds { 1.0 } else { 0.0 }
+}

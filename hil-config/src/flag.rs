@@ -1,0 +1,196 @@
+//! `--set KEY=VALUE`: one value of the scenario from the command line.
+//!
+//! A key is the path of a value, `faults[0].effects[1].speed_per_s`; tables on the way are made,
+//! entries of lists must exist. A value is TOML; what is no TOML value is text, so that
+//! `controller.law=pid` needs no quotes. The value remembers that it came from the flag.
+
+use std::ops::Range;
+
+use crate::document::{Entry, Node, Table, Value};
+use crate::source::Place;
+
+/// What is wrong with a flag, and which bytes of it.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) struct FlagError {
+    pub message: String,
+    pub span: Range<usize>,
+    /// The key up to there.
+    pub key: String,
+}
+
+/// One part of a key.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Part {
+    Key(String),
+    Index(usize),
+}
+
+/// A part and its bytes in the flag.
+type Placed = (Part, Range<usize>);
+
+/// Puts the value of a flag into the scenario.
+pub(crate) fn apply(root: &mut Table, flag: &str, source: usize) -> Result<(), FlagError> {
+    let Some((key, text)) = flag.split_once('=') else {
+        return Err(error(0..flag.len(), "", "expected KEY=VALUE, found no `=`"));
+    };
+    let parts = parts(key)?;
+    let start = key.len() + 1;
+    if text.trim().is_empty() {
+        return Err(error(start..flag.len(), key, "no value behind the `=`"));
+    }
+    let place = Place {
+        source,
+        span: start..flag.len(),
+    };
+    let value = Value::parse(text, &place).unwrap_or_else(|| Value::Text(text.trim().into()));
+    put(root, &parts, Node { value, place }, source)
+}
+
+fn error(span: Range<usize>, key: &str, message: impl Into<String>) -> FlagError {
+    FlagError {
+        message: message.into(),
+        span,
+        key: key.into(),
+    }
+}
+
+/// Splits `a[0].b` into its parts.
+fn parts(key: &str) -> Result<Vec<Placed>, FlagError> {
+    let mut parts = Vec::new();
+    let mut at = 0;
+    for word in key.split('.') {
+        let name_end = word.find('[').unwrap_or(word.len());
+        let (name, indices) = word.split_at(name_end);
+        let span = at..at + name.len();
+        let bare = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-');
+        if name.is_empty() || !name.chars().all(bare) {
+            let message = format!("`{name}` is not a key: letters, digits, - and _");
+            return Err(error(span, key, message));
+        }
+        parts.push((Part::Key(name.into()), span));
+        at += name.len();
+        let mut rest = indices;
+        while !rest.is_empty() {
+            let closed = rest.strip_prefix('[').and_then(|rest| rest.split_once(']'));
+            let index = closed.and_then(|(digits, rest)| Some((digits.parse().ok()?, rest)));
+            let Some((index, after)) = index else {
+                let message = format!("`{rest}` is not an index like [0]");
+                return Err(error(at..at + rest.len(), key, message));
+            };
+            let length = rest.len() - after.len();
+            parts.push((Part::Index(index), at..at + length));
+            at += length;
+            rest = after;
+        }
+        at += 1;
+    }
+    Ok(parts)
+}
+
+/// Puts a value at a path that begins with a key.
+fn put(table: &mut Table, parts: &[Placed], value: Node, source: usize) -> Result<(), FlagError> {
+    let Some(((Part::Key(name), span), rest)) = parts.split_first() else {
+        unreachable!("a path begins with a key, and so does what follows a table")
+    };
+    let key_place = Place {
+        source,
+        span: span.clone(),
+    };
+    let index = match table.entries.iter().position(|entry| entry.key == *name) {
+        Some(index) => index,
+        None => {
+            if let Some((Part::Index(_), span)) = rest.first() {
+                let message = format!("there is no list `{name}`");
+                return Err(error(span.clone(), name, message));
+            }
+            table.entries.push(Entry {
+                key: name.clone(),
+                key_place: key_place.clone(),
+                node: Node {
+                    value: Value::Table(Table::default()),
+                    place: key_place.clone(),
+                },
+            });
+            table.entries.len() - 1
+        }
+    };
+    let entry = &mut table.entries[index];
+    if rest.is_empty() {
+        entry.key_place = key_place;
+    }
+    put_below(&mut entry.node, name, rest, value, source)
+}
+
+/// Puts a value at the rest of a path, below the value that `name` has.
+fn put_below(
+    node: &mut Node,
+    name: &str,
+    rest: &[Placed],
+    value: Node,
+    source: usize,
+) -> Result<(), FlagError> {
+    match rest.first() {
+        None => {
+            *node = value;
+            Ok(())
+        }
+        Some((Part::Key(_), span)) => match &mut node.value {
+            Value::Table(table) => put(table, rest, value, source),
+            other => {
+                let message = format!("`{name}` is {}, not a table", other.type_name());
+                Err(error(span.clone(), name, message))
+            }
+        },
+        Some((Part::Index(index), span)) => match &mut node.value {
+            Value::List(items) => {
+                let count = items.len();
+                let Some(item) = items.get_mut(*index) else {
+                    let message = format!(
+                        "`{name}` has {count} entries, counted from 0; there is no [{index}]"
+                    );
+                    return Err(error(span.clone(), name, message));
+                };
+                put_below(item, name, &rest[1..], value, source)
+            }
+            other => {
+                let message = format!("`{name}` is {}, not a list", other.type_name());
+                Err(error(span.clone(), name, message))
+            }
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_key_is_split_into_names_and_indices() {
+        let found = parts("faults[0].effects[12].speed_per_s").expect("a key");
+        let expected = [
+            (Part::Key("faults".into()), 0..6),
+            (Part::Index(0), 6..9),
+            (Part::Key("effects".into()), 10..17),
+            (Part::Index(12), 17..21),
+            (Part::Key("speed_per_s".into()), 22..33),
+        ];
+        assert_eq!(found, expected);
+    }
+
+    #[test]
+    fn what_is_no_key_is_refused_where_it_stands() {
+        for (key, span) in [
+            ("", 0..0),
+            ("a..b", 2..2),
+            ("a.", 2..2),
+            ("[0]", 0..0),
+            ("a[", 1..2),
+            ("a[x]", 1..4),
+            ("a[0]b", 4..5),
+            ("a[-1]", 1..5),
+            ("a b", 0..3),
+        ] {
+            assert_eq!(parts(key).expect_err(key).span, span, "{key}");
+        }
+    }
+}

@@ -1,0 +1,488 @@
+//! Every key that a scenario may have: type, unit, range, default and meaning, written once.
+//!
+//! Reading, the JSON schema and `show` take what they need from these tables, so that none of them
+//! can say something else than the others. Parameters of plants and laws are not here: they come
+//! from the descriptions that the binaries give of themselves.
+
+use shared_types::time::Rate;
+
+/// Version of the scenario format that is understood.
+pub(crate) const SCHEMA: i64 = 1;
+
+/// Largest number of steps of a run.
+pub(crate) const MAX_STEPS: u64 = 1 << 40;
+
+/// A key.
+#[derive(Debug)]
+pub(crate) struct Key {
+    /// Its name.
+    pub name: &'static str,
+    /// What it takes.
+    pub kind: Kind,
+    /// Whether it must be there.
+    pub required: bool,
+    /// What it means.
+    pub text: &'static str,
+}
+
+/// What a key takes.
+#[derive(Debug)]
+pub(crate) enum Kind {
+    /// A number.
+    Number {
+        /// Its unit.
+        unit: &'static str,
+        /// Smallest legal value.
+        min: f64,
+        /// Largest legal value.
+        max: f64,
+        /// The value when the key is not there.
+        default: Option<f64>,
+    },
+    /// A whole number.
+    Integer {
+        /// Smallest legal value.
+        min: i64,
+        /// Largest legal value.
+        max: i64,
+        /// The value when the key is not there.
+        default: Option<i64>,
+    },
+    /// Text.
+    Text {
+        /// All it may be; empty: anything.
+        choices: &'static [&'static str],
+        /// The value when the key is not there.
+        default: Option<&'static str>,
+    },
+    /// A list of numbers.
+    Numbers,
+    /// A list of pairs of numbers.
+    Pairs,
+    /// A table with these keys; some take further ones, which depend on other values.
+    Section(&'static [Key]),
+    /// A list of tables with these keys; some take further ones.
+    List(&'static [Key]),
+    /// A table whose keys come from the description of a plant or law.
+    Described,
+}
+
+impl Key {
+    const fn new(name: &'static str, kind: Kind, text: &'static str) -> Self {
+        Self {
+            name,
+            kind,
+            required: false,
+            text,
+        }
+    }
+
+    const fn required(self) -> Self {
+        Self {
+            required: true,
+            ..self
+        }
+    }
+}
+
+const fn number(unit: &'static str, min: f64, max: f64) -> Kind {
+    Kind::Number {
+        unit,
+        min,
+        max,
+        default: None,
+    }
+}
+
+const fn number_or(unit: &'static str, min: f64, max: f64, default: f64) -> Kind {
+    Kind::Number {
+        unit,
+        min,
+        max,
+        default: Some(default),
+    }
+}
+
+const fn integer(min: i64, max: i64, default: i64) -> Kind {
+    Kind::Integer {
+        min,
+        max,
+        default: Some(default),
+    }
+}
+
+const TEXT: Kind = Kind::Text {
+    choices: &[],
+    default: None,
+};
+
+/// Longest time in s that can be named: 2^40 steps at the lowest rate.
+const MAX_S: f64 = MAX_STEPS as f64 / Rate::MIN_HZ;
+
+/// The whole scenario.
+pub(crate) const SCENARIO: &[Key] = &[
+    Key::new(
+        "schema",
+        Kind::Integer {
+            min: SCHEMA,
+            max: SCHEMA,
+            default: None,
+        },
+        "Version of this format.",
+    )
+    .required(),
+    Key::new(
+        "name",
+        TEXT,
+        "Name of the scenario: letters, digits, - and _. Default: the file's name.",
+    ),
+    Key::new("description", TEXT, "What the scenario shows."),
+    Key::new("run", Kind::Section(RUN), "Duration, rate and clock.").required(),
+    Key::new("plant", Kind::Section(PLANT), "The plant.").required(),
+    Key::new("controller", Kind::Section(CONTROLLER), "The controller.").required(),
+    Key::new(
+        "stimuli",
+        Kind::List(STIMULUS),
+        "Reference signals of the rig, sent with the derivatives that the waveform has.",
+    ),
+    Key::new(
+        "faults",
+        Kind::List(FAULT),
+        "Fault events. All effects of an event take hold at the same step.",
+    ),
+    Key::new(
+        "derived",
+        Kind::List(DERIVED),
+        "Signals computed from other signals at every step.",
+    ),
+    Key::new(
+        "metrics",
+        Kind::List(METRIC),
+        "Numbers computed over windows of time.",
+    ),
+];
+
+/// `[run]`.
+pub(crate) const RUN: &[Key] = &[
+    Key::new(
+        "duration_s",
+        number("s", 1e-6, MAX_S),
+        "Simulated time; a whole number of steps.",
+    )
+    .required(),
+    Key::new(
+        "rate_hz",
+        number("Hz", Rate::MIN_HZ, Rate::MAX_HZ),
+        "Exchanges between plant and controller per second.",
+    )
+    .required(),
+    Key::new(
+        "seed",
+        integer(0, i64::MAX, 1),
+        "Seed of every random stream.",
+    ),
+    Key::new(
+        "clock",
+        Kind::Text {
+            choices: &["lockstep", "paced"],
+            default: Some("lockstep"),
+        },
+        "What releases a step: lockstep runs as fast as both sides can, paced follows the wall clock and is never late.",
+    ),
+    Key::new(
+        "pace",
+        number_or("1", 1e-6, 1e6, 1.0),
+        "Simulated seconds per second of the paced clock.",
+    ),
+];
+
+/// `[plant]`.
+pub(crate) const PLANT: &[Key] = &[
+    Key::new("model", TEXT, "Name of the plant.").required(),
+    Key::new(
+        "substeps",
+        integer(1, 1000, 4),
+        "Integration steps in one exchange step.",
+    ),
+    Key::new(
+        "parameters",
+        Kind::Described,
+        "The plant's parameters: a full name (actuator1.x), or the last part alone (x) for every parameter that ends so; the full name wins.",
+    ),
+    Key::new(
+        "limits",
+        Kind::Described,
+        "Ranges [min, max] of true signals, outside which the run ends as diverged; replace the plant's own.",
+    ),
+];
+
+/// `[controller]`; besides these a table for every law.
+pub(crate) const CONTROLLER: &[Key] = &[
+    Key::new("law", TEXT, "Name of the control law.").required(),
+    Key::new(
+        "rate_hz",
+        number("Hz", Rate::MIN_HZ, Rate::MAX_HZ),
+        "Rate of the law, a whole fraction of run.rate_hz; the command is held between. Default: run.rate_hz.",
+    ),
+    Key::new(
+        "command_delay_steps",
+        integer(0, 1, 0),
+        "Steps between a sample and the command that answers it.",
+    ),
+    Key::new(
+        "model",
+        Kind::Described,
+        "What the law believes of the plant. Default: the plant's nominal parameter of the same name.",
+    ),
+];
+
+/// `[[stimuli]]`; besides these the keys of the kind in [`WAVEFORMS`].
+pub(crate) const STIMULUS: &[Key] = &[
+    Key::new(
+        "target",
+        TEXT,
+        "Name of the reference signal, its unit at the end.",
+    )
+    .required(),
+    Key::new("kind", TEXT, "Waveform.").required(),
+    Key::new(
+        "unit",
+        TEXT,
+        "Unit of the target. Default: the unit that the name's ending stands for.",
+    ),
+];
+
+/// A kind of waveform.
+#[derive(Debug)]
+pub(crate) struct WaveformKind {
+    /// The stimulus' `kind`.
+    pub name: &'static str,
+    /// Time derivatives that are sent with the signal.
+    pub derivatives: usize,
+    /// What it is.
+    pub text: &'static str,
+    /// Its keys. Sizes without a unit are in the target's.
+    pub keys: &'static [Key],
+}
+
+const ANY: Kind = number("", f64::MIN, f64::MAX);
+const ANY_OR_ZERO: Kind = number_or("", f64::MIN, f64::MAX, 0.0);
+const FREQUENCY: Kind = number("Hz", 0.0, Rate::MAX_HZ);
+const LENGTH: Kind = number("s", 1e-9, MAX_S);
+
+/// The waveforms of stimuli.
+pub(crate) const WAVEFORMS: &[WaveformKind] = &[
+    WaveformKind {
+        name: "paper",
+        derivatives: 5,
+        text: "atan(amplitude sin(2 pi frequency t)) (1 - exp(-onset t^3)), the paper's command.",
+        keys: &[
+            Key::new(
+                "amplitude",
+                number_or("1", f64::MIN, f64::MAX, 0.2),
+                "Factor inside the arc tangent.",
+            ),
+            Key::new(
+                "frequency_hz",
+                number_or("Hz", 0.0, Rate::MAX_HZ, 1.0),
+                "Frequency.",
+            ),
+            Key::new(
+                "onset_per_s3",
+                number_or("1/s3", 0.0, 1e12, 0.1),
+                "How fast it sets in.",
+            ),
+        ],
+    },
+    WaveformKind {
+        name: "step",
+        derivatives: 0,
+        text: "before until at_s, then after.",
+        keys: &[
+            Key::new("at_s", number_or("s", 0.0, MAX_S, 0.0), "Time of the step."),
+            Key::new("before", ANY_OR_ZERO, "Value before."),
+            Key::new("after", ANY, "Value from then on.").required(),
+        ],
+    },
+    WaveformKind {
+        name: "ramp",
+        derivatives: 1,
+        text: "start until at_s, then a constant slope for duration_s, then end.",
+        keys: &[
+            Key::new("at_s", number_or("s", 0.0, MAX_S, 0.0), "Begin."),
+            Key::new("duration_s", LENGTH, "Length of the slope.").required(),
+            Key::new("start", ANY_OR_ZERO, "Value before."),
+            Key::new("end", ANY, "Value after.").required(),
+        ],
+    },
+    WaveformKind {
+        name: "sine",
+        derivatives: 5,
+        text: "offset + amplitude sin(2 pi frequency t + phase).",
+        keys: &[
+            Key::new("amplitude", ANY, "Amplitude.").required(),
+            Key::new("frequency_hz", FREQUENCY, "Frequency.").required(),
+            Key::new("phase_rad", number_or("rad", -1e6, 1e6, 0.0), "Phase."),
+            Key::new("offset", ANY_OR_ZERO, "Mean value."),
+        ],
+    },
+    WaveformKind {
+        name: "chirp",
+        derivatives: 5,
+        text: "offset + a sine whose frequency goes from start_hz to end_hz in duration_s and stays there.",
+        keys: &[
+            Key::new("amplitude", ANY, "Amplitude.").required(),
+            Key::new("start_hz", FREQUENCY, "Frequency at the begin.").required(),
+            Key::new("end_hz", FREQUENCY, "Frequency at the end.").required(),
+            Key::new("duration_s", LENGTH, "Length of the sweep.").required(),
+            Key::new("offset", ANY_OR_ZERO, "Mean value."),
+        ],
+    },
+    WaveformKind {
+        name: "table",
+        derivatives: 1,
+        text: "Straight lines between points, constant before the first and after the last.",
+        keys: &[
+            Key::new(
+                "file",
+                TEXT,
+                "CSV file with the columns time_s,value, relative to the scenario. In its place: time_s and values.",
+            ),
+            Key::new("time_s", Kind::Numbers, "Times, strictly rising."),
+            Key::new("values", Kind::Numbers, "Values, as many as times."),
+        ],
+    },
+];
+
+/// `[[faults]]`.
+pub(crate) const FAULT: &[Key] = &[
+    Key::new("kind", TEXT, "Kind of fault, one that the plant offers.").required(),
+    Key::new(
+        "at_s",
+        number("s", 0.0, MAX_S),
+        "When it takes hold; rounds up to a step.",
+    )
+    .required(),
+    Key::new(
+        "effects",
+        Kind::List(EFFECT),
+        "What it does, one entry per target.",
+    )
+    .required(),
+];
+
+/// `[[faults.effects]]`; besides these the selector, size and speed of the kind of fault.
+pub(crate) const EFFECT: &[Key] = &[Key::new(
+    "skew_s",
+    number_or("s", 0.0, MAX_S, 0.0),
+    "How much later than the event this effect takes hold.",
+)];
+
+/// `[[derived]]`.
+pub(crate) const DERIVED: &[Key] = &[
+    Key::new("name", TEXT, "Name, its unit at the end.").required(),
+    Key::new(
+        "expression",
+        TEXT,
+        "Its value at a step, from signals (truth.x, measured.x, reference.x, command.x, applied.x, internal.x) and earlier derived ones.",
+    )
+    .required(),
+    Key::new(
+        "unit",
+        TEXT,
+        "Unit. Default: the unit that the name's ending stands for, else 1.",
+    ),
+];
+
+/// `[[metrics]]`.
+pub(crate) const METRIC: &[Key] = &[
+    Key::new("name", TEXT, "Name, its unit at the end.").required(),
+    Key::new(
+        "expression",
+        TEXT,
+        "Reductions of signals over a window (max_abs, max, min, mean, rms, initial, final, integral) and arithmetic of them.",
+    )
+    .required(),
+    Key::new(
+        "unit",
+        TEXT,
+        "Unit. Default: the unit that the name's ending stands for, else 1.",
+    ),
+    Key::new(
+        "windows_s",
+        Kind::Pairs,
+        "Windows [begin, end], both ends included. Default: the whole run.",
+    ),
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::Waveform;
+
+    #[test]
+    fn the_waveforms_have_the_derivatives_that_the_plan_says() {
+        let [paper, step, ramp, sine, chirp, table] = WAVEFORMS else {
+            panic!("six kinds");
+        };
+        let zero = 0.0;
+        let cases = [
+            (
+                paper,
+                Waveform::Paper {
+                    amplitude: zero,
+                    frequency_hz: zero,
+                    onset_per_s3: zero,
+                },
+            ),
+            (
+                step,
+                Waveform::Step {
+                    at_s: zero,
+                    before: zero,
+                    after: zero,
+                },
+            ),
+            (
+                ramp,
+                Waveform::Ramp {
+                    at_s: zero,
+                    duration_s: 1.0,
+                    start: zero,
+                    end: zero,
+                },
+            ),
+            (
+                sine,
+                Waveform::Sine {
+                    amplitude: zero,
+                    frequency_hz: zero,
+                    phase_rad: zero,
+                    offset: zero,
+                },
+            ),
+            (
+                chirp,
+                Waveform::Chirp {
+                    amplitude: zero,
+                    start_hz: zero,
+                    end_hz: zero,
+                    duration_s: 1.0,
+                    offset: zero,
+                },
+            ),
+            (
+                table,
+                Waveform::Table {
+                    time_s: vec![zero],
+                    values: vec![zero],
+                },
+            ),
+        ];
+        for (kind, waveform) in cases {
+            assert_eq!(kind.derivatives, waveform.derivatives(), "{}", kind.name);
+            let tagged = serde_json::to_value(&waveform).expect("serialises");
+            assert_eq!(tagged["kind"], kind.name);
+        }
+    }
+}

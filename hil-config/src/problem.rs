@@ -1,0 +1,196 @@
+//! Problems of a scenario: everything that is wrong, where it stands and how to mend it.
+//!
+//! Made while a scenario is read and checked; shown by the launcher to a person
+//! ([`Problems`]' `Display`) or a machine (its list, which serialises). Nothing stops at the first
+//! problem.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use crate::source::Excerpt;
+
+/// What sort of thing is wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ProblemKind {
+    /// A file cannot be read.
+    Unreadable,
+    /// The text is not TOML, not a table of points or not a `--set KEY=VALUE`.
+    Syntax,
+    /// A key that nothing asks for.
+    UnknownKey,
+    /// A key that must be there is not.
+    MissingKey,
+    /// A value of the wrong type.
+    WrongType,
+    /// A value outside its range.
+    OutOfRange,
+    /// A name of something that does not exist.
+    UnknownName,
+    /// A name that is used twice.
+    Duplicate,
+    /// Parts that do not go together.
+    Mismatch,
+    /// A signal that is needed and that nothing gives.
+    Unbound,
+    /// An error in an expression.
+    Expression,
+}
+
+/// One thing that is wrong.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Problem {
+    /// What sort of thing.
+    pub kind: ProblemKind,
+    /// The key, for example `faults[0].effects[1].speed_per_s`; empty for the whole scenario.
+    pub key: String,
+    /// What is wrong.
+    pub message: String,
+    /// What would be right: type, range and unit, or what there is to choose from.
+    pub expected: Option<String>,
+    /// Known names that are closest to the unknown one, best first.
+    pub nearest: Vec<String>,
+    /// How to mend it, where that is known.
+    pub help: Option<String>,
+    /// The file, or the `--set` flag, that it stands in.
+    pub source: String,
+    /// The line; none if there is no text.
+    pub excerpt: Option<Excerpt>,
+}
+
+impl Problem {
+    /// Adds what would be right.
+    pub(crate) fn expected(&mut self, expected: impl Into<String>) -> &mut Self {
+        self.expected = Some(expected.into());
+        self
+    }
+
+    /// Adds the known names closest to an unknown one.
+    pub(crate) fn nearest<'a>(
+        &mut self,
+        wanted: &str,
+        known: impl IntoIterator<Item = &'a str>,
+    ) -> &mut Self {
+        self.nearest = shared_types::table::nearest(wanted, known)
+            .into_iter()
+            .map(Into::into)
+            .collect();
+        self
+    }
+
+    /// Adds how to mend it.
+    pub(crate) fn help(&mut self, help: impl Into<String>) -> &mut Self {
+        self.help = Some(help.into());
+        self
+    }
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "error: {}", self.message)?;
+        let mut margin = String::new();
+        match &self.excerpt {
+            None => write!(f, "\n --> {}", self.source)?,
+            Some(Excerpt {
+                line,
+                column,
+                width,
+                text,
+            }) => {
+                let number = line.to_string();
+                margin = " ".repeat(number.len());
+                let source = &self.source;
+                write!(f, "\n{margin}--> {source}:{line}:{column}\n{margin} |")?;
+                // Nothing from a file may steer the terminal.
+                let printable: String = text
+                    .chars()
+                    .map(|c| match c {
+                        '\t' => c,
+                        c if c.is_control() => char::REPLACEMENT_CHARACTER,
+                        c => c,
+                    })
+                    .collect();
+                // Tabs stay tabs, so that the mark stands below its text at any tab width.
+                let indent: String = printable
+                    .chars()
+                    .take(column - 1)
+                    .map(|c| if c == '\t' { c } else { ' ' })
+                    .collect();
+                write!(f, "\n{number} | {printable}")?;
+                write!(f, "\n{margin} | {indent}{}", "^".repeat(*width))?;
+            }
+        }
+        if let Some(expected) = &self.expected {
+            write!(f, "\n{margin} = expected: {expected}")?;
+        }
+        if !self.nearest.is_empty() {
+            let names: Vec<String> = self.nearest.iter().map(|n| format!("`{n}`")).collect();
+            write!(f, "\n{margin} = nearest: {}", names.join(", "))?;
+        }
+        if let Some(help) = &self.help {
+            write!(f, "\n{margin} = help: {help}")?;
+        }
+        Ok(())
+    }
+}
+
+/// Everything that is wrong with a scenario, never empty.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, thiserror::Error)]
+#[serde(transparent)]
+pub struct Problems(pub Vec<Problem>);
+
+impl fmt::Display for Problems {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for problem in &self.0 {
+            write!(f, "{problem}\n\n")?;
+        }
+        match self.0.len() {
+            1 => write!(f, "1 problem"),
+            count => write!(f, "{count} problems"),
+        }
+    }
+}
+
+/// Names as text: `` `a`, `b` ``, or `none`.
+pub(crate) fn listed<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+    let names: Vec<String> = names.into_iter().map(|name| format!("`{name}`")).collect();
+    if names.is_empty() {
+        return "none".into();
+    }
+    names.join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_problem_shows_the_line_the_mark_and_the_way_out() {
+        let problem = Problem {
+            kind: ProblemKind::OutOfRange,
+            key: "run.rate_hz".into(),
+            message: "`run.rate_hz` is out of range".into(),
+            expected: Some("a number from 0.001 to 1000000 in Hz".into()),
+            nearest: vec!["a".into(), "b".into()],
+            help: Some("raise it".into()),
+            source: "x.toml".into(),
+            excerpt: Some(Excerpt {
+                line: 12,
+                column: 12,
+                width: 2,
+                text: "\trate_hz = -1\u{1b}[2J".into(),
+            }),
+        };
+        let expected = "\
+error: `run.rate_hz` is out of range
+  --> x.toml:12:12
+   |
+12 | \trate_hz = -1\u{fffd}[2J
+   | \t          ^^
+   = expected: a number from 0.001 to 1000000 in Hz
+   = nearest: `a`, `b`
+   = help: raise it";
+        assert_eq!(problem.to_string(), expected);
+    }
+}

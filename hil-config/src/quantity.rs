@@ -1,0 +1,123 @@
+//! A number that a scenario may give: name, unit, range, default; and numbers as text.
+//!
+//! The common form of the scenario's own keys and of the parameters, sizes and speeds that plants
+//! and laws describe, so that all of them are checked and explained in one way.
+
+use shared_types::table::Field;
+
+/// A number with its unit and range.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Quantity<'a> {
+    /// The key.
+    pub name: &'a str,
+    /// Unit as text; `1` and the empty text mean none.
+    pub unit: &'a str,
+    /// Smallest legal value.
+    pub min: f64,
+    /// Largest legal value.
+    pub max: f64,
+}
+
+impl<'a> From<&'a Field> for Quantity<'a> {
+    fn from(field: &'a Field) -> Self {
+        Self {
+            name: &field.name,
+            unit: &field.unit,
+            min: field.min,
+            max: field.max,
+        }
+    }
+}
+
+impl Quantity<'_> {
+    /// Whether a value is a number in the range. Infinity is legal where the range says so.
+    pub(crate) fn admits(&self, value: f64) -> bool {
+        (self.min..=self.max).contains(&value)
+    }
+
+    /// What is expected, for example `a number from 0 to 1000 in kg`.
+    pub(crate) fn expected(&self) -> String {
+        let range = self.range();
+        let number = if range.is_empty() {
+            "a number".into()
+        } else {
+            format!("a number {range}")
+        };
+        match self.unit {
+            "" | "1" => number,
+            unit => format!("{number} in {unit}"),
+        }
+    }
+
+    /// The range as text; empty if every number is in it.
+    pub(crate) fn range(&self) -> String {
+        match (self.min > f64::MIN, self.max < f64::MAX) {
+            (true, true) => format!("from {} to {}", number(self.min), number(self.max)),
+            (true, false) => format!("of at least {}", number(self.min)),
+            (false, true) => format!("of at most {}", number(self.max)),
+            (false, false) => String::new(),
+        }
+    }
+}
+
+/// A number as people write it and TOML reads it, exact to the last bit.
+pub(crate) fn number(value: f64) -> String {
+    let text = toml_float(value);
+    text.strip_suffix(".0").map_or(text.clone(), Into::into)
+}
+
+/// A number as a TOML float, exact to the last bit.
+pub(crate) fn toml_float(value: f64) -> String {
+    if value.is_nan() {
+        return "nan".into();
+    }
+    // Debug writes the shortest text that reads back the same, with an exponent where that helps.
+    format!("{value:?}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_are_told_by_the_ends_that_they_have() {
+        let expected = |unit, min, max| {
+            let quantity = Quantity {
+                name: "x",
+                unit,
+                min,
+                max,
+            };
+            quantity.expected()
+        };
+        assert_eq!(
+            expected("Hz", 1e-3, 1e6),
+            "a number from 0.001 to 1000000 in Hz"
+        );
+        assert_eq!(expected("1", 0.0, f64::INFINITY), "a number of at least 0");
+        assert_eq!(
+            expected("m", f64::MIN, 5e-9),
+            "a number of at most 5e-9 in m"
+        );
+        assert_eq!(expected("m", f64::MIN, f64::MAX), "a number in m");
+    }
+
+    #[test]
+    fn numbers_read_back_the_same() {
+        for value in [
+            0.1,
+            -0.0,
+            5e-7,
+            1e21,
+            28e6,
+            1.0 / 3.0,
+            f64::INFINITY,
+            -f64::INFINITY,
+        ] {
+            for text in [number(value), toml_float(value)] {
+                let parsed: f64 = text.parse().expect("a number");
+                assert_eq!(parsed.to_bits(), value.to_bits(), "{text}");
+            }
+        }
+    }
+}

@@ -1,0 +1,437 @@
+//! Reading the tree of a scenario against the tables of [`keys`](crate::keys): types, ranges and
+//! unknown keys.
+//!
+//! Used by every part of the [`check`](crate::check). A value that is not right is reported and
+//! read as nothing, so that the rest is still checked; whoever reads goes on with what it has.
+
+use crate::document::{Entry, Node, Table, Value};
+use crate::keys::{Key, Kind};
+use crate::problem::{Problem, ProblemKind, listed};
+use crate::quantity::{Quantity, number};
+use crate::source::{Place, Sources};
+
+/// Collects problems while a scenario is read.
+#[derive(Debug)]
+pub(crate) struct Reader {
+    /// All texts.
+    pub sources: Sources,
+    /// What was found so far.
+    pub problems: Vec<Problem>,
+}
+
+/// A table of the scenario and the keys that it may have.
+#[derive(Clone, Debug)]
+pub(crate) struct Section<'a> {
+    /// The table.
+    pub table: &'a Table,
+    /// Its keys.
+    pub keys: &'static [Key],
+    /// Where it is in the tree, for example `faults[0]`; empty for the whole scenario.
+    pub path: String,
+    /// Where it stands in the text.
+    pub place: &'a Place,
+}
+
+impl<'a> Section<'a> {
+    /// The full name of one of its keys, for example `faults[0].at_s`.
+    pub(crate) fn path_of(&self, key: &str) -> String {
+        if self.path.is_empty() {
+            key.into()
+        } else {
+            format!("{}.{key}", self.path)
+        }
+    }
+
+    /// The place of a key's value, or of the section if the key is not there.
+    pub(crate) fn place_of(&self, key: &str) -> &'a Place {
+        self.table
+            .get(key)
+            .map_or(self.place, |entry| &entry.node.place)
+    }
+
+    /// The same table, read by other keys.
+    pub(crate) fn with_keys(&self, keys: &'static [Key]) -> Self {
+        Self {
+            keys,
+            ..self.clone()
+        }
+    }
+
+    fn key(&self, name: &str) -> &'static Key {
+        self.keys
+            .iter()
+            .find(|key| key.name == name)
+            .expect("only keys of the table are read")
+    }
+}
+
+impl Reader {
+    /// Reports a problem.
+    pub(crate) fn report(
+        &mut self,
+        kind: ProblemKind,
+        key: impl Into<String>,
+        place: &Place,
+        message: impl Into<String>,
+    ) -> &mut Problem {
+        self.problems.push(Problem {
+            kind,
+            key: key.into(),
+            message: message.into(),
+            expected: None,
+            nearest: Vec::new(),
+            help: None,
+            source: self.sources.name(place.source).into(),
+            excerpt: Some(self.sources.excerpt(place)),
+        });
+        let last = self.problems.len() - 1;
+        &mut self.problems[last]
+    }
+
+    /// Reports every key of a section that is neither its own nor among the further ones.
+    pub(crate) fn refuse_unknown(&mut self, section: &Section<'_>, further: &[&str]) {
+        let known: Vec<&str> = section
+            .keys
+            .iter()
+            .map(|key| key.name)
+            .chain(further.iter().copied())
+            .collect();
+        for entry in &section.table.entries {
+            if !known.contains(&entry.key.as_str()) {
+                self.unknown_key(section, entry, &known);
+            }
+        }
+    }
+
+    fn unknown_key(&mut self, section: &Section<'_>, entry: &Entry, known: &[&str]) {
+        let wherein = match section.path.as_str() {
+            "" => "in a scenario".into(),
+            path => format!("in `{path}`"),
+        };
+        self.report(
+            ProblemKind::UnknownKey,
+            section.path_of(&entry.key),
+            &entry.key_place,
+            format!("unknown key `{}` {wherein}", entry.key),
+        )
+        .expected(format!("one of {}", listed(known.iter().copied())))
+        .nearest(&entry.key, known.iter().copied());
+    }
+
+    /// The value of a key; a missing one is reported if it must be there.
+    fn value<'a>(&mut self, section: &Section<'a>, key: &Key) -> Option<&'a Node> {
+        let entry = section.table.get(key.name);
+        if entry.is_none() && key.required {
+            let path = section.path_of(key.name);
+            let expected = describe(&key.kind);
+            self.missing(section, &path, expected);
+        }
+        entry.map(|entry| &entry.node)
+    }
+
+    /// Reports a key that must be there and is not.
+    pub(crate) fn missing(&mut self, section: &Section<'_>, path: &str, expected: String) {
+        self.report(
+            ProblemKind::MissingKey,
+            path,
+            section.place,
+            format!("`{path}` is missing"),
+        )
+        .expected(expected);
+    }
+
+    /// Reports a value of the wrong type.
+    pub(crate) fn wrong_type(&mut self, path: &str, node: &Node, expected: impl Into<String>) {
+        self.report(
+            ProblemKind::WrongType,
+            path,
+            &node.place,
+            format!("`{path}` is {}", node.value.type_name()),
+        )
+        .expected(expected);
+    }
+
+    /// A table under one of the section's own keys; `None` if it is not there or no table.
+    pub(crate) fn section<'a>(
+        &mut self,
+        parent: &Section<'a>,
+        name: &'static str,
+    ) -> Option<Section<'a>> {
+        let key = parent.key(name);
+        self.value(parent, key)?;
+        let keys = match key.kind {
+            Kind::Section(keys) => keys,
+            _ => &[],
+        };
+        Some(self.table(parent, name)?.with_keys(keys))
+    }
+
+    /// A table under any key; `None` if it is not there or no table.
+    pub(crate) fn table<'a>(&mut self, parent: &Section<'a>, name: &str) -> Option<Section<'a>> {
+        let node = &parent.table.get(name)?.node;
+        let Value::Table(table) = &node.value else {
+            self.wrong_type(&parent.path_of(name), node, "a table");
+            return None;
+        };
+        Some(Section {
+            table,
+            keys: &[],
+            path: parent.path_of(name),
+            place: &node.place,
+        })
+    }
+
+    /// The tables of a list under a key.
+    pub(crate) fn list<'a>(
+        &mut self,
+        parent: &Section<'a>,
+        name: &'static str,
+    ) -> Vec<Section<'a>> {
+        let key = parent.key(name);
+        let Kind::List(keys) = key.kind else {
+            unreachable!("`{name}` is a list")
+        };
+        let Some(node) = self.value(parent, key) else {
+            return Vec::new();
+        };
+        let Value::List(items) = &node.value else {
+            let path = parent.path_of(name);
+            let expected = format!("a list of tables, each under `[[{}]]`", plain(&path));
+            self.wrong_type(&path, node, expected);
+            return Vec::new();
+        };
+        let mut sections = Vec::new();
+        for (index, item) in items.iter().enumerate() {
+            let path = format!("{}[{index}]", parent.path_of(name));
+            match &item.value {
+                Value::Table(table) => sections.push(Section {
+                    table,
+                    keys,
+                    path,
+                    place: &item.place,
+                }),
+                _ => self.wrong_type(&path, item, "a table"),
+            }
+        }
+        sections
+    }
+
+    /// A number of the section's own keys, or its default.
+    pub(crate) fn number(&mut self, section: &Section<'_>, name: &str) -> Option<f64> {
+        let key = section.key(name);
+        let Kind::Number {
+            unit,
+            min,
+            max,
+            default,
+        } = key.kind
+        else {
+            unreachable!("`{name}` is a number")
+        };
+        let Some(node) = self.value(section, key) else {
+            return default;
+        };
+        let quantity = Quantity {
+            name,
+            unit,
+            min,
+            max,
+        };
+        self.quantity(&section.path_of(name), node, &quantity)
+    }
+
+    /// A number that must be there, by a description.
+    pub(crate) fn described_number(
+        &mut self,
+        section: &Section<'_>,
+        quantity: &Quantity<'_>,
+    ) -> Option<f64> {
+        let path = section.path_of(quantity.name);
+        match section.table.get(quantity.name) {
+            Some(entry) => self.quantity(&path, &entry.node, quantity),
+            None => {
+                self.missing(section, &path, quantity.expected());
+                None
+            }
+        }
+    }
+
+    /// A number in its range.
+    pub(crate) fn quantity(
+        &mut self,
+        path: &str,
+        node: &Node,
+        quantity: &Quantity<'_>,
+    ) -> Option<f64> {
+        let value = match &node.value {
+            Value::Integer(value) => *value as f64,
+            Value::Float(value) => *value,
+            _ => {
+                self.wrong_type(path, node, quantity.expected());
+                return None;
+            }
+        };
+        if quantity.admits(value) {
+            return Some(value);
+        }
+        let what = if value.is_nan() {
+            "not a number".into()
+        } else {
+            format!("{}, out of range", number(value))
+        };
+        self.report(
+            ProblemKind::OutOfRange,
+            path,
+            &node.place,
+            format!("`{path}` is {what}"),
+        )
+        .expected(quantity.expected());
+        None
+    }
+
+    /// A whole number, or its default.
+    pub(crate) fn integer(&mut self, section: &Section<'_>, name: &str) -> Option<i64> {
+        let key = section.key(name);
+        let Kind::Integer { min, max, default } = key.kind else {
+            unreachable!("`{name}` is a whole number")
+        };
+        let Some(node) = self.value(section, key) else {
+            return default;
+        };
+        let path = section.path_of(name);
+        let Value::Integer(value) = node.value else {
+            self.wrong_type(&path, node, describe(&key.kind));
+            return None;
+        };
+        if (min..=max).contains(&value) {
+            return Some(value);
+        }
+        self.report(
+            ProblemKind::OutOfRange,
+            &path,
+            &node.place,
+            format!("`{path}` is {value}, out of range"),
+        )
+        .expected(describe(&key.kind));
+        None
+    }
+
+    /// Text, or its default.
+    pub(crate) fn text<'a>(&mut self, section: &Section<'a>, name: &str) -> Option<&'a str> {
+        let key = section.key(name);
+        let Kind::Text { choices, default } = key.kind else {
+            unreachable!("`{name}` is text")
+        };
+        let Some(node) = self.value(section, key) else {
+            return default;
+        };
+        let path = section.path_of(name);
+        let Value::Text(text) = &node.value else {
+            self.wrong_type(&path, node, describe(&key.kind));
+            return None;
+        };
+        if choices.is_empty() || choices.contains(&text.as_str()) {
+            return Some(text);
+        }
+        self.report(
+            ProblemKind::UnknownName,
+            &path,
+            &node.place,
+            format!("`{path}` is `{text}`, which does not exist"),
+        )
+        .expected(describe(&key.kind))
+        .nearest(text, choices.iter().copied());
+        None
+    }
+
+    /// Numbers of a list, any finite ones.
+    pub(crate) fn numbers(&mut self, path: &str, node: &Node) -> Option<Vec<f64>> {
+        let Value::List(items) = &node.value else {
+            self.wrong_type(path, node, "a list of numbers");
+            return None;
+        };
+        let finite = Quantity {
+            name: "",
+            unit: "",
+            min: f64::MIN,
+            max: f64::MAX,
+        };
+        let values: Vec<Option<f64>> = items
+            .iter()
+            .enumerate()
+            .map(|(index, item)| self.quantity(&format!("{path}[{index}]"), item, &finite))
+            .collect();
+        values.into_iter().collect()
+    }
+
+    /// A pair `[first, second]` with the first not above the second; each may be infinite.
+    pub(crate) fn pair(&mut self, path: &str, node: &Node, unit: &str) -> Option<(f64, f64)> {
+        let expected = "a pair of numbers, the smaller one first";
+        let Value::List(items) = &node.value else {
+            self.wrong_type(path, node, expected);
+            return None;
+        };
+        let [first, second] = items.as_slice() else {
+            self.report(
+                ProblemKind::WrongType,
+                path,
+                &node.place,
+                format!("`{path}` has {} entries", items.len()),
+            )
+            .expected(expected);
+            return None;
+        };
+        let any = Quantity {
+            name: "",
+            unit,
+            min: f64::NEG_INFINITY,
+            max: f64::INFINITY,
+        };
+        let low = self.quantity(&format!("{path}[0]"), first, &any);
+        let high = self.quantity(&format!("{path}[1]"), second, &any);
+        let (low, high) = (low?, high?);
+        if low > high {
+            self.report(
+                ProblemKind::OutOfRange,
+                path,
+                &node.place,
+                format!("`{path}` is [{}, {}]", number(low), number(high)),
+            )
+            .expected(expected);
+            return None;
+        }
+        Some((low, high))
+    }
+}
+
+/// A path without the indices, as a header has it.
+fn plain(path: &str) -> String {
+    let mut inside = false;
+    path.chars()
+        .filter(|&c| {
+            inside = (inside || c == '[') && c != ']';
+            !inside && c != ']'
+        })
+        .collect()
+}
+
+/// What a key takes, as messages and comments say it.
+pub(crate) fn describe(kind: &Kind) -> String {
+    match *kind {
+        Kind::Number { unit, min, max, .. } => Quantity {
+            name: "",
+            unit,
+            min,
+            max,
+        }
+        .expected(),
+        Kind::Integer { min, max, .. } if min == max => min.to_string(),
+        Kind::Integer { min, max, .. } => format!("a whole number from {min} to {max}"),
+        Kind::Text { choices: [], .. } => "text".into(),
+        Kind::Text { choices, .. } => format!("one of {}", listed(choices.iter().copied())),
+        Kind::Numbers => "a list of numbers".into(),
+        Kind::Pairs => "a list of pairs of numbers".into(),
+        Kind::Section(_) | Kind::Described => "a table".into(),
+        Kind::List(_) => "a list of tables".into(),
+    }
+}

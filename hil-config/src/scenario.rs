@@ -1,0 +1,122 @@
+//! A scenario as it was written: a file, and the `--set` values put over it.
+//!
+//! The launcher reads one, applies its flags and has it [checked](Scenario::check) against the
+//! plants and laws that the binaries describe. Nothing in here is known to be right.
+
+use std::path::{Path, PathBuf};
+
+use shared_types::describe::{LawDescription, PlantDescription};
+
+use crate::document::Table;
+use crate::flag;
+use crate::plan::Plan;
+use crate::problem::{Problem, ProblemKind, Problems};
+use crate::reader::Reader;
+use crate::source::{Place, Sources};
+
+/// A scenario as it was written.
+#[derive(Clone, Debug)]
+pub struct Scenario {
+    pub(crate) path: PathBuf,
+    pub(crate) sources: Sources,
+    pub(crate) table: Table,
+    /// Problems of flags, kept until the check so that all are reported at once.
+    problems: Vec<Problem>,
+}
+
+impl Scenario {
+    /// Reads a scenario file.
+    ///
+    /// # Errors
+    /// If the file cannot be read or is not TOML.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, Problems> {
+        let path = path.as_ref();
+        let text = std::fs::read_to_string(path).map_err(|error| {
+            Problems(vec![Problem {
+                kind: ProblemKind::Unreadable,
+                key: String::new(),
+                message: format!("the scenario cannot be read: {error}"),
+                expected: None,
+                nearest: Vec::new(),
+                help: None,
+                source: path.display().to_string(),
+                excerpt: None,
+            }])
+        })?;
+        Self::parse(&text, path)
+    }
+
+    /// Reads the text of a scenario. `origin` is its file, which need not exist: messages name it,
+    /// the scenario's name comes from it, and tables of points are looked for beside it.
+    ///
+    /// # Errors
+    /// If the text is not TOML.
+    pub fn parse(text: &str, origin: impl Into<PathBuf>) -> Result<Self, Problems> {
+        let path = origin.into();
+        let mut sources = Sources::default();
+        let source = sources.add(path.display().to_string(), text.into());
+        let table = Table::parse(text, source).map_err(|errors| {
+            let mut reader = Reader {
+                sources: sources.clone(),
+                problems: Vec::new(),
+            };
+            for error in errors {
+                let place = Place {
+                    source,
+                    span: error.span().unwrap_or(0..0),
+                };
+                let message = format!("not TOML: {}", error.message().replace('\n', ", "));
+                reader.report(ProblemKind::Syntax, "", &place, message);
+            }
+            Problems(reader.problems)
+        })?;
+        Ok(Self {
+            path,
+            sources,
+            table,
+            problems: Vec::new(),
+        })
+    }
+
+    /// Puts `KEY=VALUE` flags over it, the last one last. Flags that cannot be applied are reported
+    /// by the [check](Self::check), with everything else.
+    #[must_use]
+    pub fn set<S: AsRef<str>>(mut self, flags: &[S]) -> Self {
+        for text in flags {
+            let text = text.as_ref();
+            let source = self.sources.add(format!("--set {text}"), text.into());
+            if let Err(error) = flag::apply(&mut self.table, text, source) {
+                let mut reader = Reader {
+                    sources: std::mem::take(&mut self.sources),
+                    problems: std::mem::take(&mut self.problems),
+                };
+                let place = Place {
+                    source,
+                    span: error.span,
+                };
+                let message = format!("--set: {}", error.message);
+                reader
+                    .report(ProblemKind::Syntax, error.key, &place, message)
+                    .help("--set takes KEY=VALUE, for example faults[0].effects[1].speed_per_s=2");
+                (self.sources, self.problems) = (reader.sources, reader.problems);
+            }
+        }
+        self
+    }
+
+    /// Checks it against the plants and laws there are.
+    ///
+    /// # Errors
+    /// With everything that is wrong.
+    pub fn check(
+        &self,
+        plants: &[PlantDescription],
+        laws: &[LawDescription],
+    ) -> Result<Plan, Problems> {
+        let reader = Reader {
+            sources: self.sources.clone(),
+            problems: self.problems.clone(),
+        };
+        crate::check::check(self, reader, plants, laws)
+    }
+}

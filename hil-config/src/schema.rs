@@ -1,0 +1,276 @@
+//! The scenario format as a JSON schema, for editors that complete and check TOML.
+//!
+//! Behind `hil config schema`. Made from the same tables as the check; the keys of plants and laws
+//! come from their descriptions.
+
+use serde_json::{Map, Value, json};
+use shared_types::describe::{LawDescription, PlantDescription, ProfileDescription};
+use shared_types::table::Field;
+
+use crate::check::targets;
+use crate::keys::{self, Key, Kind, WAVEFORMS};
+use crate::quantity::Quantity;
+use crate::reader::describe;
+
+/// The JSON schema (draft 2020-12) of a scenario with these plants and laws. Without any, the
+/// tables that only they can describe are left open.
+#[must_use]
+pub fn schema(plants: &[PlantDescription], laws: &[LawDescription]) -> Value {
+    let mut root = section(keys::SCENARIO);
+    root["$schema"] = json!("https://json-schema.org/draft/2020-12/schema");
+    root["title"] = json!("hil scenario");
+    let properties = &mut root["properties"];
+
+    if !plants.is_empty() {
+        let plant = &mut properties["plant"]["properties"];
+        merge(
+            &mut plant["model"],
+            choices(plants.iter().map(|plant| plant.name.as_str())),
+        );
+        let all: Vec<&Field> = plants.iter().flat_map(|plant| &plant.parameters).collect();
+        merge(&mut plant["parameters"], described(&all));
+        let truth: Vec<&Field> = plants.iter().flat_map(|plant| &plant.truth).collect();
+        merge(&mut plant["limits"], limits(&truth));
+    }
+    if !laws.is_empty() {
+        let controller = &mut properties["controller"]["properties"];
+        merge(
+            &mut controller["law"],
+            choices(laws.iter().map(|law| law.name.as_str())),
+        );
+        let all: Vec<&Field> = laws.iter().flat_map(|law| &law.model).collect();
+        merge(&mut controller["model"], described(&all));
+        for law in laws {
+            let same_name = laws.iter().filter(|other| other.name == law.name);
+            let all: Vec<&Field> = same_name.flat_map(|law| &law.parameters).collect();
+            let mut table = described(&all);
+            table["description"] = json!(law.summary);
+            controller[&law.name] = table;
+        }
+    }
+    properties["stimuli"]["items"] = stimulus();
+    let fault = &mut properties["faults"]["items"]["properties"];
+    if plants.is_empty() {
+        // The selector, size and speed of a fault have names of the plant's choice.
+        fault["effects"]["items"]["additionalProperties"] = json!(true);
+    } else {
+        let all = plants.iter().flat_map(|plant| &plant.faults);
+        merge(
+            &mut fault["kind"],
+            choices(all.map(|fault| fault.kind.as_str())),
+        );
+        effects(&mut fault["effects"]["items"]["properties"], plants);
+    }
+    root
+}
+
+/// A table with known keys and no others.
+fn section(keys: &[Key]) -> Value {
+    let properties: Map<String, Value> = keys
+        .iter()
+        .map(|key| (key.name.to_owned(), property(key)))
+        .collect();
+    let required: Vec<&str> = keys
+        .iter()
+        .filter(|key| key.required)
+        .map(|key| key.name)
+        .collect();
+    json!({
+        "type": "object",
+        "properties": properties,
+        "required": required,
+        "additionalProperties": false,
+    })
+}
+
+fn property(key: &Key) -> Value {
+    let mut value = match key.kind {
+        Kind::Number {
+            unit,
+            min,
+            max,
+            default,
+        } => {
+            let mut value = quantity(&Quantity {
+                name: key.name,
+                unit,
+                min,
+                max,
+            });
+            if let Some(default) = default {
+                value["default"] = json!(default);
+            }
+            value
+        }
+        Kind::Integer { min, max, default } => {
+            let mut value = json!({"type": "integer", "minimum": min, "maximum": max});
+            if let Some(default) = default {
+                value["default"] = json!(default);
+            }
+            value
+        }
+        Kind::Text { choices, default } => {
+            let mut value = json!({"type": "string"});
+            if !choices.is_empty() {
+                value["enum"] = json!(choices);
+            }
+            if let Some(default) = default {
+                value["default"] = json!(default);
+            }
+            value
+        }
+        Kind::Numbers => json!({"type": "array", "items": {"type": "number"}, "minItems": 1}),
+        Kind::Pairs => json!({"type": "array", "items": pair(), "minItems": 1}),
+        Kind::Section(keys) => section(keys),
+        Kind::List(keys) => json!({"type": "array", "items": section(keys)}),
+        Kind::Described => json!({"type": "object"}),
+    };
+    let text = match key.kind {
+        Kind::Number { .. } | Kind::Integer { .. } => {
+            format!("{} Expected: {}.", key.text, describe(&key.kind))
+        }
+        _ => key.text.into(),
+    };
+    value["description"] = json!(text);
+    value
+}
+
+fn pair() -> Value {
+    json!({"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2})
+}
+
+fn quantity(quantity: &Quantity<'_>) -> Value {
+    let mut value = json!({"type": "number"});
+    if quantity.min > f64::MIN {
+        value["minimum"] = json!(quantity.min);
+    }
+    if quantity.max < f64::MAX {
+        value["maximum"] = json!(quantity.max);
+    }
+    value
+}
+
+fn field(field: &Field) -> Value {
+    let described = Quantity::from(field);
+    let mut value = quantity(&described);
+    let text = &field.description;
+    value["description"] = json!(format!("{text} Expected: {}.", described.expected()));
+    if let Some(default) = field.default.filter(|default| default.is_finite()) {
+        value["default"] = json!(default);
+    }
+    value
+}
+
+/// A table of parameters: groups as tables, and every last part alone.
+fn described(fields: &[&Field]) -> Value {
+    let mut root = json!({"type": "object", "properties": {}, "additionalProperties": false});
+    for one in fields {
+        let mut table = &mut root;
+        let mut parts = one.name.split('.').peekable();
+        while let Some(part) = parts.next() {
+            let properties = &mut table["properties"];
+            if parts.peek().is_some() && properties[part].is_null() {
+                properties[part] =
+                    json!({"type": "object", "properties": {}, "additionalProperties": false});
+            } else if parts.peek().is_none() {
+                offer(&mut properties[part], one);
+            }
+            table = &mut table["properties"][part];
+        }
+        if let Some((_, last)) = one.name.rsplit_once('.') {
+            offer(&mut root["properties"][last], one);
+        }
+    }
+    root
+}
+
+/// Enters a field; where two share a key, the range becomes the union of both.
+fn offer(slot: &mut Value, one: &Field) {
+    let new = field(one);
+    if slot.is_null() {
+        *slot = new;
+        return;
+    }
+    for (bound, wider) in [
+        ("minimum", f64::lt as fn(&f64, &f64) -> bool),
+        ("maximum", f64::gt),
+    ] {
+        match (slot[bound].as_f64(), new[bound].as_f64()) {
+            (Some(old), Some(new)) if wider(&new, &old) => slot[bound] = json!(new),
+            (Some(_), Some(_)) => {}
+            _ => {
+                slot.as_object_mut().map(|slot| slot.remove(bound));
+            }
+        }
+    }
+    if slot["default"] != new["default"] {
+        slot.as_object_mut().map(|slot| slot.remove("default"));
+    }
+}
+
+fn limits(fields: &[&Field]) -> Value {
+    let properties: Map<String, Value> = fields
+        .iter()
+        .map(|field| {
+            let mut value = pair();
+            value["description"] = json!(format!("{} In {}.", field.description, field.unit));
+            (field.name.clone(), value)
+        })
+        .collect();
+    json!({"properties": properties, "additionalProperties": false})
+}
+
+/// A stimulus: the common keys, and for each kind its own.
+fn stimulus() -> Value {
+    let kinds: Vec<Value> = WAVEFORMS
+        .iter()
+        .map(|kind| {
+            let mut one = section(keys::STIMULUS);
+            let own = section(kind.keys);
+            merge(&mut one["properties"], own["properties"].clone());
+            one["properties"]["kind"] = json!({"const": kind.name, "description": kind.text});
+            if let (Some(all), Some(own)) =
+                (one["required"].as_array_mut(), own["required"].as_array())
+            {
+                all.extend(own.iter().cloned());
+            }
+            one["description"] = json!(kind.text);
+            one
+        })
+        .collect();
+    json!({"oneOf": kinds})
+}
+
+/// The keys of effects that the plants' faults have.
+fn effects(properties: &mut Value, plants: &[PlantDescription]) {
+    for plant in plants {
+        for fault in &plant.faults {
+            let numbers: Vec<u64> = targets(plant, fault)
+                .filter_map(|(number, _)| number.parse().ok())
+                .collect();
+            properties[&fault.selector] =
+                json!({"type": "integer", "enum": numbers, "description": "Which target."});
+            offer(&mut properties[&fault.size.name], &fault.size);
+            if let ProfileDescription::Exponential { speed } = &fault.profile {
+                offer(&mut properties[&speed.name], speed);
+            }
+        }
+    }
+}
+
+fn choices<'a>(given: impl Iterator<Item = &'a str>) -> Value {
+    let mut names: Vec<&str> = Vec::new();
+    for name in given {
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    json!({"enum": names})
+}
+
+/// Puts the entries of one object over those of another.
+fn merge(into: &mut Value, from: Value) {
+    if let (Value::Object(into), Value::Object(from)) = (into, from) {
+        into.extend(from);
+    }
+}

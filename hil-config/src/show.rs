@@ -1,0 +1,374 @@
+//! A plan as a complete scenario: every value that is in effect, with unit and range beside it.
+//!
+//! Behind `hil config show` and the `scenario.toml` of every run. The text can be run, and checks
+//! to the plan that it was made from. Needs the descriptions that the plan was checked against.
+
+use std::fmt::{self, Write};
+
+use shared_types::describe::{
+    FaultDescription, LawDescription, PlantDescription, ProfileDescription, Settings,
+};
+use shared_types::table::Field;
+use shared_types::time::{Rate, Step};
+
+use crate::check::law_for;
+use crate::keys::SCHEMA;
+use crate::plan::{
+    Clock, ControllerPlan, FaultEffect, FaultEvent, Metric, Plan, PlantPlan, Profile, Run,
+    Stimulus, Waveform,
+};
+use crate::quantity::{Quantity, toml_float};
+
+/// A plan speaks of something that no description has.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("there is no description of {0}; give those that the plan was checked against")]
+pub struct Undescribed(pub String);
+
+/// Why a plan cannot be written.
+#[derive(Debug)]
+enum Failure {
+    Undescribed(Undescribed),
+    /// Writing to a string does not fail, but says that it might.
+    Format(fmt::Error),
+}
+
+impl From<fmt::Error> for Failure {
+    fn from(error: fmt::Error) -> Self {
+        Self::Format(error)
+    }
+}
+
+type Written = Result<(), Failure>;
+
+/// Writes a plan as a scenario.
+///
+/// # Errors
+/// If its plant, law or a kind of fault is not described.
+pub fn show(
+    plan: &Plan,
+    plants: &[PlantDescription],
+    laws: &[LawDescription],
+) -> Result<String, Undescribed> {
+    let mut text = String::new();
+    match write(&mut text, plan, plants, laws) {
+        Ok(()) => Ok(text),
+        Err(Failure::Undescribed(undescribed)) => Err(undescribed),
+        Err(Failure::Format(error)) => unreachable!("a string takes any text: {error}"),
+    }
+}
+
+fn undescribed(what: String) -> Failure {
+    Failure::Undescribed(Undescribed(what))
+}
+
+fn write(
+    text: &mut String,
+    plan: &Plan,
+    plants: &[PlantDescription],
+    laws: &[LawDescription],
+) -> Written {
+    let model = &plan.plant.model;
+    let plant = plants
+        .iter()
+        .find(|plant| plant.name == *model)
+        .ok_or_else(|| undescribed(format!("plant `{model}`")))?;
+    let name = &plan.controller.law;
+    let law =
+        law_for(laws, name, Some(model)).ok_or_else(|| undescribed(format!("law `{name}`")))?;
+
+    writeln!(text, "schema = {SCHEMA}")?;
+    writeln!(text, "name = {}", string(&plan.name))?;
+    if !plan.description.is_empty() {
+        writeln!(text, "description = {}", string(&plan.description))?;
+    }
+    run(text, &plan.run)?;
+    plant_tables(text, &plan.plant, plant)?;
+    controller(text, &plan.controller, law, plan.run.rate)?;
+    for one in &plan.stimuli {
+        stimulus(text, one)?;
+    }
+    for event in &plan.faults {
+        fault(text, event, plant, plan.run.rate)?;
+    }
+    for derived in &plan.derived {
+        writeln!(text, "\n[[derived]]")?;
+        writeln!(text, "name = {}", string(&derived.name))?;
+        writeln!(text, "unit = {}", string(&derived.unit))?;
+        writeln!(
+            text,
+            "expression = {}",
+            string(&derived.expression.to_string())
+        )?;
+    }
+    for one in &plan.metrics {
+        metric(text, one)?;
+    }
+    Ok(())
+}
+
+fn run(text: &mut String, run: &Run) -> Written {
+    let duration_s = toml_float(run.rate.seconds(Step(run.steps)));
+    writeln!(text, "\n[run]")?;
+    writeln!(text, "duration_s = {duration_s} # {} steps", run.steps)?;
+    writeln!(text, "rate_hz = {}", toml_float(run.rate.hz()))?;
+    writeln!(text, "seed = {}", run.seed)?;
+    match run.clock {
+        Clock::Lockstep => writeln!(text, "clock = \"lockstep\"")?,
+        Clock::Paced { factor } => {
+            writeln!(text, "clock = \"paced\"")?;
+            writeln!(text, "pace = {}", toml_float(factor))?;
+        }
+    }
+    Ok(())
+}
+
+fn plant_tables(text: &mut String, plan: &PlantPlan, plant: &PlantDescription) -> Written {
+    writeln!(text, "\n[plant] # {}", comment(&plant.summary))?;
+    writeln!(text, "model = {}", string(&plan.model))?;
+    writeln!(text, "substeps = {}", plan.substeps)?;
+    settings(
+        text,
+        "plant.parameters",
+        &plan.parameters,
+        &plant.parameters,
+    )?;
+    if !plan.limits.is_empty() {
+        writeln!(text, "\n[plant.limits]")?;
+    }
+    for limit in &plan.limits {
+        let (min, max) = (toml_float(limit.min), toml_float(limit.max));
+        writeln!(text, "{} = [{min}, {max}]", key(&limit.signal))?;
+    }
+    Ok(())
+}
+
+fn controller(
+    text: &mut String,
+    plan: &ControllerPlan,
+    law: &LawDescription,
+    rate: Rate,
+) -> Written {
+    writeln!(text, "\n[controller] # {}", comment(&law.summary))?;
+    writeln!(text, "law = {}", string(&plan.law))?;
+    let rate_hz = toml_float(rate.hz() / f64::from(plan.rate_divisor));
+    writeln!(text, "rate_hz = {rate_hz}")?;
+    writeln!(text, "command_delay_steps = {}", plan.command_delay_steps)?;
+    let table = format!("controller.{}", key(&plan.law));
+    settings(text, &table, &plan.parameters, &law.parameters)?;
+    settings(text, "controller.model", &plan.model, &law.model)
+}
+
+/// A table of values in the order of the description.
+fn settings(text: &mut String, table: &str, values: &Settings, fields: &[Field]) -> Written {
+    if fields.is_empty() {
+        return Ok(());
+    }
+    writeln!(text, "\n[{table}]")?;
+    for field in fields {
+        let Some(value) = values.get(&field.name) else {
+            return Err(undescribed(format!("a plan without `{}`", field.name)));
+        };
+        let name: Vec<String> = field.name.split('.').map(key).collect();
+        let range = Quantity::from(field).range();
+        let mut notes = vec![field.unit.clone(), range];
+        if field.faultable {
+            notes.push("faultable".into());
+        }
+        notes.retain(|note| !note.is_empty());
+        writeln!(
+            text,
+            "{} = {} # {}. {}",
+            name.join("."),
+            toml_float(value),
+            notes.join(", "),
+            comment(&field.description)
+        )?;
+    }
+    Ok(())
+}
+
+fn stimulus(text: &mut String, stimulus: &Stimulus) -> Written {
+    writeln!(text, "\n[[stimuli]]")?;
+    writeln!(text, "target = {}", string(&stimulus.target))?;
+    writeln!(text, "unit = {}", string(&stimulus.unit))?;
+    let (kind, numbers) = match stimulus.waveform {
+        Waveform::Paper {
+            amplitude,
+            frequency_hz,
+            onset_per_s3,
+        } => (
+            "paper",
+            vec![
+                ("amplitude", amplitude),
+                ("frequency_hz", frequency_hz),
+                ("onset_per_s3", onset_per_s3),
+            ],
+        ),
+        Waveform::Step {
+            at_s,
+            before,
+            after,
+        } => (
+            "step",
+            vec![("at_s", at_s), ("before", before), ("after", after)],
+        ),
+        Waveform::Ramp {
+            at_s,
+            duration_s,
+            start,
+            end,
+        } => (
+            "ramp",
+            vec![
+                ("at_s", at_s),
+                ("duration_s", duration_s),
+                ("start", start),
+                ("end", end),
+            ],
+        ),
+        Waveform::Sine {
+            amplitude,
+            frequency_hz,
+            phase_rad,
+            offset,
+        } => (
+            "sine",
+            vec![
+                ("amplitude", amplitude),
+                ("frequency_hz", frequency_hz),
+                ("phase_rad", phase_rad),
+                ("offset", offset),
+            ],
+        ),
+        Waveform::Chirp {
+            amplitude,
+            start_hz,
+            end_hz,
+            duration_s,
+            offset,
+        } => (
+            "chirp",
+            vec![
+                ("amplitude", amplitude),
+                ("start_hz", start_hz),
+                ("end_hz", end_hz),
+                ("duration_s", duration_s),
+                ("offset", offset),
+            ],
+        ),
+        Waveform::Table { .. } => ("table", Vec::new()),
+    };
+    writeln!(text, "kind = \"{kind}\"")?;
+    for (name, value) in numbers {
+        writeln!(text, "{name} = {}", toml_float(value))?;
+    }
+    // The points themselves, so that the text does not depend on another file.
+    if let Waveform::Table { time_s, values } = &stimulus.waveform {
+        writeln!(text, "time_s = {}", list(time_s))?;
+        writeln!(text, "values = {}", list(values))?;
+    }
+    Ok(())
+}
+
+fn fault(text: &mut String, event: &FaultEvent, plant: &PlantDescription, rate: Rate) -> Written {
+    let kind = &event.kind;
+    let description = plant
+        .faults
+        .iter()
+        .find(|fault| fault.kind == *kind)
+        .ok_or_else(|| undescribed(format!("fault `{kind}` of plant `{}`", plant.name)))?;
+    writeln!(text, "\n[[faults]] # {}", comment(&description.summary))?;
+    writeln!(text, "kind = {}", string(kind))?;
+    writeln!(text, "at_s = {}", toml_float(event.at_s))?;
+    for effect in &event.effects {
+        self::effect(text, effect, event, description, rate)?;
+    }
+    Ok(())
+}
+
+fn effect(
+    text: &mut String,
+    effect: &FaultEffect,
+    event: &FaultEvent,
+    description: &FaultDescription,
+    rate: Rate,
+) -> Written {
+    let selector = &description.selector;
+    let number = effect
+        .target
+        .strip_prefix(selector.as_str())
+        .ok_or_else(|| undescribed(format!("fault target `{}`", effect.target)))?;
+    let size = &description.size;
+    writeln!(text, "[[faults.effects]] # of step {}", effect.step)?;
+    writeln!(text, "{} = {number}", key(selector))?;
+    let (name, unit) = (key(&size.name), &size.unit);
+    writeln!(text, "{name} = {} # {unit}", toml_float(effect.size))?;
+    if let (Profile::Exponential { speed_per_s }, ProfileDescription::Exponential { speed }) =
+        (effect.profile, &description.profile)
+    {
+        writeln!(text, "{} = {}", key(&speed.name), toml_float(speed_per_s))?;
+    }
+    if effect.step != rate.step_at_or_after(event.at_s) {
+        let skew_s = toml_float(skew_s(effect.step, event.at_s, rate));
+        writeln!(text, "skew_s = {skew_s}")?;
+    }
+    Ok(())
+}
+
+/// A skew that leads from the event's time to a step after it.
+fn skew_s(step: Step, at_s: f64, rate: Rate) -> f64 {
+    let exact = rate.seconds(step) - at_s;
+    if rate.step_at_or_after(at_s + exact) == step {
+        return exact;
+    }
+    // The sum was rounded past the step; half a period earlier it cannot be.
+    exact - 0.5 * rate.period_s()
+}
+
+fn metric(text: &mut String, metric: &Metric) -> Written {
+    writeln!(text, "\n[[metrics]]")?;
+    writeln!(text, "name = {}", string(&metric.name))?;
+    writeln!(text, "unit = {}", string(&metric.unit))?;
+    writeln!(
+        text,
+        "expression = {}",
+        string(&metric.expression.to_string())
+    )?;
+    if !metric.windows.is_empty() {
+        let windows: Vec<String> = metric
+            .windows
+            .iter()
+            .map(|window| list(&[window.start_s, window.end_s]))
+            .collect();
+        writeln!(text, "windows_s = [{}]", windows.join(", "))?;
+    }
+    Ok(())
+}
+
+fn list(values: &[f64]) -> String {
+    let values: Vec<String> = values.iter().map(|value| toml_float(*value)).collect();
+    format!("[{}]", values.join(", "))
+}
+
+/// A TOML string.
+fn string(text: &str) -> String {
+    toml::Value::from(text).to_string()
+}
+
+/// A TOML key, quoted if it must be.
+fn key(name: &str) -> String {
+    let bare = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-');
+    if !name.is_empty() && name.chars().all(bare) {
+        name.into()
+    } else {
+        string(name)
+    }
+}
+
+/// Text that may stand behind a `#`: one line, no control characters.
+fn comment(text: &str) -> String {
+    text.split_whitespace()
+        .collect::<Vec<_>>()
+        .join(" ")
+        .replace(char::is_control, "")
+}
