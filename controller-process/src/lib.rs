@@ -1,3 +1,17 @@
-//! The controller. (Map follows below.)
+//! The controller: what later runs on the target hardware unchanged.
+//!
+//! One step, as [`runner`] runs it:
+//!
+//! 1. The sample of step `k` comes.
+//! 2. The [`controller`], one of the [`laws`] or a user's own, computes its command from the
+//!    sample; it knows no other clock.
+//! 3. Command and internals go back in one frame.
+//!
+//! [`program`] is the process around it; a user's own controller binary is a `main` of one line that
+//! calls [`program::run`]. Nothing here knows a plant.
+
 pub mod controller;
+pub mod job;
 pub mod laws;
+pub mod program;
+pub mod runner;

@@ -1,5 +1,23 @@
-//! The plant emulator. (Map follows below.)
+//! The plant emulator: what stands in for the hardware.
+//!
+//! One step, as [`engine`] runs it:
+//!
+//! 1. [`faults`] brings the parameters to step `k`.
+//! 2. The [`plant`] is measured, [`stimulus`] gives the reference signals, and the sample is sent.
+//! 3. While the controller works, the record of step `k - 1` is published.
+//! 4. The command of step `k` comes; [`guard`] checks the truth that it meets.
+//! 5. The model in [`models`] is carried to step `k + 1` by [`integrate`]; [`rows`] notes the record.
+//!
+//! [`program`] is the process around it; a user's own plant binary is a `main` of one line that
+//! calls [`program::run`]. Nothing here knows a control law.
+
+pub mod engine;
+pub mod faults;
+pub mod guard;
 pub mod integrate;
+pub mod job;
 pub mod models;
 pub mod plant;
+pub mod program;
+pub mod rows;
 pub mod stimulus;

@@ -11,7 +11,8 @@
 //!    is made.
 //!
 //! A [`session`] is the private place where all this happens and which leaves nothing behind;
-//! [`supervision`] is what its processes hear from the one that started them; [`random`] gives
+//! [`supervision`] is what its processes hear from the one that started them and [`program`] what
+//! they have in common; [`random`] gives
 //! each consumer of random numbers a stream of its own; [`clock`] is the meters' clock.
 
 extern crate self as shared_types; // the names that `table!` writes must hold in here too
@@ -25,6 +26,7 @@ pub mod layout;
 pub mod link;
 pub mod lockstep;
 pub mod pacer;
+pub mod program;
 pub mod random;
 pub mod record;
 pub mod session;

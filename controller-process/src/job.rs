@@ -1,0 +1,35 @@
+//! The job: what a launcher tells a controller process to do. A JSON file in the session's folder.
+
+use serde::{Deserialize, Serialize};
+use shared_types::describe::Settings;
+use shared_types::table::number;
+use shared_types::time::Rate;
+
+/// Name of the file in the session's folder.
+pub const JOB_FILE: &str = "controller.json";
+
+/// A controller's part of a checked scenario.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Job {
+    /// [`PROTOCOL`](shared_types::describe::PROTOCOL) of the launcher.
+    pub protocol: u32,
+    /// Random number of the session.
+    pub session: u64,
+    /// Name of the plant, which chooses among laws of one name.
+    pub plant: String,
+    /// Name of the law.
+    pub law: String,
+    /// Every parameter of the law.
+    pub parameters: Settings,
+    /// What the law believes of the plant.
+    pub model: Settings,
+    /// Exchange rate.
+    pub rate: Rate,
+    /// The law runs at every n-th sample and holds its command between.
+    pub rate_divisor: u32,
+    /// Steps between a sample and the command that answers it: 0 or 1.
+    pub command_delay_steps: u32,
+    /// How long the other side may take, in s.
+    #[serde(with = "number")]
+    pub wait_limit_s: f64,
+}

@@ -1,0 +1,11 @@
+//! The laws that ship with the framework, as a process.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    controller_process::program::run(
+        env!("CARGO_PKG_NAME"),
+        env!("CARGO_PKG_VERSION"),
+        controller_process::laws::all(),
+    )
+}

@@ -1,0 +1,128 @@
+//! The controller process: a job, a runner and the wait loop.
+//!
+//! `main` of every controller binary is one call of [`run`] with the laws it can run.
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use shared_types::describe::Description;
+use shared_types::link::iceoryx::IceoryxLink;
+use shared_types::link::{Link, LinkError};
+use shared_types::lockstep::ControllerEvent;
+use shared_types::program::{self, COMPLETED, FAILED, Program};
+use shared_types::session::SessionInfo;
+use shared_types::supervision::Supervision;
+use shared_types::wait::{WaitLimit, Waiter};
+
+use crate::controller::LawKind;
+use crate::job::{JOB_FILE, Job};
+use crate::runner::{End, Progress, Runner, choose};
+
+/// Runs a controller process that can run any of these laws, by what its arguments say.
+#[must_use]
+pub fn run(program: &'static str, version: &'static str, laws: Vec<LawKind>) -> ExitCode {
+    program::run(&ControllerProgram {
+        program,
+        version,
+        laws,
+    })
+}
+
+struct ControllerProgram {
+    program: &'static str,
+    version: &'static str,
+    laws: Vec<LawKind>,
+}
+
+impl ControllerProgram {
+    fn runner<L: Link>(&self, job: Job, link: L) -> Result<Runner<'_, L>, String> {
+        program::check_protocol(job.protocol)?;
+        let kind = choose(&self.laws, &job.law, &job.plant).map_err(|e| e.to_string())?;
+        Runner::new(kind, job, link).map_err(|e| e.to_string())
+    }
+}
+
+impl Program for ControllerProgram {
+    fn description(&self) -> Description {
+        let mut description = Description::new(self.program, self.version);
+        description.laws = self
+            .laws
+            .iter()
+            .map(|kind| kind.description.clone())
+            .collect();
+        description
+    }
+
+    fn check(&self, job: &Path) -> Result<(), String> {
+        let (link, _) = shared_types::link::in_process::pair();
+        self.runner(program::read_job(job)?, link).map(|_| ())
+    }
+
+    fn serve(&self, session: &SessionInfo, supervision: &Supervision) -> Result<u8, String> {
+        let job: Job = program::read_job(&session.folder.join(JOB_FILE))?;
+        let limit = WaitLimit::from_seconds(job.wait_limit_s);
+        let link = attach(session, limit, supervision)?;
+        let mut runner = self.runner(job, link)?;
+        drive(&mut runner, limit, supervision).map_err(|e| e.to_string())?;
+        match runner.end() {
+            Some(End::Completed { .. }) => Ok(COMPLETED),
+            Some(End::Aborted(abort)) => {
+                eprintln!("{abort}");
+                Ok(FAILED)
+            }
+            None => Err("the run ended without saying how".into()),
+        }
+    }
+}
+
+/// Opens the session's link, waiting for the plant to create it.
+fn attach(
+    session: &SessionInfo,
+    limit: WaitLimit,
+    supervision: &Supervision,
+) -> Result<IceoryxLink, String> {
+    let mut waiter = Waiter::new(limit);
+    loop {
+        match IceoryxLink::open(session) {
+            Ok(link) => return Ok(link),
+            Err(LinkError::Absent { .. }) if supervision.wants_stop() => {
+                return Err("stopped before the plant created the session's link".into());
+            }
+            Err(LinkError::Absent { .. }) if supervision.is_peer_gone() => {
+                return Err("the plant ended before it created the session's link".into());
+            }
+            Err(LinkError::Absent { .. }) if !waiter.pause() => {}
+            Err(error) => return Err(error.to_string()),
+        }
+    }
+}
+
+/// Polls a runner to its end; every wait is bounded.
+///
+/// # Errors
+/// If the link failed.
+pub fn drive<L: Link>(
+    runner: &mut Runner<'_, L>,
+    limit: WaitLimit,
+    supervision: &Supervision,
+) -> Result<(), LinkError> {
+    let mut waiter = Waiter::new(limit);
+    runner.begin()?;
+    loop {
+        if supervision.wants_stop() {
+            runner.interrupt(&ControllerEvent::Stop)?;
+        }
+        match runner.poll()? {
+            Progress::Busy => waiter.done(),
+            Progress::Over => return Ok(()),
+            Progress::Plant => {
+                // What the plant sent before it died still counts, so this follows the poll.
+                if supervision.is_peer_gone() {
+                    runner.interrupt(&ControllerEvent::PeerGone)?;
+                } else if waiter.pause() {
+                    runner.interrupt(&ControllerEvent::Deadline)?;
+                }
+            }
+        }
+    }
+}

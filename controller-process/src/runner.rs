@@ -1,0 +1,317 @@
+//! The runner: the controller's main loop.
+//!
+//! It joins a law with the controller's side of the lockstep protocol: binds the law's signals to
+//! the sample's by name, runs the law at its own rate, delays its command by a step if that is
+//! asked for, and answers every sample. Like the plant's engine it never blocks.
+
+use shared_types::clock::monotonic_ns;
+use shared_types::describe::{Invalid, LawDescription, PROTOCOL};
+use shared_types::frame::{FrameKind, Header};
+use shared_types::hello::{Control, Hello, Welcome};
+use shared_types::layout::SignalKind;
+use shared_types::link::{FrameSpec, Link, LinkError};
+use shared_types::lockstep::{Abort, ControllerAction, ControllerEvent, ControllerSide};
+use shared_types::table::Field;
+use shared_types::time::Step;
+
+use crate::controller::{Law, LawKind, Row, Start};
+use crate::job::Job;
+
+/// What the runner waits for, if it does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Progress {
+    /// It did something; poll again.
+    Busy,
+    /// The plant's next message or frame.
+    Plant,
+    /// Nothing; the run is over.
+    Over,
+}
+
+/// How a run ended here.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum End {
+    /// All steps, confirmed by both sides.
+    Completed {
+        /// How many.
+        steps: u64,
+    },
+    /// Before the last step.
+    Aborted(Abort),
+}
+
+/// One run of one law.
+pub struct Runner<'a, L> {
+    link: L,
+    side: ControllerSide,
+    kind: &'a LawKind,
+    job: Job,
+    hello: Hello,
+    bound: Option<Bound>,
+    end: Option<End>,
+}
+
+/// The law with its signals found and all space taken.
+struct Bound {
+    law: Box<dyn Law>,
+    /// Where each signal of the law stands in the sample.
+    measured_places: Vec<usize>,
+    reference_places: Vec<usize>,
+    sample: Vec<f64>,
+    measured: Vec<f64>,
+    reference: Vec<f64>,
+    /// The law's last answer: commands, then internals.
+    answer: Vec<f64>,
+    /// The commands of the answer before, for a delayed command.
+    previous: Vec<f64>,
+    /// What is sent.
+    frame: Vec<f64>,
+}
+
+/// The law of this name that is made for this plant, or for any.
+///
+/// # Errors
+/// If there is none.
+pub fn choose<'a>(laws: &'a [LawKind], law: &str, plant: &str) -> Result<&'a LawKind, Invalid> {
+    let suits = |description: &LawDescription| {
+        description.name == law
+            && (description.plants.is_empty()
+                || description.plants.iter().any(|name| name == plant))
+    };
+    let found = laws.iter().find(|kind| suits(&kind.description));
+    found.ok_or_else(|| {
+        Invalid(format!(
+            "this binary has no law `{law}` for plant `{plant}`"
+        ))
+    })
+}
+
+fn start(kind: &LawKind, job: &Job, commands: &[Field]) -> Result<Box<dyn Law>, Invalid> {
+    (kind.start)(&Start {
+        parameters: &job.parameters,
+        model: &job.model,
+        period_s: f64::from(job.rate_divisor) / job.rate.hz(),
+        commands,
+    })
+}
+
+impl<'a, L: Link> Runner<'a, L> {
+    /// A law that is about to say hello.
+    ///
+    /// # Errors
+    /// If the job does not fit the law.
+    pub fn new(kind: &'a LawKind, job: Job, link: L) -> Result<Self, Invalid> {
+        let law = &kind.description;
+        // Started once more when the plant's commands are known; here only to refuse early.
+        start(kind, &job, law.commands.as_deref().unwrap_or_default())?;
+        let hello = Hello {
+            protocol: PROTOCOL,
+            session: job.session,
+            law: law.name.clone(),
+            measured: law.measured.clone(),
+            reference: law.reference.clone(),
+            commands: law.commands.clone(),
+            internals: law.internals.clone(),
+        };
+        Ok(Self {
+            link,
+            side: ControllerSide::new(),
+            kind,
+            job,
+            hello,
+            bound: None,
+            end: None,
+        })
+    }
+
+    /// Says hello; call once, before polling.
+    ///
+    /// # Errors
+    /// If the link failed.
+    pub fn begin(&mut self) -> Result<(), LinkError> {
+        match self.side.on(&ControllerEvent::Begin(&self.hello)) {
+            ControllerAction::SendHello => self
+                .link
+                .send_control(&Control::Hello(self.hello.clone()).to_bytes()),
+            _ => Ok(()),
+        }
+    }
+
+    /// Does what can be done now.
+    ///
+    /// # Errors
+    /// If the link failed.
+    pub fn poll(&mut self) -> Result<Progress, LinkError> {
+        if self.side.is_over() {
+            return Ok(Progress::Over);
+        }
+        let done = match &mut self.bound {
+            None => self.greet()?,
+            Some(bound) => match self.link.receive(&mut bound.sample)? {
+                Some(header) => self.take(&header)?,
+                // Once frames flow, a refusal is the plant giving up before step 0.
+                None if self.side.at() == Step(0) => self.greet()?,
+                None => false,
+            },
+        };
+        Ok(if done {
+            Progress::Busy
+        } else {
+            Progress::Plant
+        })
+    }
+
+    /// What the wait limit, a death or a request to stop means now.
+    ///
+    /// # Errors
+    /// If the link failed.
+    pub fn interrupt(&mut self, event: &ControllerEvent<'_>) -> Result<(), LinkError> {
+        match self.side.on(event) {
+            ControllerAction::Abort(abort) => self.abort(abort),
+            _ => Ok(()),
+        }
+    }
+
+    /// How the run ended; `None` until then.
+    #[must_use]
+    pub const fn end(&self) -> Option<&End> {
+        self.end.as_ref()
+    }
+
+    /// Before step 0: agree with the plant on what the frames carry.
+    fn greet(&mut self) -> Result<bool, LinkError> {
+        let Some(bytes) = self.link.receive_control()? else {
+            return Ok(false);
+        };
+        let Ok(message) = Control::from_bytes(&bytes) else {
+            return Ok(true);
+        };
+        match self.side.on(&ControllerEvent::Control(&message)) {
+            ControllerAction::OpenFrames(welcome) => match self.bind(&welcome) {
+                Ok(bound) => {
+                    self.link.open_frames(&FrameSpec {
+                        seal: welcome.seal(),
+                        outgoing: welcome.command.len(),
+                        incoming: welcome.sample.len(),
+                    })?;
+                    self.bound = Some(bound);
+                    if let ControllerAction::SendReady(epoch) =
+                        self.side.on(&ControllerEvent::Opened)
+                    {
+                        self.link
+                            .send_control(&Control::Ready { epoch }.to_bytes())?;
+                    }
+                }
+                Err(reason) => {
+                    self.side.on(&ControllerEvent::Stop);
+                    self.end = Some(End::Aborted(Abort::Refused(reason)));
+                }
+            },
+            ControllerAction::Abort(abort) => self.abort(abort)?,
+            _ => {}
+        }
+        Ok(true)
+    }
+
+    fn bind(&self, welcome: &Welcome) -> Result<Bound, String> {
+        if welcome.rate != self.job.rate {
+            let (theirs, ours) = (welcome.rate.hz(), self.job.rate.hz());
+            return Err(format!(
+                "the plant runs at {theirs} Hz, this controller's job at {ours} Hz"
+            ));
+        }
+        let law = &self.kind.description;
+        let places = |kind, wanted: &[Field]| {
+            (welcome.sample.bind(kind, wanted))
+                .map_err(|unbound| unbound.iter().map(ToString::to_string).collect::<Vec<_>>())
+                .map_err(|unbound| unbound.join("; "))
+        };
+        let commands = welcome.command.fields(SignalKind::Command);
+        Ok(Bound {
+            law: start(self.kind, &self.job, &commands).map_err(|e| e.to_string())?,
+            measured_places: places(SignalKind::Measured, &law.measured)?,
+            reference_places: places(SignalKind::Reference, &law.reference)?,
+            sample: vec![0.0; welcome.sample.len()],
+            measured: vec![0.0; law.measured.len()],
+            reference: vec![0.0; law.reference.len()],
+            answer: vec![0.0; welcome.command.len()],
+            previous: vec![0.0; commands.len()],
+            frame: vec![0.0; welcome.command.len()],
+        })
+    }
+
+    fn take(&mut self, header: &Header) -> Result<bool, LinkError> {
+        let received_ns = monotonic_ns();
+        match (
+            self.side.on(&ControllerEvent::Frame(header)),
+            &mut self.bound,
+        ) {
+            (ControllerAction::Answer(step), Some(bound)) => {
+                let age_steps = bound.answer(step, header, &self.job);
+                let answer = Header {
+                    time_ns: header.time_ns,
+                    work_ns: monotonic_ns() - received_ns,
+                    age_steps,
+                    ..Header::new(FrameKind::Command, step)
+                };
+                self.link.send(&answer, &bound.frame)?;
+            }
+            (ControllerAction::ConfirmEnd(step), _) => {
+                self.link
+                    .send(&Header::new(FrameKind::EndConfirmed, step), &[])?;
+                self.end = Some(End::Completed { steps: step.0 });
+            }
+            (ControllerAction::Abort(abort), _) => self.abort(abort)?,
+            _ => {}
+        }
+        Ok(true)
+    }
+
+    /// Tells the plant and ends.
+    fn abort(&mut self, abort: Abort) -> Result<(), LinkError> {
+        let header = Header {
+            directive: abort.code() as u64,
+            ..Header::new(FrameKind::Abort, self.side.at())
+        };
+        self.end = Some(End::Aborted(abort));
+        match self.link.send(&header, &[]) {
+            Err(LinkError::NotOpen) => Ok(()), // the plant waits for a hello and will say so
+            other => other,
+        }
+    }
+}
+
+impl Bound {
+    /// Fills the frame that answers a sample; gives the age of its command in steps.
+    fn answer(&mut self, step: Step, header: &Header, job: &Job) -> u32 {
+        let commands = self.previous.len();
+        let since = (step.0 % u64::from(job.rate_divisor)) as u32;
+        self.previous.copy_from_slice(&self.answer[..commands]);
+        if since == 0 {
+            let mut valid = true;
+            for (value, place) in self.measured.iter_mut().zip(&self.measured_places) {
+                *value = self.sample[*place];
+                valid &= header.is_valid(*place);
+            }
+            for (value, place) in self.reference.iter_mut().zip(&self.reference_places) {
+                *value = self.sample[*place];
+                valid &= header.is_valid(*place);
+            }
+            let row = Row {
+                time_s: job.rate.seconds(step),
+                measured: &self.measured,
+                reference: &self.reference,
+                valid,
+            };
+            let (command, internals) = self.answer.split_at_mut(commands);
+            self.law.step(&row, command, internals);
+        }
+        self.frame.copy_from_slice(&self.answer);
+        if job.command_delay_steps > 0 {
+            self.frame[..commands].copy_from_slice(&self.previous);
+            // What is sent was the answer one step ago, made at the last sample seen by then.
+            return 1 + (since + job.rate_divisor - 1) % job.rate_divisor;
+        }
+        since
+    }
+}

@@ -1,0 +1,426 @@
+//! The engine: the plant's main loop.
+//!
+//! It joins a model, its stimuli and faults with the plant's side of the lockstep protocol. It never
+//! blocks: [`Engine::poll`] does what can be done now and says what it waits for, so that one driver
+//! can wait in a process of its own and another can run both sides in one thread.
+
+use hil_config::plan::Clock;
+use shared_types::clock::monotonic_ns;
+use shared_types::describe::{Invalid, PlantDescription};
+use shared_types::frame::{FrameKind, Header};
+use shared_types::hello::{Control, Offer, Welcome};
+use shared_types::layout::SignalKind;
+use shared_types::link::{FrameSpec, Link, LinkError};
+use shared_types::lockstep::{Abort, AbortCode, PlantAction, PlantEvent, PlantSide};
+use shared_types::pacer::Pacer;
+use shared_types::record::{Event, Outcome, RecordLayout, RunEnd, Timing};
+use shared_types::stream::RecordSink;
+use shared_types::table::Field;
+use shared_types::time::{Interval, Step};
+
+use crate::faults::FaultLayer;
+use crate::guard::{Guard, first_bad};
+use crate::job::Job;
+use crate::plant::{Model, PlantKind};
+use crate::rows::Rows;
+use crate::stimulus;
+
+/// What the engine waits for, if it does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Progress {
+    /// It did something; poll again.
+    Busy,
+    /// The controller's next message or frame.
+    Controller,
+    /// This time of the monotonic clock, in ns.
+    Until(u64),
+    /// The recorder, which must not lose a record.
+    Recorder,
+    /// Nothing; the run is over.
+    Over,
+}
+
+/// One run of one plant.
+pub struct Engine<L, S> {
+    link: L,
+    sink: S,
+    side: PlantSide,
+    plant: Plant,
+    job: Job,
+    epoch: u32,
+    pacer: Option<Pacer>,
+    rows: Rows,
+    /// The last record, if it was not published yet.
+    pending: bool,
+    timing: Timing,
+    sent_ns: u64,
+    executed: u64,
+    end: Option<RunEnd>,
+}
+
+/// The plant with everything around it that is stepped with it.
+struct Plant {
+    description: PlantDescription,
+    reference: Vec<Field>,
+    model: Box<dyn Model>,
+    faults: FaultLayer,
+    guard: Guard,
+}
+
+impl<L: Link, S: RecordSink> Engine<L, S> {
+    /// A plant at step 0 that waits for hello.
+    ///
+    /// # Errors
+    /// If the job does not fit the plant.
+    pub fn new(kind: &PlantKind, job: Job, link: L, sink: S) -> Result<Self, Invalid> {
+        let description = kind.description.clone();
+        let parameters = &job.plant.parameters;
+        let faults = FaultLayer::new(&description, parameters, job.run.rate, &job.faults)?;
+        let plant = Plant {
+            model: (kind.start)(parameters)?,
+            guard: Guard::new(&description.truth, &job.plant.limits)?,
+            reference: job
+                .stimuli
+                .iter()
+                .flat_map(|stimulus| stimulus.fields())
+                .collect(),
+            faults,
+            description,
+        };
+        Ok(Self {
+            link,
+            sink,
+            side: PlantSide::new(job.run.steps),
+            plant,
+            epoch: 1,
+            pacer: None,
+            rows: Rows::default(),
+            pending: false,
+            timing: Timing::default(),
+            sent_ns: 0,
+            executed: 0,
+            end: None,
+            job,
+        })
+    }
+
+    /// Does what can be done now. The whole run is this function, called again and again.
+    ///
+    /// # Errors
+    /// If the link or the record stream failed.
+    pub fn poll(&mut self) -> Result<Progress, LinkError> {
+        if self.side.is_over() {
+            Ok(Progress::Over)
+        } else if self.side.is_greeting() {
+            self.greet()
+        } else if let Some(step) = self.side.unreleased() {
+            self.release(step)
+        } else {
+            self.collect()
+        }
+    }
+
+    /// What the wait limit, a death or a request to stop means now.
+    ///
+    /// # Errors
+    /// If the link or the record stream failed.
+    pub fn interrupt(&mut self, event: &PlantEvent<'_>) -> Result<(), LinkError> {
+        match self.side.on(event) {
+            PlantAction::Abort(abort) => self.abort(&abort),
+            _ => Ok(()),
+        }
+    }
+
+    /// The recorder took no record within the wait limit.
+    ///
+    /// # Errors
+    /// If the link or the record stream failed.
+    pub fn recorder_late(&mut self) -> Result<(), LinkError> {
+        let reason = "the recorder took no record within the wait limit";
+        self.give_up(Outcome::Failed, AbortCode::Observer, reason.into())
+    }
+
+    /// How the run ended; `None` until then.
+    #[must_use]
+    pub const fn end(&self) -> Option<&RunEnd> {
+        self.end.as_ref()
+    }
+
+    /// Before step 0: agree with a controller on what the frames carry.
+    fn greet(&mut self) -> Result<Progress, LinkError> {
+        let Some(bytes) = self.link.receive_control()? else {
+            return Ok(Progress::Controller);
+        };
+        let offer = Offer {
+            session: self.job.session,
+            epoch: self.epoch,
+            rate: self.job.run.rate,
+            steps: self.job.run.steps,
+            measured: &self.plant.description.measured,
+            reference: &self.plant.reference,
+            commands: &self.plant.description.commands,
+        };
+        let action = match Control::from_bytes(&bytes) {
+            Ok(Control::Hello(hello)) => self.side.on(&PlantEvent::Hello(&hello, &offer)),
+            Ok(Control::Ready { epoch }) => self.side.on(&PlantEvent::Ready(epoch)),
+            Ok(Control::Welcome(_) | Control::Refusal { .. }) | Err(_) => PlantAction::Ignore,
+        };
+        match action {
+            PlantAction::Welcome(welcome) => self.welcome(*welcome)?,
+            PlantAction::Refuse(reason) => {
+                let refusal = Control::Refusal {
+                    reason: reason.clone(),
+                };
+                self.link.send_control(&refusal.to_bytes())?;
+                self.finish(
+                    Outcome::Failed,
+                    Some(format!("refused the controller: {reason}")),
+                )?;
+            }
+            PlantAction::Abort(abort) => self.abort(&abort)?,
+            _ => {}
+        }
+        Ok(Progress::Busy)
+    }
+
+    fn welcome(&mut self, welcome: Welcome) -> Result<(), LinkError> {
+        let description = &self.plant.description;
+        let layout = RecordLayout {
+            truth: description.truth.clone(),
+            measured: description.measured.clone(),
+            reference: self.plant.reference.clone(),
+            command: description.commands.clone(),
+            internal: welcome.command.fields(SignalKind::Internal),
+            command_signals: welcome.command.len(),
+        };
+        self.link.open_frames(&FrameSpec {
+            seal: welcome.seal(),
+            outgoing: welcome.sample.len(),
+            incoming: welcome.command.len(),
+        })?;
+        self.sink.open(&layout)?;
+        self.rows = Rows::new(layout, &welcome);
+        self.link
+            .send_control(&Control::Welcome(Box::new(welcome)).to_bytes())
+    }
+
+    /// Between two steps: wait for the clock, then send the sample of the next one.
+    fn release(&mut self, step: Step) -> Result<Progress, LinkError> {
+        if !self.sink.has_room()? {
+            return Ok(Progress::Recorder);
+        }
+        let run = self.job.run;
+        let pacer = *self.pacer.get_or_insert_with(|| match run.clock {
+            Clock::Lockstep => Pacer::lockstep(run.rate),
+            Clock::Paced { factor } => Pacer::paced(run.rate, monotonic_ns(), factor),
+        });
+        let release_ns = pacer.release_ns(step);
+        if release_ns > 0 && release_ns > monotonic_ns() {
+            self.publish()?; // an observer should not have to wait for the next step
+            return Ok(Progress::Until(release_ns));
+        }
+        match self.side.on(&PlantEvent::Release) {
+            PlantAction::SendSample(step) => {
+                if !self.measure(step)? {
+                    return Ok(Progress::Over);
+                }
+                let header = Header {
+                    time_ns: run.rate.nanoseconds(step),
+                    work_ns: self.timing.plant_ns,
+                    ..Header::new(FrameKind::Sample, step)
+                };
+                self.sent_ns = monotonic_ns();
+                self.link.send(&header, &self.rows.sample)?;
+                // While the controller works: what observers need.
+                self.publish()?;
+                for taken in self.plant.faults.taken_at(step) {
+                    self.sink.event(&Event::Fault(taken.clone()))?;
+                }
+            }
+            PlantAction::SendEnd(step) => {
+                if !self.measure(step)? {
+                    return Ok(Progress::Over);
+                }
+                self.record_final_truth(step)?;
+                if !self.side.is_over() {
+                    self.link.send(&Header::new(FrameKind::End, step), &[])?;
+                }
+            }
+            _ => {}
+        }
+        Ok(Progress::Busy)
+    }
+
+    /// Fills the sample of a step; false if the plant diverged.
+    fn measure(&mut self, step: Step) -> Result<bool, LinkError> {
+        if let Some(parameters) = self.plant.faults.advance(step) {
+            self.plant.model.retune(parameters);
+        }
+        let time_s = self.job.run.rate.seconds(step);
+        let (measured, mut reference) =
+            (self.rows.sample).split_at_mut(self.plant.description.measured.len());
+        self.plant.model.measure(measured);
+        for stimulus in &self.job.stimuli {
+            let count = 1 + stimulus.waveform.derivatives();
+            let (row, rest) = std::mem::take(&mut reference).split_at_mut(count);
+            stimulus::evaluate(&stimulus.waveform, time_s, row);
+            reference = rest;
+        }
+        let (fields, measured) = (&self.plant.description.measured, &self.rows.sample);
+        match first_bad(fields, measured) {
+            Ok(()) => Ok(true),
+            Err(bad) => {
+                self.diverged(step, &format!("measured {bad}"))?;
+                Ok(false)
+            }
+        }
+    }
+
+    /// After a sample was sent: take the command that answers it and integrate to the next step.
+    fn collect(&mut self) -> Result<Progress, LinkError> {
+        let Some(header) = self.link.receive(&mut self.rows.frame)? else {
+            return Ok(Progress::Controller);
+        };
+        match self.side.on(&PlantEvent::Frame(&header)) {
+            PlantAction::Apply(step) => self.apply(step, &header)?,
+            PlantAction::Finish => self.finish(Outcome::Completed, None)?,
+            PlantAction::Abort(abort) => self.abort(&abort)?,
+            _ => {}
+        }
+        Ok(Progress::Busy)
+    }
+
+    fn apply(&mut self, step: Step, header: &Header) -> Result<(), LinkError> {
+        let received_ns = monotonic_ns();
+        let (rows, plant) = (&mut self.rows, &mut self.plant);
+        rows.take_command();
+        let commands = &plant.description.commands;
+        if let Err(bad) = first_bad(commands, &rows.command) {
+            let reason = format!("controller's command of step {step}: {bad}");
+            return self.give_up(Outcome::Failed, AbortCode::NotANumber, reason);
+        }
+        rows.applied.copy_from_slice(&rows.command);
+
+        let rate = self.job.run.rate;
+        let time_s = rate.seconds(step);
+        plant.model.truth(time_s, &rows.applied, &mut rows.truth);
+        if let Err(bad) = plant.guard.check(&rows.truth) {
+            if rows.truth.iter().all(|value| value.is_finite()) {
+                self.note_record(step, header, received_ns);
+            }
+            return self.diverged(step, &bad.to_string());
+        }
+        self.note_record(step, header, received_ns);
+
+        let interval = Interval {
+            start_s: time_s,
+            length_s: rate.period_s(),
+            substeps: self.job.plant.substeps,
+        };
+        self.plant.model.advance(&interval, &self.rows.applied);
+        self.executed += 1;
+        self.timing.plant_ns = monotonic_ns() - received_ns;
+        Ok(())
+    }
+
+    /// Writes down the record of a step; it is published while the controller works on the next.
+    fn note_record(&mut self, step: Step, header: &Header, received_ns: u64) {
+        self.timing = Timing {
+            time_ns: self.job.run.rate.nanoseconds(step),
+            epoch: u64::from(header.epoch),
+            command_age_steps: u64::from(header.age_steps),
+            published_ns: received_ns,
+            round_trip_ns: received_ns - self.sent_ns,
+            controller_ns: header.work_ns,
+            plant_ns: self.timing.plant_ns,
+        };
+        self.rows.write_record(step, header, &self.timing);
+        self.pending = true;
+    }
+
+    /// Record N: the truth after the last step, which no command answers.
+    fn record_final_truth(&mut self, step: Step) -> Result<(), LinkError> {
+        self.publish()?;
+        let time_s = self.job.run.rate.seconds(step);
+        let rows = &mut self.rows;
+        self.plant
+            .model
+            .truth(time_s, &rows.applied, &mut rows.truth);
+        if let Err(bad) = self.plant.guard.check(&rows.truth) {
+            return self.diverged(step, &bad.to_string());
+        }
+        self.timing = Timing {
+            time_ns: self.job.run.rate.nanoseconds(step),
+            epoch: u64::from(self.epoch),
+            published_ns: monotonic_ns(),
+            plant_ns: self.timing.plant_ns,
+            ..Timing::default()
+        };
+        self.rows.write_final_record(step, &self.timing);
+        self.pending = true;
+        self.publish()
+    }
+
+    fn publish(&mut self) -> Result<(), LinkError> {
+        if std::mem::take(&mut self.pending) {
+            self.sink.record(&self.rows.record)?;
+        }
+        Ok(())
+    }
+
+    fn diverged(&mut self, step: Step, what: &str) -> Result<(), LinkError> {
+        let time_s = self.job.run.rate.seconds(step);
+        let reason = format!("plant diverged at step {step} ({time_s} s): {what}");
+        self.give_up(Outcome::Diverged, AbortCode::Diverged, reason)
+    }
+
+    fn abort(&mut self, abort: &Abort) -> Result<(), LinkError> {
+        let outcome = match abort {
+            Abort::Stopped { .. } => Outcome::Stopped,
+            _ => Outcome::Failed,
+        };
+        self.give_up(outcome, abort.code(), abort.to_string())
+    }
+
+    /// Tells the controller, publishes what is there and ends.
+    fn give_up(
+        &mut self,
+        outcome: Outcome,
+        code: AbortCode,
+        reason: String,
+    ) -> Result<(), LinkError> {
+        let header = Header {
+            directive: code as u64,
+            ..Header::new(FrameKind::Abort, self.side.at())
+        };
+        match self.link.send(&header, &[]) {
+            // Before the frames are open there is only the control channel.
+            Err(LinkError::NotOpen) => {
+                let refusal = Control::Refusal {
+                    reason: reason.clone(),
+                };
+                self.link.send_control(&refusal.to_bytes())?;
+            }
+            other => other?,
+        }
+        self.finish(outcome, Some(reason))
+    }
+
+    fn finish(&mut self, outcome: Outcome, reason: Option<String>) -> Result<(), LinkError> {
+        self.side.on(&PlantEvent::Stop); // whatever it was in, it is over now
+        let published = self.publish();
+        let end = RunEnd {
+            steps: self.executed,
+            outcome,
+            reason,
+            rejected_frames: self.link.rejected().count,
+            effects: self.plant.faults.largest_effects(),
+        };
+        self.end = Some(end.clone());
+        published?;
+        match self.sink.event(&Event::End(end)) {
+            Err(LinkError::NotOpen) => Ok(()), // nobody records a run that never began
+            other => other,
+        }
+    }
+}

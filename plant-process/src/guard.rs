@@ -1,0 +1,121 @@
+//! The validity guard: ends a run at the step at which the plant leaves the range where its
+//! equations mean something, and names the signal.
+//!
+//! Called by the engine with every row that leaves the plant. It never corrects anything.
+
+use hil_config::plan::Limit;
+use shared_types::describe::Invalid;
+use shared_types::table::Field;
+
+/// Limits on the truth signals, in their order.
+#[derive(Debug)]
+pub struct Guard {
+    fields: Vec<Field>,
+}
+
+/// A signal outside its range.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{signal} = {value} {unit} is outside {min} to {max} {unit}")]
+pub struct OutOfRange {
+    /// The signal.
+    pub signal: String,
+    /// Its value.
+    pub value: f64,
+    /// Its unit.
+    pub unit: String,
+    /// Lower limit.
+    pub min: f64,
+    /// Upper limit.
+    pub max: f64,
+}
+
+impl Guard {
+    /// The model's own ranges, replaced where the scenario says so.
+    ///
+    /// # Errors
+    /// If a limit names no truth signal.
+    pub fn new(truth: &[Field], limits: &[Limit]) -> Result<Self, Invalid> {
+        let mut fields = truth.to_vec();
+        for limit in limits {
+            let field = (fields.iter_mut()).find(|field| field.name == limit.signal);
+            let field = field
+                .ok_or_else(|| Invalid(format!("no truth signal `{}` to limit", limit.signal)))?;
+            (field.min, field.max) = (limit.min, limit.max);
+        }
+        Ok(Self { fields })
+    }
+
+    /// Checks a truth row: finite and inside the limits.
+    ///
+    /// # Errors
+    /// The first signal that is not.
+    pub fn check(&self, truth: &[f64]) -> Result<(), OutOfRange> {
+        first_bad(&self.fields, truth)
+    }
+}
+
+/// The first value that is not finite or outside its field's range.
+///
+/// # Errors
+/// That value's signal.
+pub fn first_bad(fields: &[Field], row: &[f64]) -> Result<(), OutOfRange> {
+    let bad = (fields.iter().zip(row))
+        .find(|(field, value)| !(value.is_finite() && field.admits(**value)));
+    match bad {
+        None => Ok(()),
+        Some((field, &value)) => Err(OutOfRange {
+            signal: field.name.clone(),
+            value,
+            unit: field.unit.clone(),
+            min: field.min,
+            max: field.max,
+        }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn guard(limits: &[Limit]) -> Result<Guard, Invalid> {
+        let free = Field::signal("angle_rad", "rad", "x");
+        let bounded = Field {
+            min: 0.0,
+            max: 2.0,
+            ..Field::signal("pressure_pa", "Pa", "x")
+        };
+        Guard::new(&[free, bounded], limits)
+    }
+
+    #[test]
+    fn the_signal_that_left_its_range_is_named() {
+        let guard = guard(&[]).expect("legal");
+        assert_eq!(guard.check(&[5.0, 2.0]), Ok(()));
+        let told = guard.check(&[5.0, -1.0]).unwrap_err().to_string();
+        assert_eq!(told, "pressure_pa = -1 Pa is outside 0 to 2 Pa");
+    }
+
+    #[test]
+    fn nothing_but_finite_numbers_passes() {
+        let guard = guard(&[]).expect("legal");
+        for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            assert_eq!(guard.check(&[value, 1.0]).unwrap_err().signal, "angle_rad");
+        }
+    }
+
+    #[test]
+    fn a_scenario_moves_the_limits() {
+        let limit = Limit {
+            signal: "pressure_pa".into(),
+            min: -5.0,
+            max: 5.0,
+        };
+        assert_eq!(guard(&[limit]).expect("legal").check(&[0.0, -1.0]), Ok(()));
+        let unknown = Limit {
+            signal: "presure_pa".into(),
+            min: 0.0,
+            max: 1.0,
+        };
+        assert!(guard(&[unknown]).is_err());
+    }
+}

@@ -1,0 +1,30 @@
+//! The job: what a launcher tells a plant process to do. A JSON file in the session's folder.
+
+use hil_config::plan::{FaultEvent, PlantPlan, Run, Stimulus};
+use serde::{Deserialize, Serialize};
+use shared_types::table::number;
+
+/// Name of the file in the session's folder.
+pub const JOB_FILE: &str = "plant.json";
+
+/// A plant's part of a checked scenario.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Job {
+    /// [`PROTOCOL`](shared_types::describe::PROTOCOL) of the launcher.
+    pub protocol: u32,
+    /// Random number of the session.
+    pub session: u64,
+    /// Duration, rate and clock.
+    pub run: Run,
+    /// Model and parameters.
+    pub plant: PlantPlan,
+    /// Reference signals.
+    pub stimuli: Vec<Stimulus>,
+    /// Faults of the scenario.
+    pub faults: Vec<FaultEvent>,
+    /// Whether a recorder must see every record: the loop then waits for it.
+    pub observed: bool,
+    /// How long the other side may take, in s.
+    #[serde(with = "number")]
+    pub wait_limit_s: f64,
+}

@@ -1,0 +1,127 @@
+//! The plant process: a job, an engine and the wait loop.
+//!
+//! `main` of every plant binary is one call of [`run`] with the plants it can be.
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use shared_types::describe::Description;
+use shared_types::link::iceoryx::IceoryxLink;
+use shared_types::link::{Link, LinkError};
+use shared_types::lockstep::PlantEvent;
+use shared_types::program::{self, COMPLETED, DIVERGED, FAILED, Program};
+use shared_types::record::Outcome;
+use shared_types::session::SessionInfo;
+use shared_types::stream::RecordSink;
+use shared_types::stream::iceoryx::IceoryxSink;
+use shared_types::supervision::Supervision;
+use shared_types::wait::{WaitLimit, Waiter, until_ns};
+
+use crate::engine::{Engine, Progress};
+use crate::job::{JOB_FILE, Job};
+use crate::plant::PlantKind;
+
+/// Runs a plant process that can be any of these plants, by what its arguments say.
+#[must_use]
+pub fn run(program: &'static str, version: &'static str, plants: Vec<PlantKind>) -> ExitCode {
+    program::run(&PlantProgram {
+        program,
+        version,
+        plants,
+    })
+}
+
+struct PlantProgram {
+    program: &'static str,
+    version: &'static str,
+    plants: Vec<PlantKind>,
+}
+
+impl PlantProgram {
+    fn kind(&self, job: &Job) -> Result<&PlantKind, String> {
+        program::check_protocol(job.protocol)?;
+        let model = &job.plant.model;
+        let found = self
+            .plants
+            .iter()
+            .find(|kind| kind.description.name == *model);
+        found.ok_or_else(|| format!("this binary has no plant `{model}`; see --describe"))
+    }
+}
+
+impl Program for PlantProgram {
+    fn description(&self) -> Description {
+        let mut description = Description::new(self.program, self.version);
+        description.plants = self
+            .plants
+            .iter()
+            .map(|kind| kind.description.clone())
+            .collect();
+        description
+    }
+
+    fn check(&self, job: &Path) -> Result<(), String> {
+        let job: Job = program::read_job(job)?;
+        let (link, _) = shared_types::link::in_process::pair();
+        let (sink, _) = shared_types::stream::in_process::pair();
+        let engine = Engine::new(self.kind(&job)?, job, link, sink);
+        engine.map(|_| ()).map_err(|e| e.to_string())
+    }
+
+    fn serve(&self, session: &SessionInfo, supervision: &Supervision) -> Result<u8, String> {
+        let job: Job = program::read_job(&session.folder.join(JOB_FILE))?;
+        let limit = WaitLimit::from_seconds(job.wait_limit_s);
+        let link = IceoryxLink::create(session).map_err(|e| e.to_string())?;
+        let sink = IceoryxSink::create(session, job.observed).map_err(|e| e.to_string())?;
+        let engine = Engine::new(self.kind(&job)?, job, link, sink);
+        let mut engine = engine.map_err(|e| e.to_string())?;
+        drive(&mut engine, limit, supervision).map_err(|e| e.to_string())?;
+        let end = engine.end().ok_or("the run ended without saying how")?;
+        if let Some(reason) = &end.reason {
+            eprintln!("{reason}");
+        }
+        Ok(match end.outcome {
+            Outcome::Completed => COMPLETED,
+            Outcome::Diverged => DIVERGED,
+            Outcome::Stopped | Outcome::Failed => FAILED,
+        })
+    }
+}
+
+/// Polls an engine to its end; every wait is bounded.
+///
+/// # Errors
+/// If the link or the record stream failed.
+pub fn drive<L: Link, S: RecordSink>(
+    engine: &mut Engine<L, S>,
+    limit: WaitLimit,
+    supervision: &Supervision,
+) -> Result<(), LinkError> {
+    let mut waiter = Waiter::new(limit);
+    loop {
+        if supervision.wants_stop() {
+            engine.interrupt(&PlantEvent::Stop)?;
+        }
+        match engine.poll()? {
+            Progress::Busy => waiter.done(),
+            Progress::Over => return Ok(()),
+            Progress::Until(target_ns) => {
+                until_ns(target_ns, || supervision.wants_stop());
+                waiter.done();
+            }
+            Progress::Controller => {
+                // What the controller sent before it died still counts, so this follows the poll.
+                if supervision.is_peer_gone() {
+                    engine.interrupt(&PlantEvent::PeerGone)?;
+                } else if waiter.pause() {
+                    engine.interrupt(&PlantEvent::Deadline)?;
+                }
+            }
+            Progress::Recorder => {
+                if waiter.pause() {
+                    engine.recorder_late()?;
+                }
+            }
+        }
+    }
+}

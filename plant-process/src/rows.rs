@@ -1,0 +1,119 @@
+//! The numbers of the step in work, and the record that is made of them.
+//!
+//! Owned by the engine; all space is taken once, at hello.
+
+use shared_types::frame::Header;
+use shared_types::hello::Welcome;
+use shared_types::layout::SignalKind;
+use shared_types::record::{RecordLayout, Timing};
+use shared_types::table::canonical;
+use shared_types::time::Step;
+use shared_types::zerocopy::IntoBytes;
+
+/// Rows of a plant and controller that agreed on their tables.
+#[derive(Debug, Default)]
+pub struct Rows {
+    /// Measured, then reference signals.
+    pub sample: Vec<f64>,
+    /// What the controller sent: its commands, then its internals.
+    pub frame: Vec<f64>,
+    /// The plant's commands as sent.
+    pub command: Vec<f64>,
+    /// The plant's commands as applied.
+    pub applied: Vec<f64>,
+    /// True state.
+    pub truth: Vec<f64>,
+    /// The last record.
+    pub record: Vec<u64>,
+    layout: RecordLayout,
+    /// Where each of the plant's commands stands in `frame`.
+    commands: Vec<usize>,
+    /// Where the internals begin in `frame`.
+    internals: usize,
+}
+
+impl Rows {
+    /// Rows for the tables agreed on, of a plant whose records have this layout.
+    #[must_use]
+    pub fn new(layout: RecordLayout, welcome: &Welcome) -> Self {
+        let bound = welcome.command.bind(SignalKind::Command, &layout.command);
+        Self {
+            sample: vec![0.0; welcome.sample.len()],
+            frame: vec![0.0; welcome.command.len()],
+            command: vec![0.0; layout.command.len()],
+            applied: vec![0.0; layout.command.len()],
+            truth: vec![0.0; layout.truth.len()],
+            record: vec![0; layout.words()],
+            // The welcome exists because they bind.
+            commands: bound.unwrap_or_default(),
+            internals: welcome.command.len() - layout.internal.len(),
+            layout,
+        }
+    }
+
+    /// Takes the plant's commands out of the frame.
+    pub fn take_command(&mut self) {
+        for (command, place) in self.command.iter_mut().zip(&self.commands) {
+            *command = self.frame[*place];
+        }
+    }
+
+    /// Writes the record of a step that a command answered.
+    pub fn write_record(&mut self, step: Step, header: &Header, timing: &Timing) {
+        let mut words = Words(&mut self.record);
+        words.put(&[step.0]);
+        words.fill(0, self.layout.sample_validity_words());
+        words.put(&header.invalid[..self.layout.command_validity_words()]);
+        words.values(&self.truth);
+        words.values(&self.sample);
+        words.values(&self.command);
+        words.values(&self.applied);
+        words.values(&self.frame[self.internals..]);
+        words.timing(timing);
+    }
+
+    /// Writes the record after the last step: there is no command, only NaN marked invalid.
+    pub fn write_final_record(&mut self, step: Step, timing: &Timing) {
+        let mut words = Words(&mut self.record);
+        words.put(&[step.0]);
+        words.fill(0, self.layout.sample_validity_words());
+        words.fill(u64::MAX, self.layout.command_validity_words());
+        words.values(&self.truth);
+        words.values(&self.sample);
+        let unanswered = 2 * self.layout.command.len() + self.layout.internal.len();
+        words.fill(f64::NAN.to_bits(), unanswered);
+        words.timing(timing);
+    }
+}
+
+/// What is left of a record to be written.
+struct Words<'a>(&'a mut [u64]);
+
+impl<'a> Words<'a> {
+    /// The next `count` words, to write to.
+    fn next(&mut self, count: usize) -> &'a mut [u64] {
+        let (next, rest) = std::mem::take(&mut self.0).split_at_mut(count);
+        self.0 = rest;
+        next
+    }
+
+    fn put(&mut self, words: &[u64]) {
+        self.next(words.len()).copy_from_slice(words);
+    }
+
+    fn fill(&mut self, word: u64, count: usize) {
+        self.next(count).fill(word);
+    }
+
+    fn values(&mut self, values: &[f64]) {
+        for (word, value) in self.next(values.len()).iter_mut().zip(values) {
+            *word = canonical(*value).to_bits();
+        }
+    }
+
+    fn timing(&mut self, timing: &Timing) {
+        self.next(Timing::WORDS)
+            .as_mut_bytes()
+            .copy_from_slice(timing.as_bytes());
+    }
+}

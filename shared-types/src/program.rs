@@ -1,0 +1,108 @@
+//! The outside of a plant or controller process: arguments, exit codes and errors, the same for both.
+//!
+//! `plant_process::program::run` and `controller_process::program::run` wrap it; a binary's `main`
+//! is one call of those.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use crate::describe::{Description, PROTOCOL};
+use crate::session::SessionInfo;
+use crate::supervision::Supervision;
+
+/// Exit code of a completed run.
+pub const COMPLETED: u8 = 0;
+/// Exit code of a diverged run.
+pub const DIVERGED: u8 = 1;
+/// Exit code when a job cannot be run as it is.
+pub const UNUSABLE: u8 = 2;
+/// Exit code of a run that ended otherwise.
+pub const FAILED: u8 = 3;
+
+/// What is inside.
+pub trait Program {
+    /// The answer to `--describe`.
+    fn description(&self) -> Description;
+
+    /// The answer to `--check`.
+    ///
+    /// # Errors
+    /// Why the job in the file cannot be run.
+    fn check(&self, job: &Path) -> Result<(), String>;
+
+    /// Runs the job of a session to its end; gives the exit code.
+    ///
+    /// # Errors
+    /// What went wrong before or beside the run itself.
+    fn serve(&self, session: &SessionInfo, supervision: &Supervision) -> Result<u8, String>;
+}
+
+/// One side of a hardware-in-the-loop run. It is started by `hil`; by hand only --describe makes
+/// sense.
+#[derive(Debug, Parser)]
+struct Arguments {
+    /// Say as JSON what this binary can be: names, signals, parameters with units and ranges
+    #[arg(long, conflicts_with_all = ["check", "session"])]
+    describe: bool,
+    /// Read a job file and say whether its parameters go together
+    #[arg(long, value_name = "JOB.json", conflicts_with = "session")]
+    check: Option<PathBuf>,
+    /// Run the job in a session's folder
+    #[arg(long, value_name = "FOLDER", required_unless_present_any = ["describe", "check"])]
+    session: Option<PathBuf>,
+}
+
+/// Does what the arguments say.
+#[must_use]
+pub fn run(program: &impl Program) -> ExitCode {
+    let arguments = Arguments::parse();
+    let (result, otherwise) = if let Some(path) = arguments.check {
+        (program.check(&path).map(|()| COMPLETED), UNUSABLE)
+    } else if let Some(folder) = arguments.session {
+        (serve(program, &folder), FAILED)
+    } else {
+        (describe(program), FAILED)
+    };
+    ExitCode::from(result.unwrap_or_else(|reason| {
+        eprintln!("error: {reason}");
+        otherwise
+    }))
+}
+
+fn describe(program: &impl Program) -> Result<u8, String> {
+    let text = serde_json::to_string_pretty(&program.description()).map_err(|e| e.to_string())?;
+    println!("{text}");
+    Ok(COMPLETED)
+}
+
+fn serve(program: &impl Program, folder: &Path) -> Result<u8, String> {
+    let supervision = Supervision::from_stdin();
+    let session = SessionInfo::read(folder).map_err(|e| e.to_string())?;
+    program.serve(&session, &supervision)
+}
+
+/// Reads a job file.
+///
+/// # Errors
+/// If it is missing or not a job.
+pub fn read_job<J: serde::de::DeserializeOwned>(path: &Path) -> Result<J, String> {
+    let failed = |e: &dyn std::fmt::Display| format!("{}: {e}", path.display());
+    let text = std::fs::read_to_string(path).map_err(|e| failed(&e))?;
+    serde_json::from_str(&text).map_err(|e| failed(&e))
+}
+
+/// Refuses a launcher that speaks another version.
+///
+/// # Errors
+/// Both versions.
+pub fn check_protocol(theirs: u32) -> Result<(), String> {
+    if theirs == PROTOCOL {
+        Ok(())
+    } else {
+        Err(format!(
+            "the launcher speaks protocol {theirs}, this binary {PROTOCOL}"
+        ))
+    }
+}
