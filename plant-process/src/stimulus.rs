@@ -187,6 +187,27 @@ mod tests {
         assert_close(&row(&waveform, 0.8125), &expected, 2.5, 3.5);
     }
 
+    #[test]
+    fn the_papers_command_is_that_of_50_digits_on_the_grid_of_a_run() {
+        let file = include_str!("../../tests/golden/stimulus_paper.json");
+        let file: serde_json::Value = serde_json::from_str(file).unwrap();
+        let points = file["points"].as_array().unwrap();
+        assert!(points.len() >= 30);
+        for point in points {
+            let row = row(&PAPER, point["t_s"].as_f64().unwrap());
+            // A time that is not a binary fraction is rounded, and so is f t.
+            let mut allowed = 1e-14;
+            for (n, got) in row.iter().enumerate() {
+                let want = point["derivatives"][n].as_f64().unwrap();
+                assert!(
+                    (got - want).abs() < allowed,
+                    "order {n}: {got} is not {want}"
+                );
+                allowed *= TAU;
+            }
+        }
+    }
+
     // f = lambda t: mpf(0.25) + mpf(1.5) * sin(2*pi*mpf(2.5)*t + mpf(0.75))
     #[test]
     fn a_sine_has_exact_derivatives() {

@@ -38,13 +38,13 @@ impl Taylor {
         let (mut s, mut c) = ([0.0; ORDER + 1], [0.0; ORDER + 1]);
         (s[0], c[0]) = libm::sincos(u[0]);
         for k in 1..=ORDER {
+            let (mut s_k, mut c_k) = (0.0, 0.0);
             for j in 1..=k {
                 let weight = j as f64 * u[j];
-                s[k] += weight * c[k - j];
-                c[k] -= weight * s[k - j];
+                s_k += weight * c[k - j];
+                c_k -= weight * s[k - j];
             }
-            s[k] /= k as f64;
-            c[k] /= k as f64;
+            (s[k], c[k]) = (s_k / k as f64, c_k / k as f64);
         }
         Self(s)
     }
@@ -63,10 +63,11 @@ impl Taylor {
         };
         let mut e = [exp, 0.0, 0.0, 0.0, 0.0, 0.0];
         for k in 1..=ORDER {
+            let mut e_k = 0.0;
             for j in 1..=k {
-                e[k] += j as f64 * u[j] * e[k - j];
+                e_k += j as f64 * u[j] * e[k - j];
             }
-            e[k] /= k as f64;
+            e[k] = e_k / k as f64;
         }
         e[0] = less_one;
         Self(e)
@@ -80,11 +81,11 @@ impl Taylor {
         g[0] += 1.0;
         let mut y = [libm::atan(u[0]), 0.0, 0.0, 0.0, 0.0, 0.0];
         for k in 1..=ORDER {
-            let mut sum = k as f64 * u[k];
+            let mut y_k = k as f64 * u[k];
             for j in 1..k {
-                sum -= j as f64 * y[j] * g[k - j];
+                y_k -= j as f64 * y[j] * g[k - j];
             }
-            y[k] = sum / (k as f64 * g[0]);
+            y[k] = y_k / (k as f64 * g[0]);
         }
         Self(y)
     }
@@ -112,16 +113,18 @@ impl Add<f64> for Taylor {
 impl Mul for Taylor {
     type Output = Self;
 
-    /// The Cauchy product.
+    /// The Cauchy product, written out: the compiler does not unroll the triangle.
     #[inline]
     fn mul(self, other: Self) -> Self {
-        let mut product = [0.0; ORDER + 1];
-        for k in 0..=ORDER {
-            for j in 0..=k {
-                product[k] += self.0[j] * other.0[k - j];
-            }
-        }
-        Self(product)
+        let (a, b) = (self.0, other.0);
+        Self([
+            a[0] * b[0],
+            a[0] * b[1] + a[1] * b[0],
+            a[0] * b[2] + a[1] * b[1] + a[2] * b[0],
+            a[0] * b[3] + a[1] * b[2] + a[2] * b[1] + a[3] * b[0],
+            a[0] * b[4] + a[1] * b[3] + a[2] * b[2] + a[3] * b[1] + a[4] * b[0],
+            a[0] * b[5] + a[1] * b[4] + a[2] * b[3] + a[3] * b[2] + a[4] * b[1] + a[5] * b[0],
+        ])
     }
 }
 
