@@ -76,6 +76,16 @@ impl ProcessId {
         })
     }
 
+    /// Whether it is stopped, by a signal or a debugger.
+    #[must_use]
+    pub fn is_stopped(self) -> bool {
+        let stat = fs::read_to_string(format!("/proc/{}/stat", self.pid)).unwrap_or_default();
+        let state = stat
+            .rsplit_once(") ")
+            .and_then(|(_, rest)| rest.chars().next());
+        self.is_alive() && matches!(state, Some('T' | 't'))
+    }
+
     /// Whether it still runs (or is stopped).
     #[must_use]
     pub fn is_alive(self) -> bool {

@@ -1,1 +1,52 @@
-//! `hil`.
+//! `hil`: run, judge and inspect hardware-in-the-loop sessions.
+//!
+//! A run, from the command line to the summary:
+//!
+//! 1. [`cli`] is what was typed.
+//! 2. [`binaries`] finds plant and controller and asks them what they are; the scenario is checked
+//!    against that.
+//! 3. [`run`] prepares session and folder, starts both sides and watches over them.
+//! 4. [`recorder`] drains the record stream on a thread of its own: digest, metrics, latency,
+//!    [`recording`].
+//! 5. [`summary`] says how it went, to a person and to a machine.
+//!
+//! [`config`] and [`sessions`] are the commands around it. Nothing here runs on the loop.
+
+use std::io::IsTerminal;
+
+pub mod binaries;
+pub mod cli;
+pub mod config;
+pub mod exit;
+pub mod folder;
+pub mod latency;
+pub mod progress;
+pub mod recorder;
+pub mod recording;
+pub mod run;
+pub mod sessions;
+pub mod summary;
+
+use cli::{Command, CommandLine};
+use exit::{Exit, Failure};
+
+/// Does what the command line says.
+///
+/// # Errors
+/// Everything that keeps it from that, with its exit code.
+pub fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
+    match &command_line.command {
+        Command::Run(arguments) => run::run(arguments),
+        Command::Config(arguments) => config::config(arguments),
+        Command::Sessions(arguments) => sessions::sessions(arguments),
+        Command::Completions { shell } => {
+            cli::print_completions(*shell);
+            Ok(Exit::Pass)
+        }
+    }
+}
+
+/// Whether a person reads standard error as it comes.
+fn person_watches() -> bool {
+    std::io::stderr().is_terminal()
+}

@@ -1,0 +1,169 @@
+//! Plant and controller binaries: where they are, what they say of themselves, what they are.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use shared_types::describe::{Description, PROTOCOL};
+
+use crate::cli::BinaryArguments;
+use crate::exit::Failure;
+
+/// How long a binary may take to describe itself or to check a job.
+const ANSWER_LIMIT: Duration = Duration::from_secs(10);
+
+/// A binary and its answer to `--describe`.
+#[derive(Clone, Debug)]
+pub struct Binary {
+    /// Where it is.
+    pub path: PathBuf,
+    /// What it says of itself.
+    pub description: Description,
+    /// Hash of the file.
+    pub blake3: String,
+}
+
+/// Both binaries of a run.
+#[derive(Clone, Debug)]
+pub struct Binaries {
+    /// The plant.
+    pub plant: Binary,
+    /// The controller.
+    pub controller: Binary,
+}
+
+impl Binaries {
+    /// Finds both and asks what they are.
+    ///
+    /// # Errors
+    /// If one is missing, cannot be executed or does not speak the protocol.
+    pub fn find(arguments: &BinaryArguments) -> Result<Self, Failure> {
+        let plant = Binary::find(
+            arguments.plant_bin.as_deref(),
+            "plant-process",
+            "--plant-bin",
+        )?;
+        if plant.description.plants.is_empty() {
+            return Err(Failure::usage(format!(
+                "{} describes no plant",
+                plant.path.display()
+            )));
+        }
+        let path = arguments.controller_bin.as_deref();
+        let controller = Binary::find(path, "controller-process", "--controller-bin")?;
+        if controller.description.laws.is_empty() {
+            let path = controller.path.display();
+            return Err(Failure::usage(format!("{path} describes no control law")));
+        }
+        Ok(Self { plant, controller })
+    }
+}
+
+impl Binary {
+    fn find(given: Option<&Path>, name: &str, flag: &str) -> Result<Self, Failure> {
+        let path = match given {
+            Some(path) => path.to_owned(),
+            None => beside(name)?,
+        };
+        let shown = path.display();
+        let output = ask(&path, &["--describe"]).map_err(|error| {
+            let hint = if given.is_none() {
+                format!("; build it with `cargo build --release`, or name one with {flag}")
+            } else {
+                String::new()
+            };
+            Failure::usage(format!("cannot run {shown}: {error}{hint}"))
+        })?;
+        let description: Description = serde_json::from_slice(&output.stdout).map_err(|error| {
+            let said = String::from_utf8_lossy(&output.stderr);
+            let said = said.lines().next().map_or(String::new(), |line| format!(" ({line})"));
+            Failure::usage(format!(
+                "{shown} does not speak the protocol: its answer to --describe is not a description: {error}{said}"
+            ))
+        })?;
+        if description.protocol != PROTOCOL {
+            let theirs = description.protocol;
+            return Err(Failure::usage(format!(
+                "{shown} speaks protocol {theirs}, this hil {PROTOCOL}; rebuild it"
+            )));
+        }
+        let content = std::fs::read(&path)
+            .map_err(|error| Failure::usage(format!("cannot read {shown}: {error}")))?;
+        let blake3 = blake3::hash(&content).to_hex().to_string();
+        Ok(Self {
+            path,
+            description,
+            blake3,
+        })
+    }
+
+    /// Asks whether the parameters of a job go together.
+    ///
+    /// # Errors
+    /// What the binary has against them.
+    pub fn check(&self, job: &Path) -> Result<(), Failure> {
+        let arguments = ["--check".as_ref(), job.as_os_str()];
+        let output = ask(&self.path, &arguments).map_err(Failure::usage)?;
+        if output.status.success() {
+            return Ok(());
+        }
+        let said = String::from_utf8_lossy(&output.stderr);
+        let said = said.trim().trim_start_matches("error: ");
+        Err(Failure::usage(format!(
+            "{}: {said}",
+            self.description.program
+        )))
+    }
+}
+
+/// A binary beside this one.
+fn beside(name: &str) -> Result<PathBuf, Failure> {
+    let own = std::env::current_exe().map_err(Failure::infrastructure)?;
+    Ok(own.with_file_name(name))
+}
+
+/// Runs a binary for a short answer; one that never answers is ended.
+fn ask<S: AsRef<std::ffi::OsStr>>(path: &Path, arguments: &[S]) -> Result<Output, String> {
+    let mut child = Command::new(path)
+        .args(arguments)
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .map_err(|error| error.to_string())?;
+    // Read while it runs: a full pipe would stop it.
+    let reader = |pipe: Option<Box<dyn Read + Send>>| {
+        std::thread::spawn(move || {
+            let mut bytes = Vec::new();
+            if let Some(mut pipe) = pipe {
+                // What was read before an error is all there is to show.
+                let _ = pipe.read_to_end(&mut bytes);
+            }
+            bytes
+        })
+    };
+    let stdout = reader(child.stdout.take().map(|pipe| Box::new(pipe) as _));
+    let stderr = reader(child.stderr.take().map(|pipe| Box::new(pipe) as _));
+    let since = Instant::now();
+    let status = loop {
+        match child.try_wait().map_err(|error| error.to_string())? {
+            Some(status) => break status,
+            None if since.elapsed() > ANSWER_LIMIT => {
+                let _ = child.kill(); // it may have ended just now
+                let _ = child.wait();
+                return Err(format!(
+                    "it gave no answer within {} s",
+                    ANSWER_LIMIT.as_secs()
+                ));
+            }
+            None => std::thread::sleep(Duration::from_millis(1)),
+        }
+    };
+    let collected = |thread: std::thread::JoinHandle<Vec<u8>>| thread.join().unwrap_or_default();
+    Ok(Output {
+        status,
+        stdout: collected(stdout),
+        stderr: collected(stderr),
+    })
+}

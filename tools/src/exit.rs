@@ -1,0 +1,57 @@
+//! Exit codes and the failures behind them.
+
+use std::fmt::Display;
+use std::process::ExitCode;
+
+/// How `hil` ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Exit {
+    /// All as it should be.
+    Pass = 0,
+    /// A requirement failed or a run diverged.
+    Failed = 1,
+    /// Wrong usage or configuration; nothing was started.
+    Usage = 2,
+    /// A process died, a wait ran out, a disk is full, there is no shared memory.
+    Infrastructure = 3,
+    /// Interrupted by the user.
+    Interrupted = 130,
+}
+
+impl From<Exit> for ExitCode {
+    fn from(exit: Exit) -> Self {
+        Self::from(exit as u8)
+    }
+}
+
+/// Why a command could not do its work.
+#[derive(Debug, thiserror::Error)]
+pub enum Failure {
+    /// Wrong usage or configuration; nothing was started.
+    #[error("{0}")]
+    Usage(String),
+    /// The machine or a process let it down.
+    #[error("error: {0}")]
+    Infrastructure(String),
+}
+
+impl Failure {
+    /// A usage failure with the word `error` in front.
+    pub fn usage(message: impl Display) -> Self {
+        Self::Usage(format!("error: {message}"))
+    }
+
+    /// An infrastructure failure.
+    pub fn infrastructure(message: impl Display) -> Self {
+        Self::Infrastructure(message.to_string())
+    }
+
+    /// Its exit code.
+    #[must_use]
+    pub const fn exit(&self) -> Exit {
+        match self {
+            Self::Usage(_) => Exit::Usage,
+            Self::Infrastructure(_) => Exit::Infrastructure,
+        }
+    }
+}

@@ -1,0 +1,45 @@
+//! The folder of a run.
+
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use crate::exit::Failure;
+
+/// Creates the folder of a run: `--out`, or a new one under `runs`.
+///
+/// # Errors
+/// If it exists with something in it, or cannot be written.
+pub fn create(out: Option<&Path>, scenario: &str, session: &str) -> Result<PathBuf, Failure> {
+    let folder = out.map_or_else(|| default(scenario, session), Path::to_owned);
+    let cannot = |error: std::io::Error| {
+        let hint = match error.kind() {
+            ErrorKind::NotADirectory | ErrorKind::AlreadyExists => "; a file is in the way",
+            _ => "",
+        };
+        Failure::usage(format!(
+            "cannot write to {}: {error}{hint}",
+            folder.display()
+        ))
+    };
+    fs::create_dir_all(&folder).map_err(cannot)?;
+    if fs::read_dir(&folder).map_err(cannot)?.next().is_some() {
+        let shown = folder.display();
+        return Err(Failure::usage(format!(
+            "{shown} is not empty; a run needs a folder of its own"
+        )));
+    }
+    // Whether it can be written shows only when it is.
+    let probe = folder.join(".probe");
+    fs::write(&probe, "")
+        .and_then(|()| fs::remove_file(&probe))
+        .map_err(cannot)?;
+    Ok(folder)
+}
+
+fn default(scenario: &str, session: &str) -> PathBuf {
+    let time = humantime::format_rfc3339_seconds(SystemTime::now()).to_string();
+    let time = time.replace(['-', ':'], "");
+    Path::new("runs").join(format!("{scenario}-{time}-{session}"))
+}

@@ -1,0 +1,329 @@
+//! The recorder: drains the record stream on a thread of its own.
+//!
+//! It makes the digest, the metrics and the latency figures, and writes the recording. The loop
+//! never waits for any of this, except that the stream's credit holds it back before a record would
+//! be lost.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use hil_config::evaluation::{Evaluation, MetricValue};
+use hil_config::expression::{Columns, Group};
+use hil_config::plan::Plan;
+use shared_types::clock::monotonic_ns;
+use shared_types::digest::Digest;
+use shared_types::record::{Event, FaultTaken, RecordLayout, RunEnd};
+use shared_types::stream::{Item, RecordSource};
+use shared_types::time::Step;
+
+use crate::cli::Compression;
+use crate::latency::{Latency, LatencySummary};
+use crate::recording::{Provenance, Recording};
+
+/// How long to sleep when nothing came: a fraction of what the stream's buffer holds.
+const IDLE: Duration = Duration::from_micros(500);
+
+/// Where and how a recording is written.
+#[derive(Clone, Debug)]
+pub struct RecordingPlan {
+    /// The file.
+    pub path: PathBuf,
+    /// Its compression.
+    pub compression: Compression,
+    /// What it says of the run.
+    pub provenance: Provenance,
+}
+
+/// What the recorder has at the end.
+#[derive(Clone, Debug)]
+pub struct Recorded {
+    /// How the plant saw the end, if it lived to tell.
+    pub end: Option<RunEnd>,
+    /// Faults that took hold.
+    pub faults: Vec<FaultTaken>,
+    /// Records taken.
+    pub records: u64,
+    /// Items lost on the way.
+    pub lost: u64,
+    /// The digest; `None` if something was lost.
+    pub digest: Option<String>,
+    /// Metrics.
+    pub metrics: Vec<MetricValue>,
+    /// Latency of the steps.
+    pub latency: LatencySummary,
+    /// From the first to the last record, in s.
+    pub wall_time_s: f64,
+    /// What kept it from recording, if anything did.
+    pub error: Option<String>,
+}
+
+/// The recorder thread as its owner sees it.
+pub struct Recorder {
+    shared: Arc<Shared>,
+    thread: JoinHandle<Recorded>,
+}
+
+#[derive(Default)]
+struct Shared {
+    /// The stream will get no more items than are in it.
+    finish: AtomicBool,
+    /// Something went wrong; the run makes no sense any more.
+    failed: AtomicBool,
+    steps: AtomicU64,
+}
+
+impl Recorder {
+    /// Starts the thread. What `prepare` returns is called there, again and again, until it gives
+    /// the stream and its layout.
+    pub fn start<S, A>(
+        plan: Plan,
+        recording: Option<RecordingPlan>,
+        prepare: impl FnOnce() -> A + Send + 'static,
+    ) -> Self
+    where
+        S: RecordSource,
+        A: FnMut() -> Result<Option<(S, RecordLayout)>, String>,
+    {
+        let shared = Arc::new(Shared::default());
+        let theirs = Arc::clone(&shared);
+        let thread = std::thread::spawn(move || {
+            let mut attach = prepare();
+            let mut work = Work::new(plan, recording, Arc::clone(&theirs));
+            loop {
+                match attach() {
+                    Ok(Some((mut source, layout))) => {
+                        work.open(layout);
+                        work.drain(&mut source);
+                        break;
+                    }
+                    Ok(None) if theirs.finish.load(Ordering::Acquire) => break,
+                    Ok(None) => std::thread::sleep(IDLE),
+                    Err(error) => {
+                        work.fail(format!("cannot attach to the record stream: {error}"));
+                        break;
+                    }
+                }
+            }
+            work.finish()
+        });
+        Self { shared, thread }
+    }
+
+    /// Steps recorded so far.
+    #[must_use]
+    pub fn steps(&self) -> u64 {
+        self.shared.steps.load(Ordering::Relaxed)
+    }
+
+    /// Whether recording failed, so that the run should stop.
+    #[must_use]
+    pub fn has_failed(&self) -> bool {
+        self.shared.failed.load(Ordering::Acquire)
+    }
+
+    /// Takes what is left in the stream of an ended plant, and ends.
+    ///
+    /// # Errors
+    /// If the thread panicked.
+    pub fn finish(self) -> Result<Recorded, String> {
+        self.shared.finish.store(true, Ordering::Release);
+        self.thread
+            .join()
+            .map_err(|_| "the recorder panicked".into())
+    }
+}
+
+/// The thread's own state.
+struct Work {
+    plan: Plan,
+    recording_plan: Option<RecordingPlan>,
+    shared: Arc<Shared>,
+    layout: RecordLayout,
+    recording: Option<Recording>,
+    evaluation: Option<Evaluation>,
+    digest: Digest,
+    latency: Latency,
+    first_ns: Option<u64>,
+    last_ns: u64,
+    recorded: Recorded,
+}
+
+impl Work {
+    fn new(plan: Plan, recording_plan: Option<RecordingPlan>, shared: Arc<Shared>) -> Self {
+        let latency = Latency::default();
+        let recorded = Recorded {
+            end: None,
+            faults: Vec::new(),
+            records: 0,
+            lost: 0,
+            digest: None,
+            metrics: Vec::new(),
+            latency: latency.summary(),
+            wall_time_s: 0.0,
+            error: None,
+        };
+        Self {
+            plan,
+            recording_plan,
+            shared,
+            layout: RecordLayout::default(),
+            recording: None,
+            evaluation: None,
+            digest: Digest::default(),
+            latency,
+            first_ns: None,
+            last_ns: 0,
+            recorded,
+        }
+    }
+
+    fn open(&mut self, layout: RecordLayout) {
+        let mut columns = Columns::default();
+        for (group, fields) in Group::ALL.into_iter().zip(layout.groups()) {
+            columns.push_fields(group, fields);
+        }
+        match Evaluation::new(&self.plan, &columns) {
+            Ok(evaluation) => self.evaluation = Some(evaluation),
+            Err(error) => self.fail(format!("cannot evaluate the scenario: {error}")),
+        }
+        if let Some(plan) = &self.recording_plan {
+            match Recording::create(&plan.path, plan.compression, &layout, &plan.provenance) {
+                Ok(recording) => self.recording = Some(recording),
+                Err(error) => {
+                    self.fail(format!("cannot write {}: {error}", plan.path.display()));
+                }
+            }
+        }
+        self.layout = layout;
+    }
+
+    /// Takes items until the plant said how the run ended, or its stream is dry after its death.
+    fn drain(&mut self, source: &mut impl RecordSource) {
+        let mut error = None;
+        while self.recorded.end.is_none() {
+            // Asked before the last look: what was published until then must be in it.
+            let finishing = self.shared.finish.load(Ordering::Acquire);
+            match source.drain(&mut |item| self.take(item)) {
+                Ok(0) if finishing => break,
+                Ok(0) => std::thread::sleep(IDLE),
+                Ok(_) => {}
+                Err(failed) => {
+                    error = Some(format!("the record stream failed: {failed}"));
+                    break;
+                }
+            }
+            self.keep_up();
+        }
+        if let Some(error) = error {
+            self.fail(error);
+        }
+    }
+
+    fn take(&mut self, item: Item<'_>) {
+        match item {
+            Item::Record(words) if words.len() == self.layout.words() => {
+                let view = self.layout.view(words);
+                self.digest.record(view.hashed);
+                self.latency.take(&view.timing);
+                if let Some(evaluation) = &mut self.evaluation {
+                    evaluation.observe(Step(view.step), view.values);
+                }
+                self.first_ns.get_or_insert(view.timing.published_ns);
+                self.last_ns = view.timing.published_ns;
+                self.recorded.records += 1;
+                self.shared.steps.store(view.step, Ordering::Relaxed);
+                let written = match &mut self.recording {
+                    Some(recording) => recording.record(words, &view),
+                    None => Ok(()),
+                };
+                self.note(written);
+            }
+            Item::Record(words) => {
+                let (got, wanted) = (words.len(), self.layout.words());
+                self.fail(format!(
+                    "a record of {got} words came where {wanted} were agreed"
+                ));
+            }
+            Item::Event(event) => {
+                let rate = self.plan.run.rate;
+                let mut time_ns = None;
+                match &event {
+                    Event::Fault(fault) => {
+                        self.digest.fault(fault);
+                        self.recorded.faults.push(fault.clone());
+                        time_ns = Some(rate.nanoseconds(Step(fault.step)));
+                    }
+                    Event::End(end) => self.recorded.end = Some(end.clone()),
+                }
+                let written = match &mut self.recording {
+                    Some(recording) => recording.event(&event, time_ns, monotonic_ns()),
+                    None => Ok(()),
+                };
+                self.note(written);
+            }
+            Item::Lost(count) => self.recorded.lost += count,
+            Item::Broken(what) => self.fail(format!("the record stream is broken: {what}")),
+        }
+    }
+
+    fn keep_up(&mut self) {
+        if let Some(recording) = &mut self.recording {
+            let kept = recording.keep_up();
+            self.note(kept);
+        }
+    }
+
+    fn note(&mut self, written: mcap::McapResult<()>) {
+        if let Err(error) = written {
+            self.recording = None;
+            let path = self
+                .recording_plan
+                .as_ref()
+                .map(|plan| plan.path.display().to_string());
+            self.fail(format!(
+                "cannot write {}: {error}",
+                path.unwrap_or_default()
+            ));
+        }
+    }
+
+    fn fail(&mut self, error: String) {
+        self.recorded.error.get_or_insert(error);
+        self.shared.failed.store(true, Ordering::Release);
+    }
+
+    fn finish(mut self) -> Recorded {
+        self.recorded.latency = self.latency.summary();
+        if let Some(evaluation) = &self.evaluation {
+            self.recorded.metrics = evaluation.results();
+        }
+        if let Some(first_ns) = self.first_ns {
+            self.recorded.wall_time_s = (self.last_ns - first_ns) as f64 / 1e9;
+        }
+        if self.recorded.lost == 0 && self.recorded.records > 0 {
+            self.recorded.digest = Some(std::mem::take(&mut self.digest).finish());
+        }
+        if let Some(recording) = self.recording.take() {
+            let mut result = BTreeMap::new();
+            let recorded = &self.recorded;
+            let mut fact = |name: &str, value: String| result.insert(name.to_owned(), value);
+            fact("records", recorded.records.to_string());
+            fact("lost", recorded.lost.to_string());
+            fact("digest", recorded.digest.clone().unwrap_or_default());
+            if let Some(end) = &recorded.end {
+                fact("outcome", format!("{:?}", end.outcome).to_lowercase());
+                fact("reason", end.reason.clone().unwrap_or_default());
+            }
+            if let Err(error) = recording.finish(result) {
+                self.recorded
+                    .error
+                    .get_or_insert(format!("cannot finish the recording: {error}"));
+            }
+        }
+        self.recorded
+    }
+}

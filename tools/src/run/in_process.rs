@@ -1,0 +1,152 @@
+//! A run in one process: both sides in one thread, taking turns.
+
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use controller_process::runner::{Runner, choose};
+use plant_process::engine::{self, Engine};
+use shared_types::link::{LinkError, in_process};
+use shared_types::lockstep::{ControllerEvent, PlantEvent};
+use shared_types::record::{RecordLayout, RunEnd};
+use shared_types::stream::{self, RecordSink};
+use shared_types::supervision::Supervision;
+use shared_types::wait::{WaitLimit, Waiter, until_ns};
+
+use super::{Ended, Prepared};
+use crate::exit::Failure;
+use crate::progress::Progress;
+use crate::recorder::Recorder;
+
+/// A sink that tells the recorder the layout when the stream opens.
+struct TellingSink {
+    sink: stream::in_process::InProcessSink,
+    tell: std::sync::mpsc::Sender<RecordLayout>,
+}
+
+impl RecordSink for TellingSink {
+    fn open(&mut self, layout: &RecordLayout) -> Result<(), LinkError> {
+        let _ = self.tell.send(layout.clone()); // a recorder that ended needs no layout
+        self.sink.open(layout)
+    }
+
+    fn has_room(&mut self) -> Result<bool, LinkError> {
+        self.sink.has_room()
+    }
+
+    fn record(&mut self, words: &[u64]) -> Result<(), LinkError> {
+        self.sink.record(words)
+    }
+
+    fn event(&mut self, event: &shared_types::record::Event) -> Result<(), LinkError> {
+        self.sink.event(event)
+    }
+}
+
+pub(super) fn run(prepared: &Prepared) -> Result<Ended, Failure> {
+    let (sink, source) = stream::in_process::pair();
+    let (tell, told) = std::sync::mpsc::channel();
+    let (plan, recording) = (prepared.plan.clone(), prepared.recording.clone());
+    let recorder = Recorder::start(plan, recording, || {
+        let mut source = Some(source);
+        move || {
+            Ok(told
+                .try_recv()
+                .ok()
+                .and_then(|layout| Some((source.take()?, layout))))
+        }
+    });
+    let supervision = Supervision::new();
+
+    let (plant, controller) = (prepared.plant.clone(), prepared.controller.clone());
+    let theirs = supervision.clone();
+    let sides = std::thread::spawn(move || {
+        take_turns(plant, controller, TellingSink { sink, tell }, &theirs)
+    });
+    let progress = Progress::new(prepared.plan.run.steps, prepared.plan.run.rate);
+    while !sides.is_finished() {
+        if prepared.interrupted.load(Ordering::Acquire) {
+            supervision.stop("interrupted");
+        }
+        if recorder.has_failed() {
+            supervision.stop("the recorder failed");
+        }
+        progress.set(recorder.steps());
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    drop(progress);
+    let ran = sides
+        .join()
+        .map_err(|_| Failure::infrastructure("plant or controller panicked"))?;
+    let recorded = recorder.finish().map_err(Failure::infrastructure)?;
+    let end = ran.map_err(Failure::infrastructure)?;
+    let (outcome, mut reason) = (end.outcome, end.reason);
+    if let Some(error) = &recorded.error {
+        reason = Some(error.clone());
+    }
+    Ok(Ended {
+        recorded,
+        outcome,
+        reason,
+    })
+}
+
+/// Polls both sides in turns to the end of the run.
+fn take_turns(
+    plant: plant_process::job::Job,
+    controller: controller_process::job::Job,
+    sink: TellingSink,
+    supervision: &Supervision,
+) -> Result<RunEnd, String> {
+    let limit = WaitLimit::from_seconds(plant.wait_limit_s);
+    let plants = plant_process::models::all();
+    let kind = plants
+        .iter()
+        .find(|kind| kind.description.name == plant.plant.model);
+    let kind = kind.ok_or_else(|| format!("hil has no plant `{}`", plant.plant.model))?;
+    let laws = controller_process::laws::all();
+    let law = choose(&laws, &controller.law, &controller.plant).map_err(|e| e.to_string())?;
+    let (plant_link, controller_link) = in_process::pair();
+    let mut engine = Engine::new(kind, plant, plant_link, sink).map_err(|e| e.to_string())?;
+    let mut runner = Runner::new(law, controller, controller_link).map_err(|e| e.to_string())?;
+    turns(&mut engine, &mut runner, limit, supervision).map_err(|e| e.to_string())?;
+    engine
+        .end()
+        .cloned()
+        .ok_or_else(|| "the run ended without saying how".into())
+}
+
+fn turns<S: RecordSink>(
+    engine: &mut Engine<in_process::InProcessLink, S>,
+    runner: &mut Runner<'_, in_process::InProcessLink>,
+    limit: WaitLimit,
+    supervision: &Supervision,
+) -> Result<(), LinkError> {
+    let mut waiter = Waiter::new(limit);
+    runner.begin()?;
+    loop {
+        if supervision.wants_stop() {
+            engine.interrupt(&PlantEvent::Stop)?;
+            runner.interrupt(&ControllerEvent::Stop)?;
+        }
+        runner.poll()?;
+        match engine.poll()? {
+            engine::Progress::Over => return Ok(()),
+            engine::Progress::Busy => waiter.done(),
+            engine::Progress::Until(target_ns) => {
+                until_ns(target_ns, || supervision.wants_stop());
+                waiter.done();
+            }
+            engine::Progress::Recorder => {
+                if waiter.pause() {
+                    engine.recorder_late()?;
+                }
+            }
+            engine::Progress::Controller => {
+                // It had its turn; if nothing comes all the same, one of them is broken.
+                if waiter.pause() {
+                    engine.interrupt(&PlantEvent::Deadline)?;
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,256 @@
+//! `hil run`: one scenario from the command line to the summary.
+
+mod in_process;
+mod processes;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use hil_config::plan::{Clock, Plan};
+use shared_types::describe::PROTOCOL;
+use shared_types::record::Outcome;
+use shared_types::session::{Session, SessionError, SessionInfo};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+
+use crate::binaries::Binaries;
+use crate::cli::{LinkKind, RunArguments};
+use crate::exit::{Exit, Failure};
+use crate::recorder::{Recorded, RecordingPlan};
+use crate::recording::{Enclosure, Provenance};
+use crate::summary::Summary;
+use crate::{config, folder};
+
+/// What both ways of running need.
+struct Prepared {
+    plan: Plan,
+    binaries: Binaries,
+    plant: plant_process::job::Job,
+    controller: controller_process::job::Job,
+    recording: Option<RecordingPlan>,
+    interrupted: Arc<AtomicBool>,
+}
+
+/// How a run ended.
+pub(crate) struct Ended {
+    pub(crate) recorded: Recorded,
+    /// How it ended, with what the supervisor knows besides what the plant saw.
+    pub(crate) outcome: Outcome,
+    /// Why, if not completed.
+    pub(crate) reason: Option<String>,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// If the run could not be started, or its results not be written.
+pub fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
+    if arguments.wait_limit.is_nan() || arguments.wait_limit <= 0.0 {
+        return Err(Failure::usage(
+            "--wait-limit takes a number above 0, or inf",
+        ));
+    }
+    let others = &arguments.binaries;
+    let other_binaries = others.plant_bin.is_some() || others.controller_bin.is_some();
+    if arguments.link == LinkKind::InProcess && other_binaries {
+        return Err(Failure::usage(
+            "--link in-process runs what is built into hil; --plant-bin and --controller-bin need processes",
+        ));
+    }
+    let binaries = Binaries::find(others)?;
+    let plan = config::read(&arguments.scenario, &arguments.changes, &binaries)
+        .map_err(|problems| Failure::Usage(problems.to_string()))?;
+    let effective = config::show(&plan, &binaries)?;
+    let interrupted = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM, SIGHUP] {
+        signal_hook::flag::register(signal, Arc::clone(&interrupted))
+            .map_err(Failure::infrastructure)?;
+    }
+
+    let mut session =
+        Session::create(arguments.session.as_deref()).map_err(|error| match error {
+            SessionError::Name(_) | SessionError::Taken { .. } => Failure::usage(error),
+            other => Failure::infrastructure(other),
+        })?;
+    let info = session.info().clone();
+    let (plant, controller) = jobs(&plan, &info, arguments.wait_limit);
+    check(&binaries, &info, &plant, &controller)?;
+    let run_dir = folder::create(arguments.out.as_deref(), &plan.name, &info.name)?;
+    session
+        .set_run_dir(&absolute(&run_dir))
+        .map_err(Failure::infrastructure)?;
+    write(&run_dir.join("scenario.toml"), &effective)?;
+
+    let evidence = match arguments.link {
+        LinkKind::Iceoryx2 => "sil",
+        LinkKind::InProcess => "in-process",
+    };
+    let recording = (!arguments.no_record).then(|| RecordingPlan {
+        path: run_dir.join("run.mcap"),
+        compression: arguments.compression,
+        provenance: provenance(&plan, &info, &binaries, evidence, &effective),
+    });
+    let prepared = Prepared {
+        plan,
+        binaries,
+        plant,
+        controller,
+        recording,
+        interrupted,
+    };
+    let ended = match arguments.link {
+        LinkKind::Iceoryx2 => processes::run(&prepared, &mut session, &run_dir)?,
+        LinkKind::InProcess => in_process::run(&prepared)?,
+    };
+    drop(session);
+
+    let recorded_to = (!arguments.no_record).then_some("run.mcap");
+    let summary = Summary::new(
+        &prepared.plan,
+        &prepared.binaries,
+        &info,
+        evidence,
+        recorded_to,
+        &ended,
+    );
+    let json = serde_json::to_string_pretty(&summary).map_err(Failure::infrastructure)?;
+    write(&run_dir.join("summary.json"), &json)?;
+    if arguments.json {
+        println!("{json}");
+    } else {
+        print!("{}", summary.table(&prepared.plan, &run_dir));
+    }
+    Ok(match ended.outcome {
+        _ if ended.recorded.error.is_some() => Exit::Infrastructure,
+        Outcome::Completed => Exit::Pass,
+        Outcome::Diverged => Exit::Failed,
+        Outcome::Stopped if prepared.interrupted.load(Ordering::Acquire) => Exit::Interrupted,
+        Outcome::Stopped | Outcome::Failed => Exit::Infrastructure,
+    })
+}
+
+fn absolute(path: &Path) -> std::path::PathBuf {
+    std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
+}
+
+fn write(path: &Path, text: &str) -> Result<(), Failure> {
+    std::fs::write(path, text).map_err(|error| {
+        Failure::infrastructure(format!("cannot write {}: {error}", path.display()))
+    })
+}
+
+/// Each side's part of the plan.
+fn jobs(
+    plan: &Plan,
+    session: &SessionInfo,
+    wait_limit_s: f64,
+) -> (plant_process::job::Job, controller_process::job::Job) {
+    // Between two samples of a paced run the controller waits for the clock, not for the plant.
+    let between_s = match plan.run.clock {
+        Clock::Lockstep => 0.0,
+        Clock::Paced { factor } => plan.run.rate.period_s() / factor,
+    };
+    let plant = plant_process::job::Job {
+        protocol: PROTOCOL,
+        session: session.id,
+        run: plan.run,
+        plant: plan.plant.clone(),
+        stimuli: plan.stimuli.clone(),
+        faults: plan.faults.clone(),
+        observed: true,
+        wait_limit_s,
+    };
+    let controller = controller_process::job::Job {
+        protocol: PROTOCOL,
+        session: session.id,
+        plant: plan.plant.model.clone(),
+        law: plan.controller.law.clone(),
+        parameters: plan.controller.parameters.clone(),
+        model: plan.controller.model.clone(),
+        rate: plan.run.rate,
+        rate_divisor: plan.controller.rate_divisor,
+        command_delay_steps: plan.controller.command_delay_steps,
+        wait_limit_s: wait_limit_s + between_s,
+    };
+    (plant, controller)
+}
+
+/// Puts the jobs into the session's folder and has both binaries look at theirs.
+fn check(
+    binaries: &Binaries,
+    session: &SessionInfo,
+    plant: &plant_process::job::Job,
+    controller: &controller_process::job::Job,
+) -> Result<(), Failure> {
+    use controller_process::job::JOB_FILE as CONTROLLER_FILE;
+    use plant_process::job::JOB_FILE as PLANT_FILE;
+    session
+        .write_file(PLANT_FILE, plant)
+        .map_err(Failure::infrastructure)?;
+    session
+        .write_file(CONTROLLER_FILE, controller)
+        .map_err(Failure::infrastructure)?;
+    binaries.plant.check(&session.folder.join(PLANT_FILE))?;
+    binaries
+        .controller
+        .check(&session.folder.join(CONTROLLER_FILE))
+}
+
+/// What the recording says of its run.
+fn provenance(
+    plan: &Plan,
+    session: &SessionInfo,
+    binaries: &Binaries,
+    evidence: &str,
+    effective: &str,
+) -> Provenance {
+    let mut facts = BTreeMap::new();
+    let mut fact = |name: &str, value: String| facts.insert(name.to_owned(), value);
+    fact("scenario", plan.name.clone());
+    fact("session", session.name.clone());
+    fact("session_id", format!("{:016x}", session.id));
+    fact("evidence", evidence.into());
+    fact("seed", plan.run.seed.to_string());
+    fact("rate_hz", plan.run.rate.hz().to_string());
+    fact("steps", plan.run.steps.to_string());
+    fact("protocol", PROTOCOL.to_string());
+    fact("hil_version", env!("CARGO_PKG_VERSION").into());
+    fact("hil_commit", env!("HIL_COMMIT").into());
+    fact("plant_blake3", binaries.plant.blake3.clone());
+    fact("controller_blake3", binaries.controller.blake3.clone());
+    let host = rustix::system::uname();
+    fact("host", host.nodename().to_string_lossy().into_owned());
+    let kernel = format!(
+        "{} {}",
+        host.release().to_string_lossy(),
+        host.version().to_string_lossy()
+    );
+    fact("kernel", kernel);
+    fact("machine", host.machine().to_string_lossy().into_owned());
+    let cores = std::thread::available_parallelism().map_or(0, std::num::NonZero::get);
+    fact("cores", cores.to_string());
+    let started = humantime::format_rfc3339_millis(std::time::SystemTime::now());
+    fact("started_utc", started.to_string());
+    let json = |value: &shared_types::describe::Description| {
+        serde_json::to_string_pretty(value).unwrap_or_default()
+    };
+    let enclosures = vec![
+        Enclosure {
+            name: "scenario.toml",
+            media_type: "application/toml",
+            text: effective.into(),
+        },
+        Enclosure {
+            name: "plant-description.json",
+            media_type: "application/json",
+            text: json(&binaries.plant.description),
+        },
+        Enclosure {
+            name: "controller-description.json",
+            media_type: "application/json",
+            text: json(&binaries.controller.description),
+        },
+    ];
+    Provenance { facts, enclosures }
+}

@@ -1,0 +1,297 @@
+//! A run in two processes: starting them, watching over them, and ending both whatever happens.
+
+use std::fs::File;
+use std::io::Write;
+use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use shared_types::link::LinkError;
+use shared_types::record::{Outcome, RecordLayout};
+use shared_types::session::{ProcessId, Session, SessionInfo};
+use shared_types::stream::iceoryx::{IceoryxSource, LAYOUT_FILE};
+use shared_types::supervision::{PEER_GONE, STOP};
+
+use super::{Ended, Prepared};
+use crate::exit::Failure;
+use crate::progress::Progress;
+use crate::recorder::{Recorded, Recorder};
+
+/// How often the processes are looked at.
+const LOOK: Duration = Duration::from_millis(2);
+/// How long a process may take to end once it was told to.
+const GRACE: Duration = Duration::from_secs(2);
+/// Lines of a log that are shown when a run failed.
+const TAIL: usize = 12;
+
+/// One side of the run.
+struct Side {
+    name: &'static str,
+    process: Child,
+    id: Option<ProcessId>,
+    log: PathBuf,
+    status: Option<ExitStatus>,
+    /// It had to be ended, and the state it was found in.
+    killed: Option<&'static str>,
+    told: bool,
+}
+
+impl Side {
+    fn start(
+        name: &'static str,
+        binary: &Path,
+        session: &SessionInfo,
+        run_dir: &Path,
+    ) -> Result<Self, Failure> {
+        let log = run_dir.join(format!("{name}.log"));
+        let cannot = |error: std::io::Error| {
+            Failure::infrastructure(format!("cannot start {}: {error}", binary.display()))
+        };
+        let out = File::create(&log).map_err(cannot)?;
+        let process = Command::new(binary)
+            .arg("--session")
+            .arg(&session.folder)
+            .stdin(Stdio::piped())
+            .stdout(out.try_clone().map_err(cannot)?)
+            .stderr(out)
+            // A group of its own: Ctrl-C is for hil, which ends both in order.
+            .process_group(0)
+            .spawn()
+            .map_err(cannot)?;
+        let id = ProcessId::of(process.id());
+        Ok(Self {
+            name,
+            process,
+            id,
+            log,
+            status: None,
+            killed: None,
+            told: false,
+        })
+    }
+
+    fn has_ended(&mut self) -> bool {
+        if self.status.is_none() {
+            // An error here means that there is no such process, which is an end too.
+            self.status = match self.process.try_wait() {
+                Ok(status) => status,
+                Err(_) => Some(ExitStatus::from_raw(0xff00)),
+            };
+        }
+        self.status.is_some()
+    }
+
+    /// Writes a line to its input. It may have ended, which shows elsewhere.
+    fn tell(&mut self, line: &str) {
+        self.told = true;
+        if let Some(input) = &mut self.process.stdin {
+            let _ = writeln!(input, "{line}").and_then(|()| input.flush());
+        }
+    }
+
+    fn kill(&mut self) {
+        let stopped = self.id.is_some_and(ProcessId::is_stopped);
+        self.killed = Some(if stopped { "stopped" } else { "stuck" });
+        let _ = self.process.kill(); // it may end by itself just now
+        self.status = self.process.wait().ok();
+    }
+
+    /// How it ended, if there is something to say about it.
+    fn fate(&self) -> Option<String> {
+        if let Some(state) = self.killed {
+            return Some(format!("{} was {state} and had to be killed", self.name));
+        }
+        let status = self.status?;
+        match (status.code(), status.signal()) {
+            (Some(0), _) => None,
+            (Some(code), _) => Some(format!("{} ended with exit code {code}", self.name)),
+            (None, Some(signal)) => {
+                let name = signal_hook::low_level::signal_name(signal).unwrap_or("a signal");
+                Some(format!("{} was killed by {name} ({signal})", self.name))
+            }
+            (None, None) => None,
+        }
+    }
+
+    /// The last lines of its output.
+    fn tail(&self) -> String {
+        let text = std::fs::read(&self.log).unwrap_or_default();
+        let text = String::from_utf8_lossy(&text);
+        let lines: Vec<&str> = text.lines().collect();
+        lines[lines.len().saturating_sub(TAIL)..].join("\n")
+    }
+}
+
+impl Drop for Side {
+    fn drop(&mut self) {
+        if !self.has_ended() {
+            self.kill();
+        }
+    }
+}
+
+pub(super) fn run(
+    prepared: &Prepared,
+    session: &mut Session,
+    run_dir: &Path,
+) -> Result<Ended, Failure> {
+    let info = session.info().clone();
+    let binaries = &prepared.binaries;
+    let mut plant = Side::start("plant", &binaries.plant.path, &info, run_dir)?;
+    session
+        .add_child(plant.process.id())
+        .map_err(Failure::infrastructure)?;
+    let mut controller = Side::start("controller", &binaries.controller.path, &info, run_dir)?;
+    session
+        .add_child(controller.process.id())
+        .map_err(Failure::infrastructure)?;
+
+    let (plan, recording) = (prepared.plan.clone(), prepared.recording.clone());
+    let recorder = Recorder::start(plan, recording, || {
+        let mut source = None;
+        move || attach(&info, &mut source)
+    });
+    let progress = Progress::new(prepared.plan.run.steps, prepared.plan.run.rate);
+    let first = watch(prepared, &mut plant, &mut controller, &recorder, &progress);
+    drop(progress);
+    let recorded = recorder.finish().map_err(Failure::infrastructure)?;
+    let ended = conclude(prepared, recorded, &plant, &controller, first);
+    if ended.outcome != Outcome::Completed && ended.outcome != Outcome::Stopped {
+        for side in [&plant, &controller] {
+            let tail = side.tail();
+            if !tail.is_empty() {
+                eprintln!("{}:\n{tail}\n", side.log.display());
+            }
+        }
+    }
+    Ok(ended)
+}
+
+/// Attaches the recorder: first the stream, then the layout that the plant writes after hello.
+fn attach(
+    session: &SessionInfo,
+    source: &mut Option<IceoryxSource>,
+) -> Result<Option<(IceoryxSource, RecordLayout)>, String> {
+    if source.is_none() {
+        match IceoryxSource::open(session, true) {
+            Ok(opened) => {
+                session.tighten();
+                *source = Some(opened);
+            }
+            Err(LinkError::Absent { .. }) => return Ok(None),
+            Err(error) => return Err(error.to_string()),
+        }
+    }
+    if !session.folder.join(LAYOUT_FILE).exists() {
+        return Ok(None);
+    }
+    let layout = session.read_file(LAYOUT_FILE).map_err(|e| e.to_string())?;
+    Ok(source.take().map(|source| (source, layout)))
+}
+
+/// Looks after both until both have ended; says which ended first.
+fn watch(
+    prepared: &Prepared,
+    plant: &mut Side,
+    controller: &mut Side,
+    recorder: &Recorder,
+    progress: &Progress,
+) -> &'static str {
+    let mut first = None;
+    let mut ending_since = None;
+    loop {
+        let plant_ended = plant.has_ended();
+        let controller_ended = controller.has_ended();
+        progress.set(recorder.steps());
+        if plant_ended && controller_ended {
+            return first.unwrap_or("plant");
+        }
+        let stop = prepared.interrupted.load(Ordering::Acquire) || recorder.has_failed();
+        if stop && !plant.told {
+            plant.tell(STOP);
+            ending_since.get_or_insert_with(Instant::now);
+        }
+        if plant_ended || controller_ended {
+            let (ended, other) = if plant_ended {
+                (&*plant, &mut *controller)
+            } else {
+                (&*controller, &mut *plant)
+            };
+            first.get_or_insert(ended.name);
+            if !other.told {
+                other.tell(PEER_GONE);
+            }
+            ending_since.get_or_insert_with(Instant::now);
+        }
+        if ending_since.is_some_and(|since: Instant| since.elapsed() > GRACE) {
+            for side in [&mut *plant, &mut *controller] {
+                if !side.has_ended() {
+                    side.kill();
+                }
+            }
+        }
+        std::thread::sleep(LOOK);
+    }
+}
+
+/// How the run ended, from what the plant saw and what became of the processes.
+fn conclude(
+    prepared: &Prepared,
+    recorded: Recorded,
+    plant: &Side,
+    controller: &Side,
+    first: &'static str,
+) -> Ended {
+    let interrupted = prepared.interrupted.load(Ordering::Acquire);
+    let seen = recorded.end.as_ref();
+    let outcome = seen.map_or(Outcome::Failed, |end| end.outcome);
+    let fates = [plant.fate(), controller.fate()];
+    if outcome == Outcome::Completed && recorded.error.is_none() {
+        // Both confirmed the last step; an end in disorder after it is still worth a word.
+        let [plant_fate, controller_fate] = fates;
+        let disorder = plant_fate.or(controller_fate);
+        let outcome = if disorder.is_some() {
+            Outcome::Failed
+        } else {
+            outcome
+        };
+        return Ended {
+            recorded,
+            outcome,
+            reason: disorder,
+        };
+    }
+    let mut parts: Vec<String> = Vec::new();
+    parts.extend(recorded.error.clone());
+    if interrupted {
+        parts.push("interrupted".into());
+    }
+    parts.extend(seen.and_then(|end| end.reason.clone()));
+    if seen.is_none() {
+        let steps = recorded.records;
+        parts.push(format!(
+            "plant ended without a word after {steps} recorded steps"
+        ));
+    }
+    // The one that ended first is the cause; exit codes of a process that said why add nothing.
+    let [plant_fate, controller_fate] = fates;
+    let cause = if first == "plant" {
+        [plant_fate, controller_fate]
+    } else {
+        [controller_fate, plant_fate]
+    };
+    let told_why = |fate: &String| !fate.contains("exit code") || seen.is_none();
+    parts.extend(cause.into_iter().flatten().filter(told_why));
+    let outcome = match outcome {
+        Outcome::Completed => Outcome::Failed,
+        Outcome::Failed if interrupted => Outcome::Stopped,
+        other => other,
+    };
+    Ended {
+        recorded,
+        outcome,
+        reason: Some(parts.join("; ")),
+    }
+}

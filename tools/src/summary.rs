@@ -1,0 +1,288 @@
+//! The summary of a run: `summary.json` for machines and a table for people.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use hil_config::plan::Plan;
+use serde::Serialize;
+use shared_types::record::Outcome;
+use shared_types::session::SessionInfo;
+use shared_types::time::Step;
+
+use crate::binaries::{Binaries, Binary};
+use crate::latency::LatencySummary;
+use crate::run::Ended;
+
+/// Version of the summary.
+const SCHEMA: u32 = 1;
+
+/// How a run went.
+#[derive(Clone, Debug, Serialize)]
+pub struct Summary {
+    schema: u32,
+    scenario: String,
+    session: String,
+    evidence: &'static str,
+    verdict: &'static str,
+    reason: Option<String>,
+    clock: &'static str,
+    rate_hz: f64,
+    steps: u64,
+    sim_time_s: f64,
+    wall_time_s: f64,
+    realtime_factor: f64,
+    digest: Option<String>,
+    metrics: Vec<Metric>,
+    /// Requirements are not part of scenarios; the list is there for readers of the format.
+    requirements: [(); 0],
+    faults: Vec<Fault>,
+    latency_ns: LatencySummary,
+    recording: Recording,
+    rejected_frames: u64,
+    controller: Program,
+    plant: Program,
+    seed: u64,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Metric {
+    name: String,
+    window_s: [f64; 2],
+    /// Null if no record of the window had the value.
+    value: Option<f64>,
+    unit: String,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Fault {
+    event: u32,
+    kind: String,
+    source: &'static str,
+    requested_at_s: f64,
+    effective_step: u64,
+    effects: Vec<Effect>,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Effect {
+    target: String,
+    parameter: String,
+    max_effect: f64,
+    unit: String,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Recording {
+    file: Option<&'static str>,
+    records: u64,
+    lost: u64,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Program {
+    binary: String,
+    blake3: String,
+}
+
+impl Program {
+    fn of(binary: &Binary) -> Self {
+        Self {
+            binary: binary.path.display().to_string(),
+            blake3: binary.blake3.clone(),
+        }
+    }
+}
+
+impl Summary {
+    /// The summary of an ended run.
+    #[must_use]
+    pub(crate) fn new(
+        plan: &Plan,
+        binaries: &Binaries,
+        session: &SessionInfo,
+        evidence: &'static str,
+        recorded_to: Option<&'static str>,
+        ended: &Ended,
+    ) -> Self {
+        let recorded = &ended.recorded;
+        let steps = recorded
+            .end
+            .as_ref()
+            .map_or(recorded.records, |end| end.steps);
+        let sim_time_s = plan.run.rate.seconds(Step(steps));
+        let wall_time_s = recorded.wall_time_s;
+        Self {
+            schema: SCHEMA,
+            scenario: plan.name.clone(),
+            session: session.name.clone(),
+            evidence,
+            verdict: match ended.outcome {
+                Outcome::Completed if recorded.error.is_none() => "pass",
+                _ => "aborted",
+            },
+            reason: ended.reason.clone(),
+            clock: match plan.run.clock {
+                hil_config::plan::Clock::Lockstep => "lockstep",
+                hil_config::plan::Clock::Paced { .. } => "paced",
+            },
+            rate_hz: plan.run.rate.hz(),
+            steps,
+            sim_time_s,
+            wall_time_s,
+            realtime_factor: if wall_time_s > 0.0 {
+                sim_time_s / wall_time_s
+            } else {
+                0.0
+            },
+            digest: recorded.digest.clone(),
+            metrics: (recorded.metrics.iter())
+                .map(|metric| Metric {
+                    name: metric.name.clone(),
+                    window_s: metric.window_s,
+                    value: metric.value.is_finite().then_some(metric.value),
+                    unit: metric.unit.clone(),
+                })
+                .collect(),
+            requirements: [],
+            faults: faults(plan, ended),
+            latency_ns: recorded.latency,
+            recording: Recording {
+                file: recorded_to,
+                records: recorded.records,
+                lost: recorded.lost,
+            },
+            rejected_frames: recorded.end.as_ref().map_or(0, |end| end.rejected_frames),
+            controller: Program::of(&binaries.controller),
+            plant: Program::of(&binaries.plant),
+            seed: plan.run.seed,
+        }
+    }
+
+    /// The summary as a person reads it.
+    #[must_use]
+    pub fn table(&self, plan: &Plan, run_dir: &Path) -> String {
+        let mut text = String::new();
+        // Writing to a string cannot fail.
+        let _ = self.write_table(&mut text, plan, run_dir);
+        text
+    }
+
+    fn write_table(&self, text: &mut String, plan: &Plan, run_dir: &Path) -> std::fmt::Result {
+        let (law, model) = (&plan.controller.law, &plan.plant.model);
+        writeln!(
+            text,
+            "{}: {}  ({law} on {model}, {})",
+            self.scenario, self.verdict, self.clock
+        )?;
+        if let Some(reason) = &self.reason {
+            writeln!(text, "  {reason}")?;
+        }
+        writeln!(
+            text,
+            "  {} steps, {} s in {:.2} s, {:.1}x real time",
+            self.steps, self.sim_time_s, self.wall_time_s, self.realtime_factor
+        )?;
+        for fault in &self.faults {
+            write!(
+                text,
+                "  fault {} {} at step {}",
+                fault.event, fault.kind, fault.effective_step
+            )?;
+            for effect in &fault.effects {
+                let nothing = if effect.max_effect == 0.0 {
+                    " (no effect)"
+                } else {
+                    ""
+                };
+                let (target, size, unit) = (&effect.target, effect.max_effect, &effect.unit);
+                write!(text, ", {target} {size:.4e} {unit}{nothing}")?;
+            }
+            writeln!(text)?;
+        }
+        self.write_metrics(text, plan)?;
+        let trip = &self.latency_ns.round_trip;
+        writeln!(
+            text,
+            "  round trip {:.2} us median, {:.2} us p99, {:.0} us max",
+            trip.p50 as f64 / 1e3,
+            trip.p99 as f64 / 1e3,
+            trip.max as f64 / 1e3
+        )?;
+        if let Some(digest) = &self.digest {
+            writeln!(text, "  digest {digest}")?;
+        }
+        let lost = match self.recording.lost {
+            0 => String::new(),
+            lost => format!(", {lost} LOST"),
+        };
+        writeln!(
+            text,
+            "  {} records{lost} in {}",
+            self.recording.records,
+            run_dir.display()
+        )
+    }
+
+    fn write_metrics(&self, text: &mut String, _plan: &Plan) -> std::fmt::Result {
+        if self.metrics.is_empty() {
+            return Ok(());
+        }
+        let width = self
+            .metrics
+            .iter()
+            .map(|metric| metric.name.len())
+            .max()
+            .unwrap_or(0);
+        writeln!(
+            text,
+            "\n  {:<width$}  {:>13}  {:>12}",
+            "metric", "window [s]", "value"
+        )?;
+        for metric in &self.metrics {
+            let [start_s, end_s] = metric.window_s;
+            let window = format!("{start_s} to {end_s}");
+            let value = metric
+                .value
+                .map_or("-".into(), |value| format!("{value:.5e}"));
+            writeln!(
+                text,
+                "  {:<width$}  {window:>13}  {value:>12} {}",
+                metric.name, metric.unit
+            )?;
+        }
+        writeln!(text)
+    }
+}
+
+/// The faults that took hold, with their largest effects.
+fn faults(plan: &Plan, ended: &Ended) -> Vec<Fault> {
+    let taken = &ended.recorded.faults;
+    let sizes = ended
+        .recorded
+        .end
+        .as_ref()
+        .map_or(&[][..], |end| &end.effects);
+    let mut faults = Vec::new();
+    for event in &plan.faults {
+        let Some(first) = taken.iter().find(|fault| fault.id == event.id) else {
+            continue; // the run ended before
+        };
+        let of_event = sizes.iter().filter(|size| size.id == event.id);
+        faults.push(Fault {
+            event: event.id,
+            kind: event.kind.clone(),
+            source: "scenario",
+            requested_at_s: event.at_s,
+            effective_step: first.step,
+            effects: of_event
+                .map(|size| Effect {
+                    target: size.target.clone(),
+                    parameter: size.parameter.clone(),
+                    max_effect: size.max_effect,
+                    unit: size.unit.clone(),
+                })
+                .collect(),
+        });
+    }
+    faults
+}
