@@ -78,7 +78,7 @@ fn parts(
     let name = name(reader, root, scenario);
     let description = reader.text(root, "description").unwrap_or_default();
 
-    let run = run::check(reader, root);
+    let (grid, run) = run::check(reader, root);
     let plant_section = reader.section(root, "plant");
     let plant = plant_section
         .as_ref()
@@ -91,22 +91,22 @@ fn parts(
     let law = controller_section
         .as_ref()
         .and_then(|section| controller::find(reader, section, laws, plant));
-    let stimuli = stimuli::check(reader, root, scenario, run, law);
+    let stimuli = stimuli::check(reader, root, scenario, grid, law);
     let controller_plan = controller_section.as_ref().and_then(|section| {
         let nominal = plant_plan.as_ref().map(|plan| &plan.parameters);
-        controller::check(reader, section, laws, law, plant, nominal, run)
+        controller::check(reader, section, laws, law, plant, nominal, grid)
     });
     if let (Some(section), Some(law), Some(plant)) = (&controller_section, law, plant) {
         controller::bind(reader, section, law, plant, stimuli.as_deref());
     }
 
     let nominal = plant_plan.as_ref().map(|plan| &plan.parameters);
-    let faults = faults::check(reader, root, plant, nominal, run);
+    let faults = faults::check(reader, root, plant, nominal, grid);
     let columns = match (plant, law, &stimuli) {
         (Some(plant), Some(law), Some(stimuli)) => Some(Columns::of(plant, law, stimuli)),
         _ => None,
     };
-    let (derived, metrics) = signals::check(reader, root, columns, run);
+    let (derived, metrics) = signals::check(reader, root, columns, grid);
     Some(Plan {
         name,
         description: description.into(),

@@ -7,8 +7,9 @@ use shared_types::describe::{LawDescription, PlantDescription, Settings};
 use shared_types::table::{Field, derivative_of};
 
 use super::parameters;
+use super::run::Grid;
 use crate::keys::{CONTROLLER, WAVEFORMS};
-use crate::plan::{ControllerPlan, Run, Stimulus};
+use crate::plan::{ControllerPlan, Stimulus};
 use crate::problem::{ProblemKind, listed};
 use crate::quantity::{Quantity, number};
 use crate::reader::{Reader, Section};
@@ -83,11 +84,11 @@ pub(super) fn check(
     law: Option<&LawDescription>,
     plant: Option<&PlantDescription>,
     nominal: Option<&Settings>,
-    run: Option<Run>,
+    grid: Option<Grid>,
 ) -> Option<ControllerPlan> {
     let tables = law_tables(reader, section, laws, plant);
     let command_delay_steps = reader.integer(section, "command_delay_steps");
-    let rate_divisor = rate_divisor(reader, section, run);
+    let rate_divisor = rate_divisor(reader, section, grid);
     let model_section = reader.section(section, "model");
 
     // Another law's model may stand here too, so that the law can be changed by one flag.
@@ -183,12 +184,12 @@ fn law_tables<'d>(
 }
 
 /// How many exchange steps the law's period has.
-fn rate_divisor(reader: &mut Reader, section: &Section<'_>, run: Option<Run>) -> Option<u32> {
+fn rate_divisor(reader: &mut Reader, section: &Section<'_>, grid: Option<Grid>) -> Option<u32> {
     if section.table.get("rate_hz").is_none() {
         return Some(1);
     }
     let rate_hz = reader.number(section, "rate_hz")?;
-    let run_hz = run?.rate.hz();
+    let run_hz = grid?.rate.hz();
     let ratio = run_hz / rate_hz;
     let whole = ratio.round();
     if whole >= 1.0 && whole <= f64::from(u32::MAX) && (ratio - whole).abs() <= 1e-9 * whole {

@@ -4,8 +4,9 @@ use shared_types::describe::{FaultDescription, PlantDescription, ProfileDescript
 use shared_types::table::Field;
 use shared_types::time::Step;
 
+use super::run::Grid;
 use crate::document::Value;
-use crate::plan::{FaultEffect, FaultEvent, Profile, Run};
+use crate::plan::{FaultEffect, FaultEvent, Profile};
 use crate::problem::{ProblemKind, listed};
 use crate::quantity::{Quantity, number};
 use crate::reader::{Reader, Section};
@@ -16,12 +17,12 @@ pub(super) fn check(
     root: &Section<'_>,
     plant: Option<&PlantDescription>,
     nominal: Option<&Settings>,
-    run: Option<Run>,
+    grid: Option<Grid>,
 ) -> Vec<FaultEvent> {
     let sections = reader.list(root, "faults");
     (1..)
         .zip(&sections)
-        .filter_map(|(id, section)| event(reader, section, id, plant, nominal, run))
+        .filter_map(|(id, section)| event(reader, section, id, plant, nominal, grid))
         .collect()
 }
 
@@ -31,7 +32,7 @@ fn event(
     id: u32,
     plant: Option<&PlantDescription>,
     nominal: Option<&Settings>,
-    run: Option<Run>,
+    grid: Option<Grid>,
 ) -> Option<FaultEvent> {
     reader.refuse_unknown(section, &[]);
     let kind = reader.text(section, "kind");
@@ -46,7 +47,7 @@ fn event(
             .report(ProblemKind::MissingKey, path, &entry.node.place, message)
             .expected("at least one effect");
     }
-    let step = at_s.and_then(|at_s| step_at(reader, section, "at_s", at_s, run?));
+    let step = at_s.and_then(|at_s| step_at(reader, section, "at_s", at_s, grid?));
     let plant = plant?;
     let fault = find(reader, section, kind?, plant)?;
     let effects: Vec<Option<FaultEffect>> = sections
@@ -57,7 +58,12 @@ fn event(
                 fault,
                 nominal,
             };
-            effect.check(reader, effect_section, at_s.filter(|_| step.is_some()), run)
+            effect.check(
+                reader,
+                effect_section,
+                at_s.filter(|_| step.is_some()),
+                grid,
+            )
         })
         .collect();
     Some(FaultEvent {
@@ -101,11 +107,11 @@ fn step_at(
     section: &Section<'_>,
     key: &str,
     at_s: f64,
-    run: Run,
+    grid: Grid,
 ) -> Option<Step> {
-    let last = Step(run.steps - 1);
+    let last = Step(grid.steps - 1);
     // Compared in seconds first: a huge time has no step.
-    let step = (at_s <= run.rate.seconds(last)).then(|| run.rate.step_at_or_after(at_s));
+    let step = (at_s <= grid.rate.seconds(last)).then(|| grid.rate.step_at_or_after(at_s));
     if let Some(step) = step
         && step <= last
     {
@@ -122,7 +128,7 @@ fn step_at(
         )
         .expected(format!(
             "a time from 0 to {} in s, the last step",
-            number(run.rate.seconds(last))
+            number(grid.rate.seconds(last))
         ));
     None
 }
@@ -140,7 +146,7 @@ impl<'d> Effect<'d> {
         reader: &mut Reader,
         section: &Section<'_>,
         at_s: Option<f64>,
-        run: Option<Run>,
+        grid: Option<Grid>,
     ) -> Option<FaultEffect> {
         let fault = self.fault;
         let mut further = vec![fault.selector.as_str(), fault.size.name.as_str()];
@@ -157,9 +163,9 @@ impl<'d> Effect<'d> {
                 .map(|speed_per_s| Profile::Exponential { speed_per_s }),
         };
         let skew_s = reader.number(section, "skew_s");
-        let step = match (at_s, skew_s, run) {
-            (Some(at_s), Some(skew_s), Some(run)) => {
-                step_at(reader, section, "skew_s", at_s + skew_s, run)
+        let step = match (at_s, skew_s, grid) {
+            (Some(at_s), Some(skew_s), Some(grid)) => {
+                step_at(reader, section, "skew_s", at_s + skew_s, grid)
             }
             _ => None,
         };

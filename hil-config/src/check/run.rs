@@ -8,8 +8,27 @@ use crate::problem::ProblemKind;
 use crate::quantity::number;
 use crate::reader::{Reader, Section};
 
-pub(super) fn check(reader: &mut Reader, root: &Section<'_>) -> Option<Run> {
-    let section = reader.section(root, "run")?;
+/// The steps of a run and their times: what the rest of a scenario must fit into.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Grid {
+    /// Exchange rate.
+    pub rate: Rate,
+    /// Number of steps.
+    pub steps: u64,
+}
+
+impl Grid {
+    /// The time of the final record.
+    pub(super) fn end_s(&self) -> f64 {
+        self.rate.seconds(Step(self.steps))
+    }
+}
+
+/// The grid, which the rest needs even if seed or clock are wrong, and the whole.
+pub(super) fn check(reader: &mut Reader, root: &Section<'_>) -> (Option<Grid>, Option<Run>) {
+    let Some(section) = reader.section(root, "run") else {
+        return (None, None);
+    };
     reader.refuse_unknown(&section, &[]);
     let duration_s = reader.number(&section, "duration_s");
     let rate = reader.number(&section, "rate_hz").and_then(Rate::new);
@@ -20,13 +39,22 @@ pub(super) fn check(reader: &mut Reader, root: &Section<'_>) -> Option<Run> {
         Some(_) => Some(Clock::Lockstep),
         None => None,
     };
-    let steps = steps(reader, &section, duration_s?, rate?);
-    Some(Run {
-        rate: rate?,
-        steps: steps?,
-        seed: u64::try_from(seed?).ok()?,
-        clock: clock?,
-    })
+    let grid = match (duration_s, rate) {
+        (Some(duration_s), Some(rate)) => {
+            steps(reader, &section, duration_s, rate).map(|steps| Grid { rate, steps })
+        }
+        _ => None,
+    };
+    let run = match (grid, seed, clock) {
+        (Some(Grid { rate, steps }), Some(seed), Some(clock)) => Some(Run {
+            rate,
+            steps,
+            seed: seed.unsigned_abs(), // its range begins at 0
+            clock,
+        }),
+        _ => None,
+    };
+    (grid, run)
 }
 
 /// The number of steps of a duration, which must be whole.
@@ -38,7 +66,7 @@ fn steps(reader: &mut Reader, section: &Section<'_>, duration_s: f64, rate: Rate
         "{} s at {} Hz are {} steps",
         number(duration_s),
         number(rate.hz()),
-        number(exact)
+        number((exact * 1e6).round() / 1e6)
     );
     if exact > MAX_STEPS as f64 {
         reader

@@ -4,9 +4,10 @@ use shared_types::table::unit_of_name;
 use shared_types::time::Step;
 
 use super::is_signal_name;
+use super::run::Grid;
 use crate::document::{Node, Value};
 use crate::expression::{Columns, Expression, ExpressionError, Group, is_reserved};
-use crate::plan::{Derived, Metric, Run, Window};
+use crate::plan::{Derived, Metric, Window};
 use crate::problem::ProblemKind;
 use crate::quantity::number;
 use crate::reader::{Reader, Section};
@@ -17,7 +18,7 @@ pub(super) fn check(
     reader: &mut Reader,
     root: &Section<'_>,
     mut columns: Option<Columns>,
-    run: Option<Run>,
+    grid: Option<Grid>,
 ) -> (Vec<Derived>, Vec<Metric>) {
     let derived_sections = reader.list(root, "derived");
     let metric_sections = reader.list(root, "metrics");
@@ -54,7 +55,7 @@ pub(super) fn check(
         let name = name(reader, section, &mut names);
         let unit = unit(reader, section, name);
         let expression = expression(reader, section, columns.as_ref(), &[], Use::Metric);
-        let windows = windows(reader, section, run);
+        let windows = windows(reader, section, grid);
         if let (Some(name), Some(unit), Some(expression), Some(windows)) =
             (name, unit, expression, windows)
         {
@@ -164,7 +165,7 @@ fn report(
     problem.help = help.map(Into::into);
 }
 
-fn windows(reader: &mut Reader, section: &Section<'_>, run: Option<Run>) -> Option<Vec<Window>> {
+fn windows(reader: &mut Reader, section: &Section<'_>, grid: Option<Grid>) -> Option<Vec<Window>> {
     let Some(entry) = section.table.get("windows_s") else {
         return Some(Vec::new());
     };
@@ -187,15 +188,14 @@ fn windows(reader: &mut Reader, section: &Section<'_>, run: Option<Run>) -> Opti
     let windows: Vec<Option<Window>> = items
         .iter()
         .enumerate()
-        .map(|(index, item)| window(reader, &format!("{path}[{index}]"), item, run))
+        .map(|(index, item)| window(reader, &format!("{path}[{index}]"), item, grid))
         .collect();
     windows.into_iter().collect()
 }
 
-fn window(reader: &mut Reader, path: &str, node: &Node, run: Option<Run>) -> Option<Window> {
+fn window(reader: &mut Reader, path: &str, node: &Node, grid: Option<Grid>) -> Option<Window> {
     let (start_s, end_s) = reader.pair(path, node, "s")?;
-    let Run { rate, steps, .. } = run?;
-    let run_end_s = rate.seconds(Step(steps));
+    let (rate, run_end_s) = (grid?.rate, grid?.end_s());
     if !(start_s >= 0.0 && end_s <= run_end_s) {
         let message = format!(
             "`{path}` is [{}, {}], which is not inside the run",

@@ -2,11 +2,11 @@
 
 use shared_types::describe::LawDescription;
 use shared_types::table::unit_of_name;
-use shared_types::time::Step;
 
+use super::run::Grid;
 use super::{is_signal_name, points};
 use crate::keys::WAVEFORMS;
-use crate::plan::{Run, Stimulus, Waveform};
+use crate::plan::{Stimulus, Waveform};
 use crate::problem::{ProblemKind, listed};
 use crate::quantity::number;
 use crate::reader::{Reader, Section};
@@ -17,14 +17,14 @@ pub(super) fn check(
     reader: &mut Reader,
     root: &Section<'_>,
     scenario: &Scenario,
-    run: Option<Run>,
+    grid: Option<Grid>,
     law: Option<&LawDescription>,
 ) -> Option<Vec<Stimulus>> {
     let sections = reader.list(root, "stimuli");
     let mut stimuli = Vec::new();
     let mut given: Vec<String> = Vec::new();
     for section in &sections {
-        let stimulus = stimulus(reader, section, scenario, run, law);
+        let stimulus = stimulus(reader, section, scenario, grid, law);
         if let Some(stimulus) = &stimulus {
             let fields = stimulus.fields();
             let again = fields.iter().find(|field| given.contains(&field.name));
@@ -49,12 +49,12 @@ fn stimulus(
     reader: &mut Reader,
     section: &Section<'_>,
     scenario: &Scenario,
-    run: Option<Run>,
+    grid: Option<Grid>,
     law: Option<&LawDescription>,
 ) -> Option<Stimulus> {
     let target = target(reader, section);
     let unit = unit(reader, section, target, law);
-    let waveform = waveform(reader, section, scenario, run);
+    let waveform = waveform(reader, section, scenario, grid);
     Some(Stimulus {
         target: target?.into(),
         unit: unit?,
@@ -115,7 +115,7 @@ fn waveform(
     reader: &mut Reader,
     section: &Section<'_>,
     scenario: &Scenario,
-    run: Option<Run>,
+    grid: Option<Grid>,
 ) -> Option<Waveform> {
     let name = reader.text(section, "kind")?;
     let Some(kind) = WAVEFORMS.iter().find(|kind| kind.name == name) else {
@@ -150,7 +150,7 @@ fn waveform(
         "step" => {
             let (at_s, before, after) = (number("at_s"), number("before"), number("after"));
             Waveform::Step {
-                at_s: in_run(reader, section, at_s, run)?,
+                at_s: in_run(reader, section, at_s, grid)?,
                 before: before?,
                 after: after?,
             }
@@ -159,7 +159,7 @@ fn waveform(
             let (at_s, duration_s) = (number("at_s"), number("duration_s"));
             let (start, end) = (number("start"), number("end"));
             Waveform::Ramp {
-                at_s: in_run(reader, section, at_s, run)?,
+                at_s: in_run(reader, section, at_s, grid)?,
                 duration_s: duration_s?,
                 start: start?,
                 end: end?,
@@ -198,13 +198,13 @@ fn in_run(
     reader: &mut Reader,
     section: &Section<'_>,
     at_s: Option<f64>,
-    run: Option<Run>,
+    grid: Option<Grid>,
 ) -> Option<f64> {
     let at_s = at_s?;
-    let Some(run) = run else {
+    let Some(grid) = grid else {
         return Some(at_s);
     };
-    let end_s = run.rate.seconds(Step(run.steps));
+    let end_s = grid.end_s();
     if at_s <= end_s {
         return Some(at_s);
     }

@@ -1,0 +1,388 @@
+//! Wrong scenarios: each gives one problem, in the place that is marked, and says what is wrong
+//! and what would be right.
+
+use std::collections::BTreeSet;
+
+use hil_config::problem::{Problem, ProblemKind};
+use hil_config::scenario::Scenario;
+
+use crate::{BASE, base_with, check, descriptions, parse, problems};
+
+/// Marks the expected place in the text of a case; taken out before the text is read.
+const MARK: char = '^';
+
+/// What stands in the base, what stands there in its place, and what is found: the sort of problem
+/// and pieces of its text.
+type Case = (
+    &'static str,
+    &'static str,
+    ProblemKind,
+    &'static [&'static str],
+);
+
+use ProblemKind::{
+    Duplicate, Expression, Mismatch, MissingKey, OutOfRange, Syntax, Unbound, UnknownKey,
+    UnknownName, Unreadable, WrongType,
+};
+
+#[rustfmt::skip] // a table reads best with a case on a line
+const CASES: &[Case] = &[
+    // The document.
+    ("schema = 1", "schema = ^", Syntax, &["not TOML"]),
+    ("seed = 7", "seed = 7\n^seed = 8", Syntax, &["not TOML: duplicate key"]),
+    ("schema = 1", "schema = ^2", OutOfRange, &["`schema` is 2", "expected: 1"]),
+    ("schema = 1", "schema = ^\"1\"", WrongType, &["`schema` is text", "expected: 1"]),
+    ("schema = 1\n", "^", MissingKey, &["`schema` is missing"]),
+    ("schema = 1", "schema = 1\n^colour = 3", UnknownKey, &["unknown key `colour`", "`stimuli`"]),
+    ("\"base\"", "^\"a b\"", OutOfRange, &["`name` is `a b`", "1 to 64 letters, digits, - and _"]),
+    ("\"base\"", "^7", WrongType, &["`name` is a number", "expected: text"]),
+    ("\"base\"", "^\"\"", OutOfRange, &["`name`"]),
+    // [run]
+    ("duration_s = 2.0", "^duraton_s = 2.0\nduration_s = 2", UnknownKey, &["unknown key `duraton_s` in `run`", "nearest: `duration_s`"]),
+    ("duration_s = 2.0", "duration_s = ^0", OutOfRange, &["`run.duration_s` is 0, out of range", "in s"]),
+    ("duration_s = 2.0", "duration_s = ^-2", OutOfRange, &["`run.duration_s` is -2"]),
+    ("duration_s = 2.0", "duration_s = ^nan", OutOfRange, &["`run.duration_s` is not a number"]),
+    ("duration_s = 2.0", "duration_s = ^true", WrongType, &["`run.duration_s` is true or false", "a number from"]),
+    ("duration_s = 2.0", "duration_s = ^2.0004", Mismatch, &["2000.4 steps", "a whole number of steps", "2 or 2.001 s"]),
+    ("duration_s = 2.0", "duration_s = ^0.0004", Mismatch, &["0.4 steps", "the nearest durations are 0.001 s"]),
+    ("duration_s = 2.0", "duration_s = ^2e9", OutOfRange, &["2000000000000 steps", "2^40 = 1099511627776"]),
+    ("rate_hz = 1000", "rate_hz = ^0", OutOfRange, &["`run.rate_hz` is 0", "from 0.001 to 1000000 in Hz"]),
+    ("rate_hz = 1000", "rate_hz = ^1e9", OutOfRange, &["`run.rate_hz` is 1000000000"]),
+    ("rate_hz = 1000", "rate_hz = ^inf", OutOfRange, &["`run.rate_hz` is inf"]),
+    ("rate_hz = 1000", "rate_hz = ^\"fast\"", WrongType, &["`run.rate_hz` is text"]),
+    ("rate_hz = 1000", "rate_hz = ^1e999", WrongType, &["a number that is too large"]),
+    ("seed = 7", "seed = ^-1", OutOfRange, &["`run.seed` is -1", "a whole number from 0"]),
+    ("seed = 7", "seed = ^1.5", WrongType, &["`run.seed` is a number", "a whole number"]),
+    ("seed = 7", "seed = ^9223372036854775808", WrongType, &["a number that is too large"]),
+    ("\"lockstep\"", "^\"realtime\"", UnknownName, &["`run.clock` is `realtime`", "`lockstep`, `paced`"]),
+    ("pace = 1.0", "pace = ^0", OutOfRange, &["`run.pace` is 0"]),
+    // [plant]
+    ("model = \"drhas\"", "^moddel = 1\nmodel = \"drhas\"", UnknownKey, &["`moddel` in `plant`", "nearest: `model`"]),
+    ("model = \"drhas\"", "model = ^\"dhras\"", UnknownName, &["unknown plant `dhras`", "`drhas`, `spring-mass`", "nearest: `drhas`"]),
+    ("substeps = 2", "substeps = ^0", OutOfRange, &["`plant.substeps` is 0", "from 1 to 1000"]),
+    ("substeps = 2", "substeps = ^1001", OutOfRange, &["`plant.substeps` is 1001"]),
+    ("piston_mass_kg = 50\n", "piston_mass_kg = ^0\n", OutOfRange, &["`plant.parameters.piston_mass_kg` is 0", "from 0.001 to 1000000 in kg"]),
+    ("piston_mass_kg = 50\n", "piston_mass_kg = ^\"50 kg\"\n", WrongType, &["is text", "a number from"]),
+    ("piston_mass_kg = 50\n", "piston_mas_kg = ^50\n", UnknownKey, &["plant `drhas` has no parameter `piston_mas_kg`", "nearest: `piston_mass_kg`"]),
+    ("actuator2.piston_mass_kg = 60.0", "actuator3.piston_mass_kg = ^60.0", UnknownKey, &["no parameter `actuator3.piston_mass_kg`", "nearest: `actuator1.piston_mass_kg`"]),
+    ("actuator2.piston_mass_kg = 60.0", "actuator2.piston_mass_kg = ^nan", OutOfRange, &["is not a number"]),
+    ("actuator2.piston_mass_kg = 60.0", "actuator2.piston_mass_kg = 60.0\n\"actuator2.piston_mass_kg\" = ^61", Duplicate, &["given twice"]),
+    ("actuator2.piston_mass_kg = 60.0", "^actuators = {}", UnknownKey, &["no parameter `actuators`"]),
+    ("surface_angle_rad = [-0.4, 0.4]", "^surface_angel_rad = [-0.4, 0.4]", UnknownName, &["no true signal `surface_angel_rad`", "nearest: `surface_angle_rad`"]),
+    ("[-0.4, 0.4]", "^[0.4, -0.4]", OutOfRange, &["`plant.limits.surface_angle_rad` is [0.4, -0.4]", "the smaller one first"]),
+    ("[-0.4, 0.4]", "^[0.4]", WrongType, &["has 1 entries", "a pair"]),
+    ("[-0.4, 0.4]", "^0.4", WrongType, &["is a number", "a pair"]),
+    ("[-0.4, 0.4]", "[-0.4, ^nan]", OutOfRange, &["`plant.limits.surface_angle_rad[1]` is not a number", "in rad"]),
+    // [controller]
+    ("law = \"ftsc\"", "law = ^\"ftcs\"", UnknownName, &["unknown law `ftcs`", "`pid`, `nrsc`, `ftsc`, `hold`", "nearest: `ftsc`"]),
+    ("rate_hz = 500", "rate_hz = ^300", Mismatch, &["`controller.rate_hz` is 300, no whole fraction of `run.rate_hz` = 1000", "250 and 333."]),
+    ("rate_hz = 500", "rate_hz = ^2000", Mismatch, &["the highest is 1000"]),
+    ("command_delay_steps = 1", "command_delay_steps = ^2", OutOfRange, &["from 0 to 1"]),
+    ("gain_per_s = 10.0", "gain_per_s = ^-10.0", OutOfRange, &["`controller.ftsc.gain_per_s` is -10", "in 1/s"]),
+    ("gain_a_per_m = 80.0", "gain_a_per_n = ^80.0", UnknownKey, &["law `pid` has no parameter `gain_a_per_n`", "one of `gain_a_per_m`"]),
+    ("[controller.pid]", "[controller.^lqr]", UnknownKey, &["unknown key `lqr` in `controller`"]),
+    ("surface.inertia_kg_m2 = 13.0", "surface.inertia_kg_m3 = ^13.0", UnknownKey, &["the model of a law has no parameter `surface.inertia_kg_m3`"]),
+    // [[stimuli]]
+    ("target = \"load_n\"", "target = ^\"load n\"", OutOfRange, &["`stimuli[1].target` is `load n`"]),
+    ("target = \"load_n\"", "target = ^\"surface_angle_rad\"", Duplicate, &["two stimuli give the reference signal `surface_angle_rad`"]),
+    ("target = \"load_n\"", "target = ^\"surface_angle_d1_radps\"", Duplicate, &["`surface_angle_d1_radps`"]),
+    ("target = \"load_n\"", "target = ^\"load\"", MissingKey, &["the unit of `load` is not known"]),
+    ("kind = \"step\"", "kind = ^\"setp\"", UnknownName, &["unknown kind of stimulus `setp`", "`paper`, `step`, `ramp`, `sine`, `chirp`, `table`", "nearest: `step`"]),
+    ("kind = \"step\"\nat_s = 0.5\n", "kind = \"step\"\n^at = 0.5\n", UnknownKey, &["unknown key `at` in `stimuli[1]`", "`at_s`"]),
+    ("kind = \"step\"\nat_s = 0.5\n", "kind = \"step\"\nat_s = ^2.5\n", OutOfRange, &["`stimuli[1].at_s` is 2.5, after the end of the run", "from 0 to 2"]),
+    ("[[stimuli]]\ntarget = \"load_n\"\nkind = \"step\"\nat_s = 0.5\nafter = 2.0", "^[[stimuli]]\ntarget = \"load_n\"\nkind = \"step\"\nat_s = 0.5", MissingKey, &["`stimuli[1].after` is missing", "a number"]),
+    ("frequency_hz = 1.0", "frequency_hz = ^-1.0", OutOfRange, &["`stimuli[0].frequency_hz` is -1", "in Hz"]),
+    ("kind = \"sine\"\namplitude = 0.1\nfrequency_hz = 1.0", "kind = \"ramp\"\nend = 1\nduration_s = ^0", OutOfRange, &["`stimuli[0].duration_s` is 0", "from 1e-9"]),
+    // [[faults]]
+    ("kind = \"leakage\"", "kind = ^\"leak\"", UnknownName, &["plant `drhas` has no fault `leak`", "nearest: `leakage`"]),
+    ("at_s = 1.0", "at_s = ^2.0", OutOfRange, &["at 2 s the run is over", "from 0 to 1.999 in s"]),
+    ("at_s = 1.0", "at_s = ^-1.0", OutOfRange, &["`faults[0].at_s` is -1"]),
+    ("at_s = 1.0", "at_s = ^nan", OutOfRange, &["`faults[0].at_s` is not a number"]),
+    ("at_s = 1.0", "at_s = 1.0\n^until_s = 1.5", UnknownKey, &["unknown key `until_s` in `faults[0]`"]),
+    ("skew_s = 0.25", "skew_s = ^1.25", OutOfRange, &["`faults[0].effects[1].skew_s`: at 2.25 s the run is over"]),
+    ("skew_s = 0.25", "skew_s = ^-0.25", OutOfRange, &["`faults[0].effects[1].skew_s` is -0.25"]),
+    ("actuator = 1\n", "actuator = ^3\n", UnknownName, &["plant `drhas` has no actuator 3", "one of `1`, `2`"]),
+    ("actuator = 1\n", "actuator = ^\"left\"\n", WrongType, &["`faults[0].effects[0].actuator` is text", "one of `1`, `2`"]),
+    ("= 5e-7", "= ^-5e-7", OutOfRange, &["`faults[0].effects[0].coefficient_m3ps_per_sqrt_pa` is -5e-7", "in m3/s/sqrt(Pa)"]),
+    ("= 5e-7", "= ^0.5", OutOfRange, &["`actuator1.leakage_coefficient_m3ps_per_sqrt_pa` would become 0 + 0.5 = 0.5", "from 0 to 0.001"]),
+    ("speed_per_s = 10.0", "^sped_per_s = 10.0\nspeed_per_s = 1", UnknownKey, &["unknown key `sped_per_s` in `faults[0].effects[0]`", "nearest: `speed_per_s`"]),
+    ("[[faults.effects]]\nactuator = 1\ncoefficient_m3ps_per_sqrt_pa = 5e-7\nspeed_per_s = 10.0", "^[[faults.effects]]\nactuator = 1\ncoefficient_m3ps_per_sqrt_pa = 5e-7", MissingKey, &["`faults[0].effects[0].speed_per_s` is missing", "from 0 to 1000000 in 1/s"]),
+    // [[derived]]
+    ("[[metrics]]\nname = \"max_abs_error_rad\"", "[[derived]]\nname = ^\"error_rad\"\nexpression = \"1\"\n\n[[metrics]]\nname = \"max_abs_error_rad\"", Duplicate, &["already named `error_rad`"]),
+    ("[[metrics]]\nname = \"max_abs_error_rad\"", "[[derived]]\nname = ^\"max\"\nexpression = \"1\"\n\n[[metrics]]\nname = \"max_abs_error_rad\"", OutOfRange, &["`derived[2].name` is `max`", "that is no function"]),
+    ("truth.surface_angle_rad - reference", "^truth.surface_angel_rad - reference", Expression, &["unknown signal `truth.surface_angel_rad`", "column 1 of the expression", "nearest: `truth.surface_angle_rad`"]),
+    ("truth.surface_angle_rad - reference", "truth.surface_angle_rad - ^reverence", Expression, &["column 27 of the expression: unknown kind of signal `reverence`", "`reference.surface_angle_rad`"]),
+    ("abs(error_rad) > 0.1", "abs(^error_m) > 0.1", Expression, &["column 5 of the expression: unknown derived signal `error_m`", "nearest: `error_rad`"]),
+    ("abs(error_rad) > 0.1", "abs(^large) > 0.1", Expression, &["unknown derived signal `large`", "only those above it"]),
+    ("abs(error_rad) > 0.1", "abs(error_rad ^error_rad) > 0.1", Expression, &["column 15 of the expression: expected `,` or `)`, found `error_rad`"]),
+    ("mean(large) / 1\"", "mean(large) / ^\"", Expression, &["column 15 of the expression: expected a number, a signal or `(`, found the end"]),
+    ("abs(error_rad) > 0.1 and not internal.fault_detected > 0", "^max_abs(error_rad) > 0.1", Expression, &["belongs into [[metrics]]"]),
+    ("abs(error_rad) > 0.1", "1 < 2 ^< 3", Expression, &["two comparisons in a row"]),
+    ("abs(error_rad) > 0.1", "1 ^$ 2", Expression, &["unexpected '$'"]),
+    ("abs(error_rad) > 0.1", "^sign(error_rad)", Expression, &["unknown function `sign`"]),
+    // [[metrics]]
+    ("name = \"share_large\"", "name = ^\"max_abs_error_rad\"", Duplicate, &["already named `max_abs_error_rad`"]),
+    ("name = \"share_large\"", "name = ^\"large\"", Duplicate, &["already named `large`"]),
+    ("mean(large) / 1", "^abs(large)", Expression, &["a metric needs a reduction"]),
+    ("mean(large) / 1", "mean(large) / ^large", Expression, &["`large` has a value for every step"]),
+    ("mean(large) / 1", "mean(^tiny)", Expression, &["unknown derived signal `tiny`"]),
+    ("mean(large) / 1", "^mean(max(large))", Expression, &["a reduction of a reduction"]),
+    ("[1.0, 2]]", "^[1.0, 2.5]]", OutOfRange, &["`metrics[0].windows_s[1]` is [1, 2.5], which is not inside the run", "from 0 to 2 in s"]),
+    ("[1.0, 2]]", "^[-1, 2]]", OutOfRange, &["not inside the run"]),
+    ("[1.0, 2]]", "^[2, 1]]", OutOfRange, &["the smaller one first"]),
+    ("[1.0, 2]]", "^[1.0001, 1.0002]]", OutOfRange, &["no step lies in", "0.001 s apart"]),
+    ("[1.0, 2]]", "^1.0]", WrongType, &["`metrics[0].windows_s[1]` is a number"]),
+    ("[[0, 1], [1.0, 2]]", "^[]", OutOfRange, &["`metrics[0].windows_s` is empty"]),
+    // Sections
+    ("[plant.limits]\nsurface_angle_rad = [-0.4, 0.4]", "^[[plant.limits]]", WrongType, &["`plant.limits` is a list", "a table"]),
+];
+
+/// Line and column of the mark, and the text without it.
+fn marked(text: &str) -> (String, usize, usize) {
+    let at = text.find(MARK).expect("a mark");
+    let before = &text[..at];
+    let line = before.matches('\n').count() + 1;
+    let column = at - before.rfind('\n').map_or(0, |at| at + 1) + 1;
+    (text.replacen(MARK, "", 1), line, column)
+}
+
+fn assert_found(problem: &Problem, kind: ProblemKind, pieces: &[&str]) {
+    assert_eq!(problem.kind, kind, "{problem}");
+    let text = problem.to_string();
+    for piece in pieces {
+        assert!(text.contains(piece), "`{piece}` is not in\n{text}");
+    }
+}
+
+#[test]
+fn each_wrong_scenario_is_told_with_its_place_and_what_would_be_right() {
+    for (from, to, kind, pieces) in CASES {
+        // Each case is wrong in one place only: without it the base is right.
+        let (text, line, column) = marked(&base_with(from, to));
+        let found = match parse(&text)
+            .and_then(|scenario| scenario.check(&descriptions::plants(), &descriptions::laws()))
+        {
+            Ok(_) => panic!("nothing found wrong with\n{to}"),
+            Err(problems) => problems.0,
+        };
+        let shown: Vec<String> = found.iter().map(ToString::to_string).collect();
+        assert_eq!(found.len(), 1, "{to}\n{}", shown.join("\n\n"));
+        assert_found(&found[0], *kind, pieces);
+        let excerpt = found[0].excerpt.as_ref().expect("a place");
+        assert_eq!(
+            (excerpt.line, excerpt.column),
+            (line, column),
+            "{}",
+            shown[0]
+        );
+        assert_eq!(found[0].source, "folder/base.toml");
+    }
+}
+
+#[test]
+fn all_problems_are_reported_at_once_from_top_to_bottom() {
+    let text = base_with("seed = 7", "seed = -7\ncolour = 1")
+        .replace("law = \"ftsc\"", "law = \"ftcs\"")
+        .replace("[1.0, 2]]", "[1.0, 3]]")
+        .replace("substeps = 2", "substeps = true");
+    let keys: Vec<String> = problems(&text).into_iter().map(|p| p.key).collect();
+    assert_eq!(
+        keys,
+        [
+            "run.seed",
+            "run.colour",
+            "plant.substeps",
+            "controller.law",
+            "metrics[0].windows_s[1]",
+        ]
+    );
+}
+
+#[test]
+fn every_syntax_error_is_reported() {
+    let found = problems("a = \nb = [1\nc = 'x\n");
+    assert!(found.len() >= 2, "{found:?}");
+    assert!(found.iter().all(|problem| problem.kind == Syntax));
+}
+
+#[test]
+fn a_missing_file_is_named() {
+    let found = Scenario::read("no/such/file.toml")
+        .expect_err("there is no such file")
+        .0;
+    assert_eq!(found.len(), 1);
+    assert_found(
+        &found[0],
+        Unreadable,
+        &["cannot be read", "no/such/file.toml"],
+    );
+}
+
+#[test]
+fn an_empty_scenario_lacks_its_sections_and_nothing_else() {
+    let found = problems("");
+    let keys: BTreeSet<&str> = found.iter().map(|problem| problem.key.as_str()).collect();
+    assert_eq!(
+        keys,
+        BTreeSet::from(["schema", "run", "plant", "controller"])
+    );
+    assert!(found.iter().all(|problem| problem.kind == MissingKey));
+}
+
+#[test]
+fn a_name_that_the_file_cannot_give_must_be_written() {
+    let text = BASE.replace("name = \"base\"\n", "");
+    let scenario = Scenario::parse(&text, "folder/my run.toml").expect("TOML");
+    let found = scenario
+        .check(&descriptions::plants(), &descriptions::laws())
+        .expect_err("no name");
+    assert_found(&found.0[0], OutOfRange, &["`my run` cannot take its place"]);
+}
+
+#[test]
+fn a_law_for_another_plant_is_refused_with_those_that_fit() {
+    let text = "
+schema = 1
+run = {duration_s = 1, rate_hz = 100}
+plant.model = \"spring-mass\"
+controller.law = \"ftsc\"
+";
+    let found = problems(text);
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert_found(
+        &found[0],
+        Mismatch,
+        &[
+            "law `ftsc` is not made for plant `spring-mass`",
+            "one of `pid`, `hold`, `strange`",
+            "made for `drhas`",
+        ],
+    );
+    assert_eq!(
+        found[0].excerpt.as_ref().map(|at| (at.line, at.column)),
+        Some((5, 18))
+    );
+}
+
+#[test]
+fn signals_that_nothing_gives_are_named_with_unit_and_remedy() {
+    let text = base_with("law = \"ftsc\"", "law = \"strange\"")
+        .replace(
+            "[controller.pid]",
+            "[controller.strange]\ngain = 1\n[controller.pid]",
+        )
+        .replace(" and not internal.fault_detected > 0", "");
+    let scenario = parse(&text)
+        .expect("TOML")
+        .set(&["controller.model.surface.inertia_kg_m2=1"]);
+    let found = scenario
+        .check(&descriptions::plants(), &descriptions::laws())
+        .expect_err("unbound")
+        .0;
+    assert_eq!(found.len(), 4, "{found:?}");
+    let expected: [&[&str]; 4] = [
+        &[
+            "law `strange` needs the measured signal `actuator1_pressure3_pa` in Pa",
+            "plant `drhas` does not give",
+            "nearest: `actuator1_pressure1_pa`",
+        ],
+        &["measured signal `surface_angle_rad` in deg, and plant `drhas` gives it in rad"],
+        &[
+            "plant `drhas` needs the command `actuator2_valve_current_a` in A",
+            "law `strange` does not give",
+        ],
+        &[
+            "law `strange` needs the reference signal `wind_mps` in m/s, which no stimulus gives",
+            "a [[stimuli]] with target = \"wind_mps\"",
+        ],
+    ];
+    for (problem, pieces) in found.iter().zip(expected) {
+        assert_found(problem, Unbound, pieces);
+    }
+}
+
+#[test]
+fn a_waveform_without_the_derivatives_that_a_law_needs_is_refused() {
+    let text = base_with(
+        "kind = \"sine\"\namplitude = 0.1\nfrequency_hz = 1.0",
+        "kind = \"step\"\nafter = 0.1",
+    );
+    let found = problems(&text);
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert_found(
+        &found[0],
+        Unbound,
+        &[
+            "`surface_angle_d1_radps` in rad/s",
+            "target = \"surface_angle_rad\"",
+            "`paper`, `sine`, `chirp`",
+            "first 2 derivatives",
+        ],
+    );
+}
+
+#[test]
+fn a_parameter_without_default_must_be_given() {
+    let text = base_with("law = \"ftsc\"", "law = \"strange\"");
+    let found = problems(&text);
+    let missing: Vec<&Problem> = found.iter().filter(|p| p.kind == MissingKey).collect();
+    assert_eq!(missing.len(), 1);
+    assert_found(
+        missing[0],
+        MissingKey,
+        &["`controller.strange.gain` is missing", "from 0 to 1"],
+    );
+}
+
+#[test]
+fn a_nominal_value_that_a_law_cannot_believe_is_refused() {
+    let text = base_with("law = \"ftsc\"", "law = \"strange\"")
+        .replace("surface.inertia_kg_m2 = 13.0", "");
+    let found = problems(&text);
+    let believed: Vec<&Problem> = found
+        .iter()
+        .filter(|p| p.key == "controller.model.surface.inertia_kg_m2")
+        .collect();
+    assert_eq!(believed.len(), 1);
+    assert_found(
+        believed[0],
+        OutOfRange,
+        &["takes the plant's value 13.5", "from 0 to 2"],
+    );
+}
+
+#[test]
+fn a_plant_without_faults_says_so() {
+    let text = "
+schema = 1
+run = {duration_s = 1, rate_hz = 100}
+plant.model = \"spring-mass\"
+controller.law = \"hold\"
+faults = [{kind = \"leakage\", at_s = 0, effects = []}]
+";
+    let found = problems(text);
+    assert_eq!(found.len(), 2, "{found:?}");
+    assert_found(
+        &found[0],
+        UnknownName,
+        &["has no fault `leakage`", "offers none"],
+    );
+    assert_found(&found[1], MissingKey, &["`faults[0].effects` is empty"]);
+}
+
+#[test]
+fn a_bad_run_does_not_hide_other_problems() {
+    let text = base_with("rate_hz = 1000", "rate_hz = 0").replace("error_rad)\"", "eror_rad)\"");
+    let keys: Vec<String> = problems(&text).into_iter().map(|p| p.key).collect();
+    assert_eq!(keys, ["run.rate_hz", "metrics[0].expression"]);
+}
+
+#[test]
+fn the_list_of_problems_is_readable_by_machines() {
+    let found = check(&base_with("rate_hz = 1000", "rate_hz = 0")).expect_err("no rate");
+    let json = serde_json::to_value(&found).expect("serialises");
+    assert_eq!(json[0]["kind"], "out-of-range");
+    assert_eq!(json[0]["key"], "run.rate_hz");
+    assert_eq!(json[0]["excerpt"]["line"], 7);
+    assert_eq!(json[0]["excerpt"]["column"], 11);
+}

@@ -1,0 +1,122 @@
+//! Derived signals and metrics over rows.
+
+use hil_config::evaluation::{Evaluation, MetricValue};
+use hil_config::expression::{Columns, Group};
+use proptest::prelude::*;
+use shared_types::time::Step;
+
+use crate::{descriptions, plan};
+
+const TEXT: &str = r#"
+schema = 1
+run = {duration_s = 1.0, rate_hz = 10}
+plant.model = "spring-mass"
+controller.law = "hold"
+
+[[derived]]
+name = "twice_m"
+expression = "2 * truth.position_m"
+
+[[derived]]
+name = "thrice_m"
+expression = "twice_m + truth.position_m"
+
+[[metrics]]
+name = "span_m"
+expression = "max(thrice_m) - min(thrice_m)"
+windows_s = [[0, 0.2], [0.15, 0.5], [1, 1]]
+
+[[metrics]]
+name = "mean_force_n"
+expression = "mean(command.force_n)"
+
+[[metrics]]
+name = "impulse"
+unit = "N s"
+expression = "integral(command.force_n)"
+
+[[metrics]]
+name = "share_pushed"
+expression = "mean(command.force_n > 0)"
+windows_s = [[0.8, 1.0]]
+"#;
+
+/// Column order: truth, measured, command, applied.
+fn columns() -> Columns {
+    let plants = descriptions::plants();
+    let laws = descriptions::laws();
+    let hold = laws.iter().find(|law| law.name == "hold").expect("hold");
+    Columns::of(&plants[1], hold, &[])
+}
+
+/// Rows 0 to 10; the command of the last one does not exist.
+fn run(position_m: impl Fn(u64) -> f64, force_n: impl Fn(u64) -> f64) -> Vec<MetricValue> {
+    let columns = columns();
+    let mut evaluation = Evaluation::new(&plan(TEXT), &columns).expect("known names");
+    for k in 0..=10 {
+        let mut row = vec![0.0; columns.len()];
+        row[columns.index_of("truth.position_m").expect("a column")] = position_m(k);
+        let force_n = if k == 10 { f64::NAN } else { force_n(k) };
+        row[columns.index_of("command.force_n").expect("a column")] = force_n;
+        evaluation.observe(Step(k), &row);
+        assert_eq!(
+            evaluation.derived(),
+            [2.0 * position_m(k), 3.0 * position_m(k)]
+        );
+    }
+    evaluation.results()
+}
+
+#[test]
+fn metrics_reduce_exactly_the_rows_of_their_windows() {
+    let results = run(|k| (k * k) as f64, |k| k as f64);
+    let found: Vec<(&str, [f64; 2], f64, u64)> = results
+        .iter()
+        .map(|m| (m.name.as_str(), m.window_s, m.value, m.skipped))
+        .collect();
+    assert_eq!(
+        found,
+        [
+            ("span_m", [0.0, 0.2], 12.0, 0),  // 3 (4 - 0)
+            ("span_m", [0.15, 0.5], 63.0, 0), // 3 (25 - 4)
+            ("span_m", [1.0, 1.0], 0.0, 0),   // one row
+            ("mean_force_n", [0.0, 1.0], 4.5, 1),
+            ("impulse", [0.0, 1.0], 4.05, 1), // 0.1 (9^2 / 2)
+            ("share_pushed", [0.8, 1.0], 1.0, 1),
+        ]
+        .map(|(name, window, value, skipped)| {
+            // The integral is a sum of rounded tenths.
+            let near = results
+                .iter()
+                .find(|m| m.name == name && (m.value - value).abs() < 1e-14);
+            (name, window, near.map_or(value, |m| m.value), skipped)
+        })
+    );
+    let units: Vec<&str> = results.iter().map(|m| m.unit.as_str()).collect();
+    assert_eq!(units, ["m", "m", "m", "N", "N s", "1"]);
+}
+
+#[test]
+fn a_metric_over_rows_without_a_value_does_not_exist() {
+    let results = run(|_| 0.0, |_| f64::NAN);
+    assert!(results[3].value.is_nan());
+    assert_eq!(results[3].skipped, 11);
+}
+
+#[test]
+fn rows_without_a_needed_column_are_refused() {
+    let mut columns = Columns::default();
+    columns.push(Group::Truth, "velocity_mps");
+    let error = Evaluation::new(&plan(TEXT), &columns).expect_err("no position");
+    assert!(error.message.contains("truth.position_m"), "{error}");
+}
+
+proptest! {
+    #[test]
+    fn the_span_is_that_of_a_sorted_copy(positions in prop::array::uniform11(-1e6..1e6_f64)) {
+        let results = run(|k| positions[k as usize], |_| 0.0);
+        let mut window = positions[2..=5].iter().map(|x| 2.0 * x + x).collect::<Vec<f64>>();
+        window.sort_by(f64::total_cmp);
+        prop_assert_eq!(results[1].value, window[3] - window[0]);
+    }
+}

@@ -1,0 +1,180 @@
+//! `--set KEY=VALUE`.
+
+use hil_config::problem::{Problem, ProblemKind};
+
+use crate::{BASE, descriptions, parse, plan};
+
+fn with(flags: &[&str]) -> Result<hil_config::plan::Plan, Vec<Problem>> {
+    parse(BASE)
+        .expect("TOML")
+        .set(flags)
+        .check(&descriptions::plants(), &descriptions::laws())
+        .map_err(|problems| problems.0)
+}
+
+fn set(flags: &[&str]) -> hil_config::plan::Plan {
+    with(flags).unwrap_or_else(|problems| panic!("{problems:?}"))
+}
+
+#[test]
+fn a_flag_is_as_if_it_stood_in_the_file() {
+    let cases = [
+        ("run.seed=9", "seed = 7", "seed = 9"),
+        (
+            "faults[0].effects[1].speed_per_s=2",
+            "speed_per_s = 0.5",
+            "speed_per_s = 2",
+        ),
+        (
+            "plant.parameters.actuator2.piston_mass_kg=70",
+            "= 60.0",
+            "= 70",
+        ),
+        ("metrics[0].windows_s[1][0]=1.5", "[1.0, 2]", "[1.5, 2]"),
+        (
+            "metrics[0].windows_s=[[0.5, 2]]",
+            "[[0, 1], [1.0, 2]]",
+            "[[0.5, 2]]",
+        ),
+        ("name=other", "\"base\"", "\"other\""),
+        ("name=\"other\"", "\"base\"", "\"other\""),
+    ];
+    for (flag, from, to) in cases {
+        assert_eq!(set(&[flag]), plan(&crate::base_with(from, to)), "{flag}");
+    }
+}
+
+#[test]
+fn a_flag_makes_the_tables_on_its_way() {
+    let found = set(&["plant.parameters.actuator1.piston_mass_kg=61"]);
+    assert_eq!(
+        found.plant.parameters.get("actuator1.piston_mass_kg"),
+        Some(61.0)
+    );
+    assert_eq!(
+        found.plant.parameters.get("actuator2.piston_mass_kg"),
+        Some(60.0)
+    );
+}
+
+#[test]
+fn the_law_changes_by_one_flag() {
+    let without = ["derived[1].expression=error_rad > 0"];
+    let found = set(&["controller.law=pid", without[0]]);
+    assert_eq!(found.controller.law, "pid");
+    assert_eq!(found.controller.parameters.get("gain_a_per_m"), Some(80.0));
+    assert_eq!(found.controller.model.0.len(), 0);
+}
+
+#[test]
+fn the_last_flag_wins() {
+    assert_eq!(set(&["run.seed=1", "run.seed=2"]).run.seed, 2);
+}
+
+#[test]
+fn a_wrong_flag_is_named_with_the_column_of_what_is_wrong() {
+    let cases = [
+        (
+            "run.rate_hz=0",
+            13,
+            ProblemKind::OutOfRange,
+            "`run.rate_hz` is 0",
+        ),
+        (
+            "run.rate_hz=fast",
+            13,
+            ProblemKind::WrongType,
+            "`run.rate_hz` is text",
+        ),
+        (
+            "run.rat_hz=1",
+            5,
+            ProblemKind::UnknownKey,
+            "unknown key `rat_hz`",
+        ),
+        (
+            "rum.rate_hz=1",
+            1,
+            ProblemKind::UnknownKey,
+            "unknown key `rum`",
+        ),
+        ("run.rate_hz", 1, ProblemKind::Syntax, "found no `=`"),
+        ("run.rate_hz=", 13, ProblemKind::Syntax, "no value"),
+        ("run..rate_hz=1", 5, ProblemKind::Syntax, "is not a key"),
+        (
+            "faults[1].at_s=1",
+            7,
+            ProblemKind::Syntax,
+            "has 1 entries, counted from 0; there is no [1]",
+        ),
+        (
+            "faults[x].at_s=1",
+            7,
+            ProblemKind::Syntax,
+            "is not an index",
+        ),
+        (
+            "faults.at_s=1",
+            8,
+            ProblemKind::Syntax,
+            "`faults` is a list, not a table",
+        ),
+        (
+            "run[0]=1",
+            4,
+            ProblemKind::Syntax,
+            "`run` is a table, not a list",
+        ),
+        (
+            "run.seed.x=1",
+            10,
+            ProblemKind::Syntax,
+            "`seed` is a number, not a table",
+        ),
+        (
+            "runs[0]=1",
+            5,
+            ProblemKind::Syntax,
+            "there is no list `runs`",
+        ),
+        (
+            "metrics[0].windows_s=[[0, 1], [1, 9]]",
+            31,
+            ProblemKind::OutOfRange,
+            "not inside the run",
+        ),
+        (
+            "metrics[0].expression=max_abs(eror_rad)",
+            31,
+            ProblemKind::Expression,
+            "column 9 of the expression",
+        ),
+        (
+            "plant.parameters.piston_mass_kg=-1",
+            33,
+            ProblemKind::OutOfRange,
+            "in kg",
+        ),
+    ];
+    for (flag, column, kind, piece) in cases {
+        let found = with(&[flag]).expect_err(flag);
+        assert_eq!(found.len(), 1, "{flag}: {found:?}");
+        let text = found[0].to_string();
+        assert_eq!(found[0].kind, kind, "{text}");
+        assert_eq!(found[0].source, format!("--set {flag}"));
+        let excerpt = found[0].excerpt.as_ref().expect("a place");
+        assert_eq!((excerpt.line, excerpt.column), (1, column), "{text}");
+        assert!(text.contains(piece), "`{piece}` is not in\n{text}");
+    }
+}
+
+#[test]
+fn wrong_flags_and_a_wrong_file_are_reported_together() {
+    let text = BASE.replace("seed = 7", "seed = -7");
+    let found = parse(&text)
+        .expect("TOML")
+        .set(&["a", "run.rate_hz=0", "b[0]=1"])
+        .check(&descriptions::plants(), &descriptions::laws())
+        .expect_err("all wrong");
+    assert_eq!(found.0.len(), 4, "{found}");
+}

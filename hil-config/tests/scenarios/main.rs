@@ -1,0 +1,125 @@
+//! Scenarios through the public interface: right ones, wrong ones, and what is made of them.
+
+mod bad;
+mod descriptions;
+mod evaluation;
+mod expressions;
+mod flags;
+mod good;
+mod points;
+mod schema;
+mod shipped;
+mod show;
+
+use hil_config::plan::Plan;
+use hil_config::problem::{Problem, Problems};
+use hil_config::scenario::Scenario;
+
+/// A scenario that is right and uses every part of the format.
+const BASE: &str = r#"schema = 1
+name = "base"
+description = "every part of the format"
+
+[run]
+duration_s = 2.0
+rate_hz = 1000
+seed = 7
+clock = "lockstep"
+pace = 1.0
+
+[plant]
+model = "drhas"
+substeps = 2
+
+[plant.parameters]
+piston_mass_kg = 50
+actuator2.piston_mass_kg = 60.0
+
+[plant.limits]
+surface_angle_rad = [-0.4, 0.4]
+
+[controller]
+law = "ftsc"
+rate_hz = 500
+command_delay_steps = 1
+
+[controller.ftsc]
+gain_per_s = 10.0
+
+[controller.pid]
+gain_a_per_m = 80.0
+
+[controller.model]
+surface.inertia_kg_m2 = 13.0
+
+[[stimuli]]
+target = "surface_angle_rad"
+kind = "sine"
+amplitude = 0.1
+frequency_hz = 1.0
+
+[[stimuli]]
+target = "load_n"
+kind = "step"
+at_s = 0.5
+after = 2.0
+
+[[faults]]
+kind = "leakage"
+at_s = 1.0
+
+[[faults.effects]]
+actuator = 1
+coefficient_m3ps_per_sqrt_pa = 5e-7
+speed_per_s = 10.0
+
+[[faults.effects]]
+actuator = 2
+coefficient_m3ps_per_sqrt_pa = 0
+speed_per_s = 0.5
+skew_s = 0.25
+
+[[derived]]
+name = "error_rad"
+expression = "truth.surface_angle_rad - reference.surface_angle_rad"
+
+[[derived]]
+name = "large"
+expression = "abs(error_rad) > 0.1 and not internal.fault_detected > 0"
+
+[[metrics]]
+name = "max_abs_error_rad"
+expression = "max_abs(error_rad)"
+windows_s = [[0, 1], [1.0, 2]]
+
+[[metrics]]
+name = "share_large"
+expression = "mean(large) / 1"
+"#;
+
+fn parse(text: &str) -> Result<Scenario, Problems> {
+    Scenario::parse(text, "folder/base.toml")
+}
+
+fn check(text: &str) -> Result<Plan, Problems> {
+    parse(text)?.check(&descriptions::plants(), &descriptions::laws())
+}
+
+/// The plan of a text that must be right.
+fn plan(text: &str) -> Plan {
+    check(text).unwrap_or_else(|problems| panic!("{problems}\n{text}"))
+}
+
+/// The problems of a text that must be wrong.
+fn problems(text: &str) -> Vec<Problem> {
+    match check(text) {
+        Ok(_) => panic!("nothing found wrong in\n{text}"),
+        Err(problems) => problems.0,
+    }
+}
+
+/// The base with one piece of text in place of another.
+fn base_with(from: &str, to: &str) -> String {
+    assert_eq!(BASE.matches(from).count(), 1, "`{from}` stands once");
+    BASE.replacen(from, to, 1)
+}

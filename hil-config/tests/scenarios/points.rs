@@ -1,0 +1,112 @@
+//! Tables of points, in a file or in the scenario.
+
+use std::fs;
+
+use hil_config::plan::{Plan, Waveform};
+use hil_config::problem::{Problem, ProblemKind};
+use hil_config::scenario::Scenario;
+
+use crate::{base_with, check, descriptions};
+
+const TABLE: &str = "kind = \"table\"\nfile = \"points/x.csv\"";
+
+/// Checks the base with a table of points in place of its second stimulus.
+fn with_file(csv: Option<&str>) -> Result<Plan, Vec<Problem>> {
+    let folder = tempfile::tempdir().expect("a folder");
+    fs::create_dir(folder.path().join("points")).expect("a folder");
+    if let Some(csv) = csv {
+        fs::write(folder.path().join("points/x.csv"), csv).expect("a file");
+    }
+    let path = folder.path().join("base.toml");
+    let text = base_with("kind = \"step\"\nat_s = 0.5\nafter = 2.0", TABLE);
+    fs::write(&path, text).expect("a file");
+    Scenario::read(&path)
+        .expect("TOML")
+        .check(&descriptions::plants(), &descriptions::laws())
+        .map_err(|problems| problems.0)
+}
+
+fn points() -> Waveform {
+    Waveform::Table {
+        time_s: vec![0.0, 0.5, 2.0],
+        values: vec![1.0, -2.5, 3e-3],
+    }
+}
+
+#[test]
+fn a_file_is_found_beside_the_scenario() {
+    let csv = "# load in N\ntime_s, value\n0,1\r\n\n0.5, -2.5\n2,3e-3";
+    let plan = with_file(Some(csv)).expect("points");
+    assert_eq!(plan.stimuli[1].waveform, points());
+    assert_eq!(plan.stimuli[1].fields().len(), 2); // with the slope
+}
+
+#[test]
+fn points_may_stand_in_the_scenario() {
+    let inline = "kind = \"table\"\ntime_s = [0, 0.5, 2]\nvalues = [1, -2.5, 3e-3]";
+    let text = base_with("kind = \"step\"\nat_s = 0.5\nafter = 2.0", inline);
+    assert_eq!(check(&text).expect("points").stimuli[1].waveform, points());
+}
+
+#[test]
+fn a_wrong_line_is_named_with_file_and_number() {
+    let cases = [
+        ("time,value\n0,1\n", 1, "not the header"),
+        ("time_s,value\n0,1\n0.5;2\n", 3, "not a point"),
+        ("time_s,value\n0,1\n0.5,two\n", 3, "not a point"),
+        ("time_s,value\n0,1\n0.5,nan\n", 3, "not a point"),
+        ("time_s,value\n0,1\n\n0.5,1,2\n", 4, "not a point"),
+        ("time_s,value\n0,1\n1,1\n1,2\n", 4, "time 1 follows time 1"),
+        ("time_s,value\n", 2, "no points"),
+        ("", 1, "no points"),
+    ];
+    for (csv, line, piece) in cases {
+        let found = with_file(Some(csv)).expect_err(csv);
+        assert_eq!(found.len(), 1, "{csv}: {found:?}");
+        let problem = &found[0];
+        assert_eq!(problem.kind, ProblemKind::Syntax);
+        assert!(problem.source.ends_with("points/x.csv"), "{problem}");
+        assert_eq!(
+            problem.excerpt.as_ref().map(|at| at.line),
+            Some(line),
+            "{problem}"
+        );
+        assert!(problem.to_string().contains(piece), "{problem}");
+    }
+}
+
+#[test]
+fn a_missing_file_is_named_where_the_scenario_asks_for_it() {
+    let found = with_file(None).expect_err("no file");
+    assert_eq!(found.len(), 1);
+    assert_eq!(found[0].kind, ProblemKind::Unreadable);
+    assert_eq!(found[0].key, "stimuli[1].file");
+    assert!(found[0].source.ends_with("base.toml"));
+    assert!(found[0].to_string().contains("points/x.csv"));
+}
+
+#[test]
+fn wrong_points_in_the_scenario_are_refused() {
+    for (points, piece) in [
+        ("", "its points once"),
+        ("time_s = [1]", "its points once"),
+        (
+            "file = \"x\"\ntime_s = [1]\nvalues = [1]",
+            "its points once",
+        ),
+        ("time_s = [1, 2]\nvalues = [1]", "2 times and 1 values"),
+        ("time_s = []\nvalues = []", "no points"),
+        ("time_s = [1, 1]\nvalues = [1, 2]", "time 1 follows time 1"),
+        (
+            "time_s = [1, inf]\nvalues = [1, 2]",
+            "stimuli[1].time_s[1]` is inf",
+        ),
+        ("time_s = 1\nvalues = [1, 2]", "a list of numbers"),
+    ] {
+        let stimulus = format!("kind = \"table\"\n{points}");
+        let text = base_with("kind = \"step\"\nat_s = 0.5\nafter = 2.0", &stimulus);
+        let found = crate::problems(&text);
+        assert_eq!(found.len(), 1, "{points}: {found:?}");
+        assert!(found[0].to_string().contains(piece), "{}", found[0]);
+    }
+}
