@@ -5,6 +5,7 @@
 //! as they can be without it. The order is that of the data: run, plant, law, stimuli, binding,
 //! faults, expressions.
 
+mod binding;
 mod controller;
 mod faults;
 mod parameters;
@@ -97,7 +98,7 @@ fn parts(
         controller::check(reader, section, laws, law, plant, nominal, grid)
     });
     if let (Some(section), Some(law), Some(plant)) = (&controller_section, law, plant) {
-        controller::bind(reader, section, law, plant, stimuli.as_deref());
+        binding::check(reader, section, law, plant, stimuli.as_deref());
     }
 
     let nominal = plant_plan.as_ref().map(|plan| &plan.parameters);

@@ -10,6 +10,9 @@ use serde::Serialize;
 
 use crate::source::Excerpt;
 
+/// What the name of a source begins with that is a flag and not a file.
+pub(crate) const FLAG: &str = "--set ";
+
 /// What sort of thing is wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -101,7 +104,11 @@ impl fmt::Display for Problem {
                 let number = line.to_string();
                 margin = " ".repeat(number.len());
                 let source = &self.source;
-                write!(f, "\n{margin}--> {source}:{line}:{column}\n{margin} |")?;
+                write!(f, "\n{margin}--> {source}")?;
+                if !source.starts_with(FLAG) {
+                    write!(f, ":{line}:{column}")?;
+                }
+                write!(f, "\n{margin} |")?;
                 // Nothing from a file may steer the terminal.
                 let printable: String = text
                     .chars()

@@ -71,8 +71,14 @@ pub(crate) fn toml_float(value: f64) -> String {
     if value.is_nan() {
         return "nan".into();
     }
-    // Debug writes the shortest text that reads back the same, with an exponent where that helps.
-    format!("{value:?}")
+    // Debug writes the shortest text that reads back the same, but many zeros before an exponent.
+    let text = format!("{value:?}");
+    let exponent = format!("{value:e}");
+    if value.abs() >= 1e6 && exponent.len() < text.len() {
+        exponent
+    } else {
+        text
+    }
 }
 
 #[cfg(test)]
@@ -92,7 +98,7 @@ mod tests {
         };
         assert_eq!(
             expected("Hz", 1e-3, 1e6),
-            "a number from 0.001 to 1000000 in Hz"
+            "a number from 0.001 to 1e6 in Hz"
         );
         assert_eq!(expected("1", 0.0, f64::INFINITY), "a number of at least 0");
         assert_eq!(

@@ -10,7 +10,7 @@ use shared_types::describe::{LawDescription, PlantDescription};
 use crate::document::Table;
 use crate::flag;
 use crate::plan::Plan;
-use crate::problem::{Problem, ProblemKind, Problems};
+use crate::problem::{FLAG, Problem, ProblemKind, Problems};
 use crate::reader::Reader;
 use crate::source::{Place, Sources};
 
@@ -84,7 +84,7 @@ impl Scenario {
     pub fn set<S: AsRef<str>>(mut self, flags: &[S]) -> Self {
         for text in flags {
             let text = text.as_ref();
-            let source = self.sources.add(format!("--set {text}"), text.into());
+            let source = self.sources.add(format!("{FLAG}{text}"), text.into());
             if let Err(error) = flag::apply(&mut self.table, text, source) {
                 let mut reader = Reader {
                     sources: std::mem::take(&mut self.sources),

@@ -166,7 +166,7 @@ fn settings(text: &mut String, table: &str, values: &Settings, fields: &[Field])
     writeln!(text, "\n[{table}]")?;
     for field in fields {
         let Some(value) = values.get(&field.name) else {
-            return Err(undescribed(format!("a plan without `{}`", field.name)));
+            return Err(undescribed(format!("`{}` that fits the plan", field.name)));
         };
         let name: Vec<String> = field.name.split('.').map(key).collect();
         let range = Quantity::from(field).range();

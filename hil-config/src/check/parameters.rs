@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use shared_types::describe::Settings;
 use shared_types::table::Field;
 
-use crate::document::{Node, Table, Value};
+use crate::document::{Entry, Table, Value};
 use crate::problem::{ProblemKind, listed};
 use crate::quantity::Quantity;
 use crate::reader::{Reader, Section};
@@ -28,11 +28,12 @@ pub(super) fn given(
     collect(section.table, "", fields, &mut leaves);
     // By full name: how many parts the key had, and the value.
     let mut values: BTreeMap<String, (usize, f64)> = BTreeMap::new();
-    for (key, node) in leaves {
+    for (key, entry) in leaves {
+        let node = &entry.node;
         let path = section.path_of(&key);
         let matching: Vec<&Field> = fields.iter().filter(|f| is_named(&f.name, &key)).collect();
         if matching.is_empty() {
-            unknown(reader, &path, &key, node, fields, owner);
+            unknown(reader, &path, &key, entry, fields, owner);
         }
         for field in matching {
             let parts = key.split('.').count();
@@ -95,7 +96,7 @@ fn collect<'a>(
     table: &'a Table,
     prefix: &str,
     fields: &[Field],
-    leaves: &mut Vec<(String, &'a Node)>,
+    leaves: &mut Vec<(String, &'a Entry)>,
 ) {
     for entry in &table.entries {
         let key = format!("{prefix}{}", entry.key);
@@ -104,16 +105,23 @@ fn collect<'a>(
             Value::Table(inner) => {
                 let known = fields.iter().any(|field| field.name.starts_with(&group));
                 if inner.entries.is_empty() && !known {
-                    leaves.push((key, &entry.node));
+                    leaves.push((key, entry));
                 }
                 collect(inner, &group, fields, leaves);
             }
-            _ => leaves.push((key, &entry.node)),
+            _ => leaves.push((key, entry)),
         }
     }
 }
 
-fn unknown(reader: &mut Reader, path: &str, key: &str, node: &Node, fields: &[Field], owner: &str) {
+fn unknown(
+    reader: &mut Reader,
+    path: &str,
+    key: &str,
+    entry: &Entry,
+    fields: &[Field],
+    owner: &str,
+) {
     let full = fields.iter().map(|field| field.name.as_str());
     let candidates: Vec<&str> = if key.contains('.') {
         full.collect()
@@ -132,7 +140,7 @@ fn unknown(reader: &mut Reader, path: &str, key: &str, node: &Node, fields: &[Fi
     };
     let message = format!("{owner} has no parameter `{key}`");
     reader
-        .report(ProblemKind::UnknownKey, path, &node.place, message)
+        .report(ProblemKind::UnknownKey, path, &entry.key_place, message)
         .expected(expected)
         .nearest(key, candidates);
 }

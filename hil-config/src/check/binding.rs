@@ -1,0 +1,150 @@
+//! Whether every signal that law and plant need is given, by name and unit.
+//!
+//! The same binding is made again between the processes, from their own tables; here it is told
+//! before anything is started, with the line of the scenario and what would give the signal.
+
+use shared_types::describe::{LawDescription, PlantDescription};
+use shared_types::table::{Field, derivative_of};
+
+use crate::keys::WAVEFORMS;
+use crate::plan::Stimulus;
+use crate::problem::{ProblemKind, listed};
+use crate::reader::{Reader, Section};
+
+/// Reports every signal that the law or the plant needs and nothing gives.
+pub(super) fn check(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    law: &LawDescription,
+    plant: &PlantDescription,
+    stimuli: Option<&[Stimulus]>,
+) {
+    let asks = format!("law `{}` needs the measured signal", law.name);
+    let gives = format!("plant `{}`", plant.name);
+    for field in &law.measured {
+        if !gives_field(&plant.measured, field) {
+            unbound(reader, section, &asks, field, &gives, &plant.measured, None);
+        }
+    }
+    if let Some(commands) = &law.commands {
+        let asks = format!("plant `{}` needs the command", plant.name);
+        let gives = format!("law `{}`", law.name);
+        for field in &plant.commands {
+            if !gives_field(commands, field) {
+                unbound(reader, section, &asks, field, &gives, commands, None);
+            }
+        }
+    }
+    if let Some(stimuli) = stimuli {
+        bind_reference(reader, section, law, stimuli);
+    }
+}
+
+fn gives_field(given: &[Field], wanted: &Field) -> bool {
+    given
+        .iter()
+        .any(|field| field.name == wanted.name && field.unit == wanted.unit)
+}
+
+fn bind_reference(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    law: &LawDescription,
+    stimuli: &[Stimulus],
+) {
+    let given: Vec<Field> = stimuli.iter().flat_map(Stimulus::fields).collect();
+    let missing: Vec<&Field> = law
+        .reference
+        .iter()
+        .filter(|field| !gives_field(&given, field))
+        .collect();
+    let asks = format!("law `{}` needs the reference signal", law.name);
+    let mut reported: Vec<&str> = Vec::new();
+    for field in missing {
+        let (target, _) = target_of(field, &law.reference);
+        // One message for a target: its derivatives come and go with it.
+        if reported.contains(&target.name.as_str()) {
+            continue;
+        }
+        reported.push(&target.name);
+        let highest = law
+            .reference
+            .iter()
+            .map(|field| target_of(field, &law.reference))
+            .filter(|(of, _)| of.name == target.name)
+            .map(|(_, order)| order)
+            .max()
+            .unwrap_or_default();
+        let kinds = WAVEFORMS
+            .iter()
+            .filter(|kind| kind.derivatives >= highest)
+            .map(|kind| kind.name);
+        let needs = match highest {
+            0 => String::new(),
+            1 => " with its first derivative".into(),
+            order => format!(" with its first {order} derivatives"),
+        };
+        let help = format!(
+            "a [[stimuli]] with target = \"{}\" and a kind of {} gives it{needs}",
+            target.name,
+            listed(kinds)
+        );
+        unbound(
+            reader,
+            section,
+            &asks,
+            field,
+            "a stimulus",
+            &given,
+            Some(help),
+        );
+    }
+}
+
+/// The signal that a reference signal is a derivative of, and its order; itself with order 0 if it
+/// is none.
+fn target_of<'f>(field: &'f Field, all: &'f [Field]) -> (&'f Field, usize) {
+    for order in 1..=5 {
+        let is_target = |target: &&Field| {
+            derivative_of(&target.name, &target.unit, order)
+                == (field.name.clone(), field.unit.clone())
+        };
+        if let Some(target) = all.iter().find(is_target) {
+            return (target, order);
+        }
+    }
+    (field, 0)
+}
+
+fn unbound(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    asks: &str,
+    field: &Field,
+    gives: &str,
+    given: &[Field],
+    help: Option<String>,
+) {
+    let Field { name, unit, .. } = field;
+    let other_unit = given.iter().find(|field| field.name == *name);
+    let message = match other_unit {
+        Some(other) => {
+            let other = &other.unit;
+            format!("{asks} `{name}` in {unit}, and {gives} gives it in {other}")
+        }
+        None if gives == "a stimulus" => {
+            format!("{asks} `{name}` in {unit}, which no stimulus gives")
+        }
+        None => format!("{asks} `{name}` in {unit}, which {gives} does not give"),
+    };
+    let problem = reader.report(
+        ProblemKind::Unbound,
+        section.path_of("law"),
+        section.place_of("law"),
+        message,
+    );
+    if other_unit.is_none() {
+        problem.nearest(name, given.iter().map(|field| field.name.as_str()));
+    }
+    problem.help = help;
+}
