@@ -342,6 +342,7 @@ impl Drop for Session {
     fn drop(&mut self) {
         // Nobody is left to tell; the next sweep tries again.
         let _ = self.info.remove();
+        drop(AllSessions::lock());
     }
 }
 
@@ -360,30 +361,40 @@ impl AllSessions {
     fn lock() -> Result<Self, SessionError> {
         let uid = rustix::process::geteuid().as_raw();
         let folder = Path::new(SHARED_MEMORY).join(format!("hil-{uid}"));
-        match private_folder(&folder) {
-            Err(error) if error.kind() != ErrorKind::AlreadyExists => {
-                return Err(SessionError::io("create", &folder)(error));
-            }
-            _ => {}
-        }
-        // Not `metadata`: a link to a folder of ours elsewhere is not ours to use.
-        let found = fs::symlink_metadata(&folder).map_err(SessionError::io("read", &folder))?;
-        if !found.is_dir() || found.uid() != uid || found.mode() & 0o077 != 0 {
-            return Err(SessionError::NotPrivate(folder));
-        }
         let path = folder.join(".lock");
-        let lock = private_file(&path).map_err(SessionError::io("create", &path))?;
         let since = Instant::now();
-        while flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err() {
+        loop {
+            match private_folder(&folder) {
+                Err(error) if error.kind() != ErrorKind::AlreadyExists => {
+                    return Err(SessionError::io("create", &folder)(error));
+                }
+                _ => {}
+            }
+            // Not `metadata`: a link to a folder of ours elsewhere is not ours to use. Whoever ends
+            // its last session removes the folder, also between two of these lines.
+            let found = match fs::symlink_metadata(&folder) {
+                Err(error) if error.kind() == ErrorKind::NotFound => continue,
+                found => found.map_err(SessionError::io("read", &folder))?,
+            };
+            if !found.is_dir() || found.uid() != uid || found.mode() & 0o077 != 0 {
+                return Err(SessionError::NotPrivate(folder));
+            }
+            let lock = match private_file(&path) {
+                Err(error) if error.kind() == ErrorKind::NotFound => continue,
+                lock => lock.map_err(SessionError::io("create", &path))?,
+            };
+            if flock(&lock, FlockOperation::NonBlockingLockExclusive).is_ok() && is_at(&lock, &path)
+            {
+                return Ok(Self {
+                    folder,
+                    _lock: lock,
+                });
+            }
             if since.elapsed() > LOCK_LIMIT {
                 return Err(SessionError::Locked(path));
             }
             std::thread::sleep(Duration::from_millis(2));
         }
-        Ok(Self {
-            folder,
-            _lock: lock,
-        })
     }
 
     fn folders(&self) -> Result<Vec<PathBuf>, SessionError> {
@@ -420,6 +431,25 @@ impl AllSessions {
             }
         }
         Ok(swept)
+    }
+}
+
+impl Drop for AllSessions {
+    /// The last session takes the folder with it.
+    fn drop(&mut self) {
+        if self.folders().is_ok_and(|folders| folders.is_empty()) {
+            // What cannot be removed now is empty and goes with the next session.
+            let _ = fs::remove_file(self.folder.join(".lock"));
+            let _ = fs::remove_dir(&self.folder);
+        }
+    }
+}
+
+/// Whether an open file is still the one at its path.
+fn is_at(file: &File, path: &Path) -> bool {
+    match (file.metadata(), fs::symlink_metadata(path)) {
+        (Ok(open), Ok(there)) => (open.dev(), open.ino()) == (there.dev(), there.ino()),
+        _ => false,
     }
 }
 

@@ -172,12 +172,14 @@ macro_rules! table {
         }
 
         impl ::core::default::Default for $table {
+            #[allow(unused_parens, reason = "a number that is no literal stands in parentheses")]
             fn default() -> Self {
                 Self { $( $name: { let _value = 0.0_f64; $( let _value: f64 = $default; )? _value }, )* }
             }
         }
 
         impl $crate::table::Table for $table {
+            #[allow(unused_parens, reason = "a number that is no literal stands in parentheses")]
             fn fields() -> ::std::vec::Vec<$crate::table::Field> {
                 ::std::vec![
                     $({
