@@ -4,7 +4,7 @@ use hil_config::plan::{Clock, FaultEffect, Plan, Profile, Waveform};
 use proptest::prelude::*;
 use shared_types::time::{Rate, Step};
 
-use crate::{BASE, base_with, check, plan};
+use crate::{BASE, base_with, check, descriptions, parse, plan};
 
 fn rate(hz: f64) -> Rate {
     Rate::new(hz).expect("a rate")
@@ -86,6 +86,36 @@ fn a_law_believes_the_nominal_plant_unless_told_otherwise() {
     assert_eq!(model.get("surface.inertia_kg_m2"), Some(13.0));
     assert_eq!(model.get("actuator2.piston_mass_kg"), Some(60.0));
     assert_eq!(model.get("friction_n"), Some(0.5));
+}
+
+#[test]
+fn a_law_does_not_take_a_nominal_value_of_another_unit() {
+    let mut laws = descriptions::laws();
+    for law in &mut laws {
+        for field in &mut law.model {
+            field.unit = field.unit.replace("kg m2", "g m2");
+        }
+    }
+    let text = base_with("surface.inertia_kg_m2 = 13.0", "");
+    let plan = parse(&text)
+        .and_then(|scenario| scenario.check(&descriptions::plants(), &laws))
+        .expect("right");
+    let model = plan.controller.model;
+    assert_eq!(model.get("surface.inertia_kg_m2"), Some(1.0)); // the law's default
+    assert_eq!(model.get("actuator2.piston_mass_kg"), Some(60.0)); // the plant's
+}
+
+#[test]
+fn a_fault_moves_faultable_parameters_only() {
+    let mut plants = descriptions::plants();
+    for field in &mut plants[0].parameters {
+        field.faultable = field.faultable && field.name.starts_with("actuator1");
+    }
+    let problems = parse(BASE)
+        .and_then(|scenario| scenario.check(&plants, &descriptions::laws()))
+        .expect_err("actuator 2 cannot leak");
+    assert_eq!(problems.0.len(), 1, "{problems}");
+    assert_eq!(problems.0[0].key, "faults[0].effects[1].actuator");
 }
 
 #[test]
@@ -243,7 +273,7 @@ proptest! {
             "1", "-1", "1e300", "nan", "inf", "true", "[]", "{}", "[[]]", "[{}]", "''", "x", "1979-05-27", "[1, 2]",
         ]),
     ) {
-        let scenario = crate::parse(BASE).expect("TOML").set(&[format!("{key}={value}")]);
-        let _ = scenario.check(&crate::descriptions::plants(), &crate::descriptions::laws());
+        let scenario = parse(BASE).expect("TOML").set(&[format!("{key}={value}")]);
+        let _ = scenario.check(&descriptions::plants(), &descriptions::laws());
     }
 }
