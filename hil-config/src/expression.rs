@@ -1,6 +1,6 @@
 //! Expressions over signals: one grammar for derived signals and metrics.
 //!
-//! Read by the [`check`](crate::check), which resolves every name; computed by an
+//! Read by the check, which resolves every name; computed by an
 //! [`Evaluation`](crate::evaluation::Evaluation) while records arrive. Never allocates while
 //! computing, never looks at anything but a row of numbers.
 //!
