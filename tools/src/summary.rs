@@ -224,7 +224,7 @@ impl Summary {
     }
 
     fn write_metrics(&self, text: &mut String, _plan: &Plan) -> std::fmt::Result {
-        if self.metrics.is_empty() {
+        if self.metrics.iter().all(|metric| metric.value.is_none()) {
             return Ok(());
         }
         let width = self

@@ -150,15 +150,16 @@ impl RecordSink for IceoryxSink {
     }
 
     fn has_room(&mut self) -> Result<bool, LinkError> {
-        if !self.held || (self.sent - self.credited < LOOK_AT && self.credited > 0) {
+        // Credit is the number of the next item that the observer awaits: 0 means that it is not
+        // attached, 1 that it is and has seen nothing.
+        let under_way = |sink: &Self| sink.sent + 1 - sink.credited;
+        if !self.held || (self.credited > 0 && under_way(self) < LOOK_AT) {
             return Ok(true);
         }
         while let Some(credit) = self.credit.receive().map_err(|e| failed(CREDIT, &e))? {
             self.credited = *credit;
         }
-        // No credit at all: the observer is not attached yet. It counts from 1, so that it can
-        // give credit for nothing.
-        Ok(self.credited > 0 && self.sent + 1 - self.credited < BUFFER as u64 - RESERVE)
+        Ok(self.credited > 0 && under_way(self) < BUFFER as u64 - RESERVE)
     }
 
     fn record(&mut self, words: &[u64]) -> Result<(), LinkError> {

@@ -23,6 +23,8 @@ use crate::recorder::{Recorded, Recorder};
 const LOOK: Duration = Duration::from_millis(2);
 /// How long a process may take to end once it was told to.
 const GRACE: Duration = Duration::from_secs(2);
+/// Exit code of a Rust program that panicked.
+const PANIC: i32 = 101;
 /// Lines of a log that are shown when a run failed.
 const TAIL: usize = 12;
 
@@ -106,6 +108,11 @@ impl Side {
         let status = self.status?;
         match (status.code(), status.signal()) {
             (Some(0), _) => None,
+            (Some(PANIC), _) => Some(format!(
+                "{} panicked, see {}",
+                self.name,
+                self.log.display()
+            )),
             (Some(code), _) => Some(format!("{} ended with exit code {code}", self.name)),
             (None, Some(signal)) => {
                 let name = signal_hook::low_level::signal_name(signal).unwrap_or("a signal");
