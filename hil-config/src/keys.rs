@@ -57,6 +57,8 @@ pub(crate) enum Kind {
     },
     /// A list of numbers.
     Numbers,
+    /// Two numbers.
+    Pair,
     /// A list of pairs of numbers.
     Pairs,
     /// A table with these keys; some take further ones, which depend on other values.
@@ -413,6 +415,34 @@ pub(crate) const METRIC: &[Key] = &[
         Kind::Pairs,
         "Windows [begin, end], both ends included. Default: the whole run.",
     ),
+    Key::new(
+        "published",
+        Kind::List(PUBLISHED),
+        "Values that others published, shown beside the run's own.",
+    ),
+    Key::new(
+        "published_note",
+        TEXT,
+        "What a reader of the comparison should know.",
+    ),
+];
+
+/// `published` of a metric.
+const PUBLISHED: &[Key] = &[
+    Key::new("law", TEXT, "The law that it was found with.").required(),
+    Key::new(
+        "window_s",
+        Kind::Pair,
+        "The window [begin, end], one of the metric's.",
+    )
+    .required(),
+    Key::new(
+        "value",
+        number("", f64::MIN, f64::MAX),
+        "The value in the metric's unit.",
+    )
+    .required(),
+    Key::new("source", TEXT, "Where it stands, for example Table 3.").required(),
 ];
 
 #[cfg(test)]

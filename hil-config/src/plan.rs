@@ -272,6 +272,23 @@ pub struct Metric {
     pub expression: Expression,
     /// Windows; none means the whole run. Both ends belong to a window.
     pub windows: Vec<Window>,
+    /// Values that others published.
+    pub published: Vec<Published>,
+    /// What a reader of the comparison should know.
+    pub published_note: Option<String>,
+}
+
+/// A value of a metric that others published, to be shown beside the run's own.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Published {
+    /// The law that it was found with.
+    pub law: String,
+    /// The window in s.
+    pub window_s: [f64; 2],
+    /// The value in the metric's unit.
+    pub value: f64,
+    /// Where it stands.
+    pub source: String,
 }
 
 /// A window of steps, both ends included.

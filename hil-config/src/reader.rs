@@ -430,6 +430,7 @@ pub(crate) fn describe(kind: &Kind) -> String {
         Kind::Text { choices: [], .. } => "text".into(),
         Kind::Text { choices, .. } => format!("one of {}", listed(choices.iter().copied())),
         Kind::Numbers => "a list of numbers".into(),
+        Kind::Pair => "two numbers".into(),
         Kind::Pairs => "a list of pairs of numbers".into(),
         Kind::Section(_) | Kind::Described => "a table".into(),
         Kind::List(_) => "a list of tables".into(),

@@ -120,6 +120,7 @@ fn property(key: &Key) -> Value {
             value
         }
         Kind::Numbers => json!({"type": "array", "items": {"type": "number"}, "minItems": 1}),
+        Kind::Pair => pair(),
         Kind::Pairs => json!({"type": "array", "items": pair(), "minItems": 1}),
         Kind::Section(keys) => section(keys),
         Kind::List(keys) => json!({"type": "array", "items": section(keys)}),

@@ -342,6 +342,16 @@ fn metric(text: &mut String, metric: &Metric) -> Written {
             .collect();
         writeln!(text, "windows_s = [{}]", windows.join(", "))?;
     }
+    if let Some(note) = &metric.published_note {
+        writeln!(text, "published_note = {}", string(note))?;
+    }
+    for published in &metric.published {
+        writeln!(text, "[[metrics.published]]")?;
+        writeln!(text, "law = {}", string(&published.law))?;
+        writeln!(text, "window_s = {}", list(&published.window_s))?;
+        writeln!(text, "value = {}", toml_float(published.value))?;
+        writeln!(text, "source = {}", string(&published.source))?;
+    }
     Ok(())
 }
 

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use hil_config::plan::Plan;
+use hil_config::plan::{Plan, Published};
 use serde::Serialize;
 use shared_types::record::Outcome;
 use shared_types::session::SessionInfo;
@@ -223,34 +223,60 @@ impl Summary {
         )
     }
 
-    fn write_metrics(&self, text: &mut String, _plan: &Plan) -> std::fmt::Result {
+    fn write_metrics(&self, text: &mut String, plan: &Plan) -> std::fmt::Result {
         if self.metrics.iter().all(|metric| metric.value.is_none()) {
             return Ok(());
         }
-        let width = self
-            .metrics
-            .iter()
-            .map(|metric| metric.name.len())
-            .max()
-            .unwrap_or(0);
+        let width = self.metrics.iter().map(|metric| metric.name.len()).max();
+        let width = width.unwrap_or(0);
+        let head = ["metric", "window [s]", "value"];
         writeln!(
             text,
-            "\n  {:<width$}  {:>13}  {:>12}",
-            "metric", "window [s]", "value"
+            "\n  {:<width$}  {:>10}  {:>11}  published",
+            head[0], head[1], head[2]
         )?;
+        let mut notes = Vec::new();
         for metric in &self.metrics {
             let [start_s, end_s] = metric.window_s;
             let window = format!("{start_s} to {end_s}");
-            let value = metric
-                .value
-                .map_or("-".into(), |value| format!("{value:.5e}"));
-            writeln!(
-                text,
-                "  {:<width$}  {window:>13}  {value:>12} {}",
-                metric.name, metric.unit
-            )?;
+            let value = metric.value.map_or_else(|| "-".into(), short);
+            let (name, unit) = (&metric.name, &metric.unit);
+            write!(text, "  {name:<width$}  {window:>10}  {value:>11}  ")?;
+            let planned = plan.metrics.iter().find(|planned| planned.name == *name);
+            let of_law = |published: &&Published| {
+                published.law == plan.controller.law && published.window_s == metric.window_s
+            };
+            match planned
+                .and_then(|planned| Some((planned, planned.published.iter().find(of_law)?)))
+            {
+                Some((planned, published)) => {
+                    let (value, source) = (short(published.value), &published.source);
+                    writeln!(text, "{value:>11} {unit} ({source})")?;
+                    notes.extend(&planned.published_note);
+                }
+                None => writeln!(text, "{:>11} {unit}", "-")?,
+            }
+        }
+        notes.dedup();
+        for note in notes {
+            writeln!(text, "  note: {note}")?;
         }
         writeln!(text)
+    }
+}
+
+/// A number with five significant digits, plain where that reads well.
+fn short(value: f64) -> String {
+    let size = value.abs();
+    if value == 0.0 || (0.01..1e6).contains(&size) {
+        let digits = if value == 0.0 {
+            0
+        } else {
+            libm::floor(libm::log10(size)) as i32
+        };
+        format!("{value:.*}", usize::try_from(4 - digits).unwrap_or(0))
+    } else {
+        format!("{value:.4e}")
     }
 }
 
@@ -285,4 +311,27 @@ fn faults(plan: &Plan, ended: &Ended) -> Vec<Fault> {
         });
     }
     faults
+}
+
+#[cfg(test)]
+mod tests {
+    use super::short;
+
+    #[test]
+    fn numbers_have_five_digits() {
+        let shown = [
+            0.0, 97.3872, 5023.5711, 25401.13, 0.0249716, 2.11657e-5, -1.5e9,
+        ]
+        .map(short);
+        let expected = [
+            "0.0000",
+            "97.387",
+            "5023.6",
+            "25401",
+            "0.024971",
+            "2.1166e-5",
+            "-1.5000e9",
+        ];
+        assert_eq!(shown, expected);
+    }
 }

@@ -7,7 +7,7 @@ use super::is_signal_name;
 use super::run::Grid;
 use crate::document::{Node, Value};
 use crate::expression::{Columns, Expression, ExpressionError, Group, is_reserved};
-use crate::plan::{Derived, Metric, Window};
+use crate::plan::{Derived, Metric, Published, Window};
 use crate::problem::ProblemKind;
 use crate::quantity::number;
 use crate::reader::{Reader, Section};
@@ -56,6 +56,8 @@ pub(super) fn check(
         let unit = unit(reader, section, name);
         let expression = expression(reader, section, columns.as_ref(), &[], Use::Metric);
         let windows = windows(reader, section, grid);
+        let published = published(reader, section, windows.as_deref());
+        let published_note = reader.text(section, "published_note").map(Into::into);
         if let (Some(name), Some(unit), Some(expression), Some(windows)) =
             (name, unit, expression, windows)
         {
@@ -64,6 +66,8 @@ pub(super) fn check(
                 unit,
                 expression,
                 windows,
+                published,
+                published_note,
             });
         }
     }
@@ -191,6 +195,56 @@ fn windows(reader: &mut Reader, section: &Section<'_>, grid: Option<Grid>) -> Op
         .map(|(index, item)| window(reader, &format!("{path}[{index}]"), item, grid))
         .collect();
     windows.into_iter().collect()
+}
+
+/// The published values that are right; each must belong to a window of its metric.
+fn published(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    windows: Option<&[Window]>,
+) -> Vec<Published> {
+    let mut published = Vec::new();
+    for entry in reader.list(section, "published") {
+        reader.refuse_unknown(&entry, &[]);
+        let law = reader.text(&entry, "law");
+        let value = reader.number(&entry, "value");
+        let source = reader.text(&entry, "source");
+        let window_s = window_s(reader, &entry, windows);
+        if let (Some(law), Some(value), Some(source), Some(window_s)) =
+            (law, value, source, window_s)
+        {
+            let (law, source) = (law.into(), source.into());
+            published.push(Published {
+                law,
+                window_s,
+                value,
+                source,
+            });
+        }
+    }
+    published
+}
+
+fn window_s(
+    reader: &mut Reader,
+    entry: &Section<'_>,
+    windows: Option<&[Window]>,
+) -> Option<[f64; 2]> {
+    let path = entry.path_of("window_s");
+    let Some(found) = entry.table.get("window_s") else {
+        reader.missing(entry, &path, "two numbers [begin, end] in s".into());
+        return None;
+    };
+    let (start_s, end_s) = reader.pair(&path, &found.node, "s")?;
+    let is_one = |window: &Window| window.start_s == start_s && window.end_s == end_s;
+    if !windows?.iter().any(is_one) {
+        let message = format!("`{path}` is none of the metric's windows");
+        reader
+            .report(ProblemKind::OutOfRange, &path, &found.node.place, message)
+            .expected("one of `windows_s`");
+        return None;
+    }
+    Some([start_s, end_s])
 }
 
 fn window(reader: &mut Reader, path: &str, node: &Node, grid: Option<Grid>) -> Option<Window> {

@@ -132,6 +132,10 @@ const CASES: &[Case] = &[
     ("[1.0, 2]]", "^[2, 1]]", OutOfRange, &["the smaller one first"]),
     ("[1.0, 2]]", "^[1.0001, 1.0002]]", OutOfRange, &["no step lies in", "0.001 s apart"]),
     ("[1.0, 2]]", "^1.0]", WrongType, &["`metrics[0].windows_s[1]` is a number"]),
+    ("[1.0, 2]]", "[1.0, 2]]\npublished = [{ law = \"a\", window_s = ^[0, 2], value = 1, source = \"b\" }]", OutOfRange, &["`metrics[0].published[0].window_s` is none of the metric's windows"]),
+    ("[1.0, 2]]", "[1.0, 2]]\npublished = [^{ law = \"a\", value = 1, source = \"b\" }]", MissingKey, &["`metrics[0].published[0].window_s` is missing", "two numbers"]),
+    ("[1.0, 2]]", "[1.0, 2]]\npublished = [{ law = \"a\", window_s = [0, 1], value = ^nan, source = \"b\" }]", OutOfRange, &["`metrics[0].published[0].value` is not a number"]),
+    ("[1.0, 2]]", "[1.0, 2]]\npublished = [{ law = \"a\", window_s = [0, 1], value = 1, source = \"b\", ^sauce = 1 }]", UnknownKey, &["nearest: `source`"]),
     ("[[0, 1], [1.0, 2]]", "^[]", OutOfRange, &["`metrics[0].windows_s` is empty"]),
     // Sections
     ("[plant.limits]\nsurface_angle_rad = [-0.4, 0.4]", "^[[plant.limits]]", WrongType, &["`plant.limits` is a list", "a table"]),

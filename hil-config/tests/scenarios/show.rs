@@ -36,6 +36,10 @@ fn what_is_shown_means_the_same() {
         .replace("[0.1, 1e-3e0]", "[1e-3, 0.1]"),
         base_with("[-0.4, 0.4]", "[-inf, inf]"),
         base_with(
+            "[1.0, 2]]",
+            "[1.0, 2]]\npublished_note = \"odd\"\npublished = [{ law = \"a\", window_s = [0, 1], value = 1, source = \"b\" }]",
+        ),
+        base_with(
             "every part of the format",
             "quotes \\\" and \\n lines # no comment",
         ),
