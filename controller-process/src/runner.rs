@@ -315,3 +315,6 @@ impl Bound {
         since
     }
 }
+
+#[cfg(test)]
+mod tests;

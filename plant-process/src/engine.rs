@@ -424,3 +424,6 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,229 @@
+//! The runner against a plant's end of a link that the test holds in its own hands.
+
+use shared_types::describe::Settings;
+use shared_types::hello::{Offer, agree};
+use shared_types::link::in_process::{InProcessLink, pair};
+use shared_types::table::Empty;
+use shared_types::time::Rate;
+
+use super::*;
+use crate::controller::{Controller, Sample, Setup};
+
+shared_types::table! {
+    /// Measured.
+    struct Measured {
+        /// A position.
+        position_m: "m",
+    }
+}
+
+shared_types::table! {
+    /// Command.
+    struct Command {
+        /// Ten times the position seen.
+        force_n: "N",
+    }
+}
+
+shared_types::table! {
+    /// Internals.
+    struct Internals {
+        /// How often the law was asked.
+        calls: "1",
+        /// Whether the sample was valid.
+        valid: "1",
+        /// The time it was told.
+        time_s: "s",
+    }
+}
+
+/// Shows everything that it sees.
+struct Witness {
+    calls: f64,
+}
+
+impl Controller for Witness {
+    const NAME: &'static str = "witness";
+    const SUMMARY: &'static str = "Shows everything that it sees.";
+    type Parameters = Empty;
+    type Model = Empty;
+    type Measured = Measured;
+    type Reference = Empty;
+    type Command = Command;
+    type Internals = Internals;
+
+    fn start(_: &Setup<Self>) -> Result<Self, Invalid> {
+        Ok(Self { calls: 0.0 })
+    }
+
+    fn step(&mut self, sample: &Sample<Self>) -> (Command, Internals) {
+        self.calls += 1.0;
+        let valid = if sample.valid { 1.0 } else { 0.0 };
+        let internals = Internals {
+            calls: self.calls,
+            valid,
+            time_s: sample.time_s,
+        };
+        (
+            Command {
+                force_n: 10.0 * sample.measured.position_m,
+            },
+            internals,
+        )
+    }
+}
+
+fn job(rate_divisor: u32, command_delay_steps: u32) -> Job {
+    Job {
+        protocol: PROTOCOL,
+        session: 5,
+        plant: "any".into(),
+        law: "witness".into(),
+        parameters: Settings::default(),
+        model: Settings::default(),
+        rate: Rate::new(10.0).expect("legal"),
+        rate_divisor,
+        command_delay_steps,
+        wait_limit_s: 1.0,
+    }
+}
+
+/// The plant's end after hello, which has a signal too many in front.
+fn greet(runner: &mut Runner<'_, InProcessLink>, plant: &mut InProcessLink, rate_hz: f64) {
+    runner.begin().expect("begins");
+    let bytes = plant.receive_control().expect("polls").expect("a hello");
+    let Ok(Control::Hello(hello)) = Control::from_bytes(&bytes) else {
+        panic!("no hello");
+    };
+    let measured = [
+        Field::signal("spare_pa", "Pa", "x"),
+        Field::signal("position_m", "m", "x"),
+    ];
+    let offer = Offer {
+        session: 5,
+        epoch: 1,
+        rate: Rate::new(rate_hz).expect("legal"),
+        steps: 9,
+        measured: &measured,
+        reference: &[],
+        commands: &[Field::signal("force_n", "N", "x")],
+    };
+    let welcome = agree(&hello, &offer).expect("agreed");
+    let spec = FrameSpec {
+        seal: welcome.seal(),
+        outgoing: 2,
+        incoming: 4,
+    };
+    plant.open_frames(&spec).expect("opens");
+    let message = Control::Welcome(Box::new(welcome));
+    plant.send_control(&message.to_bytes()).expect("sends");
+    runner.poll().expect("polls");
+}
+
+/// Sends positions 1, 2, 3 .. and gives force, calls and age of each answer.
+fn answers(job: Job, steps: u64) -> Vec<(f64, f64, u32)> {
+    let (mut plant, link) = pair();
+    let kind = LawKind::of::<Witness>();
+    let mut runner = Runner::new(&kind, job, link).expect("starts");
+    greet(&mut runner, &mut plant, 10.0);
+    let mut frame = [0.0; 4];
+    (0..steps)
+        .map(|step| {
+            let sample = Header::new(FrameKind::Sample, Step(step));
+            plant
+                .send(&sample, &[99.0, (step + 1) as f64])
+                .expect("sends");
+            runner.poll().expect("polls");
+            let answer = plant
+                .receive(&mut frame)
+                .expect("polls")
+                .expect("an answer");
+            assert_eq!(answer.step, step);
+            (frame[0], frame[1], answer.age_steps)
+        })
+        .collect()
+}
+
+#[test]
+fn each_sample_is_answered_from_its_own_signals() {
+    assert_eq!(
+        answers(job(1, 0), 3),
+        [(10.0, 1.0, 0), (20.0, 2.0, 0), (30.0, 3.0, 0)]
+    );
+}
+
+#[test]
+fn a_delayed_command_is_that_of_the_sample_before() {
+    assert_eq!(
+        answers(job(1, 1), 3),
+        [(0.0, 1.0, 1), (10.0, 2.0, 1), (20.0, 3.0, 1)]
+    );
+}
+
+#[test]
+fn a_slow_law_holds_its_command_between_its_samples() {
+    let expected = [
+        (10.0, 1.0, 0),
+        (10.0, 1.0, 1),
+        (10.0, 1.0, 2),
+        (40.0, 2.0, 0),
+    ];
+    assert_eq!(answers(job(3, 0), 4), expected);
+}
+
+#[test]
+fn a_slow_law_with_a_delay_answers_a_step_late() {
+    let expected = [
+        (0.0, 1.0, 2),
+        (10.0, 1.0, 1),
+        (10.0, 2.0, 2),
+        (30.0, 2.0, 1),
+    ];
+    assert_eq!(answers(job(2, 1), 4), expected);
+}
+
+#[test]
+fn a_law_hears_of_an_invalid_signal_and_only_of_its_own() {
+    let (mut plant, link) = pair();
+    let kind = LawKind::of::<Witness>();
+    let mut runner = Runner::new(&kind, job(1, 0), link).expect("starts");
+    greet(&mut runner, &mut plant, 10.0);
+    let mut frame = [0.0; 4];
+    for (step, invalid, valid) in [(0, 0b00, 1.0), (1, 0b01, 1.0), (2, 0b10, 0.0)] {
+        let mut sample = Header::new(FrameKind::Sample, Step(step));
+        sample.invalid[0] = invalid;
+        plant.send(&sample, &[0.0, 0.0]).expect("sends");
+        runner.poll().expect("polls");
+        plant
+            .receive(&mut frame)
+            .expect("polls")
+            .expect("an answer");
+        assert_eq!(frame[2..], [valid, step as f64 / 10.0], "step {step}");
+    }
+}
+
+#[test]
+fn a_plant_at_another_rate_is_refused() {
+    let (mut plant, link) = pair();
+    let kind = LawKind::of::<Witness>();
+    let mut runner = Runner::new(&kind, job(1, 0), link).expect("starts");
+    greet(&mut runner, &mut plant, 20.0);
+    let Some(End::Aborted(abort)) = runner.end() else {
+        panic!("not refused");
+    };
+    assert!(abort.to_string().contains("20 Hz"), "{abort}");
+}
+
+#[test]
+fn the_law_that_suits_the_plant_is_chosen() {
+    let law = |plants: &[&str]| {
+        let mut kind = LawKind::of::<Witness>();
+        kind.description.plants = plants.iter().map(|&name| name.into()).collect();
+        kind
+    };
+    let laws = [law(&["a"]), law(&["b"])];
+    let chosen = choose(&laws, "witness", "b").expect("there is one");
+    assert_eq!(chosen.description.plants, ["b"]);
+    assert!(choose(&laws, "witness", "c").is_err());
+    assert!(choose(&[law(&[])], "witness", "c").is_ok());
+}
