@@ -1,0 +1,93 @@
+//! A pendulum on its head, with a motor at its pivot: `m l^2 a'' = m g l sin a - c a' + T`.
+//!
+//! Three tables say what goes in and out, `impl Plant` is the model, `main` is the whole process.
+
+use std::process::ExitCode;
+
+use plant_process::integrate::integrate;
+use plant_process::plant::{Plant, PlantKind};
+use shared_types::describe::Invalid;
+use shared_types::table;
+use shared_types::time::Interval;
+
+table! {
+    /// What a scenario can set under [plant.parameters].
+    struct Parameters {
+        /// Mass m at the end of the rod.
+        mass_kg: "kg" = 1.0 in 1e-3..=1e3,
+        /// Length l of the rod.
+        length_m: "m" = 0.5 in 1e-2..=1e2,
+        /// Friction c of the pivot.
+        friction_nm_s_per_rad: "N m s/rad" = 0.05 in 0.0..=1e3,
+        /// Angle at step 0.
+        initial_angle_rad: "rad" = 0.2 in (-1.5)..=1.5,
+    }
+}
+
+table! {
+    /// What is really so and what the sensors see; where it fell over the run ends.
+    struct Motion {
+        /// Angle a from upright.
+        angle_rad: "rad" in (-1.57)..=1.57,
+        /// Its rate.
+        rate_radps: "rad/s",
+    }
+}
+
+table! {
+    /// What the controller commands.
+    struct Command {
+        /// Torque T of the motor.
+        torque_nm: "N m",
+    }
+}
+
+struct Pendulum {
+    parameters: Parameters,
+    state: [f64; 2],
+}
+
+impl Plant for Pendulum {
+    const NAME: &'static str = "pendulum";
+    const SUMMARY: &'static str = "A pendulum on its head, with a motor at its pivot.";
+    type Parameters = Parameters;
+    type Truth = Motion;
+    type Measured = Motion;
+    type Command = Command;
+
+    fn start(parameters: &Parameters) -> Result<Self, Invalid> {
+        let (parameters, state) = (*parameters, [parameters.initial_angle_rad, 0.0]);
+        Ok(Self { parameters, state })
+    }
+
+    fn retune(&mut self, parameters: &Parameters) {
+        self.parameters = *parameters;
+    }
+
+    fn measure(&self) -> Motion {
+        let [angle_rad, rate_radps] = self.state;
+        Motion {
+            angle_rad,
+            rate_radps,
+        }
+    }
+
+    fn truth(&self, _time_s: f64, _command: &Command) -> Motion {
+        self.measure()
+    }
+
+    fn advance(&mut self, interval: &Interval, command: &Command) {
+        const G: f64 = 9.80665;
+        let p = &self.parameters;
+        let (m, l, c) = (p.mass_kg, p.length_m, p.friction_nm_s_per_rad);
+        integrate(&mut self.state, interval, |_, &[a, a_dot]| {
+            let torque_nm = m * G * l * libm::sin(a) - c * a_dot + command.torque_nm;
+            [a_dot, torque_nm / (m * l * l)]
+        });
+    }
+}
+
+fn main() -> ExitCode {
+    let plants = vec![PlantKind::of::<Pendulum>()];
+    plant_process::program::run("own-plant", env!("CARGO_PKG_VERSION"), plants)
+}

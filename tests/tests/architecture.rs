@@ -1,0 +1,122 @@
+//! The shape of the workspace: which packages, which programs, who may depend on whom.
+
+use std::collections::BTreeSet;
+use std::process::Command;
+
+use serde_json::Value;
+
+use crate::harness::workspace;
+
+/// Package and what it may depend on, when it is built and when it is tested. What moves to a target,
+/// the controller, knows neither simulator nor scenario.
+const ARROWS: [(&str, &[&str], &[&str]); 6] = [
+    ("shared-types", &[], &[]),
+    ("hil-config", &["shared-types"], &[]),
+    ("plant-process", &["shared-types", "hil-config"], &[]),
+    ("controller-process", &["shared-types"], &[]),
+    (
+        "tools",
+        &[
+            "shared-types",
+            "hil-config",
+            "plant-process",
+            "controller-process",
+        ],
+        &[],
+    ),
+    (
+        "tests",
+        &[],
+        &[
+            "shared-types",
+            "hil-config",
+            "plant-process",
+            "controller-process",
+            "tools",
+        ],
+    ),
+];
+
+const PROGRAMS: [&str; 3] = ["controller-process", "hil", "plant-process"];
+
+fn packages() -> Vec<Value> {
+    let output = Command::new(env!("CARGO"))
+        .args([
+            "metadata",
+            "--no-deps",
+            "--offline",
+            "--format-version",
+            "1",
+        ])
+        .current_dir(workspace())
+        .output()
+        .expect("cargo can be run");
+    let metadata: Value = serde_json::from_slice(&output.stdout).expect("cargo prints JSON");
+    let packages = metadata["packages"].as_array().expect("packages");
+    packages.clone()
+}
+
+fn text(value: &Value) -> &str {
+    value.as_str().expect("text")
+}
+
+fn list(value: &Value) -> &[Value] {
+    value.as_array().expect("a list")
+}
+
+#[test]
+fn there_are_six_packages() {
+    let found: BTreeSet<String> = packages()
+        .iter()
+        .map(|package| text(&package["name"]).to_owned())
+        .collect();
+    let wanted = ARROWS.iter().map(|(name, ..)| (*name).to_owned());
+    assert_eq!(found, wanted.collect());
+}
+
+#[test]
+fn packages_depend_only_on_what_is_below_them() {
+    let names = ARROWS.map(|(name, ..)| name);
+    for package in packages() {
+        let name = text(&package["name"]);
+        let (_, built, tested) = (ARROWS.iter())
+            .find(|(known, ..)| *known == name)
+            .expect("a known package");
+        for dependency in list(&package["dependencies"]) {
+            let on = text(&dependency["name"]);
+            if !names.contains(&on) {
+                continue;
+            }
+            let dev_only = dependency["kind"] == "dev";
+            let allowed = built.contains(&on) || dev_only && tested.contains(&on);
+            assert!(allowed, "{name} must not depend on {on}");
+        }
+    }
+}
+
+#[test]
+fn there_are_three_programs() {
+    let packages = packages();
+    let targets = packages
+        .iter()
+        .flat_map(|package| list(&package["targets"]));
+    let programs: BTreeSet<&str> = targets
+        .filter(|target| list(&target["kind"]).contains(&Value::from("bin")))
+        .map(|target| text(&target["name"]))
+        .collect();
+    assert_eq!(programs, BTreeSet::from(PROGRAMS));
+}
+
+#[test]
+fn every_package_forbids_unsafe_code() {
+    let root = std::fs::read_to_string(workspace().join("Cargo.toml")).expect("a manifest");
+    assert!(root.contains("\nunsafe_code = \"forbid\"\n"));
+    for package in packages() {
+        let path = text(&package["manifest_path"]);
+        let manifest = std::fs::read_to_string(path).expect("a manifest");
+        assert!(
+            manifest.contains("[lints]\nworkspace = true\n"),
+            "{path} does not take the lints of the workspace"
+        );
+    }
+}

@@ -1,0 +1,354 @@
+//! Bad input: a clear error, exit code 2, and nothing started.
+
+use std::path::PathBuf;
+
+use crate::harness::{Rig, Run, misbehaving_controller, program, until};
+
+const SCENARIO: &str = "scenarios/spring-mass.toml";
+
+/// A plant that leaves a mark when it is started for a run, so that tests see when it was not.
+struct Marked {
+    plant: PathBuf,
+    mark: PathBuf,
+}
+
+impl Marked {
+    fn new(rig: &Rig) -> Self {
+        let mark = rig.path("started");
+        let text = format!(
+            "#!/bin/sh\ncase \"$1\" in --session) touch {} ;; esac\nexec {} \"$@\"\n",
+            mark.display(),
+            program("plant-process").display()
+        );
+        Self {
+            plant: rig.script("marked-plant", &text),
+            mark,
+        }
+    }
+}
+
+/// Runs with these arguments and fails unless that is refused before anything happens.
+#[track_caller]
+fn refuse(rig: &Rig, arguments: &str, fragments: &[&str]) -> Run {
+    let marked = Marked::new(rig);
+    let plant = marked.plant.display();
+    let run = if arguments.contains("--plant-bin") || arguments.contains("in-process") {
+        rig.run(arguments)
+    } else {
+        rig.run(&format!("{arguments} --plant-bin {plant}"))
+    };
+    println!("hil run {arguments}\n{}", run.stderr);
+    let run = run.expect(2).says(fragments);
+    assert_eq!(run.stdout, "", "{arguments}");
+    assert!(!run.folder.exists(), "{arguments}: a run folder was made");
+    assert!(!marked.mark.exists(), "{arguments}: the plant was started");
+    run
+}
+
+#[test]
+fn the_mark_shows_that_a_plant_was_started() {
+    let rig = Rig::new();
+    let marked = Marked::new(&rig);
+    let plant = marked.plant.display();
+    let run = rig.run(&format!("{SCENARIO} --plant-bin {plant} --set metrics=[]"));
+    run.expect(0);
+    assert!(marked.mark.exists());
+}
+
+#[test]
+fn wrong_values_are_refused() {
+    #[rustfmt::skip] // a table
+    let cases: [(&str, &[&str]); 19] = [
+        ("run.duraton_s=2", &["unknown key `duraton_s`", "`duration_s`"]),
+        ("controller.law=lqr", &["unknown law `lqr`", "`pid`"]),
+        ("controller.law=ftsc", &["`ftsc`", "spring-mass"]),
+        ("plant.model=pendulum", &["unknown plant `pendulum`", "`spring-mass`"]),
+        ("plant.parameters.mass_kg=0", &["mass_kg", "out of range", "in kg"]),
+        ("plant.parameters.mass_kg=nan", &["mass_kg", "not a number"]),
+        ("plant.parameters.mass_kg=inf", &["mass_kg", "out of range"]),
+        ("plant.parameters.mas_kg=1", &["no parameter `mas_kg`", "`mass_kg`"]),
+        ("plant.parameters.mass_kg=heavy", &["mass_kg", "is text"]),
+        ("controller.pid.proportional_n_per_m=nan", &["proportional_n_per_m", "not a number"]),
+        ("run.rate_hz=0", &["run.rate_hz", "0.001", "1e6", "Hz"]),
+        ("run.rate_hz=1e9", &["run.rate_hz", "1e6"]),
+        ("run.rate_hz=nan", &["run.rate_hz", "not a number"]),
+        ("run.duration_s=0", &["run.duration_s"]),
+        ("run.duration_s=-1", &["run.duration_s"]),
+        ("run.duration_s=nan", &["run.duration_s", "not a number"]),
+        ("run.duration_s=2e9", &["steps", "2^40"]),
+        ("run.clock=realtime", &["run.clock", "`lockstep`"]),
+        ("run.duration_s", &["run.duration_s"]),
+    ];
+    let rig = Rig::new();
+    for (change, fragments) in cases {
+        refuse(&rig, &format!("{SCENARIO} --set {change}"), fragments);
+    }
+}
+
+#[test]
+fn files_that_are_no_scenario_are_refused_with_the_place() {
+    let rig = Rig::new();
+    let missing = rig.path("missing.toml");
+    refuse(
+        &rig,
+        missing.to_str().expect("plain"),
+        &["missing.toml", "No such file"],
+    );
+    let folder = rig.path("");
+    refuse(&rig, folder.to_str().expect("plain"), &["directory"]);
+    #[rustfmt::skip] // a table
+    let cases: [(&str, &[&str]); 4] = [
+        ("schema = 1\nname = \n", &["bad.toml", ":2:", "TOML"]),
+        ("schema = 1\nname = \"x\"\ncolour = 3\n", &["bad.toml", ":3:", "unknown key `colour`"]),
+        ("schema = 2\nname = \"x\"\n", &["bad.toml", ":1:", "`schema` is 2"]),
+        ("", &["bad.toml", "`schema` is missing"]),
+    ];
+    for (text, fragments) in cases {
+        let path = rig.write("bad.toml", text);
+        refuse(&rig, path.to_str().expect("plain"), fragments);
+    }
+}
+
+#[test]
+fn all_problems_are_told_at_once() {
+    let rig = Rig::new();
+    let changes = "--set run.rate_hz=0 --set plant.parameters.mass_kg=nan --set controller.law=lqr";
+    let fragments = ["run.rate_hz", "mass_kg", "unknown law `lqr`"];
+    refuse(&rig, &format!("{SCENARIO} {changes}"), &fragments);
+}
+
+#[test]
+fn wrong_flags_are_refused() {
+    let rig = Rig::new();
+    refuse(
+        &rig,
+        &format!("{SCENARIO} --wait-limit 0"),
+        &["--wait-limit"],
+    );
+    refuse(
+        &rig,
+        &format!("{SCENARIO} --wait-limit nan"),
+        &["--wait-limit"],
+    );
+    refuse(&rig, &format!("{SCENARIO} --pace 0"), &["pace"]);
+    refuse(&rig, &format!("{SCENARIO} --pase 1"), &["--pase", "--pace"]);
+    let own = format!("{SCENARIO} --link in-process --controller-bin /bin/true");
+    refuse(&rig, &own, &["in-process", "--controller-bin"]);
+}
+
+#[test]
+fn signals_that_nothing_gives_are_refused_with_the_nearest_name() {
+    let rig = Rig::new();
+    let text = "schema = 1\nname = \"unbound\"\n\
+        [run]\nduration_s = 1.0\nrate_hz = 1000\n\
+        [plant]\nmodel = \"spring-mass\"\n\
+        [controller]\nlaw = \"LAW\"\n";
+    // The teaching plant's own law wants a reference, and there is no stimulus.
+    let path = rig.write("pid.toml", &text.replace("LAW", "pid"));
+    let fragments = ["reference", "position_m"];
+    refuse(&rig, path.to_str().expect("plain"), &fragments);
+    // A law from outside wants a measured signal that no plant has.
+    let path = rig.write("moons.toml", &text.replace("LAW", "moons"));
+    let controller = misbehaving_controller();
+    let arguments = format!(
+        "{} --controller-bin {}",
+        path.display(),
+        controller.display()
+    );
+    refuse(&rig, &arguments, &["positron_m", "position_m"]);
+}
+
+#[test]
+fn folders_that_cannot_take_a_run_are_refused() {
+    let rig = Rig::new();
+    let file = rig.write("file", "in the way");
+    let full = rig.path("full");
+    std::fs::create_dir(&full).expect("it can be made");
+    std::fs::write(full.join("other"), "x").expect("it can be written");
+    // Root may write everywhere, but not below a file.
+    for (out, fragments) in [
+        (full.clone(), ["full", "not empty"]),
+        (file.clone(), ["file", "in the way"]),
+        (file.join("below"), ["below", "in the way"]),
+        ("/proc/run".into(), ["/proc/run", "cannot write"]),
+    ] {
+        let out = out.to_str().expect("plain");
+        let session = rig.session();
+        let run = rig.hil(&["run", SCENARIO, "--out", out, "--session", session]);
+        run.expect(2).says(&fragments);
+    }
+    assert_eq!(std::fs::read_dir(&full).expect("it is there").count(), 1);
+    assert_eq!(
+        std::fs::read_to_string(file).expect("it is there"),
+        "in the way"
+    );
+}
+
+#[test]
+fn an_empty_folder_is_taken() {
+    let rig = Rig::new();
+    let empty = rig.path("empty");
+    std::fs::create_dir(&empty).expect("it can be made");
+    let out = empty.to_str().expect("plain");
+    rig.hil(&["run", SCENARIO, "--out", out]).expect(0);
+    assert!(empty.join("summary.json").exists());
+}
+
+#[test]
+fn names_that_are_no_session_are_refused() {
+    let rig = Rig::new();
+    for name in ["", "Demo", "a/b", "..", "a-name-that-is-far-too-long"] {
+        let out = rig.path("out");
+        let out = out.to_str().expect("plain");
+        let run = rig.hil(&["run", SCENARIO, "--session", name, "--out", out]);
+        run.expect(2).says(&["session name", "1 to 24"]);
+        assert!(!rig.path("out").exists());
+    }
+}
+
+#[test]
+fn a_session_name_in_use_is_refused_and_its_run_goes_on() {
+    let rig = Rig::new();
+    let first = rig.start("scenarios/severe-leakage.toml --set run.duration_s=100");
+    let children = first.children();
+    let second = rig.start(SCENARIO).finish_beside_another();
+    let second = second.expect(2).says(&[rig.session(), "is running"]);
+    assert!(!second.folder.exists());
+    assert!(children.iter().all(|child| child.is_alive()));
+    first.signal(rustix::process::Signal::INT);
+    first.finish().expect(130);
+}
+
+#[test]
+fn programs_that_are_none_of_ours_are_refused() {
+    let rig = Rig::new();
+    let plain = rig.write("plain", "#!/bin/sh\n");
+    let babbler = rig.script("babbler", "#!/bin/sh\necho hello; echo who are you >&2\n");
+    let described = "{\"protocol\": 999, \"program\": \"x\", \"version\": \"1\"}";
+    let stranger = rig.script("stranger", &format!("#!/bin/sh\necho '{described}'\n"));
+    let plant = program("plant-process");
+    for flag in ["--plant-bin", "--controller-bin"] {
+        for (path, fragments) in [
+            (
+                "/no/such/program".into(),
+                ["/no/such/program", "No such file"],
+            ),
+            (plain.clone(), ["plain", "Permission denied"]),
+            (rig.path(""), ["cannot run", "denied"]),
+            (
+                "/bin/true".into(),
+                ["/bin/true", "does not speak the protocol"],
+            ),
+            (
+                babbler.clone(),
+                ["does not speak the protocol", "who are you"],
+            ),
+            (stranger.clone(), ["stranger", "speaks protocol 999"]),
+        ] {
+            refuse(
+                &rig,
+                &format!("{SCENARIO} {flag} {}", path.display()),
+                &fragments,
+            );
+        }
+    }
+    let swapped = format!("{SCENARIO} --controller-bin {}", plant.display());
+    refuse(&rig, &swapped, &["describes no control law"]);
+}
+
+#[test]
+fn a_program_that_does_not_answer_is_given_up() {
+    let rig = Rig::new();
+    // Not `exec`: the shell's child holds the pipes open, too.
+    let silent = rig.script("silent", "#!/bin/sh\nsleep 3600\n");
+    let arguments = format!("{SCENARIO} --controller-bin {}", silent.display());
+    refuse(&rig, &arguments, &["silent", "no answer within"]);
+}
+
+#[test]
+fn a_program_that_leaves_something_running_is_not_waited_for() {
+    let rig = Rig::new();
+    let forking = rig.script("forking", "#!/bin/sh\nsleep 3600 &\n");
+    let arguments = format!("{SCENARIO} --controller-bin {}", forking.display());
+    refuse(&rig, &arguments, &["forking"]);
+}
+
+#[test]
+fn without_a_folder_given_a_run_gets_one_of_its_own() {
+    let rig = Rig::new();
+    let scenario = crate::harness::workspace().join(SCENARIO);
+    let mut hil = std::process::Command::new(program("hil"));
+    hil.arg("run")
+        .arg(scenario)
+        .args(["--session", rig.session()]);
+    let output = hil
+        .current_dir(rig.path(""))
+        .output()
+        .expect("hil can be run");
+    assert!(output.status.success());
+    let runs: Vec<_> = (std::fs::read_dir(rig.path("runs")).expect("runs").flatten()).collect();
+    let [run] = &runs[..] else { panic!("{runs:?}") };
+    let name = run.file_name().into_string().expect("plain");
+    assert!(
+        name.starts_with("spring-mass-") && name.ends_with(rig.session()),
+        "{name}"
+    );
+    let mut files: Vec<_> = (std::fs::read_dir(run.path()).expect("files").flatten())
+        .map(|file| file.file_name().into_string().expect("plain"))
+        .collect();
+    files.sort();
+    let wanted = [
+        "controller.log",
+        "plant.log",
+        "run.mcap",
+        "scenario.toml",
+        "summary.json",
+    ];
+    assert_eq!(files, wanted);
+    until("nothing is left", || rig.processes().is_empty());
+    rig.assert_nothing_left();
+}
+
+#[test]
+fn the_summary_can_be_had_as_json() {
+    let rig = Rig::new();
+    let run = rig.run(&format!("{SCENARIO} --json")).expect(0);
+    let printed: serde_json::Value = serde_json::from_str(&run.stdout).expect("only JSON");
+    assert_eq!(printed, run.summary());
+    assert_eq!(printed["verdict"], "pass");
+}
+
+#[test]
+fn config_show_prints_a_scenario_that_runs_the_same() {
+    let rig = Rig::new();
+    let shown = rig.hil(&["config", "show", SCENARIO]).expect(0);
+    let path = rig.write("shown.toml", &shown.stdout);
+    let again = rig.run(path.to_str().expect("plain")).expect(0);
+    assert_eq!(again.digest(), rig.run(SCENARIO).expect(0).digest());
+}
+
+#[test]
+fn config_check_answers_with_the_exit_code_of_a_run() {
+    let rig = Rig::new();
+    rig.hil(&["config", "check", SCENARIO]).expect(0);
+    let wrong = rig.hil(&["config", "check", SCENARIO, "--set", "run.rate_hz=0"]);
+    wrong.expect(2).says(&["run.rate_hz"]);
+}
+
+#[test]
+fn the_schema_names_every_plant_and_law() {
+    let rig = Rig::new();
+    let schema = rig.hil(&["config", "schema"]).expect(0).stdout;
+    serde_json::from_str::<serde_json::Value>(&schema).expect("JSON");
+    for name in [
+        "drhas",
+        "spring-mass",
+        "ftsc",
+        "nrsc",
+        "pid",
+        "hold",
+        "mass_kg",
+    ] {
+        assert!(schema.contains(&format!("\"{name}\"")), "{name}");
+    }
+}

@@ -1,0 +1,186 @@
+//! One scenario has one digest: however often, over whatever link and clock, on whatever cores, next
+//! to whatever else, compiled whichever way.
+
+use std::process::{Child, Command};
+
+use crate::harness::{Profile, Rig, program, release_hil, skip};
+use crate::mcap_reader::{Record, Recording};
+
+/// Two seconds under FTSC; both actuators begin to leak at 1 s.
+const SCENARIO: &str = "tests/scenarios/leakage.toml";
+
+/// The digest of the scenario run in one thread, where nothing can get out of step.
+fn reference(rig: &Rig, changes: &str) -> String {
+    let arguments = format!("{SCENARIO} --link in-process --no-record {changes}");
+    rig.run(&arguments).expect(0).digest()
+}
+
+#[track_caller]
+fn assert_same(rig: &Rig, arguments: &str) {
+    let run = rig.run(&format!("{SCENARIO} {arguments}")).expect(0);
+    assert_eq!(run.digest(), reference(rig, ""), "{arguments}");
+}
+
+#[test]
+fn ten_runs_over_shared_memory_have_the_digest_of_one_thread() {
+    let rig = Rig::new();
+    let wanted = reference(&rig, "");
+    for run in 0..10 {
+        let digest = rig.run(SCENARIO).expect(0).digest();
+        assert_eq!(digest, wanted, "run {run}");
+    }
+}
+
+#[test]
+fn a_paced_run_has_the_digest_of_lockstep() {
+    assert_same(&Rig::new(), "--pace 4");
+}
+
+#[test]
+fn a_paced_run_in_one_thread_has_the_digest_of_lockstep() {
+    assert_same(&Rig::new(), "--pace 4 --link in-process");
+}
+
+#[test]
+fn the_digest_does_not_see_the_session_or_the_recording() {
+    let rig = Rig::new();
+    assert_same(&rig, "--no-record");
+    assert_eq!(reference(&rig, ""), reference(&Rig::new(), ""));
+}
+
+#[test]
+fn another_scenario_has_another_digest() {
+    let rig = Rig::new();
+    let wanted = reference(&rig, "");
+    for change in [
+        "faults[0].effects[1].speed_per_s=0.50000001",
+        "plant.parameters.piston_mass_kg=55.0000001",
+        "controller.law=nrsc",
+        "run.duration_s=1.9999",
+    ] {
+        assert_ne!(
+            reference(&rig, &format!("--set {change}")),
+            wanted,
+            "{change}"
+        );
+    }
+}
+
+/// `hil` on one core only.
+fn on_core_0() -> Command {
+    let mut hil = Command::new("taskset");
+    hil.args(["-c", "0"]).arg(program("hil"));
+    hil
+}
+
+#[test]
+fn one_core_gives_the_digest_of_two() {
+    let rig = Rig::new();
+    let run = rig.start_with(on_core_0(), SCENARIO).finish().expect(0);
+    assert_eq!(run.digest(), reference(&rig, ""));
+}
+
+/// A process that wants a whole core.
+struct BusyLoop(Child);
+
+impl BusyLoop {
+    fn on_core(core: usize) -> Self {
+        let mut shell = Command::new("taskset");
+        shell.args(["-c", &core.to_string(), "sh", "-c", "while :; do :; done"]);
+        Self(shell.spawn().expect("taskset can be run"))
+    }
+}
+
+impl Drop for BusyLoop {
+    fn drop(&mut self) {
+        // It never ends by itself.
+        self.0.kill().expect("it is our child");
+        self.0.wait().expect("it is our child");
+    }
+}
+
+#[test]
+fn a_busy_core_does_not_change_the_digest() {
+    let rig = Rig::new();
+    let _busy = BusyLoop::on_core(1);
+    assert_same(&rig, "");
+}
+
+#[test]
+fn the_only_core_may_be_busy_too() {
+    let rig = Rig::new();
+    // 1,000 steps: each exchange waits until the busy loop has had its turn.
+    let changes = "--set run.duration_s=0.1 --set faults[0].at_s=0.05";
+    let wanted = reference(&rig, changes);
+    let _busy = BusyLoop::on_core(0);
+    let arguments = format!("{SCENARIO} {changes}");
+    let run = rig.start_with(on_core_0(), &arguments).finish().expect(0);
+    assert_eq!(run.summary()["steps"], 1000);
+    assert_eq!(run.digest(), wanted);
+}
+
+#[test]
+fn debug_and_release_have_one_digest() {
+    let rig = Rig::new();
+    let Some(release) = release_hil() else {
+        let why = "there are no fresh release binaries";
+        return skip("debug_and_release_have_one_digest", why, "HIL_TEST_RELEASE");
+    };
+    let debug = Profile::Debug.folder().join("hil");
+    if Profile::own() == Profile::Release && !debug.exists() {
+        let why = "there are no debug binaries beside the release tests";
+        return skip("debug_and_release_have_one_digest", why, "HIL_TEST_DEBUG");
+    }
+    let digest = |hil| {
+        let run = rig.start_with(Command::new(hil), SCENARIO).finish();
+        run.expect(0).digest()
+    };
+    assert_eq!(digest(&release), reference(&rig, ""));
+}
+
+#[test]
+fn a_recording_proves_its_digest() {
+    let rig = Rig::new();
+    let run = rig.run(SCENARIO).expect(0);
+    let recording = Recording::open(&run.recording());
+    assert_eq!(recording.digest(|_| ()), run.digest());
+}
+
+#[test]
+fn one_flipped_bit_changes_the_digest() {
+    let rig = Rig::new();
+    let changes = "--set run.duration_s=0.1 --set faults[0].at_s=0.05 --link in-process";
+    let run = rig.run(&format!("{SCENARIO} {changes}")).expect(0);
+    let recording = Recording::open(&run.recording());
+    let flipped = |step: u64, column: &str| {
+        let place = recording.place(column);
+        recording.digest(|record: &mut Record| {
+            if record.step() == step && record.words[0] == step {
+                record.words[place] ^= 1;
+            }
+        })
+    };
+    for column in [
+        "sample_invalid[0]",
+        "command_invalid[0]",
+        "truth.surface_angle_rad",
+        "truth.force_fight_n",
+        "measured.actuator1_pressure1_pa",
+        "reference.surface_angle_d5_radps5",
+        "command.actuator2_valve_current_a",
+        "applied.actuator2_valve_current_a",
+        "internal.lyapunov_v3",
+    ] {
+        for step in [0, 500, 1000] {
+            assert_ne!(
+                flipped(step, column),
+                run.digest(),
+                "{column} at step {step}"
+            );
+        }
+    }
+    // Measured time is no part of it.
+    for column in ["published_ns", "round_trip_ns", "plant_ns"] {
+        assert_eq!(flipped(500, column), run.digest(), "{column}");
+    }
+}

@@ -1,0 +1,293 @@
+//! What goes wrong while a run is under way: who, what and which step are named, the exit code tells
+//! the sort, the recording up to there can be read, and nothing is left.
+
+use rustix::process::Signal;
+
+use crate::harness::{Rig, Run, misbehaving_controller, program, send, until};
+use crate::mcap_reader::{Record, Recording};
+
+/// Twenty seconds of the hydraulic system: long enough to be interrupted. Killing and stopping need
+/// the run to be there, not to be short.
+const LONG: &str = "scenarios/severe-leakage.toml --set run.duration_s=100";
+
+const PLANT: usize = 0;
+const CONTROLLER: usize = 1;
+
+/// An aborted run: exit code, reason, and a readable recording without a gap.
+struct Aborted {
+    reason: String,
+    records: Vec<Record>,
+    recording: Recording,
+}
+
+impl Aborted {
+    #[track_caller]
+    fn of(run: Run, code: i32, fragments: &[&str]) -> Self {
+        let run = run.expect(code);
+        let summary = run.summary();
+        assert_eq!(summary["verdict"], "aborted");
+        let reason = summary["reason"].as_str().expect("a reason").to_owned();
+        for fragment in fragments {
+            assert!(
+                reason.contains(fragment),
+                "`{fragment}` is not in `{reason}`"
+            );
+        }
+        let recording = Recording::open(&run.recording());
+        let metadata = recording.metadata();
+        let records: Vec<Record> = recording.records().collect();
+        for (step, record) in (0..).zip(&records) {
+            assert_eq!(record.step(), step);
+        }
+        assert!(records.len() > 1);
+        assert_eq!(summary["recording"]["records"], records.len());
+        assert_eq!(metadata["hil.result"]["records"], records.len().to_string());
+        Self {
+            reason,
+            records,
+            recording,
+        }
+    }
+
+    /// The number after the word `step` in the reason.
+    fn step(&self) -> u64 {
+        let (_, after) = self.reason.split_once("step ").expect("a step is named");
+        let digits = after.split(|c: char| !c.is_ascii_digit()).next();
+        let step = digits.expect("there is always a part").parse();
+        step.unwrap_or_else(|_| panic!("no step in `{}`", self.reason))
+    }
+
+    /// Fails if a signal of any record is no number.
+    fn assert_only_numbers(&self) {
+        let signals = self.recording.columns.iter().enumerate();
+        for (place, name) in signals.filter(|(_, name)| name.contains('.')) {
+            for record in &self.records {
+                let value = f64::from_bits(record.words[place]);
+                assert!(value.is_finite(), "{name} at step {}", record.step());
+            }
+        }
+    }
+}
+
+#[track_caller]
+fn after_signal(side: usize, signal: Signal, fragments: &[&str]) -> Aborted {
+    let rig = Rig::new();
+    let running = rig.start(&format!("{LONG} --wait-limit 0.5"));
+    let child = running.children()[side];
+    send(child.pid, signal);
+    Aborted::of(running.finish(), 3, fragments)
+}
+
+#[test]
+fn a_killed_plant_is_named() {
+    after_signal(PLANT, Signal::KILL, &["plant was killed by SIGKILL"]);
+}
+
+#[test]
+fn a_killed_controller_is_named_with_the_step_it_did_not_answer() {
+    let fragments = ["controller", "step ", "killed by SIGKILL"];
+    let aborted = after_signal(CONTROLLER, Signal::KILL, &fragments);
+    assert_eq!(aborted.step(), aborted.records.len() as u64);
+}
+
+#[test]
+fn a_stopped_plant_is_named() {
+    after_signal(PLANT, Signal::STOP, &["plant was stopped"]);
+}
+
+#[test]
+fn a_stopped_controller_is_named_with_the_step_it_did_not_answer() {
+    let fragments = ["controller", "step ", "0.5 s", "controller was stopped"];
+    let aborted = after_signal(CONTROLLER, Signal::STOP, &fragments);
+    assert_eq!(aborted.step(), aborted.records.len() as u64);
+}
+
+/// A law of the misbehaving controller on the teaching plant; each does its deed at step 100.
+fn misbehaves(rig: &Rig, law: &str) -> Run {
+    let shipped = "schema = 1\nname = \"misbehaviour\"\n\
+        [run]\nduration_s = 1.0\nrate_hz = 1000\n\
+        [plant]\nmodel = \"spring-mass\"\n\
+        [controller]\nlaw = \"LAW\"\n";
+    let scenario = rig.write("scenario.toml", &shipped.replace("LAW", law));
+    let (scenario, controller) = (scenario.display(), misbehaving_controller());
+    let controller = controller.display();
+    rig.run(&format!(
+        "{scenario} --controller-bin {controller} --wait-limit 0.5"
+    ))
+}
+
+#[test]
+fn a_controller_that_leaves_early_is_named_with_the_step() {
+    let rig = Rig::new();
+    let run = misbehaves(&rig, "leaves");
+    let aborted = Aborted::of(run, 3, &["controller", "step 100"]);
+    assert_eq!(aborted.records.len(), 100);
+}
+
+#[test]
+fn the_message_of_a_controller_that_panics_is_shown_and_kept() {
+    let rig = Rig::new();
+    let run = misbehaves(&rig, "panics").says(&["the law fell over"]);
+    let log = std::fs::read_to_string(run.folder.join("controller.log")).expect("a log");
+    assert!(log.contains("the law fell over"), "{log}");
+    let aborted = Aborted::of(run, 3, &["controller", "step 100", "exit code 101"]);
+    assert_eq!(aborted.records.len(), 100);
+}
+
+#[test]
+fn a_controller_that_never_answers_again_is_named_with_the_step() {
+    let rig = Rig::new();
+    let run = misbehaves(&rig, "sleeps");
+    let fragments = ["controller", "step 100", "0.5 s", "stuck"];
+    assert_eq!(Aborted::of(run, 3, &fragments).records.len(), 100);
+}
+
+#[test]
+fn a_command_that_is_no_number_is_refused_with_its_name() {
+    let rig = Rig::new();
+    let run = misbehaves(&rig, "babbles");
+    let aborted = Aborted::of(run, 3, &["controller", "step 100", "force_n"]);
+    assert_eq!(aborted.records.len(), 100);
+    aborted.assert_only_numbers();
+}
+
+#[test]
+fn a_plant_that_is_pushed_out_of_its_range_has_diverged() {
+    let rig = Rig::new();
+    let run = misbehaves(&rig, "pushes");
+    let aborted = Aborted::of(run, 1, &["diverged", "_m"]);
+    // 1e12 m/s2 on 1 kg carries it beyond 1e6 m/s and, at 5e5 m, not yet beyond 1e6 m in a step.
+    assert!(
+        aborted.reason.contains("velocity_mps"),
+        "{}",
+        aborted.reason
+    );
+    assert_eq!(aborted.step(), 101);
+    aborted.assert_only_numbers();
+}
+
+#[test]
+fn an_unstable_loop_ends_as_diverged_and_never_in_numbers_that_are_none() {
+    for (changes, signal) in [
+        (
+            "scenarios/spring-mass.toml --set controller.pid.proportional_n_per_m=-1e5",
+            "mps",
+        ),
+        (
+            "scenarios/slight-leakage.toml --set controller.law=pid --set controller.pid.proportional_a_per_m=1e5",
+            "pressure",
+        ),
+    ] {
+        let rig = Rig::new();
+        let aborted = Aborted::of(rig.run(changes), 1, &["diverged", signal]);
+        aborted.assert_only_numbers();
+    }
+}
+
+#[test]
+fn a_limit_of_the_scenario_ends_the_run_at_the_first_step_beyond_it() {
+    let rig = Rig::new();
+    let limited = "scenarios/spring-mass.toml --set plant.limits.position_m=[-1.0,0.005]";
+    let aborted = Aborted::of(rig.run(limited), 1, &["diverged", "position_m"]);
+    let (last, before) = aborted.records.split_last().expect("records");
+    let position_m = |record: &Record| aborted.recording.value(record, "truth.position_m");
+    assert!(position_m(last) > 0.005);
+    assert!(before.iter().all(|record| position_m(record) <= 0.005));
+    assert_eq!(last.step(), aborted.step());
+}
+
+#[test]
+fn ctrl_c_ends_both_processes_and_finishes_the_recording() {
+    for signal in [Signal::INT, Signal::TERM] {
+        let rig = Rig::new();
+        let running = rig.start(LONG);
+        let children = running.children();
+        running.signal(signal);
+        let run = running.finish();
+        assert!(children.iter().all(|child| !child.is_alive()));
+        let aborted = Aborted::of(run, 130, &["interrupted"]);
+        let end = aborted.recording.events.last().expect("an end");
+        assert_eq!(
+            (&end["event"], &end["outcome"]),
+            (&"end".into(), &"stopped".into())
+        );
+    }
+}
+
+#[test]
+fn ctrl_c_ends_a_run_in_one_process_too() {
+    let rig = Rig::new();
+    let running = rig.start(&format!("{LONG} --link in-process"));
+    let recording = rig.path("run0/run.mcap");
+    until("the recording grows", || {
+        std::fs::metadata(&recording).is_ok_and(|data| data.len() > 1 << 17)
+    });
+    running.signal(Signal::INT);
+    Aborted::of(running.finish(), 130, &["interrupted"]);
+}
+
+#[test]
+fn without_hil_both_processes_end_and_the_next_hil_cleans_up() {
+    let rig = Rig::alone();
+    let running = rig.start(LONG);
+    let children = running.children();
+    running.kill();
+    until("both processes end by themselves", || {
+        children.iter().all(|child| !child.is_alive())
+    });
+    assert!(
+        rig.session_folder().exists(),
+        "nobody was there to remove it"
+    );
+    let records: Vec<_> = Recording::open(&rig.path("run0/run.mcap"))
+        .records()
+        .collect();
+    assert!(records.len() > 100, "{} records survive", records.len());
+
+    let swept = rig.hil(&["sessions", "--clean"]).expect(0);
+    assert!(swept.stdout.contains(rig.session()), "{}", swept.stdout);
+}
+
+#[test]
+fn the_next_run_cleans_up_after_everything_was_killed() {
+    let rig = Rig::alone();
+    let running = rig.start(LONG);
+    let children = running.children();
+    running.kill();
+    children.iter().for_each(|child| child.kill());
+    let run = rig.run("scenarios/spring-mass.toml --set run.duration_s=5");
+    run.expect(0);
+}
+
+#[test]
+fn a_stopped_process_without_hil_is_ended_by_the_next_hil() {
+    let rig = Rig::alone();
+    let running = rig.start(LONG);
+    let [plant, controller] = running.children();
+    send(plant.pid, Signal::STOP);
+    until("the plant is stopped", || plant.is_stopped());
+    running.kill();
+    until("the controller ends by itself", || !controller.is_alive());
+    assert!(plant.is_stopped());
+    rig.hil(&["sessions", "--clean"]).expect(0);
+    assert!(!plant.is_alive());
+}
+
+#[test]
+fn sessions_lists_what_runs_and_clean_leaves_it_alone() {
+    let rig = Rig::alone();
+    let running = rig.start(LONG);
+    let children = running.children();
+    for arguments in [&["sessions"][..], &["sessions", "--clean"]] {
+        let mut hil = std::process::Command::new(program("hil"));
+        let output = hil.args(arguments).output().expect("hil can be run");
+        let said = String::from_utf8_lossy(&output.stdout);
+        assert!(
+            output.status.success() && said.contains(rig.session()),
+            "{said}"
+        );
+    }
+    assert!(children.iter().all(|child| child.is_alive()));
+    running.signal(Signal::INT);
+    running.finish().expect(130);
+}

@@ -1,0 +1,498 @@
+//! Where tests run `hil`: the programs, built once, and a [`Rig`] for each test.
+//!
+//! A rig has a session name, a folder and a watchdog. After every `hil` it looks for processes, shared
+//! memory and folders that should be gone. A watchdog that barks fails the test; no test measures time.
+
+use std::ffi::OsStr;
+use std::io::Read;
+use std::os::unix::fs::PermissionsExt;
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{OnceLock, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, Signal, kill_process, kill_process_group};
+use serde_json::Value;
+use shared_types::session::{ProcessId, SessionInfo};
+use tempfile::TempDir;
+
+/// How long anything may take before it counts as hanging.
+const WATCHDOG: Duration = Duration::from_secs(120);
+/// How often something is looked at while it is awaited.
+const LOOK: Duration = Duration::from_millis(2);
+
+/// The top of the workspace, where every command is run.
+pub(crate) fn workspace() -> &'static Path {
+    let tests = Path::new(env!("CARGO_MANIFEST_DIR"));
+    tests.parent().expect("the workspace is above this package")
+}
+
+/// How the programs are compiled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Profile {
+    Debug,
+    Release,
+}
+
+impl Profile {
+    /// That of this test binary, which lies in `target/<profile>/deps`.
+    pub(crate) fn own() -> Self {
+        match own_folder().file_name().and_then(OsStr::to_str) {
+            Some("debug") => Self::Debug,
+            Some("release") => Self::Release,
+            other => panic!("tests run with the profiles dev and release, not {other:?}"),
+        }
+    }
+
+    /// The folder of the programs.
+    pub(crate) fn folder(self) -> PathBuf {
+        own_folder().with_file_name(match self {
+            Self::Debug => "debug",
+            Self::Release => "release",
+        })
+    }
+
+    /// A `cargo build` with this profile into the target directory of the tests.
+    fn build(self) -> Command {
+        let mut cargo = Command::new(env!("CARGO"));
+        cargo.arg("build").current_dir(workspace());
+        cargo.arg("--target-dir").arg(target());
+        if self == Self::Release {
+            cargo.arg("--release");
+        }
+        cargo
+    }
+}
+
+fn own_folder() -> PathBuf {
+    let own = std::env::current_exe().expect("a path to this program");
+    let folder = own.ancestors().nth(2);
+    folder.expect("it lies in target/<profile>/deps").to_owned()
+}
+
+fn target() -> PathBuf {
+    let own = own_folder();
+    own.parent().expect("the target directory").to_owned()
+}
+
+fn finish(cargo: &mut Command) {
+    let output = cargo.output().expect("cargo can be run");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{cargo:?} failed:\n{said}");
+}
+
+/// A program of the workspace, as fresh as the sources.
+pub(crate) fn program(name: &str) -> PathBuf {
+    static BUILT: OnceLock<()> = OnceLock::new();
+    let profile = Profile::own();
+    BUILT.get_or_init(|| finish(profile.build().args(["--workspace", "--bins"])));
+    profile.folder().join(name)
+}
+
+/// The controller that does everything wrong, from `tests/examples`.
+pub(crate) fn misbehaving_controller() -> PathBuf {
+    static BUILT: OnceLock<()> = OnceLock::new();
+    const NAME: &str = "misbehaving-controller";
+    let profile = Profile::own();
+    BUILT.get_or_init(|| finish(profile.build().args(["-p", "tests", "--example", NAME])));
+    profile.folder().join("examples").join(NAME)
+}
+
+/// `hil` of the release profile: built when `HIL_TEST_RELEASE` asks for it, else only if it is newer
+/// than everything it is made of.
+pub(crate) fn release_hil() -> Option<PathBuf> {
+    static BUILT: OnceLock<bool> = OnceLock::new();
+    let folder = Profile::Release.folder();
+    let usable = *BUILT.get_or_init(|| {
+        if Profile::own() == Profile::Release {
+            program("hil");
+            return true;
+        }
+        if demanded("HIL_TEST_RELEASE") {
+            finish(Profile::Release.build().args(["--workspace", "--bins"]));
+            return true;
+        }
+        let programs = ["hil", "plant-process", "controller-process"];
+        programs.iter().all(|name| is_fresh(&folder.join(name)))
+    });
+    usable.then(|| folder.join("hil"))
+}
+
+/// Whether a program is newer than the Rust sources that Cargo wrote down beside it.
+fn is_fresh(program: &Path) -> bool {
+    let changed = |path: &Path| path.metadata().and_then(|data| data.modified()).ok();
+    let Ok(made_of) = std::fs::read_to_string(program.with_extension("d")) else {
+        return false;
+    };
+    let mut sources = (made_of.split_ascii_whitespace()).filter(|path| path.ends_with(".rs"));
+    changed(program).is_some_and(|built| {
+        sources.all(|source| changed(Path::new(source)).is_some_and(|source| source <= built))
+    })
+}
+
+/// Builds a crate of `examples`, which is outside the workspace, and gives its program.
+pub(crate) fn example(name: &str) -> PathBuf {
+    let folder = workspace().join("examples").join(name);
+    let target = target().join("examples-outside");
+    let mut cargo = Command::new(env!("CARGO"));
+    cargo.arg("build").current_dir(folder);
+    finish(cargo.arg("--target-dir").arg(&target));
+    target.join("debug").join(name)
+}
+
+/// Whether the environment insists on a part that not every machine has.
+pub(crate) fn demanded(variable: &str) -> bool {
+    std::env::var_os(variable).is_some_and(|value| value != "0")
+}
+
+/// Says that a test could not do its work here.
+pub(crate) fn skip(test: &str, why: &str, variable: &str) {
+    assert!(!demanded(variable), "{variable} is set, but {why}");
+    eprintln!("SKIPPED {test}: {why} ({variable}=1 makes this a failure)");
+}
+
+/// Every test with a rig holds it, shared; exclusive is a test that looks at what a dead `hil` left,
+/// which any other `hil` would sweep away.
+static SESSIONS: RwLock<()> = RwLock::new(());
+
+/// One test's own place. A test has one at a time.
+pub(crate) struct Rig {
+    folder: TempDir,
+    session: String,
+    runs: AtomicU32,
+    _others: Others,
+}
+
+/// Whether other tests run at the same time.
+#[expect(dead_code, reason = "held, never read")]
+enum Others {
+    Allowed(RwLockReadGuard<'static, ()>),
+    Excluded(RwLockWriteGuard<'static, ()>),
+}
+
+/// A finished `hil`.
+#[derive(Debug)]
+pub(crate) struct Run {
+    pub(crate) code: Option<i32>,
+    pub(crate) stdout: String,
+    pub(crate) stderr: String,
+    /// Its run folder, which exists if it got that far.
+    pub(crate) folder: PathBuf,
+}
+
+impl Rig {
+    pub(crate) fn new() -> Self {
+        let shared = SESSIONS.read().unwrap_or_else(PoisonError::into_inner);
+        Self::with(Others::Allowed(shared))
+    }
+
+    /// A place while no other test has one.
+    pub(crate) fn alone() -> Self {
+        let exclusive = SESSIONS.write().unwrap_or_else(PoisonError::into_inner);
+        Self::with(Others::Excluded(exclusive))
+    }
+
+    fn with(others: Others) -> Self {
+        left_before();
+        static COUNT: AtomicU32 = AtomicU32::new(0);
+        let number = COUNT.fetch_add(1, Ordering::Relaxed);
+        Self {
+            folder: TempDir::with_prefix("hil-test-").expect("a temporary folder"),
+            session: format!("test-{}-{number}", std::process::id()),
+            runs: AtomicU32::new(0),
+            _others: others,
+        }
+    }
+
+    /// A path in the test's folder.
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Writes a file into the test's folder.
+    pub(crate) fn write(&self, name: &str, text: &str) -> PathBuf {
+        let path = self.path(name);
+        std::fs::write(&path, text).expect("the test's folder can be written");
+        path
+    }
+
+    /// Writes an executable script.
+    pub(crate) fn script(&self, name: &str, text: &str) -> PathBuf {
+        let path = self.write(name, text);
+        let mode = std::fs::Permissions::from_mode(0o755);
+        std::fs::set_permissions(&path, mode).expect("own files can be made executable");
+        path
+    }
+
+    pub(crate) fn session(&self) -> &str {
+        &self.session
+    }
+
+    /// `hil run` with arguments separated by spaces, in this test's session and folder.
+    pub(crate) fn run(&self, arguments: &str) -> Run {
+        self.start(arguments).finish()
+    }
+
+    /// Like [`run`](Self::run), but does not wait.
+    pub(crate) fn start(&self, arguments: &str) -> Running<'_> {
+        self.start_with(Command::new(program("hil")), arguments)
+    }
+
+    /// Like [`start`](Self::start) with another `hil`, or one behind `taskset`.
+    pub(crate) fn start_with(&self, hil: Command, arguments: &str) -> Running<'_> {
+        let number = self.runs.fetch_add(1, Ordering::Relaxed);
+        let folder = self.path(&format!("run{number}"));
+        let mut hil = hil;
+        hil.arg("run").args(arguments.split_ascii_whitespace());
+        hil.arg("--session").arg(&self.session);
+        hil.arg("--out").arg(&folder);
+        Running::start(self, hil, folder)
+    }
+
+    /// Any `hil` command, without this test's session and folder.
+    pub(crate) fn hil(&self, arguments: &[&str]) -> Run {
+        let mut hil = Command::new(program("hil"));
+        hil.args(arguments);
+        Running::start(self, hil, self.path("none")).finish()
+    }
+
+    /// The folder of the session, while it runs.
+    pub(crate) fn session_folder(&self) -> PathBuf {
+        let uid = rustix::process::geteuid().as_raw();
+        Path::new(&format!("/dev/shm/hil-{uid}")).join(&self.session)
+    }
+
+    /// Fails if processes or shared memory of this test are left.
+    pub(crate) fn assert_nothing_left(&self) {
+        let processes = self.processes();
+        assert_eq!(processes, [""; 0], "these processes are left");
+        let folder = self.session_folder();
+        assert!(!folder.exists(), "{} is left", folder.display());
+        let segments = segments_of_nobody();
+        let segments: Vec<_> = (segments.iter())
+            .filter(|segment| !left_before().contains(segment))
+            .collect();
+        assert!(segments.is_empty(), "{segments:?} belong to no session");
+    }
+
+    /// Command lines of the live processes that mention this test's session or folder.
+    pub(crate) fn processes(&self) -> Vec<String> {
+        let own_folder = self.folder.path().to_str().expect("plain text");
+        let session = self.session_folder();
+        let session = session.to_str().expect("plain text");
+        let processes = std::fs::read_dir("/proc")
+            .expect("/proc is there")
+            .flatten();
+        let mut found = Vec::new();
+        for process in processes {
+            let Ok(line) = std::fs::read(process.path().join("cmdline")) else {
+                continue; // not a process, or gone
+            };
+            let line = String::from_utf8_lossy(&line).replace('\0', " ");
+            if line.contains(own_folder) || line.contains(session) {
+                found.push(line);
+            }
+        }
+        found
+    }
+}
+
+/// Files in shared memory that look like a session's, but whose session is gone.
+fn segments_of_nobody() -> Vec<PathBuf> {
+    // In this order: a session removes its folder last.
+    let files: Vec<PathBuf> = (std::fs::read_dir("/dev/shm")
+        .expect("shared memory")
+        .flatten())
+    .map(|entry| entry.path())
+    .filter(|path| name(path).starts_with("hil_"))
+    .collect();
+    let uid = rustix::process::geteuid().as_raw();
+    let sessions = std::fs::read_dir(format!("/dev/shm/hil-{uid}"));
+    let prefixes: Vec<String> = (sessions.into_iter().flatten().flatten())
+        .filter_map(|session| SessionInfo::read(&session.path()).ok())
+        .map(|info| info.prefix)
+        .collect();
+    let claimed = |file: &Path| prefixes.iter().any(|prefix| name(file).starts_with(prefix));
+    (files.into_iter())
+        .filter(|file| !claimed(file) && file.exists())
+        .collect()
+}
+
+fn name(path: &Path) -> &str {
+    path.file_name().and_then(OsStr::to_str).unwrap_or_default()
+}
+
+/// What was left on this machine before any test began.
+fn left_before() -> &'static [PathBuf] {
+    static BEFORE: OnceLock<Vec<PathBuf>> = OnceLock::new();
+    BEFORE.get_or_init(segments_of_nobody)
+}
+
+/// A `hil` at work. Dropped before its end, it is killed with everything it started.
+pub(crate) struct Running<'r> {
+    rig: &'r Rig,
+    process: Child,
+    output: Vec<JoinHandle<String>>,
+    folder: PathBuf,
+    ended: bool,
+}
+
+impl<'r> Running<'r> {
+    fn start(rig: &'r Rig, mut hil: Command, folder: PathBuf) -> Self {
+        hil.stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            // A group of its own, which gets signals as that of a terminal does.
+            .process_group(0)
+            .current_dir(workspace());
+        let mut process = hil
+            .spawn()
+            .unwrap_or_else(|error| panic!("{hil:?}: {error}"));
+        let stdout = process.stdout.take().expect("piped");
+        let stderr = process.stderr.take().expect("piped");
+        Self {
+            rig,
+            process,
+            output: vec![collect(stdout), collect(stderr)],
+            folder,
+            ended: false,
+        }
+    }
+
+    /// Waits for the end and checks that nothing is left.
+    pub(crate) fn finish(self) -> Run {
+        let rig = self.rig;
+        self.end(|| rig.assert_nothing_left())
+    }
+
+    /// Waits for the end while another run of the same session goes on.
+    pub(crate) fn finish_beside_another(self) -> Run {
+        self.end(|| ())
+    }
+
+    fn end(mut self, check: impl FnOnce()) -> Run {
+        let mut status = None;
+        until("hil ends", || {
+            status = self.process.try_wait().expect("hil is our child");
+            status.is_some()
+        });
+        self.ended = true;
+        // Before its output is read to the end: a process that is left may hold it open.
+        check();
+        let mut output = self.output.drain(..).map(|text| text.join().expect("read"));
+        Run {
+            code: status.and_then(|status| status.code()),
+            stdout: output.next().expect("stdout"),
+            stderr: output.next().expect("stderr"),
+            folder: std::mem::take(&mut self.folder),
+        }
+    }
+
+    /// Plant and controller, once both run and the recording grows: steps are being exchanged.
+    pub(crate) fn children(&self) -> [ProcessId; 2] {
+        let recording = self.folder.join("run.mcap");
+        until("the recording grows", || {
+            std::fs::metadata(&recording).is_ok_and(|data| data.len() > 1 << 17)
+        });
+        let info = SessionInfo::read(&self.rig.session_folder()).expect("the session is there");
+        info.children.try_into().expect("two children")
+    }
+
+    /// Sends a signal to the process group of `hil`, as a terminal does.
+    pub(crate) fn signal(&self, signal: Signal) {
+        kill_process_group(process_id(self.process.id()), signal).expect("`hil` is there");
+    }
+
+    /// Kills `hil`, with no chance to clean up.
+    pub(crate) fn kill(mut self) {
+        self.process.kill().expect("hil is our child");
+        self.process.wait().expect("hil is our child");
+        self.ended = true;
+    }
+}
+
+impl Drop for Running<'_> {
+    fn drop(&mut self) {
+        if self.ended {
+            return;
+        }
+        let info = SessionInfo::read(&self.rig.session_folder());
+        let _ = self.process.kill(); // it may have ended by itself
+        let _ = self.process.wait();
+        for child in info.iter().flat_map(|info| &info.children) {
+            child.kill();
+        }
+    }
+}
+
+impl Run {
+    /// Fails with everything that was said if the exit code is another.
+    pub(crate) fn expect(self, code: i32) -> Self {
+        assert_eq!(self.code, Some(code), "{}\n{}", self.stdout, self.stderr);
+        self
+    }
+
+    /// Fails if standard error lacks one of these.
+    pub(crate) fn says(self, fragments: &[&str]) -> Self {
+        let said = &self.stderr;
+        for fragment in fragments {
+            assert!(said.contains(fragment), "`{fragment}` is not in:\n{said}");
+        }
+        self
+    }
+
+    /// Its `summary.json`.
+    pub(crate) fn summary(&self) -> Value {
+        let path = self.folder.join("summary.json");
+        let text = std::fs::read_to_string(&path);
+        let text = text.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        serde_json::from_str(&text).expect("the summary is JSON")
+    }
+
+    /// Its digest.
+    pub(crate) fn digest(&self) -> String {
+        let summary = self.summary();
+        let digest = summary["digest"].as_str();
+        digest
+            .unwrap_or_else(|| panic!("no digest in {summary}"))
+            .to_owned()
+    }
+
+    /// Its recording.
+    pub(crate) fn recording(&self) -> PathBuf {
+        self.folder.join("run.mcap")
+    }
+}
+
+/// Sends a signal to a process.
+pub(crate) fn send(pid: u32, signal: Signal) {
+    kill_process(process_id(pid), signal).expect("the process is there");
+}
+
+fn process_id(pid: u32) -> Pid {
+    let pid = i32::try_from(pid).ok().and_then(Pid::from_raw);
+    pid.expect("a process number")
+}
+
+/// Waits for something that must come; the watchdog barks if it does not.
+pub(crate) fn until(what: &str, mut happened: impl FnMut() -> bool) {
+    let since = Instant::now();
+    while !happened() {
+        assert!(
+            since.elapsed() < WATCHDOG,
+            "watchdog: {what}: not within {WATCHDOG:?}"
+        );
+        std::thread::sleep(LOOK);
+    }
+}
+
+fn collect(mut pipe: impl Read + Send + 'static) -> JoinHandle<String> {
+    std::thread::spawn(move || {
+        let mut bytes = Vec::new();
+        pipe.read_to_end(&mut bytes).expect("a pipe can be read");
+        String::from_utf8_lossy(&bytes).into_owned()
+    })
+}

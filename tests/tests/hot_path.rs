@@ -1,0 +1,211 @@
+//! A step makes no system call and allocates nothing.
+
+use std::path::Path;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use controller_process::laws;
+use controller_process::runner::{Runner, choose};
+use hil_config::plan::Plan;
+use hil_config::scenario::Scenario;
+use plant_process::engine::{Engine, Progress};
+use plant_process::models;
+use shared_types::clock::monotonic_ns;
+use shared_types::describe::PROTOCOL;
+use shared_types::link::iceoryx::IceoryxLink;
+use shared_types::link::{Link, in_process};
+use shared_types::session::Session;
+use shared_types::stream::iceoryx::{IceoryxSink, IceoryxSource};
+use shared_types::stream::{self, Item, RecordSink, RecordSource};
+
+use crate::harness::{Rig, program, skip, workspace};
+use crate::mcap_reader::Recording;
+
+const SCENARIO: &str = "tests/scenarios/leakage.toml";
+/// System calls of a wait: giving the core away, a nap, and a clock that the kernel does not lend.
+const WAITING: [&str; 3] = ["sched_yield", "clock_nanosleep", "clock_gettime"];
+
+/// A program that traces itself once it is started for a run.
+fn traced(rig: &Rig, name: &str) -> String {
+    let (log, program) = (rig.path(&format!("{name}.strace")), program(name));
+    let (log, program) = (log.display(), program.display());
+    let text = format!(
+        "#!/bin/sh\n\
+         case \"$1\" in --session) exec strace -f --seccomp-bpf -ttt -e 'trace=!sched_yield' -o {log} {program} \"$@\" ;; esac\n\
+         exec {program} \"$@\"\n"
+    );
+    let script = rig.script(&format!("traced-{name}"), &text);
+    script.display().to_string()
+}
+
+/// When, in s since 1970, and what was called. A call that waited counts when it began.
+fn calls(log: &Path) -> Vec<(f64, String)> {
+    let text = std::fs::read_to_string(log).unwrap_or_else(|e| panic!("{}: {e}", log.display()));
+    let call = |line: &str| {
+        let mut words = line.splitn(3, ' ').filter(|word| !word.is_empty());
+        let (_thread, time_s, call) = (words.next()?, words.next()?, words.next()?);
+        let (name, _) = call.trim_start().split_once('(')?;
+        Some((time_s.parse().ok()?, name.to_owned()))
+    };
+    text.lines().filter_map(call).collect()
+}
+
+#[test]
+fn between_the_first_and_the_last_step_neither_process_calls_the_system() {
+    if std::process::Command::new("strace")
+        .arg("-V")
+        .output()
+        .is_err()
+    {
+        return skip(
+            "the test of system calls",
+            "strace is missing",
+            "HIL_TEST_STRACE",
+        );
+    }
+    let rig = Rig::new();
+    let (plant, controller) = (
+        traced(&rig, "plant-process"),
+        traced(&rig, "controller-process"),
+    );
+    let binaries = format!("--plant-bin {plant} --controller-bin {controller}");
+    let run = rig.run(&format!("{SCENARIO} {binaries}")).expect(0);
+
+    let recording = Recording::open(&run.recording());
+    let place = recording.place("published_ns");
+    let times: Vec<u64> = recording
+        .records()
+        .map(|record| record.words[place])
+        .collect();
+    let since_1970 = SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .expect("after 1970");
+    let offset_s = since_1970.as_secs_f64() - monotonic_ns() as f64 / 1e9;
+    let at_s = |time_ns: u64| offset_s + time_ns as f64 / 1e9;
+    // Both clocks are read one after the other, and a trace has microseconds: keep off the ends.
+    let slack_s = 1e-3;
+    let begin_s = at_s(times[0]) + slack_s;
+    let end_s = at_s(*times.last().expect("records")) - slack_s;
+    assert!(end_s - begin_s > 10.0 * slack_s);
+
+    for name in ["plant-process", "controller-process"] {
+        let calls = calls(&rig.path(&format!("{name}.strace")));
+        // The trace works: it has what came before and after.
+        assert!(
+            calls
+                .iter()
+                .any(|(time_s, name)| *time_s < begin_s && name == "mmap")
+        );
+        assert!(
+            calls
+                .iter()
+                .any(|(time_s, name)| *time_s > end_s && name == "munmap")
+        );
+        let within: Vec<_> = (calls.iter())
+            .filter(|(time_s, _)| (begin_s..end_s).contains(time_s))
+            .filter(|(_, name)| !WAITING.contains(&name.as_str()))
+            .collect();
+        assert!(within.is_empty(), "{name}: {within:?}");
+    }
+}
+
+/// The scenario's jobs for both sides.
+fn jobs(session: u64) -> (plant_process::job::Job, controller_process::job::Job) {
+    let describe = |kind: &plant_process::plant::PlantKind| kind.description.clone();
+    let plants: Vec<_> = models::all().iter().map(describe).collect();
+    let laws: Vec<_> = laws::all()
+        .iter()
+        .map(|kind| kind.description.clone())
+        .collect();
+    let scenario = Scenario::read(workspace().join(SCENARIO)).expect("it is there");
+    // The fault acts while allocations are counted, but does not begin then.
+    let plan: Plan = scenario
+        .set(&["faults[0].at_s=0.01"])
+        .check(&plants, &laws)
+        .expect("it is right");
+    let plant = plant_process::job::Job {
+        protocol: PROTOCOL,
+        session,
+        run: plan.run,
+        plant: plan.plant.clone(),
+        stimuli: plan.stimuli,
+        faults: plan.faults,
+        observed: true,
+        wait_limit_s: 5.0,
+    };
+    let controller = controller_process::job::Job {
+        protocol: PROTOCOL,
+        session,
+        plant: plan.plant.model,
+        law: plan.controller.law,
+        parameters: plan.controller.parameters,
+        model: plan.controller.model,
+        rate: plan.run.rate,
+        rate_divisor: plan.controller.rate_divisor,
+        command_delay_steps: plan.controller.command_delay_steps,
+        wait_limit_s: 5.0,
+    };
+    (plant, controller)
+}
+
+/// Allocations of engine, runner, link and sink in so many steps, taken after as many to warm up.
+fn allocations_in<L: Link>(
+    steps: u64,
+    session: u64,
+    (plant_link, controller_link): (L, L),
+    (sink, mut source): (impl RecordSink, impl RecordSource),
+) -> u64 {
+    let (plant, controller) = jobs(session);
+    let (plants, laws) = (models::all(), laws::all());
+    let kind = plants
+        .iter()
+        .find(|kind| kind.description.name == plant.plant.model);
+    let law = choose(&laws, &controller.law, &controller.plant).expect("a law");
+    let mut engine = Engine::new(kind.expect("a plant"), plant, plant_link, sink).expect("starts");
+    let mut runner = Runner::new(law, controller, controller_link).expect("starts");
+    runner.begin().expect("says hello");
+
+    // Records come one step late.
+    let mut records = 0;
+    let mut run_to = |step: u64| {
+        while records < step {
+            let progress = engine.poll().expect("the engine works");
+            assert_ne!(progress, Progress::Over);
+            runner.poll().expect("the runner works");
+            // The recorder is another process's; it may allocate.
+            allocation_counter::opt_out(|| {
+                let mut count =
+                    |item: Item<'_>| records += u64::from(matches!(item, Item::Record(_)));
+                source.drain(&mut count).expect("the stream works");
+            });
+        }
+    };
+    run_to(steps);
+    allocation_counter::measure(|| run_to(2 * steps)).count_total
+}
+
+#[test]
+fn a_step_allocates_nothing() {
+    let allocations = allocations_in(2000, 1, in_process::pair(), stream::in_process::pair());
+    assert_eq!(allocations, 0);
+}
+
+/// iceoryx2 0.10.0 allocates once when a sample is loaned, which every record is. Frames, which use its
+/// blackboard, allocate nothing.
+#[test]
+fn over_shared_memory_the_loan_of_a_record_is_the_only_allocation_of_a_step() {
+    let _rig = Rig::new();
+    let session = Session::create(None).expect("a session");
+    let info = session.info();
+    let plant = IceoryxLink::create(info).expect("a link");
+    let controller = IceoryxLink::open(info).expect("a link");
+    let sink = IceoryxSink::create(info, true).expect("a stream");
+    let source = IceoryxSource::open(info, true).expect("a stream");
+    let allocations = allocations_in(2000, info.id, (plant, controller), (sink, source));
+    assert_eq!(allocations, 2000);
+}
+
+#[test]
+fn the_counter_sees_an_allocation() {
+    let boxed = || drop(std::hint::black_box(Box::new(7)));
+    assert_eq!(allocation_counter::measure(boxed).count_total, 1);
+}

@@ -1,0 +1,30 @@
+//! One test binary over the whole workspace: what holds only when everything works together.
+//!
+//! | module | proves |
+//! |---|---|
+//! | [`architecture`] | packages, binaries and dependency arrows |
+//! | [`cli`] | bad input: a clear error, exit code 2, nothing started |
+//! | [`determinism`] | one digest, however and wherever a scenario runs |
+//! | [`examples`] | a plant and a controller from outside the workspace |
+//! | [`failures`] | deaths, stops and divergence: who, what, which step, and what is left |
+//! | [`hot_path`] | no system call and no allocation in a step |
+//! | [`paper`] | the paper's experiment against its checked figures |
+//! | [`recording`] | what a recording holds, read without the recorder's code |
+//!
+//! [`harness`] builds the programs, gives each test a place of its own and a watchdog, and looks
+//! after every run that nothing of it is left. [`mcap_reader`] reads recordings.
+//!
+//! Three parts need more than Rust; a test that lacks its part says so and passes, unless the
+//! environment demands it: `HIL_TEST_RELEASE=1` builds the release binaries, `HIL_TEST_PYTHON=1`
+//! makes a Python environment, `HIL_TEST_STRACE=1` wants `strace`.
+
+mod architecture;
+mod cli;
+mod determinism;
+mod examples;
+mod failures;
+mod harness;
+mod hot_path;
+mod mcap_reader;
+mod paper;
+mod recording;

@@ -1,0 +1,179 @@
+//! Reads recordings by what their format says, with nothing of the code that writes them.
+//!
+//! A record is 4 bytes of CDR encapsulation and 64-bit words; the `ros2msg` schema names every word.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use mcap::MessageStream;
+use mcap::read::Options;
+use serde_json::Value;
+
+/// A recording in memory.
+pub(crate) struct Recording {
+    bytes: Vec<u8>,
+    /// Name of each word of a record, for example `truth.force_fight_n`.
+    pub(crate) columns: Vec<String>,
+    /// What happened, in the order of the file.
+    pub(crate) events: Vec<Value>,
+}
+
+/// One record.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Record {
+    pub(crate) log_time_ns: u64,
+    pub(crate) words: Vec<u64>,
+}
+
+impl Record {
+    pub(crate) fn step(&self) -> u64 {
+        self.words[0]
+    }
+}
+
+impl Recording {
+    /// Reads a file, also one whose writer was killed.
+    pub(crate) fn open(path: &Path) -> Self {
+        let bytes = std::fs::read(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+        let (mut columns, mut events) = (Vec::new(), Vec::new());
+        for message in messages(&bytes) {
+            match message.channel.topic.as_str() {
+                "/events" => events.push(serde_json::from_slice(&message.data).expect("JSON")),
+                _ if !columns.is_empty() => {}
+                _ => {
+                    let schema = message.channel.schema.as_ref().expect("a schema");
+                    assert_eq!(schema.encoding, "ros2msg");
+                    columns = columns_of(std::str::from_utf8(&schema.data).expect("text"));
+                }
+            }
+        }
+        Self {
+            bytes,
+            columns,
+            events,
+        }
+    }
+
+    /// Every record, in the order of the file.
+    pub(crate) fn records(&self) -> impl Iterator<Item = Record> {
+        let records = messages(&self.bytes).filter(|message| message.channel.topic == "/record");
+        records.map(|message| {
+            assert_eq!(message.channel.message_encoding, "cdr");
+            let (head, words) = message.data.split_at(4);
+            assert_eq!(head, [0, 1, 0, 0], "CDR, little-endian");
+            assert_eq!(words.len(), 8 * self.columns.len());
+            let words = words
+                .chunks(8)
+                .map(|word| word.try_into().expect("8 bytes"));
+            Record {
+                log_time_ns: message.log_time,
+                words: words.map(u64::from_le_bytes).collect(),
+            }
+        })
+    }
+
+    /// Where a word stands in a record.
+    pub(crate) fn place(&self, column: &str) -> usize {
+        let found = self.columns.iter().position(|name| name == column);
+        found.unwrap_or_else(|| panic!("no {column} in {:?}", self.columns))
+    }
+
+    /// A signal of a record.
+    pub(crate) fn value(&self, record: &Record, column: &str) -> f64 {
+        f64::from_bits(record.words[self.place(column)])
+    }
+
+    /// The digest by its definition: for each record in order the fault events that take hold at its
+    /// step, each as its length and its text, then the words in front of the timing, little-endian.
+    pub(crate) fn digest(&self, mut change: impl FnMut(&mut Record)) -> String {
+        let mut hasher = blake3::Hasher::new();
+        let hashed = self.place("time_ns");
+        for mut record in self.records() {
+            let step = record.step();
+            for event in (self.events.iter()).filter(|event| event["event"] == "fault") {
+                if event["step"] == step {
+                    let part = |name: &str| event[name].as_str().expect("text").to_owned();
+                    let (kind, target) = (part("kind"), part("target"));
+                    let (parameter, course) = (part("parameter"), part("canonical"));
+                    let text = format!("{step} {kind} {target} {parameter} {course}");
+                    hasher.update(&(text.len() as u64).to_le_bytes());
+                    hasher.update(text.as_bytes());
+                }
+            }
+            change(&mut record);
+            for word in &record.words[..hashed] {
+                hasher.update(&word.to_le_bytes());
+            }
+        }
+        hasher.finalize().to_hex().to_string()
+    }
+
+    /// What is written about the run, by the name of the metadata record.
+    pub(crate) fn metadata(&self) -> BTreeMap<String, BTreeMap<String, String>> {
+        let summary = self.summary();
+        let records = summary.metadata_indexes.iter();
+        let read = |index| mcap::read::metadata(&self.bytes, index).expect("metadata");
+        records
+            .map(read)
+            .map(|record| (record.name, record.metadata))
+            .collect()
+    }
+
+    /// The enclosed files by name.
+    pub(crate) fn attachments(&self) -> BTreeMap<String, String> {
+        let summary = self.summary();
+        let files = summary.attachment_indexes.iter();
+        let read = |index| mcap::read::attachment(&self.bytes, index).expect("an attachment");
+        files
+            .map(read)
+            .map(|file| (file.name, String::from_utf8(file.data.into_owned())))
+            .map(|(name, text)| (name, text.expect("text")))
+            .collect()
+    }
+
+    /// Only a recording that was finished has one.
+    pub(crate) fn summary(&self) -> mcap::Summary {
+        let summary = mcap::Summary::read(&self.bytes).expect("a whole file");
+        summary.expect("a finished recording")
+    }
+}
+
+/// The messages up to the end of the file, or to where its writer was killed.
+fn messages(bytes: &[u8]) -> impl Iterator<Item = mcap::Message<'static>> {
+    let stream = MessageStream::new_with_options(bytes, Options::IgnoreEndMagic.into());
+    stream.expect("an MCAP file").map_while(Result::ok)
+}
+
+/// The names of the words: `uint64` and `float64` fields, arrays of them, and one level of messages.
+fn columns_of(schema: &str) -> Vec<String> {
+    let ruler = format!("{}\n", "=".repeat(80));
+    let mut parts = schema.split(&ruler);
+    let top = parts.next().expect("there is always a part");
+    let messages: BTreeMap<&str, Vec<&str>> = parts
+        .map(|part| {
+            let (head, fields) = part.split_once('\n').expect("a name");
+            let name = head.strip_prefix("MSG: ").expect("MSG:");
+            (name, fields.lines().map(|line| field(line).1).collect())
+        })
+        .collect();
+    let mut columns = Vec::new();
+    for line in top.lines() {
+        let (kind, name) = field(line);
+        if let Some(fields) = messages.get(kind) {
+            columns.extend(fields.iter().map(|field| format!("{name}.{field}")));
+        } else if let Some(count) = kind.strip_prefix("uint64[") {
+            let count: usize = count.trim_end_matches(']').parse().expect("a number");
+            columns.extend((0..count).map(|i| format!("{name}[{i}]")));
+        } else {
+            assert_eq!(kind, "uint64", "{line}");
+            columns.push(name.to_owned());
+        }
+    }
+    columns
+}
+
+/// Type and name of a field, without its comment.
+fn field(line: &str) -> (&str, &str) {
+    let mut words = line.split_ascii_whitespace();
+    (words.next().expect("a type"), words.next().expect("a name"))
+}
