@@ -209,11 +209,16 @@ impl SessionInfo {
             .collect()
     }
 
-    /// Closes every file of the session to other users; iceoryx2 leaves one open to all.
+    /// Closes the files of the session that are open to other users; iceoryx2 leaves one so.
+    ///
+    /// No other file may be touched: by the mode 0200 iceoryx2 tells that it still fills a file,
+    /// and whoever opens it then reads what is not there yet.
     pub fn tighten(&self) {
         for segment in self.segments() {
             // A file may be gone again by now.
-            let _ = fs::set_permissions(segment, Permissions::from_mode(0o600));
+            if fs::metadata(&segment).is_ok_and(|found| found.mode() & 0o077 != 0) {
+                let _ = fs::set_permissions(segment, Permissions::from_mode(0o600));
+            }
         }
     }
 
@@ -526,6 +531,22 @@ mod tests {
         for segment in session.info().segments() {
             assert_eq!(mode(&segment) & 0o077, 0, "{}", segment.display());
         }
+    }
+
+    #[test]
+    fn a_file_that_iceoryx2_still_fills_keeps_its_mark() {
+        let session = Session::create(None).expect("a session");
+        let prefix = &session.info().prefix;
+        let file = |name: &str, mode| {
+            let path = Path::new(SHARED_MEMORY).join(format!("{prefix}{name}"));
+            fs::write(&path, "x").expect("writes");
+            fs::set_permissions(&path, Permissions::from_mode(mode)).expect("sets");
+            path
+        };
+        let (filling, open) = (file("filling", 0o200), file("open", 0o666));
+        session.info().tighten();
+        let mode = |path: &Path| fs::metadata(path).expect("there").mode() & 0o777;
+        assert_eq!((mode(&filling), mode(&open)), (0o200, 0o600));
     }
 
     #[test]
