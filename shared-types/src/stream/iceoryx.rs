@@ -37,6 +37,13 @@ struct ItemHeader {
     bytes: u64,
 }
 
+fn absent(service: &str, error: &dyn std::fmt::Debug) -> LinkError {
+    LinkError::Absent {
+        service: service.into(),
+        reason: format!("{error:?}"),
+    }
+}
+
 fn failed(service: &str, error: &dyn std::fmt::Debug) -> LinkError {
     LinkError::Transport {
         service: service.into(),
@@ -44,19 +51,10 @@ fn failed(service: &str, error: &dyn std::fmt::Debug) -> LinkError {
     }
 }
 
-type Topics = (
-    PortFactory<Ipc, [u64], ItemHeader>,
-    PortFactory<Ipc, u64, ()>,
-);
+type Records = PortFactory<Ipc, [u64], ItemHeader>;
+type Credit = PortFactory<Ipc, u64, ()>;
 
-fn topics(node: &Node<Ipc>, create: bool) -> Result<Topics, LinkError> {
-    let absent = |e: &dyn std::fmt::Debug| {
-        let reason = format!("{e:?}");
-        LinkError::Absent {
-            service: RECORDS.into(),
-            reason,
-        }
-    };
+fn records(node: &Node<Ipc>, create: bool) -> Result<Records, LinkError> {
     let name = RECORDS.try_into().map_err(|e| failed(RECORDS, &e))?;
     let records = (node.service_builder(&name).publish_subscribe::<[u64]>())
         .user_header::<ItemHeader>()
@@ -66,6 +64,14 @@ fn topics(node: &Node<Ipc>, create: bool) -> Result<Topics, LinkError> {
         .subscriber_max_buffer_size(BUFFER)
         .subscriber_max_borrowed_samples(1)
         .enable_safe_overflow(true);
+    if create {
+        records.create().map_err(|e| failed(RECORDS, &e))
+    } else {
+        records.open().map_err(|e| absent(RECORDS, &e))
+    }
+}
+
+fn credit(node: &Node<Ipc>, create: bool) -> Result<Credit, LinkError> {
     let name = CREDIT.try_into().map_err(|e| failed(CREDIT, &e))?;
     let credit = (node.service_builder(&name).publish_subscribe::<u64>())
         .max_publishers(1)
@@ -74,18 +80,16 @@ fn topics(node: &Node<Ipc>, create: bool) -> Result<Topics, LinkError> {
         .subscriber_max_buffer_size(1)
         .enable_safe_overflow(true);
     if create {
-        let records = records.create().map_err(|e| failed(RECORDS, &e))?;
-        Ok((records, credit.create().map_err(|e| failed(CREDIT, &e))?))
+        credit.create().map_err(|e| failed(CREDIT, &e))
     } else {
-        let records = records.open().map_err(|e| absent(&e))?;
-        Ok((records, credit.open().map_err(|e| absent(&e))?))
+        credit.open().map_err(|e| absent(CREDIT, &e))
     }
 }
 
 /// The plant's end over shared memory.
 pub struct IceoryxSink {
     session: SessionInfo,
-    records: PortFactory<Ipc, [u64], ItemHeader>,
+    records: Records,
     credit: Subscriber<Ipc, u64, ()>,
     publisher: Option<Publisher<Ipc, [u64], ItemHeader>>,
     words: usize,
@@ -103,9 +107,13 @@ impl IceoryxSink {
     /// If shared memory cannot be used.
     pub fn create(session: &SessionInfo, held: bool) -> Result<Self, LinkError> {
         let node = node(session, "records")?;
-        let (records, credit) = topics(&node, true)?;
-        let credit = (credit.subscriber_builder().buffer_size(1).create())
+        // The credit's subscriber stands before the service that observers look for: their first
+        // credit, sent as soon as they attach, would otherwise find nobody and be lost.
+        let credit = (credit(&node, true)?.subscriber_builder())
+            .buffer_size(1)
+            .create()
             .map_err(|e| failed(CREDIT, &e))?;
+        let records = records(&node, true)?;
         Ok(Self {
             session: session.clone(),
             records,
@@ -183,18 +191,19 @@ pub struct IceoryxSource {
 }
 
 impl IceoryxSource {
-    /// Attaches to the stream. The one with `credit` is the recorder and holds the plant back; all
-    /// others only watch.
+    /// Attaches to the stream. The one that `gives_credit` is the recorder and holds the plant
+    /// back; all others only watch.
     ///
     /// # Errors
     /// [`LinkError::Absent`] as long as the plant has not created the stream.
-    pub fn open(session: &SessionInfo, credit: bool) -> Result<Self, LinkError> {
+    pub fn open(session: &SessionInfo, gives_credit: bool) -> Result<Self, LinkError> {
         let node = node(session, "observer")?;
-        let (records, credits) = topics(&node, false)?;
-        let records = (records.subscriber_builder().buffer_size(BUFFER).create())
+        let records = (records(&node, false)?.subscriber_builder())
+            .buffer_size(BUFFER)
+            .create()
             .map_err(|e| failed(RECORDS, &e))?;
-        let credit = if credit {
-            let publisher = credits
+        let credit = if gives_credit {
+            let publisher = credit(&node, false)?
                 .publisher_builder()
                 .create()
                 .map_err(|e| failed(CREDIT, &e))?;
