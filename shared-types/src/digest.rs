@@ -48,8 +48,10 @@ impl Digest {
     pub fn record(&mut self, hashed: &[u64]) {
         self.pending.extend(hashed.as_bytes());
         if self.pending.len() >= BATCH {
-            self.hasher.update(&self.pending);
-            self.pending.clear();
+            // Whole batches only: the hash is a tree, and pieces that end inside a node cost more.
+            let whole = self.pending.len() - self.pending.len() % BATCH;
+            self.hasher.update(&self.pending[..whole]);
+            self.pending.drain(..whole);
         }
     }
 
