@@ -1,10 +1,12 @@
 //! Plant and controller binaries: where they are, what they say of themselves, what they are.
 
 use std::io::Read;
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
+use rustix::process::{Pid, Signal, kill_process_group};
 use shared_types::describe::{Description, PROTOCOL};
 
 use crate::cli::BinaryArguments;
@@ -123,13 +125,14 @@ fn beside(name: &str) -> Result<PathBuf, Failure> {
     Ok(own.with_file_name(name))
 }
 
-/// Runs a binary for a short answer; one that never answers is ended.
+/// Runs a binary for a short answer; one that never answers is ended, and so is all that it started.
 fn ask<S: AsRef<std::ffi::OsStr>>(path: &Path, arguments: &[S]) -> Result<Output, String> {
     let mut child = Command::new(path)
         .args(arguments)
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
+        .process_group(0)
         .spawn()
         .map_err(|error| error.to_string())?;
     // Read while it runs: a full pipe would stop it.
@@ -150,8 +153,8 @@ fn ask<S: AsRef<std::ffi::OsStr>>(path: &Path, arguments: &[S]) -> Result<Output
         match child.try_wait().map_err(|error| error.to_string())? {
             Some(status) => break status,
             None if since.elapsed() > ANSWER_LIMIT => {
-                let _ = child.kill(); // it may have ended just now
-                let _ = child.wait();
+                end_group(&child);
+                let _ = child.wait(); // it was killed, or had ended just now
                 return Err(format!(
                     "it gave no answer within {} s",
                     ANSWER_LIMIT.as_secs()
@@ -160,10 +163,18 @@ fn ask<S: AsRef<std::ffi::OsStr>>(path: &Path, arguments: &[S]) -> Result<Output
             None => std::thread::sleep(Duration::from_millis(1)),
         }
     };
+    // What it left running would hold the pipes open, and their readers with them.
+    end_group(&child);
     let collected = |thread: std::thread::JoinHandle<Vec<u8>>| thread.join().unwrap_or_default();
     Ok(Output {
         status,
         stdout: collected(stdout),
         stderr: collected(stderr),
     })
+}
+
+/// Kills a child that was started as a group of its own, with what it started.
+fn end_group(child: &Child) {
+    // There may be nobody left in it.
+    let _ = kill_process_group(Pid::from_child(child), Signal::KILL);
 }

@@ -7,7 +7,7 @@ use controller_process::runner::{Runner, choose};
 use plant_process::engine::{self, Engine};
 use shared_types::link::{LinkError, in_process};
 use shared_types::lockstep::{ControllerEvent, PlantEvent};
-use shared_types::record::{RecordLayout, RunEnd};
+use shared_types::record::{Outcome, RecordLayout, RunEnd};
 use shared_types::stream::{self, RecordSink};
 use shared_types::supervision::Supervision;
 use shared_types::wait::{WaitLimit, Waiter, until_ns};
@@ -80,6 +80,10 @@ pub(super) fn run(prepared: &Prepared) -> Result<Ended, Failure> {
     let recorded = recorder.finish().map_err(Failure::infrastructure)?;
     let end = ran.map_err(Failure::infrastructure)?;
     let (outcome, mut reason) = (end.outcome, end.reason);
+    if outcome == Outcome::Stopped && prepared.interrupted.load(Ordering::Acquire) {
+        let seen = reason.map_or_else(String::new, |seen| format!("; {seen}"));
+        reason = Some(format!("interrupted{seen}"));
+    }
     if let Some(error) = &recorded.error {
         reason = Some(error.clone());
     }
