@@ -97,7 +97,7 @@ fn a_stopped_plant_is_named() {
 
 #[test]
 fn a_stopped_controller_is_named_with_the_step_it_did_not_answer() {
-    let fragments = ["controller", "step ", "0.5 s", "controller was stopped"];
+    let fragments = ["controller did not answer step ", "controller was stopped"];
     let aborted = after_signal(CONTROLLER, Signal::STOP, &fragments);
     assert_eq!(aborted.step(), aborted.records.len() as u64);
 }
@@ -130,7 +130,7 @@ fn the_message_of_a_controller_that_panics_is_shown_and_kept() {
     let run = misbehaves(&rig, "panics").says(&["the law fell over"]);
     let log = std::fs::read_to_string(run.folder.join("controller.log")).expect("a log");
     assert!(log.contains("the law fell over"), "{log}");
-    let aborted = Aborted::of(run, 3, &["controller", "step 100", "exit code 101"]);
+    let aborted = Aborted::of(run, 3, &["controller", "step 100", "panicked"]);
     assert_eq!(aborted.records.len(), 100);
 }
 
@@ -138,7 +138,7 @@ fn the_message_of_a_controller_that_panics_is_shown_and_kept() {
 fn a_controller_that_never_answers_again_is_named_with_the_step() {
     let rig = Rig::new();
     let run = misbehaves(&rig, "sleeps");
-    let fragments = ["controller", "step 100", "0.5 s", "stuck"];
+    let fragments = ["controller did not answer step 100", "stuck"];
     assert_eq!(Aborted::of(run, 3, &fragments).records.len(), 100);
 }
 
@@ -218,10 +218,7 @@ fn ctrl_c_ends_both_processes_and_finishes_the_recording() {
 fn ctrl_c_ends_a_run_in_one_process_too() {
     let rig = Rig::new();
     let running = rig.start(&format!("{LONG} --link in-process"));
-    let recording = rig.path("run0/run.mcap");
-    until("the recording grows", || {
-        std::fs::metadata(&recording).is_ok_and(|data| data.len() > 1 << 17)
-    });
+    running.wait_for_records();
     running.signal(Signal::INT);
     Aborted::of(running.finish(), 130, &["interrupted"]);
 }
@@ -260,7 +257,7 @@ fn the_next_run_cleans_up_after_everything_was_killed() {
 }
 
 #[test]
-fn a_stopped_process_without_hil_is_ended_by_the_next_hil() {
+fn a_stopped_process_does_not_outlive_hil_for_long() {
     let rig = Rig::alone();
     let running = rig.start(LONG);
     let [plant, controller] = running.children();
@@ -268,7 +265,7 @@ fn a_stopped_process_without_hil_is_ended_by_the_next_hil() {
     until("the plant is stopped", || plant.is_stopped());
     running.kill();
     until("the controller ends by itself", || !controller.is_alive());
-    assert!(plant.is_stopped());
+    // The kernel may have ended it already: its process group lost the last parent that cared.
     rig.hil(&["sessions", "--clean"]).expect(0);
     assert!(!plant.is_alive());
 }

@@ -347,6 +347,8 @@ impl<'r> Running<'r> {
             .stderr(Stdio::piped())
             // A group of its own, which gets signals as that of a terminal does.
             .process_group(0)
+            // It would push the message of a panic out of what is shown.
+            .env_remove("RUST_BACKTRACE")
             .current_dir(workspace());
         let mut process = hil
             .spawn()
@@ -391,12 +393,17 @@ impl<'r> Running<'r> {
         }
     }
 
-    /// Plant and controller, once both run and the recording grows: steps are being exchanged.
-    pub(crate) fn children(&self) -> [ProcessId; 2] {
+    /// Waits until steps are being exchanged and some of them are safe in the file, in closed chunks.
+    pub(crate) fn wait_for_records(&self) {
         let recording = self.folder.join("run.mcap");
         until("the recording grows", || {
-            std::fs::metadata(&recording).is_ok_and(|data| data.len() > 1 << 17)
+            std::fs::metadata(&recording).is_ok_and(|data| data.len() > 3 << 20)
         });
+    }
+
+    /// Plant and controller, once steps are being exchanged.
+    pub(crate) fn children(&self) -> [ProcessId; 2] {
+        self.wait_for_records();
         let info = SessionInfo::read(&self.rig.session_folder()).expect("the session is there");
         info.children.try_into().expect("two children")
     }

@@ -41,9 +41,9 @@ fn traced(rig: &Rig, name: &str) -> String {
 fn calls(log: &Path) -> Vec<(f64, String)> {
     let text = std::fs::read_to_string(log).unwrap_or_else(|e| panic!("{}: {e}", log.display()));
     let call = |line: &str| {
-        let mut words = line.splitn(3, ' ').filter(|word| !word.is_empty());
-        let (_thread, time_s, call) = (words.next()?, words.next()?, words.next()?);
-        let (name, _) = call.trim_start().split_once('(')?;
+        let (_thread, rest) = line.split_once(' ')?;
+        let (time_s, call) = rest.trim_start().split_once(' ')?;
+        let (name, _) = call.split_once('(')?;
         Some((time_s.parse().ok()?, name.to_owned()))
     };
     text.lines().filter_map(call).collect()
