@@ -10,7 +10,8 @@
 //! 5. The plant publishes the [`record`] of the step on the [`stream`], from which the [`digest`]
 //!    is made.
 //!
-//! A [`session`] is the private place where all this happens and which leaves nothing behind;
+//! A [`session`] is the private place where all this happens and which leaves nothing behind, with
+//! each [`process`] in it known by more than its number;
 //! [`supervision`] is what its processes hear from the one that started them and [`program`] what
 //! they have in common; [`random`] gives
 //! each consumer of random numbers a stream of its own; [`clock`] is the meters' clock.
@@ -26,6 +27,7 @@ pub mod layout;
 pub mod link;
 pub mod lockstep;
 pub mod pacer;
+pub mod process;
 pub mod program;
 pub mod random;
 pub mod record;

@@ -13,8 +13,9 @@ use std::time::{Duration, Instant};
 
 use iceoryx2::prelude::{Config, FileName, Path as IceoryxPath, SemanticString};
 use rustix::fs::{FlockOperation, flock};
-use rustix::process::{Pid, Signal, kill_process};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
+
+use crate::process::ProcessId;
 
 /// Where shared memory lives.
 const SHARED_MEMORY: &str = "/dev/shm";
@@ -42,65 +43,6 @@ pub struct SessionInfo {
     pub children: Vec<ProcessId>,
     /// Where its run is written, if it is.
     pub run_dir: Option<PathBuf>,
-}
-
-/// A process that cannot be taken for a later one with the same number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct ProcessId {
-    /// Process number.
-    pub pid: u32,
-    /// When it started, in clock ticks since boot.
-    pub start_ticks: u64,
-}
-
-impl ProcessId {
-    /// The process with this number, if there is one.
-    #[must_use]
-    pub fn of(pid: u32) -> Option<Self> {
-        let stat = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
-        // The second field, the name, may hold anything; the third begins after its last `)`.
-        let (_, rest) = stat.rsplit_once(')')?;
-        let mut fields = rest.split_ascii_whitespace();
-        let zombie = matches!(fields.next()?, "Z" | "X");
-        let start_ticks = fields.nth(18)?.parse().ok()?;
-        (!zombie).then_some(Self { pid, start_ticks })
-    }
-
-    /// The calling process.
-    #[must_use]
-    pub fn own() -> Self {
-        let pid = std::process::id();
-        Self::of(pid).unwrap_or(Self {
-            pid,
-            start_ticks: 0,
-        })
-    }
-
-    /// Whether it is stopped, by a signal or a debugger.
-    #[must_use]
-    pub fn is_stopped(self) -> bool {
-        let stat = fs::read_to_string(format!("/proc/{}/stat", self.pid)).unwrap_or_default();
-        let state = stat
-            .rsplit_once(") ")
-            .and_then(|(_, rest)| rest.chars().next());
-        self.is_alive() && matches!(state, Some('T' | 't'))
-    }
-
-    /// Whether it still runs (or is stopped).
-    #[must_use]
-    pub fn is_alive(self) -> bool {
-        Self::of(self.pid) == Some(self)
-    }
-
-    /// Ends it at once, if it is still there.
-    pub fn kill(self) {
-        if self.is_alive()
-            && let Some(pid) = i32::try_from(self.pid).ok().and_then(Pid::from_raw)
-        {
-            // It may end by itself in between, which is as good.
-            let _ = kill_process(pid, Signal::KILL);
-        }
-    }
 }
 
 /// A session cannot be created, found or removed.
@@ -580,16 +522,5 @@ mod tests {
         assert!(live.info().folder.exists());
         assert!(list().expect("lists").contains(live.info()));
         drop(dead);
-    }
-
-    #[test]
-    fn a_process_is_known_by_its_start_too() {
-        let own = ProcessId::own();
-        assert!(own.is_alive());
-        let later = ProcessId {
-            start_ticks: own.start_ticks + 1,
-            ..own
-        };
-        assert!(!later.is_alive());
     }
 }

@@ -4,7 +4,7 @@
 //! memory and folders that should be gone. A watchdog that barks fails the test; no test measures time.
 
 use std::ffi::OsStr;
-use std::io::Read;
+use std::io::{Read, Write};
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,8 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process, kill_process_group};
 use serde_json::Value;
-use shared_types::session::{ProcessId, SessionInfo};
+use shared_types::process::ProcessId;
+use shared_types::session::SessionInfo;
 use tempfile::TempDir;
 
 /// How long anything may take before it counts as hanging.
@@ -101,24 +102,21 @@ pub(crate) fn misbehaving_controller() -> PathBuf {
     profile.folder().join("examples").join(NAME)
 }
 
-/// `hil` of the release profile: built when `HIL_TEST_RELEASE` asks for it, else only if it is newer
+/// `hil` of the other profile: built when `HIL_TEST_RELEASE` asks for it, else only if it is newer
 /// than everything it is made of.
-pub(crate) fn release_hil() -> Option<PathBuf> {
-    static BUILT: OnceLock<bool> = OnceLock::new();
-    let folder = Profile::Release.folder();
-    let usable = *BUILT.get_or_init(|| {
-        if Profile::own() == Profile::Release {
-            program("hil");
-            return true;
-        }
-        if demanded("HIL_TEST_RELEASE") {
-            finish(Profile::Release.build().args(["--workspace", "--bins"]));
-            return true;
-        }
-        let programs = ["hil", "plant-process", "controller-process"];
-        programs.iter().all(|name| is_fresh(&folder.join(name)))
-    });
-    usable.then(|| folder.join("hil"))
+pub(crate) fn other_hil() -> Option<PathBuf> {
+    let other = match Profile::own() {
+        Profile::Debug => Profile::Release,
+        Profile::Release => Profile::Debug,
+    };
+    let folder = other.folder();
+    let programs = ["hil", "plant-process", "controller-process"];
+    if demanded("HIL_TEST_RELEASE") {
+        finish(other.build().args(["--workspace", "--bins"]));
+    } else if !(programs.iter()).all(|name| is_fresh(&folder.join(name))) {
+        return None;
+    }
+    Some(folder.join("hil"))
 }
 
 /// Whether a program is newer than the Rust sources that Cargo wrote down beside it.
@@ -151,7 +149,12 @@ pub(crate) fn demanded(variable: &str) -> bool {
 /// Says that a test could not do its work here.
 pub(crate) fn skip(test: &str, why: &str, variable: &str) {
     assert!(!demanded(variable), "{variable} is set, but {why}");
-    eprintln!("SKIPPED {test}: {why} ({variable}=1 makes this a failure)");
+    // Not `eprintln`, which is shown of failed tests only.
+    let told = writeln!(
+        std::io::stderr(),
+        "SKIPPED {test}: {why}; {variable}=1 insists on it"
+    );
+    told.expect("standard error can be written");
 }
 
 /// Every test with a rig holds it, shared; exclusive is a test that looks at what a dead `hil` left,
@@ -246,6 +249,7 @@ impl Rig {
         let number = self.runs.fetch_add(1, Ordering::Relaxed);
         let folder = self.path(&format!("run{number}"));
         let mut hil = hil;
+        hil.current_dir(workspace());
         hil.arg("run").args(arguments.split_ascii_whitespace());
         hil.arg("--session").arg(&self.session);
         hil.arg("--out").arg(&folder);
@@ -254,8 +258,13 @@ impl Rig {
 
     /// Any `hil` command, without this test's session and folder.
     pub(crate) fn hil(&self, arguments: &[&str]) -> Run {
+        self.hil_in(workspace(), arguments)
+    }
+
+    /// Any `hil` command in another working directory.
+    pub(crate) fn hil_in(&self, folder: &Path, arguments: &[&str]) -> Run {
         let mut hil = Command::new(program("hil"));
-        hil.args(arguments);
+        hil.args(arguments).current_dir(folder);
         Running::start(self, hil, self.path("none")).finish()
     }
 
@@ -348,8 +357,7 @@ impl<'r> Running<'r> {
             // A group of its own, which gets signals as that of a terminal does.
             .process_group(0)
             // It would push the message of a panic out of what is shown.
-            .env_remove("RUST_BACKTRACE")
-            .current_dir(workspace());
+            .env_remove("RUST_BACKTRACE");
         let mut process = hil
             .spawn()
             .unwrap_or_else(|error| panic!("{hil:?}: {error}"));

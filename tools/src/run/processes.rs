@@ -9,8 +9,9 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use shared_types::link::LinkError;
+use shared_types::process::ProcessId;
 use shared_types::record::{Outcome, RecordLayout};
-use shared_types::session::{ProcessId, Session, SessionInfo};
+use shared_types::session::{Session, SessionInfo};
 use shared_types::stream::iceoryx::{IceoryxSource, LAYOUT_FILE};
 use shared_types::supervision::{PEER_GONE, STOP};
 
