@@ -97,13 +97,15 @@ impl IceoryxLink {
             Side::Controller => ("controller", CONTROLLER_SPEAKS, PLANT_SPEAKS),
         };
         let node = node(session, name)?;
-        let (speak, listen) = (topic(&node, side, speaks)?, topic(&node, side, hears)?);
-        let speak = (speak.publisher_builder())
+        // The ear first: who finds the service that this side speaks on may say something at once,
+        // and what nobody hears is lost.
+        let listen = (topic(&node, side, hears)?.subscriber_builder().create())
+            .map_err(|e| transport(hears, e))?;
+        let speak = (topic(&node, side, speaks)?.publisher_builder())
             .initial_max_slice_len(1 << 14)
             .allocation_strategy(AllocationStrategy::PowerOfTwo)
             .create()
             .map_err(|e| transport(speaks, e))?;
-        let listen = (listen.subscriber_builder().create()).map_err(|e| transport(hears, e))?;
         Ok(Self {
             side,
             speak,
