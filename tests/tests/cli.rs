@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::harness::{Rig, Run, misbehaving_controller, program, until};
+use crate::harness::{Rig, Run, misbehaving_controller, program, workspace};
 
 const SCENARIO: &str = "scenarios/spring-mass.toml";
 
@@ -276,16 +276,10 @@ fn a_program_that_leaves_something_running_is_not_waited_for() {
 #[test]
 fn without_a_folder_given_a_run_gets_one_of_its_own() {
     let rig = Rig::new();
-    let scenario = crate::harness::workspace().join(SCENARIO);
-    let mut hil = std::process::Command::new(program("hil"));
-    hil.arg("run")
-        .arg(scenario)
-        .args(["--session", rig.session()]);
-    let output = hil
-        .current_dir(rig.path(""))
-        .output()
-        .expect("hil can be run");
-    assert!(output.status.success());
+    let scenario = workspace().join(SCENARIO);
+    let scenario = scenario.to_str().expect("plain");
+    let arguments = ["run", scenario, "--session", rig.session()];
+    rig.hil_in(&rig.path(""), &arguments).expect(0);
     let runs: Vec<_> = (std::fs::read_dir(rig.path("runs")).expect("runs").flatten()).collect();
     let [run] = &runs[..] else { panic!("{runs:?}") };
     let name = run.file_name().into_string().expect("plain");
@@ -305,8 +299,6 @@ fn without_a_folder_given_a_run_gets_one_of_its_own() {
         "summary.json",
     ];
     assert_eq!(files, wanted);
-    until("nothing is left", || rig.processes().is_empty());
-    rig.assert_nothing_left();
 }
 
 #[test]

@@ -74,7 +74,8 @@ fn own_folder() -> PathBuf {
     folder.expect("it lies in target/<profile>/deps").to_owned()
 }
 
-fn target() -> PathBuf {
+/// The target directory.
+pub(crate) fn target() -> PathBuf {
     let own = own_folder();
     own.parent().expect("the target directory").to_owned()
 }

@@ -15,7 +15,7 @@
 //! after every run that nothing of it is left. [`mcap_reader`] reads recordings.
 //!
 //! Three parts need more than Rust; a test that lacks its part says so and passes, unless the
-//! environment demands it: `HIL_TEST_RELEASE=1` builds the release binaries, `HIL_TEST_PYTHON=1`
+//! environment demands it: `HIL_TEST_RELEASE=1` builds the binaries of the other profile, `HIL_TEST_PYTHON=1`
 //! makes a Python environment, `HIL_TEST_STRACE=1` wants `strace`.
 
 mod architecture;

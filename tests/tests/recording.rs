@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::process::{Command, Output};
 
-use crate::harness::{Rig, demanded, skip, workspace};
+use crate::harness::{Rig, demanded, skip, target, workspace};
 use crate::mcap_reader::Recording;
 
 const SCENARIO: &str = "tests/scenarios/leakage.toml";
@@ -186,7 +186,7 @@ fn python() -> Option<PathBuf> {
         imported.is_ok_and(|output| output.status.success())
     };
     let own = PathBuf::from("python3");
-    let environment = workspace().join("target/python");
+    let environment = target().join("python");
     let made = environment.join("bin/python");
     if let Some(python) = [own, made.clone()].into_iter().find(reads_mcap) {
         return Some(python);
