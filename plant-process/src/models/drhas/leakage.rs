@@ -8,8 +8,9 @@
 //! Near `P_h1 = P_h2` the root in eq. 5 is not Lipschitz: the true pressures meet in finite time
 //! and stay together, while a Runge-Kutta step overshoots, and the next one overshoots back. The
 //! fault's leak alone, at fixed volumes, has a closed form instead. With `y = P_h1 - P_h2`,
-//! `sqrt|y|` falls linearly and stays at 0. A substep whose leak alone would empty `y` takes the
-//! leak out of the right-hand side and applies this form, half of it before and half after.
+//! `sqrt|y|` falls linearly and stays at 0. A substep whose leak alone would empty `y` of either
+//! actuator is cut into equal parts; a part in which it still would takes that leak out of the
+//! right-hand side and applies this form, half of it before and half after.
 
 use super::tables::ActuatorParameters;
 use super::{ActuatorState, cylinder};

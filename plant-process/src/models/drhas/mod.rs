@@ -66,6 +66,14 @@ pub struct State {
 /// Number of state variables.
 const STATES: usize = size_of::<State>() / size_of::<f64>();
 
+/// Parts of a substep in which the fault's leak alone would empty a pressure difference.
+///
+/// There the leak acts beside the Runge-Kutta step and not inside it, which is coarse where the
+/// valve drives the difference through zero. Largest errors with substeps of 25 us in the golden
+/// window of such crossings: 8.7e-6 rad and 1500 Pa uncut, 6.1e-8 rad and 7.9 Pa in 4 parts,
+/// 8.7e-10 rad and 0.64 Pa in 16; Runge-Kutta alone 4.7e-7 rad and 4100 Pa.
+const PARTS_OF_EMPTYING_SUBSTEP: u32 = 4;
+
 /// The hydraulic system: its parameters as they are now and its state.
 pub struct Drhas {
     parameters: Parameters,
@@ -130,7 +138,7 @@ fn rates(
 }
 
 impl Drhas {
-    /// One integration step.
+    /// One integration step: a substep or a part of one.
     ///
     /// The fault's leak is part of the right-hand side, except where it alone would make an
     /// actuator's pressures equal within the step (see [`leakage`]): there its exact flow is
@@ -138,9 +146,7 @@ impl Drhas {
     #[inline]
     fn substep(&mut self, step_s: f64, currents_a: [f64; 2], disturbances_n: &[[f64; 2]; 3]) {
         let actuators = self.parameters.actuators();
-        let empties: [bool; 2] = std::array::from_fn(|i| {
-            leakage::empties_within(actuators[i], &self.state.actuators[i], step_s)
-        });
+        let empties = self.empties_within(step_s);
         let channels: [Channel<'_>; 2] = std::array::from_fn(|i| Channel {
             parameters: actuators[i],
             current_a: currents_a[i],
@@ -166,6 +172,13 @@ impl Drhas {
         });
         self.state = transmute!(x);
         leak_half_a_step(&mut self.state);
+    }
+
+    /// For each actuator, whether the fault's leak alone would make its pressures equal.
+    #[inline]
+    fn empties_within(&self, duration_s: f64) -> [bool; 2] {
+        let (actuators, states) = (self.parameters.actuators(), &self.state.actuators);
+        std::array::from_fn(|i| leakage::empties_within(actuators[i], &states[i], duration_s))
     }
 
     /// Disturbances of both pistons (eq. 74).
@@ -274,14 +287,23 @@ impl Plant for Drhas {
             command.actuator1_valve_current_a,
             command.actuator2_valve_current_a,
         ];
-        // A substep's end is the next one's begin: two new sines for each, not four.
+        // A part's end is the next one's begin: two new sines for each, not four.
         let mut begin_n = self.disturbances_n(interval.start_s);
         for substep in 0..interval.substeps {
-            let time_s = interval.start_s + f64::from(substep) * h;
-            let middle_n = self.disturbances_n(time_s + 0.5 * h);
-            let end_n = self.disturbances_n(time_s + h);
-            self.substep(h, currents_a, &[begin_n, middle_n, end_n]);
-            begin_n = end_n;
+            let substep_start_s = interval.start_s + f64::from(substep) * h;
+            let parts = if self.empties_within(h).contains(&true) {
+                PARTS_OF_EMPTYING_SUBSTEP
+            } else {
+                1
+            };
+            let part_s = h / f64::from(parts);
+            for part in 0..parts {
+                let time_s = substep_start_s + f64::from(part) * part_s;
+                let middle_n = self.disturbances_n(time_s + 0.5 * part_s);
+                let end_n = self.disturbances_n(time_s + part_s);
+                self.substep(part_s, currents_a, &[begin_n, middle_n, end_n]);
+                begin_n = end_n;
+            }
         }
     }
 }

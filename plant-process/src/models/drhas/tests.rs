@@ -142,6 +142,24 @@ fn the_mirrored_system_moves_in_the_mirror() {
     }
 }
 
+#[test]
+fn actuators_that_change_places_change_nothing_else() {
+    // The leak empties the pressure difference of one actuator only, again and again.
+    let ringing = |leaking: usize| {
+        let mut parameters = both(undisturbed(), |p| p.initial_velocity_mps = 0.2);
+        let actuators = [&mut parameters.actuator1, &mut parameters.actuator2];
+        actuators[leaking].leakage_coefficient_m3ps_per_sqrt_pa = 5e-7;
+        let mut plant = start(&parameters);
+        run(&mut plant, 300, &CLOSED, |_| {});
+        plant.state
+    };
+    let (one, other) = (ringing(0), ringing(1));
+    assert_eq!(one.angle_rad, other.angle_rad);
+    assert_eq!(one.actuators[0], other.actuators[1]);
+    assert_eq!(one.actuators[1], other.actuators[0]);
+    assert_ne!(one.actuators[0], one.actuators[1]);
+}
+
 /// A moving system whose chambers are all closed.
 fn closed_chambers() -> Parameters {
     let mut parameters = both(undisturbed(), |p| {

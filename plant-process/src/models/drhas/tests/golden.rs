@@ -241,13 +241,14 @@ fn trajectories_are_those_of_an_adaptive_method_of_order_eight() {
 }
 
 #[test]
-fn a_leak_through_equal_pressures_is_followed_and_converges() {
+fn pressure_differences_driven_through_zero_against_a_leak_are_followed_and_converge() {
+    // Runge-Kutta alone is off by 4.7e-7 rad and 4100 Pa here with 4 substeps.
     let file: Value = serde_json::from_str(TRAJECTORIES).unwrap();
     let name = "pid, severe leak, pressure differences pass through zero";
     let coarse = errors(window(&file, name), 4);
-    assert_below(&coarse, [2e-5, 1e-3], [3e-6, 2e-4, 3e3, 3e3], name);
+    assert_below(&coarse, [1.5e-7, 6e-6], [2e-8, 1.3e-5, 20.0, 20.0], name);
     let fine = errors(window(&file, name), 64);
-    assert_below(&fine, [1e-9, 2e-7], [1e-9, 2e-7, 1.0, 1.0], name);
+    assert_below(&fine, [1.2e-11, 7e-10], [2e-12, 1e-9, 8e-3, 8e-3], name);
 }
 
 #[test]
