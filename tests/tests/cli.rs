@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use crate::harness::{Rig, Run, misbehaving_controller, program, workspace};
+use crate::harness::{Rig, Run};
+use crate::programs::{misbehaving_controller, program, workspace};
 
 const SCENARIO: &str = "scenarios/spring-mass.toml";
 

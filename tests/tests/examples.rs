@@ -2,8 +2,9 @@
 
 use serde_json::Value;
 
-use crate::harness::{Rig, example, workspace};
+use crate::harness::Rig;
 use crate::mcap_reader::Recording;
+use crate::programs::{example, workspace};
 
 const SCENARIO: &str = "examples/own-plant/pendulum.toml";
 

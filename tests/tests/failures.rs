@@ -3,8 +3,9 @@
 
 use rustix::process::Signal;
 
-use crate::harness::{Rig, Run, misbehaving_controller, program, send, until};
+use crate::harness::{Rig, Run, send, until};
 use crate::mcap_reader::{Record, Recording};
+use crate::programs::{misbehaving_controller, program};
 
 /// Twenty seconds of the hydraulic system: long enough to be interrupted. Killing and stopping need
 /// the run to be there, not to be short.

@@ -11,8 +11,8 @@
 //! | [`paper`] | the paper's experiment against its checked figures |
 //! | [`recording`] | what a recording holds, read without the recorder's code |
 //!
-//! [`harness`] builds the programs, gives each test a place of its own and a watchdog, and looks
-//! after every run that nothing of it is left. [`mcap_reader`] reads recordings.
+//! [`programs`] builds what is run; [`harness`] gives each test a place of its own and a watchdog, and
+//! looks after every run that nothing of it is left. [`mcap_reader`] reads recordings.
 //!
 //! Three parts need more than Rust; a test that lacks its part says so and passes, unless the
 //! environment demands it: `HIL_TEST_RELEASE=1` builds the binaries of the other profile, `HIL_TEST_PYTHON=1`
@@ -27,4 +27,5 @@ mod harness;
 mod hot_path;
 mod mcap_reader;
 mod paper;
+mod programs;
 mod recording;

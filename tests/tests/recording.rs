@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 use std::process::{Command, Output};
 
-use crate::harness::{Rig, demanded, skip, target, workspace};
+use crate::harness::Rig;
 use crate::mcap_reader::Recording;
+use crate::programs::{demanded, skip, target, workspace};
 
 const SCENARIO: &str = "tests/scenarios/leakage.toml";
 const SHORT: &str = "--set run.duration_s=0.2 --set faults[0].at_s=0.1";

@@ -1,0 +1,141 @@
+//! The programs that tests run, built once for each test binary with its own profile and target
+//! directory, and what a machine may lack.
+
+use std::ffi::OsStr;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::OnceLock;
+
+/// The top of the workspace, where every command is run.
+pub(crate) fn workspace() -> &'static Path {
+    let tests = Path::new(env!("CARGO_MANIFEST_DIR"));
+    tests.parent().expect("the workspace is above this package")
+}
+
+/// How the programs are compiled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Profile {
+    Debug,
+    Release,
+}
+
+impl Profile {
+    /// That of this test binary, which lies in `target/<profile>/deps`.
+    fn own() -> Self {
+        match own_folder().file_name().and_then(OsStr::to_str) {
+            Some("debug") => Self::Debug,
+            Some("release") => Self::Release,
+            other => panic!("tests run with the profiles dev and release, not {other:?}"),
+        }
+    }
+
+    /// The folder of the programs.
+    fn folder(self) -> PathBuf {
+        own_folder().with_file_name(match self {
+            Self::Debug => "debug",
+            Self::Release => "release",
+        })
+    }
+
+    /// A `cargo build` with this profile into the target directory of the tests.
+    fn build(self) -> Command {
+        let mut cargo = Command::new(env!("CARGO"));
+        cargo.arg("build").current_dir(workspace());
+        cargo.arg("--target-dir").arg(target());
+        if self == Self::Release {
+            cargo.arg("--release");
+        }
+        cargo
+    }
+}
+
+fn own_folder() -> PathBuf {
+    let own = std::env::current_exe().expect("a path to this program");
+    let folder = own.ancestors().nth(2);
+    folder.expect("it lies in target/<profile>/deps").to_owned()
+}
+
+/// The target directory.
+pub(crate) fn target() -> PathBuf {
+    let own = own_folder();
+    own.parent().expect("the target directory").to_owned()
+}
+
+fn finish(cargo: &mut Command) {
+    let output = cargo.output().expect("cargo can be run");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{cargo:?} failed:\n{said}");
+}
+
+/// A program of the workspace, as fresh as the sources.
+pub(crate) fn program(name: &str) -> PathBuf {
+    static BUILT: OnceLock<()> = OnceLock::new();
+    let profile = Profile::own();
+    BUILT.get_or_init(|| finish(profile.build().args(["--workspace", "--bins"])));
+    profile.folder().join(name)
+}
+
+/// The controller that does everything wrong, from `tests/examples`.
+pub(crate) fn misbehaving_controller() -> PathBuf {
+    static BUILT: OnceLock<()> = OnceLock::new();
+    const NAME: &str = "misbehaving-controller";
+    let profile = Profile::own();
+    BUILT.get_or_init(|| finish(profile.build().args(["-p", "tests", "--example", NAME])));
+    profile.folder().join("examples").join(NAME)
+}
+
+/// `hil` of the other profile: built when `HIL_TEST_RELEASE` asks for it, else only if it is newer
+/// than everything it is made of.
+pub(crate) fn other_hil() -> Option<PathBuf> {
+    let other = match Profile::own() {
+        Profile::Debug => Profile::Release,
+        Profile::Release => Profile::Debug,
+    };
+    let folder = other.folder();
+    let programs = ["hil", "plant-process", "controller-process"];
+    if demanded("HIL_TEST_RELEASE") {
+        finish(other.build().args(["--workspace", "--bins"]));
+    } else if !(programs.iter()).all(|name| is_fresh(&folder.join(name))) {
+        return None;
+    }
+    Some(folder.join("hil"))
+}
+
+/// Whether a program is newer than the Rust sources that Cargo wrote down beside it.
+fn is_fresh(program: &Path) -> bool {
+    let changed = |path: &Path| path.metadata().and_then(|data| data.modified()).ok();
+    let Ok(made_of) = std::fs::read_to_string(program.with_extension("d")) else {
+        return false;
+    };
+    let mut sources = (made_of.split_ascii_whitespace()).filter(|path| path.ends_with(".rs"));
+    changed(program).is_some_and(|built| {
+        sources.all(|source| changed(Path::new(source)).is_some_and(|source| source <= built))
+    })
+}
+
+/// Builds a crate of `examples`, which is outside the workspace, and gives its program.
+pub(crate) fn example(name: &str) -> PathBuf {
+    let folder = workspace().join("examples").join(name);
+    let target = target().join("examples-outside");
+    let mut cargo = Command::new(env!("CARGO"));
+    cargo.arg("build").current_dir(folder);
+    finish(cargo.arg("--target-dir").arg(&target));
+    target.join("debug").join(name)
+}
+
+/// Whether the environment insists on a part that not every machine has.
+pub(crate) fn demanded(variable: &str) -> bool {
+    std::env::var_os(variable).is_some_and(|value| value != "0")
+}
+
+/// Says that a test could not do its work here.
+pub(crate) fn skip(test: &str, why: &str, variable: &str) {
+    assert!(!demanded(variable), "{variable} is set, but {why}");
+    // Not `eprintln`, which is shown of failed tests only.
+    let told = writeln!(
+        std::io::stderr(),
+        "SKIPPED {test}: {why}; {variable}=1 insists on it"
+    );
+    told.expect("standard error can be written");
+}
