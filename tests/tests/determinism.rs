@@ -124,7 +124,7 @@ fn the_only_core_may_be_busy_too() {
 fn debug_and_release_have_one_digest() {
     let rig = Rig::new();
     let Some(other) = other_hil() else {
-        let why = "there are no fresh binaries of the other profile";
+        let why = "building the other profile takes minutes";
         return skip("debug_and_release_have_one_digest", why, "HIL_TEST_RELEASE");
     };
     let run = rig.start_with(Command::new(other), SCENARIO).finish();
