@@ -120,7 +120,7 @@ pub fn drive<L: Link>(
                 if supervision.is_peer_gone() {
                     runner.interrupt(&ControllerEvent::PeerGone)?;
                 } else if waiter.pause() {
-                    runner.interrupt(&ControllerEvent::Deadline)?;
+                    runner.interrupt(&ControllerEvent::Deadline(limit.ms()))?;
                 }
             }
         }

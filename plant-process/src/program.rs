@@ -114,7 +114,7 @@ pub fn drive<L: Link, S: RecordSink>(
                 if supervision.is_peer_gone() {
                     engine.interrupt(&PlantEvent::PeerGone)?;
                 } else if waiter.pause() {
-                    engine.interrupt(&PlantEvent::Deadline)?;
+                    engine.interrupt(&PlantEvent::Deadline(limit.ms()))?;
                 }
             }
             Progress::Recorder => {

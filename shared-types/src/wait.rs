@@ -32,6 +32,12 @@ impl WaitLimit {
             ns: (limit_s * 1e9) as u64,
         }
     }
+
+    /// The limit in ms.
+    #[must_use]
+    pub const fn ms(self) -> u64 {
+        self.ns / 1_000_000
+    }
 }
 
 /// One wait after another.

@@ -18,8 +18,8 @@ pub enum ControllerEvent<'a> {
     Opened,
     /// A frame came that passed the link's checks.
     Frame(&'a Header),
-    /// The bounded wait is over.
-    Deadline,
+    /// The bounded wait, so many ms long, is over.
+    Deadline(u64),
     /// The plant's process ended.
     PeerGone,
     /// Somebody wants the run to end.
@@ -140,16 +140,18 @@ impl ControllerSide {
 
             (_, ControllerEvent::Frame(header)) => self.on_frame(header),
 
-            (State::AwaitSample(step), ControllerEvent::Deadline) => {
+            (State::AwaitSample(step), ControllerEvent::Deadline(ms)) => {
                 let what = format!("send step {step}");
-                self.late(what)
+                self.late(what, *ms)
             }
-            (State::Start, ControllerEvent::Deadline) => {
-                self.late("create the session's link".into())
+            (State::Start, ControllerEvent::Deadline(ms)) => {
+                self.late("create the session's link".into(), *ms)
             }
-            (State::AwaitWelcome(_), ControllerEvent::Deadline) => self.late("answer hello".into()),
+            (State::AwaitWelcome(_), ControllerEvent::Deadline(ms)) => {
+                self.late("answer hello".into(), *ms)
+            }
             // Opening is this side's own work.
-            (State::Opening { .. }, ControllerEvent::Deadline) => ControllerAction::Ignore,
+            (State::Opening { .. }, ControllerEvent::Deadline(_)) => ControllerAction::Ignore,
 
             (
                 _,
@@ -196,8 +198,12 @@ impl ControllerSide {
         ControllerAction::Ignore
     }
 
-    fn late(&mut self, what: String) -> ControllerAction {
-        self.abort(Abort::Late { peer: PEER, what })
+    fn late(&mut self, what: String, limit_ms: u64) -> ControllerAction {
+        self.abort(Abort::Late {
+            peer: PEER,
+            what,
+            limit_ms,
+        })
     }
 
     fn broken(&mut self, what: String) -> ControllerAction {

@@ -74,12 +74,14 @@ pub enum Abort {
         at: Step,
     },
     /// The other side did not say what was awaited in time.
-    #[error("{peer} did not {what} within the wait limit")]
+    #[error("{peer} did not {what} within {} s", *limit_ms as f64 / 1e3)]
     Late {
         /// Who.
         peer: &'static str,
         /// What.
         what: String,
+        /// How long it was given.
+        limit_ms: u64,
     },
     /// The other side is gone.
     #[error("{peer} is gone at step {at}")]

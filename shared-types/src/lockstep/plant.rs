@@ -18,8 +18,8 @@ pub enum PlantEvent<'a> {
     Release,
     /// A frame came that passed the link's checks.
     Frame(&'a Header),
-    /// The bounded wait is over.
-    Deadline,
+    /// The bounded wait, so many ms long, is over.
+    Deadline(u64),
     /// The controller's process ended.
     PeerGone,
     /// Somebody wants the run to end.
@@ -156,17 +156,19 @@ impl PlantSide {
 
             (_, PlantEvent::Frame(header)) => self.on_frame(header),
 
-            (State::AwaitHello, PlantEvent::Deadline) => self.late("say hello".into()),
-            (State::AwaitReady { .. }, PlantEvent::Deadline) => self.late("open its frames".into()),
-            (State::AwaitCommand(step), PlantEvent::Deadline) => {
-                let what = format!("answer step {step}");
-                self.late(what)
+            (State::AwaitHello, PlantEvent::Deadline(ms)) => self.late("say hello".into(), *ms),
+            (State::AwaitReady { .. }, PlantEvent::Deadline(ms)) => {
+                self.late("open its frames".into(), *ms)
             }
-            (State::AwaitConfirmation, PlantEvent::Deadline) => {
-                self.late(format!("confirm the end after {} steps", self.steps))
+            (State::AwaitCommand(step), PlantEvent::Deadline(ms)) => {
+                let what = format!("answer step {step}");
+                self.late(what, *ms)
+            }
+            (State::AwaitConfirmation, PlantEvent::Deadline(ms)) => {
+                self.late(format!("confirm the end after {} steps", self.steps), *ms)
             }
             // Nothing is awaited from the controller between steps.
-            (State::Between(_), PlantEvent::Deadline) => PlantAction::Ignore,
+            (State::Between(_), PlantEvent::Deadline(_)) => PlantAction::Ignore,
 
             (_, PlantEvent::Hello(..) | PlantEvent::Ready(_) | PlantEvent::Release) => {
                 self.ignore()
@@ -212,8 +214,12 @@ impl PlantSide {
         PlantAction::Ignore
     }
 
-    fn late(&mut self, what: String) -> PlantAction {
-        self.abort(Abort::Late { peer: PEER, what })
+    fn late(&mut self, what: String, limit_ms: u64) -> PlantAction {
+        self.abort(Abort::Late {
+            peer: PEER,
+            what,
+            limit_ms,
+        })
     }
 
     fn broken(&mut self, what: String) -> PlantAction {

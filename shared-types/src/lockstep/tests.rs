@@ -189,45 +189,40 @@ fn a_confirmation_of_another_step_fails_the_barrier() {
 
 #[test]
 fn every_wait_of_the_plant_names_who_is_late_and_for_what() {
-    let late = |mut plant: PlantSide| match plant.on(&PlantEvent::Deadline) {
+    let late = |mut plant: PlantSide| match plant.on(&PlantEvent::Deadline(5000)) {
         PlantAction::Abort(abort) => abort.to_string(),
         other => panic!("{other:?}"),
     };
     assert_eq!(
         late(PlantSide::new(3)),
-        "controller did not say hello within the wait limit"
+        "controller did not say hello within 5 s"
     );
     let mut waiting = plant(3);
     assert_eq!(
-        waiting.on(&PlantEvent::Deadline),
+        waiting.on(&PlantEvent::Deadline(5000)),
         PlantAction::Ignore,
         "nothing is awaited"
     );
     waiting.on(&PlantEvent::Release);
-    assert_eq!(
-        late(waiting),
-        "controller did not answer step 0 within the wait limit"
-    );
+    assert_eq!(late(waiting), "controller did not answer step 0 within 5 s");
     let mut ending = plant(0);
     ending.on(&PlantEvent::Release);
     assert_eq!(
         late(ending),
-        "controller did not confirm the end after 0 steps within the wait limit"
+        "controller did not confirm the end after 0 steps within 5 s"
     );
 }
 
 #[test]
 fn every_wait_of_the_controller_names_who_is_late_and_for_what() {
-    let late = |mut controller: ControllerSide| match controller.on(&ControllerEvent::Deadline) {
+    let late = |mut controller: ControllerSide| match controller.on(&ControllerEvent::Deadline(200))
+    {
         ControllerAction::Abort(abort) => abort.to_string(),
         other => panic!("{other:?}"),
     };
-    let told = "plant did not create the session's link within the wait limit";
+    let told = "plant did not create the session's link within 0.2 s";
     assert_eq!(late(ControllerSide::new()), told);
-    assert_eq!(
-        late(controller()),
-        "plant did not send step 0 within the wait limit"
-    );
+    assert_eq!(late(controller()), "plant did not send step 0 within 0.2 s");
 }
 
 #[test]

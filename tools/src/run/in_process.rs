@@ -148,7 +148,7 @@ fn turns<S: RecordSink>(
             engine::Progress::Controller => {
                 // It had its turn; if nothing comes all the same, one of them is broken.
                 if waiter.pause() {
-                    engine.interrupt(&PlantEvent::Deadline)?;
+                    engine.interrupt(&PlantEvent::Deadline(limit.ms()))?;
                 }
             }
         }

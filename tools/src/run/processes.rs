@@ -26,8 +26,8 @@ const LOOK: Duration = Duration::from_millis(2);
 const GRACE: Duration = Duration::from_secs(2);
 /// Exit code of a Rust program that panicked.
 const PANIC: i32 = 101;
-/// Lines of a log that are shown when a run failed.
-const TAIL: usize = 12;
+/// Lines at each end of a log that are shown when a run failed.
+const EXCERPT: usize = 6;
 
 /// One side of the run.
 struct Side {
@@ -123,12 +123,16 @@ impl Side {
         }
     }
 
-    /// The last lines of its output.
-    fn tail(&self) -> String {
+    /// The first and last lines of its output: a panic's message comes before its backtrace.
+    fn excerpt(&self) -> String {
         let text = std::fs::read(&self.log).unwrap_or_default();
         let text = String::from_utf8_lossy(&text);
         let lines: Vec<&str> = text.lines().collect();
-        lines[lines.len().saturating_sub(TAIL)..].join("\n")
+        if lines.len() <= 2 * EXCERPT {
+            return lines.join("\n");
+        }
+        let last = &lines[lines.len() - EXCERPT..];
+        [&lines[..EXCERPT], &["..."], last].concat().join("\n")
     }
 }
 
@@ -168,9 +172,9 @@ pub(super) fn run(
     let ended = conclude(prepared, recorded, &plant, &controller, first);
     if ended.outcome != Outcome::Completed && ended.outcome != Outcome::Stopped {
         for side in [&plant, &controller] {
-            let tail = side.tail();
-            if !tail.is_empty() {
-                eprintln!("{}:\n{tail}\n", side.log.display());
+            let excerpt = side.excerpt();
+            if !excerpt.is_empty() {
+                eprintln!("{}:\n{excerpt}\n", side.log.display());
             }
         }
     }
