@@ -50,6 +50,8 @@ pub struct Engine<L, S> {
     epoch: u32,
     pacer: Option<Pacer>,
     rows: Rows,
+    /// The step whose reference signals are made already.
+    prepared: Option<Step>,
     /// The last record, if it was not published yet.
     pending: bool,
     timing: Timing,
@@ -95,6 +97,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             epoch: 1,
             pacer: None,
             rows: Rows::default(),
+            prepared: None,
             pending: false,
             timing: Timing::default(),
             sent_ns: 0,
@@ -231,11 +234,12 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                 };
                 self.sent_ns = monotonic_ns();
                 self.link.send(&header, &self.rows.sample)?;
-                // While the controller works: what observers need.
+                // While the controller works: what observers need, and what needs no command.
                 self.publish()?;
                 for taken in self.plant.faults.taken_at(step) {
                     self.sink.event(&Event::Fault(taken.clone()))?;
                 }
+                self.prepare(step.next());
             }
             PlantAction::SendEnd(step) => {
                 if !self.measure(step)? {
@@ -251,21 +255,31 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         Ok(Progress::Busy)
     }
 
+    /// Makes the reference signals of a step, which depend on time alone.
+    fn prepare(&mut self, step: Step) {
+        let time_s = self.job.run.rate.seconds(step);
+        let mut reference = &mut self.rows.reference[..];
+        for stimulus in &self.job.stimuli {
+            let count = 1 + stimulus.waveform.derivatives();
+            let (row, rest) = reference.split_at_mut(count);
+            stimulus::evaluate(&stimulus.waveform, time_s, row);
+            reference = rest;
+        }
+        self.prepared = Some(step);
+    }
+
     /// Fills the sample of a step; false if the plant diverged.
     fn measure(&mut self, step: Step) -> Result<bool, LinkError> {
         if let Some(parameters) = self.plant.faults.advance(step) {
             self.plant.model.retune(parameters);
         }
-        let time_s = self.job.run.rate.seconds(step);
-        let (measured, mut reference) =
+        if self.prepared != Some(step) {
+            self.prepare(step);
+        }
+        let (measured, reference) =
             (self.rows.sample).split_at_mut(self.plant.description.measured.len());
         self.plant.model.measure(measured);
-        for stimulus in &self.job.stimuli {
-            let count = 1 + stimulus.waveform.derivatives();
-            let (row, rest) = std::mem::take(&mut reference).split_at_mut(count);
-            stimulus::evaluate(&stimulus.waveform, time_s, row);
-            reference = rest;
-        }
+        reference.copy_from_slice(&self.rows.reference);
         let (fields, measured) = (&self.plant.description.measured, &self.rows.sample);
         match first_bad(fields, measured) {
             Ok(()) => Ok(true),

@@ -15,6 +15,8 @@ use shared_types::zerocopy::IntoBytes;
 pub struct Rows {
     /// Measured, then reference signals.
     pub sample: Vec<f64>,
+    /// Reference signals of the next sample.
+    pub reference: Vec<f64>,
     /// What the controller sent: its commands, then its internals.
     pub frame: Vec<f64>,
     /// The plant's commands as sent.
@@ -39,6 +41,7 @@ impl Rows {
         let bound = welcome.command.bind(SignalKind::Command, &layout.command);
         Self {
             sample: vec![0.0; welcome.sample.len()],
+            reference: vec![0.0; layout.reference.len()],
             frame: vec![0.0; welcome.command.len()],
             command: vec![0.0; layout.command.len()],
             applied: vec![0.0; layout.command.len()],
