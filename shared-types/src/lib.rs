@@ -2,7 +2,7 @@
 //!
 //! One step, and where its parts live:
 //!
-//! 1. A plant's signals are a [`table`]; what it can be asked is its [`describe`] answer.
+//! 1. A plant's signals are a [`mod@table`]; what it can be asked is its [`describe`] answer.
 //! 2. Before step 0 both sides say [`hello`] and agree on a [`layout`].
 //! 3. The [`pacer`] releases step `k` of [`time`].
 //! 4. The sample crosses the [`link`] as a [`frame`]; the command comes back the same way. Who may
