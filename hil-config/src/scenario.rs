@@ -31,7 +31,7 @@ impl Scenario {
     /// If the file cannot be read or is not TOML.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, Problems> {
         let path = path.as_ref();
-        let text = std::fs::read_to_string(path).map_err(|error| {
+        let text = read_regular(path).map_err(|error| {
             Problems(vec![Problem {
                 kind: ProblemKind::Unreadable,
                 key: String::new(),
@@ -119,4 +119,16 @@ impl Scenario {
         };
         crate::check::check(self, reader, plants, laws)
     }
+}
+
+/// Reads a file that ends: a pipe or a device may never, and nobody writes so large a scenario.
+fn read_regular(path: &Path) -> std::io::Result<String> {
+    const LARGEST: u64 = 16 << 20;
+    let found = std::fs::metadata(path)?;
+    if !found.is_file() || found.len() > LARGEST {
+        return Err(std::io::Error::other(
+            "it is no regular file of at most 16 MiB",
+        ));
+    }
+    std::fs::read_to_string(path)
 }

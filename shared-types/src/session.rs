@@ -311,6 +311,9 @@ impl AllSessions {
         let path = folder.join(".lock");
         let since = Instant::now();
         loop {
+            if since.elapsed() > LOCK_LIMIT {
+                return Err(SessionError::Locked(path));
+            }
             match private_folder(&folder) {
                 Err(error) if error.kind() != ErrorKind::AlreadyExists => {
                     return Err(SessionError::io("create", &folder)(error));
@@ -336,9 +339,6 @@ impl AllSessions {
                     folder,
                     _lock: lock,
                 });
-            }
-            if since.elapsed() > LOCK_LIMIT {
-                return Err(SessionError::Locked(path));
             }
             std::thread::sleep(Duration::from_millis(2));
         }

@@ -11,6 +11,7 @@ use shared_types::describe::{Description, PROTOCOL};
 
 use crate::cli::BinaryArguments;
 use crate::exit::Failure;
+use crate::interruption::Interruption;
 
 /// How long a binary may take to describe itself or to check a job.
 const ANSWER_LIMIT: Duration = Duration::from_secs(10);
@@ -40,11 +41,12 @@ impl Binaries {
     ///
     /// # Errors
     /// If one is missing, cannot be executed or does not speak the protocol.
-    pub fn find(arguments: &BinaryArguments) -> Result<Self, Failure> {
+    pub fn find(arguments: &BinaryArguments, interruption: &Interruption) -> Result<Self, Failure> {
         let plant = Binary::find(
             arguments.plant_bin.as_deref(),
             "plant-process",
             "--plant-bin",
+            interruption,
         )?;
         if plant.description.plants.is_empty() {
             return Err(Failure::usage(format!(
@@ -53,7 +55,8 @@ impl Binaries {
             )));
         }
         let path = arguments.controller_bin.as_deref();
-        let controller = Binary::find(path, "controller-process", "--controller-bin")?;
+        let controller =
+            Binary::find(path, "controller-process", "--controller-bin", interruption)?;
         if controller.description.laws.is_empty() {
             let path = controller.path.display();
             return Err(Failure::usage(format!("{path} describes no control law")));
@@ -63,13 +66,19 @@ impl Binaries {
 }
 
 impl Binary {
-    fn find(given: Option<&Path>, name: &str, flag: &str) -> Result<Self, Failure> {
+    fn find(
+        given: Option<&Path>,
+        name: &str,
+        flag: &str,
+        interruption: &Interruption,
+    ) -> Result<Self, Failure> {
         let path = match given {
-            Some(path) => path.to_owned(),
+            // Absolute, so that what is run is what is hashed: a bare name is looked for elsewhere.
+            Some(path) => std::path::absolute(path).map_err(Failure::usage)?,
             None => beside(name)?,
         };
         let shown = path.display();
-        let output = ask(&path, &["--describe"]).map_err(|error| {
+        let output = ask(&path, &["--describe"], interruption)?.map_err(|error| {
             let hint = if given.is_none() {
                 format!("; build it with `cargo build --release`, or name one with {flag}")
             } else {
@@ -104,9 +113,12 @@ impl Binary {
     ///
     /// # Errors
     /// What the binary has against them.
-    pub fn check(&self, job: &Path) -> Result<(), Failure> {
+    pub fn check(&self, job: &Path, interruption: &Interruption) -> Result<(), Failure> {
         let arguments = ["--check".as_ref(), job.as_os_str()];
-        let output = ask(&self.path, &arguments).map_err(Failure::usage)?;
+        let output = ask(&self.path, &arguments, interruption)?.map_err(|error| {
+            let path = self.path.display();
+            Failure::infrastructure(format!("{path} --check: {error}"))
+        })?;
         if output.status.success() {
             return Ok(());
         }
@@ -126,15 +138,22 @@ fn beside(name: &str) -> Result<PathBuf, Failure> {
 }
 
 /// Runs a binary for a short answer; one that never answers is ended, and so is all that it started.
-fn ask<S: AsRef<std::ffi::OsStr>>(path: &Path, arguments: &[S]) -> Result<Output, String> {
-    let mut child = Command::new(path)
+fn ask<S: AsRef<std::ffi::OsStr>>(
+    path: &Path,
+    arguments: &[S],
+    interruption: &Interruption,
+) -> Result<Result<Output, String>, Failure> {
+    let child = Command::new(path)
         .args(arguments)
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .process_group(0)
-        .spawn()
-        .map_err(|error| error.to_string())?;
+        .spawn();
+    let mut child = match child {
+        Ok(child) => child,
+        Err(error) => return Ok(Err(error.to_string())),
+    };
     // Read while it runs: a full pipe would stop it.
     let reader = |pipe: Option<Box<dyn Read + Send>>| {
         std::thread::spawn(move || {
@@ -150,31 +169,33 @@ fn ask<S: AsRef<std::ffi::OsStr>>(path: &Path, arguments: &[S]) -> Result<Output
     let stderr = reader(child.stderr.take().map(|pipe| Box::new(pipe) as _));
     let since = Instant::now();
     let status = loop {
-        match child.try_wait().map_err(|error| error.to_string())? {
-            Some(status) => break status,
-            None if since.elapsed() > ANSWER_LIMIT => {
+        match child.try_wait() {
+            Err(error) => return Ok(Err(error.to_string())),
+            Ok(Some(status)) => break status,
+            Ok(None) if since.elapsed() > ANSWER_LIMIT || interruption.came() => {
                 end_group(&child);
                 let _ = child.wait(); // it was killed, or had ended just now
-                return Err(format!(
-                    "it gave no answer within {} s",
-                    ANSWER_LIMIT.as_secs()
-                ));
+                if interruption.came() {
+                    return Err(Failure::Interrupted);
+                }
+                let limit_s = ANSWER_LIMIT.as_secs();
+                return Ok(Err(format!("it gave no answer within {limit_s} s")));
             }
-            None => std::thread::sleep(Duration::from_millis(1)),
+            Ok(None) => std::thread::sleep(Duration::from_millis(1)),
         }
     };
     // What it left running would hold the pipes open, and their readers with them.
     end_group(&child);
     let collected = |thread: std::thread::JoinHandle<Vec<u8>>| thread.join().unwrap_or_default();
-    Ok(Output {
+    Ok(Ok(Output {
         status,
         stdout: collected(stdout),
         stderr: collected(stderr),
-    })
+    }))
 }
 
 /// Kills a child that was started as a group of its own, with what it started.
-fn end_group(child: &Child) {
+pub(crate) fn end_group(child: &Child) {
     // There may be nobody left in it.
     let _ = kill_process_group(Pid::from_child(child), Signal::KILL);
 }

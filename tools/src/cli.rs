@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 
+use crate::exit::Failure;
+
 /// Hardware-in-the-loop runs of a plant and a controller in deterministic lockstep
 ///
 /// Exit codes: 0 pass; 1 a requirement failed or a run diverged; 2 wrong usage or configuration,
@@ -74,7 +76,12 @@ pub struct RunArguments {
     #[arg(long, value_enum, default_value_t = Compression::Lz4, value_name = "HOW")]
     pub compression: Compression,
     /// How long a process that lives may keep the other waiting, in s; inf under a debugger
-    #[arg(long, value_name = "SECONDS", default_value_t = 5.0)]
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        default_value_t = 5.0,
+        allow_negative_numbers = true
+    )]
     pub wait_limit: f64,
     /// Print the summary as JSON
     #[arg(long)]
@@ -91,11 +98,27 @@ pub struct Changes {
     #[arg(long, value_enum, value_name = "CLOCK")]
     pub clock: Option<ClockKind>,
     /// Simulated seconds per second; implies --clock paced
-    #[arg(long, value_name = "FACTOR")]
+    #[arg(long, value_name = "FACTOR", allow_negative_numbers = true)]
     pub pace: Option<f64>,
 }
 
 impl Changes {
+    /// Refuses what cannot be meant together.
+    ///
+    /// # Errors
+    /// If a pace is asked for with the lockstep clock.
+    pub fn check(&self) -> Result<(), Failure> {
+        match (self.clock, self.pace) {
+            (Some(ClockKind::Lockstep), Some(_)) => Err(Failure::usage(
+                "--pace is for --clock paced; lockstep runs as fast as both sides can",
+            )),
+            (_, Some(factor)) if !(factor.is_finite() && factor > 0.0) => Err(Failure::usage(
+                format!("--pace takes a number above 0, not {factor}"),
+            )),
+            _ => Ok(()),
+        }
+    }
+
     /// All of them as `KEY=VALUE`.
     #[must_use]
     pub fn as_set(&self) -> Vec<String> {
@@ -207,14 +230,12 @@ pub struct SessionsArguments {
     pub json: bool,
 }
 
-/// Prints the completions for a shell.
-pub fn print_completions(shell: Shell) {
-    clap_complete::generate(
-        shell,
-        &mut CommandLine::command(),
-        "hil",
-        &mut std::io::stdout(),
-    );
+/// The completions for a shell.
+#[must_use]
+pub fn completions(shell: Shell) -> String {
+    let mut text = Vec::new();
+    clap_complete::generate(shell, &mut CommandLine::command(), "hil", &mut text);
+    String::from_utf8_lossy(&text).into_owned()
 }
 
 #[cfg(test)]

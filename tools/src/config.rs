@@ -1,12 +1,13 @@
 //! `hil config`: check a scenario, show it complete, print its schema.
 
 use hil_config::plan::Plan;
-use hil_config::problem::Problems;
 use hil_config::scenario::Scenario;
 
 use crate::binaries::Binaries;
 use crate::cli::{Changes, ConfigAction, ConfigArguments, ScenarioArguments};
 use crate::exit::{Exit, Failure};
+use crate::interruption::Interruption;
+use crate::output;
 
 /// Runs the command.
 ///
@@ -20,21 +21,29 @@ pub fn config(arguments: &ConfigArguments) -> Result<Exit, Failure> {
                 .run
                 .rate
                 .seconds(shared_types::time::Step(plan.run.steps));
-            println!(
-                "{}: {} under {}, {} steps in {seconds} s",
-                plan.name, plan.plant.model, plan.controller.law, plan.run.steps
-            );
+            let (name, model, law) = (&plan.name, &plan.plant.model, &plan.controller.law);
+            let steps = plan.run.steps;
+            output::write(&if scenario.json {
+                "{\"problems\":[]}
+"
+                .to_owned()
+            } else {
+                format!(
+                    "{name}: {model} under {law}, {steps} steps in {seconds} s
+"
+                )
+            })?;
         }
         ConfigAction::Show(scenario) => {
             let (plan, binaries) = checked(scenario)?;
-            print!("{}", show(&plan, &binaries)?);
+            output::write(&show(&plan, &binaries)?)?;
         }
         ConfigAction::Schema { binaries } => {
-            let binaries = Binaries::find(binaries)?;
+            let binaries = Binaries::find(binaries, &Interruption::listen()?)?;
             let plants = &binaries.plant.description.plants;
             let laws = &binaries.controller.description.laws;
             let schema = hil_config::schema::schema(plants, laws);
-            println!("{schema:#}");
+            output::write(&format!("{schema:#}\n"))?;
         }
     }
     Ok(Exit::Pass)
@@ -51,17 +60,18 @@ pub fn show(plan: &Plan, binaries: &Binaries) -> Result<String, Failure> {
 }
 
 fn checked(arguments: &ScenarioArguments) -> Result<(Plan, Binaries), Failure> {
-    let binaries = Binaries::find(&arguments.binaries)?;
-    let plan = read(&arguments.scenario, &arguments.changes, &binaries).map_err(|problems| {
-        if arguments.json {
-            println!("{}", serde_json::json!({ "problems": problems }));
-        }
-        Failure::Usage(problems.to_string())
-    })?;
+    let binaries = Binaries::find(&arguments.binaries, &Interruption::listen()?)?;
+    let plan = read(
+        &arguments.scenario,
+        &arguments.changes,
+        &binaries,
+        arguments.json,
+    )?;
     Ok((plan, binaries))
 }
 
-/// Reads a scenario, applies the changes and checks it against the binaries.
+/// Reads a scenario, applies the changes and checks it against the binaries. With `json` the
+/// problems go to standard output too, for machines.
 ///
 /// # Errors
 /// Everything that is wrong with it.
@@ -69,9 +79,25 @@ pub fn read(
     path: &std::path::Path,
     changes: &Changes,
     binaries: &Binaries,
-) -> Result<Plan, Problems> {
-    let scenario = Scenario::read(path)?.set(&changes.as_set());
+    json: bool,
+) -> Result<Plan, Failure> {
+    changes.check()?;
     let plants = &binaries.plant.description.plants;
     let laws = &binaries.controller.description.laws;
-    scenario.check(plants, laws)
+    let checked = Scenario::read(path).and_then(|scenario| {
+        let scenario = scenario.set(&changes.as_set());
+        scenario.check(plants, laws)
+    });
+    match checked {
+        Ok(plan) => Ok(plan),
+        Err(problems) => {
+            if json {
+                output::write(&format!(
+                    "{}\n",
+                    serde_json::json!({ "problems": problems })
+                ))?;
+            }
+            Err(Failure::Usage(problems.to_string()))
+        }
+    }
 }

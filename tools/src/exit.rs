@@ -30,6 +30,9 @@ pub enum Failure {
     /// Wrong usage or configuration; nothing was started.
     #[error("{0}")]
     Usage(String),
+    /// The user did not want it any more.
+    #[error("interrupted")]
+    Interrupted,
     /// The machine or a process let it down.
     #[error("error: {0}")]
     Infrastructure(String),
@@ -51,6 +54,7 @@ impl Failure {
     pub const fn exit(&self) -> Exit {
         match self {
             Self::Usage(_) => Exit::Usage,
+            Self::Interrupted => Exit::Interrupted,
             Self::Infrastructure(_) => Exit::Infrastructure,
         }
     }

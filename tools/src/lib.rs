@@ -10,7 +10,8 @@
 //!    [`recording`].
 //! 5. [`summary`] says how it went, to a person and to a machine.
 //!
-//! [`config`] and [`sessions`] are the commands around it. Nothing here runs on the loop.
+//! [`config`] and [`sessions`] are the commands around it, [`folder`] is where a run is written,
+//! [`output`] and [`interruption`] are its ways to and from the terminal. Nothing here runs on the loop.
 
 use std::io::IsTerminal;
 
@@ -19,7 +20,9 @@ pub mod cli;
 pub mod config;
 pub mod exit;
 pub mod folder;
+pub mod interruption;
 pub mod latency;
+pub mod output;
 pub mod progress;
 pub mod recorder;
 pub mod recording;
@@ -40,7 +43,7 @@ pub fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
         Command::Config(arguments) => config::config(arguments),
         Command::Sessions(arguments) => sessions::sessions(arguments),
         Command::Completions { shell } => {
-            cli::print_completions(*shell);
+            output::write(&cli::completions(*shell))?;
             Ok(Exit::Pass)
         }
     }

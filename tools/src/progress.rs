@@ -27,9 +27,9 @@ impl Progress {
             );
         };
         let speed = move |state: &ProgressState, text: &mut dyn std::fmt::Write| {
-            let _ = write!(text, "{:.1}x real time", state.per_sec() / rate.hz());
+            let _ = write!(text, "{:.1}x", state.per_sec() / rate.hz());
         };
-        let template = "{bar:32} {simulated}  {speed}  {eta} left";
+        let template = "{wide_bar} {simulated} {speed} {eta}";
         // A bar without the style is better than no run.
         if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(
@@ -51,5 +51,9 @@ impl Progress {
 impl Drop for Progress {
     fn drop(&mut self) {
         self.bar.finish_and_clear();
+        if crate::person_watches() {
+            // Ctrl-C shows as `^C` in the bar's line, which the bar does not know of.
+            eprint!("\r\x1b[2K");
+        }
     }
 }

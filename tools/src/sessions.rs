@@ -4,6 +4,7 @@ use shared_types::session;
 
 use crate::cli::SessionsArguments;
 use crate::exit::{Exit, Failure};
+use crate::output;
 
 /// Runs the command.
 ///
@@ -17,25 +18,25 @@ pub fn sessions(arguments: &SessionsArguments) -> Result<Exit, Failure> {
     };
     let live = session::list().map_err(Failure::infrastructure)?;
     if arguments.json {
-        println!(
-            "{}",
-            serde_json::json!({ "sessions": live, "removed": removed })
-        );
+        let all = serde_json::json!({ "sessions": live, "removed": removed });
+        output::write(&format!("{all}\n"))?;
         return Ok(Exit::Pass);
     }
+    let mut text = String::new();
     for name in &removed {
-        println!("removed what session `{name}` left");
+        text += &format!("removed what session `{name}` left\n");
     }
     if live.is_empty() {
-        println!("no session is running");
+        text += "no session is running\n";
     } else {
-        println!("{:<24}  {:>8}  RUN", "SESSION", "PROCESS");
+        text += &format!("{:<24}  {:>8}  RUN\n", "SESSION", "PROCESS");
     }
     for session in live {
         let run = session
             .run_dir
             .map_or("-".into(), |path| path.display().to_string());
-        println!("{:<24}  {:>8}  {run}", session.name, session.owner.pid);
+        text += &format!("{:<24}  {:>8}  {run}\n", session.name, session.owner.pid);
     }
+    output::write(&text)?;
     Ok(Exit::Pass)
 }

@@ -201,26 +201,36 @@ impl Summary {
         }
         self.write_metrics(text, plan)?;
         let trip = &self.latency_ns.round_trip;
-        writeln!(
-            text,
-            "  round trip {:.2} us median, {:.2} us p99, {:.0} us max",
-            trip.p50 as f64 / 1e3,
-            trip.p99 as f64 / 1e3,
-            trip.max as f64 / 1e3
-        )?;
+        if trip.count > 0 {
+            writeln!(
+                text,
+                "  round trip {:.2} us median, {:.2} us p99, {:.0} us max",
+                trip.p50 as f64 / 1e3,
+                trip.p99 as f64 / 1e3,
+                trip.max as f64 / 1e3
+            )?;
+        }
         if let Some(digest) = &self.digest {
             writeln!(text, "  digest {digest}")?;
         }
-        let lost = match self.recording.lost {
-            0 => String::new(),
-            lost => format!(", {lost} LOST"),
+        let Recording {
+            file,
+            records,
+            lost,
+        } = &self.recording;
+        let lost = if *lost > 0 {
+            format!(", {lost} LOST")
+        } else {
+            String::new()
         };
-        writeln!(
-            text,
-            "  {} records{lost} in {}",
-            self.recording.records,
-            run_dir.display()
-        )
+        let run_dir = run_dir.display();
+        match file {
+            Some(file) => writeln!(text, "  {records} records{lost} in {run_dir}/{file}"),
+            None => writeln!(
+                text,
+                "  {records} records{lost}, not kept; summary in {run_dir}"
+            ),
+        }
     }
 
     fn write_metrics(&self, text: &mut String, plan: &Plan) -> std::fmt::Result {
@@ -229,33 +239,43 @@ impl Summary {
         }
         let width = self.metrics.iter().map(|metric| metric.name.len()).max();
         let width = width.unwrap_or(0);
-        let head = ["metric", "window [s]", "value"];
+        let published: Vec<_> = self
+            .metrics
+            .iter()
+            .map(|metric| of_law(plan, metric))
+            .collect();
+        let any = published.iter().any(Option::is_some);
+        let column = if any { "  published" } else { "" };
         writeln!(
             text,
-            "\n  {:<width$}  {:>10}  {:>11}  published",
-            head[0], head[1], head[2]
+            "\n  {:<width$}  {:>10}  {:>11}{column}",
+            "metric", "window [s]", "value"
         )?;
         let mut notes = Vec::new();
-        for metric in &self.metrics {
+        for (metric, published) in self.metrics.iter().zip(published) {
             let [start_s, end_s] = metric.window_s;
             let window = format!("{start_s} to {end_s}");
             let value = metric.value.map_or_else(|| "-".into(), short);
             let (name, unit) = (&metric.name, &metric.unit);
-            write!(text, "  {name:<width$}  {window:>10}  {value:>11}  ")?;
-            let planned = plan.metrics.iter().find(|planned| planned.name == *name);
-            let of_law = |published: &&Published| {
-                published.law == plan.controller.law && published.window_s == metric.window_s
-            };
-            match planned
-                .and_then(|planned| Some((planned, planned.published.iter().find(of_law)?)))
-            {
-                Some((planned, published)) => {
-                    let (value, source) = (short(published.value), &published.source);
-                    writeln!(text, "{value:>11} {unit} ({source})")?;
-                    notes.extend(&planned.published_note);
-                }
-                None => writeln!(text, "{:>11} {unit}", "-")?,
+            write!(text, "  {name:<width$}  {window:>10}  {value:>11} {unit}")?;
+            if let Some((published, note)) = published {
+                let gap = 4_usize.saturating_sub(unit.len());
+                write!(
+                    text,
+                    "{:gap$}{:>11} ({})",
+                    "",
+                    short(published.value),
+                    published.source
+                )?;
+                notes.extend(note);
             }
+            writeln!(text)?;
+        }
+        if self.steps < plan.run.steps {
+            writeln!(
+                text,
+                "  the run ended early: windows beyond its end are not complete"
+            )?;
         }
         notes.dedup();
         for note in notes {
@@ -263,6 +283,21 @@ impl Summary {
         }
         writeln!(text)
     }
+}
+
+/// The published value of a metric's window for the law of the run, and the note to it.
+fn of_law<'a>(plan: &'a Plan, metric: &Metric) -> Option<(&'a Published, &'a Option<String>)> {
+    let planned = plan
+        .metrics
+        .iter()
+        .find(|planned| planned.name == metric.name)?;
+    let is_it = |published: &&Published| {
+        published.law == plan.controller.law && published.window_s == metric.window_s
+    };
+    Some((
+        planned.published.iter().find(is_it)?,
+        &planned.published_note,
+    ))
 }
 
 /// A number with five significant digits, plain where that reads well.

@@ -1,6 +1,5 @@
 //! A run in one process: both sides in one thread, taking turns.
 
-use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use controller_process::runner::{Runner, choose};
@@ -64,7 +63,7 @@ pub(super) fn run(prepared: &Prepared) -> Result<Ended, Failure> {
     });
     let progress = Progress::new(prepared.plan.run.steps, prepared.plan.run.rate);
     while !sides.is_finished() {
-        if prepared.interrupted.load(Ordering::Acquire) {
+        if prepared.interruption.came() {
             supervision.stop("interrupted");
         }
         if recorder.has_failed() {
@@ -80,7 +79,7 @@ pub(super) fn run(prepared: &Prepared) -> Result<Ended, Failure> {
     let recorded = recorder.finish().map_err(Failure::infrastructure)?;
     let end = ran.map_err(Failure::infrastructure)?;
     let (outcome, mut reason) = (end.outcome, end.reason);
-    if outcome == Outcome::Stopped && prepared.interrupted.load(Ordering::Acquire) {
+    if outcome == Outcome::Stopped && prepared.interruption.came() {
         let seen = reason.map_or_else(String::new, |seen| format!("; {seen}"));
         reason = Some(format!("interrupted{seen}"));
     }

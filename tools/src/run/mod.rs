@@ -5,22 +5,20 @@ mod processes;
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use hil_config::plan::{Clock, Plan};
 use shared_types::describe::PROTOCOL;
 use shared_types::record::Outcome;
 use shared_types::session::{Session, SessionError, SessionInfo};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use crate::binaries::Binaries;
 use crate::cli::{LinkKind, RunArguments};
 use crate::exit::{Exit, Failure};
+use crate::interruption::Interruption;
 use crate::recorder::{Recorded, RecordingPlan};
 use crate::recording::{Enclosure, Provenance};
 use crate::summary::Summary;
-use crate::{config, folder};
+use crate::{config, folder, output};
 
 /// What both ways of running need.
 struct Prepared {
@@ -29,7 +27,7 @@ struct Prepared {
     plant: plant_process::job::Job,
     controller: controller_process::job::Job,
     recording: Option<RecordingPlan>,
-    interrupted: Arc<AtomicBool>,
+    interruption: Interruption,
 }
 
 /// How a run ended.
@@ -58,15 +56,15 @@ pub fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
             "--link in-process runs what is built into hil; --plant-bin and --controller-bin need processes",
         ));
     }
-    let binaries = Binaries::find(others)?;
-    let plan = config::read(&arguments.scenario, &arguments.changes, &binaries)
-        .map_err(|problems| Failure::Usage(problems.to_string()))?;
+    let interruption = Interruption::listen()?;
+    let binaries = Binaries::find(others, &interruption)?;
+    let plan = config::read(
+        &arguments.scenario,
+        &arguments.changes,
+        &binaries,
+        arguments.json,
+    )?;
     let effective = config::show(&plan, &binaries)?;
-    let interrupted = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM, SIGHUP] {
-        signal_hook::flag::register(signal, Arc::clone(&interrupted))
-            .map_err(Failure::infrastructure)?;
-    }
 
     let mut session =
         Session::create(arguments.session.as_deref()).map_err(|error| match error {
@@ -75,12 +73,15 @@ pub fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
         })?;
     let info = session.info().clone();
     let (plant, controller) = jobs(&plan, &info, arguments.wait_limit);
-    check(&binaries, &info, &plant, &controller)?;
+    check(&binaries, &info, &plant, &controller, &interruption)?;
     let run_dir = folder::create(arguments.out.as_deref(), &plan.name, &info.name)?;
     session
         .set_run_dir(&absolute(&run_dir))
         .map_err(Failure::infrastructure)?;
-    write(&run_dir.join("scenario.toml"), &effective)?;
+    write(&run_dir.join("scenario.toml"), &effective).inspect_err(|_| {
+        // Nothing was run: the next try finds the folder as this one did.
+        let _ = std::fs::remove_dir(&run_dir);
+    })?;
 
     let evidence = match arguments.link {
         LinkKind::Iceoryx2 => "sil",
@@ -97,7 +98,7 @@ pub fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
         plant,
         controller,
         recording,
-        interrupted,
+        interruption,
     };
     let ended = match arguments.link {
         LinkKind::Iceoryx2 => processes::run(&prepared, &mut session, &run_dir)?,
@@ -115,17 +116,18 @@ pub fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
         &ended,
     );
     let json = serde_json::to_string_pretty(&summary).map_err(Failure::infrastructure)?;
-    write(&run_dir.join("summary.json"), &json)?;
-    if arguments.json {
-        println!("{json}");
+    // Told first: a full disk must not hide how the run went.
+    output::write(&if arguments.json {
+        format!("{json}\n")
     } else {
-        print!("{}", summary.table(&prepared.plan, &run_dir));
-    }
+        summary.table(&prepared.plan, &run_dir)
+    })?;
+    write(&run_dir.join("summary.json"), &json)?;
     Ok(match ended.outcome {
         _ if ended.recorded.error.is_some() => Exit::Infrastructure,
         Outcome::Completed => Exit::Pass,
         Outcome::Diverged => Exit::Failed,
-        Outcome::Stopped if prepared.interrupted.load(Ordering::Acquire) => Exit::Interrupted,
+        Outcome::Stopped if prepared.interruption.came() => Exit::Interrupted,
         Outcome::Stopped | Outcome::Failed => Exit::Infrastructure,
     })
 }
@@ -134,8 +136,12 @@ fn absolute(path: &Path) -> std::path::PathBuf {
     std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
 }
 
+/// Writes a file whole or not at all.
 fn write(path: &Path, text: &str) -> Result<(), Failure> {
-    std::fs::write(path, text).map_err(|error| {
+    let part = path.with_extension("part");
+    let written = std::fs::write(&part, text).and_then(|()| std::fs::rename(&part, path));
+    written.map_err(|error| {
+        let _ = std::fs::remove_file(&part); // it may never have been made
         Failure::infrastructure(format!("cannot write {}: {error}", path.display()))
     })
 }
@@ -182,6 +188,7 @@ fn check(
     session: &SessionInfo,
     plant: &plant_process::job::Job,
     controller: &controller_process::job::Job,
+    interruption: &Interruption,
 ) -> Result<(), Failure> {
     use controller_process::job::JOB_FILE as CONTROLLER_FILE;
     use plant_process::job::JOB_FILE as PLANT_FILE;
@@ -191,10 +198,12 @@ fn check(
     session
         .write_file(CONTROLLER_FILE, controller)
         .map_err(Failure::infrastructure)?;
-    binaries.plant.check(&session.folder.join(PLANT_FILE))?;
+    binaries
+        .plant
+        .check(&session.folder.join(PLANT_FILE), interruption)?;
     binaries
         .controller
-        .check(&session.folder.join(CONTROLLER_FILE))
+        .check(&session.folder.join(CONTROLLER_FILE), interruption)
 }
 
 /// What the recording says of its run.

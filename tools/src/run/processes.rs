@@ -5,7 +5,7 @@ use std::io::Write;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::sync::atomic::Ordering;
+
 use std::time::{Duration, Instant};
 
 use shared_types::link::LinkError;
@@ -16,6 +16,7 @@ use shared_types::stream::iceoryx::{IceoryxSource, LAYOUT_FILE};
 use shared_types::supervision::{PEER_GONE, STOP};
 
 use super::{Ended, Prepared};
+use crate::binaries::end_group;
 use crate::exit::Failure;
 use crate::progress::Progress;
 use crate::recorder::{Recorded, Recorder};
@@ -97,7 +98,7 @@ impl Side {
     fn kill(&mut self) {
         let stopped = self.id.is_some_and(ProcessId::is_stopped);
         self.killed = Some(if stopped { "stopped" } else { "stuck" });
-        let _ = self.process.kill(); // it may end by itself just now
+        end_group(&self.process);
         self.status = self.process.wait().ok();
     }
 
@@ -121,6 +122,14 @@ impl Side {
             }
             (None, None) => None,
         }
+    }
+
+    /// The last line of its output, without the word `error`.
+    fn last_word(&self) -> Option<String> {
+        let text = std::fs::read(&self.log).unwrap_or_default();
+        let text = String::from_utf8_lossy(&text);
+        let line = text.lines().rfind(|line| !line.trim().is_empty())?;
+        Some(line.trim_start_matches("error: ").to_owned())
     }
 
     /// The first and last lines of its output: a panic's message comes before its backtrace.
@@ -220,10 +229,16 @@ fn watch(
         if plant_ended && controller_ended {
             return first.unwrap_or("plant");
         }
-        let stop = prepared.interrupted.load(Ordering::Acquire) || recorder.has_failed();
+        let stop = prepared.interruption.came() || recorder.has_failed();
         if stop && !plant.told {
             plant.tell(STOP);
             ending_since.get_or_insert_with(Instant::now);
+        }
+        // The plant passes a stop on; one that cannot must not take the controller with it.
+        if ending_since.is_some_and(|since: Instant| since.elapsed() > GRACE / 2)
+            && !controller.told
+        {
+            controller.tell(STOP);
         }
         if plant_ended || controller_ended {
             let (ended, other) = if plant_ended {
@@ -256,7 +271,7 @@ fn conclude(
     controller: &Side,
     first: &'static str,
 ) -> Ended {
-    let interrupted = prepared.interrupted.load(Ordering::Acquire);
+    let interrupted = prepared.interruption.came();
     let seen = recorded.end.as_ref();
     let outcome = seen.map_or(Outcome::Failed, |end| end.outcome);
     let fates = [plant.fate(), controller.fate()];
@@ -282,20 +297,18 @@ fn conclude(
     }
     parts.extend(seen.and_then(|end| end.reason.clone()));
     if seen.is_none() {
-        let steps = recorded.records;
-        parts.push(format!(
-            "plant ended without a word after {steps} recorded steps"
-        ));
-    }
-    // The one that ended first is the cause; exit codes of a process that said why add nothing.
-    let [plant_fate, controller_fate] = fates;
-    let cause = if first == "plant" {
-        [plant_fate, controller_fate]
+        parts.extend(unseen_end(plant, controller, first, recorded.records));
     } else {
-        [controller_fate, plant_fate]
-    };
-    let told_why = |fate: &String| !fate.contains("exit code") || seen.is_none();
-    parts.extend(cause.into_iter().flatten().filter(told_why));
+        // Its exit code adds nothing to what the plant said; a signal or a killing does.
+        let [plant_fate, controller_fate] = fates;
+        let told_why = |fate: &String| !fate.contains("exit code");
+        parts.extend(
+            [plant_fate, controller_fate]
+                .into_iter()
+                .flatten()
+                .filter(told_why),
+        );
+    }
     let outcome = match outcome {
         Outcome::Completed => Outcome::Failed,
         Outcome::Failed if interrupted => Outcome::Stopped,
@@ -306,4 +319,21 @@ fn conclude(
         outcome,
         reason: Some(parts.join("; ")),
     }
+}
+
+/// Why a run ended whose plant could not say: the cause first.
+fn unseen_end(plant: &Side, controller: &Side, first: &str, records: u64) -> Vec<String> {
+    let (cause, other) = if plant.killed.is_some() || first == "plant" {
+        (plant, controller)
+    } else {
+        (controller, plant)
+    };
+    let early = || format!("{} ended before the run was over", cause.name);
+    let mut parts = vec![cause.fate().unwrap_or_else(early)];
+    // A process that was stopped or stuck has said nothing; what the other saw of it tells more.
+    let words = [cause.last_word(), other.last_word()].into_iter().flatten();
+    parts.extend(words.take(1));
+    parts.extend(other.fate());
+    parts.push(format!("{records} steps were recorded"));
+    parts
 }

@@ -1,0 +1,19 @@
+//! Standard output: results, and what it means when nobody takes them.
+
+use std::io::{ErrorKind, Write};
+
+use crate::exit::Failure;
+
+/// Writes text to standard output. A reader that went away wanted no more, which is no failure.
+///
+/// # Errors
+/// If the text cannot be written for any other reason.
+pub fn write(text: &str) -> Result<(), Failure> {
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Failure::infrastructure(
+            format!("cannot write the output: {error}"),
+        )),
+        _ => Ok(()),
+    }
+}
