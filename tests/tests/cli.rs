@@ -345,3 +345,90 @@ fn the_schema_names_every_plant_and_law() {
         assert!(schema.contains(&format!("\"{name}\"")), "{name}");
     }
 }
+
+#[test]
+fn a_program_is_a_path_and_the_one_that_is_hashed_runs() {
+    let rig = Rig::new();
+    let text = format!(
+        "#!/bin/sh\nexec {} \"$@\"\n",
+        program("plant-process").display()
+    );
+    let script = rig.script("my-plant", &text);
+    let folder = script.parent().expect("it is in a folder");
+    let scenario = workspace().join(SCENARIO).display().to_string();
+    let arguments = [
+        "run",
+        &scenario,
+        "--plant-bin",
+        "my-plant",
+        "--out",
+        "bare",
+        "--json",
+    ];
+    let run = rig.hil_in(folder, &arguments).expect(0);
+    let summary: serde_json::Value = serde_json::from_str(&run.stdout).expect("JSON");
+    let hash = blake3::hash(text.as_bytes()).to_hex();
+    assert_eq!(summary["plant"]["blake3"], hash.as_str());
+}
+
+#[test]
+fn an_output_that_cannot_be_written_is_no_panic() {
+    let rig = Rig::new();
+    let hil = program("hil");
+    for (target, code) in [("/dev/full", 3), ("&-", 3)] {
+        let line = format!("exec {} config schema >{target}", hil.display());
+        let mut shell = std::process::Command::new("sh");
+        let output = shell
+            .args(["-c", &line])
+            .output()
+            .expect("there is a shell");
+        assert_eq!(output.status.code(), Some(code), "{target}");
+    }
+    drop(rig);
+}
+
+#[test]
+fn a_file_that_never_ends_is_no_scenario() {
+    let rig = Rig::new();
+    let run = rig.hil(&["config", "check", "/dev/zero"]);
+    run.expect(2).says(&["no regular file"]);
+}
+
+#[test]
+fn a_right_scenario_has_no_problems_as_json() {
+    let rig = Rig::new();
+    let scenario = workspace().join(SCENARIO).display().to_string();
+    let run = rig.hil(&["config", "check", &scenario, "--json"]).expect(0);
+    assert_eq!(run.stdout, "{\"problems\":[]}\n");
+}
+
+#[test]
+fn lockstep_at_a_pace_is_refused() {
+    let rig = Rig::new();
+    refuse(
+        &rig,
+        &format!("{SCENARIO} --clock lockstep --pace 2"),
+        &["--clock paced"],
+    );
+    refuse(&rig, &format!("{SCENARIO} --pace -1"), &["above 0"]);
+}
+
+#[test]
+fn an_interrupted_question_leaves_no_program_behind() {
+    let rig = Rig::new();
+    let mark = rig.path("asked");
+    let text = format!("#!/bin/sh\necho $$ > {}\nexec sleep 600\n", mark.display());
+    let sleeper = rig.script("sleeper", &text);
+    let running = rig.start(&format!("{SCENARIO} --plant-bin {}", sleeper.display()));
+    crate::harness::until("the program is asked", || {
+        std::fs::read_to_string(&mark).is_ok_and(|pid| pid.ends_with('\n'))
+    });
+    running.signal(rustix::process::Signal::INT);
+    running.finish().expect(130);
+    let pid: u32 = std::fs::read_to_string(&mark)
+        .expect("told")
+        .trim()
+        .parse()
+        .expect("a number");
+    assert_eq!(shared_types::process::ProcessId::of(pid), None);
+}
