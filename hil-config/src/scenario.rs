@@ -125,7 +125,9 @@ impl Scenario {
 fn read_regular(path: &Path) -> std::io::Result<String> {
     const LARGEST: u64 = 16 << 20;
     let found = std::fs::metadata(path)?;
-    if !found.is_file() || found.len() > LARGEST {
+    // Reading a folder fails with a reason of its own.
+    let ends = found.is_dir() || (found.is_file() && found.len() <= LARGEST);
+    if !ends {
         return Err(std::io::Error::other(
             "it is no regular file of at most 16 MiB",
         ));
