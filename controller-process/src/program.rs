@@ -67,7 +67,7 @@ impl Program for ControllerProgram {
         match runner.end() {
             Some(End::Completed { .. }) => Ok(COMPLETED),
             Some(End::Aborted(abort)) => {
-                eprintln!("{abort}");
+                program::say(&abort.to_string());
                 Ok(FAILED)
             }
             None => Err("the run ended without saying how".into()),

@@ -78,7 +78,7 @@ impl Program for PlantProgram {
         drive(&mut engine, limit, supervision).map_err(|e| e.to_string())?;
         let end = engine.end().ok_or("the run ended without saying how")?;
         if let Some(reason) = &end.reason {
-            eprintln!("{reason}");
+            program::say(reason);
         }
         Ok(match end.outcome {
             Outcome::Completed => COMPLETED,

@@ -3,6 +3,7 @@
 //! `plant_process::program::run` and `controller_process::program::run` wrap it; a binary's `main`
 //! is one call of those.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -66,7 +67,7 @@ pub fn run(program: &impl Program) -> ExitCode {
         (describe(program), FAILED)
     };
     ExitCode::from(result.unwrap_or_else(|reason| {
-        eprintln!("error: {reason}");
+        say(&format!("error: {reason}"));
         otherwise
     }))
 }
@@ -81,6 +82,12 @@ fn serve(program: &impl Program, folder: &Path) -> Result<u8, String> {
     let supervision = Supervision::from_stdin();
     let session = SessionInfo::read(folder).map_err(|e| e.to_string())?;
     program.serve(&session, &supervision)
+}
+
+/// Writes a line to standard error, which goes to the run's log. A log that cannot take it, on a
+/// full disk for one, must not end the process in another way than it was about to.
+pub fn say(line: &str) {
+    let _ = writeln!(std::io::stderr(), "{line}");
 }
 
 /// Reads a job file.

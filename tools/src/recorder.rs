@@ -194,7 +194,11 @@ impl Work {
             match Recording::create(&plan.path, plan.compression, &layout, &plan.provenance) {
                 Ok(recording) => self.recording = Some(recording),
                 Err(error) => {
-                    self.fail(format!("cannot write {}: {error}", plan.path.display()));
+                    self.fail(format!(
+                        "cannot write {}: {}",
+                        plan.path.display(),
+                        causes(&error)
+                    ));
                 }
             }
         }
@@ -285,8 +289,9 @@ impl Work {
                 .as_ref()
                 .map(|plan| plan.path.display().to_string());
             self.fail(format!(
-                "cannot write {}: {error}",
-                path.unwrap_or_default()
+                "cannot write {}: {}",
+                path.unwrap_or_default(),
+                causes(&error)
             ));
         }
     }
@@ -321,9 +326,20 @@ impl Work {
             if let Err(error) = recording.finish(result) {
                 self.recorded
                     .error
-                    .get_or_insert(format!("cannot finish the recording: {error}"));
+                    .get_or_insert(format!("cannot finish the recording: {}", causes(&error)));
             }
         }
         self.recorded
     }
+}
+
+/// An error with what is behind it: the last cause is what a person can act on.
+fn causes(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        text += &format!(": {error}");
+        cause = error.source();
+    }
+    text
 }
