@@ -112,12 +112,13 @@ pub fn drive<L: Link>(
         if supervision.wants_stop() {
             runner.interrupt(&ControllerEvent::Stop)?;
         }
+        // Asked before the poll: what the plant sent before it ended still counts.
+        let peer_gone = supervision.is_peer_gone();
         match runner.poll()? {
             Progress::Busy => waiter.done(),
             Progress::Over => return Ok(()),
             Progress::Plant => {
-                // What the plant sent before it died still counts, so this follows the poll.
-                if supervision.is_peer_gone() {
+                if peer_gone {
                     runner.interrupt(&ControllerEvent::PeerGone)?;
                 } else if waiter.pause() {
                     runner.interrupt(&ControllerEvent::Deadline(limit.ms()))?;

@@ -102,6 +102,8 @@ pub fn drive<L: Link, S: RecordSink>(
         if supervision.wants_stop() {
             engine.interrupt(&PlantEvent::Stop)?;
         }
+        // Asked before the poll: what the controller sent before it ended still counts.
+        let peer_gone = supervision.is_peer_gone();
         match engine.poll()? {
             Progress::Busy => waiter.done(),
             Progress::Over => return Ok(()),
@@ -110,8 +112,7 @@ pub fn drive<L: Link, S: RecordSink>(
                 waiter.done();
             }
             Progress::Controller => {
-                // What the controller sent before it died still counts, so this follows the poll.
-                if supervision.is_peer_gone() {
+                if peer_gone {
                     engine.interrupt(&PlantEvent::PeerGone)?;
                 } else if waiter.pause() {
                     engine.interrupt(&PlantEvent::Deadline(limit.ms()))?;

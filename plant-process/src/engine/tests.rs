@@ -1,15 +1,21 @@
 //! The engine against a controller's end of a link that the test holds in its own hands.
 
+use std::cell::RefCell;
+use std::rc::Rc;
+
 use hil_config::plan::{
     FaultEffect, FaultEvent, Limit, PlantPlan, Profile, Run, Stimulus, Waveform,
 };
 use shared_types::describe::{PROTOCOL, Settings};
 use shared_types::hello::Hello;
+use shared_types::link::Rejected;
 use shared_types::link::in_process::{InProcessLink, pair};
 use shared_types::stream::in_process::{InProcessSink, InProcessSource};
 use shared_types::stream::{Item, RecordSource};
+use shared_types::supervision::Supervision;
 use shared_types::table::Table;
 use shared_types::time::Rate;
+use shared_types::wait::WaitLimit;
 
 use super::*;
 use crate::plant::Plant as PlantTrait;
@@ -373,4 +379,92 @@ fn a_controller_that_does_not_fit_is_refused_with_the_reason() {
         "{reason}"
     );
     assert_eq!(engine.end().map(|end| end.outcome), Some(Outcome::Failed));
+}
+
+/// A link whose other end confirms and ends just after the plant looked and found nothing.
+struct LastWord {
+    inner: InProcessLink,
+    controller: Rc<RefCell<InProcessLink>>,
+    supervision: Supervision,
+}
+
+impl Link for LastWord {
+    fn send_control(&mut self, message: &[u8]) -> Result<(), LinkError> {
+        self.inner.send_control(message)
+    }
+
+    fn receive_control(&mut self) -> Result<Option<Vec<u8>>, LinkError> {
+        self.inner.receive_control()
+    }
+
+    fn open_frames(&mut self, spec: &FrameSpec) -> Result<(), LinkError> {
+        self.inner.open_frames(spec)
+    }
+
+    fn send(&mut self, header: &Header, values: &[f64]) -> Result<(), LinkError> {
+        self.inner.send(header, values)
+    }
+
+    fn receive(&mut self, values: &mut [f64]) -> Result<Option<Header>, LinkError> {
+        let got = self.inner.receive(values)?;
+        if got.is_none() {
+            let confirmed = Header::new(FrameKind::EndConfirmed, Step(0));
+            self.controller.borrow_mut().send(&confirmed, &[])?;
+            self.supervision.peer_gone();
+        }
+        Ok(got)
+    }
+
+    fn rejected(&self) -> Rejected {
+        self.inner.rejected()
+    }
+}
+
+#[test]
+fn what_a_controller_confirmed_before_it_ended_counts() {
+    let (inner, controller) = pair();
+    let controller = Rc::new(RefCell::new(controller));
+    let supervision = Supervision::new();
+    let link = LastWord {
+        inner,
+        controller: Rc::clone(&controller),
+        supervision: supervision.clone(),
+    };
+    let (sink, _source) = shared_types::stream::in_process::pair();
+    let kind = PlantKind::of::<Mover>();
+    let mut engine = Engine::new(&kind, job(0), link, sink).expect("starts");
+    let hello = Hello {
+        protocol: PROTOCOL,
+        session: 5,
+        law: "test".into(),
+        measured: vec![],
+        reference: vec![],
+        commands: None,
+        internals: vec![],
+    };
+    let say = |message: Control| {
+        let sent = controller.borrow_mut().send_control(&message.to_bytes());
+        sent.expect("sends");
+    };
+    say(Control::Hello(hello));
+    engine.poll().expect("polls");
+    let answer = controller.borrow_mut().receive_control();
+    let bytes = answer.expect("polls").expect("an answer");
+    let Ok(Control::Welcome(welcome)) = Control::from_bytes(&bytes) else {
+        panic!("no welcome");
+    };
+    let spec = FrameSpec {
+        seal: welcome.seal(),
+        outgoing: 1,
+        incoming: 3,
+    };
+    controller.borrow_mut().open_frames(&spec).expect("opens");
+    say(Control::Ready { epoch: 1 });
+    let limit = WaitLimit::from_seconds(60.0);
+    crate::program::drive(&mut engine, limit, &supervision).expect("drives");
+    let end = engine.end().expect("over");
+    assert_eq!(
+        (end.outcome, end.reason.as_deref()),
+        (Outcome::Completed, None)
+    );
 }
