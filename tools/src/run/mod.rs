@@ -116,13 +116,14 @@ pub fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
         &ended,
     );
     let json = serde_json::to_string_pretty(&summary).map_err(Failure::infrastructure)?;
-    // Told first: a full disk must not hide how the run went.
-    output::write(&if arguments.json {
+    // Told first and written all the same: neither a full disk nor a broken output hides the other.
+    let told = output::write(&if arguments.json {
         format!("{json}\n")
     } else {
         summary.table(&prepared.plan, &run_dir)
-    })?;
+    });
     write(&run_dir.join("summary.json"), &json)?;
+    told?;
     Ok(match ended.outcome {
         _ if ended.recorded.error.is_some() => Exit::Infrastructure,
         Outcome::Completed => Exit::Pass,
