@@ -249,9 +249,13 @@ fn effects(properties: &mut Value, plants: &[PlantDescription]) {
             let numbers: Vec<u64> = targets(plant, fault)
                 .filter_map(|(number, _)| number.parse().ok())
                 .collect();
-            properties[&fault.selector] =
-                json!({"type": "integer", "enum": numbers, "description": "Which target."});
-            offer(&mut properties[&fault.size.name], &fault.size);
+            if let Some(selector) = &fault.selector {
+                properties[selector] =
+                    json!({"type": "integer", "enum": numbers, "description": "Which target."});
+            }
+            for size in &fault.sizes {
+                offer(&mut properties[&size.name], size);
+            }
             if let ProfileDescription::Exponential { speed } = &fault.profile {
                 offer(&mut properties[&speed.name], speed);
             }

@@ -14,8 +14,8 @@ use shared_types::time::{Rate, Step};
 use crate::check::law_for;
 use crate::keys::SCHEMA;
 use crate::plan::{
-    Clock, ControllerPlan, FaultEffect, FaultEvent, Metric, Plan, PlantPlan, Profile, Run,
-    Stimulus, Waveform,
+    Clock, ControllerPlan, FaultAction, FaultEffect, FaultEvent, Metric, Plan, PlantPlan, Profile,
+    Run, Stimulus, Trigger, Waveform,
 };
 use crate::quantity::{Quantity, toml_float};
 
@@ -279,9 +279,12 @@ fn fault(text: &mut String, event: &FaultEvent, plant: &PlantDescription, rate: 
         .ok_or_else(|| undescribed(format!("fault `{kind}` of plant `{}`", plant.name)))?;
     writeln!(text, "\n[[faults]] # {}", comment(&description.summary))?;
     writeln!(text, "kind = {}", string(kind))?;
-    writeln!(text, "at_s = {}", toml_float(event.at_s))?;
+    let Trigger::Step { step, at_s } = &event.trigger else {
+        return Err(undescribed("a fault without a time".into()));
+    };
+    writeln!(text, "at_s = {}", toml_float(*at_s))?;
     for effect in &event.effects {
-        self::effect(text, effect, event, description, rate)?;
+        self::effect(text, effect, *step, *at_s, description, rate)?;
     }
     Ok(())
 }
@@ -289,27 +292,33 @@ fn fault(text: &mut String, event: &FaultEvent, plant: &PlantDescription, rate: 
 fn effect(
     text: &mut String,
     effect: &FaultEffect,
-    event: &FaultEvent,
+    event_step: Step,
+    at_s: f64,
     description: &FaultDescription,
     rate: Rate,
 ) -> Written {
-    let selector = &description.selector;
+    let selector = description.selector.as_deref().unwrap_or_default();
     let number = effect
         .target
-        .strip_prefix(selector.as_str())
+        .strip_prefix(selector)
         .ok_or_else(|| undescribed(format!("fault target `{}`", effect.target)))?;
-    let size = &description.size;
-    writeln!(text, "[[faults.effects]] # of step {}", effect.step)?;
+    let step = Step(event_step.0 + effect.skew_steps);
+    writeln!(text, "[[faults.effects]] # of step {step}")?;
     writeln!(text, "{} = {number}", key(selector))?;
-    let (name, unit) = (key(&size.name), &size.unit);
-    writeln!(text, "{name} = {} # {unit}", toml_float(effect.size))?;
-    if let (Profile::Exponential { speed_per_s }, ProfileDescription::Exponential { speed }) =
-        (effect.profile, &description.profile)
-    {
-        writeln!(text, "{} = {}", key(&speed.name), toml_float(speed_per_s))?;
+    if let FaultAction::Move { sizes, .. } = &effect.action {
+        for size in &description.sizes {
+            let (name, unit) = (key(&size.name), &size.unit);
+            let value = sizes.get(&size.name).unwrap_or(f64::NAN);
+            writeln!(text, "{name} = {} # {unit}", toml_float(value))?;
+        }
     }
-    if effect.step != rate.step_at_or_after(event.at_s) {
-        let skew_s = toml_float(skew_s(effect.step, event.at_s, rate));
+    if let (Profile::Exponential { speed_per_s }, ProfileDescription::Exponential { speed }) =
+        (&effect.profile, &description.profile)
+    {
+        writeln!(text, "{} = {}", key(&speed.name), toml_float(*speed_per_s))?;
+    }
+    if effect.skew_steps > 0 {
+        let skew_s = toml_float(skew_s(step, at_s, rate));
         writeln!(text, "skew_s = {skew_s}")?;
     }
     Ok(())

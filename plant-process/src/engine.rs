@@ -195,6 +195,10 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             command: description.commands.clone(),
             internal: welcome.command.fields(SignalKind::Internal),
             command_signals: welcome.command.len(),
+            parameter: (description.parameters.iter())
+                .filter(|field| field.faultable)
+                .cloned()
+                .collect(),
         };
         self.link.open_frames(&FrameSpec {
             seal: welcome.seal(),
@@ -258,7 +262,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     /// Makes the reference signals of a step, which depend on time alone.
     fn prepare(&mut self, step: Step) {
         let time_s = self.job.run.rate.seconds(step);
-        let mut reference = &mut self.rows.reference[..];
+        let mut reference = &mut self.rows.stimulus[..];
         for stimulus in &self.job.stimuli {
             let count = 1 + stimulus.waveform.derivatives();
             let (row, rest) = reference.split_at_mut(count);
@@ -279,7 +283,9 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         let (measured, reference) =
             (self.rows.sample).split_at_mut(self.plant.description.measured.len());
         self.plant.model.measure(measured);
-        reference.copy_from_slice(&self.rows.reference);
+        self.rows.sensed.copy_from_slice(measured);
+        reference.copy_from_slice(&self.rows.stimulus);
+        self.rows.sent_stimulus.copy_from_slice(&self.rows.stimulus);
         let (fields, measured) = (&self.plant.description.measured, &self.rows.sample);
         match first_bad(fields, measured) {
             Ok(()) => Ok(true),
@@ -342,6 +348,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         self.timing = Timing {
             time_ns: self.job.run.rate.nanoseconds(step),
             epoch: u64::from(header.epoch),
+            sample_age_steps: 0,
             command_age_steps: u64::from(header.age_steps),
             published_ns: received_ns,
             round_trip_ns: received_ns - self.sent_ns,

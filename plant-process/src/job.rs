@@ -22,6 +22,10 @@ pub struct Job {
     pub stimuli: Vec<Stimulus>,
     /// Faults of the scenario.
     pub faults: Vec<FaultEvent>,
+    /// Names and expressions of the scenario's derived signals, which conditions of faults may use.
+    pub derived: Vec<(String, String)>,
+    /// Hold before the first step at or after this time in s.
+    pub pause_at_s: Option<f64>,
     /// Whether a recorder must see every record: the loop then waits for it.
     pub observed: bool,
     /// How long the other side may take, in s.

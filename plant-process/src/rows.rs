@@ -2,7 +2,7 @@
 //!
 //! Owned by the engine; all space is taken once, at hello.
 
-use shared_types::frame::Header;
+use shared_types::frame::{Header, VALIDITY_WORDS};
 use shared_types::hello::Welcome;
 use shared_types::layout::SignalKind;
 use shared_types::record::{RecordLayout, Timing};
@@ -15,8 +15,16 @@ use shared_types::zerocopy::IntoBytes;
 pub struct Rows {
     /// Measured, then reference signals.
     pub sample: Vec<f64>,
-    /// Reference signals of the next sample.
-    pub reference: Vec<f64>,
+    /// What the sensors report, before faults.
+    pub sensed: Vec<f64>,
+    /// Reference signals before faults; made one step ahead.
+    pub stimulus: Vec<f64>,
+    /// The same, of the sample that was sent last.
+    pub sent_stimulus: Vec<f64>,
+    /// The plant's faultable parameters as they act.
+    pub parameter: Vec<f64>,
+    /// Invalid bits of the sample that was sent last.
+    pub invalid: [u64; VALIDITY_WORDS],
     /// What the controller sent: its commands, then its internals.
     pub frame: Vec<f64>,
     /// The plant's commands as sent.
@@ -41,7 +49,11 @@ impl Rows {
         let bound = welcome.command.bind(SignalKind::Command, &layout.command);
         Self {
             sample: vec![0.0; welcome.sample.len()],
-            reference: vec![0.0; layout.reference.len()],
+            sensed: vec![0.0; layout.measured.len()],
+            stimulus: vec![0.0; layout.reference.len()],
+            sent_stimulus: vec![0.0; layout.reference.len()],
+            parameter: vec![0.0; layout.parameter.len()],
+            invalid: [0; VALIDITY_WORDS],
             frame: vec![0.0; welcome.command.len()],
             command: vec![0.0; layout.command.len()],
             applied: vec![0.0; layout.command.len()],
@@ -65,13 +77,16 @@ impl Rows {
     pub fn write_record(&mut self, step: Step, header: &Header, timing: &Timing) {
         let mut words = Words(&mut self.record);
         words.put(&[step.0]);
-        words.fill(0, self.layout.sample_validity_words());
+        words.put(&self.invalid[..self.layout.sample_validity_words()]);
         words.put(&header.invalid[..self.layout.command_validity_words()]);
         words.values(&self.truth);
         words.values(&self.sample);
         words.values(&self.command);
         words.values(&self.applied);
         words.values(&self.frame[self.internals..]);
+        words.values(&self.sensed);
+        words.values(&self.sent_stimulus);
+        words.values(&self.parameter);
         words.timing(timing);
     }
 
@@ -79,12 +94,15 @@ impl Rows {
     pub fn write_final_record(&mut self, step: Step, timing: &Timing) {
         let mut words = Words(&mut self.record);
         words.put(&[step.0]);
-        words.fill(0, self.layout.sample_validity_words());
+        words.put(&self.invalid[..self.layout.sample_validity_words()]);
         words.fill(u64::MAX, self.layout.command_validity_words());
         words.values(&self.truth);
         words.values(&self.sample);
         let unanswered = 2 * self.layout.command.len() + self.layout.internal.len();
         words.fill(f64::NAN.to_bits(), unanswered);
+        words.values(&self.sensed);
+        words.values(&self.sent_stimulus);
+        words.values(&self.parameter);
         words.timing(timing);
     }
 }

@@ -11,7 +11,7 @@ use crate::table::{Field, Table, number};
 
 /// Version of the protocol between launcher, plant and controller: description, job file, control
 /// messages, frames and records. Two sides with different versions refuse each other.
-pub const PROTOCOL: u32 = 1;
+pub const PROTOCOL: u32 = 2;
 
 /// A binary's answer to `--describe`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -28,6 +28,10 @@ pub struct Description {
     /// The laws it can run; empty for a plant.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub laws: Vec<LawDescription>,
+    /// The kinds of faults that its plants share: those on signals, links and timing; empty for a
+    /// controller.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub faults: Vec<FaultKindDescription>,
 }
 
 impl Description {
@@ -40,6 +44,7 @@ impl Description {
             version: version.into(),
             plants: Vec::new(),
             laws: Vec::new(),
+            faults: Vec::new(),
         }
     }
 }
@@ -64,25 +69,61 @@ pub struct PlantDescription {
     pub faults: Vec<FaultDescription>,
 }
 
-/// A named fault of a plant: which faultable parameter of which group it moves, and how.
+/// A named fault of a plant: which faultable parameters it moves, and how.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FaultDescription {
     /// Name, the scenario's `faults.kind`.
     pub kind: String,
     /// One sentence with the equation's source.
     pub summary: String,
+    /// What happens, as an equation in plain text.
+    pub equation: String,
     /// Key of an effect that selects the target by number, for example `actuator`: `actuator = 1`
-    /// selects the parameter group `actuator1`.
-    pub selector: String,
-    /// Last part of the name of the faultable parameter that is moved.
-    pub parameter: String,
-    /// Key, unit and range of the size of an effect, which is added to the healthy value.
-    pub size: Field,
-    /// How the size sets in.
+    /// selects the parameter group `actuator1`. `None`: there is one target, the plant.
+    #[serde(default)]
+    pub selector: Option<String>,
+    /// Keys, units and ranges of the sizes of an effect; one with a default may be left out.
+    pub sizes: Vec<Field>,
+    /// The parameters that are moved.
+    pub moves: Vec<ParameterMove>,
+    /// How the sizes set in unless a profile is given.
     pub profile: ProfileDescription,
 }
 
-/// How a fault's size sets in over time.
+/// One parameter that a plant's fault moves.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ParameterMove {
+    /// Last part of the name of the faultable parameter; without a selector, the whole name.
+    pub parameter: String,
+    /// How it is moved.
+    pub operation: Operation,
+    /// By what.
+    pub by: MoveBy,
+}
+
+/// How an amount `a` with profile `g` moves a value `v`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Operation {
+    /// `v + a g`.
+    Add,
+    /// `v (1 + (a - 1) g)`.
+    Scale,
+    /// `v + (a - v) g`.
+    Set,
+}
+
+/// What a parameter is moved by.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MoveBy {
+    /// The effect's size of this key.
+    Size(String),
+    /// Always this.
+    Constant(f64),
+}
+
+/// How a fault's sizes set in over time when nothing else is asked for.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum ProfileDescription {
@@ -93,6 +134,64 @@ pub enum ProfileDescription {
         /// Key, unit and range of the speed.
         speed: Field,
     },
+}
+
+/// A kind of fault that is not of a plant but of what is around it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FaultKindDescription {
+    /// Name, the scenario's `faults.kind`.
+    pub kind: String,
+    /// One sentence.
+    pub summary: String,
+    /// What happens, as an equation in plain text.
+    pub equation: String,
+    /// What it acts on.
+    pub acts_on: ActsOn,
+    /// Keys, units and ranges of an effect. The unit `target` stands for that of the target. One
+    /// with a default may be left out.
+    pub parameters: Vec<Field>,
+    /// A list of numbers that an effect may or must give besides.
+    #[serde(default)]
+    pub list: Option<ListDescription>,
+}
+
+/// What a kind of fault acts on, and so which targets its effects may have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ActsOn {
+    /// Signals: `measured.x`, `reference.x` and `command.x`.
+    Signals,
+    /// Signals and every faultable parameter of the plant, `parameter.x`.
+    Numbers,
+    /// What crosses the link: `link.sample` (plant to controller) and `link.command` (back).
+    Links,
+    /// The time that a side takes: `controller` and `plant`.
+    Sides,
+    /// The time that the controller takes: `controller`.
+    Controller,
+}
+
+impl ActsOn {
+    /// The class that the kind belongs to.
+    #[must_use]
+    pub const fn class(self) -> &'static str {
+        match self {
+            Self::Signals | Self::Numbers => "signal",
+            Self::Links => "communication",
+            Self::Sides | Self::Controller => "timing",
+        }
+    }
+}
+
+/// A list of numbers that belongs to an effect.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ListDescription {
+    /// Its key.
+    pub key: String,
+    /// One sentence.
+    pub description: String,
+    /// Numbers in a row of the list: 1 for plain numbers, 2 for pairs.
+    pub columns: usize,
 }
 
 /// One control law.

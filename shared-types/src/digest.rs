@@ -29,8 +29,12 @@ impl Default for Digest {
 }
 
 impl Digest {
-    /// Takes in a fault event; it comes before the record of its step.
+    /// Takes in a fault event; it comes before the record of its step. One that costs time and
+    /// changes nothing else does not count.
     pub fn fault(&mut self, fault: &FaultTaken) {
+        if fault.wall_only {
+            return;
+        }
         let FaultTaken {
             step,
             kind,
@@ -98,6 +102,8 @@ mod tests {
             target: "actuator1".into(),
             parameter: "p".into(),
             canonical: "size=1".into(),
+            effect: 0,
+            wall_only: false,
         });
         assert_ne!(digest.finish(), Digest::default().finish());
     }

@@ -30,6 +30,8 @@ pub enum FrameKind {
     EndConfirmed = 4,
     /// Either way: the sender gives up; `directive` says why ([`AbortCode`](crate::lockstep::AbortCode)).
     Abort = 5,
+    /// Plant to controller: the sample of `step` comes later, wait anew. Sent while a run is paused.
+    Hold = 6,
 }
 
 impl FrameKind {
@@ -42,6 +44,7 @@ impl FrameKind {
             3 => Self::End,
             4 => Self::EndConfirmed,
             5 => Self::Abort,
+            6 => Self::Hold,
             _ => return None,
         })
     }
@@ -227,6 +230,29 @@ impl<const N: usize> Frame<N> {
         frame
     }
 
+    /// Inverts one bit of the header or of the values that mean something, as noise on a wire does.
+    /// Bits count from the header's first; beyond the last they begin again.
+    pub fn flip(&mut self, bit: u64) {
+        let header = 8 * size_of::<Header>() as u64;
+        let bit = bit % self.bits();
+        if bit < header {
+            self.header.as_mut_bytes()[(bit / 8) as usize] ^= 1 << (bit % 8);
+        } else {
+            let bit = bit - header;
+            self.values.as_mut_bytes()[(bit / 8) as usize] ^= 1 << (bit % 8);
+        }
+    }
+
+    /// Bits of the header and of the values that mean something.
+    #[must_use]
+    pub fn bits(&self) -> u64 {
+        8 * (size_of::<Header>() + self.count() * size_of::<f64>()) as u64
+    }
+
+    fn count(&self) -> usize {
+        (self.header.count as usize).min(N)
+    }
+
     /// Checks the frame and copies its values out.
     ///
     /// An end, a confirmation or an abort carries no values and leaves `values` as they were.
@@ -307,20 +333,15 @@ mod tests {
     #[test]
     fn every_single_flipped_bit_is_found() {
         let frame = frame(&[1.0, -2.0, 3.5]);
-        let mut bytes = [0_u8; size_of::<Header>() + 3 * 8];
-        bytes[..size_of::<Header>()].copy_from_slice(frame.header.as_bytes());
-        bytes[size_of::<Header>()..].copy_from_slice(frame.values[..3].as_bytes());
-        for bit in 0..bytes.len() * 8 {
-            let mut flipped = bytes;
-            flipped[bit / 8] ^= 1 << (bit % 8);
-            let (header, values) = flipped.split_at(size_of::<Header>());
+        assert_eq!(frame.bits(), 8 * (144 + 24));
+        for bit in 0..frame.bits() {
             let mut broken = frame;
-            broken.header = Header::read_from_bytes(header).expect("sized");
-            broken.values[..3]
-                .copy_from_slice(<[f64; 3]>::read_from_bytes(values).expect("sized").as_ref());
+            broken.flip(bit);
             let mut out = [9.0; 3];
             assert!(broken.open(SEAL, &mut out).is_err(), "bit {bit}");
             assert_eq!(out, [9.0; 3], "bit {bit}");
+            broken.flip(bit);
+            assert!(broken.open(SEAL, &mut out).is_ok(), "bit {bit}");
         }
     }
 

@@ -12,7 +12,8 @@
 //!
 //! A [`session`] is the private place where all this happens and which leaves nothing behind, with
 //! each [`process`] in it known by more than its number;
-//! [`supervision`] is what its processes hear from the one that started them and [`program`] what
+//! [`live`] is how another terminal talks to it while it runs, and [`directive`] what a fault of
+//! timing tells a runner. [`supervision`] is what its processes hear from the one that started them and [`program`] what
 //! they have in common; [`random`] gives
 //! each consumer of random numbers a stream of its own; [`clock`] is the meters' clock.
 
@@ -21,10 +22,12 @@ extern crate self as shared_types; // the names that `table!` writes must hold i
 pub mod clock;
 pub mod describe;
 pub mod digest;
+pub mod directive;
 pub mod frame;
 pub mod hello;
 pub mod layout;
 pub mod link;
+pub mod live;
 pub mod lockstep;
 pub mod pacer;
 pub mod process;

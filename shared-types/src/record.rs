@@ -10,7 +10,13 @@
 //! | one for each 64 sample signals, at least 1 | invalid bits of measured and reference |
 //! | one for each 64 command signals, at least 1 | invalid bits of commands and internals |
 //! | truth, measured, reference, command, applied, internal | `f64` each |
-//! | 7 | [`Timing`], outside the digest |
+//! | sensed, stimulus, parameter | `f64` each, outside the digest |
+//! | 8 | [`Timing`], outside the digest |
+//!
+//! `measured` and `reference` are what the controller got, faults of signals and of the link
+//! included; `sensed` and `stimulus` are the same signals before any fault. `command` is what the
+//! controller sent, `applied` what the plant made of it. `parameter` are the plant's faultable
+//! parameters as they act.
 
 use serde::{Deserialize, Serialize};
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
@@ -19,17 +25,25 @@ use crate::frame::VALIDITY_WORDS;
 use crate::table::Field;
 
 /// Version of records and of the recording made of them.
-pub const RECORD_VERSION: u32 = 1;
+pub const RECORD_VERSION: u32 = 2;
 
-/// The groups of signals in a record, in order; also the prefixes in expressions.
-pub const GROUPS: [&str; 6] = [
+/// The groups of signals in a record, in order; also the prefixes in expressions. The digest covers
+/// the first [`HASHED_GROUPS`].
+pub const GROUPS: [&str; 9] = [
     "truth",
     "measured",
     "reference",
     "command",
     "applied",
     "internal",
+    "sensed",
+    "stimulus",
+    "parameter",
 ];
+
+/// The groups of signals that the digest covers; the others follow from them and the scenario, and
+/// show what would be there without faults.
+pub const HASHED_GROUPS: usize = 6;
 
 /// Which signals a record holds.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -46,6 +60,8 @@ pub struct RecordLayout {
     pub internal: Vec<Field>,
     /// Commands and internals in a command frame, which the validity bits count.
     pub command_signals: usize,
+    /// The plant's faultable parameters.
+    pub parameter: Vec<Field>,
 }
 
 /// Measured time and bookkeeping of one step; not part of the digest.
@@ -58,6 +74,8 @@ pub struct Timing {
     pub time_ns: u64,
     /// Which controller answered.
     pub epoch: u64,
+    /// Steps since the sample was taken that the controller got.
+    pub sample_age_steps: u64,
     /// Steps since the applied command was computed.
     pub command_age_steps: u64,
     /// Monotonic clock when the record was made, in ns.
@@ -75,6 +93,7 @@ impl Timing {
     pub const NAMES: [&str; Self::WORDS] = [
         "time_ns",
         "epoch",
+        "sample_age_steps",
         "command_age_steps",
         "published_ns",
         "round_trip_ns",
@@ -88,7 +107,7 @@ impl Timing {
 impl RecordLayout {
     /// The fields of each group, in the order of [`GROUPS`].
     #[must_use]
-    pub fn groups(&self) -> [&[Field]; 6] {
+    pub fn groups(&self) -> [&[Field]; GROUPS.len()] {
         [
             &self.truth,
             &self.measured,
@@ -96,6 +115,9 @@ impl RecordLayout {
             &self.command,
             &self.command,
             &self.internal,
+            &self.measured,
+            &self.reference,
+            &self.parameter,
         ]
     }
 
@@ -126,13 +148,14 @@ impl RecordLayout {
     /// Words that the digest covers, from the first.
     #[must_use]
     pub fn hashed_words(&self) -> usize {
-        self.values_start() + self.values()
+        let hashed = &self.groups()[..HASHED_GROUPS];
+        self.values_start() + hashed.iter().map(|group| group.len()).sum::<usize>()
     }
 
     /// Words of a record.
     #[must_use]
     pub fn words(&self) -> usize {
-        self.hashed_words() + Timing::WORDS
+        self.values_start() + self.values() + Timing::WORDS
     }
 
     /// Reads a record.
@@ -141,12 +164,12 @@ impl RecordLayout {
     /// If it does not have [`RecordLayout::words`] words.
     #[must_use]
     pub fn view<'a>(&self, words: &'a [u64]) -> RecordView<'a> {
-        let (hashed, timing) = words.split_at(self.hashed_words());
-        let (head, values) = hashed.split_at(self.values_start());
+        let (content, timing) = words.split_at(self.values_start() + self.values());
+        let (head, values) = content.split_at(self.values_start());
         RecordView {
             step: head[0],
             values: <[f64]>::ref_from_bytes(values.as_bytes()).expect("same size and alignment"),
-            hashed,
+            hashed: &content[..self.hashed_words()],
             timing: Timing::read_from_bytes(timing.as_bytes()).expect("a whole record"),
         }
     }
@@ -173,10 +196,25 @@ pub struct RecordView<'a> {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "event", rename_all = "kebab-case")]
 pub enum Event {
+    /// A live fault was accepted; it may take hold later.
+    Accepted(FaultAccepted),
     /// A fault took hold of one target.
     Fault(FaultTaken),
+    /// A fault ended on one target.
+    FaultEnded(FaultEnded),
     /// The run ended.
     End(RunEnd),
+}
+
+/// A live fault that was accepted.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FaultAccepted {
+    /// Number of the fault event.
+    pub id: u32,
+    /// The next step when it was accepted.
+    pub step: u64,
+    /// The event as the scenario's checks made it (`hil_config::plan::FaultEvent`).
+    pub fault: serde_json::Value,
 }
 
 /// A fault that took hold.
@@ -184,16 +222,34 @@ pub enum Event {
 pub struct FaultTaken {
     /// Number of the fault event it belongs to.
     pub id: u32,
+    /// Which effect of the event, from 0.
+    pub effect: u32,
     /// The step from which it acts.
     pub step: u64,
     /// Kind.
     pub kind: String,
     /// Target.
     pub target: String,
-    /// Parameter or signal that it changes.
+    /// Parameters or signal that it changes.
     pub parameter: String,
     /// Everything that decides its course, in one fixed form; part of the digest.
     pub canonical: String,
+    /// It costs time and changes nothing else: not part of the digest.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub wall_only: bool,
+}
+
+/// A fault that ended on one target.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FaultEnded {
+    /// Number of the fault event.
+    pub id: u32,
+    /// Which effect of the event, from 0.
+    pub effect: u32,
+    /// The first step without it.
+    pub step: u64,
+    /// Whether somebody cleared it.
+    pub cleared: bool,
 }
 
 /// How a run ended, as the plant saw it.
@@ -205,24 +261,34 @@ pub struct RunEnd {
     pub outcome: Outcome,
     /// Why, if not completed.
     pub reason: Option<String>,
-    /// Frames of the controller that failed a check.
+    /// Frames that failed a check: of the controller, and those that a fault corrupted.
     pub rejected_frames: u64,
-    /// The largest effect of each fault on its parameter, by fault id and parameter.
+    /// What became of each effect of each fault, also of those that never took hold.
     pub effects: Vec<FaultEffectSize>,
 }
 
-/// The largest effect that a fault had.
+/// What became of one effect of a fault.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FaultEffectSize {
     /// Number of the fault event.
     pub id: u32,
+    /// Which effect of the event, from 0.
+    pub effect: u32,
+    /// Kind.
+    pub kind: String,
     /// Target.
     pub target: String,
-    /// Parameter.
+    /// Parameters or signal.
     pub parameter: String,
-    /// Largest magnitude of the change of the parameter, in its unit.
+    /// The step at which it took hold; `None`: it never did.
+    pub step: Option<u64>,
+    /// The first step without it, if it ended.
+    pub ended_step: Option<u64>,
+    /// Steps at which it changed something.
+    pub acted_steps: u64,
+    /// Largest magnitude of what it changed.
     pub max_effect: f64,
-    /// Unit.
+    /// Unit of that: the target's; `steps` for what comes late, `ns` for lost time.
     pub unit: String,
 }
 
@@ -257,6 +323,7 @@ mod tests {
             command: fields(2),
             internal: fields(1),
             command_signals: 3,
+            parameter: fields(4),
         }
     }
 
@@ -264,8 +331,9 @@ mod tests {
     fn a_record_is_as_long_as_its_parts() {
         let layout = layout();
         assert_eq!(layout.values_start(), 1 + 2 + 1);
-        assert_eq!(layout.values(), 3 + 60 + 5 + 2 + 2 + 1);
-        assert_eq!(layout.words(), 4 + 73 + 7);
+        assert_eq!(layout.values(), 3 + 60 + 5 + 2 + 2 + 1 + 60 + 5 + 4);
+        assert_eq!(layout.hashed_words(), 4 + 73);
+        assert_eq!(layout.words(), 4 + 142 + 8);
     }
 
     #[test]
@@ -280,7 +348,7 @@ mod tests {
             (view.step, view.values[0], view.timing.plant_ns),
             (42, 1.5, 99)
         );
-        assert_eq!(view.hashed.len(), layout.words() - Timing::WORDS);
+        assert_eq!(view.hashed.len(), layout.hashed_words());
     }
 
     #[test]

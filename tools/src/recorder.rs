@@ -261,6 +261,7 @@ impl Work {
                         self.recorded.faults.push(fault.clone());
                         time_ns = Some(rate.nanoseconds(Step(fault.step)));
                     }
+                    Event::Accepted(_) | Event::FaultEnded(_) => {}
                     Event::End(end) => self.recorded.end = Some(end.clone()),
                 }
                 let written = match &mut self.recording {

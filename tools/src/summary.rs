@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use hil_config::plan::{Plan, Published};
+use hil_config::plan::{Plan, Published, Trigger};
 use serde::Serialize;
 use shared_types::record::Outcome;
 use shared_types::session::SessionInfo;
@@ -333,7 +333,10 @@ fn faults(plan: &Plan, ended: &Ended) -> Vec<Fault> {
             event: event.id,
             kind: event.kind.clone(),
             source: "scenario",
-            requested_at_s: event.at_s,
+            requested_at_s: match event.trigger {
+                Trigger::Step { at_s, .. } => at_s,
+                _ => f64::NAN,
+            },
             effective_step: first.step,
             effects: of_event
                 .map(|size| Effect {

@@ -1,12 +1,16 @@
 //! `[[faults]]`: events and their effects on faultable parameters.
 
-use shared_types::describe::{FaultDescription, PlantDescription, ProfileDescription, Settings};
+use shared_types::describe::{
+    FaultDescription, MoveBy, PlantDescription, ProfileDescription, Settings,
+};
 use shared_types::table::Field;
 use shared_types::time::Step;
 
 use super::run::Grid;
 use crate::document::Value;
-use crate::plan::{FaultEffect, FaultEvent, Profile};
+use crate::plan::{
+    FaultAction, FaultEffect, FaultEnd, FaultEvent, FaultSource, Move, Profile, Trigger,
+};
 use crate::problem::{ProblemKind, listed};
 use crate::quantity::{Quantity, number};
 use crate::reader::{Reader, Section};
@@ -62,14 +66,21 @@ fn event(
                 reader,
                 effect_section,
                 at_s.filter(|_| step.is_some()),
+                step,
                 grid,
             )
         })
         .collect();
     Some(FaultEvent {
         id,
+        name: None,
         kind: fault.kind.clone(),
-        at_s: at_s?,
+        source: FaultSource::Scenario,
+        trigger: Trigger::Step {
+            step: step?,
+            at_s: at_s?,
+        },
+        end: FaultEnd::default(),
         effects: effects.into_iter().collect::<Option<_>>()?,
     })
 }
@@ -146,16 +157,25 @@ impl<'d> Effect<'d> {
         reader: &mut Reader,
         section: &Section<'_>,
         at_s: Option<f64>,
+        event_step: Option<Step>,
         grid: Option<Grid>,
     ) -> Option<FaultEffect> {
         let fault = self.fault;
-        let mut further = vec![fault.selector.as_str(), fault.size.name.as_str()];
+        let mut further: Vec<&str> = fault.selector.as_deref().into_iter().collect();
+        further.extend(fault.sizes.iter().map(|size| size.name.as_str()));
         if let ProfileDescription::Exponential { speed } = &fault.profile {
             further.push(&speed.name);
         }
         reader.refuse_unknown(section, &further);
         let target = self.target(reader, section);
-        let size = reader.described_number(section, &Quantity::from(&fault.size));
+        let mut sizes = Settings::default();
+        for size in &fault.sizes {
+            let value = match size.default {
+                Some(default) if section.table.get(&size.name).is_none() => Some(default),
+                _ => reader.described_number(section, &Quantity::from(size)),
+            };
+            sizes.set(&size.name, value?);
+        }
         let profile = match &fault.profile {
             ProfileDescription::Step => Some(Profile::Step),
             ProfileDescription::Exponential { speed } => reader
@@ -169,20 +189,38 @@ impl<'d> Effect<'d> {
             }
             _ => None,
         };
-        let (target, parameter) = target?;
-        self.stays_in_range(reader, section, parameter, size?)?;
+        let (target, moves) = target?;
+        let moves: Vec<Move> = fault
+            .moves
+            .iter()
+            .zip(moves)
+            .filter_map(|(described, parameter)| {
+                let by = match &described.by {
+                    MoveBy::Size(key) => sizes.get(key)?,
+                    MoveBy::Constant(value) => *value,
+                };
+                Some(Move {
+                    parameter: parameter.name.clone(),
+                    operation: described.operation,
+                    by,
+                })
+            })
+            .collect();
         Some(FaultEffect {
             target,
-            parameter: parameter.name.clone(),
-            step: step?,
-            size: size?,
+            skew_steps: step?.0 - event_step?.0,
             profile: profile?,
+            action: FaultAction::Move { sizes, moves },
         })
     }
 
-    /// The group that the selector means and its parameter that is moved.
-    fn target(&self, reader: &mut Reader, section: &Section<'_>) -> Option<(String, &'d Field)> {
-        let selector = &self.fault.selector;
+    /// The group that the selector means and its parameters that are moved.
+    fn target(
+        &self,
+        reader: &mut Reader,
+        section: &Section<'_>,
+    ) -> Option<(String, Vec<&'d Field>)> {
+        let selector = self.fault.selector.as_deref()?;
         let path = section.path_of(selector);
         let numbers = listed(targets(self.plant, self.fault).map(|(number, _)| number));
         let expected = format!("one of {numbers}");
@@ -196,45 +234,20 @@ impl<'d> Effect<'d> {
         };
         let number = number.to_string();
         let found = targets(self.plant, self.fault).find(|(target, _)| *target == number);
-        let Some((_, parameter)) = found else {
+        if found.is_none() {
             let message = format!("plant `{}` has no {selector} {number}", self.plant.name);
             reader
                 .report(ProblemKind::UnknownName, path, &entry.node.place, message)
                 .expected(expected);
             return None;
-        };
-        Some((format!("{selector}{number}"), parameter))
-    }
-
-    /// The faulted value is the healthy one plus the size; it must be legal too.
-    fn stays_in_range(
-        &self,
-        reader: &mut Reader,
-        section: &Section<'_>,
-        parameter: &Field,
-        size: f64,
-    ) -> Option<()> {
-        let healthy = self.nominal?.get(&parameter.name)?;
-        if parameter.admits(healthy + size) {
-            return Some(());
         }
-        let key = &self.fault.size.name;
-        let message = format!(
-            "`{}` would become {} + {} = {}, out of range",
-            parameter.name,
-            number(healthy),
-            number(size),
-            number(healthy + size)
-        );
-        reader
-            .report(
-                ProblemKind::OutOfRange,
-                section.path_of(key),
-                section.place_of(key),
-                message,
-            )
-            .expected(Quantity::from(parameter).expected());
-        None
+        let group = format!("{selector}{number}");
+        let parameters = self.fault.moves.iter().filter_map(|described| {
+            let name = format!("{group}.{}", described.parameter);
+            (self.plant.parameters.iter()).find(|field| field.name == name)
+        });
+        let parameters = parameters.collect();
+        Some((group, parameters))
     }
 }
 
@@ -245,8 +258,9 @@ pub(crate) fn targets<'d>(
 ) -> impl Iterator<Item = (&'d str, &'d Field)> {
     plant.parameters.iter().filter_map(|field| {
         let (group, parameter) = field.name.split_once('.')?;
-        let number = group.strip_prefix(fault.selector.as_str())?;
+        let number = group.strip_prefix(fault.selector.as_deref()?)?;
         let is_number = !number.is_empty() && number.bytes().all(|c| c.is_ascii_digit());
-        (is_number && parameter == fault.parameter && field.faultable).then_some((number, field))
+        (is_number && parameter == fault.moves.first()?.parameter && field.faultable)
+            .then_some((number, field))
     })
 }

@@ -23,19 +23,28 @@ pub enum Group {
     Applied,
     /// Inner quantities of the law, `internal.x`.
     Internal,
+    /// What its sensors would report without faults, `sensed.x`.
+    Sensed,
+    /// What the rig asks for without faults, `stimulus.x`.
+    Stimulus,
+    /// The plant's faultable parameters as they act, `parameter.x`.
+    Parameter,
     /// Computed from the others, `x`.
     Derived,
 }
 
 impl Group {
     /// Every group, in the order of a record.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 10] = [
         Self::Truth,
         Self::Measured,
         Self::Reference,
         Self::Command,
         Self::Applied,
         Self::Internal,
+        Self::Sensed,
+        Self::Stimulus,
+        Self::Parameter,
         Self::Derived,
     ];
 
@@ -49,6 +58,9 @@ impl Group {
             Self::Command => "command",
             Self::Applied => "applied",
             Self::Internal => "internal",
+            Self::Sensed => "sensed",
+            Self::Stimulus => "stimulus",
+            Self::Parameter => "parameter",
             Self::Derived => "",
         }
     }
@@ -73,6 +85,14 @@ impl Columns {
         columns.push_fields(Group::Command, &plant.commands);
         columns.push_fields(Group::Applied, &plant.commands);
         columns.push_fields(Group::Internal, &law.internals);
+        columns.push_fields(Group::Sensed, &plant.measured);
+        for stimulus in stimuli {
+            columns.push_fields(Group::Stimulus, &stimulus.fields());
+        }
+        let faultable = plant.parameters.iter().filter(|field| field.faultable);
+        for field in faultable {
+            columns.push(Group::Parameter, &field.name);
+        }
         columns
     }
 

@@ -4,7 +4,8 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use hil_config::plan::{
-    FaultEffect, FaultEvent, Limit, PlantPlan, Profile, Run, Stimulus, Waveform,
+    FaultAction, FaultEffect, FaultEnd, FaultEvent, FaultSource, Limit, Move, PlantPlan, Profile,
+    Run, Stimulus, Trigger, Waveform,
 };
 use shared_types::describe::{PROTOCOL, Settings};
 use shared_types::hello::Hello;
@@ -100,10 +101,16 @@ impl PlantTrait for Mover {
 fn job(steps: u64) -> Job {
     let effect = FaultEffect {
         target: "mover".into(),
-        parameter: "gain_m_per_n".into(),
-        step: Step(2),
-        size: 1.0,
+        skew_steps: 0,
         profile: Profile::Step,
+        action: FaultAction::Move {
+            sizes: Settings::default(),
+            moves: vec![Move {
+                parameter: "gain_m_per_n".into(),
+                operation: Operation::Add,
+                by: 1.0,
+            }],
+        },
     };
     let waveform = Waveform::Ramp {
         at_s: 0.0,
@@ -134,9 +141,17 @@ fn job(steps: u64) -> Job {
         faults: vec![FaultEvent {
             id: 1,
             kind: "gain".into(),
-            at_s: 0.2,
+            name: None,
+            source: FaultSource::Scenario,
+            trigger: Trigger::Step {
+                step: Step(2),
+                at_s: 0.2,
+            },
+            end: FaultEnd::default(),
             effects: vec![effect],
         }],
+        derived: vec![],
+        pause_at_s: None,
         observed: true,
         wait_limit_s: 1.0,
     }

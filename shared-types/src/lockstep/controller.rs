@@ -184,6 +184,8 @@ impl ControllerSide {
                     self.broken(what)
                 }
             }
+            // The run is paused: the wait for the same sample begins anew.
+            (_, Some(FrameKind::Hold)) if got.0 <= self.at().0 => ControllerAction::Ignore,
             // A sample that was answered already, seen again.
             (_, Some(FrameKind::Sample)) if got.0 < self.at().0 => self.ignore(),
             (_, kind) => {

@@ -17,6 +17,8 @@ fn layout() -> RecordLayout {
 
 fn event(text: &str) -> Event {
     Event::Fault(FaultTaken {
+        effect: 0,
+        wall_only: false,
         id: 1,
         step: 2,
         kind: "leakage".into(),

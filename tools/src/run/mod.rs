@@ -165,6 +165,10 @@ fn jobs(
         plant: plan.plant.clone(),
         stimuli: plan.stimuli.clone(),
         faults: plan.faults.clone(),
+        derived: (plan.derived.iter())
+            .map(|derived| (derived.name.clone(), derived.expression.to_string()))
+            .collect(),
+        pause_at_s: None,
         observed: true,
         wait_limit_s,
     };

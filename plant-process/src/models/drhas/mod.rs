@@ -26,7 +26,9 @@ pub mod valve;
 #[cfg(test)]
 mod tests;
 
-use shared_types::describe::{FaultDescription, Invalid, ProfileDescription};
+use shared_types::describe::{
+    FaultDescription, Invalid, MoveBy, Operation, ParameterMove, ProfileDescription,
+};
 use shared_types::table::Field;
 use shared_types::time::Interval;
 use zerocopy::{FromBytes, Immutable, IntoBytes, transmute};
@@ -208,14 +210,20 @@ impl Plant for Drhas {
             kind: "leakage".into(),
             summary: "Leak past the piston's seal that sets in exponentially (eqs. 5 and 6)."
                 .into(),
-            selector: "actuator".into(),
-            parameter: "leakage_coefficient_m3ps_per_sqrt_pa".into(),
-            size: field(
+            equation: "q_t = C_t g sqrt(|P_h1 - P_h2|) sign(P_h1 - P_h2), g = 1 - exp(-mu t)"
+                .into(),
+            selector: Some("actuator".into()),
+            sizes: vec![field(
                 "coefficient_m3ps_per_sqrt_pa",
                 "m3/s/sqrt(Pa)",
                 "Leakage coefficient C_t at the end.",
                 1e-4,
-            ),
+            )],
+            moves: vec![ParameterMove {
+                parameter: "leakage_coefficient_m3ps_per_sqrt_pa".into(),
+                operation: Operation::Add,
+                by: MoveBy::Size("coefficient_m3ps_per_sqrt_pa".into()),
+            }],
             profile: ProfileDescription::Exponential {
                 speed: field(
                     "speed_per_s",

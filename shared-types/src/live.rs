@@ -1,0 +1,231 @@
+//! Requests to a running plant: what another terminal asks and what it is answered.
+//!
+//! The plant listens on a socket in the session's private folder, on a thread of its own; `hil`
+//! asks. One line of JSON each way. The loop sees of it one atomic.
+
+use std::io::{BufRead, BufReader, ErrorKind, Write};
+use std::os::unix::net::UnixStream;
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+use crate::describe::{FaultKindDescription, PlantDescription};
+use crate::record::FaultEffectSize;
+use crate::session::SessionInfo;
+use crate::table::Field;
+use crate::time::Rate;
+
+/// Name of the socket in the session's folder.
+pub const SOCKET: &str = "control";
+
+/// What is asked.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "request", rename_all = "kebab-case")]
+pub enum Request {
+    /// Take these faults, all or none.
+    Inject {
+        /// `[[faults]]` as a scenario has them.
+        toml: String,
+    },
+    /// End faults.
+    Clear {
+        /// Which; all if `None`.
+        id: Option<u32>,
+    },
+    /// What faults are there?
+    Active,
+    /// What faults are possible?
+    Possible,
+    /// Where is the run?
+    Status,
+    /// Hold before the next step.
+    Pause,
+    /// Go on.
+    Resume,
+    /// Go on for so many steps, then hold.
+    Advance {
+        /// How many, at least 1.
+        steps: u64,
+    },
+}
+
+/// What is answered.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "response", rename_all = "kebab-case")]
+pub enum Response {
+    /// The faults were taken.
+    Injected {
+        /// Each, in the order asked.
+        faults: Vec<Injected>,
+    },
+    /// These ended.
+    Cleared {
+        /// Their numbers.
+        ids: Vec<u32>,
+        /// The first step without them.
+        step: u64,
+    },
+    /// The faults of the run.
+    Active {
+        /// Where the run is.
+        status: Status,
+        /// Each, in the order of their numbers.
+        faults: Vec<FaultState>,
+    },
+    /// What is possible.
+    Possible(Box<Possible>),
+    /// Where the run is.
+    Status(Status),
+    /// No, and nothing was changed.
+    Refused {
+        /// Why and what would be possible, one for each thing that is wrong.
+        problems: Vec<Refusal>,
+    },
+}
+
+/// A fault that was taken.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Injected {
+    /// Its number.
+    pub id: u32,
+    /// Its kind.
+    pub kind: String,
+    /// The step at which it takes hold; `None` as long as that depends on the run.
+    pub effective_step: Option<u64>,
+    /// The simulated time of that step in s.
+    pub effective_at_s: Option<f64>,
+    /// What it waits for, if the step is not known.
+    pub waits_for: Option<String>,
+}
+
+/// A fault of the run, live or of the scenario.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FaultState {
+    /// Its number.
+    pub id: u32,
+    /// Its kind.
+    pub kind: String,
+    /// Who asked for it: `scenario` or `cli`.
+    pub source: String,
+    /// `waiting`, `active` or `ended`.
+    pub state: String,
+    /// What it waits for, if it does.
+    pub waits_for: Option<String>,
+    /// Its effects.
+    pub effects: Vec<FaultEffectSize>,
+}
+
+/// Where a run is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Status {
+    /// The next step.
+    pub step: u64,
+    /// Its simulated time in s.
+    pub time_s: f64,
+    /// Steps of the whole run.
+    pub steps: u64,
+    /// Whether it holds before the next step.
+    pub paused: bool,
+}
+
+/// What faults are possible in a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Possible {
+    /// Steps per second.
+    pub rate: Rate,
+    /// The plant with its own faults, its signals and parameters.
+    pub plant: PlantDescription,
+    /// The reference signals.
+    pub reference: Vec<Field>,
+    /// The kinds of faults on signals, links and timing.
+    pub kinds: Vec<FaultKindDescription>,
+}
+
+/// Something that is wrong with a request.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Refusal {
+    /// The key that it is about, for example `faults[0].kind`; may be empty.
+    pub key: String,
+    /// What is wrong.
+    pub message: String,
+    /// What is possible instead.
+    pub expected: Option<String>,
+    /// Names that exist and are closest to an unknown one.
+    #[serde(default)]
+    pub nearest: Vec<String>,
+}
+
+impl Refusal {
+    /// Something wrong that is about no key.
+    #[must_use]
+    pub fn new(message: impl Into<String>) -> Self {
+        Self {
+            key: String::new(),
+            message: message.into(),
+            expected: None,
+            nearest: Vec::new(),
+        }
+    }
+}
+
+/// A request got no answer.
+#[derive(Debug, thiserror::Error)]
+pub enum LiveError {
+    /// Nobody listens: the plant has not begun to, or has ended.
+    #[error("the plant of session `{0}` takes no requests: it is starting or has ended")]
+    Absent(String),
+    /// It listens and is silent.
+    #[error("the plant of session `{session}` gave no answer within {limit_s} s")]
+    Silent {
+        /// The session.
+        session: String,
+        /// How long was waited.
+        limit_s: u64,
+    },
+    /// The connection broke.
+    #[error("the plant of session `{session}`: {what}")]
+    Broken {
+        /// The session.
+        session: String,
+        /// How.
+        what: String,
+    },
+}
+
+/// Asks the plant of a session.
+///
+/// # Errors
+/// If it does not answer within the limit.
+pub fn ask(
+    session: &SessionInfo,
+    request: &Request,
+    limit: Duration,
+) -> Result<Response, LiveError> {
+    let name = || session.name.clone();
+    let broken = |error: std::io::Error| match error.kind() {
+        ErrorKind::WouldBlock | ErrorKind::TimedOut => LiveError::Silent {
+            session: name(),
+            limit_s: limit.as_secs(),
+        },
+        _ => LiveError::Broken {
+            session: name(),
+            what: error.to_string(),
+        },
+    };
+    let stream = UnixStream::connect(session.folder.join(SOCKET));
+    let mut stream = stream.map_err(|_| LiveError::Absent(name()))?;
+    stream.set_read_timeout(Some(limit)).map_err(broken)?;
+    stream.set_write_timeout(Some(limit)).map_err(broken)?;
+    let mut line = serde_json::to_vec(request).map_err(|e| broken(e.into()))?;
+    line.push(b'\n');
+    stream.write_all(&line).map_err(broken)?;
+    let mut answer = String::new();
+    let read = BufReader::new(&stream).read_line(&mut answer);
+    if read.map_err(broken)? == 0 {
+        return Err(LiveError::Broken {
+            session: name(),
+            what: "it ended before it answered".into(),
+        });
+    }
+    serde_json::from_str(&answer).map_err(|e| broken(e.into()))
+}
