@@ -42,18 +42,7 @@ impl Binaries {
     /// # Errors
     /// If one is missing, cannot be executed or does not speak the protocol.
     pub fn find(arguments: &BinaryArguments, interruption: &Interruption) -> Result<Self, Failure> {
-        let plant = Binary::find(
-            arguments.plant_bin.as_deref(),
-            "plant-process",
-            "--plant-bin",
-            interruption,
-        )?;
-        if plant.description.plants.is_empty() {
-            return Err(Failure::usage(format!(
-                "{} describes no plant",
-                plant.path.display()
-            )));
-        }
+        let plant = Binary::plant(arguments.plant_bin.as_deref(), interruption)?;
         let path = arguments.controller_bin.as_deref();
         let controller =
             Binary::find(path, "controller-process", "--controller-bin", interruption)?;
@@ -66,6 +55,21 @@ impl Binaries {
 }
 
 impl Binary {
+    /// Finds a plant and asks what it is.
+    ///
+    /// # Errors
+    /// If it is missing, cannot be executed or does not speak the protocol.
+    pub fn plant(given: Option<&Path>, interruption: &Interruption) -> Result<Self, Failure> {
+        let plant = Self::find(given, "plant-process", "--plant-bin", interruption)?;
+        if plant.description.plants.is_empty() {
+            return Err(Failure::usage(format!(
+                "{} describes no plant",
+                plant.path.display()
+            )));
+        }
+        Ok(plant)
+    }
+
     fn find(
         given: Option<&Path>,
         name: &str,

@@ -4,7 +4,8 @@ use hil_config::plan::Plan;
 use hil_config::scenario::Scenario;
 
 use crate::binaries::Binaries;
-use crate::cli::{Changes, ConfigAction, ConfigArguments, ScenarioArguments};
+use crate::cli::config::{ConfigAction, ConfigArguments, ScenarioArguments};
+use crate::cli::run::Changes;
 use crate::exit::{Exit, Failure};
 use crate::interruption::Interruption;
 use crate::output;

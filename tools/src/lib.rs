@@ -17,11 +17,15 @@ use std::io::IsTerminal;
 
 pub mod binaries;
 pub mod cli;
+pub mod clock;
 pub mod config;
+pub mod duration;
 pub mod exit;
 pub mod folder;
+pub mod inject;
 pub mod interruption;
 pub mod latency;
+pub mod live;
 pub mod output;
 pub mod progress;
 pub mod recorder;
@@ -32,6 +36,7 @@ pub mod summary;
 
 use cli::{Command, CommandLine};
 use exit::{Exit, Failure};
+use shared_types::live::Request;
 
 /// Does what the command line says.
 ///
@@ -40,6 +45,15 @@ use exit::{Exit, Failure};
 pub fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
     match &command_line.command {
         Command::Run(arguments) => run::run(arguments),
+        Command::Inject(arguments) => inject::inject(arguments),
+        Command::Pause(arguments) => clock::clock(&arguments.session, &Request::Pause),
+        Command::Resume(arguments) => clock::clock(&arguments.session, &Request::Resume),
+        Command::Step(arguments) => {
+            let request = Request::Advance {
+                steps: arguments.steps,
+            };
+            clock::clock(&arguments.session, &request)
+        }
         Command::Config(arguments) => config::config(arguments),
         Command::Sessions(arguments) => sessions::sessions(arguments),
         Command::Completions { shell } => {

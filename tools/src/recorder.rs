@@ -20,7 +20,7 @@ use shared_types::record::{Event, FaultTaken, RecordLayout, RunEnd};
 use shared_types::stream::{Item, RecordSource};
 use shared_types::time::Step;
 
-use crate::cli::Compression;
+use crate::cli::run::Compression;
 use crate::latency::{Latency, LatencySummary};
 use crate::recording::{Provenance, Recording};
 

@@ -19,7 +19,7 @@ use mcap::{Attachment, McapResult, WriteOptions, Writer};
 use shared_types::record::{Event, GROUPS, RECORD_VERSION, RecordLayout, RecordView, Timing};
 use shared_types::zerocopy::IntoBytes;
 
-use crate::cli::Compression;
+use crate::cli::run::Compression;
 
 /// Longest time that a chunk stays open.
 const CHUNK_TIME: Duration = Duration::from_millis(100);

@@ -12,7 +12,7 @@ use shared_types::record::Outcome;
 use shared_types::session::{Session, SessionError, SessionInfo};
 
 use crate::binaries::Binaries;
-use crate::cli::{LinkKind, RunArguments};
+use crate::cli::run::{LinkKind, RunArguments, RunOptions};
 use crate::exit::{Exit, Failure};
 use crate::interruption::Interruption;
 use crate::recorder::{Recorded, RecordingPlan};
@@ -44,14 +44,15 @@ pub(crate) struct Ended {
 /// # Errors
 /// If the run could not be started, or its results not be written.
 pub fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
-    if arguments.wait_limit.is_nan() || arguments.wait_limit <= 0.0 {
+    let options = &arguments.options;
+    if options.wait_limit.is_nan() || options.wait_limit <= 0.0 {
         return Err(Failure::usage(
             "--wait-limit takes a number above 0, or inf",
         ));
     }
-    let others = &arguments.binaries;
+    let others = &options.binaries;
     let other_binaries = others.plant_bin.is_some() || others.controller_bin.is_some();
-    if arguments.link == LinkKind::InProcess && other_binaries {
+    if options.link == LinkKind::InProcess && other_binaries {
         return Err(Failure::usage(
             "--link in-process runs what is built into hil; --plant-bin and --controller-bin need processes",
         ));
@@ -60,21 +61,20 @@ pub fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
     let binaries = Binaries::find(others, &interruption)?;
     let plan = config::read(
         &arguments.scenario,
-        &arguments.changes,
+        &options.changes,
         &binaries,
-        arguments.json,
+        options.json,
     )?;
     let effective = config::show(&plan, &binaries)?;
 
-    let mut session =
-        Session::create(arguments.session.as_deref()).map_err(|error| match error {
-            SessionError::Name(_) | SessionError::Taken { .. } => Failure::usage(error),
-            other => Failure::infrastructure(other),
-        })?;
+    let mut session = Session::create(options.session.as_deref()).map_err(|error| match error {
+        SessionError::Name(_) | SessionError::Taken { .. } => Failure::usage(error),
+        other => Failure::infrastructure(other),
+    })?;
     let info = session.info().clone();
-    let (plant, controller) = jobs(&plan, &info, arguments.wait_limit);
+    let (plant, controller) = jobs(&plan, &info, options);
     check(&binaries, &info, &plant, &controller, &interruption)?;
-    let run_dir = folder::create(arguments.out.as_deref(), &plan.name, &info.name)?;
+    let run_dir = folder::create(options.out.as_deref(), &plan.name, &info.name)?;
     session
         .set_run_dir(&absolute(&run_dir))
         .map_err(Failure::infrastructure)?;
@@ -83,13 +83,13 @@ pub fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
         let _ = std::fs::remove_dir(&run_dir);
     })?;
 
-    let evidence = match arguments.link {
+    let evidence = match options.link {
         LinkKind::Iceoryx2 => "sil",
         LinkKind::InProcess => "in-process",
     };
-    let recording = (!arguments.no_record).then(|| RecordingPlan {
+    let recording = (!options.no_record).then(|| RecordingPlan {
         path: run_dir.join("run.mcap"),
-        compression: arguments.compression,
+        compression: options.compression,
         provenance: provenance(&plan, &info, &binaries, evidence, &effective),
     });
     let prepared = Prepared {
@@ -100,13 +100,13 @@ pub fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
         recording,
         interruption,
     };
-    let ended = match arguments.link {
+    let ended = match options.link {
         LinkKind::Iceoryx2 => processes::run(&prepared, &mut session, &run_dir)?,
         LinkKind::InProcess => in_process::run(&prepared)?,
     };
     drop(session);
 
-    let recorded_to = (!arguments.no_record).then_some("run.mcap");
+    let recorded_to = (!options.no_record).then_some("run.mcap");
     let summary = Summary::new(
         &prepared.plan,
         &prepared.binaries,
@@ -117,7 +117,7 @@ pub fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
     );
     let json = serde_json::to_string_pretty(&summary).map_err(Failure::infrastructure)?;
     // Told first and written all the same: neither a full disk nor a broken output hides the other.
-    let told = output::write(&if arguments.json {
+    let told = output::write(&if options.json {
         format!("{json}\n")
     } else {
         summary.table(&prepared.plan, &run_dir)
@@ -151,8 +151,9 @@ fn write(path: &Path, text: &str) -> Result<(), Failure> {
 fn jobs(
     plan: &Plan,
     session: &SessionInfo,
-    wait_limit_s: f64,
+    options: &RunOptions,
 ) -> (plant_process::job::Job, controller_process::job::Job) {
+    let wait_limit_s = options.wait_limit;
     // Between two samples of a paced run the controller waits for the clock, not for the plant.
     let between_s = match plan.run.clock {
         Clock::Lockstep => 0.0,
@@ -168,7 +169,7 @@ fn jobs(
         derived: (plan.derived.iter())
             .map(|derived| (derived.name.clone(), derived.expression.to_string()))
             .collect(),
-        pause_at_s: None,
+        pause_at_s: options.pause_at,
         observed: true,
         wait_limit_s,
     };
