@@ -7,7 +7,9 @@ use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process_group};
-use shared_types::describe::{Description, PROTOCOL};
+use shared_types::describe::{
+    Description, FaultKindDescription, LawDescription, PROTOCOL, PlantDescription,
+};
 
 use crate::cli::BinaryArguments;
 use crate::exit::Failure;
@@ -51,6 +53,23 @@ impl Binaries {
             return Err(Failure::usage(format!("{path} describes no control law")));
         }
         Ok(Self { plant, controller })
+    }
+
+    /// What scenarios are checked against: plants, laws and kinds of faults.
+    #[must_use]
+    pub fn described(
+        &self,
+    ) -> (
+        &[PlantDescription],
+        &[LawDescription],
+        &[FaultKindDescription],
+    ) {
+        let plant = &self.plant.description;
+        (
+            &plant.plants,
+            &self.controller.description.laws,
+            &plant.faults,
+        )
     }
 }
 

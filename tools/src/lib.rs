@@ -21,6 +21,7 @@ pub mod clock;
 pub mod config;
 pub mod duration;
 pub mod exit;
+pub mod faults;
 pub mod folder;
 pub mod inject;
 pub mod interruption;

@@ -2,7 +2,7 @@
 //!
 //! Topic `/record` carries one message a step: the CDR form of the record, which is 4 bytes of
 //! encapsulation and the very words that crossed shared memory, with a `ros2msg` schema made from the
-//! tables. Topic `/events` carries faults and the end as JSON. `log_time` is simulated time,
+//! tables. Topic `/events` carries every event as JSON. `log_time` is simulated time,
 //! `publish_time` the monotonic clock. Chunks are closed on a time budget, so that what a killed
 //! process loses is bounded in time.
 
@@ -216,8 +216,11 @@ const EVENT_SCHEMA: &str = r#"{
   "title": "hil.Event",
   "type": "object",
   "properties": {
-    "event": {"type": "string", "description": "fault: a fault took hold; end: the run ended"},
-    "step": {"type": "integer", "description": "the step from which a fault acts"}
+    "event": {
+      "enum": ["accepted", "fault", "fault-ended", "end"],
+      "description": "accepted: a live fault was accepted; fault: one took hold of a target; fault-ended: it let go; end: the run ended"
+    },
+    "step": {"type": "integer", "description": "the next step, the first with the fault, the first without it"}
   },
   "required": ["event"]
 }"#;

@@ -10,6 +10,7 @@ use hil_config::plan::{Clock, Plan};
 use shared_types::describe::PROTOCOL;
 use shared_types::record::Outcome;
 use shared_types::session::{Session, SessionError, SessionInfo};
+use shared_types::time::Step;
 
 use crate::binaries::Binaries;
 use crate::cli::run::{LinkKind, RunArguments, RunOptions};
@@ -48,6 +49,11 @@ pub fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
     if options.wait_limit.is_nan() || options.wait_limit <= 0.0 {
         return Err(Failure::usage(
             "--wait-limit takes a number above 0, or inf",
+        ));
+    }
+    if options.link == LinkKind::InProcess && options.pause_at.is_some() {
+        return Err(Failure::usage(
+            "--pause-at needs processes: nobody could resume a run with --link in-process",
         ));
     }
     let others = &options.binaries;
