@@ -5,6 +5,7 @@
 pub mod clock;
 pub mod config;
 pub mod inject;
+pub mod recordings;
 pub mod run;
 
 use std::path::PathBuf;
@@ -15,7 +16,8 @@ use clap_complete::Shell;
 use clock::{ClockArguments, StepArguments};
 use config::{ConfigArguments, SessionsArguments};
 use inject::InjectArguments;
-use run::RunArguments;
+use recordings::{CompareArguments, ScenarioCommand};
+use run::{RerunArguments, RunArguments};
 
 /// Hardware-in-the-loop runs of a plant and a controller in deterministic lockstep
 ///
@@ -48,6 +50,21 @@ pub enum Command {
     /// Let a session go on for some steps, then hold it
     #[command(after_help = "Examples:\n  hil step\n  hil step 1000")]
     Step(StepArguments),
+    /// Repeat a recorded run, the faults of its command lines included, and compare the digests
+    #[command(
+        after_help = "Exit codes: 0 the same digest; 1 another.\n\nExample:\n  hil rerun runs/demo"
+    )]
+    Rerun(RerunArguments),
+    /// Compare two recorded runs step by step
+    #[command(after_help = "\
+Exit codes: 0 the same, or within the tolerance; 1 different; 2 not comparable.
+
+Examples:
+  hil compare runs/a runs/b
+  hil compare runs/a runs/b --signal truth.surface_angle_rad --tolerance 1e-9")]
+    Compare(CompareArguments),
+    /// Make scenarios from runs
+    Scenario(ScenarioCommand),
     /// Check a scenario, show it complete, or print its schema
     Config(ConfigArguments),
     /// List the running sessions, or clean up after dead ones

@@ -18,6 +18,7 @@ use std::io::IsTerminal;
 pub mod binaries;
 pub mod cli;
 pub mod clock;
+pub mod compare;
 pub mod config;
 pub mod duration;
 pub mod exit;
@@ -31,10 +32,14 @@ pub mod output;
 pub mod progress;
 pub mod recorder;
 pub mod recording;
+pub mod repetition;
+pub mod rerun;
 pub mod run;
+pub mod run_reader;
 pub mod sessions;
 pub mod summary;
 
+use cli::recordings::ScenarioAction;
 use cli::{Command, CommandLine};
 use exit::{Exit, Failure};
 use shared_types::live::Request;
@@ -55,6 +60,11 @@ pub fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
             };
             clock::clock(&arguments.session, &request)
         }
+        Command::Rerun(arguments) => rerun::rerun(arguments),
+        Command::Compare(arguments) => compare::command(arguments),
+        Command::Scenario(arguments) => match &arguments.action {
+            ScenarioAction::From(arguments) => repetition::scenario_from(arguments),
+        },
         Command::Config(arguments) => config::config(arguments),
         Command::Sessions(arguments) => sessions::sessions(arguments),
         Command::Completions { shell } => {

@@ -52,6 +52,8 @@ pub struct Recorded {
     pub lost: u64,
     /// The digest; `None` if something was lost.
     pub digest: Option<String>,
+    /// The digest after the first records, if it was asked for and there were so many.
+    pub partial_digest: Option<String>,
     /// Metrics.
     pub metrics: Vec<MetricValue>,
     /// Latency of the steps.
@@ -78,11 +80,13 @@ struct Shared {
 }
 
 impl Recorder {
-    /// Starts the thread. What `prepare` returns is called there, again and again, until it gives
+    /// Starts the thread. `partial` is after how many records the digest is wanted besides. What
+    /// `prepare` returns is called there, again and again, until it gives
     /// the stream and its layout.
     pub fn start<S, A>(
         plan: Plan,
         recording: Option<RecordingPlan>,
+        partial: Option<u64>,
         prepare: impl FnOnce() -> A + Send + 'static,
     ) -> Self
     where
@@ -93,7 +97,7 @@ impl Recorder {
         let theirs = Arc::clone(&shared);
         let thread = std::thread::spawn(move || {
             let mut attach = prepare();
-            let mut work = Work::new(plan, recording, Arc::clone(&theirs));
+            let mut work = Work::new(plan, recording, partial, Arc::clone(&theirs));
             loop {
                 match attach() {
                     Ok(Some((mut source, layout))) => {
@@ -142,6 +146,8 @@ impl Recorder {
 struct Work {
     plan: Plan,
     recording_plan: Option<RecordingPlan>,
+    /// After how many records the digest is wanted besides.
+    partial: Option<u64>,
     shared: Arc<Shared>,
     layout: RecordLayout,
     recording: Option<Recording>,
@@ -154,7 +160,12 @@ struct Work {
 }
 
 impl Work {
-    fn new(plan: Plan, recording_plan: Option<RecordingPlan>, shared: Arc<Shared>) -> Self {
+    fn new(
+        plan: Plan,
+        recording_plan: Option<RecordingPlan>,
+        partial: Option<u64>,
+        shared: Arc<Shared>,
+    ) -> Self {
         let latency = Latency::default();
         let recorded = Recorded {
             end: None,
@@ -162,6 +173,7 @@ impl Work {
             records: 0,
             lost: 0,
             digest: None,
+            partial_digest: None,
             metrics: Vec::new(),
             latency: latency.summary(),
             wall_time_s: 0.0,
@@ -170,6 +182,7 @@ impl Work {
         Self {
             plan,
             recording_plan,
+            partial,
             shared,
             layout: RecordLayout::default(),
             recording: None,
@@ -240,6 +253,9 @@ impl Work {
                 self.first_ns.get_or_insert(view.timing.published_ns);
                 self.last_ns = view.timing.published_ns;
                 self.recorded.records += 1;
+                if self.partial == Some(self.recorded.records) && self.recorded.lost == 0 {
+                    self.recorded.partial_digest = Some(self.digest.clone().finish());
+                }
                 (self.shared.next_step).store(view.step + 1, Ordering::Relaxed);
                 let written = match &mut self.recording {
                     Some(recording) => recording.record(words, &view),

@@ -28,7 +28,7 @@ const CHUNK_BYTES: u64 = 1 << 20;
 /// CDR, little-endian, no options.
 const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
 /// Line between the parts of a `ros2msg` schema.
-const RULER: &str =
+pub(crate) const RULER: &str =
     "================================================================================";
 
 /// A text file that travels in the recording.

@@ -45,7 +45,7 @@ pub(super) fn run(prepared: &Prepared) -> Result<Ended, Failure> {
     let (sink, source) = stream::in_process::pair();
     let (tell, told) = std::sync::mpsc::channel();
     let (plan, recording) = (prepared.plan.clone(), prepared.recording.clone());
-    let recorder = Recorder::start(plan, recording, || {
+    let recorder = Recorder::start(plan, recording, prepared.partial, || {
         let mut source = Some(source);
         move || {
             Ok(told

@@ -1,10 +1,11 @@
-//! `hil run`: one scenario from the command line to the summary.
+//! `hil run`: one scenario from the command line to the summary. `hil rerun` runs its own in the same
+//! way.
 
 mod in_process;
 mod processes;
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use hil_config::plan::{Clock, Plan};
 use shared_types::describe::PROTOCOL;
@@ -18,6 +19,7 @@ use crate::exit::{Exit, Failure};
 use crate::interruption::Interruption;
 use crate::recorder::{Recorded, RecordingPlan};
 use crate::recording::{Enclosure, Provenance};
+use crate::run_reader::RECORDING;
 use crate::summary::Summary;
 use crate::{config, folder, output};
 
@@ -28,6 +30,8 @@ struct Prepared {
     plant: plant_process::job::Job,
     controller: controller_process::job::Job,
     recording: Option<RecordingPlan>,
+    /// After how many records the digest is wanted besides.
+    partial: Option<u64>,
     interruption: Interruption,
 }
 
@@ -40,37 +44,104 @@ pub(crate) struct Ended {
     pub(crate) reason: Option<String>,
 }
 
+/// What a run needs before its scenario is looked at.
+pub(crate) struct Setup {
+    pub(crate) binaries: Binaries,
+    interruption: Interruption,
+}
+
+/// What a run left.
+pub(crate) struct Ran {
+    pub(crate) exit: Exit,
+    pub(crate) digest: Option<String>,
+    /// The digest after the first records, if it was asked for and there were so many.
+    pub(crate) partial_digest: Option<String>,
+    /// Its recording, if it was recorded.
+    pub(crate) recording: Option<PathBuf>,
+    /// The summary as a machine reads it.
+    pub(crate) summary: String,
+    /// The summary as a person reads it.
+    pub(crate) table: String,
+    /// Whether the summary could be written. To be told after the summary: neither a full disk nor
+    /// a broken output may hide the other.
+    pub(crate) written: Result<(), Failure>,
+}
+
 /// Runs the command.
 ///
 /// # Errors
 /// If the run could not be started, or its results not be written.
 pub fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
     let options = &arguments.options;
-    if options.wait_limit.is_nan() || options.wait_limit <= 0.0 {
-        return Err(Failure::usage(
-            "--wait-limit takes a number above 0, or inf",
-        ));
-    }
-    if options.link == LinkKind::InProcess && options.pause_at.is_some() {
-        return Err(Failure::usage(
-            "--pause-at needs processes: nobody could resume a run with --link in-process",
-        ));
-    }
-    let others = &options.binaries;
-    let other_binaries = others.plant_bin.is_some() || others.controller_bin.is_some();
-    if options.link == LinkKind::InProcess && other_binaries {
-        return Err(Failure::usage(
-            "--link in-process runs what is built into hil; --plant-bin and --controller-bin need processes",
-        ));
-    }
-    let interruption = Interruption::listen()?;
-    let binaries = Binaries::find(others, &interruption)?;
+    let setup = Setup::find(options)?;
     let plan = config::read(
         &arguments.scenario,
         &options.changes,
-        &binaries,
+        &setup.binaries,
         options.json,
     )?;
+    let ran = execute(plan, setup, options, None)?;
+    let told = output::write(&if options.json {
+        format!("{}\n", ran.summary)
+    } else {
+        ran.table
+    });
+    ran.written?;
+    told?;
+    Ok(ran.exit)
+}
+
+impl Setup {
+    /// Looks at the options and finds the binaries.
+    ///
+    /// # Errors
+    /// If options do not go together, or a binary cannot be used.
+    pub(crate) fn find(options: &RunOptions) -> Result<Self, Failure> {
+        if options.wait_limit.is_nan() || options.wait_limit <= 0.0 {
+            return Err(Failure::usage(
+                "--wait-limit takes a number above 0, or inf",
+            ));
+        }
+        if options.link == LinkKind::InProcess && options.pause_at.is_some() {
+            return Err(Failure::usage(
+                "--pause-at needs processes: nobody could resume a run with --link in-process",
+            ));
+        }
+        let others = &options.binaries;
+        let other_binaries = others.plant_bin.is_some() || others.controller_bin.is_some();
+        if options.link == LinkKind::InProcess && other_binaries {
+            return Err(Failure::usage(
+                "--link in-process runs what is built into hil; --plant-bin and --controller-bin need processes",
+            ));
+        }
+        let interruption = Interruption::listen()?;
+        Ok(Self {
+            binaries: Binaries::find(others, &interruption)?,
+            interruption,
+        })
+    }
+}
+
+/// Runs a checked scenario. `partial`: after how many records the digest is wanted besides.
+///
+/// # Errors
+/// If the run could not be started.
+pub(crate) fn execute(
+    plan: Plan,
+    setup: Setup,
+    options: &RunOptions,
+    partial: Option<u64>,
+) -> Result<Ran, Failure> {
+    let Setup {
+        binaries,
+        interruption,
+    } = setup;
+    let end_s = plan.run.rate.seconds(Step(plan.run.steps));
+    if let Some(pause_at_s) = options.pause_at.filter(|pause_at_s| *pause_at_s >= end_s) {
+        return Err(Failure::usage(format!(
+            "--pause-at {pause_at_s} is not before the end of the run at {end_s} s"
+        )));
+    }
     let effective = config::show(&plan, &binaries)?;
 
     let mut session = Session::create(options.session.as_deref()).map_err(|error| match error {
@@ -94,7 +165,7 @@ pub fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
         LinkKind::InProcess => "in-process",
     };
     let recording = (!options.no_record).then(|| RecordingPlan {
-        path: run_dir.join("run.mcap"),
+        path: run_dir.join(RECORDING),
         compression: options.compression,
         provenance: provenance(&plan, &info, &binaries, evidence, &effective),
     });
@@ -104,6 +175,7 @@ pub fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
         plant,
         controller,
         recording,
+        partial,
         interruption,
     };
     let ended = match options.link {
@@ -112,7 +184,7 @@ pub fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
     };
     drop(session);
 
-    let recorded_to = (!options.no_record).then_some("run.mcap");
+    let recorded_to = (!options.no_record).then_some(RECORDING);
     let summary = Summary::new(
         &prepared.plan,
         &prepared.binaries,
@@ -122,24 +194,24 @@ pub fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
         &ended,
     );
     let json = serde_json::to_string_pretty(&summary).map_err(Failure::infrastructure)?;
-    // Told first and written all the same: neither a full disk nor a broken output hides the other.
-    let told = output::write(&if options.json {
-        format!("{json}\n")
-    } else {
-        summary.table(&prepared.plan, &run_dir)
-    });
-    write(&run_dir.join("summary.json"), &json)?;
-    told?;
-    Ok(match ended.outcome {
-        _ if ended.recorded.error.is_some() => Exit::Infrastructure,
-        Outcome::Completed => Exit::Pass,
-        Outcome::Diverged => Exit::Failed,
-        Outcome::Stopped if prepared.interruption.came() => Exit::Interrupted,
-        Outcome::Stopped | Outcome::Failed => Exit::Infrastructure,
+    Ok(Ran {
+        exit: match ended.outcome {
+            _ if ended.recorded.error.is_some() => Exit::Infrastructure,
+            Outcome::Completed => Exit::Pass,
+            Outcome::Diverged => Exit::Failed,
+            Outcome::Stopped if prepared.interruption.came() => Exit::Interrupted,
+            Outcome::Stopped | Outcome::Failed => Exit::Infrastructure,
+        },
+        digest: ended.recorded.digest,
+        partial_digest: ended.recorded.partial_digest,
+        recording: recorded_to.map(|name| run_dir.join(name)),
+        table: summary.table(&prepared.plan, &run_dir),
+        written: write(&run_dir.join("summary.json"), &json),
+        summary: json,
     })
 }
 
-fn absolute(path: &Path) -> std::path::PathBuf {
+fn absolute(path: &Path) -> PathBuf {
     std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
 }
 

@@ -170,7 +170,7 @@ pub(super) fn run(
         .map_err(Failure::infrastructure)?;
 
     let (plan, recording) = (prepared.plan.clone(), prepared.recording.clone());
-    let recorder = Recorder::start(plan, recording, || {
+    let recorder = Recorder::start(plan, recording, prepared.partial, || {
         let mut source = None;
         move || attach(&info, &mut source)
     });
