@@ -216,6 +216,18 @@ fn without_cleared(faults: &mut Vec<FaultEvent>, log: &FaultLog) -> Vec<FaultEve
     }
 }
 
+/// Numbers events by their place, as a scenario does, also where one follows another.
+fn renumber(faults: &mut [FaultEvent]) {
+    let before: Vec<u32> = faults.iter().map(|event| event.id).collect();
+    let now = |id: u32| (1..).zip(&before).find(|(_, before)| **before == id);
+    for event in faults {
+        event.id = now(event.id).map_or(event.id, |(now, _)| now);
+        if let Trigger::After { event: other, .. } = &mut event.trigger {
+            *other = now(*other).map_or(*other, |(now, _)| now);
+        }
+    }
+}
+
 /// The first step without an event that somebody cleared.
 fn cleared(id: u32, log: &FaultLog) -> Option<Step> {
     let is_it = |ended: &&FaultEnded| ended.id == id && ended.cleared;
