@@ -15,11 +15,12 @@ mod run;
 mod signals;
 mod stimuli;
 
-use shared_types::describe::{LawDescription, PlantDescription};
+use shared_types::describe::{FaultKindDescription, LawDescription, PlantDescription};
 
 use crate::expression::Columns;
 use crate::keys;
-use crate::plan::Plan;
+use crate::live_faults::FaultContext;
+use crate::plan::{FaultEvent, FaultSource, Plan};
 use crate::problem::{ProblemKind, Problems};
 use crate::reader::{Reader, Section};
 use crate::scenario::Scenario;
@@ -33,6 +34,7 @@ pub(crate) fn check(
     mut reader: Reader,
     plants: &[PlantDescription],
     laws: &[LawDescription],
+    kinds: &[FaultKindDescription],
 ) -> Result<Plan, Problems> {
     let start = Place {
         source: Sources::SCENARIO,
@@ -48,7 +50,7 @@ pub(crate) fn check(
         // Every key may mean something else there; more messages would only mislead.
         None
     } else {
-        parts(&mut reader, &root, scenario, plants, laws)
+        parts(&mut reader, &root, scenario, plants, laws, kinds)
     };
     let Reader {
         sources,
@@ -67,12 +69,46 @@ pub(crate) fn check(
     }
 }
 
+/// Checks the `[[faults]]` of a running run.
+pub(crate) fn live(toml: &str, context: &FaultContext<'_>) -> Result<Vec<FaultEvent>, Problems> {
+    let scenario = Scenario::parse(toml, "request")?;
+    let mut reader = Reader {
+        sources: scenario.sources.clone(),
+        problems: Vec::new(),
+    };
+    let start = Place {
+        source: Sources::SCENARIO,
+        span: 0..0,
+    };
+    let root = Section {
+        table: &scenario.table,
+        keys: keys::SCENARIO,
+        path: String::new(),
+        place: &start,
+    };
+    let grid = run::Grid {
+        rate: context.rate,
+        steps: context.steps,
+    };
+    let (plant, nominal) = (Some(context.plant), Some(context.parameters));
+    let mut events = faults::check(&mut reader, &root, plant, nominal, Some(grid));
+    for (id, event) in (context.first_id..).zip(&mut events) {
+        (event.id, event.source) = (id, FaultSource::Cli);
+    }
+    if reader.problems.is_empty() {
+        Ok(events)
+    } else {
+        Err(Problems(reader.problems))
+    }
+}
+
 fn parts(
     reader: &mut Reader,
     root: &Section<'_>,
     scenario: &Scenario,
     plants: &[PlantDescription],
     laws: &[LawDescription],
+    _kinds: &[FaultKindDescription],
 ) -> Option<Plan> {
     reader.integer(root, "schema");
     reader.refuse_unknown(root, &[]);
@@ -104,7 +140,9 @@ fn parts(
     let nominal = plant_plan.as_ref().map(|plan| &plan.parameters);
     let faults = faults::check(reader, root, plant, nominal, grid);
     let columns = match (plant, law, &stimuli) {
-        (Some(plant), Some(law), Some(stimuli)) => Some(Columns::of(plant, law, stimuli)),
+        (Some(plant), Some(law), Some(stimuli)) => {
+            Some(Columns::of(plant, stimuli, &law.internals))
+        }
         _ => None,
     };
     let (derived, metrics) = signals::check(reader, root, columns, grid);

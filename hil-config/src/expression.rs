@@ -1,8 +1,8 @@
-//! Expressions over signals: one grammar for derived signals and metrics.
+//! Expressions over signals: one grammar for derived signals, metrics and conditions of faults.
 //!
 //! Read by the check, which resolves every name; computed by an
-//! [`Evaluation`](crate::evaluation::Evaluation) while records arrive. Never allocates while
-//! computing, never looks at anything but a row of numbers.
+//! [`Evaluation`](crate::evaluation::Evaluation) or a [`Watch`](crate::condition::Watch) while
+//! records arrive. Never allocates while computing, never looks at anything but a row of numbers.
 //!
 //! ```text
 //! expression  = conjunction { "or" conjunction }
@@ -12,13 +12,19 @@
 //! sum         = product { ("+" | "-") product }
 //! product     = sign { ("*" | "/") sign }
 //! sign        = "-" sign | number | signal | call | "(" expression ")"
-//! signal      = ("truth" | "measured" | "reference" | "command" | "applied" | "internal") "." name
+//! signal      = group "." name { "." name }
 //!             | name of a derived signal
+//! group       = "truth" | "measured" | "reference" | "command" | "applied" | "internal"
+//!             | "sensed" | "stimulus" | "parameter"
 //! call        = ("abs" | "sqrt") "(" expression ")"
 //!             | ("min" | "max") "(" expression "," expression ")"
 //!             | reduction "(" expression ")"
 //! reduction   = "max_abs" | "max" | "min" | "mean" | "rms" | "initial" | "final" | "integral"
 //! ```
+//!
+//! `measured` and `reference` are what the controller got; `sensed` and `stimulus` are the same
+//! signals before any fault. A `parameter` has its full name, as in
+//! `parameter.actuator1.bulk_modulus_pa`.
 //!
 //! A comparison is 1 where it holds and 0 where not; every number but 0 counts as true.
 //!
@@ -111,6 +117,11 @@ impl Expression {
     /// If it does not follow the grammar, reduces a reduction, or uses a signal beside reductions.
     pub fn parse(text: &str) -> Result<Self, ExpressionError> {
         parser::parse(text)
+    }
+
+    /// The names of the signals in it.
+    pub fn signals(&self) -> impl Iterator<Item = &str> {
+        self.names.iter().map(|name| name.path.as_str())
     }
 
     /// Every name that no column has.

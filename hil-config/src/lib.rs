@@ -21,8 +21,10 @@ mod quantity;
 mod reader;
 mod source;
 
+pub mod condition;
 pub mod evaluation;
 pub mod expression;
+pub mod live_faults;
 pub mod plan;
 pub mod problem;
 pub mod scenario;

@@ -5,7 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
-use shared_types::describe::{LawDescription, PlantDescription};
+use shared_types::describe::{FaultKindDescription, LawDescription, PlantDescription};
 
 use crate::document::Table;
 use crate::flag;
@@ -104,7 +104,7 @@ impl Scenario {
         self
     }
 
-    /// Checks it against the plants and laws there are.
+    /// Checks it against the plants, laws and kinds of faults there are.
     ///
     /// # Errors
     /// With everything that is wrong.
@@ -112,12 +112,13 @@ impl Scenario {
         &self,
         plants: &[PlantDescription],
         laws: &[LawDescription],
+        kinds: &[FaultKindDescription],
     ) -> Result<Plan, Problems> {
         let reader = Reader {
             sources: self.sources.clone(),
             problems: self.problems.clone(),
         };
-        crate::check::check(self, reader, plants, laws)
+        crate::check::check(self, reader, plants, laws, kinds)
     }
 }
 

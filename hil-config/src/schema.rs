@@ -4,7 +4,9 @@
 //! come from their descriptions.
 
 use serde_json::{Map, Value, json};
-use shared_types::describe::{LawDescription, PlantDescription, ProfileDescription};
+use shared_types::describe::{
+    FaultKindDescription, LawDescription, PlantDescription, ProfileDescription,
+};
 use shared_types::table::Field;
 
 use crate::check::targets;
@@ -15,7 +17,11 @@ use crate::reader::describe;
 /// The JSON schema (draft 2020-12) of a scenario with these plants and laws. Without any, the
 /// tables that only they can describe are left open.
 #[must_use]
-pub fn schema(plants: &[PlantDescription], laws: &[LawDescription]) -> Value {
+pub fn schema(
+    plants: &[PlantDescription],
+    laws: &[LawDescription],
+    _kinds: &[FaultKindDescription],
+) -> Value {
     let mut root = section(keys::SCENARIO);
     root["$schema"] = json!("https://json-schema.org/draft/2020-12/schema");
     root["title"] = json!("hil scenario");

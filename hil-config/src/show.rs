@@ -6,7 +6,8 @@
 use std::fmt::{self, Write};
 
 use shared_types::describe::{
-    FaultDescription, LawDescription, PlantDescription, ProfileDescription, Settings,
+    FaultDescription, FaultKindDescription, LawDescription, PlantDescription, ProfileDescription,
+    Settings,
 };
 use shared_types::table::Field;
 use shared_types::time::{Rate, Step};
@@ -19,15 +20,21 @@ use crate::plan::{
 };
 use crate::quantity::{Quantity, toml_float};
 
-/// A plan speaks of something that no description has.
+/// A plan cannot be shown.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("there is no description of {0}; give those that the plan was checked against")]
-pub struct Undescribed(pub String);
+pub enum ShowError {
+    /// It speaks of something that no description has.
+    #[error("there is no description of {0}; give those that the plan was checked against")]
+    Undescribed(String),
+    /// A scenario has no word for a fault that takes hold at once.
+    #[error("fault {0} takes hold at once; give it the step at which it did")]
+    Now(u32),
+}
 
 /// Why a plan cannot be written.
 #[derive(Debug)]
 enum Failure {
-    Undescribed(Undescribed),
+    Show(ShowError),
     /// Writing to a string does not fail, but says that it might.
     Format(fmt::Error),
 }
@@ -48,17 +55,35 @@ pub fn show(
     plan: &Plan,
     plants: &[PlantDescription],
     laws: &[LawDescription],
-) -> Result<String, Undescribed> {
+    kinds: &[FaultKindDescription],
+) -> Result<String, ShowError> {
+    written(|text| write(text, plan, plants, laws, kinds))
+}
+
+/// Writes one event as `[[faults]]` of a scenario.
+///
+/// # Errors
+/// If its kind is not described, or if it takes hold [at once](Trigger::Now).
+pub fn fault_toml(
+    event: &FaultEvent,
+    plant: &PlantDescription,
+    kinds: &[FaultKindDescription],
+    rate: Rate,
+) -> Result<String, ShowError> {
+    written(|text| fault(text, event, plant, kinds, rate))
+}
+
+fn written(write: impl FnOnce(&mut String) -> Written) -> Result<String, ShowError> {
     let mut text = String::new();
-    match write(&mut text, plan, plants, laws) {
+    match write(&mut text) {
         Ok(()) => Ok(text),
-        Err(Failure::Undescribed(undescribed)) => Err(undescribed),
+        Err(Failure::Show(error)) => Err(error),
         Err(Failure::Format(error)) => unreachable!("a string takes any text: {error}"),
     }
 }
 
 fn undescribed(what: String) -> Failure {
-    Failure::Undescribed(Undescribed(what))
+    Failure::Show(ShowError::Undescribed(what))
 }
 
 fn write(
@@ -66,6 +91,7 @@ fn write(
     plan: &Plan,
     plants: &[PlantDescription],
     laws: &[LawDescription],
+    kinds: &[FaultKindDescription],
 ) -> Written {
     let model = &plan.plant.model;
     let plant = plants
@@ -88,7 +114,7 @@ fn write(
         stimulus(text, one)?;
     }
     for event in &plan.faults {
-        fault(text, event, plant, plan.run.rate)?;
+        fault(text, event, plant, kinds, plan.run.rate)?;
     }
     for derived in &plan.derived {
         writeln!(text, "\n[[derived]]")?;
@@ -270,7 +296,13 @@ fn stimulus(text: &mut String, stimulus: &Stimulus) -> Written {
     Ok(())
 }
 
-fn fault(text: &mut String, event: &FaultEvent, plant: &PlantDescription, rate: Rate) -> Written {
+fn fault(
+    text: &mut String,
+    event: &FaultEvent,
+    plant: &PlantDescription,
+    _kinds: &[FaultKindDescription],
+    rate: Rate,
+) -> Written {
     let kind = &event.kind;
     let description = plant
         .faults
@@ -280,7 +312,7 @@ fn fault(text: &mut String, event: &FaultEvent, plant: &PlantDescription, rate: 
     writeln!(text, "\n[[faults]] # {}", comment(&description.summary))?;
     writeln!(text, "kind = {}", string(kind))?;
     let Trigger::Step { step, at_s } = &event.trigger else {
-        return Err(undescribed("a fault without a time".into()));
+        return Err(Failure::Show(ShowError::Now(event.id)));
     };
     writeln!(text, "at_s = {}", toml_float(*at_s))?;
     for effect in &event.effects {

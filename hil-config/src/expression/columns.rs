@@ -3,7 +3,7 @@
 //! Filled by the check from descriptions and by the launcher from the layout of a record; in a
 //! record the groups follow each other in the order of [`Group`].
 
-use shared_types::describe::{LawDescription, PlantDescription};
+use shared_types::describe::PlantDescription;
 use shared_types::table::{Field, nearest};
 
 use crate::plan::Stimulus;
@@ -73,9 +73,9 @@ pub struct Columns {
 }
 
 impl Columns {
-    /// The columns of a record of this plant, law and stimuli.
+    /// The columns of a record of this plant and stimuli and a law that shows these internals.
     #[must_use]
-    pub fn of(plant: &PlantDescription, law: &LawDescription, stimuli: &[Stimulus]) -> Self {
+    pub fn of(plant: &PlantDescription, stimuli: &[Stimulus], internals: &[Field]) -> Self {
         let mut columns = Self::default();
         columns.push_fields(Group::Truth, &plant.truth);
         columns.push_fields(Group::Measured, &plant.measured);
@@ -84,7 +84,7 @@ impl Columns {
         }
         columns.push_fields(Group::Command, &plant.commands);
         columns.push_fields(Group::Applied, &plant.commands);
-        columns.push_fields(Group::Internal, &law.internals);
+        columns.push_fields(Group::Internal, internals);
         columns.push_fields(Group::Sensed, &plant.measured);
         for stimulus in stimuli {
             columns.push_fields(Group::Stimulus, &stimulus.fields());

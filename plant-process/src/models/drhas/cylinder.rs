@@ -1,21 +1,21 @@
 //! The hydraulic cylinder: piston and chambers (eqs. 2 to 4).
 //!
-//! Called by the right-hand side of the hydraulic system. The piston has no end stops and the oil
-//! no vapour pressure: the limits of the truth signals end a run before either would matter.
+//! Called by the right-hand side of the hydraulic system, and for the vapour pressure by its
+//! substeps. The piston has no end stops: the limits of the truth signals end a run before.
 
 use super::ActuatorState;
 use super::tables::ActuatorParameters;
 
 /// Acceleration of the piston.
 ///
-/// `x_h'' = (A_1 P_h1 - A_2 P_h2 - B_h x_h' - F_h - d) / m_h` (eq. 2).
+/// `x_h'' = (A_1 P_h1 - A_2 P_h2 - B_h x_h' - F_h - d) / m_h` (eq. 2); dry friction adds to `d`.
 #[inline]
 #[must_use]
 pub fn piston_acceleration_mps2(
     p: &ActuatorParameters,
     state: &ActuatorState,
     rod_force_n: f64,
-    disturbance_n: f64,
+    resistance_n: f64,
 ) -> f64 {
     let (a_1, a_2, b_h, m_h) = (
         p.area1_m2,
@@ -24,7 +24,7 @@ pub fn piston_acceleration_mps2(
         p.piston_mass_kg,
     );
     let (v_h, p_h1, p_h2) = (state.velocity_mps, state.pressure1_pa, state.pressure2_pa);
-    let (f_h, d) = (rod_force_n, disturbance_n);
+    let (f_h, d) = (rod_force_n, resistance_n);
     (a_1 * p_h1 - a_2 * p_h2 - b_h * v_h - f_h - d) / m_h
 }
 
@@ -66,32 +66,48 @@ pub fn passive_stiffness_pa_per_m3(p: &ActuatorParameters, position_m: f64) -> f
 
 /// Rate of the active chamber's pressure.
 ///
-/// `P_h1' = beta_e / V_h1 (-A_1 x_h' - q_h + Q_h1)` (eq. 3).
+/// `P_h1' = beta_e / V_h1 (-A_1 x_h' - q_h + Q_h1)` (eq. 3); an external leak takes from `Q_h1`.
 #[inline]
 #[must_use]
 pub fn active_pressure_rate_paps(
     p: &ActuatorParameters,
     state: &ActuatorState,
     leakage_m3ps: f64,
-    valve_flow_m3ps: f64,
+    inflow_m3ps: f64,
 ) -> f64 {
-    let (v_h, q_h, q_h1) = (state.velocity_mps, leakage_m3ps, valve_flow_m3ps);
+    let (v_h, q_h, q_h1) = (state.velocity_mps, leakage_m3ps, inflow_m3ps);
     active_stiffness_pa_per_m3(p, state.position_m) * (-p.area1_m2 * v_h - q_h + q_h1)
 }
 
 /// Rate of the passive chamber's pressure.
 ///
-/// `P_h2' = beta_e / V_h2 (A_2 x_h' + q_h - Q_h2)` (eq. 4).
+/// `P_h2' = beta_e / V_h2 (A_2 x_h' + q_h - Q_h2)` (eq. 4); an external leak adds to `Q_h2`.
 #[inline]
 #[must_use]
 pub fn passive_pressure_rate_paps(
     p: &ActuatorParameters,
     state: &ActuatorState,
     leakage_m3ps: f64,
-    valve_flow_m3ps: f64,
+    outflow_m3ps: f64,
 ) -> f64 {
-    let (v_h, q_h, q_h2) = (state.velocity_mps, leakage_m3ps, valve_flow_m3ps);
+    let (v_h, q_h, q_h2) = (state.velocity_mps, leakage_m3ps, outflow_m3ps);
     passive_stiffness_pa_per_m3(p, state.position_m) * (p.area2_m2 * v_h + q_h - q_h2)
+}
+
+/// Pressure of a chamber, which boils before it goes below the vapour pressure.
+///
+/// `max(P, P_v)`: what would pull the oil below is filled by its vapour at constant pressure
+/// (Merritt, Hydraulic Control Systems, 1967, on cavitation). The size of the bubble is not kept: when
+/// the chamber is filled again the pressure rises at once, where a real one would first close the
+/// bubble. Applied after each substep; a chamber above `P_v` is not touched.
+#[inline]
+#[must_use]
+pub fn pressure_above_vapour_pa(p: &ActuatorParameters, pressure_pa: f64) -> f64 {
+    if pressure_pa < p.vapour_pressure_pa {
+        p.vapour_pressure_pa
+    } else {
+        pressure_pa
+    }
 }
 
 #[cfg(test)]
@@ -166,5 +182,23 @@ mod tests {
             passive_pressure_rate_paps(&parameters(), &STATE, 1e-5, 3e-4),
             -3.8e9,
         );
+    }
+
+    #[test]
+    fn a_chamber_boils_at_the_vapour_pressure() {
+        let p = ActuatorParameters {
+            vapour_pressure_pa: -0.9e5,
+            ..parameters()
+        };
+        for (pressure_pa, expected_pa) in [
+            (5.3e6, 5.3e6),
+            (-0.8e5, -0.8e5),
+            (-0.9e5, -0.9e5),
+            (-5e6, -0.9e5),
+        ] {
+            assert_eq!(pressure_above_vapour_pa(&p, pressure_pa), expected_pa);
+        }
+        // A number that is none must stay visible.
+        assert!(pressure_above_vapour_pa(&p, f64::NAN).is_nan());
     }
 }

@@ -5,20 +5,30 @@
 //! Actuation System with Common-Mode Fault", Mathematical Problems in Engineering, 2018, article
 //! 6570104. Equation numbers are its own. One file per physical part:
 //!
-//! 1. [`valve`]: current to flows, eqs. 1 and 7 to 13;
-//! 2. [`leakage`]: flow past the seal, eq. 5, and its closed form near equal pressures;
-//! 3. [`cylinder`]: pressures and piston, eqs. 2 to 4;
-//! 4. [`disturbance`]: what shakes the pistons, eq. 74;
-//! 5. [`surface`]: rods, surface and load, eqs. 14 to 17, 24 and 33.
+//! 1. [`spool`]: current to the position of the valve's spool, eq. 1;
+//! 2. [`valve`]: its position to flows, eqs. 7 to 13;
+//! 3. [`leakage`]: flow past the seal, eq. 5, with its closed form near equal pressures, and outwards;
+//! 4. [`cylinder`]: pressures and piston, eqs. 2 to 4;
+//! 5. [`friction`]: what else holds the piston;
+//! 6. [`disturbance`]: what shakes the pistons, eq. 74;
+//! 7. [`surface`]: rods, surface and load, eqs. 14 to 17, 24 and 33.
 //!
-//! Assumptions: one bulk modulus per actuator and no vapour below 0 Pa; constant supply and return
-//! pressures; no friction but viscous; no end stops; small angles. Oil never flows against the
-//! valve's spool (the root of a negative pressure drop is 0). The paper's state-space form, eqs. 18
-//! to 24, is these equations again.
+//! The parameters that the paper does not have (null bias, lag and sticking of the spool, droop of the
+//! supply, external leaks, dry friction, seizure, a constant load) are neutral by default: the paper's
+//! runs are the same to the last bit with and without them. [`faults`] names what can break and the
+//! parameters that it moves; no equation knows of a fault.
+//!
+//! Assumptions: one bulk modulus per actuator; no end stops; small angles; below the vapour pressure
+//! oil becomes vapour that leaves no bubble behind. Oil never flows against the valve's spool (the
+//! root of a negative pressure drop is 0). The paper's state-space form, eqs. 18 to 24, is these
+//! equations again.
 
 pub mod cylinder;
 pub mod disturbance;
+pub mod faults;
+pub mod friction;
 pub mod leakage;
+pub mod spool;
 pub mod surface;
 pub mod tables;
 pub mod valve;
@@ -26,13 +36,11 @@ pub mod valve;
 #[cfg(test)]
 mod tests;
 
-use shared_types::describe::{
-    FaultDescription, Invalid, MoveBy, Operation, ParameterMove, ProfileDescription,
-};
-use shared_types::table::Field;
+use shared_types::describe::{FaultDescription, Invalid};
 use shared_types::time::Interval;
 use zerocopy::{FromBytes, Immutable, IntoBytes, transmute};
 
+use self::spool::Spool;
 pub use self::tables::{
     ActuatorParameters, Command, Measured, Parameters, SurfaceParameters, Truth,
 };
@@ -76,16 +84,24 @@ const STATES: usize = size_of::<State>() / size_of::<f64>();
 /// 8.7e-10 rad and 0.64 Pa in 16; Runge-Kutta alone 4.7e-7 rad and 4100 Pa.
 const PARTS_OF_EMPTYING_SUBSTEP: u32 = 4;
 
-/// The hydraulic system: its parameters as they are now and its state.
+/// The hydraulic system: its parameters as they are now, the state that is integrated, and the spools,
+/// whose course has a closed form.
 pub struct Drhas {
     parameters: Parameters,
     state: State,
+    spools: [Spool; 2],
+}
+
+/// What acts on the actuators at one time whatever their state.
+#[derive(Clone, Copy, Debug)]
+struct Inputs {
+    spools_m: [f64; 2],
+    disturbances_n: [f64; 2],
 }
 
 /// What an actuator is given during one substep.
 struct Channel<'a> {
     parameters: &'a ActuatorParameters,
-    current_a: f64,
     /// `beta C_t` of the leak that the right-hand side contains.
     leakage_coefficient_m3ps_per_sqrt_pa: f64,
 }
@@ -93,17 +109,32 @@ struct Channel<'a> {
 impl Channel<'_> {
     /// Rates of an actuator's state, in its order (eqs. 2 to 4).
     #[inline]
-    fn rates(&self, state: &ActuatorState, rod_force_n: f64, disturbance_n: f64) -> [f64; 4] {
-        let (p, u) = (self.parameters, self.current_a);
+    fn rates(
+        &self,
+        state: &ActuatorState,
+        rod_force_n: f64,
+        spool_m: f64,
+        disturbance_n: f64,
+    ) -> [f64; 4] {
+        let (p, v_h) = (self.parameters, state.velocity_mps);
         let q_h = leakage::normal_leakage_m3ps(p, state)
             + leakage::fault_leakage_m3ps(self.leakage_coefficient_m3ps_per_sqrt_pa, state);
-        let q_h1 = valve::active_flow_m3ps(p, state, u);
-        let q_h2 = valve::passive_flow_m3ps(p, state, u);
+        let (c_1, c_2) = (
+            p.external_leakage1_m3ps_per_sqrt_pa,
+            p.external_leakage2_m3ps_per_sqrt_pa,
+        );
+        let p_r = p.return_pressure_pa;
+        let inflow = valve::active_flow_m3ps(p, state, spool_m)
+            - leakage::external_leakage_m3ps(c_1, state.pressure1_pa, p_r);
+        let outflow = valve::passive_flow_m3ps(p, state, spool_m)
+            + leakage::external_leakage_m3ps(c_2, state.pressure2_pa, p_r);
+        let resistance_n = disturbance_n + friction::coulomb_friction_n(p, v_h);
+        let free = cylinder::piston_acceleration_mps2(p, state, rod_force_n, resistance_n);
         [
-            state.velocity_mps,
-            cylinder::piston_acceleration_mps2(p, state, rod_force_n, disturbance_n),
-            cylinder::active_pressure_rate_paps(p, state, q_h, q_h1),
-            cylinder::passive_pressure_rate_paps(p, state, q_h, q_h2),
+            v_h,
+            friction::seized_acceleration_mps2(p, v_h, free),
+            cylinder::active_pressure_rate_paps(p, state, q_h, inflow),
+            cylinder::passive_pressure_rate_paps(p, state, q_h, outflow),
         ]
     }
 }
@@ -113,7 +144,7 @@ impl Channel<'_> {
 fn rates(
     surface: &SurfaceParameters,
     channels: &[Channel<'_>; 2],
-    disturbances_n: &[f64; 2],
+    inputs: &Inputs,
     state: &State,
 ) -> [f64; STATES] {
     let [one, two] = channels;
@@ -122,8 +153,9 @@ fn rates(
     let f_h1 = surface::rod_force_n(one.parameters, state1.position_m, x_d);
     let f_h2 = surface::rod_force_n(two.parameters, state2.position_m, x_d);
     let t_l = surface::load_torque_nm(surface, x_d);
-    let [x_1, v_1, p_11, p_12] = one.rates(state1, f_h1, disturbances_n[0]);
-    let [x_2, v_2, p_21, p_22] = two.rates(state2, f_h2, disturbances_n[1]);
+    let ([x_v1, x_v2], [d_1, d_2]) = (inputs.spools_m, inputs.disturbances_n);
+    let [x_1, v_1, p_11, p_12] = one.rates(state1, f_h1, x_v1, d_1);
+    let [x_2, v_2, p_21, p_22] = two.rates(state2, f_h2, x_v2, d_2);
     let omega = surface::angular_acceleration_radps2(surface, state.rate_radps, [f_h1, f_h2], t_l);
     [
         state.rate_radps,
@@ -144,14 +176,14 @@ impl Drhas {
     ///
     /// The fault's leak is part of the right-hand side, except where it alone would make an
     /// actuator's pressures equal within the step (see [`leakage`]): there its exact flow is
-    /// applied instead, half before and half after the rest.
+    /// applied instead, half before and half after the rest. At the end no chamber is below the
+    /// vapour pressure.
     #[inline]
-    fn substep(&mut self, step_s: f64, currents_a: [f64; 2], disturbances_n: &[[f64; 2]; 3]) {
+    fn substep(&mut self, step_s: f64, inputs: &[Inputs; 3]) {
         let actuators = self.parameters.actuators();
         let empties = self.empties_within(step_s);
         let channels: [Channel<'_>; 2] = std::array::from_fn(|i| Channel {
             parameters: actuators[i],
-            current_a: currents_a[i],
             leakage_coefficient_m3ps_per_sqrt_pa: if empties[i] {
                 0.0
             } else {
@@ -169,11 +201,15 @@ impl Drhas {
 
         leak_half_a_step(&mut self.state);
         let mut x: [f64; STATES] = transmute!(self.state);
-        rk4_step(&mut x, step_s, disturbances_n, |d, x| {
-            rates(&self.parameters.surface, &channels, d, &transmute!(*x))
+        rk4_step(&mut x, step_s, inputs, |now, x| {
+            rates(&self.parameters.surface, &channels, now, &transmute!(*x))
         });
         self.state = transmute!(x);
         leak_half_a_step(&mut self.state);
+        for (p, s) in actuators.iter().zip(&mut self.state.actuators) {
+            s.pressure1_pa = cylinder::pressure_above_vapour_pa(p, s.pressure1_pa);
+            s.pressure2_pa = cylinder::pressure_above_vapour_pa(p, s.pressure2_pa);
+        }
     }
 
     /// For each actuator, whether the fault's leak alone would make its pressures equal.
@@ -181,6 +217,26 @@ impl Drhas {
     fn empties_within(&self, duration_s: f64) -> [bool; 2] {
         let (actuators, states) = (self.parameters.actuators(), &self.state.actuators);
         std::array::from_fn(|i| leakage::empties_within(actuators[i], &states[i], duration_s))
+    }
+
+    /// Where both spools go under a command.
+    fn wanted_spools_m(&self, command: &Command) -> [f64; 2] {
+        let [p_1, p_2] = self.parameters.actuators();
+        let [one, two] = &self.spools;
+        [
+            one.wanted_m(p_1, command.actuator1_valve_current_a),
+            two.wanted_m(p_2, command.actuator2_valve_current_a),
+        ]
+    }
+
+    /// Moves both spools on, and gives their positions at begin, middle and end of the way.
+    #[inline]
+    fn move_spools(&mut self, wanted_m: [f64; 2], duration_s: f64) -> [[f64; 2]; 3] {
+        let [p_1, p_2] = self.parameters.actuators();
+        let [one, two] = &mut self.spools;
+        let one_m = one.travel(p_1, wanted_m[0], duration_s);
+        let two_m = two.travel(p_2, wanted_m[1], duration_s);
+        std::array::from_fn(|node| [one_m[node], two_m[node]])
     }
 
     /// Disturbances of both pistons (eq. 74).
@@ -201,38 +257,7 @@ impl Plant for Drhas {
     type Command = Command;
 
     fn faults() -> Vec<FaultDescription> {
-        let field = |name, unit, text, max| Field {
-            min: 0.0,
-            max,
-            ..Field::signal(name, unit, text)
-        };
-        vec![FaultDescription {
-            kind: "leakage".into(),
-            summary: "Leak past the piston's seal that sets in exponentially (eqs. 5 and 6)."
-                .into(),
-            equation: "q_t = C_t g sqrt(|P_h1 - P_h2|) sign(P_h1 - P_h2), g = 1 - exp(-mu t)"
-                .into(),
-            selector: Some("actuator".into()),
-            sizes: vec![field(
-                "coefficient_m3ps_per_sqrt_pa",
-                "m3/s/sqrt(Pa)",
-                "Leakage coefficient C_t at the end.",
-                1e-4,
-            )],
-            moves: vec![ParameterMove {
-                parameter: "leakage_coefficient_m3ps_per_sqrt_pa".into(),
-                operation: Operation::Add,
-                by: MoveBy::Size("coefficient_m3ps_per_sqrt_pa".into()),
-            }],
-            profile: ProfileDescription::Exponential {
-                speed: field(
-                    "speed_per_s",
-                    "1/s",
-                    "Speed mu at which the leak sets in.",
-                    1e6,
-                ),
-            },
-        }]
+        faults::all()
     }
 
     fn start(parameters: &Parameters) -> Result<Self, Invalid> {
@@ -247,6 +272,7 @@ impl Plant for Drhas {
                     start("actuator2", &parameters.actuator2)?,
                 ],
             },
+            spools: parameters.actuators().map(Spool::at_null),
         })
     }
 
@@ -291,10 +317,7 @@ impl Plant for Drhas {
 
     fn advance(&mut self, interval: &Interval, command: &Command) {
         let h = interval.substep_s();
-        let currents_a = [
-            command.actuator1_valve_current_a,
-            command.actuator2_valve_current_a,
-        ];
+        let wanted_m = self.wanted_spools_m(command);
         // A part's end is the next one's begin: two new sines for each, not four.
         let mut begin_n = self.disturbances_n(interval.start_s);
         for substep in 0..interval.substeps {
@@ -309,7 +332,19 @@ impl Plant for Drhas {
                 let time_s = substep_start_s + f64::from(part) * part_s;
                 let middle_n = self.disturbances_n(time_s + 0.5 * part_s);
                 let end_n = self.disturbances_n(time_s + part_s);
-                self.substep(part_s, currents_a, &[begin_n, middle_n, end_n]);
+                let [begin_m, middle_m, end_m] = self.move_spools(wanted_m, part_s);
+                let inputs = |spools_m, disturbances_n| Inputs {
+                    spools_m,
+                    disturbances_n,
+                };
+                self.substep(
+                    part_s,
+                    &[
+                        inputs(begin_m, begin_n),
+                        inputs(middle_m, middle_n),
+                        inputs(end_m, end_n),
+                    ],
+                );
                 begin_n = end_n;
             }
         }
