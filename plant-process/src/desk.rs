@@ -13,7 +13,7 @@ use shared_types::live::{FaultState, Status};
 use shared_types::record::RecordLayout;
 use shared_types::time::Step;
 
-use crate::faults::layer::{Admitted, Prepared};
+use crate::faults::{Admitted, Prepared};
 
 /// What the loop is asked to do.
 pub enum Order {

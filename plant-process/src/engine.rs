@@ -104,11 +104,10 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         let workshop = FaultWorkshop::new(
             &description,
             &reference,
-            faults.to_vec(),
+            faults,
             parameters,
-            job.run.rate,
-            job.run.seed,
-            job.derived.clone(),
+            (job.run.rate, job.run.seed),
+            &job.derived,
         )?;
         let plant = Plant {
             model: (kind.start)(parameters)?,
@@ -260,9 +259,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             .send_control(&Control::Welcome(Box::new(welcome)).to_bytes())?;
         match opened {
             Ok(()) => Ok(()),
-            Err(invalid) => {
-                self.give_up(Outcome::Failed, AbortCode::Stopped, invalid.to_string())
-            }
+            Err(invalid) => self.give_up(Outcome::Failed, AbortCode::Stopped, invalid.to_string()),
         }
     }
 
@@ -299,7 +296,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                     ..Header::new(FrameKind::Sample, step)
                 };
                 if busy_ns > 0 {
-                    self.plant.faults.plant_was_busy(step, spin(busy_ns));
+                    self.plant.faults.plant_was_busy(spin(busy_ns));
                 }
                 self.sent_ns = monotonic_ns();
                 self.link.send(&header, &self.rows.sample)?;
@@ -354,7 +351,11 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         match order {
             Order::Admit(prepared, answer) => {
                 let events: Vec<_> = (prepared.iter().map(|fault| fault.event().clone())).collect();
-                let admitted = faults.admit(prepared, step);
+                let admitted = if step.0 < self.job.run.steps {
+                    faults.admit(prepared, step)
+                } else {
+                    Err("the run is over".into())
+                };
                 if let Ok(admitted) = &admitted {
                     for (fault, event) in admitted.iter().zip(events) {
                         self.sink.event(&Event::Accepted(FaultAccepted {

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::{Duration, Instant};
 
-use hil_config::expression::{Columns, Group};
+use hil_config::expression::Columns;
 use hil_config::live_faults::{FaultContext, check_faults};
 use hil_config::plan::{FaultEvent, Stimulus};
 use shared_types::describe::{FaultKindDescription, PlantDescription, Settings};
@@ -20,6 +20,7 @@ use shared_types::session::SessionInfo;
 use shared_types::time::{Rate, Step};
 
 use crate::desk::{Desk, Order};
+use crate::faults::layer::columns;
 use crate::faults::{FaultKindEntry, FaultWorkshop};
 use crate::job::Job;
 use crate::plant::PlantKind;
@@ -160,10 +161,12 @@ impl Service {
 
     fn inject(&mut self, toml: &str) -> Response {
         let checked = self.layout().and_then(|layout| {
-            let columns = columns(layout);
-            let events = self.check(toml, layout).map_err(|problems| Response::Refused {
-                problems: problems.0.iter().map(Refusal::from).collect(),
-            });
+            let columns: Columns = columns(layout);
+            let events = self
+                .check(toml, layout)
+                .map_err(|problems| Response::Refused {
+                    problems: problems.0.iter().map(Refusal::from).collect(),
+                });
             Ok((columns, events))
         });
         let (columns, events) = match checked {
@@ -177,7 +180,7 @@ impl Service {
             return refused(Refusal::new(message));
         }
         let prepared = (events.iter())
-            .map(|event| self.workshop.prepare(event.clone(), Some(&columns)).map(Box::new))
+            .map(|event| self.workshop.prepare(event.clone(), &columns).map(Box::new))
             .collect::<Result<Vec<_>, _>>();
         let prepared = match prepared {
             Ok(prepared) => prepared,
@@ -267,7 +270,9 @@ impl Service {
                 return Ok(layout);
             }
             if self.desk.is_closed() || since.elapsed() > LOOP_LIMIT {
-                return Err(Refusal::new("the run has not begun: plant and controller are not connected"));
+                return Err(Refusal::new(
+                    "the run has not begun: plant and controller are not connected",
+                ));
             }
             std::thread::sleep(LOOK);
         }
@@ -292,7 +297,9 @@ fn wait<T>(answered: &Receiver<T>) -> Result<T, Unanswered> {
             Err(TryRecvError::Disconnected) => return Err(Refusal::new("the run is over")),
             Err(TryRecvError::Empty) if since.elapsed() > LOOP_LIMIT => {
                 let limit_s = LOOP_LIMIT.as_secs();
-                let message = format!("the plant began no step for {limit_s} s; the request may still be taken: see `hil inject --active`");
+                let message = format!(
+                    "the plant began no step for {limit_s} s; the request may still be taken: see `hil inject --active`"
+                );
                 return Err(Refusal::new(message));
             }
             Err(TryRecvError::Empty) => std::thread::sleep(LOOK),
@@ -304,13 +311,4 @@ fn refused(refusal: Refusal) -> Response {
     Response::Refused {
         problems: vec![refusal],
     }
-}
-
-/// The columns of a record.
-fn columns(layout: &RecordLayout) -> Columns {
-    let mut columns = Columns::default();
-    for (group, fields) in Group::ALL.into_iter().zip(layout.groups()) {
-        columns.push_fields(group, fields);
-    }
-    columns
 }

@@ -30,7 +30,8 @@ fn fault((kind, event, effect): (&str, &str, &str)) -> String {
 fn faulted(rig: &Rig, faults: &[(&str, &str, &str)], arguments: &str) -> Run {
     let faults: String = faults.iter().map(|&given| fault(given)).collect();
     let path = rig.write("faulted.toml", &format!("{BASE}{faults}"));
-    rig.run(&format!("{} {arguments}", path.display())).expect(0)
+    rig.run(&format!("{} {arguments}", path.display()))
+        .expect(0)
 }
 
 const ANGLE: &str = "target = \"measured.surface_angle_rad\"";
@@ -71,17 +72,28 @@ fn a_dead_sensor_is_marked_invalid_and_keeps_its_last_value() {
 #[test]
 fn a_bias_is_the_difference_between_what_is_measured_and_what_is_sensed() {
     let rig = Rig::new();
-    let given = ("bias", "duration_s = 0.1", "target = \"measured.surface_angle_rad\"\nbias = 0.25");
+    let given = (
+        "bias",
+        "duration_s = 0.1",
+        "target = \"measured.surface_angle_rad\"\nbias = 0.25",
+    );
     let run = faulted(&rig, &[given], "");
     let recording = Recording::open(&run.recording());
     for record in recording.records() {
         let measured = recording.value(&record, "measured.surface_angle_rad");
         let sensed = recording.value(&record, "sensed.surface_angle_rad");
-        let wanted = if (2_000..3_000).contains(&record.step()) { sensed + 0.25 } else { sensed };
+        let wanted = if (2_000..3_000).contains(&record.step()) {
+            sensed + 0.25
+        } else {
+            sensed
+        };
         assert_eq!(measured, wanted, "step {}", record.step());
     }
     let effect = &run.summary()["faults"][0]["effects"][0];
-    assert_eq!((&effect["ended_step"], &effect["acted_steps"]), (&3000.into(), &1000.into()));
+    assert_eq!(
+        (&effect["ended_step"], &effect["acted_steps"]),
+        (&3000.into(), &1000.into())
+    );
     let largest = effect["max_effect"].as_f64().expect("a number");
     assert!((largest - 0.25).abs() < 1e-15, "{largest}");
 }
@@ -89,7 +101,11 @@ fn a_bias_is_the_difference_between_what_is_measured_and_what_is_sensed() {
 #[test]
 fn a_lost_command_leaves_the_last_one_in_force_and_its_age_grows() {
     let rig = Rig::new();
-    let given = ("message-loss", "duration_s = 0.001", "target = \"link.command\"");
+    let given = (
+        "message-loss",
+        "duration_s = 0.001",
+        "target = \"link.command\"",
+    );
     let recording = Recording::open(&faulted(&rig, &[given], "").recording());
     let records: Vec<Record> = recording.records().collect();
     let column = "actuator1_valve_current_a";
@@ -100,7 +116,11 @@ fn a_lost_command_leaves_the_last_one_in_force_and_its_age_grows() {
         let sent = recording.value(&records[step], &format!("command.{column}"));
         assert_eq!(applied, if lost { held } else { sent }, "step {step}");
         let age = records[step].words[recording.place("command_age_steps")];
-        assert_eq!(age, if lost { step as u64 - 1_999 } else { 0 }, "step {step}");
+        assert_eq!(
+            age,
+            if lost { step as u64 - 1_999 } else { 0 },
+            "step {step}"
+        );
     }
 }
 
@@ -122,7 +142,11 @@ fn a_late_message_shows_the_receiver_the_past_and_its_age() {
 #[test]
 fn inverted_bits_are_found_by_the_check_sum_and_counted() {
     let rig = Rig::new();
-    let given = ("message-corruption", "duration_s = 0.01", "target = \"link.sample\"\nprobability = 1");
+    let given = (
+        "message-corruption",
+        "duration_s = 0.01",
+        "target = \"link.sample\"\nprobability = 1",
+    );
     let summary = faulted(&rig, &[given], "").summary();
     assert_eq!(summary["rejected_frames"], 100);
 }
@@ -153,21 +177,56 @@ fn skipped_steps_repeat_and_the_age_tells_of_them() {
         .collect();
     // The command of step 2000 takes effect at 2004; until then that of 1999 is in force.
     assert_eq!(ages, [0, 1, 2, 3, 4, 4, 0]);
-    assert_eq!(faulted(&rig, &[given], "--link in-process").digest(), run.digest());
+    assert_eq!(
+        faulted(&rig, &[given], "--link in-process").digest(),
+        run.digest()
+    );
     assert_ne!(faulted(&rig, &[], "").digest(), run.digest());
 }
 
 /// One of each class, some at random.
 const MANY: [(&str, &str, &str); 9] = [
-    ("leakage", "", "actuator = 1\ncoefficient_m3ps_per_sqrt_pa = 1e-7\nspeed_per_s = 10"),
-    ("noise", "", "target = \"measured.surface_angle_rad\"\nstandard_deviation = 1e-5"),
-    ("noise", "", "target = \"measured.actuator1_velocity_mps\"\nstandard_deviation = 1e-5"),
+    (
+        "leakage",
+        "",
+        "actuator = 1\ncoefficient_m3ps_per_sqrt_pa = 1e-7\nspeed_per_s = 10",
+    ),
+    (
+        "noise",
+        "",
+        "target = \"measured.surface_angle_rad\"\nstandard_deviation = 1e-5",
+    ),
+    (
+        "noise",
+        "",
+        "target = \"measured.actuator1_velocity_mps\"\nstandard_deviation = 1e-5",
+    ),
     ("message-jitter", "", "target = \"link.sample\"\nsteps = 3"),
-    ("message-loss", "", "target = \"link.command\"\nprobability = 0.1"),
-    ("message-corruption", "", "target = \"link.command\"\nprobability = 0.01"),
-    ("skip", "", "target = \"controller\"\nsteps = 2\nperiod_steps = 100"),
-    ("late", "occurrences = 3", "target = \"controller\"\nbusy_us = 20\nspread_us = 20"),
-    ("scale", "", "target = \"parameter.actuator2.bulk_modulus_pa\"\nfactor = 0.9"),
+    (
+        "message-loss",
+        "",
+        "target = \"link.command\"\nprobability = 0.1",
+    ),
+    (
+        "message-corruption",
+        "",
+        "target = \"link.command\"\nprobability = 0.01",
+    ),
+    (
+        "skip",
+        "",
+        "target = \"controller\"\nsteps = 2\nperiod_steps = 100",
+    ),
+    (
+        "late",
+        "occurrences = 3",
+        "target = \"controller\"\nbusy_us = 20\nspread_us = 20",
+    ),
+    (
+        "scale",
+        "",
+        "target = \"parameter.actuator2.bulk_modulus_pa\"\nfactor = 0.9",
+    ),
 ];
 
 #[test]
@@ -175,7 +234,11 @@ fn random_faults_repeat_over_links_and_clocks_and_differ_by_seed() {
     let rig = Rig::new();
     let wanted = faulted(&rig, &MANY, "").digest();
     for arguments in ["", "--link in-process", "--pace 20", "--no-record"] {
-        assert_eq!(faulted(&rig, &MANY, arguments).digest(), wanted, "{arguments}");
+        assert_eq!(
+            faulted(&rig, &MANY, arguments).digest(),
+            wanted,
+            "{arguments}"
+        );
     }
     assert_ne!(faulted(&rig, &MANY, "--set run.seed=2").digest(), wanted);
 }
@@ -193,8 +256,15 @@ fn a_fault_that_does_nothing_and_one_that_never_begins_are_flagged() {
     let run = rig.run(&path.display().to_string()).expect(0);
     let summary = run.summary();
     assert_eq!(summary["faults"][0]["effects"][0]["no_effect"], true);
-    assert_eq!(summary["faults"][1]["effective_step"], serde_json::Value::Null);
-    assert!(run.stdout.contains("NO EFFECT") && run.stdout.contains("never took hold"), "{}", run.stdout);
+    assert_eq!(
+        summary["faults"][1]["effective_step"],
+        serde_json::Value::Null
+    );
+    assert!(
+        run.stdout.contains("NO EFFECT") && run.stdout.contains("never took hold"),
+        "{}",
+        run.stdout
+    );
 }
 
 #[test]

@@ -8,6 +8,7 @@ use controller_process::runner::{Runner, choose};
 use hil_config::plan::Plan;
 use hil_config::scenario::Scenario;
 use plant_process::engine::{Engine, Progress};
+use plant_process::faults::kinds;
 use plant_process::models;
 use shared_types::clock::monotonic_ns;
 use shared_types::describe::PROTOCOL;
@@ -161,7 +162,14 @@ fn allocations_in<L: Link>(
         .iter()
         .find(|kind| kind.description.name == plant.plant.model);
     let law = choose(&laws, &controller.law, &controller.plant).expect("a law");
-    let mut engine = Engine::new(kind.expect("a plant"), plant, plant_link, sink).expect("starts");
+    let mut engine = Engine::new(
+        kind.expect("a plant"),
+        &kinds::all(),
+        plant,
+        plant_link,
+        sink,
+    )
+    .expect("starts");
     let mut runner = Runner::new(law, controller, controller_link).expect("starts");
     runner.begin().expect("says hello");
 

@@ -51,9 +51,10 @@ fn inject(rig: &Rig, toml: &str) -> Result<Vec<Injected>, Vec<String>> {
     let toml = toml.to_owned();
     match request(rig, &Request::Inject { toml }) {
         Response::Injected { faults } => Ok(faults),
-        Response::Refused { problems } => {
-            Err(problems.into_iter().map(|problem| problem.message).collect())
-        }
+        Response::Refused { problems } => Err(problems
+            .into_iter()
+            .map(|problem| problem.message)
+            .collect()),
         other => panic!("{other:?}"),
     }
 }
@@ -62,7 +63,10 @@ fn inject(rig: &Rig, toml: &str) -> Result<Vec<Injected>, Vec<String>> {
 fn healthy(rig: &Rig, scenario: &str) -> String {
     let text = std::fs::read_to_string(crate::programs::workspace().join(scenario)).expect("there");
     let begin = text.find("[[faults]]").expect("it has faults");
-    let end = begin + text[begin..].find("[[derived]]").expect("derived signals follow");
+    let end = begin
+        + text[begin..]
+            .find("[[derived]]")
+            .expect("derived signals follow");
     let path = rig.write("healthy.toml", &(text[..begin].to_owned() + &text[end..]));
     path.display().to_string()
 }
@@ -81,7 +85,8 @@ fn a_fault_in_a_scenario_live_or_written_down_from_the_live_run_is_one_trajector
     let session = format!("{LEAKAGE} --session {}", rig.session());
     let told = rig.beside(&words(&session)).expect(0);
     assert!(told.stdout.contains("70000"), "{}", told.stdout);
-    rig.beside(&["resume", "--session", rig.session()]).expect(0);
+    rig.beside(&["resume", "--session", rig.session()])
+        .expect(0);
     let live = run.finish().expect(0);
     assert_eq!(live.digest(), wanted);
     let summary = live.summary();
@@ -90,10 +95,16 @@ fn a_fault_in_a_scenario_live_or_written_down_from_the_live_run_is_one_trajector
 
     let written = rig.path("written.toml").display().to_string();
     let from = live.folder.display().to_string();
-    rig.hil(&["scenario", "from", &from, "-o", &written]).expect(0);
-    assert_eq!(rig.run(&written).expect(0).digest(), wanted);
-    rig.hil(&["rerun", &from, "--out", &rig.path("again").display().to_string()])
+    rig.hil(&["scenario", "from", &from, "-o", &written])
         .expect(0);
+    assert_eq!(rig.run(&written).expect(0).digest(), wanted);
+    rig.hil(&[
+        "rerun",
+        &from,
+        "--out",
+        &rig.path("again").display().to_string(),
+    ])
+    .expect(0);
 }
 
 /// A fault that a running plant must take, and what it is.
@@ -117,18 +128,33 @@ fn valid(random: &mut RandomStream, next_at_s: f64) -> String {
         format!("at_s = {}\n", next_at_s + 0.2 + random.uniform())
     };
     let action = match (random.uniform() * 6.0) as u32 {
-        0 => format!("kind = \"bias\"\n{trigger}[[faults.effects]]\ntarget = \"{signal}\"\nbias = {size}"),
-        1 => format!("kind = \"scale\"\n{trigger}[[faults.effects]]\ntarget = \"{signal}\"\nfactor = {}", 1.0 + size),
-        2 => format!("kind = \"noise\"\n{trigger}[[faults.effects]]\ntarget = \"{signal}\"\nstandard_deviation = {size}"),
-        3 => format!("kind = \"delay\"\n{trigger}[[faults.effects]]\ntarget = \"{signal}\"\nsteps = 1"),
-        4 => format!("kind = \"late\"\n{trigger}[[faults.effects]]\ntarget = \"controller\"\nbusy_us = 5"),
+        0 => format!(
+            "kind = \"bias\"\n{trigger}[[faults.effects]]\ntarget = \"{signal}\"\nbias = {size}"
+        ),
+        1 => format!(
+            "kind = \"scale\"\n{trigger}[[faults.effects]]\ntarget = \"{signal}\"\nfactor = {}",
+            1.0 + size
+        ),
+        2 => format!(
+            "kind = \"noise\"\n{trigger}[[faults.effects]]\ntarget = \"{signal}\"\nstandard_deviation = {size}"
+        ),
+        3 => format!(
+            "kind = \"delay\"\n{trigger}[[faults.effects]]\ntarget = \"{signal}\"\nsteps = 1"
+        ),
+        4 => format!(
+            "kind = \"late\"\n{trigger}[[faults.effects]]\ntarget = \"controller\"\nbusy_us = 5"
+        ),
         _ => format!(
             "kind = \"leakage\"\n{trigger}[[faults.effects]]\nactuator = 1\ncoefficient_m3ps_per_sqrt_pa = {}\nspeed_per_s = 10",
             1e-9 * random.uniform()
         ),
     };
     // Over soon, so that a thousand do not act at once.
-    action.replacen("[[faults.effects]]", "duration_s = 0.01\n[[faults.effects]]", 1)
+    action.replacen(
+        "[[faults.effects]]",
+        "duration_s = 0.01\n[[faults.effects]]",
+        1,
+    )
 }
 
 #[test]
@@ -174,13 +200,29 @@ fn invalid(random: &mut RandomStream) -> String {
         1 => effect("bias", &format!("target = \"measured.{odd}\"\nbias = 1")),
         2 => effect("bias", &format!("{angle}\nbias = \"{odd}\"")),
         3 => effect("bias", &format!("{angle}\n{odd} = 1\nbias = 1")),
-        4 => effect("leakage", "actuator = 3\ncoefficient_m3ps_per_sqrt_pa = 1e-7\nspeed_per_s = 1"),
-        5 => effect("leakage", &format!("actuator = 1\ncoefficient_m3ps_per_sqrt_pa = {}\nspeed_per_s = 1", -1.0 - random.uniform())),
-        6 => effect("bias", "target = \"parameter.actuator1.piston_mass_kg\"\nbias = 1"),
+        4 => effect(
+            "leakage",
+            "actuator = 3\ncoefficient_m3ps_per_sqrt_pa = 1e-7\nspeed_per_s = 1",
+        ),
+        5 => effect(
+            "leakage",
+            &format!(
+                "actuator = 1\ncoefficient_m3ps_per_sqrt_pa = {}\nspeed_per_s = 1",
+                -1.0 - random.uniform()
+            ),
+        ),
+        6 => effect(
+            "bias",
+            "target = \"parameter.actuator1.piston_mass_kg\"\nbias = 1",
+        ),
         7 => effect("message-loss", angle),
         8 => effect("bias", &format!("{angle}\nbias = 1")).replacen("kind", "at_s = 0.0\nkind", 1),
         9 => effect("bias", &format!("{angle}\nbias = 1")).replacen("kind", "at_s = 1e9\nkind", 1),
-        10 => effect("bias", &format!("{angle}\nbias = 1")).replacen("kind", "when = \"truth.x >\"\nkind", 1),
+        10 => effect("bias", &format!("{angle}\nbias = 1")).replacen(
+            "kind",
+            "when = \"truth.x >\"\nkind",
+            1,
+        ),
         _ => odd,
     }
 }
@@ -196,7 +238,10 @@ fn a_thousand_impossible_faults_are_refused_with_a_reason_and_change_nothing() {
     for number in 0..1000 {
         let toml = invalid(&mut random);
         let reasons = inject(&rig, &toml).expect_err(&toml);
-        assert!(!reasons.is_empty() && reasons.iter().all(|reason| reason.len() > 5), "{toml}");
+        assert!(
+            !reasons.is_empty() && reasons.iter().all(|reason| reason.len() > 5),
+            "{toml}"
+        );
         if number % 100 == 99 {
             // The others meet a loop at work.
             request(&rig, &Request::Advance { steps: 500 });
@@ -217,7 +262,9 @@ fn a_pause_holds_the_run_for_as_long_as_one_likes_and_changes_nothing() {
     until_paused_at(&rig, 5000);
     std::thread::sleep(Duration::from_millis(1500));
     let session = ["--session", rig.session()];
-    let step = rig.beside(&[&["step", "3"][..], &session].concat()).expect(0);
+    let step = rig
+        .beside(&[&["step", "3"][..], &session].concat())
+        .expect(0);
     assert!(step.stdout.contains("5003"), "{}", step.stdout);
     until_paused_at(&rig, 5003);
     rig.beside(&[&["resume"][..], &session].concat()).expect(0);
@@ -264,7 +311,10 @@ fn refused(run: Run, fragments: &[&str]) {
 fn what_cannot_be_injected_is_told_with_what_can() {
     let rig = Rig::new();
     let session = ["--session", rig.session()];
-    refused(rig.hil(&["inject", "bias", "measured.x", "1"]), &["no session", "hil run"]);
+    refused(
+        rig.hil(&["inject", "bias", "measured.x", "1"]),
+        &["no session", "hil run"],
+    );
 
     let run = rig.start(&format!("{SHORT} --pause-at 0.5"));
     until_paused_at(&rig, 5000);
@@ -272,17 +322,26 @@ fn what_cannot_be_injected_is_told_with_what_can() {
         let arguments: Vec<&str> = [&["inject"][..], &words(arguments), &session].concat();
         rig.beside(&arguments)
     };
-    refused(inject("bais measured.surface_angle_rad 1"), &["bais", "bias"]);
+    refused(
+        inject("bais measured.surface_angle_rad 1"),
+        &["bais", "bias"],
+    );
     refused(
         inject("bias measured.surface_angel_rad 1"),
         &["surface_angel_rad", "surface_angle_rad"],
     );
-    refused(inject("leakage --actuator 3 --coefficient 1e-7 --speed 1"), &["3", "1"]);
+    refused(
+        inject("leakage --actuator 3 --coefficient 1e-7 --speed 1"),
+        &["3", "1"],
+    );
     refused(
         inject("leakage --actuator 1 --coefficient 1 --speed 1"),
         &["coefficient", "m3/s/sqrt(Pa)"],
     );
-    refused(inject("bias measured.surface_angle_rad 1 --at 0.2"), &["past", "step 5000"]);
+    refused(
+        inject("bias measured.surface_angle_rad 1 --at 0.2"),
+        &["past", "step 5000"],
+    );
     refused(inject("bias measured.surface_angle_rad"), &["bias"]);
     refused(inject("--clear 77"), &["77"]);
     let listed = inject("--list").expect(0).stdout;
@@ -298,7 +357,10 @@ fn what_cannot_be_injected_is_told_with_what_can() {
     request(&rig, &Request::Resume);
     let summary = run.finish().expect(0).summary();
     let bias = &summary["faults"].as_array().expect("a list")[1];
-    assert_eq!((&bias["kind"], &bias["effective_step"]), (&"bias".into(), &5000.into()));
+    assert_eq!(
+        (&bias["kind"], &bias["effective_step"]),
+        (&"bias".into(), &5000.into())
+    );
     let effect = &bias["effects"][0];
     assert_eq!(effect["ended_step"], 5010);
     // 10 steps of a ramp of 500: the last is 9 / 500 of the size.
