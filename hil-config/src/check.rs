@@ -3,10 +3,12 @@
 //! [`Scenario::check`](crate::scenario::Scenario::check) is the way in. Each part of a scenario has
 //! its file below; a part that is wrong is reported and left out, and the others are checked as far
 //! as they can be without it. The order is that of the data: run, plant, law, stimuli, binding,
-//! faults, expressions.
+//! expressions, faults. The faults that a running run is asked for ([`live`]) are checked by the
+//! same code.
 
 mod binding;
 mod controller;
+mod csv;
 mod faults;
 mod parameters;
 mod plant;
@@ -15,19 +17,24 @@ mod run;
 mod signals;
 mod stimuli;
 
-use shared_types::describe::{FaultKindDescription, LawDescription, PlantDescription};
+use std::path::Path;
 
-use crate::expression::Columns;
+use shared_types::describe::{FaultKindDescription, LawDescription, PlantDescription};
+use shared_types::table::Field;
+
+use crate::expression::{Columns, Group};
 use crate::keys;
 use crate::live_faults::FaultContext;
-use crate::plan::{FaultEvent, FaultSource, Plan};
+use crate::plan::{FaultEvent, Plan, Stimulus};
 use crate::problem::{ProblemKind, Problems};
 use crate::reader::{Reader, Section};
 use crate::scenario::Scenario;
 use crate::source::{Place, Sources};
+use faults::{Ground, Origin};
+use run::Grid;
 
 pub(crate) use controller::law_for;
-pub(crate) use faults::targets;
+pub(crate) use faults::{groups, unit_of};
 
 pub(crate) fn check(
     scenario: &Scenario,
@@ -36,70 +43,67 @@ pub(crate) fn check(
     laws: &[LawDescription],
     kinds: &[FaultKindDescription],
 ) -> Result<Plan, Problems> {
-    let start = Place {
-        source: Sources::SCENARIO,
-        span: 0..0,
-    };
-    let root = Section {
-        table: &scenario.table,
-        keys: keys::SCENARIO,
-        path: String::new(),
-        place: &start,
-    };
+    let root = root(scenario);
     let plan = if root.table.get("schema").is_some() && reader.integer(&root, "schema").is_none() {
         // Every key may mean something else there; more messages would only mislead.
         None
     } else {
         parts(&mut reader, &root, scenario, plants, laws, kinds)
     };
-    let Reader {
-        sources,
-        mut problems,
-    } = reader;
-    match plan {
-        Some(plan) if problems.is_empty() => Ok(plan),
-        _ => {
-            let file = sources.name(Sources::SCENARIO);
-            problems.sort_by_key(|problem| {
-                let at = problem.excerpt.as_ref().map(|at| (at.line, at.column));
-                (problem.source != file, at)
-            });
-            Err(Problems(problems))
-        }
+    reader.finish(plan)
+}
+
+/// The whole of a scenario.
+fn root(scenario: &Scenario) -> Section<'_> {
+    const START: &Place = &Place {
+        source: Sources::SCENARIO,
+        span: 0..0,
+    };
+    Section {
+        table: &scenario.table,
+        keys: keys::SCENARIO,
+        path: String::new(),
+        place: START,
     }
 }
 
-/// Checks the `[[faults]]` of a running run.
+/// Checks the `[[faults]]` that a running run is asked for.
 pub(crate) fn live(toml: &str, context: &FaultContext<'_>) -> Result<Vec<FaultEvent>, Problems> {
     let scenario = Scenario::parse(toml, "request")?;
     let mut reader = Reader {
         sources: scenario.sources.clone(),
         problems: Vec::new(),
     };
-    let start = Place {
-        source: Sources::SCENARIO,
-        span: 0..0,
-    };
     let root = Section {
-        table: &scenario.table,
-        keys: keys::SCENARIO,
-        path: String::new(),
-        place: &start,
+        keys: keys::REQUEST,
+        ..root(&scenario)
     };
-    let grid = run::Grid {
-        rate: context.rate,
-        steps: context.steps,
+    let reference: Vec<Field> = context.stimuli.iter().flat_map(Stimulus::fields).collect();
+    let mut columns = Columns::of(context.plant, context.stimuli, context.internals);
+    for (name, _) in context.derived {
+        columns.push(Group::Derived, name);
+    }
+    let ground = Ground {
+        plant: Some(context.plant),
+        kinds: context.kinds,
+        healthy: Some(context.parameters),
+        reference: Some(&reference),
+        columns: Some(&columns),
+        grid: Some(Grid {
+            rate: context.rate,
+            steps: context.steps,
+        }),
+        origin: Origin::Live {
+            names: context.names,
+            first_id: context.first_id,
+        },
     };
-    let (plant, nominal) = (Some(context.plant), Some(context.parameters));
-    let mut events = faults::check(&mut reader, &root, plant, nominal, Some(grid));
-    for (id, event) in (context.first_id..).zip(&mut events) {
-        (event.id, event.source) = (id, FaultSource::Cli);
+    reader.refuse_unknown(&root, &[]);
+    let events = faults::check(&mut reader, &root, &ground);
+    if events.is_empty() && reader.problems.is_empty() {
+        reader.missing(&root, "faults", "at least one fault event".into());
     }
-    if reader.problems.is_empty() {
-        Ok(events)
-    } else {
-        Err(Problems(reader.problems))
-    }
+    reader.finish(Some(events))
 }
 
 fn parts(
@@ -108,7 +112,7 @@ fn parts(
     scenario: &Scenario,
     plants: &[PlantDescription],
     laws: &[LawDescription],
-    _kinds: &[FaultKindDescription],
+    kinds: &[FaultKindDescription],
 ) -> Option<Plan> {
     reader.integer(root, "schema");
     reader.refuse_unknown(root, &[]);
@@ -128,7 +132,8 @@ fn parts(
     let law = controller_section
         .as_ref()
         .and_then(|section| controller::find(reader, section, laws, plant));
-    let stimuli = stimuli::check(reader, root, scenario, grid, law);
+    let folder = scenario.path.parent().unwrap_or(Path::new(""));
+    let stimuli = stimuli::check(reader, root, folder, grid, law);
     let controller_plan = controller_section.as_ref().and_then(|section| {
         let nominal = plant_plan.as_ref().map(|plan| &plan.parameters);
         controller::check(reader, section, laws, law, plant, nominal, grid)
@@ -137,15 +142,25 @@ fn parts(
         binding::check(reader, section, law, plant, stimuli.as_deref());
     }
 
-    let nominal = plant_plan.as_ref().map(|plan| &plan.parameters);
-    let faults = faults::check(reader, root, plant, nominal, grid);
-    let columns = match (plant, law, &stimuli) {
+    let mut columns = match (plant, law, &stimuli) {
         (Some(plant), Some(law), Some(stimuli)) => {
             Some(Columns::of(plant, stimuli, &law.internals))
         }
         _ => None,
     };
-    let (derived, metrics) = signals::check(reader, root, columns, grid);
+    let (derived, metrics) = signals::check(reader, root, &mut columns, grid);
+    let reference: Option<Vec<Field>> =
+        (stimuli.as_deref()).map(|stimuli| stimuli.iter().flat_map(Stimulus::fields).collect());
+    let ground = Ground {
+        plant,
+        kinds,
+        healthy: plant_plan.as_ref().map(|plan| &plan.parameters),
+        reference: reference.as_deref(),
+        columns: columns.as_ref(),
+        grid,
+        origin: Origin::Scenario { folder },
+    };
+    let faults = faults::check(reader, root, &ground);
     Some(Plan {
         name,
         description: description.into(),

@@ -16,6 +16,8 @@ pub(crate) struct Quantity<'a> {
     pub min: f64,
     /// Largest legal value.
     pub max: f64,
+    /// Whether only whole numbers are legal.
+    pub whole: bool,
 }
 
 impl<'a> From<&'a Field> for Quantity<'a> {
@@ -25,6 +27,7 @@ impl<'a> From<&'a Field> for Quantity<'a> {
             unit: &field.unit,
             min: field.min,
             max: field.max,
+            whole: counts(field),
         }
     }
 }
@@ -32,17 +35,21 @@ impl<'a> From<&'a Field> for Quantity<'a> {
 impl Quantity<'_> {
     /// Whether a value is a number in the range. Infinity is legal where the range says so.
     pub(crate) fn admits(&self, value: f64) -> bool {
-        (self.min..=self.max).contains(&value)
+        (self.min..=self.max).contains(&value) && !(self.whole && value.fract() != 0.0)
     }
 
     /// What is expected, for example `a number from 0 to 1000 in kg`.
     pub(crate) fn expected(&self) -> String {
         let range = self.range();
-        let number = if range.is_empty() {
-            "a number".into()
+        let mut number = if self.whole {
+            "a whole number"
         } else {
-            format!("a number {range}")
-        };
+            "a number"
+        }
+        .to_owned();
+        if !range.is_empty() {
+            number = format!("{number} {range}");
+        }
         match self.unit {
             "" | "1" => number,
             unit => format!("{number} in {unit}"),
@@ -58,6 +65,14 @@ impl Quantity<'_> {
             (false, false) => String::new(),
         }
     }
+}
+
+/// Whether a column counts steps or bits, so that only whole numbers mean something. Its unit says
+/// so, or the end of its name.
+fn counts(field: &Field) -> bool {
+    const COUNTED: [&str; 2] = ["steps", "bits"];
+    let last = field.name.rsplit(['_', '.']).next();
+    COUNTED.contains(&field.unit.as_str()) || last.is_some_and(|last| COUNTED.contains(&last))
 }
 
 /// A number as people write it and TOML reads it, exact to the last bit.
@@ -93,6 +108,7 @@ mod tests {
                 unit,
                 min,
                 max,
+                whole: false,
             };
             quantity.expected()
         };
@@ -106,6 +122,24 @@ mod tests {
             "a number of at most 5e-9 in m"
         );
         assert_eq!(expected("m", f64::MIN, f64::MAX), "a number in m");
+    }
+
+    #[test]
+    fn only_whole_numbers_count_steps() {
+        for (name, unit, whole) in [
+            ("lag_steps", "1", true),
+            ("steps", "steps", true),
+            ("bits", "1", true),
+            ("length", "steps", true),
+            ("step", "rad", false),
+            ("footsteps_m", "m", false),
+        ] {
+            let field = Field::signal(name, unit, "x");
+            let quantity = Quantity::from(&field);
+            assert_eq!(quantity.whole, whole, "{name}");
+            assert_eq!(quantity.admits(2.5), !whole);
+            assert!(quantity.admits(2.0));
+        }
     }
 
     #[test]

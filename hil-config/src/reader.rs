@@ -6,7 +6,7 @@
 
 use crate::document::{Entry, Node, Table, Value};
 use crate::keys::{Key, Kind};
-use crate::problem::{Problem, ProblemKind, listed};
+use crate::problem::{Problem, ProblemKind, Problems, listed};
 use crate::quantity::{Quantity, number};
 use crate::source::{Place, Sources};
 
@@ -66,6 +66,26 @@ impl<'a> Section<'a> {
 }
 
 impl Reader {
+    /// What was read, unless something is wrong with it: then everything that is, in the order of
+    /// the text, other sources after the scenario.
+    pub(crate) fn finish<T>(self, read: Option<T>) -> Result<T, Problems> {
+        let Self {
+            sources,
+            mut problems,
+        } = self;
+        match read {
+            Some(read) if problems.is_empty() => Ok(read),
+            _ => {
+                let file = sources.name(Sources::SCENARIO);
+                problems.sort_by_key(|problem| {
+                    let at = problem.excerpt.as_ref().map(|at| (at.line, at.column));
+                    (problem.source != file, at)
+                });
+                Err(Problems(problems))
+            }
+        }
+    }
+
     /// Reports a problem.
     pub(crate) fn report(
         &mut self,
@@ -236,6 +256,7 @@ impl Reader {
             unit,
             min,
             max,
+            whole: false,
         };
         self.quantity(&section.path_of(name), node, &quantity)
     }
@@ -276,6 +297,8 @@ impl Reader {
         }
         let what = if value.is_nan() {
             "not a number".into()
+        } else if quantity.whole && value.fract() != 0.0 {
+            format!("{}, not a whole number", number(value))
         } else {
             format!("{}, out of range", number(value))
         };
@@ -355,6 +378,7 @@ impl Reader {
             unit: "",
             min: f64::MIN,
             max: f64::MAX,
+            whole: false,
         };
         let values: Vec<Option<f64>> = items
             .iter()
@@ -386,6 +410,7 @@ impl Reader {
             unit,
             min: f64::NEG_INFINITY,
             max: f64::INFINITY,
+            whole: false,
         };
         let low = self.quantity(&format!("{path}[0]"), first, &any);
         let high = self.quantity(&format!("{path}[1]"), second, &any);
@@ -423,6 +448,7 @@ pub(crate) fn describe(kind: &Kind) -> String {
             unit,
             min,
             max,
+            whole: false,
         }
         .expected(),
         Kind::Integer { min, max, .. } if min == max => min.to_string(),
@@ -432,6 +458,7 @@ pub(crate) fn describe(kind: &Kind) -> String {
         Kind::Numbers => "a list of numbers".into(),
         Kind::Pair => "two numbers".into(),
         Kind::Pairs => "a list of pairs of numbers".into(),
+        Kind::Event => "the name or number of a fault event".into(),
         Kind::Section(_) | Kind::Described => "a table".into(),
         Kind::List(_) => "a list of tables".into(),
     }

@@ -123,7 +123,7 @@ impl Scenario {
 }
 
 /// Reads a file that ends: a pipe or a device may never, and nobody writes so large a scenario.
-fn read_regular(path: &Path) -> std::io::Result<String> {
+pub(crate) fn read_regular(path: &Path) -> std::io::Result<String> {
     const LARGEST: u64 = 16 << 20;
     let found = std::fs::metadata(path)?;
     // Reading a folder fails with a reason of its own.

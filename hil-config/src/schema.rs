@@ -3,24 +3,23 @@
 //! Behind `hil config schema`. Made from the same tables as the check; the keys of plants and laws
 //! come from their descriptions.
 
+mod faults;
+
 use serde_json::{Map, Value, json};
-use shared_types::describe::{
-    FaultKindDescription, LawDescription, PlantDescription, ProfileDescription,
-};
+use shared_types::describe::{FaultKindDescription, LawDescription, PlantDescription};
 use shared_types::table::Field;
 
-use crate::check::targets;
 use crate::keys::{self, Key, Kind, WAVEFORMS};
 use crate::quantity::Quantity;
 use crate::reader::describe;
 
-/// The JSON schema (draft 2020-12) of a scenario with these plants and laws. Without any, the
-/// tables that only they can describe are left open.
+/// The JSON schema (draft 2020-12) of a scenario with these plants, laws and kinds of faults.
+/// Without plants or laws, the tables that only they can describe are left open.
 #[must_use]
 pub fn schema(
     plants: &[PlantDescription],
     laws: &[LawDescription],
-    _kinds: &[FaultKindDescription],
+    kinds: &[FaultKindDescription],
 ) -> Value {
     let mut root = section(keys::SCENARIO);
     root["$schema"] = json!("https://json-schema.org/draft/2020-12/schema");
@@ -55,18 +54,7 @@ pub fn schema(
         }
     }
     properties["stimuli"]["items"] = stimulus();
-    let fault = &mut properties["faults"]["items"]["properties"];
-    if plants.is_empty() {
-        // The selector, size and speed of a fault have names of the plant's choice.
-        fault["effects"]["items"]["additionalProperties"] = json!(true);
-    } else {
-        let all = plants.iter().flat_map(|plant| &plant.faults);
-        merge(
-            &mut fault["kind"],
-            choices(all.map(|fault| fault.kind.as_str())),
-        );
-        effects(&mut fault["effects"]["items"]["properties"], plants);
-    }
+    faults::complete(&mut properties["faults"]["items"], plants, kinds);
     root
 }
 
@@ -102,6 +90,7 @@ fn property(key: &Key) -> Value {
                 unit,
                 min,
                 max,
+                whole: false,
             });
             if let Some(default) = default {
                 value["default"] = json!(default);
@@ -128,6 +117,7 @@ fn property(key: &Key) -> Value {
         Kind::Numbers => json!({"type": "array", "items": {"type": "number"}, "minItems": 1}),
         Kind::Pair => pair(),
         Kind::Pairs => json!({"type": "array", "items": pair(), "minItems": 1}),
+        Kind::Event => json!({"type": ["string", "integer"]}),
         Kind::Section(keys) => section(keys),
         Kind::List(keys) => json!({"type": "array", "items": section(keys)}),
         Kind::Described => json!({"type": "object"}),
@@ -147,7 +137,7 @@ fn pair() -> Value {
 }
 
 fn quantity(quantity: &Quantity<'_>) -> Value {
-    let mut value = json!({"type": "number"});
+    let mut value = json!({"type": if quantity.whole { "integer" } else { "number" }});
     if quantity.min > f64::MIN {
         value["minimum"] = json!(quantity.min);
     }
@@ -229,44 +219,34 @@ fn limits(fields: &[&Field]) -> Value {
 
 /// A stimulus: the common keys, and for each kind its own.
 fn stimulus() -> Value {
-    let kinds: Vec<Value> = WAVEFORMS
-        .iter()
-        .map(|kind| {
-            let mut one = section(keys::STIMULUS);
-            let own = section(kind.keys);
+    let kinds = WAVEFORMS.iter();
+    of_kinds(
+        keys::STIMULUS,
+        kinds.map(|kind| (kind.name, kind.text, kind.keys)),
+    )
+}
+
+/// A table whose keys depend on its `kind`: name, text and keys of each.
+fn of_kinds<'a>(
+    common: &[Key],
+    kinds: impl Iterator<Item = (&'a str, &'a str, &'a [Key])>,
+) -> Value {
+    let kinds: Vec<Value> = kinds
+        .map(|(name, text, keys)| {
+            let mut one = section(common);
+            let own = section(keys);
             merge(&mut one["properties"], own["properties"].clone());
-            one["properties"]["kind"] = json!({"const": kind.name, "description": kind.text});
+            one["properties"]["kind"] = json!({"const": name, "description": text});
             if let (Some(all), Some(own)) =
                 (one["required"].as_array_mut(), own["required"].as_array())
             {
                 all.extend(own.iter().cloned());
             }
-            one["description"] = json!(kind.text);
+            one["description"] = json!(text);
             one
         })
         .collect();
     json!({"oneOf": kinds})
-}
-
-/// The keys of effects that the plants' faults have.
-fn effects(properties: &mut Value, plants: &[PlantDescription]) {
-    for plant in plants {
-        for fault in &plant.faults {
-            let numbers: Vec<u64> = targets(plant, fault)
-                .filter_map(|(number, _)| number.parse().ok())
-                .collect();
-            if let Some(selector) = &fault.selector {
-                properties[selector] =
-                    json!({"type": "integer", "enum": numbers, "description": "Which target."});
-            }
-            for size in &fault.sizes {
-                offer(&mut properties[&size.name], size);
-            }
-            if let ProfileDescription::Exponential { speed } = &fault.profile {
-                offer(&mut properties[&speed.name], speed);
-            }
-        }
-    }
 }
 
 fn choices<'a>(given: impl Iterator<Item = &'a str>) -> Value {

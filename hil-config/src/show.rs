@@ -3,20 +3,18 @@
 //! Behind `hil config show` and the `scenario.toml` of every run. The text can be run, and checks
 //! to the plan that it was made from. Needs the descriptions that the plan was checked against.
 
+mod faults;
+
 use std::fmt::{self, Write};
 
-use shared_types::describe::{
-    FaultDescription, FaultKindDescription, LawDescription, PlantDescription, ProfileDescription,
-    Settings,
-};
+use shared_types::describe::{FaultKindDescription, LawDescription, PlantDescription, Settings};
 use shared_types::table::Field;
 use shared_types::time::{Rate, Step};
 
 use crate::check::law_for;
 use crate::keys::SCHEMA;
 use crate::plan::{
-    Clock, ControllerPlan, FaultAction, FaultEffect, FaultEvent, Metric, Plan, PlantPlan, Profile,
-    Run, Stimulus, Trigger, Waveform,
+    Clock, ControllerPlan, FaultEvent, Metric, Plan, PlantPlan, Run, Stimulus, Waveform,
 };
 use crate::quantity::{Quantity, toml_float};
 
@@ -60,17 +58,23 @@ pub fn show(
     written(|text| write(text, plan, plants, laws, kinds))
 }
 
-/// Writes one event as `[[faults]]` of a scenario.
+/// Writes one event as `[[faults]]` of a scenario. An event that it waits for is named by number.
 ///
 /// # Errors
-/// If its kind is not described, or if it takes hold [at once](Trigger::Now).
+/// If its kind is not described, or if it takes hold [at once](crate::plan::Trigger::Now).
 pub fn fault_toml(
     event: &FaultEvent,
     plant: &PlantDescription,
     kinds: &[FaultKindDescription],
     rate: Rate,
 ) -> Result<String, ShowError> {
-    written(|text| fault(text, event, plant, kinds, rate))
+    let look = faults::Look {
+        plant,
+        kinds,
+        rate,
+        others: &[],
+    };
+    written(|text| look.event(text, event))
 }
 
 fn written(write: impl FnOnce(&mut String) -> Written) -> Result<String, ShowError> {
@@ -113,8 +117,14 @@ fn write(
     for one in &plan.stimuli {
         stimulus(text, one)?;
     }
+    let look = faults::Look {
+        plant,
+        kinds,
+        rate: plan.run.rate,
+        others: &plan.faults,
+    };
     for event in &plan.faults {
-        fault(text, event, plant, kinds, plan.run.rate)?;
+        look.event(text, event)?;
     }
     for derived in &plan.derived {
         writeln!(text, "\n[[derived]]")?;
@@ -294,76 +304,6 @@ fn stimulus(text: &mut String, stimulus: &Stimulus) -> Written {
         writeln!(text, "values = {}", list(values))?;
     }
     Ok(())
-}
-
-fn fault(
-    text: &mut String,
-    event: &FaultEvent,
-    plant: &PlantDescription,
-    _kinds: &[FaultKindDescription],
-    rate: Rate,
-) -> Written {
-    let kind = &event.kind;
-    let description = plant
-        .faults
-        .iter()
-        .find(|fault| fault.kind == *kind)
-        .ok_or_else(|| undescribed(format!("fault `{kind}` of plant `{}`", plant.name)))?;
-    writeln!(text, "\n[[faults]] # {}", comment(&description.summary))?;
-    writeln!(text, "kind = {}", string(kind))?;
-    let Trigger::Step { step, at_s } = &event.trigger else {
-        return Err(Failure::Show(ShowError::Now(event.id)));
-    };
-    writeln!(text, "at_s = {}", toml_float(*at_s))?;
-    for effect in &event.effects {
-        self::effect(text, effect, *step, *at_s, description, rate)?;
-    }
-    Ok(())
-}
-
-fn effect(
-    text: &mut String,
-    effect: &FaultEffect,
-    event_step: Step,
-    at_s: f64,
-    description: &FaultDescription,
-    rate: Rate,
-) -> Written {
-    let selector = description.selector.as_deref().unwrap_or_default();
-    let number = effect
-        .target
-        .strip_prefix(selector)
-        .ok_or_else(|| undescribed(format!("fault target `{}`", effect.target)))?;
-    let step = Step(event_step.0 + effect.skew_steps);
-    writeln!(text, "[[faults.effects]] # of step {step}")?;
-    writeln!(text, "{} = {number}", key(selector))?;
-    if let FaultAction::Move { sizes, .. } = &effect.action {
-        for size in &description.sizes {
-            let (name, unit) = (key(&size.name), &size.unit);
-            let value = sizes.get(&size.name).unwrap_or(f64::NAN);
-            writeln!(text, "{name} = {} # {unit}", toml_float(value))?;
-        }
-    }
-    if let (Profile::Exponential { speed_per_s }, ProfileDescription::Exponential { speed }) =
-        (&effect.profile, &description.profile)
-    {
-        writeln!(text, "{} = {}", key(&speed.name), toml_float(*speed_per_s))?;
-    }
-    if effect.skew_steps > 0 {
-        let skew_s = toml_float(skew_s(step, at_s, rate));
-        writeln!(text, "skew_s = {skew_s}")?;
-    }
-    Ok(())
-}
-
-/// A skew that leads from the event's time to a step after it.
-fn skew_s(step: Step, at_s: f64, rate: Rate) -> f64 {
-    let exact = rate.seconds(step) - at_s;
-    if rate.step_at_or_after(at_s + exact) == step {
-        return exact;
-    }
-    // The sum was rounded past the step; half a period earlier it cannot be.
-    exact - 0.5 * rate.period_s()
 }
 
 fn metric(text: &mut String, metric: &Metric) -> Written {

@@ -1,47 +1,132 @@
-//! `[[faults]]`: events and their effects on faultable parameters.
+//! `[[faults]]`: events, when they take hold and end, and what they do to which target.
+//!
+//! The same code checks the faults of a scenario and those that are asked for while a run goes on;
+//! what differs is in the [`Ground`]. Events are read in two rounds: first names and triggers, which
+//! refer to each other, then ends and effects, which must fit into the time that is left.
 
-use shared_types::describe::{
-    FaultDescription, MoveBy, PlantDescription, ProfileDescription, Settings,
-};
+mod effect;
+mod end;
+mod kind;
+mod list;
+mod moves;
+mod names;
+mod profile;
+mod span;
+mod target;
+mod trigger;
+
+use std::path::Path;
+
+use shared_types::describe::{FaultKindDescription, PlantDescription, Settings};
 use shared_types::table::Field;
-use shared_types::time::Step;
 
 use super::run::Grid;
 use crate::document::Value;
-use crate::plan::{
-    FaultAction, FaultEffect, FaultEnd, FaultEvent, FaultSource, Move, Profile, Trigger,
-};
-use crate::problem::{ProblemKind, listed};
-use crate::quantity::{Quantity, number};
+use crate::expression::Columns;
+use crate::plan::{FaultEvent, FaultSource, Trigger};
+use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
+use names::Names;
 
-/// The events that are right; the others are reported.
-pub(super) fn check(
-    reader: &mut Reader,
-    root: &Section<'_>,
-    plant: Option<&PlantDescription>,
-    nominal: Option<&Settings>,
-    grid: Option<Grid>,
-) -> Vec<FaultEvent> {
-    let sections = reader.list(root, "faults");
-    (1..)
-        .zip(&sections)
-        .filter_map(|(id, section)| event(reader, section, id, plant, nominal, grid))
-        .collect()
+pub(crate) use effect::unit_of;
+use kind::Kind;
+pub(crate) use target::groups;
+
+/// What faults are checked against. What is `None` is not right itself; whatever depends on it is
+/// then not checked.
+#[derive(Debug)]
+pub(crate) struct Ground<'a> {
+    /// The plant.
+    pub plant: Option<&'a PlantDescription>,
+    /// The kinds of faults that are not the plant's own.
+    pub kinds: &'a [FaultKindDescription],
+    /// The plant's healthy parameters.
+    pub healthy: Option<&'a Settings>,
+    /// The reference signals.
+    pub reference: Option<&'a [Field]>,
+    /// What expressions may name: a record's signals and every derived one.
+    pub columns: Option<&'a Columns>,
+    /// The steps of the run.
+    pub grid: Option<Grid>,
+    /// Where events come from.
+    pub origin: Origin<'a>,
 }
 
-fn event(
+/// Where events come from.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Origin<'a> {
+    /// A scenario in this folder.
+    Scenario {
+        /// The folder, for files of points.
+        folder: &'a Path,
+    },
+    /// A command line, while the run goes on.
+    Live {
+        /// Names and numbers of the events there are.
+        names: &'a [(String, u32)],
+        /// The number of the first new event.
+        first_id: u32,
+    },
+}
+
+impl<'a> Origin<'a> {
+    const fn first_id(self) -> u32 {
+        match self {
+            Self::Scenario { .. } => 1,
+            Self::Live { first_id, .. } => first_id,
+        }
+    }
+
+    const fn source(self) -> FaultSource {
+        match self {
+            Self::Scenario { .. } => FaultSource::Scenario,
+            Self::Live { .. } => FaultSource::Cli,
+        }
+    }
+
+    /// Where files are looked for, if they are.
+    const fn folder(self) -> Option<&'a Path> {
+        match self {
+            Self::Scenario { folder } => Some(folder),
+            Self::Live { .. } => None,
+        }
+    }
+}
+
+/// The events that are right; the others are reported.
+pub(crate) fn check(
     reader: &mut Reader,
-    section: &Section<'_>,
-    id: u32,
-    plant: Option<&PlantDescription>,
-    nominal: Option<&Settings>,
-    grid: Option<Grid>,
-) -> Option<FaultEvent> {
-    reader.refuse_unknown(section, &[]);
-    let kind = reader.text(section, "kind");
-    let at_s = reader.number(section, "at_s");
-    let sections = reader.list(section, "effects");
+    root: &Section<'_>,
+    ground: &Ground<'_>,
+) -> Vec<FaultEvent> {
+    let sections = reader.list(root, "faults");
+    let names = Names::collect(reader, &sections, ground.origin);
+    let triggers: Vec<_> = sections
+        .iter()
+        .map(|section| trigger::check(reader, section, ground, &names))
+        .collect();
+    let earliest = trigger::earliest(reader, &sections, &triggers, ground, &names);
+    let first_id = ground.origin.first_id();
+    let mut events = Vec::new();
+    for (index, section) in sections.iter().enumerate() {
+        let effects = effects(reader, section);
+        let event = Event {
+            ground,
+            trigger: triggers[index].as_ref(),
+            earliest: earliest[index],
+        };
+        let id = first_id + index as u32;
+        if let Some(event) = event.check(reader, section, &effects, id) {
+            events.push((event, effects));
+        }
+    }
+    moves::stay_in_range_together(reader, ground, &events);
+    events.into_iter().map(|(event, _)| event).collect()
+}
+
+/// The tables of an event's effects, at least one.
+fn effects<'a>(reader: &mut Reader, section: &Section<'a>) -> Vec<Section<'a>> {
+    let effects = reader.list(section, "effects");
     if let Some(entry) = section.table.get("effects")
         && matches!(&entry.node.value, Value::List(items) if items.is_empty())
     {
@@ -51,216 +136,50 @@ fn event(
             .report(ProblemKind::MissingKey, path, &entry.node.place, message)
             .expected("at least one effect");
     }
-    let step = at_s.and_then(|at_s| step_at(reader, section, "at_s", at_s, grid?));
-    let plant = plant?;
-    let fault = find(reader, section, kind?, plant)?;
-    let effects: Vec<Option<FaultEffect>> = sections
-        .iter()
-        .map(|effect_section| {
-            let effect = Effect {
-                plant,
-                fault,
-                nominal,
-            };
-            effect.check(
-                reader,
-                effect_section,
-                at_s.filter(|_| step.is_some()),
-                step,
-                grid,
-            )
-        })
-        .collect();
-    Some(FaultEvent {
-        id,
-        name: None,
-        kind: fault.kind.clone(),
-        source: FaultSource::Scenario,
-        trigger: Trigger::Step {
-            step: step?,
-            at_s: at_s?,
-        },
-        end: FaultEnd::default(),
-        effects: effects.into_iter().collect::<Option<_>>()?,
-    })
+    effects
 }
 
-fn find<'d>(
-    reader: &mut Reader,
-    section: &Section<'_>,
-    kind: &str,
-    plant: &'d PlantDescription,
-) -> Option<&'d FaultDescription> {
-    let found = plant.faults.iter().find(|fault| fault.kind == kind);
-    if found.is_none() {
-        let names = plant.faults.iter().map(|fault| fault.kind.as_str());
-        let message = format!("plant `{}` has no fault `{kind}`", plant.name);
-        let problem = reader.report(
-            ProblemKind::UnknownName,
-            section.path_of("kind"),
-            section.place_of("kind"),
-            message,
-        );
-        if plant.faults.is_empty() {
-            problem.expected("no faults: this plant offers none");
-        } else {
-            problem
-                .expected(format!("one of {}", listed(names.clone())))
-                .nearest(kind, names);
-        }
-    }
-    found
+/// What is known of an event when the rest of it is checked.
+struct Event<'a> {
+    ground: &'a Ground<'a>,
+    trigger: Option<&'a Trigger>,
+    /// The first step at which it could take hold.
+    earliest: Option<u64>,
 }
 
-/// The step at which something takes hold, which must be one that is exchanged.
-fn step_at(
-    reader: &mut Reader,
-    section: &Section<'_>,
-    key: &str,
-    at_s: f64,
-    grid: Grid,
-) -> Option<Step> {
-    let last = Step(grid.steps - 1);
-    // Compared in seconds first: a huge time has no step.
-    let step = (at_s <= grid.rate.seconds(last)).then(|| grid.rate.step_at_or_after(at_s));
-    if let Some(step) = step
-        && step <= last
-    {
-        return Some(step);
-    }
-    let path = section.path_of(key);
-    let message = format!("`{path}`: at {} s the run is over", number(at_s));
-    reader
-        .report(
-            ProblemKind::OutOfRange,
-            path,
-            section.place_of(key),
-            message,
-        )
-        .expected(format!(
-            "a time from 0 to {} in s, the last step",
-            number(grid.rate.seconds(last))
-        ));
-    None
-}
-
-/// What an effect is checked against.
-struct Effect<'d> {
-    plant: &'d PlantDescription,
-    fault: &'d FaultDescription,
-    nominal: Option<&'d Settings>,
-}
-
-impl<'d> Effect<'d> {
+impl Event<'_> {
     fn check(
         &self,
         reader: &mut Reader,
         section: &Section<'_>,
-        at_s: Option<f64>,
-        event_step: Option<Step>,
-        grid: Option<Grid>,
-    ) -> Option<FaultEffect> {
-        let fault = self.fault;
-        let mut further: Vec<&str> = fault.selector.as_deref().into_iter().collect();
-        further.extend(fault.sizes.iter().map(|size| size.name.as_str()));
-        if let ProfileDescription::Exponential { speed } = &fault.profile {
-            further.push(&speed.name);
-        }
-        reader.refuse_unknown(section, &further);
-        let target = self.target(reader, section);
-        let mut sizes = Settings::default();
-        for size in &fault.sizes {
-            let value = match size.default {
-                Some(default) if section.table.get(&size.name).is_none() => Some(default),
-                _ => reader.described_number(section, &Quantity::from(size)),
-            };
-            sizes.set(&size.name, value?);
-        }
-        let profile = match &fault.profile {
-            ProfileDescription::Step => Some(Profile::Step),
-            ProfileDescription::Exponential { speed } => reader
-                .described_number(section, &Quantity::from(speed))
-                .map(|speed_per_s| Profile::Exponential { speed_per_s }),
+        effects: &[Section<'_>],
+        id: u32,
+    ) -> Option<FaultEvent> {
+        reader.refuse_unknown(section, &[]);
+        let name = match section.table.get("name") {
+            Some(_) => reader.text(section, "name").map(Some),
+            None => Some(None),
         };
-        let skew_s = reader.number(section, "skew_s");
-        let step = match (at_s, skew_s, grid) {
-            (Some(at_s), Some(skew_s), Some(grid)) => {
-                step_at(reader, section, "skew_s", at_s + skew_s, grid)
-            }
-            _ => None,
+        let kind = kind::find(reader, section, self.ground);
+        let end = end::check(reader, section, self.ground);
+        let checked: Vec<_> = match kind {
+            Some(kind) => (effects.iter())
+                .map(|section| self.effect(reader, section, kind))
+                .collect(),
+            None => Vec::new(),
         };
-        let (target, moves) = target?;
-        let moves: Vec<Move> = fault
-            .moves
-            .iter()
-            .zip(moves)
-            .filter_map(|(described, parameter)| {
-                let by = match &described.by {
-                    MoveBy::Size(key) => sizes.get(key)?,
-                    MoveBy::Constant(value) => *value,
-                };
-                Some(Move {
-                    parameter: parameter.name.clone(),
-                    operation: described.operation,
-                    by,
-                })
-            })
-            .collect();
-        Some(FaultEffect {
-            target,
-            skew_steps: step?.0 - event_step?.0,
-            profile: profile?,
-            action: FaultAction::Move { sizes, moves },
+        let effects: Option<Vec<_>> = checked.into_iter().collect();
+        if let (Some(end), Some(effects)) = (&end, &effects) {
+            end::leaves_time(reader, section, self, end, effects).ok()?;
+        }
+        Some(FaultEvent {
+            id,
+            name: name?.map(Into::into),
+            kind: kind?.name().into(),
+            source: self.ground.origin.source(),
+            trigger: self.trigger?.clone(),
+            end: end?,
+            effects: effects?,
         })
     }
-
-    /// The group that the selector means and its parameters that are moved.
-    fn target(
-        &self,
-        reader: &mut Reader,
-        section: &Section<'_>,
-    ) -> Option<(String, Vec<&'d Field>)> {
-        let selector = self.fault.selector.as_deref()?;
-        let path = section.path_of(selector);
-        let numbers = listed(targets(self.plant, self.fault).map(|(number, _)| number));
-        let expected = format!("one of {numbers}");
-        let Some(entry) = section.table.get(selector) else {
-            reader.missing(section, &path, expected);
-            return None;
-        };
-        let Value::Integer(number) = entry.node.value else {
-            reader.wrong_type(&path, &entry.node, expected);
-            return None;
-        };
-        let number = number.to_string();
-        let found = targets(self.plant, self.fault).find(|(target, _)| *target == number);
-        if found.is_none() {
-            let message = format!("plant `{}` has no {selector} {number}", self.plant.name);
-            reader
-                .report(ProblemKind::UnknownName, path, &entry.node.place, message)
-                .expected(expected);
-            return None;
-        }
-        let group = format!("{selector}{number}");
-        let parameters = self.fault.moves.iter().filter_map(|described| {
-            let name = format!("{group}.{}", described.parameter);
-            (self.plant.parameters.iter()).find(|field| field.name == name)
-        });
-        let parameters = parameters.collect();
-        Some((group, parameters))
-    }
-}
-
-/// The numbers that a fault's selector may have, as text, and the parameter that each moves.
-pub(crate) fn targets<'d>(
-    plant: &'d PlantDescription,
-    fault: &'d FaultDescription,
-) -> impl Iterator<Item = (&'d str, &'d Field)> {
-    plant.parameters.iter().filter_map(|field| {
-        let (group, parameter) = field.name.split_once('.')?;
-        let number = group.strip_prefix(fault.selector.as_deref()?)?;
-        let is_number = !number.is_empty() && number.bytes().all(|c| c.is_ascii_digit());
-        (is_number && parameter == fault.moves.first()?.parameter && field.faultable)
-            .then_some((number, field))
-    })
 }

@@ -1,23 +1,33 @@
-//! The points of a stimulus of kind `table`: a CSV file, or two lists in the scenario itself.
+//! Points over time, of a stimulus or a profile of kind `table`: a CSV file, or two lists in the
+//! scenario itself.
 
-use crate::plan::Waveform;
+use std::path::Path;
+
+use super::csv;
 use crate::problem::ProblemKind;
 use crate::quantity::number;
 use crate::reader::{Reader, Section};
-use crate::scenario::Scenario;
-use crate::source::Place;
 
-/// The first line of a file of points.
-const HEADER: &str = "time_s,value";
+/// Times in s, strictly rising, and as many values.
+pub(super) type Points = (Vec<f64>, Vec<f64>);
 
+/// What a file of points looks like.
+const FILE: csv::Layout = csv::Layout {
+    header: Some("time_s,value"),
+    columns: 2,
+    row: "a point",
+};
+
+/// The points of a section, which is that of `what`. Without a folder files are refused.
 pub(super) fn check(
     reader: &mut Reader,
     section: &Section<'_>,
-    scenario: &Scenario,
-) -> Option<Waveform> {
+    folder: Option<&Path>,
+    what: &str,
+) -> Option<Points> {
     let inline = ["time_s", "values"].map(|key| section.table.get(key));
     match (section.table.get("file"), inline) {
-        (Some(_), [None, None]) => file(reader, section, scenario),
+        (Some(_), [None, None]) => file(reader, section, folder),
         (None, [Some(times), Some(values)]) => {
             let time_s = reader.numbers(&section.path_of("time_s"), &times.node);
             let values = reader.numbers(&section.path_of("values"), &values.node);
@@ -25,7 +35,7 @@ pub(super) fn check(
         }
         _ => {
             let path = section.path_of("file");
-            let message = "a stimulus of kind `table` needs its points once";
+            let message = format!("{what} of kind `table` needs its points once");
             reader
                 .report(
                     ProblemKind::Mismatch,
@@ -44,7 +54,7 @@ fn lists(
     section: &Section<'_>,
     time_s: Vec<f64>,
     values: Vec<f64>,
-) -> Option<Waveform> {
+) -> Option<Points> {
     let (times, count) = (time_s.len(), values.len());
     let falling = time_s.windows(2).position(|pair| pair[1] <= pair[0]);
     let message = if times != count {
@@ -52,13 +62,9 @@ fn lists(
     } else if times == 0 {
         "no points".into()
     } else if let Some(index) = falling {
-        format!(
-            "time {} follows time {}",
-            number(time_s[index + 1]),
-            number(time_s[index])
-        )
+        follows(time_s[index + 1], time_s[index])
     } else {
-        return Some(Waveform::Table { time_s, values });
+        return Some((time_s, values));
     };
     let path = section.path_of("time_s");
     reader
@@ -72,115 +78,22 @@ fn lists(
     None
 }
 
-fn file(reader: &mut Reader, section: &Section<'_>, scenario: &Scenario) -> Option<Waveform> {
-    let name = reader.text(section, "file")?;
-    let key = section.path_of("file");
-    let path = match scenario.path.parent() {
-        Some(folder) => folder.join(name),
-        None => name.into(),
-    };
-    let text = match std::fs::read_to_string(&path) {
-        Ok(text) => text,
-        Err(error) => {
-            let message = format!("`{}` cannot be read: {error}", path.display());
-            reader
-                .report(
-                    ProblemKind::Unreadable,
-                    key,
-                    section.place_of("file"),
-                    message,
-                )
-                .expected(format!("a CSV file with the header {HEADER}"));
-            return None;
+fn file(reader: &mut Reader, section: &Section<'_>, folder: Option<&Path>) -> Option<Points> {
+    let (mut time_s, mut values): Points = (Vec::new(), Vec::new());
+    csv::read(reader, section, folder, &FILE, |row| {
+        let (time, value) = (row[0], row[1]);
+        if let Some(&last) = time_s.last()
+            && time <= last
+        {
+            return Err((follows(time, last), "times strictly rising"));
         }
-    };
-    let source = reader.sources.add(path.display().to_string(), text.clone());
-    match read(&text) {
-        Ok((time_s, values)) => Some(Waveform::Table { time_s, values }),
-        Err(BadLine {
-            start,
-            length,
-            message,
-            expected,
-        }) => {
-            let place = Place {
-                source,
-                span: start..start + length,
-            };
-            reader
-                .report(ProblemKind::Syntax, key, &place, message)
-                .expected(expected);
-            None
-        }
-    }
+        time_s.push(time);
+        values.push(value);
+        Ok(())
+    })?;
+    Some((time_s, values))
 }
 
-/// What is wrong with a line and where it stands.
-struct BadLine {
-    start: usize,
-    length: usize,
-    message: String,
-    expected: &'static str,
-}
-
-/// The times and values of a CSV text. The first bad line ends the reading: a file of another kind
-/// would otherwise give thousands of messages.
-fn read(text: &str) -> Result<(Vec<f64>, Vec<f64>), BadLine> {
-    let (mut time_s, mut values): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
-    let mut has_header = false;
-    let mut start = 0;
-    for line in text.split_inclusive('\n') {
-        let content = line.trim();
-        let bad = |message: String, expected| BadLine {
-            start,
-            length: line.trim_end().len(),
-            message,
-            expected,
-        };
-        if content.is_empty() || content.starts_with('#') {
-            // Nothing to read.
-        } else if !has_header {
-            let columns: Vec<&str> = content.split(',').map(str::trim).collect();
-            if columns.join(",") != HEADER {
-                return Err(bad("not the header of a table of points".into(), HEADER));
-            }
-            has_header = true;
-        } else {
-            let point = match content.split(',').collect::<Vec<_>>()[..] {
-                [time, value] => finite(time).zip(finite(value)),
-                _ => None,
-            };
-            let Some((time, value)) = point else {
-                return Err(bad(
-                    "not a point".into(),
-                    "two finite numbers, time_s,value",
-                ));
-            };
-            if let Some(&last) = time_s.last()
-                && time <= last
-            {
-                let message = format!("time {} follows time {}", number(time), number(last));
-                return Err(bad(message, "times strictly rising"));
-            }
-            time_s.push(time);
-            values.push(value);
-        }
-        start += line.len();
-    }
-    if time_s.is_empty() {
-        return Err(BadLine {
-            start,
-            length: 0,
-            message: "the file has no points".into(),
-            expected: "the header time_s,value and at least one point",
-        });
-    }
-    Ok((time_s, values))
-}
-
-fn finite(text: &str) -> Option<f64> {
-    text.trim()
-        .parse()
-        .ok()
-        .filter(|value: &f64| value.is_finite())
+fn follows(time: f64, last: f64) -> String {
+    format!("time {} follows time {}", number(time), number(last))
 }

@@ -13,11 +13,12 @@ use crate::quantity::number;
 use crate::reader::{Reader, Section};
 
 /// The derived signals and metrics that are right; the others are reported. Without columns,
-/// because plant, law or stimuli are not right themselves, names are not looked up.
+/// because plant, law or stimuli are not right themselves, names are not looked up. Every derived
+/// signal with a name becomes a column.
 pub(super) fn check(
     reader: &mut Reader,
     root: &Section<'_>,
-    mut columns: Option<Columns>,
+    columns: &mut Option<Columns>,
     grid: Option<Grid>,
 ) -> (Vec<Derived>, Vec<Metric>) {
     let derived_sections = reader.list(root, "derived");
@@ -36,8 +37,15 @@ pub(super) fn check(
         reader.refuse_unknown(section, &[]);
         let name = name(reader, section, &mut names);
         let unit = unit(reader, section, name);
-        let expression = expression(reader, section, columns.as_ref(), &later, Use::Derived);
-        if let (Some(name), Some(columns)) = (name, &mut columns) {
+        let expression = expression(
+            reader,
+            section,
+            "expression",
+            columns.as_ref(),
+            &later,
+            Use::Signal,
+        );
+        if let (Some(name), Some(columns)) = (name, columns.as_mut()) {
             columns.push(Group::Derived, name);
         }
         if let (Some(name), Some(unit), Some(expression)) = (name, unit, expression) {
@@ -54,7 +62,14 @@ pub(super) fn check(
         reader.refuse_unknown(section, &[]);
         let name = name(reader, section, &mut names);
         let unit = unit(reader, section, name);
-        let expression = expression(reader, section, columns.as_ref(), &[], Use::Metric);
+        let expression = expression(
+            reader,
+            section,
+            "expression",
+            columns.as_ref(),
+            &[],
+            Use::Metric,
+        );
         let windows = windows(reader, section, grid);
         let published = published(reader, section, windows.as_deref());
         let published_note = reader.text(section, "published_note").map(Into::into);
@@ -72,6 +87,17 @@ pub(super) fn check(
         }
     }
     (derived, metrics)
+}
+
+/// The condition under a key of a section: an expression over signals.
+pub(super) fn condition(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    key: &'static str,
+    columns: Option<&Columns>,
+) -> Option<String> {
+    let found = expression(reader, section, key, columns, &[], Use::Signal)?;
+    Some(found.to_string())
 }
 
 /// A name that is one and that nothing before has.
@@ -107,24 +133,28 @@ fn unit(reader: &mut Reader, section: &Section<'_>, name: Option<&str>) -> Optio
     Some(unit_of_name(name?).unwrap_or("1").into())
 }
 
+/// What an expression is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Use {
-    Derived,
+    /// A value at every step.
+    Signal,
+    /// A value for a window.
     Metric,
 }
 
 fn expression(
     reader: &mut Reader,
     section: &Section<'_>,
+    key: &'static str,
     columns: Option<&Columns>,
     later: &[&str],
     usage: Use,
 ) -> Option<Expression> {
-    let text = reader.text(section, "expression")?;
+    let text = reader.text(section, key)?;
     let expression = match Expression::parse(text) {
         Ok(expression) => expression,
         Err(error) => {
-            report(reader, section, text, &error, None);
+            report(reader, section, key, text, &error, None);
             return None;
         }
     };
@@ -136,7 +166,7 @@ fn expression(
     }
     // What kind of expression it is can be told without columns.
     let misused = match usage {
-        Use::Derived => expression.refuse_reduction(),
+        Use::Signal => expression.refuse_reduction(),
         Use::Metric => expression.refuse_signal(),
     };
     errors.extend(misused.err());
@@ -144,7 +174,7 @@ fn expression(
         let name = &text[error.span.clone()];
         let is_later = later.contains(&name);
         let help = is_later.then_some("a derived signal may use only those above it");
-        report(reader, section, text, error, help);
+        report(reader, section, key, text, error, help);
     }
     errors.is_empty().then_some(expression)
 }
@@ -153,15 +183,16 @@ fn expression(
 fn report(
     reader: &mut Reader,
     section: &Section<'_>,
+    key: &str,
     text: &str,
     error: &ExpressionError,
     help: Option<&str>,
 ) {
-    let whole = section.place_of("expression");
+    let whole = section.place_of(key);
     let place = reader.sources.inside(whole, text, error.span.clone());
     let problem = reader.report(
         ProblemKind::Expression,
-        section.path_of("expression"),
+        section.path_of(key),
         &place,
         error.to_string(),
     );

@@ -1,5 +1,7 @@
 //! `[[stimuli]]`: reference signals and their waveforms.
 
+use std::path::Path;
+
 use shared_types::describe::LawDescription;
 use shared_types::table::unit_of_name;
 
@@ -10,13 +12,12 @@ use crate::plan::{Stimulus, Waveform};
 use crate::problem::{ProblemKind, listed};
 use crate::quantity::number;
 use crate::reader::{Reader, Section};
-use crate::scenario::Scenario;
 
 /// The stimuli; `None` if one of them is not right.
 pub(super) fn check(
     reader: &mut Reader,
     root: &Section<'_>,
-    scenario: &Scenario,
+    folder: &Path,
     grid: Option<Grid>,
     law: Option<&LawDescription>,
 ) -> Option<Vec<Stimulus>> {
@@ -24,7 +25,7 @@ pub(super) fn check(
     let mut stimuli = Vec::new();
     let mut given: Vec<String> = Vec::new();
     for section in &sections {
-        let stimulus = stimulus(reader, section, scenario, grid, law);
+        let stimulus = stimulus(reader, section, folder, grid, law);
         if let Some(stimulus) = &stimulus {
             let fields = stimulus.fields();
             let again = fields.iter().find(|field| given.contains(&field.name));
@@ -48,13 +49,13 @@ pub(super) fn check(
 fn stimulus(
     reader: &mut Reader,
     section: &Section<'_>,
-    scenario: &Scenario,
+    folder: &Path,
     grid: Option<Grid>,
     law: Option<&LawDescription>,
 ) -> Option<Stimulus> {
     let target = target(reader, section);
     let unit = unit(reader, section, target, law);
-    let waveform = waveform(reader, section, scenario, grid);
+    let waveform = waveform(reader, section, folder, grid);
     Some(Stimulus {
         target: target?.into(),
         unit: unit?,
@@ -114,7 +115,7 @@ fn unit(
 fn waveform(
     reader: &mut Reader,
     section: &Section<'_>,
-    scenario: &Scenario,
+    folder: &Path,
     grid: Option<Grid>,
 ) -> Option<Waveform> {
     let name = reader.text(section, "kind")?;
@@ -187,7 +188,10 @@ fn waveform(
                 offset: offset?,
             }
         }
-        "table" => points::check(reader, section, scenario)?,
+        "table" => {
+            let (time_s, values) = points::check(reader, section, Some(folder), "a stimulus")?;
+            Waveform::Table { time_s, values }
+        }
         _ => unreachable!("every kind is read"),
     };
     Some(waveform)

@@ -96,6 +96,11 @@ impl Columns {
         columns
     }
 
+    /// Columns whose names are whole already.
+    pub(crate) const fn named(names: Vec<String>) -> Self {
+        Self { names }
+    }
+
     /// Adds a column.
     pub fn push(&mut self, group: Group, name: &str) {
         self.names.push(match group {
@@ -134,24 +139,23 @@ impl Columns {
         Group::ALL.iter().any(|group| group.prefix() == prefix)
     }
 
-    /// Names closest to an unknown one. Where it has a kind, names of that kind come first; a name
-    /// without is also looked for in all kinds.
-    pub(super) fn nearest(&self, path: &str) -> Vec<String> {
+    /// Names closest to an unknown one. Where it has a kind, only names of that kind; one without is
+    /// first looked for as the last part of a name of any kind.
+    pub(crate) fn nearest(&self, path: &str) -> Vec<String> {
         let names = self.names.iter().map(String::as_str);
         let owned = |found: Vec<&str>| found.into_iter().map(Into::into).collect::<Vec<String>>();
-        let Some((prefix, wanted)) = path.split_once('.') else {
-            let named_so = names
-                .clone()
-                .filter(|name| name.split_once('.').is_some_and(|(_, last)| last == path));
-            let exact: Vec<&str> = named_so.take(3).collect();
+        let of_a_kind = path
+            .split_once('.')
+            .filter(|(kind, _)| self.has_prefix(kind));
+        let Some((prefix, wanted)) = of_a_kind else {
+            let ends_so =
+                |name: &&str| (name.strip_suffix(path)).is_some_and(|before| before.ends_with('.'));
+            let exact: Vec<&str> = names.clone().filter(ends_so).take(3).collect();
             if !exact.is_empty() {
                 return owned(exact);
             }
             return owned(nearest(path, names));
         };
-        if !self.has_prefix(prefix) {
-            return owned(nearest(path, names));
-        }
         // Compared without the common prefix, which would make everything look similar.
         let of_kind = names
             .filter_map(|name| name.split_once('.'))

@@ -45,7 +45,7 @@ pub(super) fn run(prepared: &Prepared) -> Result<Ended, Failure> {
     let (sink, source) = stream::in_process::pair();
     let (tell, told) = std::sync::mpsc::channel();
     let (plan, recording) = (prepared.plan.clone(), prepared.recording.clone());
-    let recorder = Recorder::start(plan, recording, || {
+    let recorder = Recorder::start(plan, recording, prepared.partial, || {
         let mut source = Some(source);
         move || {
             Ok(told
@@ -61,7 +61,7 @@ pub(super) fn run(prepared: &Prepared) -> Result<Ended, Failure> {
     let sides = std::thread::spawn(move || {
         take_turns(plant, controller, TellingSink { sink, tell }, &theirs)
     });
-    let progress = Progress::new(prepared.plan.run.steps, prepared.plan.run.rate);
+    let mut progress = Progress::new(prepared.plan.run.steps, prepared.plan.run.rate);
     while !sides.is_finished() {
         if prepared.interruption.came() {
             supervision.stop("interrupted");
@@ -69,7 +69,7 @@ pub(super) fn run(prepared: &Prepared) -> Result<Ended, Failure> {
         if recorder.has_failed() {
             supervision.stop("the recorder failed");
         }
-        progress.set(recorder.steps());
+        progress.set(recorder.next_step());
         std::thread::sleep(Duration::from_millis(2));
     }
     drop(progress);

@@ -1,6 +1,6 @@
 //! The hydraulic cylinder: piston and chambers (eqs. 2 to 4).
 //!
-//! Called by the right-hand side of the hydraulic system, and for the vapour pressure by its
+//! Called by the right-hand side of the hydraulic system, and [`boiled`] by its
 //! substeps. The piston has no end stops: the limits of the truth signals end a run before.
 
 use super::ActuatorState;
@@ -8,14 +8,14 @@ use super::tables::ActuatorParameters;
 
 /// Acceleration of the piston.
 ///
-/// `x_h'' = (A_1 P_h1 - A_2 P_h2 - B_h x_h' - F_h - d) / m_h` (eq. 2); dry friction adds to `d`.
+/// `x_h'' = (A_1 P_h1 - A_2 P_h2 - B_h x_h' - F_h - d) / m_h` (eq. 2; any state).
 #[inline]
 #[must_use]
 pub fn piston_acceleration_mps2(
     p: &ActuatorParameters,
     state: &ActuatorState,
     rod_force_n: f64,
-    resistance_n: f64,
+    disturbance_n: f64,
 ) -> f64 {
     let (a_1, a_2, b_h, m_h) = (
         p.area1_m2,
@@ -24,7 +24,7 @@ pub fn piston_acceleration_mps2(
         p.piston_mass_kg,
     );
     let (v_h, p_h1, p_h2) = (state.velocity_mps, state.pressure1_pa, state.pressure2_pa);
-    let (f_h, d) = (rod_force_n, resistance_n);
+    let (f_h, d) = (rod_force_n, disturbance_n);
     (a_1 * p_h1 - a_2 * p_h2 - b_h * v_h - f_h - d) / m_h
 }
 
@@ -94,19 +94,21 @@ pub fn passive_pressure_rate_paps(
     passive_stiffness_pa_per_m3(p, state.position_m) * (p.area2_m2 * v_h + q_h - q_h2)
 }
 
-/// Pressure of a chamber, which boils before it goes below the vapour pressure.
+/// The state where no chamber is below the vapour pressure.
 ///
 /// `max(P, P_v)`: what would pull the oil below is filled by its vapour at constant pressure
 /// (Merritt, Hydraulic Control Systems, 1967, on cavitation). The size of the bubble is not kept: when
 /// the chamber is filled again the pressure rises at once, where a real one would first close the
-/// bubble. Applied after each substep; a chamber above `P_v` is not touched.
-#[inline]
+/// bubble. Applied after each integration step; a chamber above `P_v` is not touched.
+#[cold]
 #[must_use]
-pub fn pressure_above_vapour_pa(p: &ActuatorParameters, pressure_pa: f64) -> f64 {
-    if pressure_pa < p.vapour_pressure_pa {
-        p.vapour_pressure_pa
-    } else {
-        pressure_pa
+pub fn boiled(p: &ActuatorParameters, state: &ActuatorState) -> ActuatorState {
+    let p_v = p.vapour_pressure_pa;
+    let above = |pressure_pa| if pressure_pa < p_v { p_v } else { pressure_pa };
+    ActuatorState {
+        pressure1_pa: above(state.pressure1_pa),
+        pressure2_pa: above(state.pressure2_pa),
+        ..*state
     }
 }
 
@@ -196,9 +198,26 @@ mod tests {
             (-0.9e5, -0.9e5),
             (-5e6, -0.9e5),
         ] {
-            assert_eq!(pressure_above_vapour_pa(&p, pressure_pa), expected_pa);
+            let [one, two] = [
+                ActuatorState {
+                    pressure1_pa: pressure_pa,
+                    ..STATE
+                },
+                ActuatorState {
+                    pressure2_pa: pressure_pa,
+                    ..STATE
+                },
+            ]
+            .map(|state| boiled(&p, &state));
+            assert_eq!((one.pressure1_pa, one.pressure2_pa), (expected_pa, 6e6));
+            assert_eq!((two.pressure1_pa, two.pressure2_pa), (10e6, expected_pa));
+            assert_eq!((one.position_m, one.velocity_mps), (0.01, 0.1));
         }
         // A number that is none must stay visible.
-        assert!(pressure_above_vapour_pa(&p, f64::NAN).is_nan());
+        let lost = ActuatorState {
+            pressure1_pa: f64::NAN,
+            ..STATE
+        };
+        assert!(boiled(&p, &lost).pressure1_pa.is_nan());
     }
 }

@@ -21,9 +21,6 @@ const SEIZURE_TIME_S: f64 = 5e-5;
 #[must_use]
 pub fn coulomb_friction_n(p: &ActuatorParameters, velocity_mps: f64) -> f64 {
     let (f_c, v_s) = (p.coulomb_friction_n, p.friction_velocity_mps);
-    if f_c == 0.0 {
-        return 0.0;
-    }
     f_c * libm::tanh(velocity_mps / v_s)
 }
 
@@ -41,9 +38,6 @@ pub fn seized_acceleration_mps2(
     free_acceleration_mps2: f64,
 ) -> f64 {
     let (j, v, a) = (p.motion_blocked, velocity_mps, free_acceleration_mps2);
-    if j == 0.0 {
-        return a;
-    }
     (1.0 - j) * a - j * v / SEIZURE_TIME_S
 }
 

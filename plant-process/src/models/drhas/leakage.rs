@@ -37,7 +37,7 @@ pub fn fault_leakage_m3ps(coefficient_m3ps_per_sqrt_pa: f64, state: &ActuatorSta
     coefficient_m3ps_per_sqrt_pa * if y < 0.0 { -sqrt_y } else { sqrt_y }
 }
 
-/// Leak from a chamber to the outside through a crack or a burst line.
+/// Leaks from the active and the passive chamber to the outside, through a crack or a burst line.
 ///
 /// `q = c sqrt(P - P_r)` for `P > P_r`, otherwise 0 (turbulent like the second term of eq. 5; the
 /// orifice law of Merritt, Hydraulic Control Systems, 1967, on flow through orifices, with
@@ -47,16 +47,19 @@ pub fn fault_leakage_m3ps(coefficient_m3ps_per_sqrt_pa: f64, state: &ActuatorSta
 /// largest `c` and 25 us in the paper's actuator, and stays there, since nothing flows back.
 #[inline]
 #[must_use]
-pub fn external_leakage_m3ps(
-    coefficient_m3ps_per_sqrt_pa: f64,
-    pressure_pa: f64,
-    outside_pa: f64,
-) -> f64 {
-    // A tight chamber is the common case and saves a root.
-    if coefficient_m3ps_per_sqrt_pa == 0.0 || pressure_pa <= outside_pa {
-        return 0.0;
-    }
-    coefficient_m3ps_per_sqrt_pa * (pressure_pa - outside_pa).sqrt()
+pub fn external_leakages_m3ps(p: &ActuatorParameters, state: &ActuatorState) -> [f64; 2] {
+    let leak = |c: f64, pressure_pa: f64| {
+        let drop_pa = pressure_pa - p.return_pressure_pa;
+        if drop_pa > 0.0 {
+            c * drop_pa.sqrt()
+        } else {
+            0.0
+        }
+    };
+    [
+        leak(p.external_leakage1_m3ps_per_sqrt_pa, state.pressure1_pa),
+        leak(p.external_leakage2_m3ps_per_sqrt_pa, state.pressure2_pa),
+    ]
 }
 
 /// How fast the fault's leak alone brings the pressures together.
@@ -173,11 +176,20 @@ mod tests {
 
     #[test]
     fn oil_leaves_a_chamber_with_the_root_of_its_pressure_above_the_outside() {
-        // 2e-7 * sqrt(9e6), and nothing comes in.
-        assert_near(external_leakage_m3ps(2e-7, 9.5e6, 0.5e6), 6e-4);
-        assert_eq!(external_leakage_m3ps(2e-7, 0.5e6, 0.5e6), 0.0);
-        assert_eq!(external_leakage_m3ps(2e-7, 0.4e6, 0.5e6), 0.0);
-        assert_eq!(external_leakage_m3ps(0.0, 9.5e6, 0.5e6), 0.0);
+        let cracked = ActuatorParameters {
+            external_leakage1_m3ps_per_sqrt_pa: 2e-7,
+            external_leakage2_m3ps_per_sqrt_pa: 3e-7,
+            return_pressure_pa: 0.5e6,
+            ..parameters()
+        };
+        // 2e-7 sqrt(9e6) and 3e-7 sqrt(4e6), and nothing comes in.
+        let [q_e1, q_e2] = external_leakages_m3ps(&cracked, &state(9.5e6, 4.5e6));
+        assert_near(q_e1, 6e-4);
+        assert_near(q_e2, 6e-4);
+        let none = external_leakages_m3ps(&cracked, &state(0.5e6, 0.4e6));
+        assert_eq!(none, [0.0; 2]);
+        let tight = external_leakages_m3ps(&parameters(), &state(9.5e6, 4.5e6));
+        assert_eq!(tight, [0.0; 2]);
     }
 
     #[test]

@@ -11,7 +11,8 @@
 //! 4. [`cylinder`]: pressures and piston, eqs. 2 to 4;
 //! 5. [`friction`]: what else holds the piston;
 //! 6. [`disturbance`]: what shakes the pistons, eq. 74;
-//! 7. [`surface`]: rods, surface and load, eqs. 14 to 17, 24 and 33.
+//! 7. [`surface`]: rods, surface and load, eqs. 14 to 17, 24 and 33;
+//! 8. `rates`: all of these as one right-hand side.
 //!
 //! The parameters that the paper does not have (null bias, lag and sticking of the spool, droop of the
 //! supply, external leaks, dry friction, seizure, a constant load) are neutral by default: the paper's
@@ -28,6 +29,7 @@ pub mod disturbance;
 pub mod faults;
 pub mod friction;
 pub mod leakage;
+mod rates;
 pub mod spool;
 pub mod surface;
 pub mod tables;
@@ -40,6 +42,7 @@ use shared_types::describe::{FaultDescription, Invalid};
 use shared_types::time::Interval;
 use zerocopy::{FromBytes, Immutable, IntoBytes, transmute};
 
+use self::rates::{Channel, Inputs, is_beyond_paper, rates};
 use self::spool::Spool;
 pub use self::tables::{
     ActuatorParameters, Command, Measured, Parameters, SurfaceParameters, Truth,
@@ -90,85 +93,8 @@ pub struct Drhas {
     parameters: Parameters,
     state: State,
     spools: [Spool; 2],
-}
-
-/// What acts on the actuators at one time whatever their state.
-#[derive(Clone, Copy, Debug)]
-struct Inputs {
-    spools_m: [f64; 2],
-    disturbances_n: [f64; 2],
-}
-
-/// What an actuator is given during one substep.
-struct Channel<'a> {
-    parameters: &'a ActuatorParameters,
-    /// `beta C_t` of the leak that the right-hand side contains.
-    leakage_coefficient_m3ps_per_sqrt_pa: f64,
-}
-
-impl Channel<'_> {
-    /// Rates of an actuator's state, in its order (eqs. 2 to 4).
-    #[inline]
-    fn rates(
-        &self,
-        state: &ActuatorState,
-        rod_force_n: f64,
-        spool_m: f64,
-        disturbance_n: f64,
-    ) -> [f64; 4] {
-        let (p, v_h) = (self.parameters, state.velocity_mps);
-        let q_h = leakage::normal_leakage_m3ps(p, state)
-            + leakage::fault_leakage_m3ps(self.leakage_coefficient_m3ps_per_sqrt_pa, state);
-        let (c_1, c_2) = (
-            p.external_leakage1_m3ps_per_sqrt_pa,
-            p.external_leakage2_m3ps_per_sqrt_pa,
-        );
-        let p_r = p.return_pressure_pa;
-        let inflow = valve::active_flow_m3ps(p, state, spool_m)
-            - leakage::external_leakage_m3ps(c_1, state.pressure1_pa, p_r);
-        let outflow = valve::passive_flow_m3ps(p, state, spool_m)
-            + leakage::external_leakage_m3ps(c_2, state.pressure2_pa, p_r);
-        let resistance_n = disturbance_n + friction::coulomb_friction_n(p, v_h);
-        let free = cylinder::piston_acceleration_mps2(p, state, rod_force_n, resistance_n);
-        [
-            v_h,
-            friction::seized_acceleration_mps2(p, v_h, free),
-            cylinder::active_pressure_rate_paps(p, state, q_h, inflow),
-            cylinder::passive_pressure_rate_paps(p, state, q_h, outflow),
-        ]
-    }
-}
-
-/// Rates of the whole state, in its order: the right-hand side of the model.
-#[inline]
-fn rates(
-    surface: &SurfaceParameters,
-    channels: &[Channel<'_>; 2],
-    inputs: &Inputs,
-    state: &State,
-) -> [f64; STATES] {
-    let [one, two] = channels;
-    let [state1, state2] = &state.actuators;
-    let x_d = surface::linear_displacement_m(surface, state.angle_rad);
-    let f_h1 = surface::rod_force_n(one.parameters, state1.position_m, x_d);
-    let f_h2 = surface::rod_force_n(two.parameters, state2.position_m, x_d);
-    let t_l = surface::load_torque_nm(surface, x_d);
-    let ([x_v1, x_v2], [d_1, d_2]) = (inputs.spools_m, inputs.disturbances_n);
-    let [x_1, v_1, p_11, p_12] = one.rates(state1, f_h1, x_v1, d_1);
-    let [x_2, v_2, p_21, p_22] = two.rates(state2, f_h2, x_v2, d_2);
-    let omega = surface::angular_acceleration_radps2(surface, state.rate_radps, [f_h1, f_h2], t_l);
-    [
-        state.rate_radps,
-        omega,
-        x_1,
-        v_1,
-        p_11,
-        p_12,
-        x_2,
-        v_2,
-        p_21,
-        p_22,
-    ]
+    /// Whether an actuator has something that the paper's does not have.
+    beyond_paper: bool,
 }
 
 impl Drhas {
@@ -201,14 +127,34 @@ impl Drhas {
 
         leak_half_a_step(&mut self.state);
         let mut x: [f64; STATES] = transmute!(self.state);
-        rk4_step(&mut x, step_s, inputs, |now, x| {
-            rates(&self.parameters.surface, &channels, now, &transmute!(*x))
-        });
+        let surface = &self.parameters.surface;
+        if self.beyond_paper {
+            rk4_step(&mut x, step_s, inputs, |now, x| {
+                rates::<true>(surface, &channels, now, &transmute!(*x))
+            });
+        } else {
+            rk4_step(&mut x, step_s, inputs, |now, x| {
+                rates::<false>(surface, &channels, now, &transmute!(*x))
+            });
+        }
         self.state = transmute!(x);
         leak_half_a_step(&mut self.state);
-        for (p, s) in actuators.iter().zip(&mut self.state.actuators) {
-            s.pressure1_pa = cylinder::pressure_above_vapour_pa(p, s.pressure1_pa);
-            s.pressure2_pa = cylinder::pressure_above_vapour_pa(p, s.pressure2_pa);
+        self.let_oil_boil();
+    }
+
+    /// Leaves no chamber below the vapour pressure.
+    #[inline]
+    fn let_oil_boil(&mut self) {
+        let [s_1, s_2] = self.state.actuators;
+        // No vapour pressure is above 0: one condition in the common case.
+        let lower = |a: f64, b: f64| if a < b { a } else { b };
+        let lowest_pa = lower(
+            lower(s_1.pressure1_pa, s_2.pressure1_pa),
+            lower(s_1.pressure2_pa, s_2.pressure2_pa),
+        );
+        if lowest_pa < 0.0 {
+            let [p_1, p_2] = self.parameters.actuators();
+            self.state.actuators = [cylinder::boiled(p_1, &s_1), cylinder::boiled(p_2, &s_2)];
         }
     }
 
@@ -250,7 +196,7 @@ impl Drhas {
 impl Plant for Drhas {
     const NAME: &'static str = "drhas";
     const SUMMARY: &'static str = "Dual redundant hydraulic actuation system: two valve-controlled \
-                                   cylinders on one control surface, with leaking seals as fault.";
+                                   cylinders on one control surface.";
     type Parameters = Parameters;
     type Truth = Truth;
     type Measured = Measured;
@@ -273,11 +219,13 @@ impl Plant for Drhas {
                 ],
             },
             spools: parameters.actuators().map(Spool::at_null),
+            beyond_paper: parameters.actuators().into_iter().any(is_beyond_paper),
         })
     }
 
     fn retune(&mut self, parameters: &Parameters) {
         self.parameters = *parameters;
+        self.beyond_paper = parameters.actuators().into_iter().any(is_beyond_paper);
     }
 
     fn measure(&self) -> Measured {

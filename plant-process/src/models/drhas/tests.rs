@@ -263,7 +263,7 @@ fn a_leak_moves_oil_from_one_chamber_to_the_other() {
         spools_m: [0.0; 2],
         disturbances_n: [0.0; 2],
     };
-    let rates = rates(&parameters.surface, &channels, &inputs, &plant.state);
+    let rates = rates::<false>(&parameters.surface, &channels, &inputs, &plant.state);
     for i in [4, 8] {
         let (gained1, gained2) = (1e-4 * rates[i], 0.735e-4 * rates[i + 1]);
         assert!(gained1 < -1e5, "{gained1}");

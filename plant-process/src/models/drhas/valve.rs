@@ -33,70 +33,63 @@ pub fn passive_flow_m3ps(p: &ActuatorParameters, state: &ActuatorState, spool_m:
 ///
 /// `R_h1 = s(x_v) sqrt(P_s - P_h1) + s(-x_v) sqrt(P_h1 - P_r)` (eq. 10), where `s(x)` is 1 for
 /// `x >= 0` and 0 otherwise (eq. 9). A root of a negative drop is 0: no oil flows against the
-/// spool's direction. The first root is [`supply_root_sqrt_pa`].
+/// spool's direction.
 #[inline]
 #[must_use]
 pub fn active_root_sqrt_pa(p: &ActuatorParameters, state: &ActuatorState, spool_m: f64) -> f64 {
-    let p_h1 = state.pressure1_pa;
-    roots_of_open_edges(
-        spool_m,
-        || supply_root_sqrt_pa(p, p_h1, spool_m),
-        || root(p_h1 - p.return_pressure_pa),
-    )
+    let (p_s, p_r, p_h1) = (
+        p.supply_pressure_pa,
+        p.return_pressure_pa,
+        state.pressure1_pa,
+    );
+    roots_of_open_edges(spool_m, p_s - p_h1, p_h1 - p_r)
 }
 
 /// Root of the pressure drop over the edge that is open to the passive chamber.
 ///
 /// `R_h2 = s(x_v) sqrt(P_h2 - P_r) + s(-x_v) sqrt(P_s - P_h2)` (eq. 11), with `s` of eq. 9. A root
-/// of a negative drop is 0. The second root is [`supply_root_sqrt_pa`].
+/// of a negative drop is 0.
 #[inline]
 #[must_use]
 pub fn passive_root_sqrt_pa(p: &ActuatorParameters, state: &ActuatorState, spool_m: f64) -> f64 {
-    let p_h2 = state.pressure2_pa;
-    roots_of_open_edges(
-        spool_m,
-        || root(p_h2 - p.return_pressure_pa),
-        || supply_root_sqrt_pa(p, p_h2, spool_m),
-    )
+    let (p_s, p_r, p_h2) = (
+        p.supply_pressure_pa,
+        p.return_pressure_pa,
+        state.pressure2_pa,
+    );
+    roots_of_open_edges(spool_m, p_h2 - p_r, p_s - p_h2)
 }
 
-/// Root of the pressure drop from the supply to a chamber, where the supply gives way to its flow.
+/// Flow from a supply that gives way to it, from the flow `q_0` that a stiff one would give.
 ///
-/// `r = sqrt(P_s - R q - P)` with `q = k r` and `k = k_q |x_v|`, so that `r^2 + k R r - D = 0` for
-/// `D = P_s - P` and `r = 2 D / (k R + sqrt((k R)^2 + 4 D))`, the form without cancellation. A
-/// supply line or pump whose pressure falls in proportion to its flow (Merritt, Hydraulic Control
-/// Systems, 1967, on laminar lines and power supplies) in front of the orifice of eq. 10. `R = 0` is
-/// the paper's stiff supply, `r = sqrt(D)`; 0 for a negative `D`.
+/// `q = k sqrt(P_s - R q - P)` with `k = k_q |x_v|`, so that `q^2 + k^2 R q - q_0^2 = 0` and
+/// `q = 2 q_0^2 / (k^2 R + sqrt((k^2 R)^2 + 4 q_0^2))`, the form without cancellation: a line or pump
+/// whose pressure falls in proportion to its flow (Merritt, Hydraulic Control Systems, 1967, on laminar
+/// flow and on power supplies) in front of the orifice of eqs. 10 and 11. `R = 0` is the paper's stiff
+/// supply. The sign is that of `q_0`.
 #[inline]
 #[must_use]
-pub fn supply_root_sqrt_pa(p: &ActuatorParameters, pressure_pa: f64, spool_m: f64) -> f64 {
-    let (drop_pa, droop) = (
-        p.supply_pressure_pa - pressure_pa,
+pub fn flow_of_soft_supply_m3ps(p: &ActuatorParameters, spool_m: f64, stiff_m3ps: f64) -> f64 {
+    let (k, r) = (
+        p.flow_gain_m2ps_per_sqrt_pa * spool_m,
         p.supply_droop_pa_s_per_m3,
     );
-    if droop == 0.0 {
-        return root(drop_pa);
+    let (q_0, k2_r) = (stiff_m3ps, k * k * r);
+    if k2_r == 0.0 {
+        return q_0;
     }
-    if drop_pa <= 0.0 {
-        return 0.0;
-    }
-    let k_r = p.flow_gain_m2ps_per_sqrt_pa * spool_m.abs() * droop;
-    2.0 * drop_pa / (k_r + (k_r * k_r + 4.0 * drop_pa).sqrt())
+    q_0 * (2.0 * q_0.abs() / (k2_r + (k2_r * k2_r + 4.0 * q_0 * q_0).sqrt()))
 }
 
-/// `s(x) forward + s(-x) backward`; a root that `s` switches off is not computed.
+/// `s(x) sqrt(forward) + s(-x) sqrt(backward)`; a root that `s` switches off is not computed.
 #[inline]
-fn roots_of_open_edges(
-    spool_m: f64,
-    forward_sqrt_pa: impl FnOnce() -> f64,
-    backward_sqrt_pa: impl FnOnce() -> f64,
-) -> f64 {
+fn roots_of_open_edges(spool_m: f64, forward_pa: f64, backward_pa: f64) -> f64 {
     if spool_m > 0.0 {
-        forward_sqrt_pa()
+        root(forward_pa)
     } else if spool_m < 0.0 {
-        backward_sqrt_pa()
+        root(backward_pa)
     } else {
-        forward_sqrt_pa() + backward_sqrt_pa()
+        root(forward_pa) + root(backward_pa)
     }
 }
 
@@ -178,35 +171,30 @@ mod tests {
 
     #[test]
     fn a_supply_that_gives_way_settles_where_flow_and_drop_agree() {
-        // With k R = 7.5e-5 * 3e-4 * R = 6000 and D = 16e6: r^2 + 6000 r - 16e6 = 0, r = 2000; the
+        // With k = 2.25e-8, R = 6000 / k and D = 16e6: q = k r and r^2 + 6000 r - 16e6 = 0, r = 2000. The
         // supply sinks by R q = 12 MPa to 16 MPa, and sqrt(16e6 - 12e6) = 2000 again.
         let soft = ActuatorParameters {
-            supply_droop_pa_s_per_m3: 6000.0 / (7.5e-5 * 3e-4),
+            supply_droop_pa_s_per_m3: 6000.0 / 2.25e-8,
             ..parameters()
         };
-        let q_1 = active_flow_m3ps(&soft, &STATE, 3e-4);
-        assert!((q_1 / 4.5e-5 - 1.0).abs() < 1e-14, "{q_1}");
-        let at_valve_pa = 28e6 - soft.supply_droop_pa_s_per_m3 * q_1;
-        assert!((at_valve_pa / 16e6 - 1.0).abs() < 1e-14, "{at_valve_pa}");
-        // The edge to the return does not know of it.
-        let q_2 = passive_flow_m3ps(&soft, &STATE, 3e-4);
-        assert_eq!(q_2, passive_flow_m3ps(&parameters(), &STATE, 3e-4));
+        for sign in [1.0, -1.0] {
+            let stiff_m3ps = sign * 2.25e-8 * 4000.0;
+            let q = flow_of_soft_supply_m3ps(&soft, sign * 3e-4, stiff_m3ps);
+            assert!((q / (sign * 4.5e-5) - 1.0).abs() < 1e-14, "{q}");
+        }
+        assert_eq!(flow_of_soft_supply_m3ps(&soft, 3e-4, 0.0), 0.0);
+        assert_eq!(flow_of_soft_supply_m3ps(&soft, 0.0, 0.0), 0.0);
     }
 
     #[test]
-    fn a_supply_that_hardly_gives_way_is_the_papers() {
-        let soft = ActuatorParameters {
-            supply_droop_pa_s_per_m3: 1e-3,
-            ..parameters()
-        };
-        for spool_m in [3e-4, -3e-4] {
-            for flow in [active_flow_m3ps, passive_flow_m3ps] {
-                let (with, without) = (
-                    flow(&soft, &STATE, spool_m),
-                    flow(&parameters(), &STATE, spool_m),
-                );
-                assert!((with / without - 1.0).abs() < 1e-13, "{with} {without}");
-            }
+    fn a_supply_that_hardly_gives_way_gives_what_a_stiff_one_does() {
+        for (droop, off) in [(0.0, 0.0), (1e-3, 1e-13)] {
+            let soft = ActuatorParameters {
+                supply_droop_pa_s_per_m3: droop,
+                ..parameters()
+            };
+            let q = flow_of_soft_supply_m3ps(&soft, 3e-4, 9e-5);
+            assert!((q / 9e-5 - 1.0).abs() <= off, "{q}");
         }
     }
 }

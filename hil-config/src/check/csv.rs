@@ -1,0 +1,147 @@
+//! Files of numbers beside a scenario: rows of numbers with commas between, a name for each column
+//! in the first line, blank lines and lines that begin with `#` left out.
+//!
+//! Used for points of stimuli and profiles and for the lists of faults; what the numbers mean is
+//! their business.
+
+use std::path::Path;
+
+use crate::problem::ProblemKind;
+use crate::reader::{Reader, Section};
+use crate::scenario::read_regular;
+use crate::source::Place;
+
+/// What a file must look like.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Layout {
+    /// The first line; without one, the first line may be anything that is no number.
+    pub header: Option<&'static str>,
+    /// Numbers in a row.
+    pub columns: usize,
+    /// What a row is, for messages.
+    pub row: &'static str,
+}
+
+impl Layout {
+    fn expected(&self) -> String {
+        match self.header {
+            Some(header) => format!("the header {header} and at least {} below it", self.row),
+            None => format!("at least {} of {} numbers", self.row, self.columns),
+        }
+    }
+}
+
+/// What is wrong with a row, and what would be right.
+pub(super) type BadRow = (String, &'static str);
+
+/// Reads the file that a section's `file` names, row by row. The first bad line ends the reading: a
+/// file of another kind would otherwise give thousands of messages. Without a folder files are
+/// refused.
+pub(super) fn read(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    folder: Option<&Path>,
+    layout: &Layout,
+    take: impl FnMut(&[f64]) -> Result<(), BadRow>,
+) -> Option<()> {
+    let name = reader.text(section, "file")?;
+    let key = section.path_of("file");
+    let place = section.place_of("file");
+    let Some(folder) = folder else {
+        let message = format!("`{key}`: a running plant reads no files");
+        reader
+            .report(ProblemKind::Unreadable, key, place, message)
+            .expected("the numbers themselves");
+        return None;
+    };
+    let path = folder.join(name);
+    let text = match read_regular(&path) {
+        Ok(text) => text,
+        Err(error) => {
+            let message = format!("`{}` cannot be read: {error}", path.display());
+            reader
+                .report(ProblemKind::Unreadable, key, place, message)
+                .expected(format!("a CSV file: {}", layout.expected()));
+            return None;
+        }
+    };
+    let result = rows(&text, layout, take);
+    let source = reader.sources.add(path.display().to_string(), text);
+    let Err(bad) = result else {
+        return Some(());
+    };
+    let place = Place {
+        source,
+        span: bad.start..bad.start + bad.length,
+    };
+    reader
+        .report(ProblemKind::Syntax, key, &place, bad.message)
+        .expected(bad.expected);
+    None
+}
+
+/// What is wrong with a line and where it stands.
+struct BadLine {
+    start: usize,
+    length: usize,
+    message: String,
+    expected: String,
+}
+
+fn rows(
+    text: &str,
+    layout: &Layout,
+    mut take: impl FnMut(&[f64]) -> Result<(), BadRow>,
+) -> Result<(), BadLine> {
+    let mut is_first = true;
+    let mut count = 0;
+    let mut start = 0;
+    for line in text.split_inclusive('\n') {
+        let content = line.trim();
+        let bad = |message: String, expected: String| BadLine {
+            start,
+            length: line.trim_end().len(),
+            message,
+            expected,
+        };
+        if !content.is_empty() && !content.starts_with('#') {
+            let cells: Vec<&str> = content.split(',').map(str::trim).collect();
+            let numbers: Vec<f64> = cells.iter().filter_map(|cell| finite(cell)).collect();
+            if is_first
+                && layout
+                    .header
+                    .is_some_and(|header| cells.join(",") != header)
+            {
+                let message = format!("not the header of a file with {} on a line", layout.row);
+                return Err(bad(message, layout.expected()));
+            }
+            let is_header = is_first && (layout.header.is_some() || numbers.is_empty());
+            is_first = false;
+            if !is_header {
+                if numbers.len() != layout.columns || cells.len() != layout.columns {
+                    let expected = match layout.columns {
+                        1 => "a finite number".into(),
+                        columns => format!("{columns} finite numbers with a comma between"),
+                    };
+                    return Err(bad(format!("not {}", layout.row), expected));
+                }
+                take(&numbers).map_err(|(message, expected)| bad(message, expected.into()))?;
+                count += 1;
+            }
+        }
+        start += line.len();
+    }
+    if count == 0 {
+        return Err(BadLine {
+            start,
+            length: 0,
+            message: "the file has no numbers".into(),
+            expected: layout.expected(),
+        });
+    }
+    Ok(())
+}
+
+fn finite(text: &str) -> Option<f64> {
+    text.parse().ok().filter(|value: &f64| value.is_finite())
+}

@@ -1,0 +1,168 @@
+//! One effect of an event: its target, its sizes or parameters, its profile and its skew.
+
+use shared_types::describe::{FaultDescription, MoveBy, Settings};
+use shared_types::table::Field;
+use shared_types::time::Step;
+
+use super::span::{Keys, Reported, steps_of};
+use super::{Event, Kind, list, moves, profile, target};
+use crate::keys::TARGET;
+use crate::plan::{FaultAction, FaultEffect, Move, Trigger};
+use crate::problem::ProblemKind;
+use crate::quantity::{Quantity, number};
+use crate::reader::{Reader, Section};
+
+const SKEW: Keys = Keys {
+    in_s: "skew_s",
+    in_steps: "skew_steps",
+};
+
+impl Event<'_> {
+    pub(super) fn effect(
+        &self,
+        reader: &mut Reader,
+        section: &Section<'_>,
+        kind: Kind<'_>,
+    ) -> Option<FaultEffect> {
+        reader.refuse_unknown(section, &kind.keys());
+        let skew_steps = self.skew_steps(reader, section);
+        let folder = self.ground.origin.folder();
+        match kind {
+            Kind::Own(fault) => {
+                let profile = profile::check(reader, section, folder, Some(&fault.profile));
+                let sizes = settings(reader, section, &fault.sizes, None);
+                let plant = self.ground.plant?;
+                let (target, moved) = target::of_plant(reader, section, plant, fault)?;
+                let (profile, sizes) = (profile?, sizes?);
+                let moves = moves(fault, &moved, &sizes)?;
+                if let Some(healthy) = self.ground.healthy {
+                    let each = fault.moves.iter().zip(&moved).zip(&moves);
+                    for ((described, field), one) in each {
+                        let key = match &described.by {
+                            MoveBy::Size(key) => key,
+                            MoveBy::Constant(_) => "",
+                        };
+                        moves::stays_in_range(reader, section, key, field, healthy, one, &profile)
+                            .ok()?;
+                    }
+                }
+                Some(FaultEffect {
+                    target,
+                    skew_steps: skew_steps.ok()?,
+                    profile,
+                    action: FaultAction::Move { sizes, moves },
+                })
+            }
+            Kind::Shared(kind) => {
+                let profile = profile::check(reader, section, folder, None);
+                let named = reader.text(&section.with_keys(TARGET), "target");
+                let target = named
+                    .and_then(|named| target::of_kind(reader, section, self.ground, kind, named));
+                let unit = target.as_ref().map(|target| target.unit.as_str());
+                let parameters = settings(reader, section, &kind.parameters, unit);
+                let list = list::check(reader, section, folder, kind.list.as_ref());
+                Some(FaultEffect {
+                    target: target?.name,
+                    skew_steps: skew_steps.ok()?,
+                    profile: profile?,
+                    action: FaultAction::Kind {
+                        parameters: parameters?,
+                        list: list?,
+                    },
+                })
+            }
+        }
+    }
+
+    /// Steps from the event to the effect, which must take hold while the run goes on.
+    fn skew_steps(&self, reader: &mut Reader, section: &Section<'_>) -> Result<u64, Reported> {
+        let Some(key) = SKEW.given(reader, section)? else {
+            return Ok(0);
+        };
+        let grid = self.ground.grid;
+        let (steps, begin_s) = match (key == SKEW.in_s, self.trigger) {
+            // From the time asked for, not from the step that it was rounded to.
+            (true, Some(Trigger::Step { step, at_s })) => {
+                let skew_s = reader.number(section, key).ok_or(Reported)?;
+                let rate = grid.ok_or(Reported)?.rate;
+                let begin_s = at_s + skew_s;
+                (steps_of(rate, begin_s) - step.0, Some(begin_s))
+            }
+            _ => {
+                let length = SKEW.length(reader, section, grid)?;
+                (length.ok_or(Reported)?, None)
+            }
+        };
+        let (grid, earliest) = (grid.ok_or(Reported)?, self.earliest.ok_or(Reported)?);
+        let last = Step(grid.steps - 1);
+        if earliest + steps <= last.0 {
+            return Ok(steps);
+        }
+        let begin_s = begin_s.unwrap_or_else(|| grid.rate.seconds(Step(earliest + steps)));
+        let path = section.path_of(key);
+        let message = format!("`{path}`: at {} s the run is over", number(begin_s));
+        let last_s = number(grid.rate.seconds(last));
+        reader
+            .report(
+                ProblemKind::OutOfRange,
+                path,
+                section.place_of(key),
+                message,
+            )
+            .expected(format!("a skew to at most {last_s} s, step {last}"));
+        Err(Reported)
+    }
+}
+
+/// Numbers by description; one with a default may be left out. `unit` is that of the target.
+fn settings(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    fields: &[Field],
+    unit: Option<&str>,
+) -> Option<Settings> {
+    let mut settings = Settings::default();
+    let mut complete = true;
+    for field in fields {
+        let unit = unit_of(field, unit);
+        let quantity = Quantity {
+            unit: &unit,
+            ..Quantity::from(field)
+        };
+        let value = match field.default {
+            Some(default) if section.table.get(&field.name).is_none() => Some(default),
+            _ => reader.described_number(section, &quantity),
+        };
+        match value {
+            Some(value) => settings.set(&field.name, value),
+            None => complete = false,
+        }
+    }
+    complete.then_some(settings)
+}
+
+/// A parameter's unit with that of the target in it, for example `rad/s` for `target/s`.
+pub(crate) fn unit_of(field: &Field, target: Option<&str>) -> String {
+    match target {
+        Some("" | "1") => field.unit.replace("target", "1"),
+        Some(unit) => field.unit.replace("target", unit),
+        None => field.unit.replace("target", "the target's unit"),
+    }
+}
+
+/// The moves of a fault of the plant with the sizes of one effect.
+fn moves(fault: &FaultDescription, moved: &[&Field], sizes: &Settings) -> Option<Vec<Move>> {
+    (fault.moves.iter().zip(moved))
+        .map(|(described, parameter)| {
+            let by = match &described.by {
+                MoveBy::Size(key) => sizes.get(key)?,
+                MoveBy::Constant(value) => *value,
+            };
+            Some(Move {
+                parameter: parameter.name.clone(),
+                operation: described.operation,
+                by,
+            })
+        })
+        .collect()
+}

@@ -1,0 +1,80 @@
+//! The kind of an event: a fault of the plant, or one on signals, links or timing.
+
+use shared_types::describe::{FaultDescription, FaultKindDescription, ProfileDescription};
+
+use super::Ground;
+use crate::problem::{ProblemKind, listed};
+use crate::reader::{Reader, Section};
+
+/// A kind of fault.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Kind<'d> {
+    /// The plant's own, which moves its parameters.
+    Own(&'d FaultDescription),
+    /// One on signals, links or timing.
+    Shared(&'d FaultKindDescription),
+}
+
+impl<'d> Kind<'d> {
+    /// Its name.
+    pub(crate) fn name(self) -> &'d str {
+        match self {
+            Self::Own(fault) => &fault.kind,
+            Self::Shared(kind) => &kind.kind,
+        }
+    }
+
+    /// The keys that its effects have besides those of all effects.
+    pub(crate) fn keys(self) -> Vec<&'d str> {
+        match self {
+            Self::Own(fault) => {
+                let speed = match &fault.profile {
+                    ProfileDescription::Step => None,
+                    ProfileDescription::Exponential { speed } => Some(speed.name.as_str()),
+                };
+                (fault.selector.as_deref().into_iter())
+                    .chain(fault.sizes.iter().map(|size| size.name.as_str()))
+                    .chain(speed)
+                    .collect()
+            }
+            Self::Shared(kind) => (["target"].into_iter())
+                .chain(kind.parameters.iter().map(|field| field.name.as_str()))
+                .chain(kind.list.iter().map(|list| list.key.as_str()))
+                .collect(),
+        }
+    }
+}
+
+/// The kind that an event names.
+pub(super) fn find<'a>(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    ground: &Ground<'a>,
+) -> Option<Kind<'a>> {
+    let name = reader.text(section, "kind")?;
+    let own = ground.plant.map_or(&[][..], |plant| &plant.faults);
+    if let Some(fault) = own.iter().find(|fault| fault.kind == name) {
+        return Some(Kind::Own(fault));
+    }
+    if let Some(kind) = ground.kinds.iter().find(|kind| kind.kind == name) {
+        return Some(Kind::Shared(kind));
+    }
+    let plant = ground.plant?; // it may well be a fault of a plant that is not known
+    let names = (own.iter().map(|fault| fault.kind.as_str()))
+        .chain(ground.kinds.iter().map(|kind| kind.kind.as_str()));
+    let message = format!("plant `{}` has no fault `{name}`", plant.name);
+    let problem = reader.report(
+        ProblemKind::UnknownName,
+        section.path_of("kind"),
+        section.place_of("kind"),
+        message,
+    );
+    if names.clone().next().is_none() {
+        problem.expected("no faults: this plant offers none");
+    } else {
+        problem
+            .expected(format!("one of {}", listed(names.clone())))
+            .nearest(name, names);
+    }
+    None
+}

@@ -1,0 +1,112 @@
+//! Names of events, and the numbers that `after` finds by them.
+
+use super::Origin;
+use super::span::Reported;
+use crate::document::Value;
+use crate::problem::{ProblemKind, listed};
+use crate::reader::{Reader, Section};
+
+/// The events that `after` can speak of.
+#[derive(Debug)]
+pub(super) struct Names<'a> {
+    known: Vec<(&'a str, u32)>,
+    /// The number of the last event.
+    last_id: u32,
+}
+
+impl<'a> Names<'a> {
+    /// Reads the names of all events; one that is none or not new is reported.
+    pub(super) fn collect(
+        reader: &mut Reader,
+        sections: &[Section<'a>],
+        origin: Origin<'a>,
+    ) -> Self {
+        let mut known: Vec<(&str, u32)> = match origin {
+            Origin::Scenario { .. } => Vec::new(),
+            Origin::Live { names, .. } => {
+                (names.iter().map(|(name, id)| (name.as_str(), *id))).collect()
+            }
+        };
+        let first_id = origin.first_id();
+        for (id, section) in (first_id..).zip(sections) {
+            let Some(entry) = section.table.get("name") else {
+                continue;
+            };
+            let Value::Text(name) = &entry.node.value else {
+                continue; // reported where the event is read
+            };
+            let path = section.path_of("name");
+            if !is_name(name) {
+                let message = format!("`{path}` is `{name}`");
+                reader
+                    .report(ProblemKind::OutOfRange, path, &entry.node.place, message)
+                    .expected("1 to 64 letters, digits, - and _, a letter first");
+            } else if known.iter().any(|(other, _)| other == name) {
+                let message = format!("another fault event is already named `{name}`");
+                reader.report(ProblemKind::Duplicate, path, &entry.node.place, message);
+            }
+            known.push((name, id));
+        }
+        Self {
+            known,
+            last_id: first_id + sections.len() as u32 - 1,
+        }
+    }
+
+    /// The number of the event that a section's `after` speaks of.
+    pub(super) fn find(&self, reader: &mut Reader, section: &Section<'_>) -> Result<u32, Reported> {
+        let entry = section.table.get("after").ok_or(Reported)?;
+        let path = section.path_of("after");
+        let known = || self.known.iter().map(|(name, _)| *name);
+        let expected = || {
+            let numbers = format!("a number from 1 to {}", self.last_id);
+            match self.known.len() {
+                0 => numbers,
+                _ => format!("one of {}, or {numbers}", listed(known())),
+            }
+        };
+        match &entry.node.value {
+            Value::Text(name) => {
+                let found = self.known.iter().find(|(known, _)| known == name);
+                found.map(|(_, id)| *id).ok_or_else(|| {
+                    let message = format!("there is no fault event `{name}`");
+                    reader
+                        .report(ProblemKind::UnknownName, path, &entry.node.place, message)
+                        .expected(expected())
+                        .nearest(name, known());
+                    Reported
+                })
+            }
+            Value::Integer(number) => {
+                let id = u32::try_from(*number).ok();
+                let found = id.filter(|id| (1..=self.last_id).contains(id));
+                found.ok_or_else(|| {
+                    let message = format!("there is no fault event {number}");
+                    reader
+                        .report(ProblemKind::UnknownName, path, &entry.node.place, message)
+                        .expected(expected());
+                    Reported
+                })
+            }
+            _ => {
+                reader.wrong_type(&path, &entry.node, expected());
+                Err(Reported)
+            }
+        }
+    }
+
+    /// How messages call an event.
+    pub(super) fn label(&self, id: u32) -> String {
+        match self.known.iter().find(|(_, known)| *known == id) {
+            Some((name, _)) => format!("`{name}`"),
+            None => format!("event {id}"),
+        }
+    }
+}
+
+fn is_name(name: &str) -> bool {
+    let legal = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
+    name.len() <= 64
+        && name.starts_with(|c: char| c.is_ascii_alphabetic())
+        && name.chars().all(legal)
+}

@@ -1,0 +1,108 @@
+//! The course of an effect's size over time.
+
+use std::path::Path;
+
+use shared_types::describe::ProfileDescription;
+
+use crate::check::points;
+use crate::keys::PROFILES;
+use crate::plan::Profile;
+use crate::problem::{ProblemKind, listed};
+use crate::quantity::Quantity;
+use crate::reader::{Reader, Section};
+
+/// The profile that an effect asks for, else the one that its kind of fault has: `own`, or all at
+/// once.
+pub(super) fn check(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    folder: Option<&Path>,
+    own: Option<&ProfileDescription>,
+) -> Option<Profile> {
+    let speed = match own {
+        Some(ProfileDescription::Exponential { speed }) => Some(speed),
+        Some(ProfileDescription::Step) | None => None,
+    };
+    if section.table.get("profile").is_none() {
+        let Some(speed) = speed else {
+            return Some(Profile::Step);
+        };
+        let speed_per_s = match speed.default {
+            Some(default) if section.table.get(&speed.name).is_none() => Some(default),
+            _ => reader.described_number(section, &Quantity::from(speed)),
+        };
+        return speed_per_s.map(|speed_per_s| Profile::Exponential { speed_per_s });
+    }
+    let asked = reader.section(section, "profile")?;
+    let profile = asked_for(reader, &asked, folder);
+    if let Some(speed) = speed
+        && section.table.get(&speed.name).is_some()
+    {
+        let path = section.path_of(&speed.name);
+        let place = section.place_of(&speed.name);
+        let message = format!("`{path}` is the speed of a course that `profile` replaces");
+        reader
+            .report(ProblemKind::Mismatch, path, place, message)
+            .expected(format!(
+                "one of {}",
+                listed([speed.name.as_str(), "profile"])
+            ));
+        return None;
+    }
+    profile
+}
+
+fn asked_for(reader: &mut Reader, section: &Section<'_>, folder: Option<&Path>) -> Option<Profile> {
+    let name = reader.text(section, "kind")?;
+    let Some(kind) = PROFILES.iter().find(|kind| kind.name == name) else {
+        let names = PROFILES.iter().map(|kind| kind.name);
+        let message = format!("unknown kind of profile `{name}`");
+        reader
+            .report(
+                ProblemKind::UnknownName,
+                section.path_of("kind"),
+                section.place_of("kind"),
+                message,
+            )
+            .expected(format!("one of {}", listed(names.clone())))
+            .nearest(name, names);
+        return None;
+    };
+    let further: Vec<&str> = kind.keys.iter().map(|key| key.name).collect();
+    reader.refuse_unknown(section, &further);
+    let section = &section.with_keys(kind.keys);
+    // All numbers are read before any is missed, so that every problem is reported.
+    let mut number = |name| reader.number(section, name);
+    let profile = match name {
+        "step" => Profile::Step,
+        "ramp" => Profile::Ramp {
+            duration_s: number("duration_s")?,
+        },
+        "exponential" => Profile::Exponential {
+            speed_per_s: number("speed_per_s")?,
+        },
+        "pulse" => Profile::Pulse {
+            duration_s: number("duration_s")?,
+        },
+        "intermittent" => {
+            let (period_s, duty) = (number("period_s"), number("duty"));
+            Profile::Intermittent {
+                period_s: period_s?,
+                duty: duty?,
+            }
+        }
+        "sine" => {
+            let (frequency_hz, phase_rad) = (number("frequency_hz"), number("phase_rad"));
+            Profile::Sine {
+                frequency_hz: frequency_hz?,
+                phase_rad: phase_rad?,
+            }
+        }
+        "table" => {
+            let (time_s, values) = points::check(reader, section, folder, "a profile")?;
+            Profile::Table { time_s, values }
+        }
+        _ => unreachable!("every kind is read"),
+    };
+    Some(profile)
+}

@@ -1,0 +1,288 @@
+//! What an effect acts on.
+
+use shared_types::describe::{ActsOn, FaultDescription, FaultKindDescription, PlantDescription};
+use shared_types::table::Field;
+
+use super::Ground;
+use crate::document::Value;
+use crate::expression::{Columns, Group};
+use crate::problem::{ProblemKind, listed};
+use crate::reader::{Reader, Section};
+
+/// The target of a fault of the plant that has no selector.
+const PLANT: &str = "plant";
+
+/// The numbers that the selector of a fault may have, as text: of those groups of parameters in
+/// which it finds all that it moves.
+pub(crate) fn groups<'d>(plant: &'d PlantDescription, fault: &FaultDescription) -> Vec<&'d str> {
+    let Some(selector) = &fault.selector else {
+        return Vec::new();
+    };
+    let mut numbers = Vec::new();
+    for field in &plant.parameters {
+        let group = field.name.split_once('.').map(|(group, _)| group);
+        let Some(number) = group.and_then(|group| group.strip_prefix(selector.as_str())) else {
+            continue;
+        };
+        let is_number = !number.is_empty() && number.bytes().all(|c| c.is_ascii_digit());
+        if is_number
+            && !numbers.contains(&number)
+            && moved(plant, fault, &format!("{selector}{number}.")).is_ok()
+        {
+            numbers.push(number);
+        }
+    }
+    numbers
+}
+
+/// The parameters that a fault moves, their names behind `prefix`; else the first name that is no
+/// faultable parameter.
+fn moved<'d>(
+    plant: &'d PlantDescription,
+    fault: &FaultDescription,
+    prefix: &str,
+) -> Result<Vec<&'d Field>, String> {
+    (fault.moves.iter())
+        .map(|described| {
+            let name = format!("{prefix}{}", described.parameter);
+            let mut parameters = plant.parameters.iter();
+            let found = parameters.find(|field| field.faultable && field.name == name);
+            found.ok_or(name)
+        })
+        .collect()
+}
+
+/// The target of an effect of a fault of the plant, and the parameters that are moved.
+pub(super) fn of_plant<'d>(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    plant: &'d PlantDescription,
+    fault: &FaultDescription,
+) -> Option<(String, Vec<&'d Field>)> {
+    let Some(selector) = &fault.selector else {
+        return match moved(plant, fault, "") {
+            Ok(parameters) => Some((PLANT.into(), parameters)),
+            Err(name) => {
+                let message = format!(
+                    "fault `{}` moves `{name}`, which plant `{}` does not let a fault move",
+                    fault.kind, plant.name
+                );
+                let path = section.path.clone();
+                reader
+                    .report(ProblemKind::Mismatch, path, section.place, message)
+                    .expected("another kind of fault: the plant's description is wrong");
+                None
+            }
+        };
+    };
+    let path = section.path_of(selector);
+    let numbers = groups(plant, fault);
+    let expected = format!("one of {}", listed(numbers.iter().copied()));
+    let Some(entry) = section.table.get(selector) else {
+        reader.missing(section, &path, expected);
+        return None;
+    };
+    let Value::Integer(number) = entry.node.value else {
+        reader.wrong_type(&path, &entry.node, expected);
+        return None;
+    };
+    let number = number.to_string();
+    if !numbers.contains(&number.as_str()) {
+        let message = format!("plant `{}` has no {selector} {number}", plant.name);
+        reader
+            .report(ProblemKind::UnknownName, path, &entry.node.place, message)
+            .expected(expected);
+        return None;
+    }
+    let target = format!("{selector}{number}");
+    let parameters = moved(plant, fault, &format!("{target}.")).ok()?;
+    Some((target, parameters))
+}
+
+/// The target of an effect.
+#[derive(Clone, Debug)]
+pub(super) struct Target {
+    /// Its name.
+    pub name: String,
+    /// Its unit; `1` for what is no number.
+    pub unit: String,
+}
+
+/// What a kind of fault acts on, in words.
+const fn described(acts_on: ActsOn) -> &'static str {
+    match acts_on {
+        ActsOn::Signals => "a signal: measured.x, reference.x or command.x",
+        ActsOn::Numbers => {
+            "a signal (measured.x, reference.x, command.x) or a faultable parameter (parameter.x)"
+        }
+        ActsOn::Links => "a direction of the link: `link.sample` or `link.command`",
+        ActsOn::Sides => "a side: `controller` or `plant`",
+        ActsOn::Controller => "`controller`",
+    }
+}
+
+/// The groups of signals and parameters that a kind acts on.
+const fn groups_of(acts_on: ActsOn) -> &'static [Group] {
+    match acts_on {
+        ActsOn::Signals => &[Group::Measured, Group::Reference, Group::Command],
+        ActsOn::Numbers => &[
+            Group::Measured,
+            Group::Reference,
+            Group::Command,
+            Group::Parameter,
+        ],
+        ActsOn::Links | ActsOn::Sides | ActsOn::Controller => &[],
+    }
+}
+
+/// The targets without a unit that a kind acts on.
+const fn names_of(acts_on: ActsOn) -> &'static [&'static str] {
+    match acts_on {
+        ActsOn::Signals | ActsOn::Numbers => &[],
+        ActsOn::Links => &["link.sample", "link.command"],
+        ActsOn::Sides => &["controller", PLANT],
+        ActsOn::Controller => &["controller"],
+    }
+}
+
+/// Every target that some kind may have.
+const ANY: [ActsOn; 3] = [ActsOn::Numbers, ActsOn::Links, ActsOn::Sides];
+
+/// The fields that a target of a group may name; `None` if they are not known.
+fn fields<'a>(ground: &Ground<'a>, group: Group) -> Option<Vec<&'a Field>> {
+    let plant = ground.plant?;
+    Some(match group {
+        Group::Measured => plant.measured.iter().collect(),
+        Group::Command => plant.commands.iter().collect(),
+        Group::Reference => ground.reference?.iter().collect(),
+        _ => faultable(plant).collect(),
+    })
+}
+
+fn faultable(plant: &PlantDescription) -> impl Iterator<Item = &Field> {
+    plant.parameters.iter().filter(|field| field.faultable)
+}
+
+/// The group and the rest of a name.
+fn parts(name: &str) -> Option<(Group, &str)> {
+    let (prefix, rest) = name.split_once('.')?;
+    let groups = groups_of(ActsOn::Numbers);
+    let group = groups.iter().find(|group| group.prefix() == prefix)?;
+    Some((*group, rest))
+}
+
+/// The target that an effect of a kind names.
+pub(super) fn of_kind(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    ground: &Ground<'_>,
+    kind: &FaultKindDescription,
+    name: &str,
+) -> Option<Target> {
+    let acts_on = kind.acts_on;
+    if names_of(acts_on).contains(&name) {
+        return Some(Target {
+            name: name.into(),
+            unit: "1".into(),
+        });
+    }
+    let found = parts(name).filter(|(group, _)| groups_of(acts_on).contains(group));
+    let Some((group, last)) = found else {
+        refuse(reader, section, ground, kind, name);
+        return None;
+    };
+    let plant = ground.plant?;
+    let fields = fields(ground, group)?;
+    if let Some(field) = fields.iter().find(|field| field.name == last) {
+        return Some(Target {
+            name: name.into(),
+            unit: field.unit.clone(),
+        });
+    }
+    let is_fixed = group == Group::Parameter && plant.parameters.iter().any(|f| f.name == last);
+    let (sort, message) = match group {
+        Group::Parameter if is_fixed => (
+            ProblemKind::Mismatch,
+            format!(
+                "parameter `{last}` of plant `{}` is not faultable",
+                plant.name
+            ),
+        ),
+        Group::Parameter => (
+            ProblemKind::UnknownName,
+            format!("plant `{}` has no parameter `{last}`", plant.name),
+        ),
+        Group::Reference => (
+            ProblemKind::UnknownName,
+            format!("no stimulus gives the reference signal `{last}`"),
+        ),
+        _ => (
+            ProblemKind::UnknownName,
+            format!("plant `{}` has no signal `{name}`", plant.name),
+        ),
+    };
+    let names: Vec<String> = (fields.iter())
+        .map(|field| format!("{}.{}", group.prefix(), field.name))
+        .collect();
+    let columns = Columns::named(names.clone());
+    let problem = reader
+        .report(
+            sort,
+            section.path_of("target"),
+            section.place_of("target"),
+            message,
+        )
+        .expected(format!(
+            "one of {}",
+            listed(names.iter().map(String::as_str))
+        ));
+    if !is_fixed {
+        problem.nearest = columns.nearest(name);
+    }
+    None
+}
+
+/// Reports a target that is none of this kind, or none at all.
+fn refuse(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    ground: &Ground<'_>,
+    kind: &FaultKindDescription,
+    name: &str,
+) {
+    let acts_on = kind.acts_on;
+    let exists = parts(name).is_some() || ANY.iter().any(|all| names_of(*all).contains(&name));
+    let (sort, message) = if exists {
+        (
+            ProblemKind::Mismatch,
+            format!("a fault of kind `{}` cannot act on `{name}`", kind.kind),
+        )
+    } else {
+        (ProblemKind::UnknownName, format!("unknown target `{name}`"))
+    };
+    let problem = reader
+        .report(
+            sort,
+            section.path_of("target"),
+            section.place_of("target"),
+            message,
+        )
+        .expected(described(acts_on));
+    if !exists {
+        let possible = Columns::named(possible(ground, acts_on));
+        problem.nearest = possible.nearest(name);
+    }
+}
+
+/// The names of all targets that a kind may have, as far as they are known.
+fn possible(ground: &Ground<'_>, acts_on: ActsOn) -> Vec<String> {
+    let mut names: Vec<String> = names_of(acts_on).iter().map(|&name| name.into()).collect();
+    for group in groups_of(acts_on) {
+        let fields = fields(ground, *group).unwrap_or_default();
+        let of_group = fields
+            .iter()
+            .map(|field| format!("{}.{}", group.prefix(), field.name));
+        names.extend(of_group);
+    }
+    names
+}

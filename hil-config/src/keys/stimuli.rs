@@ -1,0 +1,194 @@
+//! `[[stimuli]]`: the keys of a stimulus and of each waveform.
+
+use shared_types::time::Rate;
+
+use super::{Key, Kind, LENGTH, MAX_S, TEXT, number, number_or};
+
+/// `[[stimuli]]`; besides these the keys of the kind in [`WAVEFORMS`].
+pub(crate) const STIMULUS: &[Key] = &[
+    Key::new(
+        "target",
+        TEXT,
+        "Name of the reference signal, its unit at the end.",
+    )
+    .required(),
+    Key::new("kind", TEXT, "Waveform.").required(),
+    Key::new(
+        "unit",
+        TEXT,
+        "Unit of the target. Default: the unit that the name's ending stands for.",
+    ),
+];
+
+/// A kind of waveform.
+#[derive(Debug)]
+pub(crate) struct WaveformKind {
+    /// The stimulus' `kind`.
+    pub name: &'static str,
+    /// Time derivatives that are sent with the signal.
+    pub derivatives: usize,
+    /// What it is.
+    pub text: &'static str,
+    /// Its keys. Sizes without a unit are in the target's.
+    pub keys: &'static [Key],
+}
+
+const ANY: Kind = number("", f64::MIN, f64::MAX);
+const ANY_OR_ZERO: Kind = number_or("", f64::MIN, f64::MAX, 0.0);
+const FREQUENCY: Kind = number("Hz", 0.0, Rate::MAX_HZ);
+
+/// The waveforms of stimuli.
+pub(crate) const WAVEFORMS: &[WaveformKind] = &[
+    WaveformKind {
+        name: "paper",
+        derivatives: 5,
+        text: "atan(amplitude sin(2 pi frequency t)) (1 - exp(-onset t^3)), the paper's command.",
+        keys: &[
+            Key::new(
+                "amplitude",
+                number_or("1", f64::MIN, f64::MAX, 0.2),
+                "Factor inside the arc tangent.",
+            ),
+            Key::new(
+                "frequency_hz",
+                number_or("Hz", 0.0, Rate::MAX_HZ, 1.0),
+                "Frequency.",
+            ),
+            Key::new(
+                "onset_per_s3",
+                number_or("1/s3", 0.0, 1e12, 0.1),
+                "How fast it sets in.",
+            ),
+        ],
+    },
+    WaveformKind {
+        name: "step",
+        derivatives: 0,
+        text: "before until at_s, then after.",
+        keys: &[
+            Key::new("at_s", number_or("s", 0.0, MAX_S, 0.0), "Time of the step."),
+            Key::new("before", ANY_OR_ZERO, "Value before."),
+            Key::new("after", ANY, "Value from then on.").required(),
+        ],
+    },
+    WaveformKind {
+        name: "ramp",
+        derivatives: 1,
+        text: "start until at_s, then a constant slope for duration_s, then end.",
+        keys: &[
+            Key::new("at_s", number_or("s", 0.0, MAX_S, 0.0), "Begin."),
+            Key::new("duration_s", LENGTH, "Length of the slope.").required(),
+            Key::new("start", ANY_OR_ZERO, "Value before."),
+            Key::new("end", ANY, "Value after.").required(),
+        ],
+    },
+    WaveformKind {
+        name: "sine",
+        derivatives: 5,
+        text: "offset + amplitude sin(2 pi frequency t + phase).",
+        keys: &[
+            Key::new("amplitude", ANY, "Amplitude.").required(),
+            Key::new("frequency_hz", FREQUENCY, "Frequency.").required(),
+            Key::new("phase_rad", number_or("rad", -1e6, 1e6, 0.0), "Phase."),
+            Key::new("offset", ANY_OR_ZERO, "Mean value."),
+        ],
+    },
+    WaveformKind {
+        name: "chirp",
+        derivatives: 5,
+        text: "offset + a sine whose frequency goes from start_hz to end_hz in duration_s and stays there.",
+        keys: &[
+            Key::new("amplitude", ANY, "Amplitude.").required(),
+            Key::new("start_hz", FREQUENCY, "Frequency at the begin.").required(),
+            Key::new("end_hz", FREQUENCY, "Frequency at the end.").required(),
+            Key::new("duration_s", LENGTH, "Length of the sweep.").required(),
+            Key::new("offset", ANY_OR_ZERO, "Mean value."),
+        ],
+    },
+    WaveformKind {
+        name: "table",
+        derivatives: 1,
+        text: "Straight lines between points, constant before the first and after the last.",
+        keys: &[
+            Key::new(
+                "file",
+                TEXT,
+                "CSV file with the columns time_s,value, relative to the scenario. In its place: time_s and values.",
+            ),
+            Key::new("time_s", Kind::Numbers, "Times, strictly rising."),
+            Key::new("values", Kind::Numbers, "Values, as many as times."),
+        ],
+    },
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::Waveform;
+
+    #[test]
+    fn the_waveforms_have_the_derivatives_that_the_plan_says() {
+        let [paper, step, ramp, sine, chirp, table] = WAVEFORMS else {
+            panic!("six kinds");
+        };
+        let zero = 0.0;
+        let cases = [
+            (
+                paper,
+                Waveform::Paper {
+                    amplitude: zero,
+                    frequency_hz: zero,
+                    onset_per_s3: zero,
+                },
+            ),
+            (
+                step,
+                Waveform::Step {
+                    at_s: zero,
+                    before: zero,
+                    after: zero,
+                },
+            ),
+            (
+                ramp,
+                Waveform::Ramp {
+                    at_s: zero,
+                    duration_s: 1.0,
+                    start: zero,
+                    end: zero,
+                },
+            ),
+            (
+                sine,
+                Waveform::Sine {
+                    amplitude: zero,
+                    frequency_hz: zero,
+                    phase_rad: zero,
+                    offset: zero,
+                },
+            ),
+            (
+                chirp,
+                Waveform::Chirp {
+                    amplitude: zero,
+                    start_hz: zero,
+                    end_hz: zero,
+                    duration_s: 1.0,
+                    offset: zero,
+                },
+            ),
+            (
+                table,
+                Waveform::Table {
+                    time_s: vec![zero],
+                    values: vec![zero],
+                },
+            ),
+        ];
+        for (kind, waveform) in cases {
+            assert_eq!(kind.derivatives, waveform.derivatives(), "{}", kind.name);
+            let tagged = serde_json::to_value(&waveform).expect("serialises");
+            assert_eq!(tagged["kind"], kind.name);
+        }
+    }
+}

@@ -1,0 +1,259 @@
+//! Fault events as `[[faults]]`.
+//!
+//! Times are written in seconds as long as they lead back to the same step, else in steps.
+
+use std::fmt::Write;
+
+use shared_types::describe::{
+    FaultDescription, FaultKindDescription, PlantDescription, ProfileDescription, Settings,
+};
+use shared_types::table::Field;
+use shared_types::time::{Rate, Step};
+
+use super::{Failure, ShowError, Written, comment, key, list, string, undescribed};
+use crate::check::unit_of;
+use crate::plan::{Condition, FaultAction, FaultEffect, FaultEnd, FaultEvent, Profile, Trigger};
+use crate::quantity::toml_float;
+
+/// What events are shown with.
+pub(super) struct Look<'a> {
+    /// The plant.
+    pub plant: &'a PlantDescription,
+    /// The kinds of faults that are not the plant's own.
+    pub kinds: &'a [FaultKindDescription],
+    /// Steps per second.
+    pub rate: Rate,
+    /// Events whose names `after` may use.
+    pub others: &'a [FaultEvent],
+}
+
+impl<'a> Look<'a> {
+    pub(super) fn event(&self, text: &mut String, event: &FaultEvent) -> Written {
+        let own = self.plant.faults.iter().find(|own| own.kind == event.kind);
+        let kind = self.kinds.iter().find(|kind| kind.kind == event.kind);
+        let summary = match (own, kind) {
+            (Some(own), _) => &own.summary,
+            (None, Some(kind)) => &kind.summary,
+            (None, None) => return Err(self.undescribed(&event.kind)),
+        };
+        writeln!(text, "\n[[faults]] # {}", comment(summary))?;
+        if let Some(name) = &event.name {
+            writeln!(text, "name = {}", string(name))?;
+        }
+        writeln!(text, "kind = {}", string(&event.kind))?;
+        self.trigger(text, event)?;
+        self.end(text, &event.end)?;
+        for effect in &event.effects {
+            match effect_step(event, effect) {
+                Some(step) => writeln!(text, "[[faults.effects]] # of step {step}")?,
+                None => writeln!(text, "[[faults.effects]]")?,
+            }
+            match &effect.action {
+                FaultAction::Move { sizes, .. } => {
+                    let own = own.ok_or_else(|| self.undescribed(&event.kind))?;
+                    moves(text, effect, own, sizes)?;
+                }
+                FaultAction::Kind { parameters, list } => {
+                    let kind = kind.ok_or_else(|| self.undescribed(&event.kind))?;
+                    self.kind(text, effect, kind, parameters, list)?;
+                }
+            }
+            self.skew(text, event, effect)?;
+        }
+        Ok(())
+    }
+
+    fn undescribed(&self, kind: &str) -> Failure {
+        undescribed(format!("fault `{kind}` of plant `{}`", self.plant.name))
+    }
+
+    fn trigger(&self, text: &mut String, event: &FaultEvent) -> Written {
+        match &event.trigger {
+            Trigger::Step { step, at_s } if self.leads_to(*at_s, *step) => {
+                writeln!(text, "at_s = {}", toml_float(*at_s))?;
+            }
+            Trigger::Step { step, .. } => writeln!(text, "at_step = {step}")?,
+            Trigger::Now => return Err(Failure::Show(ShowError::Now(event.id))),
+            Trigger::Condition(condition) => self.condition(text, condition, "when", "for_s")?,
+            Trigger::After { event, delay_steps } => {
+                let other = self.others.iter().find(|other| other.id == *event);
+                match other.and_then(|other| other.name.as_ref()) {
+                    Some(name) => writeln!(text, "after = {}", string(name))?,
+                    None => writeln!(text, "after = {event}")?,
+                }
+                self.steps(text, "delay_s", *delay_steps)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn leads_to(&self, time_s: f64, step: Step) -> bool {
+        self.rate.step_at_or_after(time_s) == step
+    }
+
+    fn end(&self, text: &mut String, end: &FaultEnd) -> Written {
+        if let Some(steps) = end.after_steps {
+            self.steps(text, "duration_s", steps)?;
+        }
+        if let Some(step) = end.step {
+            self.steps(text, "end_s", step.0)?;
+        }
+        if let Some(count) = end.occurrences {
+            writeln!(text, "occurrences = {count}")?;
+        }
+        if let Some(condition) = &end.condition {
+            self.condition(text, condition, "until", "until_for_s")?;
+        }
+        Ok(())
+    }
+
+    fn condition(
+        &self,
+        text: &mut String,
+        condition: &Condition,
+        key: &str,
+        length_key: &str,
+    ) -> Written {
+        writeln!(text, "{key} = {}", string(&condition.expression))?;
+        self.steps(text, length_key, condition.records)
+    }
+
+    /// A number of steps as their time, which reads back as the same number.
+    fn steps(&self, text: &mut String, key: &str, steps: u64) -> Written {
+        let time_s = toml_float(self.rate.seconds(Step(steps)));
+        Ok(writeln!(text, "{key} = {time_s} # {steps} steps")?)
+    }
+
+    fn skew(&self, text: &mut String, event: &FaultEvent, effect: &FaultEffect) -> Written {
+        let steps = effect.skew_steps;
+        if steps == 0 {
+            return Ok(());
+        }
+        let skew_s = self.rate.seconds(Step(steps));
+        let exact = match event.trigger {
+            // It counts from the time asked for, which may lie before the step.
+            Trigger::Step { step, at_s } if self.leads_to(at_s, step) => {
+                self.leads_to(at_s + skew_s, Step(step.0 + steps))
+            }
+            _ => true,
+        };
+        if exact {
+            writeln!(text, "skew_s = {}", toml_float(skew_s))?;
+        } else {
+            writeln!(text, "skew_steps = {steps}")?;
+        }
+        Ok(())
+    }
+
+    fn kind(
+        &self,
+        text: &mut String,
+        effect: &FaultEffect,
+        kind: &FaultKindDescription,
+        parameters: &Settings,
+        rows: &[f64],
+    ) -> Written {
+        writeln!(text, "target = {}", string(&effect.target))?;
+        settings(text, parameters, &kind.parameters)?;
+        if !rows.is_empty() {
+            let described = (kind.list.as_ref())
+                .ok_or_else(|| undescribed(format!("the list of fault `{}`", kind.kind)))?;
+            let name = key(&described.key);
+            if described.columns == 1 {
+                writeln!(text, "{name} = {}", list(rows))?;
+            } else {
+                let rows: Vec<String> = rows.chunks(described.columns).map(list).collect();
+                writeln!(text, "{name} = [{}]", rows.join(", "))?;
+            }
+        }
+        if effect.profile != Profile::Step {
+            writeln!(text, "profile = {}", profile(&effect.profile))?;
+        }
+        Ok(())
+    }
+}
+
+/// The step of an effect, where it is known.
+fn effect_step(event: &FaultEvent, effect: &FaultEffect) -> Option<Step> {
+    match event.trigger {
+        Trigger::Step { step, .. } => Some(Step(step.0 + effect.skew_steps)),
+        _ => None,
+    }
+}
+
+/// An effect of a fault of the plant.
+fn moves(
+    text: &mut String,
+    effect: &FaultEffect,
+    own: &FaultDescription,
+    sizes: &Settings,
+) -> Written {
+    if let Some(selector) = &own.selector {
+        let number = (effect.target.strip_prefix(selector.as_str()))
+            .ok_or_else(|| undescribed(format!("fault target `{}`", effect.target)))?;
+        writeln!(text, "{} = {number}", key(selector))?;
+    }
+    settings(text, sizes, &own.sizes)?;
+    match (&own.profile, &effect.profile) {
+        (ProfileDescription::Step, Profile::Step) => {}
+        (ProfileDescription::Exponential { speed }, Profile::Exponential { speed_per_s })
+            if speed.admits(*speed_per_s) =>
+        {
+            let (name, unit) = (key(&speed.name), &speed.unit);
+            writeln!(text, "{name} = {} # {unit}", toml_float(*speed_per_s))?;
+        }
+        (_, asked) => writeln!(text, "profile = {}", profile(asked))?,
+    }
+    Ok(())
+}
+
+/// Values in the order of their descriptions.
+fn settings(text: &mut String, values: &Settings, fields: &[Field]) -> Written {
+    for field in fields {
+        let value = (values.get(&field.name))
+            .ok_or_else(|| undescribed(format!("`{}` that fits the fault", field.name)))?;
+        let (name, unit) = (key(&field.name), unit_of(field, None));
+        writeln!(text, "{name} = {} # {unit}", toml_float(value))?;
+    }
+    Ok(())
+}
+
+/// A profile as an inline table.
+fn profile(profile: &Profile) -> String {
+    let (kind, numbers) = match profile {
+        Profile::Step => ("step", vec![]),
+        Profile::Ramp { duration_s } => ("ramp", vec![("duration_s", toml_float(*duration_s))]),
+        Profile::Exponential { speed_per_s } => (
+            "exponential",
+            vec![("speed_per_s", toml_float(*speed_per_s))],
+        ),
+        Profile::Pulse { duration_s } => ("pulse", vec![("duration_s", toml_float(*duration_s))]),
+        Profile::Intermittent { period_s, duty } => (
+            "intermittent",
+            vec![
+                ("period_s", toml_float(*period_s)),
+                ("duty", toml_float(*duty)),
+            ],
+        ),
+        Profile::Sine {
+            frequency_hz,
+            phase_rad,
+        } => (
+            "sine",
+            vec![
+                ("frequency_hz", toml_float(*frequency_hz)),
+                ("phase_rad", toml_float(*phase_rad)),
+            ],
+        ),
+        // The points themselves, so that the text does not depend on another file.
+        Profile::Table { time_s, values } => (
+            "table",
+            vec![("time_s", list(time_s)), ("values", list(values))],
+        ),
+    };
+    let mut text = format!("{{ kind = \"{kind}\"");
+    for (name, value) in numbers {
+        text += &format!(", {name} = {value}");
+    }
+    text + " }"
+}
