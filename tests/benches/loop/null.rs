@@ -186,6 +186,8 @@ fn unobserved(programs: &Path, size: usize) -> Figures {
         },
         stimuli: Vec::new(),
         faults: Vec::new(),
+        derived: Vec::new(),
+        pause_at_s: None,
         observed: false,
         wait_limit_s,
     };
