@@ -7,7 +7,9 @@
 //! | [`determinism`] | one digest, however and wherever a scenario runs |
 //! | [`examples`] | a plant and a controller from outside the workspace |
 //! | [`failures`] | deaths, stops and divergence: who, what, which step, and what is left |
+//! | [`faults`] | faults of scenarios in whole runs |
 //! | [`hot_path`] | no system call and no allocation in a step |
+//! | [`live`] | faults and pauses from another terminal |
 //! | [`paper`] | the paper's experiment against its checked figures |
 //! | [`recording`] | what a recording holds, read without the recorder's code |
 //!
@@ -23,8 +25,10 @@ mod cli;
 mod determinism;
 mod examples;
 mod failures;
+mod faults;
 mod harness;
 mod hot_path;
+mod live;
 mod mcap_reader;
 mod paper;
 mod programs;

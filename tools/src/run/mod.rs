@@ -180,7 +180,7 @@ pub(crate) fn execute(
     };
     let ended = match options.link {
         LinkKind::Iceoryx2 => processes::run(&prepared, &mut session, &run_dir)?,
-        LinkKind::InProcess => in_process::run(&prepared)?,
+        LinkKind::InProcess => in_process::run(&prepared, &info)?,
     };
     drop(session);
 

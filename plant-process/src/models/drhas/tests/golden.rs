@@ -39,6 +39,16 @@ fn parameters(case: &Value) -> Parameters {
     parameters
 }
 
+/// The plant in a state, with its spools at their null.
+fn plant(parameters: &Parameters, state: State) -> Drhas {
+    Drhas {
+        parameters: *parameters,
+        state,
+        spools: parameters.actuators().map(Spool::at_null),
+        beyond_paper: parameters.actuators().into_iter().any(is_beyond_paper),
+    }
+}
+
 fn assert_state_order(file: &Value) {
     let names: Vec<String> = Measured::fields().into_iter().map(|f| f.name).collect();
     assert_eq!(file["state"], Value::from(names));
@@ -69,24 +79,30 @@ fn the_right_hand_side_is_that_of_50_digits() {
         let actuators = parameters.actuators();
         let channels: [Channel<'_>; 2] = std::array::from_fn(|i| Channel {
             parameters: actuators[i],
-            current_a: currents_a[i],
             leakage_coefficient_m3ps_per_sqrt_pa: actuators[i].leakage_coefficient_m3ps_per_sqrt_pa,
         });
-        let plant = Drhas { parameters, state };
-        let d = plant.disturbances_n(time_s);
-        let rates = rates(&parameters.surface, &channels, &d, &state);
+        let plant = plant(&parameters, state);
+        let command = Command::from_row(&currents_a);
+        let inputs = Inputs {
+            spools_m: plant.wanted_spools_m(&command),
+            disturbances_n: plant.disturbances_n(time_s),
+        };
+        let rates = rates::<false>(&parameters.surface, &channels, &inputs, &state);
         for i in 0..STATES {
             let what = format!("case {n}, rate {i}");
             assert_close(rates[i], &case["derivative"][i], ROUNDING[i], &what);
         }
         for i in [0, 1] {
             let expected = &case[["actuator1", "actuator2"][i]];
-            let (p, s, u) = (actuators[i], &state.actuators[i], currents_a[i]);
+            let (p, s, x_v) = (actuators[i], &state.actuators[i], inputs.spools_m[i]);
             for (key, value) in [
-                ("valve_root1_sqrt_pa", valve::active_root_sqrt_pa(p, s, u)),
-                ("valve_root2_sqrt_pa", valve::passive_root_sqrt_pa(p, s, u)),
-                ("flow1_m3ps", valve::active_flow_m3ps(p, s, u)),
-                ("flow2_m3ps", valve::passive_flow_m3ps(p, s, u)),
+                ("valve_root1_sqrt_pa", valve::active_root_sqrt_pa(p, s, x_v)),
+                (
+                    "valve_root2_sqrt_pa",
+                    valve::passive_root_sqrt_pa(p, s, x_v),
+                ),
+                ("flow1_m3ps", valve::active_flow_m3ps(p, s, x_v)),
+                ("flow2_m3ps", valve::passive_flow_m3ps(p, s, x_v)),
                 ("normal_leakage_m3ps", leakage::normal_leakage_m3ps(p, s)),
                 ("volume1_m3", cylinder::active_volume_m3(p, s.position_m)),
                 ("volume2_m3", cylinder::passive_volume_m3(p, s.position_m)),
@@ -94,7 +110,7 @@ fn the_right_hand_side_is_that_of_50_digits() {
                 assert_close(value, &expected[key], 0.0, key);
             }
         }
-        let truth = plant.truth(time_s, &Command::from_row(&currents_a));
+        let truth = plant.truth(time_s, &command);
         assert_close(
             truth.force_fight_n,
             &case["force_fight_n"],
@@ -159,10 +175,8 @@ fn leak_now(leak: &Value, effect: usize, time_s: f64) -> f64 {
 fn replay(window: &Value, substeps: u32) -> Vec<[f64; STATES]> {
     let leak = &window["leak"];
     let mut parameters = parameters(&window["parameters"]);
-    let mut plant = Drhas {
-        parameters,
-        state: transmute!(numbers::<STATES>(&window["initial_state"])),
-    };
+    let state = transmute!(numbers::<STATES>(&window["initial_state"]));
+    let mut plant = plant(&parameters, state);
     let steps = |sample: &Value| sample["step"].as_u64().expect("a step");
     let samples = window["samples"].as_array().unwrap();
     let (first, last) = (steps(&samples[0]), steps(&samples[samples.len() - 1]));
