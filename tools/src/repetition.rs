@@ -209,9 +209,10 @@ fn without_cleared(faults: &mut Vec<FaultEvent>, log: &FaultLog) -> Vec<FaultEve
         let before = gone.len();
         gone.extend(more);
         if gone.len() == before {
-            return faults
-                .extract_if(.., |event| gone.contains(&event.id))
-                .collect();
+            let is_gone = |event: &mut FaultEvent| gone.contains(&event.id);
+            let left_out = faults.extract_if(.., is_gone).collect();
+            renumber(faults);
+            return left_out;
         }
     }
 }

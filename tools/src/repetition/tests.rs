@@ -26,30 +26,30 @@ kind = "step"
 at_s = 0.0
 after = 1.0
 
-[[faults]] # 1: cleared while it acts
-kind = "bias"
-at_s = 0.01
-[[faults.effects]]
-target = "measured.surface_angle_rad"
-bias = 1.0
-
-[[faults]] # 2: cleared before it takes hold
+[[faults]] # 1: cleared before it takes hold
 kind = "bias"
 at_s = 0.05
 [[faults.effects]]
 target = "measured.surface_angle_rad"
+bias = 1.0
+
+[[faults]] # 2: follows that one
+kind = "bias"
+after = 1
+[[faults.effects]]
+target = "measured.surface_angle_rad"
 bias = 2.0
 
-[[faults]] # 3: follows that one
+[[faults]] # 3: cleared while it acts
 kind = "bias"
-after = 2
+at_s = 0.01
 [[faults.effects]]
 target = "measured.surface_angle_rad"
 bias = 3.0
 
-[[faults]] # 4: left alone
+[[faults]] # 4: left alone, follows that one
 kind = "bias"
-after = 1
+after = 3
 [[faults.effects]]
 target = "measured.surface_angle_rad"
 bias = 4.0
@@ -178,11 +178,11 @@ fn live_faults_become_faults_at_the_steps_at_which_they_took_hold() {
     let run = run(
         "repetition",
         vec![
-            took_hold(1, 0, 10),
+            took_hold(3, 0, 10),
             accepted(20, &now),
             took_hold(5, 0, 21),
             took_hold(5, 1, 25),
-            ended(1, 0, 30, true),
+            ended(3, 0, 30, true),
             accepted(31, &never),
             accepted(32, &late),
             ended(5, 0, 40, true),
@@ -191,14 +191,14 @@ fn live_faults_become_faults_at_the_steps_at_which_they_took_hold() {
             took_hold(7, 0, 62),
             ended(7, 1, 70, false),
             ended(7, 0, 75, false),
-            ended(2, 0, 45, true),
+            ended(1, 0, 45, true),
         ],
     )
     .expect("a run");
     let text = run.scenario().expect("a scenario");
     for comment in [
+        "# Fault 1 of the scenario, `bias`, is left out: ",
         "# Fault 2 of the scenario, `bias`, is left out: ",
-        "# Fault 3 of the scenario, `bias`, is left out: ",
         "# Live fault 5, asked for before step 20 (0.02 s): at once.",
         "# Live fault 6, asked for before step 31 (0.031 s): when `measured.surface_angle_rad > 1` has held for 3 steps; it never took hold.",
         "# Live fault 7, asked for before step 32 (0.032 s): when `measured.surface_angle_rad > 1` has held for 3 steps, 2 times.",
@@ -219,7 +219,7 @@ fn live_faults_become_faults_at_the_steps_at_which_they_took_hold() {
         delay_steps: 0,
     };
     let expected = [
-        (step(10), until(30), vec![0], 1.0),
+        (step(10), until(30), vec![0], 3.0),
         (after, FaultEnd::default(), vec![0], 4.0),
         (step(21), until(40), vec![0, 4], 5.0),
         (step(60), times, vec![2, 0], 7.0),
