@@ -6,6 +6,9 @@
 mod listing;
 mod request;
 
+#[cfg(test)]
+pub(crate) use request::tests::possible as a_rig;
+
 use std::fmt::Write as _;
 
 use shared_types::live::{FaultState, Injected, Possible, Request, Response, Status};

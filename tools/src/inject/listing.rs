@@ -178,23 +178,9 @@ impl Entry {
                 "exponential"
             }
         };
-        let targets = match (&fault.selector, fault.moves.first()) {
-            (Some(selector), Some(first)) => {
-                let is_moved = |field: &&Field| {
-                    let parts = field.name.split_once('.');
-                    field.faultable
-                        && parts.is_some_and(|(group, name)| {
-                            let number = group.strip_prefix(selector.as_str());
-                            name == first.parameter
-                                && number.is_some_and(|number| number.parse::<u32>().is_ok())
-                        })
-                };
-                let groups = plant.parameters.iter().filter(is_moved);
-                groups
-                    .filter_map(|field| Some(field.name.split_once('.')?.0.to_owned()))
-                    .collect()
-            }
-            _ => vec!["plant".into()],
+        let targets = match &fault.selector {
+            Some(selector) => groups(plant, fault, selector),
+            None => vec!["plant".into()],
         };
         Self {
             kind: fault.kind.clone(),
@@ -251,6 +237,27 @@ impl Entry {
             profile: "step",
         }
     }
+}
+
+/// The numbered groups of parameters in which a fault finds all that it moves.
+fn groups(plant: &PlantDescription, fault: &FaultDescription, selector: &str) -> Vec<String> {
+    let faultable = || plant.parameters.iter().filter(|field| field.faultable);
+    let mut groups: Vec<&str> = faultable()
+        .filter_map(|field| Some(field.name.split_once('.')?.0))
+        .filter(|group| {
+            let number = group.strip_prefix(selector);
+            number.is_some_and(|number| number.parse::<u32>().is_ok())
+        })
+        .collect();
+    groups.dedup();
+    let has_all = |group: &&str| {
+        let mut moves = fault.moves.iter();
+        moves.all(|moved| {
+            let name = format!("{group}.{}", moved.parameter);
+            faultable().any(|field| field.name == name)
+        })
+    };
+    groups.into_iter().filter(has_all).map(Into::into).collect()
 }
 
 /// A line for each kind.

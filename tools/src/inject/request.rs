@@ -31,6 +31,8 @@ enum TargetKey<'a> {
     Selector(&'a str),
     /// By name, `target = "link.sample"`; with the only target of the kind, if it has but one.
     Name(Option<&'static str>),
+    /// Not at all: it is the plant.
+    Plant,
 }
 
 /// What a key of the command line means.
@@ -96,6 +98,7 @@ pub(super) fn toml(
         text += "[[faults.effects]]\n";
         match kind.target {
             TargetKey::Selector(selector) => text += &format!("{selector} = {target}\n"),
+            TargetKey::Plant => {}
             TargetKey::Name(_) => text += &format!("target = {}\n", string(target)),
         }
         for (field, values) in &sorted.values {
@@ -171,7 +174,7 @@ impl<'a> Kind<'a> {
             name: &described.kind,
             target: match &described.selector {
                 Some(selector) => TargetKey::Selector(selector),
-                None => TargetKey::Name(Some("plant")),
+                None => TargetKey::Plant,
             },
             fields,
             list: None,
@@ -219,11 +222,16 @@ impl<'a> Kind<'a> {
         }
         if sorted.targets.is_empty() {
             // The only target of a kind need not be said.
-            let word = match self.target {
-                TargetKey::Name(Some(only)) => words
+            let only = match self.target {
+                TargetKey::Name(only) => only,
+                TargetKey::Plant => Some("plant"),
+                TargetKey::Selector(_) => None,
+            };
+            let word = match only {
+                Some(only) => words
                     .next_if(|word| *word == only)
                     .map_or(only, String::as_str),
-                _ => words.next().map_or("", String::as_str),
+                None => words.next().map_or("", String::as_str),
             };
             match self.targets(word) {
                 Ok(targets) => sorted.targets = targets,
@@ -476,4 +484,4 @@ fn string(text: &str) -> String {
 }
 
 #[cfg(test)]
-pub(super) mod tests;
+pub(crate) mod tests;

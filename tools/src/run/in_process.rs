@@ -16,7 +16,6 @@ use shared_types::wait::{WaitLimit, Waiter, until_ns};
 
 use super::{Ended, Prepared};
 use crate::exit::Failure;
-use crate::progress::Progress;
 use crate::recorder::Recorder;
 
 /// A sink that tells the recorder the layout when the stream opens.
@@ -60,12 +59,13 @@ pub(super) fn run(prepared: &Prepared, session: &SessionInfo) -> Result<Ended, F
     let supervision = Supervision::new();
 
     let (plant, controller) = (prepared.plant.clone(), prepared.controller.clone());
-    let (theirs, session) = (supervision.clone(), session.clone());
+    let (theirs, name) = (supervision.clone(), session.name.clone());
+    let session = session.clone();
     let sides = std::thread::spawn(move || {
         let sink = TellingSink { sink, tell };
         take_turns(&session, plant, controller, sink, &theirs)
     });
-    let mut progress = Progress::new(prepared.plan.run.steps, prepared.plan.run.rate);
+    let mut progress = prepared.progress(&name);
     while !sides.is_finished() {
         if prepared.interruption.came() {
             supervision.stop("interrupted");
