@@ -164,7 +164,7 @@ fn each_wrong_scenario_is_told_with_its_place_and_what_would_be_right() {
         // Each case is wrong in one place only: without it the base is right.
         let (text, line, column) = marked(&base_with(from, to));
         let found = match parse(&text)
-            .and_then(|scenario| scenario.check(&descriptions::plants(), &descriptions::laws()))
+            .and_then(|scenario| scenario.check(&descriptions::plants(), &descriptions::laws(), &descriptions::kinds()))
         {
             Ok(_) => panic!("nothing found wrong with\n{to}"),
             Err(problems) => problems.0,
@@ -238,7 +238,7 @@ fn a_name_that_the_file_cannot_give_must_be_written() {
     let text = BASE.replace("name = \"base\"\n", "");
     let scenario = Scenario::parse(&text, "folder/my run.toml").expect("TOML");
     let found = scenario
-        .check(&descriptions::plants(), &descriptions::laws())
+        .check(&descriptions::plants(), &descriptions::laws(), &descriptions::kinds())
         .expect_err("no name");
     assert_found(&found.0[0], OutOfRange, &["`my run` cannot take its place"]);
 }
@@ -280,7 +280,7 @@ fn signals_that_nothing_gives_are_named_with_unit_and_remedy() {
         .expect("TOML")
         .set(&["controller.model.surface.inertia_kg_m2=1"]);
     let found = scenario
-        .check(&descriptions::plants(), &descriptions::laws())
+        .check(&descriptions::plants(), &descriptions::laws(), &descriptions::kinds())
         .expect_err("unbound")
         .0;
     assert_eq!(found.len(), 4, "{found:?}");
@@ -364,7 +364,12 @@ plant.model = \"spring-mass\"
 controller.law = \"hold\"
 faults = [{kind = \"leakage\", at_s = 0, effects = []}]
 ";
-    let found = problems(text);
+    let mut plants = descriptions::plants();
+    plants[1].faults.clear();
+    let found = parse(text)
+        .and_then(|scenario| scenario.check(&plants, &descriptions::laws(), &[]))
+        .expect_err("no faults")
+        .0;
     assert_eq!(found.len(), 2, "{found:?}");
     assert_found(
         &found[0],

@@ -14,7 +14,7 @@
 //! 7. [`surface`]: rods, surface and load, eqs. 14 to 17, 24 and 33;
 //! 8. `rates`: all of these as one right-hand side.
 //!
-//! The parameters that the paper does not have (null bias, lag and sticking of the spool, droop of the
+//! The parameters that the paper does not have (null bias, stops, lag and sticking of the spool, droop of the
 //! supply, external leaks, dry friction, seizure, a constant load) are neutral by default: the paper's
 //! runs are the same to the last bit with and without them. [`faults`] names what can break and the
 //! parameters that it moves; no equation knows of a fault.
