@@ -12,13 +12,15 @@ const SCENARIO: &str = "tests/scenarios/leakage.toml";
 fn every_kind_that_the_plant_offers_is_tried() {
     let rig = Rig::new();
     let listed = rig.hil(&["inject", "--list", "--json"]).expect(0).stdout;
-    let tried: Vec<String> = faults().into_iter().map(|fault| fault.kind).collect();
+    let mut tried: Vec<String> = faults().into_iter().map(|fault| fault.kind).collect();
     let plant = plant_process::models::all().into_iter().find(|plant| plant.description.name == "drhas");
     let plant = plant.expect("built in").description;
     let kinds = plant_process::faults::kinds::all();
-    let offered: Vec<String> = (plant.faults.into_iter().map(|fault| fault.kind))
+    let mut offered: Vec<String> = (plant.faults.into_iter().map(|fault| fault.kind))
         .chain(kinds.into_iter().map(|kind| kind.description.kind))
         .collect();
+    tried.sort();
+    offered.sort();
     assert_eq!(tried, offered);
     assert!(offered.iter().all(|kind| listed.contains(&format!("\"{kind}\""))));
 }
