@@ -33,7 +33,11 @@ pub fn told(status: &Status) -> String {
         steps,
         paused,
     } = status;
-    let state = if *paused { "paused before" } else { "running at" };
+    let state = if *paused {
+        "paused before"
+    } else {
+        "running at"
+    };
     format!("{state} step {step} of {steps} ({time_s} s)")
 }
 
