@@ -65,7 +65,11 @@ pub(super) fn list(arguments: &InjectArguments) -> Result<String, Unmet> {
     let unknown = |what: &str, name: &str, known: &[&str]| Refusal {
         key: what.into(),
         message: format!("no {what} `{name}`"),
-        expected: Some(format!("one of {}", listed(known))),
+        expected: Some(match what {
+            // There are many; the closest tell more.
+            "target" => "a target that `hil inject --list --kind KIND` shows".into(),
+            _ => format!("one of {}", listed(known)),
+        }),
         nearest: nearest(name, known.iter().copied())
             .into_iter()
             .map(Into::into)
