@@ -163,9 +163,13 @@ fn each_wrong_scenario_is_told_with_its_place_and_what_would_be_right() {
     for (from, to, kind, pieces) in CASES {
         // Each case is wrong in one place only: without it the base is right.
         let (text, line, column) = marked(&base_with(from, to));
-        let found = match parse(&text)
-            .and_then(|scenario| scenario.check(&descriptions::plants(), &descriptions::laws(), &descriptions::kinds()))
-        {
+        let found = match parse(&text).and_then(|scenario| {
+            scenario.check(
+                &descriptions::plants(),
+                &descriptions::laws(),
+                &descriptions::kinds(),
+            )
+        }) {
             Ok(_) => panic!("nothing found wrong with\n{to}"),
             Err(problems) => problems.0,
         };
@@ -238,7 +242,11 @@ fn a_name_that_the_file_cannot_give_must_be_written() {
     let text = BASE.replace("name = \"base\"\n", "");
     let scenario = Scenario::parse(&text, "folder/my run.toml").expect("TOML");
     let found = scenario
-        .check(&descriptions::plants(), &descriptions::laws(), &descriptions::kinds())
+        .check(
+            &descriptions::plants(),
+            &descriptions::laws(),
+            &descriptions::kinds(),
+        )
         .expect_err("no name");
     assert_found(&found.0[0], OutOfRange, &["`my run` cannot take its place"]);
 }
@@ -280,7 +288,11 @@ fn signals_that_nothing_gives_are_named_with_unit_and_remedy() {
         .expect("TOML")
         .set(&["controller.model.surface.inertia_kg_m2=1"]);
     let found = scenario
-        .check(&descriptions::plants(), &descriptions::laws(), &descriptions::kinds())
+        .check(
+            &descriptions::plants(),
+            &descriptions::laws(),
+            &descriptions::kinds(),
+        )
         .expect_err("unbound")
         .0;
     assert_eq!(found.len(), 4, "{found:?}");

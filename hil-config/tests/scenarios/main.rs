@@ -102,7 +102,11 @@ fn parse(text: &str) -> Result<Scenario, Problems> {
 }
 
 fn check(text: &str) -> Result<Plan, Problems> {
-    parse(text)?.check(&descriptions::plants(), &descriptions::laws(), &descriptions::kinds())
+    parse(text)?.check(
+        &descriptions::plants(),
+        &descriptions::laws(),
+        &descriptions::kinds(),
+    )
 }
 
 /// The plan of a text that must be right.

@@ -109,11 +109,11 @@ impl Channel {
             self.rejected += 1;
             return;
         }
-        for late_steps in passage.copies.into_iter().flatten() {
-            if late_steps <= Passage::LATEST_STEPS {
+        for (late_steps, overtaken) in passage.copies.into_iter().zip(passage.overtaken) {
+            if let Some(late_steps) = late_steps.filter(|&late| late <= Passage::LATEST_STEPS) {
                 self.arrive(Arrival {
                     at: step + u64::from(late_steps),
-                    overtaken: passage.overtaken && late_steps > 0,
+                    overtaken: overtaken && late_steps > 0,
                     sent: step,
                 });
             }
@@ -251,7 +251,7 @@ mod tests {
     #[test]
     fn an_overtaken_message_comes_after_the_next_one() {
         let overtaken = Passage {
-            overtaken: true,
+            overtaken: [true; Passage::MOST_COPIES],
             ..copies(&[1])
         };
         assert_eq!(
