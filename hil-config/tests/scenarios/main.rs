@@ -7,6 +7,7 @@ mod descriptions;
 mod evaluation;
 mod expressions;
 mod faults;
+mod faults_shown;
 mod flags;
 mod good;
 mod live_faults;
