@@ -6,6 +6,7 @@
 
 use shared_types::clock::monotonic_ns;
 use shared_types::describe::{Invalid, LawDescription, PROTOCOL};
+use shared_types::directive::Directive;
 use shared_types::frame::{FrameKind, Header};
 use shared_types::hello::{Control, Hello, Welcome};
 use shared_types::layout::SignalKind;
@@ -66,6 +67,22 @@ struct Bound {
     previous: Vec<f64>,
     /// What is sent.
     frame: Vec<f64>,
+    /// The step whose sample each of them was made of; before the first sample one period earlier.
+    made: Made,
+    /// Told to be late: until this step what was sent last is sent again.
+    late_until: Option<Step>,
+    /// What is sent then.
+    late: Vec<f64>,
+}
+
+/// The steps whose samples the command was made of: of the last answer, of the one before, of the
+/// frame that was sent last and of the late one.
+#[derive(Clone, Copy, Default)]
+struct Made {
+    answer: i64,
+    previous: i64,
+    frame: i64,
+    late: i64,
 }
 
 /// The law of this name that is made for this plant, or for any.
@@ -237,6 +254,17 @@ impl<'a, L: Link> Runner<'a, L> {
             answer: vec![0.0; welcome.command.len()],
             previous: vec![0.0; commands.len()],
             frame: vec![0.0; welcome.command.len()],
+            made: {
+                let before = -i64::from(self.job.rate_divisor);
+                Made {
+                    answer: before,
+                    previous: before,
+                    frame: before,
+                    late: before,
+                }
+            },
+            late_until: None,
+            late: vec![0.0; welcome.command.len()],
         })
     }
 
@@ -284,35 +312,66 @@ impl<'a, L: Link> Runner<'a, L> {
 impl Bound {
     /// Fills the frame that answers a sample; gives the age of its command in steps.
     fn answer(&mut self, step: Step, header: &Header, job: &Job) -> u32 {
+        match self.late_until {
+            Some(due) if step < due => {}
+            Some(_) => {
+                self.late_until = None;
+                self.frame.copy_from_slice(&self.late);
+                self.made.frame = self.made.late;
+            }
+            None => self.look(step, header, job),
+        }
+        (step.0 as i64 - self.made.frame) as u32
+    }
+
+    /// Looks at a sample and at what its header says about timing.
+    fn look(&mut self, step: Step, header: &Header, job: &Job) {
         let commands = self.previous.len();
-        let since = (step.0 % u64::from(job.rate_divisor)) as u32;
         self.previous.copy_from_slice(&self.answer[..commands]);
-        if since == 0 {
-            let mut valid = true;
-            for (value, place) in self.measured.iter_mut().zip(&self.measured_places) {
-                *value = self.sample[*place];
-                valid &= header.is_valid(*place);
-            }
-            for (value, place) in self.reference.iter_mut().zip(&self.reference_places) {
-                *value = self.sample[*place];
-                valid &= header.is_valid(*place);
-            }
-            let row = Row {
-                time_s: job.rate.seconds(step),
-                measured: &self.measured,
-                reference: &self.reference,
-                valid,
-            };
-            let (command, internals) = self.answer.split_at_mut(commands);
-            self.law.step(&row, command, internals);
+        self.made.previous = self.made.answer;
+        if step.0.is_multiple_of(u64::from(job.rate_divisor)) {
+            self.run_law(step, header, job);
+            self.made.answer = step.0 as i64;
         }
-        self.frame.copy_from_slice(&self.answer);
+        let directive = Directive::from_wire(header.directive);
+        let (frame, made) = if directive.late_steps == 0 {
+            (&mut self.frame, &mut self.made.frame)
+        } else {
+            self.late_until = Some(Step(step.0 + u64::from(directive.late_steps)));
+            (&mut self.late, &mut self.made.late)
+        };
+        frame.copy_from_slice(&self.answer);
+        *made = self.made.answer;
         if job.command_delay_steps > 0 {
-            self.frame[..commands].copy_from_slice(&self.previous);
-            // What is sent was the answer one step ago, made at the last sample seen by then.
-            return 1 + (since + job.rate_divisor - 1) % job.rate_divisor;
+            frame[..commands].copy_from_slice(&self.previous);
+            *made = self.made.previous;
         }
-        since
+        if directive.busy_ns > 0 {
+            let since_ns = monotonic_ns();
+            while monotonic_ns() - since_ns < u64::from(directive.busy_ns) {
+                std::hint::spin_loop();
+            }
+        }
+    }
+
+    fn run_law(&mut self, step: Step, header: &Header, job: &Job) {
+        let mut valid = true;
+        for (value, place) in self.measured.iter_mut().zip(&self.measured_places) {
+            *value = self.sample[*place];
+            valid &= header.is_valid(*place);
+        }
+        for (value, place) in self.reference.iter_mut().zip(&self.reference_places) {
+            *value = self.sample[*place];
+            valid &= header.is_valid(*place);
+        }
+        let row = Row {
+            time_s: job.rate.seconds(step),
+            measured: &self.measured,
+            reference: &self.reference,
+            valid,
+        };
+        let (command, internals) = self.answer.split_at_mut(self.previous.len());
+        self.law.step(&row, command, internals);
     }
 }
 

@@ -4,6 +4,8 @@
 //! blocks: [`Engine::poll`] does what can be done now and says what it waits for, so that one driver
 //! can wait in a process of its own and another can run both sides in one thread.
 
+use std::sync::Arc;
+
 use hil_config::plan::Clock;
 use shared_types::clock::monotonic_ns;
 use shared_types::describe::{Invalid, PlantDescription};
@@ -13,17 +15,21 @@ use shared_types::layout::SignalKind;
 use shared_types::link::{FrameSpec, Link, LinkError};
 use shared_types::lockstep::{Abort, AbortCode, PlantAction, PlantEvent, PlantSide};
 use shared_types::pacer::Pacer;
-use shared_types::record::{Event, Outcome, RecordLayout, RunEnd, Timing};
+use shared_types::record::{Event, FaultAccepted, Outcome, RecordLayout, RunEnd, Timing};
 use shared_types::stream::RecordSink;
 use shared_types::table::Field;
 use shared_types::time::{Interval, Step};
 
-use crate::faults::FaultLayer;
+use crate::desk::{Desk, Order};
+use crate::faults::{FaultKindEntry, FaultLayer, FaultWorkshop};
 use crate::guard::{Guard, first_bad};
 use crate::job::Job;
 use crate::plant::{Model, PlantKind};
 use crate::rows::Rows;
 use crate::stimulus;
+
+/// A step that no run reaches.
+const NEVER: Step = Step(u64::MAX);
 
 /// What the engine waits for, if it does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,6 +42,8 @@ pub enum Progress {
     Until(u64),
     /// The recorder, which must not lose a record.
     Recorder,
+    /// Somebody who resumes the run.
+    Held,
     /// Nothing; the run is over.
     Over,
 }
@@ -49,12 +57,18 @@ pub struct Engine<L, S> {
     job: Job,
     epoch: u32,
     pacer: Option<Pacer>,
+    desk: Arc<Desk>,
+    /// When the controller was told last that the run is held; `None` while it is not.
+    held_ns: Option<u64>,
     rows: Rows,
     /// The step whose reference signals are made already.
     prepared: Option<Step>,
     /// The last record, if it was not published yet.
     pending: bool,
+    /// The last step was measured and the final record is to be written.
+    ending: Option<Step>,
     timing: Timing,
+    sample_age_steps: u32,
     sent_ns: u64,
     executed: u64,
     end: Option<RunEnd>,
@@ -65,30 +79,45 @@ struct Plant {
     description: PlantDescription,
     reference: Vec<Field>,
     model: Box<dyn Model>,
+    workshop: Arc<FaultWorkshop>,
     faults: FaultLayer,
     guard: Guard,
 }
 
 impl<L: Link, S: RecordSink> Engine<L, S> {
-    /// A plant at step 0 that waits for hello.
+    /// A plant at step 0 that waits for hello, with the kinds of faults that it may have.
     ///
     /// # Errors
     /// If the job does not fit the plant.
-    pub fn new(kind: &PlantKind, job: Job, link: L, sink: S) -> Result<Self, Invalid> {
+    pub fn new(
+        kind: &PlantKind,
+        faults: &[FaultKindEntry],
+        job: Job,
+        link: L,
+        sink: S,
+    ) -> Result<Self, Invalid> {
         let description = kind.description.clone();
         let parameters = &job.plant.parameters;
-        let faults = FaultLayer::new(&description, parameters, job.run.rate, &job.faults)?;
+        let reference: Vec<Field> = (job.stimuli.iter())
+            .flat_map(|stimulus| stimulus.fields())
+            .collect();
+        let workshop = FaultWorkshop::new(
+            &description,
+            &reference,
+            faults,
+            parameters,
+            (job.run.rate, job.run.seed),
+            &job.derived,
+        )?;
         let plant = Plant {
             model: (kind.start)(parameters)?,
             guard: Guard::new(&description.truth, &job.plant.limits)?,
-            reference: job
-                .stimuli
-                .iter()
-                .flat_map(|stimulus| stimulus.fields())
-                .collect(),
-            faults,
+            faults: FaultLayer::new(&workshop, &job.faults)?,
+            workshop: Arc::new(workshop),
+            reference,
             description,
         };
+        let hold_at = (job.pause_at_s).map_or(NEVER, |at_s| job.run.rate.step_at_or_after(at_s));
         Ok(Self {
             link,
             sink,
@@ -96,10 +125,14 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             plant,
             epoch: 1,
             pacer: None,
+            desk: Arc::new(Desk::new(hold_at)),
+            held_ns: None,
             rows: Rows::default(),
             prepared: None,
             pending: false,
+            ending: None,
             timing: Timing::default(),
+            sample_age_steps: 0,
             sent_ns: 0,
             executed: 0,
             end: None,
@@ -141,6 +174,18 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     pub fn recorder_late(&mut self) -> Result<(), LinkError> {
         let reason = "the recorder took no record within the wait limit";
         self.give_up(Outcome::Failed, AbortCode::Observer, reason.into())
+    }
+
+    /// Where requests to this run are put.
+    #[must_use]
+    pub fn desk(&self) -> Arc<Desk> {
+        Arc::clone(&self.desk)
+    }
+
+    /// Where faults for this run are prepared.
+    #[must_use]
+    pub fn workshop(&self) -> Arc<FaultWorkshop> {
+        Arc::clone(&self.plant.workshop)
     }
 
     /// How the run ended; `None` until then.
@@ -206,13 +251,23 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             incoming: welcome.command.len(),
         })?;
         self.sink.open(&layout)?;
+        self.desk.opened(&layout);
+        let opened = self.plant.faults.open(&self.plant.workshop, &layout);
         self.rows = Rows::new(layout, &welcome);
+        self.plant.faults.faultable(&mut self.rows.parameter);
         self.link
-            .send_control(&Control::Welcome(Box::new(welcome)).to_bytes())
+            .send_control(&Control::Welcome(Box::new(welcome)).to_bytes())?;
+        match opened {
+            Ok(()) => Ok(()),
+            Err(invalid) => self.give_up(Outcome::Failed, AbortCode::Stopped, invalid.to_string()),
+        }
     }
 
     /// Between two steps: wait for the clock, then send the sample of the next one.
     fn release(&mut self, step: Step) -> Result<Progress, LinkError> {
+        if !self.desk.is_open_for(step) && self.attend(step)? {
+            return Ok(Progress::Held);
+        }
         if !self.sink.has_room()? {
             return Ok(Progress::Recorder);
         }
@@ -223,7 +278,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         });
         let release_ns = pacer.release_ns(step);
         if release_ns > 0 && release_ns > monotonic_ns() {
-            self.publish()?; // an observer should not have to wait for the next step
+            self.tell()?; // an observer should not have to wait for the next step
             return Ok(Progress::Until(release_ns));
         }
         match self.side.on(&PlantEvent::Release) {
@@ -231,32 +286,133 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                 if !self.measure(step)? {
                     return Ok(Progress::Over);
                 }
+                let (directive, busy_ns) = self.plant.faults.timing(step);
                 let header = Header {
                     time_ns: run.rate.nanoseconds(step),
                     work_ns: self.timing.plant_ns,
+                    directive: directive.to_wire(),
+                    age_steps: self.sample_age_steps,
+                    invalid: self.rows.invalid,
                     ..Header::new(FrameKind::Sample, step)
                 };
+                if busy_ns > 0 {
+                    self.plant.faults.plant_was_busy(spin(busy_ns));
+                }
                 self.sent_ns = monotonic_ns();
                 self.link.send(&header, &self.rows.sample)?;
                 // While the controller works: what observers need, and what needs no command.
-                self.publish()?;
-                for taken in self.plant.faults.taken_at(step) {
-                    self.sink.event(&Event::Fault(taken.clone()))?;
-                }
+                self.tell()?;
                 self.prepare(step.next());
             }
             PlantAction::SendEnd(step) => {
                 if !self.measure(step)? {
                     return Ok(Progress::Over);
                 }
-                self.record_final_truth(step)?;
-                if !self.side.is_over() {
-                    self.link.send(&Header::new(FrameKind::End, step), &[])?;
-                }
+                self.ending = Some(step);
             }
             _ => {}
         }
         Ok(Progress::Busy)
+    }
+
+    /// Serves what waits at the desk before a step; true if the run is held there.
+    fn attend(&mut self, step: Step) -> Result<bool, LinkError> {
+        while self.sink.has_room()?
+            && let Some(order) = self.desk.next_order()
+        {
+            self.serve(order, step)?;
+        }
+        if !self.desk.holds(step) {
+            if self.held_ns.take().is_some() {
+                self.pacer = (self.pacer).map(|pacer| pacer.resumed(step, monotonic_ns()));
+            }
+            return Ok(false);
+        }
+        self.tell()?; // an observer should see all that happened
+        let now_ns = monotonic_ns();
+        let due = |told_ns: u64| now_ns - told_ns >= self.hold_again_ns();
+        if self.held_ns.is_none_or(due) {
+            self.held_ns = Some(now_ns);
+            self.link.send(&Header::new(FrameKind::Hold, step), &[])?;
+        }
+        Ok(true)
+    }
+
+    /// How often the controller is told that the run is held: well before its patience ends.
+    fn hold_again_ns(&self) -> u64 {
+        const OFTEN_NS: u64 = 100_000_000;
+        let patience_ns = (self.job.wait_limit_s * 0.25e9) as u64;
+        patience_ns.min(OFTEN_NS)
+    }
+
+    fn serve(&mut self, order: Order, step: Step) -> Result<(), LinkError> {
+        let (desk, faults) = (&self.desk, &mut self.plant.faults);
+        // Whoever asked may have gone away; what was asked is done all the same.
+        match order {
+            Order::Admit(prepared, answer) => {
+                let events: Vec<_> = (prepared.iter().map(|fault| fault.event().clone())).collect();
+                let admitted = if step.0 < self.job.run.steps {
+                    faults.admit(prepared, step)
+                } else {
+                    Err("the run is over".into())
+                };
+                if let Ok(admitted) = &admitted {
+                    for (fault, event) in admitted.iter().zip(events) {
+                        self.sink.event(&Event::Accepted(FaultAccepted {
+                            id: fault.id,
+                            step: step.0,
+                            fault: serde_json::to_value(event).unwrap_or_default(),
+                        }))?;
+                    }
+                }
+                let _ = answer.send(admitted);
+            }
+            Order::Clear(id, answer) => {
+                let _ = answer.send((faults.clear(id, step), step));
+            }
+            Order::Show(answer) => {
+                let _ = answer.send(faults.states());
+            }
+            Order::Pause(answer) => {
+                desk.hold_at(step);
+                let _ = answer.send(());
+            }
+            Order::Resume(answer) => {
+                desk.hold_at(NEVER);
+                let _ = answer.send(());
+            }
+            Order::Advance(steps, answer) => {
+                let until = Step(step.0.saturating_add(steps));
+                let _ = answer.send(if self.held_ns.is_some() {
+                    desk.hold_at(until);
+                    Ok(until)
+                } else {
+                    Err("the run is not paused; `hil pause` first".into())
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Publishes what observers await: the record of the step before, then which faults took hold
+    /// or ended at this step. False if the recorder has no room for all of it now.
+    fn tell(&mut self) -> Result<bool, LinkError> {
+        if self.pending {
+            if !self.sink.has_room()? {
+                return Ok(false);
+            }
+            self.sink.record(&self.rows.record)?;
+            self.pending = false;
+        }
+        while self.plant.faults.has_events() {
+            if !self.sink.has_room()? {
+                return Ok(false);
+            }
+            if let Some(event) = self.plant.faults.next_event() {
+                self.sink.event(&event)?;
+            }
+        }
+        Ok(true)
     }
 
     /// Makes the reference signals of a step, which depend on time alone.
@@ -274,30 +430,43 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
 
     /// Fills the sample of a step; false if the plant diverged.
     fn measure(&mut self, step: Step) -> Result<bool, LinkError> {
-        if let Some(parameters) = self.plant.faults.advance(step) {
-            self.plant.model.retune(parameters);
+        let (plant, rows) = (&mut self.plant, &mut self.rows);
+        if plant.faults.advance(step, rows.last_values(step)) {
+            plant.model.retune(plant.faults.parameters());
+            plant.faults.faultable(&mut rows.parameter);
         }
         if self.prepared != Some(step) {
             self.prepare(step);
         }
-        let (measured, reference) =
-            (self.rows.sample).split_at_mut(self.plant.description.measured.len());
-        self.plant.model.measure(measured);
-        self.rows.sensed.copy_from_slice(measured);
-        reference.copy_from_slice(&self.rows.stimulus);
-        self.rows.sent_stimulus.copy_from_slice(&self.rows.stimulus);
-        let (fields, measured) = (&self.plant.description.measured, &self.rows.sample);
-        match first_bad(fields, measured) {
-            Ok(()) => Ok(true),
-            Err(bad) => {
-                self.diverged(step, &format!("measured {bad}"))?;
-                Ok(false)
-            }
+        let (plant, rows) = (&mut self.plant, &mut self.rows);
+        plant.model.measure(&mut rows.sensed);
+        if let Err(bad) = first_bad(&plant.description.measured, &rows.sensed) {
+            self.diverged(step, &format!("measured {bad}"))?;
+            return Ok(false);
         }
+        rows.sent_stimulus.copy_from_slice(&rows.stimulus);
+        self.sample_age_steps = plant.faults.sample(
+            step,
+            (&rows.sensed, &rows.sent_stimulus),
+            &mut rows.sample,
+            &mut rows.invalid,
+        );
+        Ok(true)
     }
 
     /// After a sample was sent: take the command that answers it and integrate to the next step.
     fn collect(&mut self) -> Result<Progress, LinkError> {
+        if !self.tell()? {
+            return Ok(Progress::Recorder);
+        }
+        if let Some(step) = self.ending.take() {
+            self.record_final_truth(step)?;
+            if self.side.is_over() {
+                return Ok(Progress::Over);
+            }
+            self.link.send(&Header::new(FrameKind::End, step), &[])?;
+            return Ok(Progress::Busy);
+        }
         let Some(header) = self.link.receive(&mut self.rows.frame)? else {
             return Ok(Progress::Controller);
         };
@@ -319,18 +488,18 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             let reason = format!("controller's command of step {step}: {bad}");
             return self.give_up(Outcome::Failed, AbortCode::NotANumber, reason);
         }
-        rows.applied.copy_from_slice(&rows.command);
+        let age_steps = (plant.faults).command(step, header, &rows.command, &mut rows.applied);
 
         let rate = self.job.run.rate;
         let time_s = rate.seconds(step);
         plant.model.truth(time_s, &rows.applied, &mut rows.truth);
         if let Err(bad) = plant.guard.check(&rows.truth) {
             if rows.truth.iter().all(|value| value.is_finite()) {
-                self.note_record(step, header, received_ns);
+                self.note_record(step, header, age_steps, received_ns);
             }
             return self.diverged(step, &bad.to_string());
         }
-        self.note_record(step, header, received_ns);
+        self.note_record(step, header, age_steps, received_ns);
 
         let interval = Interval {
             start_s: time_s,
@@ -344,12 +513,12 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     }
 
     /// Writes down the record of a step; it is published while the controller works on the next.
-    fn note_record(&mut self, step: Step, header: &Header, received_ns: u64) {
+    fn note_record(&mut self, step: Step, header: &Header, age_steps: u32, received_ns: u64) {
         self.timing = Timing {
             time_ns: self.job.run.rate.nanoseconds(step),
             epoch: u64::from(header.epoch),
-            sample_age_steps: 0,
-            command_age_steps: u64::from(header.age_steps),
+            sample_age_steps: u64::from(self.sample_age_steps),
+            command_age_steps: u64::from(age_steps),
             published_ns: received_ns,
             round_trip_ns: received_ns - self.sent_ns,
             controller_ns: header.work_ns,
@@ -361,7 +530,6 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
 
     /// Record N: the truth after the last step, which no command answers.
     fn record_final_truth(&mut self, step: Step) -> Result<(), LinkError> {
-        self.publish()?;
         let time_s = self.job.run.rate.seconds(step);
         let rows = &mut self.rows;
         self.plant
@@ -379,13 +547,6 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         };
         self.rows.write_final_record(step, &self.timing);
         self.pending = true;
-        self.publish()
-    }
-
-    fn publish(&mut self) -> Result<(), LinkError> {
-        if std::mem::take(&mut self.pending) {
-            self.sink.record(&self.rows.record)?;
-        }
         Ok(())
     }
 
@@ -428,14 +589,20 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     }
 
     fn finish(&mut self, outcome: Outcome, reason: Option<String>) -> Result<(), LinkError> {
+        self.desk.close();
         self.side.on(&PlantEvent::Stop); // whatever it was in, it is over now
-        let published = self.publish();
+        // Room or not: nothing comes after it that could be lost.
+        let published = if std::mem::take(&mut self.pending) {
+            self.sink.record(&self.rows.record)
+        } else {
+            Ok(())
+        };
         let end = RunEnd {
             steps: self.executed,
             outcome,
             reason,
-            rejected_frames: self.link.rejected().count,
-            effects: self.plant.faults.largest_effects(),
+            rejected_frames: self.link.rejected().count + self.plant.faults.rejected(),
+            effects: self.plant.faults.effects(),
         };
         self.end = Some(end.clone());
         published?;
@@ -443,6 +610,18 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             Err(LinkError::NotOpen) => Ok(()), // nobody records a run that never began
             other => other,
         }
+    }
+}
+
+/// Spins for so long; gives how long it was.
+fn spin(busy_ns: u64) -> u64 {
+    let since_ns = monotonic_ns();
+    loop {
+        let spun_ns = monotonic_ns() - since_ns;
+        if spun_ns >= busy_ns {
+            return spun_ns;
+        }
+        std::hint::spin_loop();
     }
 }
 

@@ -11,11 +11,13 @@
 //! [`program`] is the process around it; a user's own plant binary is a `main` of one line that
 //! calls [`program::run`]. Nothing here knows a control law.
 
+pub mod desk;
 pub mod engine;
 pub mod faults;
 pub mod guard;
 pub mod integrate;
 pub mod job;
+pub mod live;
 pub mod models;
 pub mod plant;
 pub mod program;

@@ -4,6 +4,7 @@
 
 use std::path::Path;
 use std::process::ExitCode;
+use std::time::Duration;
 
 use shared_types::describe::Description;
 use shared_types::link::iceoryx::IceoryxLink;
@@ -18,16 +19,34 @@ use shared_types::supervision::Supervision;
 use shared_types::wait::{WaitLimit, Waiter, until_ns};
 
 use crate::engine::{Engine, Progress};
+use crate::faults::{FaultKindEntry, kinds};
 use crate::job::{JOB_FILE, Job};
+use crate::live::{self, LiveContext};
 use crate::plant::PlantKind;
 
-/// Runs a plant process that can be any of these plants, by what its arguments say.
+/// How often a held run looks whether it may go on.
+pub const HELD: Duration = Duration::from_millis(1);
+
+/// Runs a plant process that can be any of these plants, by what its arguments say. Its faults are
+/// those of the plants and the [built-in kinds](kinds::all).
 #[must_use]
 pub fn run(program: &'static str, version: &'static str, plants: Vec<PlantKind>) -> ExitCode {
+    run_with_faults(program, version, plants, kinds::all())
+}
+
+/// The same, with these kinds of faults: the built-in ones and one's own.
+#[must_use]
+pub fn run_with_faults(
+    program: &'static str,
+    version: &'static str,
+    plants: Vec<PlantKind>,
+    faults: Vec<FaultKindEntry>,
+) -> ExitCode {
     program::run(&PlantProgram {
         program,
         version,
         plants,
+        faults,
     })
 }
 
@@ -35,6 +54,7 @@ struct PlantProgram {
     program: &'static str,
     version: &'static str,
     plants: Vec<PlantKind>,
+    faults: Vec<FaultKindEntry>,
 }
 
 impl PlantProgram {
@@ -57,6 +77,9 @@ impl Program for PlantProgram {
             .iter()
             .map(|kind| kind.description.clone())
             .collect();
+        description.faults = (self.faults.iter())
+            .map(|kind| kind.description.clone())
+            .collect();
         description
     }
 
@@ -64,7 +87,7 @@ impl Program for PlantProgram {
         let job: Job = program::read_job(job)?;
         let (link, _) = shared_types::link::in_process::pair();
         let (sink, _) = shared_types::stream::in_process::pair();
-        let engine = Engine::new(self.kind(&job)?, job, link, sink);
+        let engine = Engine::new(self.kind(&job)?, &self.faults, job, link, sink);
         engine.map(|_| ()).map_err(|e| e.to_string())
     }
 
@@ -73,8 +96,10 @@ impl Program for PlantProgram {
         let limit = WaitLimit::from_seconds(job.wait_limit_s);
         let link = IceoryxLink::create(session).map_err(|e| e.to_string())?;
         let sink = IceoryxSink::create(session, job.observed).map_err(|e| e.to_string())?;
-        let engine = Engine::new(self.kind(&job)?, job, link, sink);
+        let context = LiveContext::new(self.kind(&job)?, &self.faults, &job);
+        let engine = Engine::new(self.kind(&job)?, &self.faults, job, link, sink);
         let mut engine = engine.map_err(|e| e.to_string())?;
+        live::serve(session, context, engine.desk(), engine.workshop())?;
         drive(&mut engine, limit, supervision).map_err(|e| e.to_string())?;
         let end = engine.end().ok_or("the run ended without saying how")?;
         if let Some(reason) = &end.reason {
@@ -98,6 +123,7 @@ pub fn drive<L: Link, S: RecordSink>(
     supervision: &Supervision,
 ) -> Result<(), LinkError> {
     let mut waiter = Waiter::new(limit);
+    let desk = engine.desk();
     loop {
         if supervision.wants_stop() {
             engine.interrupt(&PlantEvent::Stop)?;
@@ -108,7 +134,9 @@ pub fn drive<L: Link, S: RecordSink>(
             Progress::Busy => waiter.done(),
             Progress::Over => return Ok(()),
             Progress::Until(target_ns) => {
-                until_ns(target_ns, || supervision.wants_stop());
+                until_ns(target_ns, || {
+                    supervision.wants_stop() || desk.wants_attention()
+                });
                 waiter.done();
             }
             Progress::Controller => {
@@ -122,6 +150,13 @@ pub fn drive<L: Link, S: RecordSink>(
                 if waiter.pause() {
                     engine.recorder_late()?;
                 }
+            }
+            Progress::Held => {
+                if peer_gone {
+                    engine.interrupt(&PlantEvent::PeerGone)?;
+                }
+                std::thread::sleep(HELD);
+                waiter.done();
             }
         }
     }

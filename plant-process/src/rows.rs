@@ -66,6 +66,12 @@ impl Rows {
         }
     }
 
+    /// All signals of the record before a step; `None` at step 0.
+    #[must_use]
+    pub fn last_values(&self, step: Step) -> Option<&[f64]> {
+        (step.0 > 0).then(|| self.layout.view(&self.record).values)
+    }
+
     /// Takes the plant's commands out of the frame.
     pub fn take_command(&mut self) {
         for (command, place) in self.command.iter_mut().zip(&self.commands) {

@@ -15,7 +15,9 @@ pub struct Pacer {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Grid {
+    /// When the first step on this grid may begin.
     start_ns: u64,
+    first: Step,
     factor: f64,
 }
 
@@ -31,7 +33,25 @@ impl Pacer {
     pub const fn paced(rate: Rate, start_ns: u64, factor: f64) -> Self {
         Self {
             rate,
-            grid: Some(Grid { start_ns, factor }),
+            grid: Some(Grid {
+                start_ns,
+                first: Step(0),
+                factor,
+            }),
+        }
+    }
+
+    /// The same pace from a step on that may begin at `now_ns`: what was held is not caught up.
+    #[must_use]
+    pub fn resumed(self, step: Step, now_ns: u64) -> Self {
+        let from_here = |grid: Grid| Grid {
+            start_ns: now_ns,
+            first: step,
+            ..grid
+        };
+        Self {
+            grid: self.grid.map(from_here),
+            ..self
         }
     }
 
@@ -40,8 +60,9 @@ impl Pacer {
     pub fn release_ns(&self, step: Step) -> u64 {
         match self.grid {
             None => 0,
-            Some(Grid { start_ns, factor }) => {
-                start_ns + (self.rate.nanoseconds(step) as f64 / factor + 0.5) as u64
+            Some(grid) => {
+                let since_ns = self.rate.nanoseconds(step) - self.rate.nanoseconds(grid.first);
+                grid.start_ns + (since_ns as f64 / grid.factor + 0.5) as u64
             }
         }
     }
@@ -68,6 +89,15 @@ mod tests {
         }
         let third = Pacer::paced(rate(3.0), 0, 1.0);
         assert_eq!(third.release_ns(Step(3 * 3600)), 3_600_000_000_000);
+    }
+
+    #[test]
+    fn a_resumed_run_goes_on_at_its_pace_from_where_it_was_held() {
+        let pacer = Pacer::paced(rate(1000.0), 7, 2.0).resumed(Step(100), 5_000);
+        assert_eq!(pacer.release_ns(Step(100)), 5_000);
+        assert_eq!(pacer.release_ns(Step(110)), 5_005_000);
+        let lockstep = Pacer::lockstep(rate(1000.0)).resumed(Step(100), 5_000);
+        assert_eq!(lockstep.release_ns(Step(110)), 0);
     }
 
     #[test]

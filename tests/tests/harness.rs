@@ -138,6 +138,13 @@ impl Rig {
         Running::start(self, hil, self.path("none")).finish()
     }
 
+    /// Any `hil` command while this test's run goes on.
+    pub(crate) fn beside(&self, arguments: &[&str]) -> Run {
+        let mut hil = Command::new(program("hil"));
+        hil.args(arguments).current_dir(workspace());
+        Running::start(self, hil, self.path("none")).finish_beside_another()
+    }
+
     /// The folder of the session, while it runs.
     pub(crate) fn session_folder(&self) -> PathBuf {
         let uid = rustix::process::geteuid().as_raw();

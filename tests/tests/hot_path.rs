@@ -8,6 +8,7 @@ use controller_process::runner::{Runner, choose};
 use hil_config::plan::Plan;
 use hil_config::scenario::Scenario;
 use plant_process::engine::{Engine, Progress};
+use plant_process::faults::kinds;
 use plant_process::models;
 use shared_types::clock::monotonic_ns;
 use shared_types::describe::PROTOCOL;
@@ -121,7 +122,7 @@ fn jobs(session: u64) -> (plant_process::job::Job, controller_process::job::Job)
     // The fault acts while allocations are counted, but does not begin then.
     let plan: Plan = scenario
         .set(&["faults[0].at_s=0.01"])
-        .check(&plants, &laws)
+        .check(&plants, &laws, &[])
         .expect("it is right");
     let plant = plant_process::job::Job {
         protocol: PROTOCOL,
@@ -130,6 +131,8 @@ fn jobs(session: u64) -> (plant_process::job::Job, controller_process::job::Job)
         plant: plan.plant.clone(),
         stimuli: plan.stimuli,
         faults: plan.faults,
+        derived: Vec::new(),
+        pause_at_s: None,
         observed: true,
         wait_limit_s: 5.0,
     };
@@ -161,7 +164,14 @@ fn allocations_in<L: Link>(
         .iter()
         .find(|kind| kind.description.name == plant.plant.model);
     let law = choose(&laws, &controller.law, &controller.plant).expect("a law");
-    let mut engine = Engine::new(kind.expect("a plant"), plant, plant_link, sink).expect("starts");
+    let mut engine = Engine::new(
+        kind.expect("a plant"),
+        &kinds::all(),
+        plant,
+        plant_link,
+        sink,
+    )
+    .expect("starts");
     let mut runner = Runner::new(law, controller, controller_link).expect("starts");
     runner.begin().expect("says hello");
 

@@ -7,9 +7,12 @@
 //! | [`determinism`] | one digest, however and wherever a scenario runs |
 //! | [`examples`] | a plant and a controller from outside the workspace |
 //! | [`failures`] | deaths, stops and divergence: who, what, which step, and what is left |
+//! | [`faults`] | faults of scenarios in whole runs |
 //! | [`hot_path`] | no system call and no allocation in a step |
+//! | [`live`] | faults and pauses from another terminal |
 //! | [`paper`] | the paper's experiment against its checked figures |
 //! | [`recording`] | what a recording holds, read without the recorder's code |
+//! | [`survival`] | every law with every kind of fault |
 //!
 //! [`programs`] builds what is run; [`harness`] gives each test a place of its own and a watchdog, and
 //! looks after every run that nothing of it is left. [`mcap_reader`] reads recordings.
@@ -21,11 +24,16 @@
 mod architecture;
 mod cli;
 mod determinism;
+#[path = "../every_fault.rs"]
+mod every_fault;
 mod examples;
 mod failures;
+mod faults;
 mod harness;
 mod hot_path;
+mod live;
 mod mcap_reader;
 mod paper;
 mod programs;
 mod recording;
+mod survival;

@@ -84,14 +84,16 @@ impl Recording {
     }
 
     /// The digest by its definition: for each record in order the fault events that take hold at its
-    /// step, each as its length and its text, then the words in front of the timing, little-endian.
+    /// step, each as its length and its text, then the words up to the last internal, little-endian.
+    /// A fault that only costs time does not count.
     pub(crate) fn digest(&self, mut change: impl FnMut(&mut Record)) -> String {
         let mut hasher = blake3::Hasher::new();
-        let hashed = self.place("time_ns");
+        let unhashed = |name: &String| name.starts_with("sensed.") || name == "time_ns";
+        let hashed = self.columns.iter().position(unhashed).expect("timing");
         for mut record in self.records() {
             let step = record.step();
             for event in (self.events.iter()).filter(|event| event["event"] == "fault") {
-                if event["step"] == step {
+                if event["step"] == step && event["wall_only"] != true {
                     let part = |name: &str| event[name].as_str().expect("text").to_owned();
                     let (kind, target) = (part("kind"), part("target"));
                     let (parameter, course) = (part("parameter"), part("canonical"));

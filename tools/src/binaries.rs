@@ -7,7 +7,9 @@ use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process_group};
-use shared_types::describe::{Description, PROTOCOL};
+use shared_types::describe::{
+    Description, FaultKindDescription, LawDescription, PROTOCOL, PlantDescription,
+};
 
 use crate::cli::BinaryArguments;
 use crate::exit::Failure;
@@ -42,18 +44,7 @@ impl Binaries {
     /// # Errors
     /// If one is missing, cannot be executed or does not speak the protocol.
     pub fn find(arguments: &BinaryArguments, interruption: &Interruption) -> Result<Self, Failure> {
-        let plant = Binary::find(
-            arguments.plant_bin.as_deref(),
-            "plant-process",
-            "--plant-bin",
-            interruption,
-        )?;
-        if plant.description.plants.is_empty() {
-            return Err(Failure::usage(format!(
-                "{} describes no plant",
-                plant.path.display()
-            )));
-        }
+        let plant = Binary::plant(arguments.plant_bin.as_deref(), interruption)?;
         let path = arguments.controller_bin.as_deref();
         let controller =
             Binary::find(path, "controller-process", "--controller-bin", interruption)?;
@@ -63,9 +54,41 @@ impl Binaries {
         }
         Ok(Self { plant, controller })
     }
+
+    /// What scenarios are checked against: plants, laws and kinds of faults.
+    #[must_use]
+    pub fn described(
+        &self,
+    ) -> (
+        &[PlantDescription],
+        &[LawDescription],
+        &[FaultKindDescription],
+    ) {
+        let plant = &self.plant.description;
+        (
+            &plant.plants,
+            &self.controller.description.laws,
+            &plant.faults,
+        )
+    }
 }
 
 impl Binary {
+    /// Finds a plant and asks what it is.
+    ///
+    /// # Errors
+    /// If it is missing, cannot be executed or does not speak the protocol.
+    pub fn plant(given: Option<&Path>, interruption: &Interruption) -> Result<Self, Failure> {
+        let plant = Self::find(given, "plant-process", "--plant-bin", interruption)?;
+        if plant.description.plants.is_empty() {
+            return Err(Failure::usage(format!(
+                "{} describes no plant",
+                plant.path.display()
+            )));
+        }
+        Ok(plant)
+    }
+
     fn find(
         given: Option<&Path>,
         name: &str,

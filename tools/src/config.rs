@@ -1,10 +1,12 @@
 //! `hil config`: check a scenario, show it complete, print its schema.
 
 use hil_config::plan::Plan;
+use hil_config::problem::Problems;
 use hil_config::scenario::Scenario;
 
 use crate::binaries::Binaries;
-use crate::cli::{Changes, ConfigAction, ConfigArguments, ScenarioArguments};
+use crate::cli::config::{ConfigAction, ConfigArguments, ScenarioArguments};
+use crate::cli::run::Changes;
 use crate::exit::{Exit, Failure};
 use crate::interruption::Interruption;
 use crate::output;
@@ -40,9 +42,8 @@ pub fn config(arguments: &ConfigArguments) -> Result<Exit, Failure> {
         }
         ConfigAction::Schema { binaries } => {
             let binaries = Binaries::find(binaries, &Interruption::listen()?)?;
-            let plants = &binaries.plant.description.plants;
-            let laws = &binaries.controller.description.laws;
-            let schema = hil_config::schema::schema(plants, laws);
+            let (plants, laws, kinds) = binaries.described();
+            let schema = hil_config::schema::schema(plants, laws, kinds);
             output::write(&format!("{schema:#}\n"))?;
         }
     }
@@ -54,9 +55,8 @@ pub fn config(arguments: &ConfigArguments) -> Result<Exit, Failure> {
 /// # Errors
 /// If the plan does not belong to the binaries.
 pub fn show(plan: &Plan, binaries: &Binaries) -> Result<String, Failure> {
-    let plants = &binaries.plant.description.plants;
-    let laws = &binaries.controller.description.laws;
-    hil_config::show::show(plan, plants, laws).map_err(Failure::usage)
+    let (plants, laws, kinds) = binaries.described();
+    hil_config::show::show(plan, plants, laws, kinds).map_err(Failure::usage)
 }
 
 fn checked(arguments: &ScenarioArguments) -> Result<(Plan, Binaries), Failure> {
@@ -81,13 +81,23 @@ pub fn read(
     binaries: &Binaries,
     json: bool,
 ) -> Result<Plan, Failure> {
+    check(Scenario::read(path), changes, binaries, json)
+}
+
+/// Applies the changes to a scenario that was read, or not, and checks it; as [`read`] does.
+///
+/// # Errors
+/// Everything that is wrong with it.
+pub fn check(
+    scenario: Result<Scenario, Problems>,
+    changes: &Changes,
+    binaries: &Binaries,
+    json: bool,
+) -> Result<Plan, Failure> {
     changes.check()?;
-    let plants = &binaries.plant.description.plants;
-    let laws = &binaries.controller.description.laws;
-    let checked = Scenario::read(path).and_then(|scenario| {
-        let scenario = scenario.set(&changes.as_set());
-        scenario.check(plants, laws)
-    });
+    let (plants, laws, kinds) = binaries.described();
+    let checked =
+        scenario.and_then(|scenario| scenario.set(&changes.as_set()).check(plants, laws, kinds));
     match checked {
         Ok(plan) => Ok(plan),
         Err(problems) => {

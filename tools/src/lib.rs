@@ -8,30 +8,47 @@
 //! 3. [`run`] prepares session and folder, starts both sides and watches over them.
 //! 4. [`recorder`] drains the record stream on a thread of its own: digest, metrics, latency,
 //!    [`recording`].
-//! 5. [`summary`] says how it went, to a person and to a machine.
+//! 5. [`summary`] says how it went, to a person and to a machine, and what became of the [`faults`].
+//!
+//! While it runs, another terminal asks its plant over [`live`]: [`inject`] puts faults into it,
+//! [`clock`] holds it and lets it go on. Afterwards [`run_reader`] reads the recording: [`compare`]
+//! finds where two runs differ, [`repetition`] makes the scenario that repeats one, live faults
+//! included, and [`rerun`] runs that.
 //!
 //! [`config`] and [`sessions`] are the commands around it, [`folder`] is where a run is written,
-//! [`output`] and [`interruption`] are its ways to and from the terminal. Nothing here runs on the loop.
+//! [`duration`] how times are typed, [`output`] and [`interruption`] are its ways to and from the
+//! terminal. Nothing here runs on the loop.
 
 use std::io::IsTerminal;
 
 pub mod binaries;
 pub mod cli;
+pub mod clock;
+pub mod compare;
 pub mod config;
+pub mod duration;
 pub mod exit;
+pub mod faults;
 pub mod folder;
+pub mod inject;
 pub mod interruption;
 pub mod latency;
+pub mod live;
 pub mod output;
 pub mod progress;
 pub mod recorder;
 pub mod recording;
+pub mod repetition;
+pub mod rerun;
 pub mod run;
+pub mod run_reader;
 pub mod sessions;
 pub mod summary;
 
+use cli::recordings::ScenarioAction;
 use cli::{Command, CommandLine};
 use exit::{Exit, Failure};
+use shared_types::live::Request;
 
 /// Does what the command line says.
 ///
@@ -40,6 +57,20 @@ use exit::{Exit, Failure};
 pub fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
     match &command_line.command {
         Command::Run(arguments) => run::run(arguments),
+        Command::Inject(arguments) => inject::inject(arguments),
+        Command::Pause(arguments) => clock::clock(&arguments.session, &Request::Pause),
+        Command::Resume(arguments) => clock::clock(&arguments.session, &Request::Resume),
+        Command::Step(arguments) => {
+            let request = Request::Advance {
+                steps: arguments.steps,
+            };
+            clock::clock(&arguments.session, &request)
+        }
+        Command::Rerun(arguments) => rerun::rerun(arguments),
+        Command::Compare(arguments) => compare::command(arguments),
+        Command::Scenario(arguments) => match &arguments.action {
+            ScenarioAction::From(arguments) => repetition::scenario_from(arguments),
+        },
         Command::Config(arguments) => config::config(arguments),
         Command::Sessions(arguments) => sessions::sessions(arguments),
         Command::Completions { shell } => {

@@ -2,10 +2,8 @@
 
 use std::process::ExitCode;
 
-use clap::Parser;
-
 fn main() -> ExitCode {
-    let command_line = tools::cli::CommandLine::parse();
+    let command_line = tools::cli::CommandLine::of_process();
     match tools::execute(&command_line) {
         Ok(exit) => exit.into(),
         Err(failure) => {

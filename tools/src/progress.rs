@@ -1,13 +1,21 @@
-//! Progress of a run on standard error: simulated time, speed and time left.
+//! Progress of a run on standard error: simulated time, speed, time left, and where it holds.
 
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use shared_types::time::{Rate, Step};
 
-/// A progress bar; silent where no person watches.
+/// A progress bar, drawn where a person watches.
 pub struct Progress {
     bar: ProgressBar,
+    rate: Rate,
+    pause: Option<Pause>,
+}
+
+/// A hold that was asked for before the run.
+struct Pause {
+    step: Step,
+    notice: String,
 }
 
 impl Progress {
@@ -39,12 +47,29 @@ impl Progress {
             );
         }
         bar.enable_steady_tick(Duration::from_millis(200));
-        Self { bar }
+        Self {
+            bar,
+            rate,
+            pause: None,
+        }
     }
 
-    /// So many steps are done.
-    pub fn set(&self, steps: u64) {
-        self.bar.set_position(steps);
+    /// Lets a person know when the run gets to where it is to hold.
+    pub fn announce_pause(&mut self, pause_at_s: f64, session: &str) {
+        let step = self.rate.step_at_or_after(pause_at_s);
+        let time_s = self.rate.seconds(step);
+        self.pause = Some(Pause {
+            step,
+            notice: format!("paused at step {step} ({time_s} s); hil resume --session {session}"),
+        });
+    }
+
+    /// All steps before this one are done.
+    pub fn set(&mut self, next_step: u64) {
+        self.bar.set_position(next_step);
+        if let Some(pause) = self.pause.take_if(|pause| next_step >= pause.step.0) {
+            self.bar.suspend(|| eprintln!("{}", pause.notice));
+        }
     }
 }
 

@@ -16,11 +16,12 @@ use hil_config::expression::{Columns, Group};
 use hil_config::plan::Plan;
 use shared_types::clock::monotonic_ns;
 use shared_types::digest::Digest;
-use shared_types::record::{Event, FaultTaken, RecordLayout, RunEnd};
+use shared_types::record::{Event, RecordLayout, RunEnd};
 use shared_types::stream::{Item, RecordSource};
 use shared_types::time::Step;
 
-use crate::cli::Compression;
+use crate::cli::run::Compression;
+use crate::faults::{FaultLog, LiveFault};
 use crate::latency::{Latency, LatencySummary};
 use crate::recording::{Provenance, Recording};
 
@@ -43,14 +44,16 @@ pub struct RecordingPlan {
 pub struct Recorded {
     /// How the plant saw the end, if it lived to tell.
     pub end: Option<RunEnd>,
-    /// Faults that took hold.
-    pub faults: Vec<FaultTaken>,
+    /// What happened to faults.
+    pub faults: FaultLog,
     /// Records taken.
     pub records: u64,
     /// Items lost on the way.
     pub lost: u64,
     /// The digest; `None` if something was lost.
     pub digest: Option<String>,
+    /// The digest after the first records, if it was asked for and there were so many.
+    pub partial_digest: Option<String>,
     /// Metrics.
     pub metrics: Vec<MetricValue>,
     /// Latency of the steps.
@@ -73,15 +76,17 @@ struct Shared {
     finish: AtomicBool,
     /// Something went wrong; the run makes no sense any more.
     failed: AtomicBool,
-    steps: AtomicU64,
+    next_step: AtomicU64,
 }
 
 impl Recorder {
-    /// Starts the thread. What `prepare` returns is called there, again and again, until it gives
+    /// Starts the thread. `partial` is after how many records the digest is wanted besides. What
+    /// `prepare` returns is called there, again and again, until it gives
     /// the stream and its layout.
     pub fn start<S, A>(
         plan: Plan,
         recording: Option<RecordingPlan>,
+        partial: Option<u64>,
         prepare: impl FnOnce() -> A + Send + 'static,
     ) -> Self
     where
@@ -92,7 +97,7 @@ impl Recorder {
         let theirs = Arc::clone(&shared);
         let thread = std::thread::spawn(move || {
             let mut attach = prepare();
-            let mut work = Work::new(plan, recording, Arc::clone(&theirs));
+            let mut work = Work::new(plan, recording, partial, Arc::clone(&theirs));
             loop {
                 match attach() {
                     Ok(Some((mut source, layout))) => {
@@ -113,10 +118,10 @@ impl Recorder {
         Self { shared, thread }
     }
 
-    /// Steps recorded so far.
+    /// The step after the last one recorded.
     #[must_use]
-    pub fn steps(&self) -> u64 {
-        self.shared.steps.load(Ordering::Relaxed)
+    pub fn next_step(&self) -> u64 {
+        self.shared.next_step.load(Ordering::Relaxed)
     }
 
     /// Whether recording failed, so that the run should stop.
@@ -141,6 +146,8 @@ impl Recorder {
 struct Work {
     plan: Plan,
     recording_plan: Option<RecordingPlan>,
+    /// After how many records the digest is wanted besides.
+    partial: Option<u64>,
     shared: Arc<Shared>,
     layout: RecordLayout,
     recording: Option<Recording>,
@@ -153,14 +160,20 @@ struct Work {
 }
 
 impl Work {
-    fn new(plan: Plan, recording_plan: Option<RecordingPlan>, shared: Arc<Shared>) -> Self {
+    fn new(
+        plan: Plan,
+        recording_plan: Option<RecordingPlan>,
+        partial: Option<u64>,
+        shared: Arc<Shared>,
+    ) -> Self {
         let latency = Latency::default();
         let recorded = Recorded {
             end: None,
-            faults: Vec::new(),
+            faults: FaultLog::default(),
             records: 0,
             lost: 0,
             digest: None,
+            partial_digest: None,
             metrics: Vec::new(),
             latency: latency.summary(),
             wall_time_s: 0.0,
@@ -169,6 +182,7 @@ impl Work {
         Self {
             plan,
             recording_plan,
+            partial,
             shared,
             layout: RecordLayout::default(),
             recording: None,
@@ -239,7 +253,10 @@ impl Work {
                 self.first_ns.get_or_insert(view.timing.published_ns);
                 self.last_ns = view.timing.published_ns;
                 self.recorded.records += 1;
-                self.shared.steps.store(view.step, Ordering::Relaxed);
+                if self.partial == Some(self.recorded.records) && self.recorded.lost == 0 {
+                    self.recorded.partial_digest = Some(self.digest.clone().finish());
+                }
+                (self.shared.next_step).store(view.step + 1, Ordering::Relaxed);
                 let written = match &mut self.recording {
                     Some(recording) => recording.record(words, &view),
                     None => Ok(()),
@@ -253,17 +270,8 @@ impl Work {
                 ));
             }
             Item::Event(event) => {
-                let rate = self.plan.run.rate;
-                let mut time_ns = None;
-                match &event {
-                    Event::Fault(fault) => {
-                        self.digest.fault(fault);
-                        self.recorded.faults.push(fault.clone());
-                        time_ns = Some(rate.nanoseconds(Step(fault.step)));
-                    }
-                    Event::Accepted(_) | Event::FaultEnded(_) => {}
-                    Event::End(end) => self.recorded.end = Some(end.clone()),
-                }
+                let step = self.note_event(&event);
+                let time_ns = step.map(|step| self.plan.run.rate.nanoseconds(Step(step)));
                 let written = match &mut self.recording {
                     Some(recording) => recording.event(&event, time_ns, monotonic_ns()),
                     None => Ok(()),
@@ -272,6 +280,37 @@ impl Work {
             }
             Item::Lost(count) => self.recorded.lost += count,
             Item::Broken(what) => self.fail(format!("the record stream is broken: {what}")),
+        }
+    }
+
+    /// Keeps what the summary needs of an event; the step that it is about, if it is about one.
+    fn note_event(&mut self, event: &Event) -> Option<u64> {
+        let faults = &mut self.recorded.faults;
+        match event {
+            Event::Accepted(accepted) => {
+                match LiveFault::try_from(accepted) {
+                    Ok(live) => faults.accepted.push(live),
+                    Err(error) => {
+                        let id = accepted.id;
+                        self.fail(format!("the record stream is broken: fault {id}: {error}"));
+                    }
+                }
+                Some(accepted.step)
+            }
+            Event::Fault(taken) => {
+                self.digest.fault(taken);
+                faults.taken.push(taken.clone());
+                Some(taken.step)
+            }
+            Event::FaultEnded(ended) => {
+                faults.ended.push(ended.clone());
+                Some(ended.step)
+            }
+            Event::End(end) => {
+                faults.sizes = Some(end.effects.clone());
+                self.recorded.end = Some(end.clone());
+                None
+            }
         }
     }
 

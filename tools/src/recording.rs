@@ -2,7 +2,7 @@
 //!
 //! Topic `/record` carries one message a step: the CDR form of the record, which is 4 bytes of
 //! encapsulation and the very words that crossed shared memory, with a `ros2msg` schema made from the
-//! tables. Topic `/events` carries faults and the end as JSON. `log_time` is simulated time,
+//! tables. Topic `/events` carries every event as JSON. `log_time` is simulated time,
 //! `publish_time` the monotonic clock. Chunks are closed on a time budget, so that what a killed
 //! process loses is bounded in time.
 
@@ -19,7 +19,7 @@ use mcap::{Attachment, McapResult, WriteOptions, Writer};
 use shared_types::record::{Event, GROUPS, RECORD_VERSION, RecordLayout, RecordView, Timing};
 use shared_types::zerocopy::IntoBytes;
 
-use crate::cli::Compression;
+use crate::cli::run::Compression;
 
 /// Longest time that a chunk stays open.
 const CHUNK_TIME: Duration = Duration::from_millis(100);
@@ -28,7 +28,7 @@ const CHUNK_BYTES: u64 = 1 << 20;
 /// CDR, little-endian, no options.
 const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
 /// Line between the parts of a `ros2msg` schema.
-const RULER: &str =
+pub(crate) const RULER: &str =
     "================================================================================";
 
 /// A text file that travels in the recording.
@@ -216,8 +216,11 @@ const EVENT_SCHEMA: &str = r#"{
   "title": "hil.Event",
   "type": "object",
   "properties": {
-    "event": {"type": "string", "description": "fault: a fault took hold; end: the run ended"},
-    "step": {"type": "integer", "description": "the step from which a fault acts"}
+    "event": {
+      "enum": ["accepted", "fault", "fault-ended", "end"],
+      "description": "accepted: a live fault was accepted; fault: one took hold of a target; fault-ended: it let go; end: the run ended"
+    },
+    "step": {"type": "integer", "description": "the next step, the first with the fault, the first without it"}
   },
   "required": ["event"]
 }"#;

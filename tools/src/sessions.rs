@@ -2,7 +2,7 @@
 
 use shared_types::session;
 
-use crate::cli::SessionsArguments;
+use crate::cli::config::SessionsArguments;
 use crate::exit::{Exit, Failure};
 use crate::output;
 

@@ -3,13 +3,14 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use hil_config::plan::{Plan, Published, Trigger};
+use hil_config::plan::{Plan, Published};
 use serde::Serialize;
 use shared_types::record::Outcome;
 use shared_types::session::SessionInfo;
 use shared_types::time::Step;
 
 use crate::binaries::{Binaries, Binary};
+use crate::faults::Fault;
 use crate::latency::LatencySummary;
 use crate::run::Ended;
 
@@ -50,24 +51,6 @@ struct Metric {
     window_s: [f64; 2],
     /// Null if no record of the window had the value.
     value: Option<f64>,
-    unit: String,
-}
-
-#[derive(Clone, Debug, Serialize)]
-struct Fault {
-    event: u32,
-    kind: String,
-    source: &'static str,
-    requested_at_s: f64,
-    effective_step: u64,
-    effects: Vec<Effect>,
-}
-
-#[derive(Clone, Debug, Serialize)]
-struct Effect {
-    target: String,
-    parameter: String,
-    max_effect: f64,
     unit: String,
 }
 
@@ -144,7 +127,7 @@ impl Summary {
                 })
                 .collect(),
             requirements: [],
-            faults: faults(plan, ended),
+            faults: recorded.faults.faults(&plan.faults, plan.run.rate),
             latency_ns: recorded.latency,
             recording: Recording {
                 file: recorded_to,
@@ -183,21 +166,7 @@ impl Summary {
             self.steps, self.sim_time_s, self.wall_time_s, self.realtime_factor
         )?;
         for fault in &self.faults {
-            write!(
-                text,
-                "  fault {} {} at step {}",
-                fault.event, fault.kind, fault.effective_step
-            )?;
-            for effect in &fault.effects {
-                let nothing = if effect.max_effect == 0.0 {
-                    " (no effect)"
-                } else {
-                    ""
-                };
-                let (target, size, unit) = (&effect.target, effect.max_effect, &effect.unit);
-                write!(text, ", {target} {size:.4e} {unit}{nothing}")?;
-            }
-            writeln!(text)?;
+            writeln!(text, "  {}", fault.told())?;
         }
         self.write_metrics(text, plan)?;
         let trip = &self.latency_ns.round_trip;
@@ -313,42 +282,6 @@ fn short(value: f64) -> String {
     } else {
         format!("{value:.4e}")
     }
-}
-
-/// The faults that took hold, with their largest effects.
-fn faults(plan: &Plan, ended: &Ended) -> Vec<Fault> {
-    let taken = &ended.recorded.faults;
-    let sizes = ended
-        .recorded
-        .end
-        .as_ref()
-        .map_or(&[][..], |end| &end.effects);
-    let mut faults = Vec::new();
-    for event in &plan.faults {
-        let Some(first) = taken.iter().find(|fault| fault.id == event.id) else {
-            continue; // the run ended before
-        };
-        let of_event = sizes.iter().filter(|size| size.id == event.id);
-        faults.push(Fault {
-            event: event.id,
-            kind: event.kind.clone(),
-            source: "scenario",
-            requested_at_s: match event.trigger {
-                Trigger::Step { at_s, .. } => at_s,
-                _ => f64::NAN,
-            },
-            effective_step: first.step,
-            effects: of_event
-                .map(|size| Effect {
-                    target: size.target.clone(),
-                    parameter: size.parameter.clone(),
-                    max_effect: size.max_effect,
-                    unit: size.unit.clone(),
-                })
-                .collect(),
-        });
-    }
-    faults
 }
 
 #[cfg(test)]

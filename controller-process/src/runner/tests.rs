@@ -122,6 +122,11 @@ fn greet(runner: &mut Runner<'_, InProcessLink>, plant: &mut InProcessLink, rate
 
 /// Sends positions 1, 2, 3 .. and gives force, calls and age of each answer.
 fn answers(job: Job, steps: u64) -> Vec<(f64, f64, u32)> {
+    directed(job, steps, |_| Directive::default())
+}
+
+/// The same, with a directive in each sample.
+fn directed(job: Job, steps: u64, directive: fn(u64) -> Directive) -> Vec<(f64, f64, u32)> {
     let (mut plant, link) = pair();
     let kind = LawKind::of::<Witness>();
     let mut runner = Runner::new(&kind, job, link).expect("starts");
@@ -129,7 +134,10 @@ fn answers(job: Job, steps: u64) -> Vec<(f64, f64, u32)> {
     let mut frame = [0.0; 4];
     (0..steps)
         .map(|step| {
-            let sample = Header::new(FrameKind::Sample, Step(step));
+            let sample = Header {
+                directive: directive(step).to_wire(),
+                ..Header::new(FrameKind::Sample, Step(step))
+            };
             plant
                 .send(&sample, &[99.0, (step + 1) as f64])
                 .expect("sends");
@@ -180,6 +188,80 @@ fn a_slow_law_with_a_delay_answers_a_step_late() {
         (30.0, 2.0, 1),
     ];
     assert_eq!(answers(job(2, 1), 4), expected);
+}
+
+fn late_by_two_at_one_and_two(step: u64) -> Directive {
+    Directive {
+        late_steps: if step == 1 || step == 2 { 2 } else { 0 },
+        ..Directive::default()
+    }
+}
+
+#[test]
+fn a_late_command_takes_effect_steps_later_and_the_last_is_sent_until_then() {
+    // Told at step 1; at step 2 it is late already and looks at nothing.
+    let expected = [
+        (10.0, 1.0, 0),
+        (10.0, 1.0, 1),
+        (10.0, 1.0, 2),
+        (20.0, 2.0, 2),
+        (50.0, 3.0, 0),
+    ];
+    assert_eq!(directed(job(1, 0), 5, late_by_two_at_one_and_two), expected);
+}
+
+#[test]
+fn a_late_slow_law_misses_its_turn() {
+    // The turn at step 2 is missed; what step 1 would have sent, made at step 0, comes at step 3.
+    let expected = [
+        (10.0, 1.0, 0),
+        (10.0, 1.0, 1),
+        (10.0, 1.0, 2),
+        (10.0, 1.0, 3),
+        (50.0, 2.0, 0),
+    ];
+    assert_eq!(directed(job(2, 0), 5, late_by_two_at_one_and_two), expected);
+}
+
+#[test]
+fn a_busy_controller_answers_the_same_and_takes_the_time() {
+    let (mut plant, link) = pair();
+    let kind = LawKind::of::<Witness>();
+    let mut runner = Runner::new(&kind, job(1, 0), link).expect("starts");
+    greet(&mut runner, &mut plant, 10.0);
+    let busy = Directive {
+        busy_ns: 300_000,
+        ..Directive::default()
+    };
+    let sample = Header {
+        directive: busy.to_wire(),
+        ..Header::new(FrameKind::Sample, Step(0))
+    };
+    plant.send(&sample, &[99.0, 1.0]).expect("sends");
+    runner.poll().expect("polls");
+    let mut frame = [0.0; 4];
+    let answer = plant.receive(&mut frame).expect("polls").expect("answers");
+    assert_eq!((frame[0], answer.age_steps), (10.0, 0));
+    assert!(answer.work_ns >= 300_000, "{} ns", answer.work_ns);
+}
+
+#[test]
+fn a_hold_is_something_done_and_the_sample_is_still_awaited() {
+    let (mut plant, link) = pair();
+    let kind = LawKind::of::<Witness>();
+    let mut runner = Runner::new(&kind, job(1, 0), link).expect("starts");
+    greet(&mut runner, &mut plant, 10.0);
+    let hold = Header::new(FrameKind::Hold, Step(0));
+    plant.send(&hold, &[]).expect("sends");
+    assert_eq!(runner.poll().expect("polls"), Progress::Busy);
+    assert_eq!(runner.poll().expect("polls"), Progress::Plant);
+    plant
+        .send(&Header::new(FrameKind::Sample, Step(0)), &[99.0, 1.0])
+        .expect("sends");
+    runner.poll().expect("polls");
+    let mut frame = [0.0; 4];
+    plant.receive(&mut frame).expect("polls").expect("answers");
+    assert_eq!(frame[0], 10.0);
 }
 
 #[test]

@@ -7,7 +7,7 @@ use hil_config::plan::{
     FaultAction, FaultEffect, FaultEnd, FaultEvent, FaultSource, Limit, Move, PlantPlan, Profile,
     Run, Stimulus, Trigger, Waveform,
 };
-use shared_types::describe::{PROTOCOL, Settings};
+use shared_types::describe::{Operation, PROTOCOL, Settings};
 use shared_types::hello::Hello;
 use shared_types::link::Rejected;
 use shared_types::link::in_process::{InProcessLink, pair};
@@ -19,6 +19,7 @@ use shared_types::time::Rate;
 use shared_types::wait::WaitLimit;
 
 use super::*;
+use crate::faults::kinds;
 use crate::plant::Plant as PlantTrait;
 
 shared_types::table! {
@@ -164,7 +165,7 @@ fn greeted(job: Job) -> (TestEngine, InProcessLink, InProcessSource) {
     let (link, mut controller) = pair();
     let (sink, source) = shared_types::stream::in_process::pair();
     let kind = PlantKind::of::<Mover>();
-    let mut engine = Engine::new(&kind, job, link, sink).expect("starts");
+    let mut engine = Engine::new(&kind, &kinds::all(), job, link, sink).expect("starts");
     let hello = Hello {
         protocol: PROTOCOL,
         session: 5,
@@ -368,7 +369,7 @@ fn a_controller_that_does_not_fit_is_refused_with_the_reason() {
     let (link, mut controller) = pair();
     let (sink, _source) = shared_types::stream::in_process::pair();
     let kind = PlantKind::of::<Mover>();
-    let mut engine = Engine::new(&kind, job(3), link, sink).expect("starts");
+    let mut engine = Engine::new(&kind, &kinds::all(), job(3), link, sink).expect("starts");
     let hello = Hello {
         protocol: PROTOCOL,
         session: 5,
@@ -447,7 +448,7 @@ fn what_a_controller_confirmed_before_it_ended_counts() {
     };
     let (sink, _source) = shared_types::stream::in_process::pair();
     let kind = PlantKind::of::<Mover>();
-    let mut engine = Engine::new(&kind, job(0), link, sink).expect("starts");
+    let mut engine = Engine::new(&kind, &kinds::all(), job(0), link, sink).expect("starts");
     let hello = Hello {
         protocol: PROTOCOL,
         session: 5,

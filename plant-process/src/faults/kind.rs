@@ -107,6 +107,9 @@ pub struct Reading {
 pub struct Passage {
     /// For each copy, the steps by which it comes late; `None`: there is no such copy.
     pub copies: [Option<u32>; Self::MOST_COPIES],
+    /// For each copy, whether it was overtaken: it comes after everything else that comes at its
+    /// step. Otherwise what was sent later is what the receiver has.
+    pub overtaken: [bool; Self::MOST_COPIES],
     /// Bits that are inverted, the first `flipped` of these; they count as in
     /// [`Frame::flip`](shared_types::frame::Frame::flip).
     pub flips: [u64; Self::MOST_FLIPS],
@@ -129,6 +132,7 @@ impl Passage {
     pub const fn healthy(bits: u64) -> Self {
         Self {
             copies: [Some(0), None, None, None],
+            overtaken: [false; Self::MOST_COPIES],
             flips: [0; Self::MOST_FLIPS],
             flipped: 0,
             bits,

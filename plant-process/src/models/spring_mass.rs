@@ -1,10 +1,14 @@
 //! The teaching plant: a mass on a spring with a damper, `m x'' + c x' + k x = F + d`.
 //!
 //! Read it top to bottom before you write a plant of your own: four tables say what goes in and
-//! out, and the implementation of [`Plant`] below them is the whole model.
+//! out, and the implementation of [`Plant`] below them is the whole model. What can break is a list of
+//! names for moves of its faultable parameters; the equations know nothing of it.
 
-use shared_types::describe::Invalid;
+use shared_types::describe::{
+    FaultDescription, Invalid, MoveBy, Operation, ParameterMove, ProfileDescription,
+};
 use shared_types::table;
+use shared_types::table::Field;
 use shared_types::time::Interval;
 
 use crate::integrate::integrate;
@@ -85,6 +89,45 @@ impl Plant for SpringMass {
     type Measured = Measured;
     type Command = Command;
 
+    fn faults() -> Vec<FaultDescription> {
+        let size = |key, unit, text, min, max| Field {
+            min,
+            max,
+            ..Field::signal(key, unit, text)
+        };
+        let moved = |parameter: &str, operation, key: &str| ParameterMove {
+            parameter: parameter.into(),
+            operation,
+            by: MoveBy::Size(key.into()),
+        };
+        vec![
+            FaultDescription {
+                kind: "stiffness-loss".into(),
+                summary: "The spring softens or breaks.".into(),
+                equation: "k -> k (1 + (factor - 1) g)".into(),
+                selector: None,
+                sizes: vec![size(
+                    "factor",
+                    "1",
+                    "Share of the stiffness left.",
+                    0.0,
+                    1.0,
+                )],
+                moves: vec![moved("stiffness_n_per_m", Operation::Scale, "factor")],
+                profile: ProfileDescription::Step,
+            },
+            FaultDescription {
+                kind: "push".into(),
+                summary: "A force pushes the mass besides the command.".into(),
+                equation: "d -> d + force g".into(),
+                selector: None,
+                sizes: vec![size("force_n", "N", "The force.", -1e6, 1e6)],
+                moves: vec![moved("disturbance_n", Operation::Add, "force_n")],
+                profile: ProfileDescription::Step,
+            },
+        ]
+    }
+
     fn start(parameters: &Parameters) -> Result<Self, Invalid> {
         Ok(Self {
             parameters: *parameters,
@@ -127,6 +170,8 @@ impl Plant for SpringMass {
 
 #[cfg(test)]
 mod tests {
+    use shared_types::table::Table;
+
     use super::*;
 
     const SECOND: Interval = Interval {
@@ -189,6 +234,15 @@ mod tests {
             ..Parameters::default()
         });
         assert_eq!(plant.truth(0.0, &rest).acceleration_mps2, 7.0);
+    }
+
+    #[test]
+    fn every_fault_moves_a_parameter_that_is_open_to_faults() {
+        let fields = Parameters::fields();
+        for moved in SpringMass::faults().iter().flat_map(|fault| &fault.moves) {
+            let field = fields.iter().find(|field| field.name == moved.parameter);
+            assert!(field.is_some_and(|field| field.faultable), "{moved:?}");
+        }
     }
 
     #[test]

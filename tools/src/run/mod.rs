@@ -1,22 +1,26 @@
-//! `hil run`: one scenario from the command line to the summary.
+//! `hil run`: one scenario from the command line to the summary. `hil rerun` runs its own in the same
+//! way.
 
 mod in_process;
 mod processes;
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use hil_config::plan::{Clock, Plan};
 use shared_types::describe::PROTOCOL;
 use shared_types::record::Outcome;
 use shared_types::session::{Session, SessionError, SessionInfo};
+use shared_types::time::Step;
 
 use crate::binaries::Binaries;
-use crate::cli::{LinkKind, RunArguments};
+use crate::cli::run::{LinkKind, RunArguments, RunOptions};
 use crate::exit::{Exit, Failure};
 use crate::interruption::Interruption;
+use crate::progress::Progress;
 use crate::recorder::{Recorded, RecordingPlan};
 use crate::recording::{Enclosure, Provenance};
+use crate::run_reader::RECORDING;
 use crate::summary::Summary;
 use crate::{config, folder, output};
 
@@ -27,7 +31,20 @@ struct Prepared {
     plant: plant_process::job::Job,
     controller: controller_process::job::Job,
     recording: Option<RecordingPlan>,
+    /// After how many records the digest is wanted besides.
+    partial: Option<u64>,
     interruption: Interruption,
+}
+
+impl Prepared {
+    /// The progress of the run, with the hold that was asked for.
+    fn progress(&self, session: &str) -> Progress {
+        let mut progress = Progress::new(self.plan.run.steps, self.plan.run.rate);
+        if let Some(pause_at_s) = self.plant.pause_at_s {
+            progress.announce_pause(pause_at_s, session);
+        }
+        progress
+    }
 }
 
 /// How a run ended.
@@ -39,42 +56,109 @@ pub(crate) struct Ended {
     pub(crate) reason: Option<String>,
 }
 
+/// What a run needs before its scenario is looked at.
+pub(crate) struct Setup {
+    pub(crate) binaries: Binaries,
+    interruption: Interruption,
+}
+
+/// What a run left.
+pub(crate) struct Ran {
+    pub(crate) exit: Exit,
+    pub(crate) digest: Option<String>,
+    /// The digest after the first records, if it was asked for and there were so many.
+    pub(crate) partial_digest: Option<String>,
+    /// Its recording, if it was recorded.
+    pub(crate) recording: Option<PathBuf>,
+    /// The summary as a machine reads it.
+    pub(crate) summary: String,
+    /// The summary as a person reads it.
+    pub(crate) table: String,
+    /// Whether the summary could be written. To be told after the summary: neither a full disk nor
+    /// a broken output may hide the other.
+    pub(crate) written: Result<(), Failure>,
+}
+
 /// Runs the command.
 ///
 /// # Errors
 /// If the run could not be started, or its results not be written.
 pub fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
-    if arguments.wait_limit.is_nan() || arguments.wait_limit <= 0.0 {
-        return Err(Failure::usage(
-            "--wait-limit takes a number above 0, or inf",
-        ));
-    }
-    let others = &arguments.binaries;
-    let other_binaries = others.plant_bin.is_some() || others.controller_bin.is_some();
-    if arguments.link == LinkKind::InProcess && other_binaries {
-        return Err(Failure::usage(
-            "--link in-process runs what is built into hil; --plant-bin and --controller-bin need processes",
-        ));
-    }
-    let interruption = Interruption::listen()?;
-    let binaries = Binaries::find(others, &interruption)?;
+    let options = &arguments.options;
+    let setup = Setup::find(options)?;
     let plan = config::read(
         &arguments.scenario,
-        &arguments.changes,
-        &binaries,
-        arguments.json,
+        &options.changes,
+        &setup.binaries,
+        options.json,
     )?;
+    let ran = execute(plan, setup, options, None)?;
+    let told = output::write(&if options.json {
+        format!("{}\n", ran.summary)
+    } else {
+        ran.table
+    });
+    ran.written?;
+    told?;
+    Ok(ran.exit)
+}
+
+impl Setup {
+    /// Looks at the options and finds the binaries.
+    ///
+    /// # Errors
+    /// If options do not go together, or a binary cannot be used.
+    pub(crate) fn find(options: &RunOptions) -> Result<Self, Failure> {
+        if options.wait_limit.is_nan() || options.wait_limit <= 0.0 {
+            return Err(Failure::usage(
+                "--wait-limit takes a number above 0, or inf",
+            ));
+        }
+        let others = &options.binaries;
+        let other_binaries = others.plant_bin.is_some() || others.controller_bin.is_some();
+        if options.link == LinkKind::InProcess && other_binaries {
+            return Err(Failure::usage(
+                "--link in-process runs what is built into hil; --plant-bin and --controller-bin need processes",
+            ));
+        }
+        let interruption = Interruption::listen()?;
+        Ok(Self {
+            binaries: Binaries::find(others, &interruption)?,
+            interruption,
+        })
+    }
+}
+
+/// Runs a checked scenario. `partial`: after how many records the digest is wanted besides.
+///
+/// # Errors
+/// If the run could not be started.
+pub(crate) fn execute(
+    plan: Plan,
+    setup: Setup,
+    options: &RunOptions,
+    partial: Option<u64>,
+) -> Result<Ran, Failure> {
+    let Setup {
+        binaries,
+        interruption,
+    } = setup;
+    let end_s = plan.run.rate.seconds(Step(plan.run.steps));
+    if let Some(pause_at_s) = options.pause_at.filter(|pause_at_s| *pause_at_s >= end_s) {
+        return Err(Failure::usage(format!(
+            "--pause-at {pause_at_s} is not before the end of the run at {end_s} s"
+        )));
+    }
     let effective = config::show(&plan, &binaries)?;
 
-    let mut session =
-        Session::create(arguments.session.as_deref()).map_err(|error| match error {
-            SessionError::Name(_) | SessionError::Taken { .. } => Failure::usage(error),
-            other => Failure::infrastructure(other),
-        })?;
+    let mut session = Session::create(options.session.as_deref()).map_err(|error| match error {
+        SessionError::Name(_) | SessionError::Taken { .. } => Failure::usage(error),
+        other => Failure::infrastructure(other),
+    })?;
     let info = session.info().clone();
-    let (plant, controller) = jobs(&plan, &info, arguments.wait_limit);
+    let (plant, controller) = jobs(&plan, &info, options);
     check(&binaries, &info, &plant, &controller, &interruption)?;
-    let run_dir = folder::create(arguments.out.as_deref(), &plan.name, &info.name)?;
+    let run_dir = folder::create(options.out.as_deref(), &plan.name, &info.name)?;
     session
         .set_run_dir(&absolute(&run_dir))
         .map_err(Failure::infrastructure)?;
@@ -83,13 +167,13 @@ pub fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
         let _ = std::fs::remove_dir(&run_dir);
     })?;
 
-    let evidence = match arguments.link {
+    let evidence = match options.link {
         LinkKind::Iceoryx2 => "sil",
         LinkKind::InProcess => "in-process",
     };
-    let recording = (!arguments.no_record).then(|| RecordingPlan {
-        path: run_dir.join("run.mcap"),
-        compression: arguments.compression,
+    let recording = (!options.no_record).then(|| RecordingPlan {
+        path: run_dir.join(RECORDING),
+        compression: options.compression,
         provenance: provenance(&plan, &info, &binaries, evidence, &effective),
     });
     let prepared = Prepared {
@@ -98,15 +182,16 @@ pub fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
         plant,
         controller,
         recording,
+        partial,
         interruption,
     };
-    let ended = match arguments.link {
+    let ended = match options.link {
         LinkKind::Iceoryx2 => processes::run(&prepared, &mut session, &run_dir)?,
-        LinkKind::InProcess => in_process::run(&prepared)?,
+        LinkKind::InProcess => in_process::run(&prepared, &info)?,
     };
     drop(session);
 
-    let recorded_to = (!arguments.no_record).then_some("run.mcap");
+    let recorded_to = (!options.no_record).then_some(RECORDING);
     let summary = Summary::new(
         &prepared.plan,
         &prepared.binaries,
@@ -116,24 +201,24 @@ pub fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
         &ended,
     );
     let json = serde_json::to_string_pretty(&summary).map_err(Failure::infrastructure)?;
-    // Told first and written all the same: neither a full disk nor a broken output hides the other.
-    let told = output::write(&if arguments.json {
-        format!("{json}\n")
-    } else {
-        summary.table(&prepared.plan, &run_dir)
-    });
-    write(&run_dir.join("summary.json"), &json)?;
-    told?;
-    Ok(match ended.outcome {
-        _ if ended.recorded.error.is_some() => Exit::Infrastructure,
-        Outcome::Completed => Exit::Pass,
-        Outcome::Diverged => Exit::Failed,
-        Outcome::Stopped if prepared.interruption.came() => Exit::Interrupted,
-        Outcome::Stopped | Outcome::Failed => Exit::Infrastructure,
+    Ok(Ran {
+        exit: match ended.outcome {
+            _ if ended.recorded.error.is_some() => Exit::Infrastructure,
+            Outcome::Completed => Exit::Pass,
+            Outcome::Diverged => Exit::Failed,
+            Outcome::Stopped if prepared.interruption.came() => Exit::Interrupted,
+            Outcome::Stopped | Outcome::Failed => Exit::Infrastructure,
+        },
+        digest: ended.recorded.digest,
+        partial_digest: ended.recorded.partial_digest,
+        recording: recorded_to.map(|name| run_dir.join(name)),
+        table: summary.table(&prepared.plan, &run_dir),
+        written: write(&run_dir.join("summary.json"), &json),
+        summary: json,
     })
 }
 
-fn absolute(path: &Path) -> std::path::PathBuf {
+fn absolute(path: &Path) -> PathBuf {
     std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
 }
 
@@ -151,8 +236,9 @@ fn write(path: &Path, text: &str) -> Result<(), Failure> {
 fn jobs(
     plan: &Plan,
     session: &SessionInfo,
-    wait_limit_s: f64,
+    options: &RunOptions,
 ) -> (plant_process::job::Job, controller_process::job::Job) {
+    let wait_limit_s = options.wait_limit;
     // Between two samples of a paced run the controller waits for the clock, not for the plant.
     let between_s = match plan.run.clock {
         Clock::Lockstep => 0.0,
@@ -168,7 +254,7 @@ fn jobs(
         derived: (plan.derived.iter())
             .map(|derived| (derived.name.clone(), derived.expression.to_string()))
             .collect(),
-        pause_at_s: None,
+        pause_at_s: options.pause_at,
         observed: true,
         wait_limit_s,
     };

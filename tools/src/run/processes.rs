@@ -170,12 +170,18 @@ pub(super) fn run(
         .map_err(Failure::infrastructure)?;
 
     let (plan, recording) = (prepared.plan.clone(), prepared.recording.clone());
-    let recorder = Recorder::start(plan, recording, || {
+    let recorder = Recorder::start(plan, recording, prepared.partial, || {
         let mut source = None;
         move || attach(&info, &mut source)
     });
-    let progress = Progress::new(prepared.plan.run.steps, prepared.plan.run.rate);
-    let first = watch(prepared, &mut plant, &mut controller, &recorder, &progress);
+    let mut progress = prepared.progress(&session.info().name);
+    let first = watch(
+        prepared,
+        &mut plant,
+        &mut controller,
+        &recorder,
+        &mut progress,
+    );
     drop(progress);
     let recorded = recorder.finish().map_err(Failure::infrastructure)?;
     let ended = conclude(prepared, recorded, &plant, &controller, first);
@@ -218,14 +224,14 @@ fn watch(
     plant: &mut Side,
     controller: &mut Side,
     recorder: &Recorder,
-    progress: &Progress,
+    progress: &mut Progress,
 ) -> &'static str {
     let mut first = None;
     let mut ending_since = None;
     loop {
         let plant_ended = plant.has_ended();
         let controller_ended = controller.has_ended();
-        progress.set(recorder.steps());
+        progress.set(recorder.next_step());
         if plant_ended && controller_ended {
             return first.unwrap_or("plant");
         }

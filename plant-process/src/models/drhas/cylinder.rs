@@ -1,14 +1,14 @@
 //! The hydraulic cylinder: piston and chambers (eqs. 2 to 4).
 //!
-//! Called by the right-hand side of the hydraulic system. The piston has no end stops and the oil
-//! no vapour pressure: the limits of the truth signals end a run before either would matter.
+//! Called by the right-hand side of the hydraulic system, and [`boiled`] by its substeps. The piston
+//! has no end stops: the limits of the truth signals end a run before it would reach them.
 
 use super::ActuatorState;
 use super::tables::ActuatorParameters;
 
 /// Acceleration of the piston.
 ///
-/// `x_h'' = (A_1 P_h1 - A_2 P_h2 - B_h x_h' - F_h - d) / m_h` (eq. 2).
+/// `x_h'' = (A_1 P_h1 - A_2 P_h2 - B_h x_h' - F_h - d) / m_h` (eq. 2; any state).
 #[inline]
 #[must_use]
 pub fn piston_acceleration_mps2(
@@ -66,32 +66,50 @@ pub fn passive_stiffness_pa_per_m3(p: &ActuatorParameters, position_m: f64) -> f
 
 /// Rate of the active chamber's pressure.
 ///
-/// `P_h1' = beta_e / V_h1 (-A_1 x_h' - q_h + Q_h1)` (eq. 3).
+/// `P_h1' = beta_e / V_h1 (-A_1 x_h' - q_h + Q_h1)` (eq. 3); an external leak takes from `Q_h1`.
 #[inline]
 #[must_use]
 pub fn active_pressure_rate_paps(
     p: &ActuatorParameters,
     state: &ActuatorState,
     leakage_m3ps: f64,
-    valve_flow_m3ps: f64,
+    inflow_m3ps: f64,
 ) -> f64 {
-    let (v_h, q_h, q_h1) = (state.velocity_mps, leakage_m3ps, valve_flow_m3ps);
+    let (v_h, q_h, q_h1) = (state.velocity_mps, leakage_m3ps, inflow_m3ps);
     active_stiffness_pa_per_m3(p, state.position_m) * (-p.area1_m2 * v_h - q_h + q_h1)
 }
 
 /// Rate of the passive chamber's pressure.
 ///
-/// `P_h2' = beta_e / V_h2 (A_2 x_h' + q_h - Q_h2)` (eq. 4).
+/// `P_h2' = beta_e / V_h2 (A_2 x_h' + q_h - Q_h2)` (eq. 4); an external leak adds to `Q_h2`.
 #[inline]
 #[must_use]
 pub fn passive_pressure_rate_paps(
     p: &ActuatorParameters,
     state: &ActuatorState,
     leakage_m3ps: f64,
-    valve_flow_m3ps: f64,
+    outflow_m3ps: f64,
 ) -> f64 {
-    let (v_h, q_h, q_h2) = (state.velocity_mps, leakage_m3ps, valve_flow_m3ps);
+    let (v_h, q_h, q_h2) = (state.velocity_mps, leakage_m3ps, outflow_m3ps);
     passive_stiffness_pa_per_m3(p, state.position_m) * (p.area2_m2 * v_h + q_h - q_h2)
+}
+
+/// The state where no chamber is below the vapour pressure.
+///
+/// `max(P, P_v)`: what would pull the oil below is filled by its vapour at constant pressure
+/// (Merritt, Hydraulic Control Systems, 1967, on cavitation). The size of the bubble is not kept: when
+/// the chamber is filled again the pressure rises at once, where a real one would first close the
+/// bubble. Applied after each integration step; a chamber above `P_v` is not touched.
+#[cold]
+#[must_use]
+pub fn boiled(p: &ActuatorParameters, state: &ActuatorState) -> ActuatorState {
+    let p_v = p.vapour_pressure_pa;
+    let above = |pressure_pa| if pressure_pa < p_v { p_v } else { pressure_pa };
+    ActuatorState {
+        pressure1_pa: above(state.pressure1_pa),
+        pressure2_pa: above(state.pressure2_pa),
+        ..*state
+    }
 }
 
 #[cfg(test)]
@@ -166,5 +184,40 @@ mod tests {
             passive_pressure_rate_paps(&parameters(), &STATE, 1e-5, 3e-4),
             -3.8e9,
         );
+    }
+
+    #[test]
+    fn a_chamber_boils_at_the_vapour_pressure() {
+        let p = ActuatorParameters {
+            vapour_pressure_pa: -0.9e5,
+            ..parameters()
+        };
+        for (pressure_pa, expected_pa) in [
+            (5.3e6, 5.3e6),
+            (-0.8e5, -0.8e5),
+            (-0.9e5, -0.9e5),
+            (-5e6, -0.9e5),
+        ] {
+            let [one, two] = [
+                ActuatorState {
+                    pressure1_pa: pressure_pa,
+                    ..STATE
+                },
+                ActuatorState {
+                    pressure2_pa: pressure_pa,
+                    ..STATE
+                },
+            ]
+            .map(|state| boiled(&p, &state));
+            assert_eq!((one.pressure1_pa, one.pressure2_pa), (expected_pa, 6e6));
+            assert_eq!((two.pressure1_pa, two.pressure2_pa), (10e6, expected_pa));
+            assert_eq!((one.position_m, one.velocity_mps), (0.01, 0.1));
+        }
+        // A number that is none must stay visible.
+        let lost = ActuatorState {
+            pressure1_pa: f64::NAN,
+            ..STATE
+        };
+        assert!(boiled(&p, &lost).pressure1_pa.is_nan());
     }
 }

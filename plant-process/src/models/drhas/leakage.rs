@@ -1,5 +1,6 @@
-//! Oil that passes the piston's seal from the active to the passive chamber (eq. 5), and the exact
-//! flow of the fault's part, which an explicit method cannot follow to its end.
+//! Oil that passes the piston's seal from the active to the passive chamber (eq. 5), with the exact
+//! flow of the fault's part, which an explicit method cannot follow to its end; and oil that leaves a
+//! chamber to the outside.
 //!
 //! Called by the right-hand side and the substeps of the hydraulic system. The fault's course over
 //! time (eq. 6) is not here: it reaches the plant as the present value of
@@ -34,6 +35,31 @@ pub fn fault_leakage_m3ps(coefficient_m3ps_per_sqrt_pa: f64, state: &ActuatorSta
     let y = state.pressure1_pa - state.pressure2_pa;
     let sqrt_y = y.abs().sqrt();
     coefficient_m3ps_per_sqrt_pa * if y < 0.0 { -sqrt_y } else { sqrt_y }
+}
+
+/// Leaks from the active and the passive chamber to the outside, through a crack or a burst line.
+///
+/// `q = c sqrt(P - P_r)` for `P > P_r`, otherwise 0 (turbulent like the second term of eq. 5; the
+/// orifice law of Merritt, Hydraulic Control Systems, 1967, on flow through orifices, with
+/// `c = C_d A sqrt(2 / rho)`). The surroundings are taken to have the pressure of the return line, so
+/// that a chamber open to the return does not leak, and no air comes in. Near `P = P_r` the root is
+/// not Lipschitz: a Runge-Kutta step `h` may pass it by `(c beta_e h / V)^2 / 16`, 5 kPa at the
+/// largest `c` and 25 us in the paper's actuator, and stays there, since nothing flows back.
+#[inline]
+#[must_use]
+pub fn external_leakages_m3ps(p: &ActuatorParameters, state: &ActuatorState) -> [f64; 2] {
+    let leak = |c: f64, pressure_pa: f64| {
+        let drop_pa = pressure_pa - p.return_pressure_pa;
+        if drop_pa > 0.0 {
+            c * drop_pa.sqrt()
+        } else {
+            0.0
+        }
+    };
+    [
+        leak(p.external_leakage1_m3ps_per_sqrt_pa, state.pressure1_pa),
+        leak(p.external_leakage2_m3ps_per_sqrt_pa, state.pressure2_pa),
+    ]
 }
 
 /// How fast the fault's leak alone brings the pressures together.
@@ -146,6 +172,24 @@ mod tests {
         assert_near(fault_leakage_m3ps(5e-7, &state(9e6, 5e6)), 1e-3);
         assert_near(fault_leakage_m3ps(5e-7, &state(5e6, 9e6)), -1e-3);
         assert_eq!(fault_leakage_m3ps(5e-7, &state(5e6, 5e6)), 0.0);
+    }
+
+    #[test]
+    fn oil_leaves_a_chamber_with_the_root_of_its_pressure_above_the_outside() {
+        let cracked = ActuatorParameters {
+            external_leakage1_m3ps_per_sqrt_pa: 2e-7,
+            external_leakage2_m3ps_per_sqrt_pa: 3e-7,
+            return_pressure_pa: 0.5e6,
+            ..parameters()
+        };
+        // 2e-7 sqrt(9e6) and 3e-7 sqrt(4e6), and nothing comes in.
+        let [q_e1, q_e2] = external_leakages_m3ps(&cracked, &state(9.5e6, 4.5e6));
+        assert_near(q_e1, 6e-4);
+        assert_near(q_e2, 6e-4);
+        let none = external_leakages_m3ps(&cracked, &state(0.5e6, 0.4e6));
+        assert_eq!(none, [0.0; 2]);
+        let tight = external_leakages_m3ps(&parameters(), &state(9.5e6, 4.5e6));
+        assert_eq!(tight, [0.0; 2]);
     }
 
     #[test]

@@ -5,20 +5,32 @@
 //! Actuation System with Common-Mode Fault", Mathematical Problems in Engineering, 2018, article
 //! 6570104. Equation numbers are its own. One file per physical part:
 //!
-//! 1. [`valve`]: current to flows, eqs. 1 and 7 to 13;
-//! 2. [`leakage`]: flow past the seal, eq. 5, and its closed form near equal pressures;
-//! 3. [`cylinder`]: pressures and piston, eqs. 2 to 4;
-//! 4. [`disturbance`]: what shakes the pistons, eq. 74;
-//! 5. [`surface`]: rods, surface and load, eqs. 14 to 17, 24 and 33.
+//! 1. [`spool`]: current to the position of the valve's spool, eq. 1;
+//! 2. [`valve`]: its position to flows, eqs. 7 to 13;
+//! 3. [`leakage`]: flow past the seal, eq. 5, with its closed form near equal pressures, and outwards;
+//! 4. [`cylinder`]: pressures and piston, eqs. 2 to 4;
+//! 5. [`friction`]: what else holds the piston;
+//! 6. [`disturbance`]: what shakes the pistons, eq. 74;
+//! 7. [`surface`]: rods, surface and load, eqs. 14 to 17, 24 and 33;
+//! 8. `rates`: all of these as one right-hand side.
 //!
-//! Assumptions: one bulk modulus per actuator and no vapour below 0 Pa; constant supply and return
-//! pressures; no friction but viscous; no end stops; small angles. Oil never flows against the
-//! valve's spool (the root of a negative pressure drop is 0). The paper's state-space form, eqs. 18
-//! to 24, is these equations again.
+//! The parameters that the paper does not have (null bias, stops, lag and sticking of the spool, droop
+//! of the supply, external leaks, dry friction, seizure, a constant load) are neutral by default: the
+//! paper's runs are the same to the last bit with and without them. [`faults`] names what can break
+//! and the parameters that it moves; no equation knows of a fault.
+//!
+//! Assumptions: one bulk modulus per actuator; no end stops; small angles; below the vapour pressure
+//! oil becomes vapour that leaves no bubble behind. Oil never flows against the valve's spool (the
+//! root of a negative pressure drop is 0). The paper's state-space form, eqs. 18 to 24, is these
+//! equations again.
 
 pub mod cylinder;
 pub mod disturbance;
+pub mod faults;
+pub mod friction;
 pub mod leakage;
+mod rates;
+pub mod spool;
 pub mod surface;
 pub mod tables;
 pub mod valve;
@@ -26,13 +38,12 @@ pub mod valve;
 #[cfg(test)]
 mod tests;
 
-use shared_types::describe::{
-    FaultDescription, Invalid, MoveBy, Operation, ParameterMove, ProfileDescription,
-};
-use shared_types::table::Field;
+use shared_types::describe::{FaultDescription, Invalid};
 use shared_types::time::Interval;
 use zerocopy::{FromBytes, Immutable, IntoBytes, transmute};
 
+use self::rates::{Channel, Inputs, is_beyond_paper, rates};
+use self::spool::Spool;
 pub use self::tables::{
     ActuatorParameters, Command, Measured, Parameters, SurfaceParameters, Truth,
 };
@@ -76,67 +87,14 @@ const STATES: usize = size_of::<State>() / size_of::<f64>();
 /// 8.7e-10 rad and 0.64 Pa in 16; Runge-Kutta alone 4.7e-7 rad and 4100 Pa.
 const PARTS_OF_EMPTYING_SUBSTEP: u32 = 4;
 
-/// The hydraulic system: its parameters as they are now and its state.
+/// The hydraulic system: its parameters as they are now, the state that is integrated, and the spools,
+/// whose course has a closed form.
 pub struct Drhas {
     parameters: Parameters,
     state: State,
-}
-
-/// What an actuator is given during one substep.
-struct Channel<'a> {
-    parameters: &'a ActuatorParameters,
-    current_a: f64,
-    /// `beta C_t` of the leak that the right-hand side contains.
-    leakage_coefficient_m3ps_per_sqrt_pa: f64,
-}
-
-impl Channel<'_> {
-    /// Rates of an actuator's state, in its order (eqs. 2 to 4).
-    #[inline]
-    fn rates(&self, state: &ActuatorState, rod_force_n: f64, disturbance_n: f64) -> [f64; 4] {
-        let (p, u) = (self.parameters, self.current_a);
-        let q_h = leakage::normal_leakage_m3ps(p, state)
-            + leakage::fault_leakage_m3ps(self.leakage_coefficient_m3ps_per_sqrt_pa, state);
-        let q_h1 = valve::active_flow_m3ps(p, state, u);
-        let q_h2 = valve::passive_flow_m3ps(p, state, u);
-        [
-            state.velocity_mps,
-            cylinder::piston_acceleration_mps2(p, state, rod_force_n, disturbance_n),
-            cylinder::active_pressure_rate_paps(p, state, q_h, q_h1),
-            cylinder::passive_pressure_rate_paps(p, state, q_h, q_h2),
-        ]
-    }
-}
-
-/// Rates of the whole state, in its order: the right-hand side of the model.
-#[inline]
-fn rates(
-    surface: &SurfaceParameters,
-    channels: &[Channel<'_>; 2],
-    disturbances_n: &[f64; 2],
-    state: &State,
-) -> [f64; STATES] {
-    let [one, two] = channels;
-    let [state1, state2] = &state.actuators;
-    let x_d = surface::linear_displacement_m(surface, state.angle_rad);
-    let f_h1 = surface::rod_force_n(one.parameters, state1.position_m, x_d);
-    let f_h2 = surface::rod_force_n(two.parameters, state2.position_m, x_d);
-    let t_l = surface::load_torque_nm(surface, x_d);
-    let [x_1, v_1, p_11, p_12] = one.rates(state1, f_h1, disturbances_n[0]);
-    let [x_2, v_2, p_21, p_22] = two.rates(state2, f_h2, disturbances_n[1]);
-    let omega = surface::angular_acceleration_radps2(surface, state.rate_radps, [f_h1, f_h2], t_l);
-    [
-        state.rate_radps,
-        omega,
-        x_1,
-        v_1,
-        p_11,
-        p_12,
-        x_2,
-        v_2,
-        p_21,
-        p_22,
-    ]
+    spools: [Spool; 2],
+    /// Whether an actuator has something that the paper's does not have.
+    beyond_paper: bool,
 }
 
 impl Drhas {
@@ -144,14 +102,14 @@ impl Drhas {
     ///
     /// The fault's leak is part of the right-hand side, except where it alone would make an
     /// actuator's pressures equal within the step (see [`leakage`]): there its exact flow is
-    /// applied instead, half before and half after the rest.
+    /// applied instead, half before and half after the rest. At the end no chamber is below the
+    /// vapour pressure.
     #[inline]
-    fn substep(&mut self, step_s: f64, currents_a: [f64; 2], disturbances_n: &[[f64; 2]; 3]) {
+    fn substep(&mut self, step_s: f64, inputs: &[Inputs; 3]) {
         let actuators = self.parameters.actuators();
         let empties = self.empties_within(step_s);
         let channels: [Channel<'_>; 2] = std::array::from_fn(|i| Channel {
             parameters: actuators[i],
-            current_a: currents_a[i],
             leakage_coefficient_m3ps_per_sqrt_pa: if empties[i] {
                 0.0
             } else {
@@ -169,11 +127,35 @@ impl Drhas {
 
         leak_half_a_step(&mut self.state);
         let mut x: [f64; STATES] = transmute!(self.state);
-        rk4_step(&mut x, step_s, disturbances_n, |d, x| {
-            rates(&self.parameters.surface, &channels, d, &transmute!(*x))
-        });
+        let surface = &self.parameters.surface;
+        if self.beyond_paper {
+            rk4_step(&mut x, step_s, inputs, |now, x| {
+                rates::<true>(surface, &channels, now, &transmute!(*x))
+            });
+        } else {
+            rk4_step(&mut x, step_s, inputs, |now, x| {
+                rates::<false>(surface, &channels, now, &transmute!(*x))
+            });
+        }
         self.state = transmute!(x);
         leak_half_a_step(&mut self.state);
+        self.let_oil_boil();
+    }
+
+    /// Leaves no chamber below the vapour pressure.
+    #[inline]
+    fn let_oil_boil(&mut self) {
+        let [s_1, s_2] = self.state.actuators;
+        // No vapour pressure is above 0: one condition in the common case.
+        let lower = |a: f64, b: f64| if a < b { a } else { b };
+        let lowest_pa = lower(
+            lower(s_1.pressure1_pa, s_2.pressure1_pa),
+            lower(s_1.pressure2_pa, s_2.pressure2_pa),
+        );
+        if lowest_pa < 0.0 {
+            let [p_1, p_2] = self.parameters.actuators();
+            self.state.actuators = [cylinder::boiled(p_1, &s_1), cylinder::boiled(p_2, &s_2)];
+        }
     }
 
     /// For each actuator, whether the fault's leak alone would make its pressures equal.
@@ -181,6 +163,26 @@ impl Drhas {
     fn empties_within(&self, duration_s: f64) -> [bool; 2] {
         let (actuators, states) = (self.parameters.actuators(), &self.state.actuators);
         std::array::from_fn(|i| leakage::empties_within(actuators[i], &states[i], duration_s))
+    }
+
+    /// Where both spools go under a command.
+    fn wanted_spools_m(&self, command: &Command) -> [f64; 2] {
+        let [p_1, p_2] = self.parameters.actuators();
+        let [one, two] = &self.spools;
+        [
+            one.wanted_m(p_1, command.actuator1_valve_current_a),
+            two.wanted_m(p_2, command.actuator2_valve_current_a),
+        ]
+    }
+
+    /// Moves both spools on, and gives their positions at begin, middle and end of the way.
+    #[inline]
+    fn move_spools(&mut self, wanted_m: [f64; 2], duration_s: f64) -> [[f64; 2]; 3] {
+        let [p_1, p_2] = self.parameters.actuators();
+        let [one, two] = &mut self.spools;
+        let one_m = one.travel(p_1, wanted_m[0], duration_s);
+        let two_m = two.travel(p_2, wanted_m[1], duration_s);
+        std::array::from_fn(|node| [one_m[node], two_m[node]])
     }
 
     /// Disturbances of both pistons (eq. 74).
@@ -194,45 +196,14 @@ impl Drhas {
 impl Plant for Drhas {
     const NAME: &'static str = "drhas";
     const SUMMARY: &'static str = "Dual redundant hydraulic actuation system: two valve-controlled \
-                                   cylinders on one control surface, with leaking seals as fault.";
+                                   cylinders on one control surface.";
     type Parameters = Parameters;
     type Truth = Truth;
     type Measured = Measured;
     type Command = Command;
 
     fn faults() -> Vec<FaultDescription> {
-        let field = |name, unit, text, max| Field {
-            min: 0.0,
-            max,
-            ..Field::signal(name, unit, text)
-        };
-        vec![FaultDescription {
-            kind: "leakage".into(),
-            summary: "Leak past the piston's seal that sets in exponentially (eqs. 5 and 6)."
-                .into(),
-            equation: "q_t = C_t g sqrt(|P_h1 - P_h2|) sign(P_h1 - P_h2), g = 1 - exp(-mu t)"
-                .into(),
-            selector: Some("actuator".into()),
-            sizes: vec![field(
-                "coefficient_m3ps_per_sqrt_pa",
-                "m3/s/sqrt(Pa)",
-                "Leakage coefficient C_t at the end.",
-                1e-4,
-            )],
-            moves: vec![ParameterMove {
-                parameter: "leakage_coefficient_m3ps_per_sqrt_pa".into(),
-                operation: Operation::Add,
-                by: MoveBy::Size("coefficient_m3ps_per_sqrt_pa".into()),
-            }],
-            profile: ProfileDescription::Exponential {
-                speed: field(
-                    "speed_per_s",
-                    "1/s",
-                    "Speed mu at which the leak sets in.",
-                    1e6,
-                ),
-            },
-        }]
+        faults::all()
     }
 
     fn start(parameters: &Parameters) -> Result<Self, Invalid> {
@@ -247,11 +218,14 @@ impl Plant for Drhas {
                     start("actuator2", &parameters.actuator2)?,
                 ],
             },
+            spools: parameters.actuators().map(Spool::at_null),
+            beyond_paper: parameters.actuators().into_iter().any(is_beyond_paper),
         })
     }
 
     fn retune(&mut self, parameters: &Parameters) {
         self.parameters = *parameters;
+        self.beyond_paper = parameters.actuators().into_iter().any(is_beyond_paper);
     }
 
     fn measure(&self) -> Measured {
@@ -291,10 +265,7 @@ impl Plant for Drhas {
 
     fn advance(&mut self, interval: &Interval, command: &Command) {
         let h = interval.substep_s();
-        let currents_a = [
-            command.actuator1_valve_current_a,
-            command.actuator2_valve_current_a,
-        ];
+        let wanted_m = self.wanted_spools_m(command);
         // A part's end is the next one's begin: two new sines for each, not four.
         let mut begin_n = self.disturbances_n(interval.start_s);
         for substep in 0..interval.substeps {
@@ -309,7 +280,19 @@ impl Plant for Drhas {
                 let time_s = substep_start_s + f64::from(part) * part_s;
                 let middle_n = self.disturbances_n(time_s + 0.5 * part_s);
                 let end_n = self.disturbances_n(time_s + part_s);
-                self.substep(part_s, currents_a, &[begin_n, middle_n, end_n]);
+                let [begin_m, middle_m, end_m] = self.move_spools(wanted_m, part_s);
+                let inputs = |spools_m, disturbances_n| Inputs {
+                    spools_m,
+                    disturbances_n,
+                };
+                self.substep(
+                    part_s,
+                    &[
+                        inputs(begin_m, begin_n),
+                        inputs(middle_m, middle_n),
+                        inputs(end_m, end_n),
+                    ],
+                );
                 begin_n = end_n;
             }
         }

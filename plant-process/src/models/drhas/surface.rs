@@ -24,13 +24,18 @@ pub fn rod_force_n(p: &ActuatorParameters, position_m: f64, linear_displacement_
     p.connection_stiffness_n_per_m * (position_m - linear_displacement_m)
 }
 
-/// Torque of the elastic load.
+/// Torque of the load.
 ///
-/// `T_L = r_d F_L` with `F_L = K_d x_d` (section 4).
+/// `T_L = r_d F_L + T_0` with `F_L = K_d x_d` (section 4); `T_0` is constant and not in the paper.
 #[inline]
 #[must_use]
 pub fn load_torque_nm(p: &SurfaceParameters, linear_displacement_m: f64) -> f64 {
-    p.radial_distance_m * (p.load_stiffness_n_per_m * linear_displacement_m)
+    let (r_d, k_d, t_0) = (
+        p.radial_distance_m,
+        p.load_stiffness_n_per_m,
+        p.load_torque_nm,
+    );
+    r_d * (k_d * linear_displacement_m) + t_0
 }
 
 /// Angular acceleration of the surface.
@@ -72,6 +77,7 @@ mod tests {
         inertia_kg_m2: 10.0,
         damping_n_m_s_per_rad: 50.0,
         load_stiffness_n_per_m: 1e6,
+        load_torque_nm: 0.0,
         initial_angle_rad: 0.0,
         initial_rate_radps: 0.0,
     };
@@ -101,6 +107,15 @@ mod tests {
     #[test]
     fn the_load_grows_with_displacement_and_arm() {
         assert_near(load_torque_nm(&SURFACE, 0.01), 2000.0);
+    }
+
+    #[test]
+    fn a_constant_torque_adds_to_the_load() {
+        let loaded = SurfaceParameters {
+            load_torque_nm: -300.0,
+            ..SURFACE
+        };
+        assert_near(load_torque_nm(&loaded, 0.01), 1700.0);
     }
 
     #[test]

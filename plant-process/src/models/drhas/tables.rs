@@ -1,7 +1,7 @@
 //! What goes into the hydraulic system and what comes out of it: its parameters and signals.
 //!
-//! The defaults are Table 1 of the paper and eq. 74. The symbols in the descriptions are the
-//! paper's; `N` counts the actuators.
+//! The defaults are Table 1 of the paper and eq. 74; what the paper does not have is neutral by
+//! default. The symbols in the descriptions are the paper's.
 
 use shared_types::table;
 
@@ -10,16 +10,32 @@ table! {
     pub struct ActuatorParameters {
         /// Valve gain k_i: spool displacement per current.
         valve_gain_m_per_a: "m/A" = 3.04e-3 in 0.0..=1.0 [faultable],
+        /// Null bias of the valve: where the spool is without current.
+        valve_null_bias_m: "m" = 0.0 in (-0.02)..=0.02 [faultable],
+        /// Travel of the spool to either side, where its stops are; the paper's runs use 7.1 mm.
+        valve_travel_m: "m" = 0.02 in 1e-6..=1.0,
+        /// Time constant of the spool, 1 / (2 pi bandwidth); 0: it follows at once.
+        valve_lag_s: "s" = 0.0 in 0.0..=10.0 [faultable],
+        /// How far the spool is stuck where it was: 0 moves freely, 1 not at all.
+        valve_stuck: "1" = 0.0 in 0.0..=1.0 [faultable],
         /// Flow gain k_q of the valve.
         flow_gain_m2ps_per_sqrt_pa: "m2/s/sqrt(Pa)" = 7.5e-5 in 0.0..=1.0,
         /// Supply pressure P_s.
         supply_pressure_pa: "Pa" = 28e6 in 0.0..=6e7 [faultable],
+        /// Drop of the supply pressure at the valve per flow that it gives.
+        supply_droop_pa_s_per_m3: "Pa s/m3" = 0.0 in 0.0..=1e12 [faultable],
         /// Return pressure P_r.
         return_pressure_pa: "Pa" = 0.0 in 0.0..=6e7 [faultable],
         /// Piston mass m_h.
         piston_mass_kg: "kg" = 55.0 in 1e-3..=1e6,
         /// Damping coefficient B_h of the piston.
         damping_n_s_per_m: "N s/m" = 1e4 in 0.0..=1e9 [faultable],
+        /// Coulomb friction F_c of the piston.
+        coulomb_friction_n: "N" = 0.0 in 0.0..=4e4 [faultable],
+        /// Velocity v_s at which Coulomb friction has reached 76 % (tanh 1) of its size.
+        friction_velocity_mps: "m/s" = 1e-2 in 1e-2..=1e2,
+        /// How far the piston is seized: 0 moves freely, 1 not at all.
+        motion_blocked: "1" = 0.0 in 0.0..=1.0 [faultable],
         /// Piston area A_1 of the active chamber.
         area1_m2: "m2" = 1.47e-3 in 1e-6..=1.0,
         /// Piston area A_2 of the passive chamber.
@@ -30,10 +46,16 @@ table! {
         volume1_m3: "m3" = 0.735e-4 in 1e-9..=1.0,
         /// Volume V_20 of the passive chamber at position 0.
         volume2_m3: "m3" = 0.735e-4 in 1e-9..=1.0,
+        /// Pressure above the surroundings at which the oil boils and which no chamber goes below.
+        vapour_pressure_pa: "Pa" = (-1e5) in (-1e5)..=0.0,
         /// Normal internal leakage coefficient C_i.
         internal_leakage_m3ps_per_pa: "m3/s/Pa" = 1e-12 in 0.0..=1e-6,
         /// Leakage coefficient of the fault, beta C_t of eqs. 5 and 6; moved by the fault `leakage`.
         leakage_coefficient_m3ps_per_sqrt_pa: "m3/s/sqrt(Pa)" = 0.0 in 0.0..=1e-4 [faultable],
+        /// Coefficient of the leak from the active chamber to the outside.
+        external_leakage1_m3ps_per_sqrt_pa: "m3/s/sqrt(Pa)" = 0.0 in 0.0..=1e-6 [faultable],
+        /// Coefficient of the leak from the passive chamber to the outside.
+        external_leakage2_m3ps_per_sqrt_pa: "m3/s/sqrt(Pa)" = 0.0 in 0.0..=1e-6 [faultable],
         /// Stiffness K_h of the connection between rod and surface.
         connection_stiffness_n_per_m: "N/m" = 1e8 in 0.0..=1e12 [faultable],
         /// Constant part of the disturbance force d, against the rod's extension.
@@ -66,6 +88,8 @@ table! {
         damping_n_m_s_per_rad: "N m s/rad" = 51.75 in 0.0..=1e9,
         /// Stiffness K_d of the elastic load.
         load_stiffness_n_per_m: "N/m" = 9.14e5 in 0.0..=1e12 [faultable],
+        /// Torque of the load besides the elastic one, against a positive angle.
+        load_torque_nm: "N m" = 0.0 in (-1e5)..=1e5 [faultable],
         /// Angle at step 0.
         initial_angle_rad: "rad" = 0.0 in (-0.5)..=0.5,
         /// Rate at step 0.

@@ -1,0 +1,187 @@
+//! The desk between the loop and the outside: requests wait here until the loop has a moment.
+//!
+//! The service thread of [`live`](crate::live) puts orders on it; the engine looks at one number
+//! before each step, the [gate](Desk::gate), and comes to the desk only when the step has reached
+//! it. The loop never waits for the desk, and the desk never touches the loop's state.
+
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Mutex, OnceLock, PoisonError};
+
+use shared_types::live::{FaultState, Status};
+use shared_types::record::RecordLayout;
+use shared_types::time::Step;
+
+use crate::faults::{Admitted, Prepared};
+
+/// What the loop is asked to do.
+pub enum Order {
+    /// Take these faults, all or none.
+    Admit(Vec<Box<Prepared>>, Sender<Result<Vec<Admitted>, String>>),
+    /// End one fault or all; answered with those that ended and the first step without them.
+    Clear(Option<u32>, Sender<(Vec<u32>, Step)>),
+    /// Show the faults.
+    Show(Sender<Vec<FaultState>>),
+    /// Hold before the next step.
+    Pause(Sender<()>),
+    /// Go on.
+    Resume(Sender<()>),
+    /// Go on for so many steps, then hold; refused unless the run is held.
+    Advance(u64, Sender<Result<Step, String>>),
+}
+
+/// The desk. Shared between the loop and the service thread.
+pub struct Desk {
+    /// The loop may begin any step below this without looking at the desk.
+    gate: AtomicU64,
+    /// The next step.
+    step: AtomicU64,
+    held: AtomicBool,
+    closed: AtomicBool,
+    layout: OnceLock<RecordLayout>,
+    orders: Mutex<Orders>,
+}
+
+struct Orders {
+    waiting: VecDeque<Order>,
+    /// The step before which the run is held.
+    hold_at: Step,
+}
+
+impl Desk {
+    /// A desk of a run that is to be held before a step; [`Step`] of `u64::MAX` for never.
+    #[must_use]
+    pub fn new(hold_at: Step) -> Self {
+        Self {
+            gate: AtomicU64::new(hold_at.0),
+            step: AtomicU64::new(0),
+            held: AtomicBool::new(false),
+            closed: AtomicBool::new(false),
+            layout: OnceLock::new(),
+            orders: Mutex::new(Orders {
+                waiting: VecDeque::new(),
+                hold_at,
+            }),
+        }
+    }
+
+    /// For the loop: whether a step may begin without looking at the desk.
+    #[must_use]
+    pub fn is_open_for(&self, step: Step) -> bool {
+        self.step.store(step.0, Ordering::Relaxed);
+        step.0 < self.gate.load(Ordering::Acquire)
+    }
+
+    /// For the loop: takes one order, if there is one and the desk is free. `None` also moves the
+    /// gate to where the run is to be held.
+    #[must_use]
+    pub fn next_order(&self) -> Option<Order> {
+        let mut orders = self.orders.try_lock().ok()?;
+        let order = orders.waiting.pop_front();
+        if order.is_none() {
+            self.gate.store(orders.hold_at.0, Ordering::Release);
+        }
+        order
+    }
+
+    /// For the loop: holds the run before a step from now on.
+    pub fn hold_at(&self, step: Step) {
+        self.lock().hold_at = step;
+    }
+
+    /// For the loop: whether the run is to be held before a step; notes it for the outside.
+    #[must_use]
+    pub fn holds(&self, step: Step) -> bool {
+        let holds = step.0 >= self.lock().hold_at.0;
+        self.held.store(holds, Ordering::Release);
+        holds
+    }
+
+    /// For the loop: what the records hold is known.
+    pub fn opened(&self, layout: &RecordLayout) {
+        let _ = self.layout.set(layout.clone()); // a second controller has the same layout
+    }
+
+    /// For the loop: the run is over, nobody takes orders any more.
+    pub fn close(&self) {
+        self.closed.store(true, Ordering::Release);
+        self.lock().waiting.clear();
+    }
+
+    /// What the records hold, once it is known.
+    #[must_use]
+    pub fn layout(&self) -> Option<&RecordLayout> {
+        self.layout.get()
+    }
+
+    /// Whether the run is over.
+    #[must_use]
+    pub fn is_closed(&self) -> bool {
+        self.closed.load(Ordering::Acquire)
+    }
+
+    /// Whether an order waits for the loop.
+    #[must_use]
+    pub fn wants_attention(&self) -> bool {
+        self.gate.load(Ordering::Acquire) == 0
+    }
+
+    /// Where the run is.
+    #[must_use]
+    pub fn status(&self, rate: shared_types::time::Rate, steps: u64) -> Status {
+        let step = Step(self.step.load(Ordering::Relaxed));
+        Status {
+            step: step.0,
+            time_s: rate.seconds(step),
+            steps,
+            paused: self.held.load(Ordering::Acquire),
+        }
+    }
+
+    /// Puts an order on the desk and gives where its answer will come.
+    pub fn order<T>(&self, order: impl FnOnce(Sender<T>) -> Order) -> Receiver<T> {
+        let (answer, answered) = channel();
+        let mut orders = self.lock();
+        if !self.is_closed() {
+            orders.waiting.push_back(order(answer));
+            self.gate.store(0, Ordering::Release);
+        }
+        answered
+    }
+
+    fn lock(&self) -> std::sync::MutexGuard<'_, Orders> {
+        // Nothing is left half done under this lock, so that a panic elsewhere does not matter.
+        self.orders.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_open_gate_needs_no_look_and_an_order_closes_it() {
+        let desk = Desk::new(Step(u64::MAX));
+        assert!(desk.is_open_for(Step(7)) && desk.next_order().is_none());
+        let answered = desk.order(Order::Pause);
+        assert!(!desk.is_open_for(Step(8)) && desk.wants_attention());
+        let Some(Order::Pause(answer)) = desk.next_order() else {
+            panic!("the order waits");
+        };
+        desk.hold_at(Step(8));
+        answer.send(()).expect("somebody waits");
+        assert!(desk.next_order().is_none() && desk.holds(Step(8)));
+        assert!(!desk.wants_attention() && !desk.is_open_for(Step(8)));
+        assert!(answered.recv().is_ok());
+    }
+
+    #[test]
+    fn a_closed_desk_answers_nobody() {
+        let desk = Desk::new(Step(u64::MAX));
+        let before = desk.order(Order::Pause);
+        desk.close();
+        let after = desk.order(Order::Pause);
+        assert!(before.recv().is_err() && after.recv().is_err());
+    }
+}

@@ -1,0 +1,130 @@
+//! Faults that show the past, or nothing: a number stands still, comes late or does not come.
+
+use shared_types::describe::{ActsOn, Invalid};
+use shared_types::table::Empty;
+
+use super::{LARGEST, towards, whole};
+use crate::faults::kind::{FaultKind, Moment, Reading, Setup};
+
+/// Stands still.
+pub struct Stuck(Option<f64>);
+
+impl FaultKind for Stuck {
+    const NAME: &'static str = "stuck";
+    const SUMMARY: &'static str = "The value stands still where it is when the profile leaves 0.";
+    const EQUATION: &'static str =
+        "y = x(t0) where g is not 0, t0 the first step of that; else y = x";
+    const ACTS_ON: ActsOn = ActsOn::Numbers;
+    type Parameters = Empty;
+
+    fn start(_: &Setup<'_, Empty>) -> Result<Self, Invalid> {
+        Ok(Self(None))
+    }
+
+    fn number(&mut self, at: &Moment, x: Reading) -> Reading {
+        if at.gain == 0.0 {
+            self.0 = None;
+            return x;
+        }
+        let value = *self.0.get_or_insert(x.value);
+        Reading { value, ..x }
+    }
+}
+
+shared_types::table! {
+    /// Parameters of [`StuckAt`].
+    pub struct StuckAtParameters {
+        /// The value v.
+        value: "target" = 0.0 in (-LARGEST)..=LARGEST,
+    }
+}
+
+/// Stands still at a value.
+pub struct StuckAt(StuckAtParameters);
+
+impl FaultKind for StuckAt {
+    const NAME: &'static str = "stuck-at";
+    const SUMMARY: &'static str = "The value goes to a given one and stands still there.";
+    const EQUATION: &'static str = "y = x + (v - x) g";
+    const ACTS_ON: ActsOn = ActsOn::Numbers;
+    type Parameters = StuckAtParameters;
+
+    fn start(setup: &Setup<'_, StuckAtParameters>) -> Result<Self, Invalid> {
+        Ok(Self(setup.parameters))
+    }
+
+    fn number(&mut self, at: &Moment, x: Reading) -> Reading {
+        Reading {
+            value: towards(x.value, self.0.value, at.gain),
+            ..x
+        }
+    }
+}
+
+shared_types::table! {
+    /// Parameters of [`Delay`].
+    pub struct DelayParameters {
+        /// How late, n, a whole number.
+        steps: "steps" = 1.0 in 0.0..=1e5,
+    }
+}
+
+/// Shows the value of steps ago.
+pub struct Delay {
+    steps: u64,
+    /// The last readings, by steps since the fault took hold.
+    past: Vec<Reading>,
+}
+
+impl FaultKind for Delay {
+    const NAME: &'static str = "delay";
+    const SUMMARY: &'static str = "The value of n steps ago; until there is one, that of the step at which the fault took hold.";
+    const EQUATION: &'static str = "y(k) = x(max(k - n, k0)) where g is not 0, else y = x";
+    const ACTS_ON: ActsOn = ActsOn::Numbers;
+    type Parameters = DelayParameters;
+
+    fn start(setup: &Setup<'_, DelayParameters>) -> Result<Self, Invalid> {
+        let steps = whole("steps", setup.parameters.steps)?;
+        let empty = Reading {
+            value: 0.0,
+            valid: true,
+        };
+        Ok(Self {
+            steps: u64::from(steps),
+            past: vec![empty; steps as usize + 1],
+        })
+    }
+
+    fn number(&mut self, at: &Moment, x: Reading) -> Reading {
+        let places = self.past.len() as u64;
+        self.past[(at.since_steps % places) as usize] = x;
+        if at.gain == 0.0 {
+            return x;
+        }
+        let then = at.since_steps.saturating_sub(self.steps);
+        self.past[(then % places) as usize]
+    }
+}
+
+/// Nothing comes.
+pub struct Dropout;
+
+impl FaultKind for Dropout {
+    const NAME: &'static str = "dropout";
+    const SUMMARY: &'static str = "The signal is marked invalid and keeps its last valid value.";
+    const EQUATION: &'static str = "y = last valid y, marked invalid, where g is not 0; else y = x";
+    const ACTS_ON: ActsOn = ActsOn::Signals;
+    type Parameters = Empty;
+
+    fn start(_: &Setup<'_, Empty>) -> Result<Self, Invalid> {
+        Ok(Self)
+    }
+
+    fn number(&mut self, at: &Moment, x: Reading) -> Reading {
+        // The layer puts the last valid value in the place of an invalid one.
+        Reading {
+            valid: x.valid && at.gain == 0.0,
+            ..x
+        }
+    }
+}

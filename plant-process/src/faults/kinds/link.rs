@@ -1,0 +1,327 @@
+//! Faults of the link: what becomes of a message on its way.
+//!
+//! The profile scales probabilities and lengths: at g = 0 every message arrives in time and whole.
+
+use shared_types::describe::{ActsOn, Invalid, ListDescription};
+use shared_types::random::RandomStream;
+
+use super::whole;
+use crate::faults::kind::{FaultKind, Moment, Passage, Setup};
+
+/// Adds a delay to every copy; what would come too late never comes.
+fn delayed(passage: &mut Passage, steps: u32) {
+    for copy in &mut passage.copies {
+        *copy = copy.map(|late| late.saturating_add(steps));
+    }
+}
+
+/// A length scaled by the profile, in whole steps, halves away from 0.
+fn scaled(steps: u32, gain: f64) -> u32 {
+    libm::round(f64::from(steps) * gain) as u32 // below 0 saturates to 0
+}
+
+/// Random events of a probability.
+struct Chance {
+    probability: f64,
+    random: Option<RandomStream>,
+}
+
+impl Chance {
+    const fn new(probability: f64) -> Self {
+        Self {
+            probability,
+            random: None,
+        }
+    }
+
+    /// Whether it happens now. Draws each time, so that the profile does not shift the numbers.
+    fn happens(&mut self, gain: f64) -> bool {
+        let drawn = self.random.as_mut().map_or(1.0, RandomStream::uniform);
+        drawn < self.probability * gain
+    }
+}
+
+shared_types::table! {
+    /// Parameters of [`Loss`].
+    pub struct LossParameters {
+        /// Probability P that a message is lost.
+        probability: "1" = 1.0 in 0.0..=1.0,
+    }
+}
+
+/// Messages are lost.
+pub struct Loss {
+    chance: Chance,
+    /// Whether each message is lost, again and again; empty: by chance.
+    pattern: Vec<bool>,
+}
+
+impl FaultKind for Loss {
+    const NAME: &'static str = "message-loss";
+    const SUMMARY: &'static str =
+        "Messages are lost: the receiver keeps the last one, which grows old.";
+    const EQUATION: &'static str = "message k never arrives with probability P g; with a pattern: where its place in it is 1 and g is not 0";
+    const ACTS_ON: ActsOn = ActsOn::Links;
+    type Parameters = LossParameters;
+    const OPTIONAL: &'static [&'static str] = &["probability"];
+
+    fn list() -> Option<ListDescription> {
+        Some(ListDescription {
+            key: "pattern".into(),
+            description: "Which messages are lost, 1, and which are not, 0, again and again; then there is no chance.".into(),
+            columns: 1,
+        })
+    }
+
+    fn start(setup: &Setup<'_, LossParameters>) -> Result<Self, Invalid> {
+        if setup.parameters.probability < 1.0 && !setup.list.is_empty() {
+            return Err(Invalid(
+                "`pattern` takes the place of `probability`; give one of them".into(),
+            ));
+        }
+        let lost = |value: &f64| match *value {
+            0.0 => Ok(false),
+            1.0 => Ok(true),
+            other => Err(Invalid(format!(
+                "`pattern` has {other}; only 0 and 1 mean something"
+            ))),
+        };
+        Ok(Self {
+            chance: Chance::new(setup.parameters.probability),
+            pattern: setup.list.iter().map(lost).collect::<Result<_, _>>()?,
+        })
+    }
+
+    fn hold(&mut self, random: RandomStream) {
+        self.chance.random = Some(random);
+    }
+
+    fn message(&mut self, at: &Moment, passage: &mut Passage) {
+        let lost = if self.pattern.is_empty() {
+            self.chance.happens(at.gain)
+        } else {
+            let place = at.since_steps % self.pattern.len() as u64;
+            self.pattern[place as usize] && at.gain != 0.0
+        };
+        if lost {
+            passage.copies = [None; Passage::MOST_COPIES];
+        }
+    }
+}
+
+shared_types::table! {
+    /// Parameters of [`Delay`].
+    pub struct DelayParameters {
+        /// How late messages come, n, a whole number.
+        steps: "steps" = 1.0 in 0.0..=1000.0,
+    }
+}
+
+/// Messages come late.
+pub struct Delay(u32);
+
+impl FaultKind for Delay {
+    const NAME: &'static str = "message-delay";
+    const SUMMARY: &'static str = "Every message comes a constant number of steps late.";
+    const EQUATION: &'static str = "message k arrives at step k + round(n g)";
+    const ACTS_ON: ActsOn = ActsOn::Links;
+    type Parameters = DelayParameters;
+
+    fn start(setup: &Setup<'_, DelayParameters>) -> Result<Self, Invalid> {
+        Ok(Self(whole("steps", setup.parameters.steps)?))
+    }
+
+    fn message(&mut self, at: &Moment, passage: &mut Passage) {
+        delayed(passage, scaled(self.0, at.gain));
+    }
+}
+
+shared_types::table! {
+    /// Parameters of [`Jitter`].
+    pub struct JitterParameters {
+        /// The latest that a message comes, n, a whole number.
+        steps: "steps" = 1.0 in 0.0..=1000.0,
+    }
+}
+
+/// Messages come late, each by its own time.
+pub struct Jitter {
+    steps: u32,
+    random: Option<RandomStream>,
+}
+
+impl FaultKind for Jitter {
+    const NAME: &'static str = "message-jitter";
+    const SUMMARY: &'static str = "Every message comes late by a time of its own; one that was overtaken by a newer one at its step is not seen.";
+    const EQUATION: &'static str = "message k arrives at step k + d, d uniform in 0 .. round(n g)";
+    const ACTS_ON: ActsOn = ActsOn::Links;
+    type Parameters = JitterParameters;
+
+    fn start(setup: &Setup<'_, JitterParameters>) -> Result<Self, Invalid> {
+        Ok(Self {
+            steps: whole("steps", setup.parameters.steps)?,
+            random: None,
+        })
+    }
+
+    fn hold(&mut self, random: RandomStream) {
+        self.random = Some(random);
+    }
+
+    fn message(&mut self, at: &Moment, passage: &mut Passage) {
+        let drawn = self.random.as_mut().map_or(0.0, RandomStream::uniform);
+        let longest = f64::from(scaled(self.steps, at.gain));
+        delayed(passage, (drawn * (longest + 1.0)) as u32);
+    }
+}
+
+shared_types::table! {
+    /// Parameters of [`Duplication`].
+    pub struct DuplicationParameters {
+        /// Probability P that a message comes twice.
+        probability: "1" = 1.0 in 0.0..=1.0,
+        /// How long after the first the second one comes, n, a whole number.
+        lag_steps: "steps" = 1.0 in 1.0..=1000.0,
+    }
+}
+
+/// Messages come twice.
+pub struct Duplication {
+    chance: Chance,
+    lag_steps: u32,
+}
+
+impl FaultKind for Duplication {
+    const NAME: &'static str = "message-duplication";
+    const SUMMARY: &'static str =
+        "Messages come a second time, after newer ones, and bring the past back.";
+    const EQUATION: &'static str = "with probability P g message k arrives once more n steps later, after what else arrives then";
+    const ACTS_ON: ActsOn = ActsOn::Links;
+    type Parameters = DuplicationParameters;
+    const OPTIONAL: &'static [&'static str] = &["probability", "lag_steps"];
+
+    fn start(setup: &Setup<'_, DuplicationParameters>) -> Result<Self, Invalid> {
+        Ok(Self {
+            chance: Chance::new(setup.parameters.probability),
+            lag_steps: whole("lag_steps", setup.parameters.lag_steps)?,
+        })
+    }
+
+    fn hold(&mut self, random: RandomStream) {
+        self.chance.random = Some(random);
+    }
+
+    fn message(&mut self, at: &Moment, passage: &mut Passage) {
+        if !self.chance.happens(at.gain) {
+            return;
+        }
+        let first = passage.copies.iter().flatten().min().copied();
+        let free = passage.copies.iter().position(Option::is_none);
+        if let (Some(first), Some(free)) = (first, free) {
+            passage.copies[free] = Some(first.saturating_add(self.lag_steps));
+            passage.overtaken[free] = true;
+        }
+    }
+}
+
+shared_types::table! {
+    /// Parameters of [`Reordering`].
+    pub struct ReorderingParameters {
+        /// Probability P that a message changes places with the next.
+        probability: "1" = 1.0 in 0.0..=1.0,
+    }
+}
+
+/// Messages change places.
+pub struct Reordering {
+    chance: Chance,
+    /// The last message changed places, so this one came before it.
+    swapped: bool,
+}
+
+impl FaultKind for Reordering {
+    const NAME: &'static str = "message-reordering";
+    const SUMMARY: &'static str =
+        "A message changes places with the next one and arrives right after it.";
+    const EQUATION: &'static str = "with probability P g message k arrives at step k + 1 after message k + 1, which then stays in its place";
+    const ACTS_ON: ActsOn = ActsOn::Links;
+    type Parameters = ReorderingParameters;
+    const OPTIONAL: &'static [&'static str] = &["probability"];
+
+    fn start(setup: &Setup<'_, ReorderingParameters>) -> Result<Self, Invalid> {
+        Ok(Self {
+            chance: Chance::new(setup.parameters.probability),
+            swapped: false,
+        })
+    }
+
+    fn hold(&mut self, random: RandomStream) {
+        self.chance.random = Some(random);
+    }
+
+    fn message(&mut self, at: &Moment, passage: &mut Passage) {
+        let swaps = self.chance.happens(at.gain) && !self.swapped;
+        if swaps {
+            delayed(passage, 1);
+            passage.overtaken = [true; Passage::MOST_COPIES];
+        }
+        self.swapped = swaps;
+    }
+}
+
+shared_types::table! {
+    /// Parameters of [`Corruption`].
+    pub struct CorruptionParameters {
+        /// Probability P that a message is corrupted.
+        probability: "1" = 1.0 in 0.0..=1.0,
+        /// Bits that are inverted in it, n, a whole number.
+        bits: "1" = 1.0 in 1.0..=16.0,
+    }
+}
+
+/// Bits of messages are inverted.
+pub struct Corruption {
+    chance: Chance,
+    bits: usize,
+}
+
+impl FaultKind for Corruption {
+    const NAME: &'static str = "message-corruption";
+    const SUMMARY: &'static str = "Bits of a message are inverted; the check sum of its frame finds it, and it counts as lost.";
+    const EQUATION: &'static str =
+        "with probability P g, n different bits of frame k, drawn at random, are inverted";
+    const ACTS_ON: ActsOn = ActsOn::Links;
+    type Parameters = CorruptionParameters;
+    const OPTIONAL: &'static [&'static str] = &["probability", "bits"];
+
+    fn start(setup: &Setup<'_, CorruptionParameters>) -> Result<Self, Invalid> {
+        Ok(Self {
+            chance: Chance::new(setup.parameters.probability),
+            bits: whole("bits", setup.parameters.bits)? as usize,
+        })
+    }
+
+    fn hold(&mut self, random: RandomStream) {
+        self.chance.random = Some(random);
+    }
+
+    fn message(&mut self, at: &Moment, passage: &mut Passage) {
+        if !self.chance.happens(at.gain) {
+            return;
+        }
+        let Some(random) = &mut self.chance.random else {
+            return;
+        };
+        let begin = passage.flipped;
+        let count = self.bits.min(Passage::MOST_FLIPS - begin);
+        // Each choice equally likely, by Floyd (Bentley and Floyd 1987, Commun. ACM 30 (9)): where
+        // the number drawn below or at the last is taken already, the last itself is not.
+        for last in passage.bits - count as u64..passage.bits {
+            let drawn = (random.uniform() * (last + 1) as f64) as u64;
+            let taken = &passage.flips[begin..passage.flipped];
+            let bit = if taken.contains(&drawn) { last } else { drawn };
+            passage.flips[passage.flipped] = bit;
+            passage.flipped += 1;
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! The built-in kinds of faults, one file for what they have in common.
+//!
+//! 1. [`offset`] adds to a number: bias, scale, drift, noise, spike;
+//! 2. [`oscillation`]: oscillatory failures, additive and replacing;
+//! 3. [`hold`] shows the past: stuck, stuck-at, delay, dropout;
+//! 4. [`shape`] bends a number: quantisation, saturation;
+//! 5. [`link`] acts on messages: loss, delay, jitter, duplication, reordering, corruption;
+//! 6. [`timing`] acts on time: late, skip.
+//!
+//! The workshop starts them by name, the layer calls them; they know neither. `docs/faults.md` is
+//! their reference for users.
+
+pub mod hold;
+pub mod link;
+pub mod offset;
+pub mod oscillation;
+pub mod shape;
+pub mod timing;
+
+use shared_types::describe::Invalid;
+
+use super::kind::FaultKindEntry;
+
+/// Every built-in kind.
+#[must_use]
+pub fn all() -> Vec<FaultKindEntry> {
+    vec![
+        FaultKindEntry::of::<offset::Bias>(),
+        FaultKindEntry::of::<offset::Scale>(),
+        FaultKindEntry::of::<offset::Drift>(),
+        FaultKindEntry::of::<offset::Noise>(),
+        FaultKindEntry::of::<offset::Spike>(),
+        FaultKindEntry::of::<oscillation::Additive>(),
+        FaultKindEntry::of::<oscillation::Replacing>(),
+        FaultKindEntry::of::<hold::Stuck>(),
+        FaultKindEntry::of::<hold::StuckAt>(),
+        FaultKindEntry::of::<hold::Delay>(),
+        FaultKindEntry::of::<hold::Dropout>(),
+        FaultKindEntry::of::<shape::Quantisation>(),
+        FaultKindEntry::of::<shape::Saturation>(),
+        FaultKindEntry::of::<link::Loss>(),
+        FaultKindEntry::of::<link::Delay>(),
+        FaultKindEntry::of::<link::Jitter>(),
+        FaultKindEntry::of::<link::Duplication>(),
+        FaultKindEntry::of::<link::Reordering>(),
+        FaultKindEntry::of::<link::Corruption>(),
+        FaultKindEntry::of::<timing::Late>(),
+        FaultKindEntry::of::<timing::Skip>(),
+    ]
+}
+
+/// Largest size of a fault on a number, in the unit of its target: above every physical quantity,
+/// and so far below the largest double that products with a profile stay finite.
+const LARGEST: f64 = 1e30;
+
+/// A value on its way to another one: `x + (v - x) g`, and exactly `v` at g = 1, where rounding
+/// would let `x` shine through.
+fn towards(x: f64, v: f64, gain: f64) -> f64 {
+    if gain == 1.0 { v } else { x + (v - x) * gain }
+}
+
+/// A whole number that a parameter must be.
+fn whole(name: &str, value: f64) -> Result<u32, Invalid> {
+    let whole = value as u32; // saturates; the ranges of the tables are far smaller
+    if f64::from(whole) == value {
+        Ok(whole)
+    } else {
+        Err(Invalid(format!("`{name}` is {value}, not a whole number")))
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,83 @@
+//! Faults that bend a number: coarse converters and hard limits.
+
+use shared_types::describe::{ActsOn, Invalid};
+
+use crate::faults::kind::{FaultKind, Moment, Reading, Setup};
+
+shared_types::table! {
+    /// Parameters of [`Quantisation`].
+    pub struct QuantisationParameters {
+        /// Step q between two values that can be told apart.
+        step: "target" = 1.0 in 1e-30..=1e30,
+    }
+}
+
+/// A coarse converter.
+pub struct Quantisation(QuantisationParameters);
+
+impl FaultKind for Quantisation {
+    const NAME: &'static str = "quantisation";
+    const SUMMARY: &'static str =
+        "The value is rounded to multiples of a step, halves away from 0.";
+    const EQUATION: &'static str = "y = q round(x / q) where g is not 0, else y = x";
+    const ACTS_ON: ActsOn = ActsOn::Numbers;
+    type Parameters = QuantisationParameters;
+
+    fn start(setup: &Setup<'_, QuantisationParameters>) -> Result<Self, Invalid> {
+        Ok(Self(setup.parameters))
+    }
+
+    fn number(&mut self, at: &Moment, x: Reading) -> Reading {
+        if at.gain == 0.0 {
+            return x;
+        }
+        let q = self.0.step;
+        Reading {
+            value: q * libm::round(x.value / q),
+            ..x
+        }
+    }
+}
+
+shared_types::table! {
+    /// Parameters of [`Saturation`].
+    pub struct SaturationParameters {
+        /// Smallest value that gets through.
+        min: "target",
+        /// Largest value that gets through.
+        max: "target",
+    }
+}
+
+/// A hard limit.
+pub struct Saturation(SaturationParameters);
+
+impl FaultKind for Saturation {
+    const NAME: &'static str = "saturation";
+    const SUMMARY: &'static str = "The value cannot leave a range.";
+    const EQUATION: &'static str = "y = min(max(x, min), max) where g is not 0, else y = x";
+    const ACTS_ON: ActsOn = ActsOn::Numbers;
+    type Parameters = SaturationParameters;
+
+    fn start(setup: &Setup<'_, SaturationParameters>) -> Result<Self, Invalid> {
+        let SaturationParameters { min, max } = setup.parameters;
+        if min > max {
+            return Err(Invalid(format!("`min` {min} is above `max` {max}")));
+        }
+        Ok(Self(setup.parameters))
+    }
+
+    fn number(&mut self, at: &Moment, x: Reading) -> Reading {
+        let SaturationParameters { min, max } = self.0;
+        let value = if at.gain == 0.0 {
+            x.value
+        } else if x.value < min {
+            min
+        } else if x.value > max {
+            max
+        } else {
+            x.value
+        };
+        Reading { value, ..x }
+    }
+}

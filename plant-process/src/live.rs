@@ -1,0 +1,314 @@
+//! The service: answers requests from other terminals while the plant runs.
+//!
+//! A thread of its own listens on the session's socket, checks what is asked against the plant as a
+//! scenario is checked, prepares faults with all the space they need, and puts orders on the
+//! [`desk`](crate::desk). It never touches the loop's state and the loop never waits for it.
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, TryRecvError};
+use std::time::{Duration, Instant};
+
+use hil_config::expression::Columns;
+use hil_config::live_faults::{FaultContext, check_faults};
+use hil_config::plan::{FaultEvent, Stimulus};
+use shared_types::describe::{FaultKindDescription, PlantDescription, Settings};
+use shared_types::live::{Injected, Possible, Refusal, Request, Response, SOCKET};
+use shared_types::record::RecordLayout;
+use shared_types::session::SessionInfo;
+use shared_types::time::{Rate, Step};
+
+use crate::desk::{Desk, Order};
+use crate::faults::layer::columns;
+use crate::faults::{FaultKindEntry, FaultWorkshop};
+use crate::job::Job;
+use crate::plant::PlantKind;
+
+/// How long the loop may take to look at the desk: it does so before each step.
+const LOOP_LIMIT: Duration = Duration::from_secs(5);
+/// How often the service looks for the loop's answer.
+const LOOK: Duration = Duration::from_micros(200);
+/// How long a client may take to write its line or to read the answer.
+const CLIENT_LIMIT: Duration = Duration::from_secs(1);
+/// Longest request.
+const LONGEST: u64 = 1 << 20;
+/// Most faults in one request: the loop takes them between two steps.
+const MOST_FAULTS: usize = 16;
+
+/// What requests are checked against.
+pub struct LiveContext {
+    plant: PlantDescription,
+    kinds: Vec<FaultKindDescription>,
+    parameters: Settings,
+    stimuli: Vec<Stimulus>,
+    derived: Vec<(String, String)>,
+    rate: Rate,
+    steps: u64,
+    /// Names of the events that there are.
+    names: Vec<(String, u32)>,
+    next_id: u32,
+}
+
+impl LiveContext {
+    /// What a job lets a live fault refer to.
+    #[must_use]
+    pub fn new(plant: &PlantKind, faults: &[FaultKindEntry], job: &Job) -> Self {
+        let mut context = Self {
+            plant: plant.description.clone(),
+            kinds: faults.iter().map(|kind| kind.description.clone()).collect(),
+            parameters: job.plant.parameters.clone(),
+            stimuli: job.stimuli.clone(),
+            derived: job.derived.clone(),
+            rate: job.run.rate,
+            steps: job.run.steps,
+            names: Vec::new(),
+            next_id: 1,
+        };
+        context.note(&job.faults);
+        context
+    }
+
+    fn note(&mut self, events: &[FaultEvent]) {
+        for event in events {
+            self.names
+                .extend(event.name.iter().map(|name| (name.clone(), event.id)));
+            if event.id >= self.next_id {
+                self.next_id = event.id + 1;
+            }
+        }
+    }
+}
+
+/// Listens on the session's socket from now on.
+///
+/// # Errors
+/// If the socket cannot be made.
+pub fn serve(
+    session: &SessionInfo,
+    context: LiveContext,
+    desk: Arc<Desk>,
+    workshop: Arc<FaultWorkshop>,
+) -> Result<(), String> {
+    let path = session.folder.join(SOCKET);
+    let listener = UnixListener::bind(&path)
+        .map_err(|error| format!("cannot listen on {}: {error}", path.display()))?;
+    let mut service = Service {
+        context,
+        desk,
+        workshop,
+    };
+    std::thread::spawn(move || {
+        for client in listener.incoming().flatten() {
+            // A client that went away needs no answer.
+            let _ = service.answer(&client);
+        }
+    });
+    Ok(())
+}
+
+struct Service {
+    context: LiveContext,
+    desk: Arc<Desk>,
+    workshop: Arc<FaultWorkshop>,
+}
+
+/// Why there is no answer from the loop.
+type Unanswered = Refusal;
+
+impl Service {
+    fn answer(&mut self, mut client: &UnixStream) -> std::io::Result<()> {
+        client.set_read_timeout(Some(CLIENT_LIMIT))?;
+        client.set_write_timeout(Some(CLIENT_LIMIT))?;
+        let mut line = String::new();
+        BufReader::new(client.take(LONGEST)).read_line(&mut line)?;
+        let response = match serde_json::from_str(&line) {
+            Ok(request) => self.respond(request),
+            Err(error) => refused(Refusal::new(format!("not a request: {error}"))),
+        };
+        let mut answer = serde_json::to_vec(&response)?;
+        answer.push(b'\n');
+        client.write_all(&answer)
+    }
+
+    fn respond(&mut self, request: Request) -> Response {
+        let answered = match request {
+            Request::Possible => Ok(self.possible()),
+            Request::Status => Ok(self.status()),
+            Request::Inject { toml } => return self.inject(&toml),
+            Request::Clear { id } => self.clear(id),
+            Request::Active => self.show(),
+            Request::Pause => self.order(Order::Pause).map(|()| self.status()),
+            Request::Resume => self.order(Order::Resume).map(|()| self.status()),
+            Request::Advance { steps } => self.advance(steps),
+        };
+        answered.unwrap_or_else(refused)
+    }
+
+    fn possible(&self) -> Response {
+        let reference = |stimulus: &Stimulus| stimulus.fields();
+        Response::Possible(Box::new(Possible {
+            rate: self.context.rate,
+            plant: self.context.plant.clone(),
+            reference: self.context.stimuli.iter().flat_map(reference).collect(),
+            kinds: self.context.kinds.clone(),
+        }))
+    }
+
+    fn status(&self) -> Response {
+        Response::Status(self.desk.status(self.context.rate, self.context.steps))
+    }
+
+    fn inject(&mut self, toml: &str) -> Response {
+        let checked = self.layout().and_then(|layout| {
+            let columns: Columns = columns(layout);
+            let events = self
+                .check(toml, layout)
+                .map_err(|problems| Response::Refused {
+                    problems: problems.0.iter().map(Refusal::from).collect(),
+                });
+            Ok((columns, events))
+        });
+        let (columns, events) = match checked {
+            Ok((columns, Ok(events))) => (columns, events),
+            Ok((_, Err(response))) => return response,
+            Err(refusal) => return refused(refusal),
+        };
+        if events.is_empty() || events.len() > MOST_FAULTS {
+            let count = events.len();
+            let message = format!("{count} faults in one request; 1 to {MOST_FAULTS} are taken");
+            return refused(Refusal::new(message));
+        }
+        let prepared = (events.iter())
+            .map(|event| self.workshop.prepare(event.clone(), &columns).map(Box::new))
+            .collect::<Result<Vec<_>, _>>();
+        let prepared = match prepared {
+            Ok(prepared) => prepared,
+            Err(invalid) => return refused(Refusal::new(invalid.to_string())),
+        };
+        match self.order(|answer| Order::Admit(prepared, answer)) {
+            Ok(Ok(admitted)) => {
+                self.context.note(&events);
+                let rate = self.context.rate;
+                let faults = (admitted.into_iter())
+                    .map(|fault| Injected {
+                        id: fault.id,
+                        kind: fault.kind,
+                        effective_step: fault.step.map(|step| step.0),
+                        effective_at_s: fault.step.map(|step| rate.seconds(step)),
+                        waits_for: fault.waits_for,
+                    })
+                    .collect();
+                Response::Injected { faults }
+            }
+            Ok(Err(reason)) => refused(Refusal::new(reason)),
+            Err(refusal) => refused(refusal),
+        }
+    }
+
+    fn check(
+        &self,
+        toml: &str,
+        layout: &RecordLayout,
+    ) -> Result<Vec<FaultEvent>, hil_config::problem::Problems> {
+        let context = &self.context;
+        let context = FaultContext {
+            plant: &context.plant,
+            kinds: &context.kinds,
+            parameters: &context.parameters,
+            stimuli: &context.stimuli,
+            internals: &layout.internal,
+            derived: &context.derived,
+            rate: context.rate,
+            steps: context.steps,
+            names: &context.names,
+            first_id: context.next_id,
+        };
+        check_faults(toml, &context)
+    }
+
+    fn clear(&self, id: Option<u32>) -> Result<Response, Unanswered> {
+        let (ids, step) = self.order(|answer| Order::Clear(id, answer))?;
+        if let (Some(id), true) = (id, ids.is_empty()) {
+            return Err(Refusal {
+                expected: Some("the number of a fault that waits or acts".into()),
+                ..Refusal::new(format!("there is no fault {id} to clear"))
+            });
+        }
+        Ok(Response::Cleared { ids, step: step.0 })
+    }
+
+    fn show(&self) -> Result<Response, Unanswered> {
+        let faults = self.order(Order::Show)?;
+        let status = self.desk.status(self.context.rate, self.context.steps);
+        Ok(Response::Active { status, faults })
+    }
+
+    /// Answers when the run is held again, or with where it is when that takes longer.
+    fn advance(&self, steps: u64) -> Result<Response, Unanswered> {
+        if steps == 0 {
+            return Err(Refusal::new("0 steps are none; at least 1"));
+        }
+        let until = self.order(|answer| Order::Advance(steps, answer))?;
+        let until = until.map_err(Refusal::new)?;
+        let since = Instant::now();
+        loop {
+            let status = self.desk.status(self.context.rate, self.context.steps);
+            let there = status.paused && Step(status.step) >= until;
+            if there || self.desk.is_closed() || since.elapsed() > LOOP_LIMIT {
+                return Ok(Response::Status(status));
+            }
+            std::thread::sleep(LOOK);
+        }
+    }
+
+    /// What the records hold; waits for hello.
+    fn layout(&self) -> Result<&RecordLayout, Unanswered> {
+        let since = Instant::now();
+        loop {
+            if let Some(layout) = self.desk.layout() {
+                return Ok(layout);
+            }
+            if self.desk.is_closed() || since.elapsed() > LOOP_LIMIT {
+                return Err(Refusal::new(
+                    "the run has not begun: plant and controller are not connected",
+                ));
+            }
+            std::thread::sleep(LOOK);
+        }
+    }
+
+    /// Has the loop do something.
+    fn order<T>(
+        &self,
+        order: impl FnOnce(std::sync::mpsc::Sender<T>) -> Order,
+    ) -> Result<T, Unanswered> {
+        self.layout()?;
+        wait(&self.desk.order(order))
+    }
+}
+
+/// Waits by looking: the loop then needs no system call to wake anybody.
+fn wait<T>(answered: &Receiver<T>) -> Result<T, Unanswered> {
+    let since = Instant::now();
+    loop {
+        match answered.try_recv() {
+            Ok(answer) => return Ok(answer),
+            Err(TryRecvError::Disconnected) => return Err(Refusal::new("the run is over")),
+            Err(TryRecvError::Empty) if since.elapsed() > LOOP_LIMIT => {
+                let limit_s = LOOP_LIMIT.as_secs();
+                let message = format!(
+                    "the plant began no step for {limit_s} s; the request may still be taken: see `hil inject --active`"
+                );
+                return Err(Refusal::new(message));
+            }
+            Err(TryRecvError::Empty) => std::thread::sleep(LOOK),
+        }
+    }
+}
+
+fn refused(refusal: Refusal) -> Response {
+    Response::Refused {
+        problems: vec![refusal],
+    }
+}

@@ -1,0 +1,371 @@
+//! Faults from another terminal: the same trajectory as from a scenario, at the step that the answer
+//! named, or a refusal that changed nothing.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use serde_json::Value;
+use shared_types::live::{Injected, LiveError, Request, Response, Status, ask};
+use shared_types::random::RandomStream;
+use shared_types::session::SessionInfo;
+
+use crate::harness::{Rig, Run, until};
+use crate::mcap_reader::Recording;
+
+const SEVERE: &str = "scenarios/severe-leakage.toml";
+const SHORT: &str = "tests/scenarios/leakage.toml";
+const LEAKAGE: &str = "inject leakage --actuator 1,2 --coefficient 5e-7,1e-7 --speed 10,0.5 --at 7";
+
+/// Asks the plant of this test's session, which may only just be starting.
+fn request(rig: &Rig, request: &Request) -> Response {
+    let mut answer = None;
+    until("the plant takes requests", || {
+        let Ok(session) = SessionInfo::read(&rig.session_folder()) else {
+            return false; // not made yet
+        };
+        match ask(&session, request, Duration::from_secs(60)) {
+            Ok(response) => answer = Some(response),
+            Err(LiveError::Absent(_)) => {}
+            Err(error) => panic!("{error}"),
+        }
+        answer.is_some()
+    });
+    answer.expect("answered")
+}
+
+fn status(rig: &Rig) -> Status {
+    match request(rig, &Request::Status) {
+        Response::Status(status) => status,
+        other => panic!("{other:?}"),
+    }
+}
+
+fn until_paused_at(rig: &Rig, step: u64) {
+    until("the run is held", || {
+        let status = status(rig);
+        status.paused && status.step == step
+    });
+}
+
+fn inject(rig: &Rig, toml: &str) -> Result<Vec<Injected>, Vec<String>> {
+    let toml = toml.to_owned();
+    match request(rig, &Request::Inject { toml }) {
+        Response::Injected { faults } => Ok(faults),
+        Response::Refused { problems } => Err(problems
+            .into_iter()
+            .map(|problem| problem.message)
+            .collect()),
+        other => panic!("{other:?}"),
+    }
+}
+
+/// The scenario without its faults.
+fn healthy(rig: &Rig, scenario: &str) -> String {
+    let text = std::fs::read_to_string(crate::programs::workspace().join(scenario)).expect("there");
+    let begin = text.find("[[faults]]").expect("it has faults");
+    let end = begin
+        + text[begin..]
+            .find("[[derived]]")
+            .expect("derived signals follow");
+    let path = rig.write("healthy.toml", &(text[..begin].to_owned() + &text[end..]));
+    path.display().to_string()
+}
+
+fn words(arguments: &str) -> Vec<&str> {
+    arguments.split_ascii_whitespace().collect()
+}
+
+#[test]
+fn a_fault_in_a_scenario_live_or_written_down_from_the_live_run_is_one_trajectory() {
+    let rig = Rig::new();
+    let wanted = rig.run(SEVERE).expect(0).digest();
+
+    let run = rig.start(&format!("{} --pause-at 0.5", healthy(&rig, SEVERE)));
+    until_paused_at(&rig, 5000);
+    let session = format!("{LEAKAGE} --session {}", rig.session());
+    let told = rig.beside(&words(&session)).expect(0);
+    assert!(told.stdout.contains("70000"), "{}", told.stdout);
+    rig.beside(&["resume", "--session", rig.session()])
+        .expect(0);
+    let live = run.finish().expect(0);
+    assert_eq!(live.digest(), wanted);
+    let summary = live.summary();
+    assert_eq!(summary["faults"][0]["source"], "cli", "{summary}");
+    assert_eq!(summary["faults"][0]["effective_step"], 70000);
+
+    let written = rig.path("written.toml").display().to_string();
+    let from = live.folder.display().to_string();
+    rig.hil(&["scenario", "from", &from, "-o", &written])
+        .expect(0);
+    assert_eq!(rig.run(&written).expect(0).digest(), wanted);
+    rig.hil(&[
+        "rerun",
+        &from,
+        "--out",
+        &rig.path("again").display().to_string(),
+    ])
+    .expect(0);
+}
+
+/// A fault that a running plant must take, and what it is.
+fn valid(random: &mut RandomStream, next_at_s: f64) -> String {
+    let size = 1e-9 * (1.0 + random.uniform());
+    let pick = |random: &mut RandomStream, list: &[&str]| {
+        list[(random.uniform() * list.len() as f64) as usize].to_owned()
+    };
+    let signal = pick(
+        random,
+        &[
+            "measured.surface_angle_rad",
+            "measured.actuator1_velocity_mps",
+            "reference.surface_angle_rad",
+            "command.actuator2_valve_current_a",
+        ],
+    );
+    let trigger = if random.uniform() < 0.5 {
+        String::new()
+    } else {
+        format!("at_s = {}\n", next_at_s + 0.2 + random.uniform())
+    };
+    let action = match (random.uniform() * 6.0) as u32 {
+        0 => format!(
+            "kind = \"bias\"\n{trigger}[[faults.effects]]\ntarget = \"{signal}\"\nbias = {size}"
+        ),
+        1 => format!(
+            "kind = \"scale\"\n{trigger}[[faults.effects]]\ntarget = \"{signal}\"\nfactor = {}",
+            1.0 + size
+        ),
+        2 => format!(
+            "kind = \"noise\"\n{trigger}[[faults.effects]]\ntarget = \"{signal}\"\nstandard_deviation = {size}"
+        ),
+        3 => format!(
+            "kind = \"delay\"\n{trigger}[[faults.effects]]\ntarget = \"{signal}\"\nsteps = 1"
+        ),
+        4 => format!(
+            "kind = \"late\"\n{trigger}[[faults.effects]]\ntarget = \"controller\"\nbusy_us = 5"
+        ),
+        _ => format!(
+            "kind = \"leakage\"\n{trigger}[[faults.effects]]\nactuator = 1\ncoefficient_m3ps_per_sqrt_pa = {}\nspeed_per_s = 10",
+            1e-9 * random.uniform()
+        ),
+    };
+    // Over soon, so that a thousand do not act at once.
+    action.replacen(
+        "[[faults.effects]]",
+        "duration_s = 0.01\n[[faults.effects]]",
+        1,
+    )
+}
+
+#[test]
+fn a_thousand_live_faults_take_hold_at_the_steps_that_were_answered() {
+    let rig = Rig::new();
+    let scenario = healthy(&rig, SHORT);
+    let run = rig.start(&format!(
+        "{scenario} --set run.duration_s=100000 --set controller.law=pid"
+    ));
+    let mut random = RandomStream::new(1, "valid faults");
+    let mut answered = BTreeMap::new();
+    for number in 0..1000 {
+        let toml = format!("[[faults]]\n{}\n", valid(&mut random, status(&rig).time_s));
+        let faults = inject(&rig, &toml).unwrap_or_else(|e| panic!("{number}: {toml}: {e:?}"));
+        for fault in faults {
+            answered.insert(fault.id, fault.effective_step.expect("known"));
+        }
+    }
+    let last = *answered.values().max().expect("a thousand");
+    until("the last has taken hold", || status(&rig).step > last + 2);
+    run.signal(rustix::process::Signal::INT);
+    let run = run.finish().expect(130);
+    let recording = Recording::open(&run.recording());
+    let taken: BTreeMap<u32, u64> = (recording.events.iter())
+        .filter(|event| event["event"] == "fault")
+        .map(|event| {
+            let id = event["id"].as_u64().expect("a number") as u32;
+            (id, event["step"].as_u64().expect("a number"))
+        })
+        .collect();
+    assert_eq!(answered.len(), 1000);
+    assert_eq!(taken, answered);
+    assert_eq!(recording.digest(|_| ()), run.digest());
+}
+
+/// Something that must be refused, each for another reason.
+fn invalid(random: &mut RandomStream) -> String {
+    let odd = format!("x{}", (random.uniform() * 1e6) as u32);
+    let effect = |kind: &str, effect: &str| {
+        format!("[[faults]]\nkind = \"{kind}\"\n[[faults.effects]]\n{effect}\n")
+    };
+    let angle = "target = \"measured.surface_angle_rad\"";
+    match (random.uniform() * 12.0) as u32 {
+        0 => effect(&odd, angle),
+        1 => effect("bias", &format!("target = \"measured.{odd}\"\nbias = 1")),
+        2 => effect("bias", &format!("{angle}\nbias = \"{odd}\"")),
+        3 => effect("bias", &format!("{angle}\n{odd} = 1\nbias = 1")),
+        4 => effect(
+            "leakage",
+            "actuator = 3\ncoefficient_m3ps_per_sqrt_pa = 1e-7\nspeed_per_s = 1",
+        ),
+        5 => effect(
+            "leakage",
+            &format!(
+                "actuator = 1\ncoefficient_m3ps_per_sqrt_pa = {}\nspeed_per_s = 1",
+                -1.0 - random.uniform()
+            ),
+        ),
+        6 => effect(
+            "bias",
+            "target = \"parameter.actuator1.piston_mass_kg\"\nbias = 1",
+        ),
+        7 => effect("message-loss", angle),
+        8 => effect("bias", &format!("{angle}\nbias = 1")).replacen("kind", "at_s = 0.0\nkind", 1),
+        9 => effect("bias", &format!("{angle}\nbias = 1")).replacen("kind", "at_s = 1e9\nkind", 1),
+        10 => effect("bias", &format!("{angle}\nbias = 1")).replacen(
+            "kind",
+            "when = \"truth.x >\"\nkind",
+            1,
+        ),
+        _ => odd,
+    }
+}
+
+#[test]
+fn a_thousand_impossible_faults_are_refused_with_a_reason_and_change_nothing() {
+    let rig = Rig::new();
+    let scenario = healthy(&rig, SHORT);
+    let wanted = rig.run(&scenario).expect(0).digest();
+    let run = rig.start(&format!("{scenario} --pause-at 0.5"));
+    until_paused_at(&rig, 5000);
+    let mut random = RandomStream::new(2, "invalid faults");
+    for number in 0..1000 {
+        let toml = invalid(&mut random);
+        let reasons = inject(&rig, &toml).expect_err(&toml);
+        assert!(
+            !reasons.is_empty() && reasons.iter().all(|reason| reason.len() > 5),
+            "{toml}"
+        );
+        if number % 100 == 99 {
+            // The others meet a loop at work.
+            request(&rig, &Request::Advance { steps: 500 });
+        }
+    }
+    request(&rig, &Request::Resume);
+    let run = run.finish().expect(0);
+    assert_eq!(run.digest(), wanted);
+    assert_eq!(run.summary()["faults"], Value::Array(vec![]));
+}
+
+#[test]
+fn a_pause_holds_the_run_for_as_long_as_one_likes_and_changes_nothing() {
+    let rig = Rig::new();
+    let wanted = rig.run(SHORT).expect(0).digest();
+    // Held for longer than the controller's patience, which every frame of the pause renews.
+    let run = rig.start(&format!("{SHORT} --pause-at 0.5 --wait-limit 0.5"));
+    until_paused_at(&rig, 5000);
+    std::thread::sleep(Duration::from_millis(1500));
+    let session = ["--session", rig.session()];
+    let step = rig
+        .beside(&[&["step", "3"][..], &session].concat())
+        .expect(0);
+    assert!(step.stdout.contains("5003"), "{}", step.stdout);
+    until_paused_at(&rig, 5003);
+    rig.beside(&[&["resume"][..], &session].concat()).expect(0);
+    assert_eq!(run.finish().expect(0).digest(), wanted);
+}
+
+#[test]
+fn a_paced_run_goes_on_at_its_pace_after_a_pause() {
+    let rig = Rig::new();
+    let wanted = rig.run(SHORT).expect(0).digest();
+    let run = rig.start(&format!("{SHORT} --pace 4"));
+    let held = loop {
+        match request(&rig, &Request::Pause) {
+            Response::Status(status) => break status,
+            other => panic!("{other:?}"),
+        }
+    };
+    until("the run is held", || self::status(&rig).paused);
+    assert!(self::status(&rig).step <= held.step + 1);
+    request(&rig, &Request::Resume);
+    assert_eq!(run.finish().expect(0).digest(), wanted);
+}
+
+#[test]
+fn a_held_run_ends_when_it_is_interrupted_or_loses_its_controller() {
+    let rig = Rig::new();
+    let run = rig.start(&format!("{SHORT} --pause-at 0.5"));
+    until_paused_at(&rig, 5000);
+    run.signal(rustix::process::Signal::INT);
+    run.finish().expect(130);
+
+    let run = rig.start(&format!("{SHORT} --pause-at 0.5"));
+    until_paused_at(&rig, 5000);
+    let session = SessionInfo::read(&rig.session_folder()).expect("the session is there");
+    session.children[1].kill();
+    run.finish().expect(3).says(&["controller"]);
+}
+
+fn refused(run: Run, fragments: &[&str]) {
+    run.expect(2).says(fragments);
+}
+
+#[test]
+fn what_cannot_be_injected_is_told_with_what_can() {
+    let rig = Rig::new();
+    let session = ["--session", rig.session()];
+    refused(
+        rig.hil(&["inject", "bias", "measured.x", "1"]),
+        &["no session", "hil run"],
+    );
+
+    let run = rig.start(&format!("{SHORT} --pause-at 0.5"));
+    until_paused_at(&rig, 5000);
+    let inject = |arguments: &str| {
+        let arguments: Vec<&str> = [&["inject"][..], &words(arguments), &session].concat();
+        rig.beside(&arguments)
+    };
+    refused(
+        inject("bais measured.surface_angle_rad 1"),
+        &["bais", "bias"],
+    );
+    refused(
+        inject("bias measured.surface_angel_rad 1"),
+        &["surface_angel_rad", "surface_angle_rad"],
+    );
+    refused(
+        inject("leakage --actuator 3 --coefficient 1e-7 --speed 1"),
+        &["3", "1"],
+    );
+    refused(
+        inject("leakage --actuator 1 --coefficient 1 --speed 1"),
+        &["coefficient", "m3/s/sqrt(Pa)"],
+    );
+    refused(
+        inject("bias measured.surface_angle_rad 1 --at 0.2"),
+        &["past", "step 5000"],
+    );
+    refused(inject("bias measured.surface_angle_rad"), &["bias"]);
+    refused(inject("--clear 77"), &["77"]);
+    let listed = inject("--list").expect(0).stdout;
+    for kind in ["leakage", "bias", "message-loss", "late", "hard-over"] {
+        assert!(listed.contains(kind), "no {kind} in {listed}");
+    }
+
+    let taken = inject("bias measured.surface_angle_rad 0.001 --ramp 50ms").expect(0);
+    assert!(taken.stdout.contains("step 5000"), "{}", taken.stdout);
+    request(&rig, &Request::Advance { steps: 10 });
+    assert!(inject("--active").expect(0).stdout.contains("bias"));
+    inject("--clear all").expect(0);
+    request(&rig, &Request::Resume);
+    let summary = run.finish().expect(0).summary();
+    let bias = &summary["faults"].as_array().expect("a list")[1];
+    assert_eq!(
+        (&bias["kind"], &bias["effective_step"]),
+        (&"bias".into(), &5000.into())
+    );
+    let effect = &bias["effects"][0];
+    assert_eq!(effect["ended_step"], 5010);
+    // 10 steps of a ramp of 500: the last is 9 / 500 of the size.
+    let largest = effect["max_effect"].as_f64().expect("a number");
+    assert!((largest - 0.001 * 9.0 / 500.0).abs() < 1e-12, "{largest}");
+}

@@ -1,0 +1,64 @@
+//! The command lines of `hil config` and `hil sessions`.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+
+use super::BinaryArguments;
+use super::run::Changes;
+
+/// Arguments of `hil config`.
+#[derive(Debug, Args)]
+pub struct ConfigArguments {
+    /// What to do.
+    #[command(subcommand)]
+    pub action: ConfigAction,
+}
+
+/// The parts of `hil config`.
+#[derive(Debug, Subcommand)]
+pub enum ConfigAction {
+    /// Say everything that is wrong with a scenario, or that nothing is
+    #[command(after_help = "Example:\n  hil config check scenarios/severe-leakage.toml")]
+    Check(ScenarioArguments),
+    /// Print a scenario with every value that is in effect, ready to run
+    #[command(
+        after_help = "Example:\n  hil config show scenarios/severe-leakage.toml --set controller.law=pid"
+    )]
+    Show(ScenarioArguments),
+    /// Print the JSON schema of scenarios, for editors
+    #[command(after_help = "Example:\n  hil config schema > scenario.schema.json")]
+    Schema {
+        /// Which binaries are described.
+        #[command(flatten)]
+        binaries: BinaryArguments,
+    },
+}
+
+/// A scenario to look at.
+#[derive(Debug, Args)]
+pub struct ScenarioArguments {
+    /// The scenario file
+    #[arg(value_name = "SCENARIO.toml")]
+    pub scenario: PathBuf,
+    /// What is changed in it
+    #[command(flatten)]
+    pub changes: Changes,
+    /// Which binaries it is checked against
+    #[command(flatten)]
+    pub binaries: BinaryArguments,
+    /// Print problems as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `hil sessions`.
+#[derive(Debug, Args)]
+pub struct SessionsArguments {
+    /// Remove what dead sessions left; running ones, also stopped ones, stay
+    #[arg(long)]
+    pub clean: bool,
+    /// Print as JSON
+    #[arg(long)]
+    pub json: bool,
+}

@@ -1,0 +1,54 @@
+//! The command lines of what works on recordings: `hil compare` and `hil scenario`.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+
+/// Arguments of `hil compare`.
+#[derive(Debug, Args)]
+pub struct CompareArguments {
+    /// A run's folder or its run.mcap
+    #[arg(value_name = "A")]
+    pub a: PathBuf,
+    /// Another
+    #[arg(value_name = "B")]
+    pub b: PathBuf,
+    /// Signals that differ by no more than this, in their own unit, count as the same
+    #[arg(long, value_name = "X", default_value_t = 0.0)]
+    pub tolerance: f64,
+    /// Look at this signal only; may be given several times
+    #[arg(long, value_name = "GROUP.NAME")]
+    pub signal: Vec<String>,
+    /// Print as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `hil scenario`.
+#[derive(Debug, Args)]
+pub struct ScenarioCommand {
+    /// What to do.
+    #[command(subcommand)]
+    pub action: ScenarioAction,
+}
+
+/// The parts of `hil scenario`.
+#[derive(Debug, Subcommand)]
+pub enum ScenarioAction {
+    /// Write the scenario that repeats a run, the faults of its command lines included
+    #[command(
+        after_help = "Example:\n  hil scenario from runs/demo -o scenarios/found.toml\n  hil run scenarios/found.toml"
+    )]
+    From(ScenarioFromArguments),
+}
+
+/// Arguments of `hil scenario from`.
+#[derive(Debug, Args)]
+pub struct ScenarioFromArguments {
+    /// A run's folder or its run.mcap
+    #[arg(value_name = "RUN")]
+    pub run: PathBuf,
+    /// The file to write [default: standard output]
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+}

@@ -1,0 +1,181 @@
+//! The command lines of `hil run` and `hil rerun`.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+
+use super::BinaryArguments;
+use crate::duration::seconds;
+use crate::exit::Failure;
+
+pub(super) const EXAMPLES: &str = "\
+Examples:
+  hil run scenarios/severe-leakage.toml
+  hil run scenarios/severe-leakage.toml --set controller.law=pid --out runs/pid
+  hil run scenarios/severe-leakage.toml --set 'faults[0].effects[1].speed_per_s=2'
+  hil run scenarios/spring-mass.toml --pace 1
+  hil run scenarios/severe-leakage.toml --session demo --pause-at 7
+  hil run scenarios/spring-mass.toml --controller-bin target/release/my-controller --json";
+
+/// Arguments of `hil run`.
+#[derive(Debug, Args)]
+pub struct RunArguments {
+    /// The scenario file
+    #[arg(value_name = "SCENARIO.toml")]
+    pub scenario: PathBuf,
+    /// How it is run
+    #[command(flatten)]
+    pub options: RunOptions,
+}
+
+/// Arguments of `hil rerun`.
+#[derive(Debug, Args)]
+pub struct RerunArguments {
+    /// A run's folder or its run.mcap
+    #[arg(value_name = "RUN")]
+    pub run: PathBuf,
+    /// How it is run
+    #[command(flatten)]
+    pub options: RunOptions,
+}
+
+/// How a scenario is run.
+#[derive(Debug, Args)]
+pub struct RunOptions {
+    /// What is changed in it
+    #[command(flatten)]
+    pub changes: Changes,
+    /// Which binaries run
+    #[command(flatten)]
+    pub binaries: BinaryArguments,
+    /// What connects plant and controller
+    #[arg(long, value_enum, default_value_t = LinkKind::Iceoryx2, value_name = "LINK")]
+    pub link: LinkKind,
+    /// Write the run to this folder, which must not exist or be empty [default: runs/SCENARIO-TIME-SESSION]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Name of the session: a-z, 0-9 and -, at most 24 [default: random]
+    #[arg(long, value_name = "NAME")]
+    pub session: Option<String>,
+    /// Do not write run.mcap; digest and metrics are computed all the same
+    #[arg(long)]
+    pub no_record: bool,
+    /// Compression of run.mcap
+    #[arg(long, value_enum, default_value_t = Compression::Lz4, value_name = "HOW")]
+    pub compression: Compression,
+    /// How long a process that lives may keep the other waiting, in s; inf under a debugger
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        default_value_t = 5.0,
+        allow_negative_numbers = true
+    )]
+    pub wait_limit: f64,
+    /// Hold before the first step at or after this simulated time; go on with hil resume
+    #[arg(long, value_name = "TIME", value_parser = seconds)]
+    pub pause_at: Option<f64>,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Changes to a scenario.
+#[derive(Debug, Args)]
+pub struct Changes {
+    /// Change a value of the scenario; may be given several times
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// What releases a step: the other side's answer, or the monotonic clock
+    #[arg(long, value_enum, value_name = "CLOCK")]
+    pub clock: Option<ClockKind>,
+    /// Simulated seconds per second; implies --clock paced
+    #[arg(long, value_name = "FACTOR", allow_negative_numbers = true)]
+    pub pace: Option<f64>,
+}
+
+impl Changes {
+    /// Refuses what cannot be meant together.
+    ///
+    /// # Errors
+    /// If a pace is asked for with the lockstep clock.
+    pub fn check(&self) -> Result<(), Failure> {
+        match (self.clock, self.pace) {
+            (Some(ClockKind::Lockstep), Some(_)) => Err(Failure::usage(
+                "--pace is for --clock paced; lockstep runs as fast as both sides can",
+            )),
+            (_, Some(factor)) if !(factor.is_finite() && factor > 0.0) => Err(Failure::usage(
+                format!("--pace takes a number above 0, not {factor}"),
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    /// All of them as `KEY=VALUE`.
+    #[must_use]
+    pub fn as_set(&self) -> Vec<String> {
+        let mut set = self.set.clone();
+        let clock = match (self.clock, self.pace) {
+            (None, None) => return set,
+            (_, Some(_)) | (Some(ClockKind::Paced), None) => "paced",
+            (Some(ClockKind::Lockstep), None) => "lockstep",
+        };
+        set.push(format!("run.clock={clock}"));
+        set.extend(self.pace.map(|factor| format!("run.pace={factor:?}")));
+        set
+    }
+}
+
+/// What connects plant and controller.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum LinkKind {
+    /// Two processes over shared memory.
+    Iceoryx2,
+    /// One process, for comparison and for machines without shared memory.
+    InProcess,
+}
+
+/// What releases a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ClockKind {
+    /// The other side's answer: as fast as both can.
+    Lockstep,
+    /// The monotonic clock.
+    Paced,
+}
+
+/// Compression of a recording.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Compression {
+    /// None.
+    None,
+    /// Fast.
+    Lz4,
+    /// Small.
+    Zstd,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pace_implies_the_paced_clock() {
+        let changes = |clock, pace| {
+            Changes {
+                set: vec!["a=1".into()],
+                clock,
+                pace,
+            }
+            .as_set()
+        };
+        assert_eq!(changes(None, None), ["a=1"]);
+        assert_eq!(
+            changes(None, Some(2.0)),
+            ["a=1", "run.clock=paced", "run.pace=2.0"]
+        );
+        assert_eq!(
+            changes(Some(ClockKind::Lockstep), None),
+            ["a=1", "run.clock=lockstep"]
+        );
+    }
+}

@@ -1,0 +1,396 @@
+//! What became of the faults of a run, for its summary.
+//!
+//! Made from the plan and from the events that the plant published: what was asked for, the step at
+//! which it took hold, how large its effect was. A fault that did nothing is told as loudly as one
+//! that did.
+
+use std::fmt::Write as _;
+
+use hil_config::plan::{FaultEvent, FaultSource, Trigger};
+use serde::Serialize;
+use shared_types::record::{FaultAccepted, FaultEffectSize, FaultEnded, FaultTaken};
+use shared_types::time::{Rate, Step};
+
+/// The events of a run that are about faults.
+#[derive(Clone, Debug, Default)]
+pub struct FaultLog {
+    /// Live faults that were accepted.
+    pub accepted: Vec<LiveFault>,
+    /// Effects that took hold.
+    pub taken: Vec<FaultTaken>,
+    /// Effects that ended.
+    pub ended: Vec<FaultEnded>,
+    /// What became of each effect, by the plant's last word; `None` if it died before.
+    pub sizes: Option<Vec<FaultEffectSize>>,
+}
+
+/// A live fault that was accepted.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LiveFault {
+    /// The next step when it was accepted.
+    pub step: u64,
+    /// What was accepted.
+    pub event: FaultEvent,
+}
+
+impl TryFrom<&FaultAccepted> for LiveFault {
+    type Error = serde_json::Error;
+
+    fn try_from(accepted: &FaultAccepted) -> Result<Self, Self::Error> {
+        Ok(Self {
+            step: accepted.step,
+            event: serde_json::from_value(accepted.fault.clone())?,
+        })
+    }
+}
+
+/// A fault and what became of it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Fault {
+    event: u32,
+    kind: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    name: Option<String>,
+    source: FaultSource,
+    /// Null if no time was asked for: a condition, or after another fault.
+    requested_at_s: Option<f64>,
+    /// The next step when a live fault was accepted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    accepted_step: Option<u64>,
+    /// Null if it never took hold.
+    effective_step: Option<u64>,
+    /// Why it never took hold.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reason: Option<String>,
+    effects: Vec<Effect>,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct Effect {
+    target: String,
+    /// Parameters or signal; null if it never took hold.
+    parameter: Option<String>,
+    effective_step: Option<u64>,
+    ended_step: Option<u64>,
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    cleared: bool,
+    /// Null if the plant died before it could tell, as are the next two.
+    max_effect: Option<f64>,
+    unit: Option<String>,
+    acted_steps: Option<u64>,
+    /// It took hold and changed nothing.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    no_effect: bool,
+}
+
+impl FaultLog {
+    /// Every fault of the run: those of the scenario, then the live ones.
+    #[must_use]
+    pub fn faults(&self, scenario: &[FaultEvent], rate: Rate) -> Vec<Fault> {
+        let planned = scenario.iter().map(|event| self.fault(event, None, rate));
+        let live = self.accepted.iter();
+        let live = live.map(|live| self.fault(&live.event, Some(live.step), rate));
+        planned.chain(live).collect()
+    }
+
+    fn fault(&self, event: &FaultEvent, accepted_step: Option<u64>, rate: Rate) -> Fault {
+        let effects: Vec<Effect> = (0..)
+            .zip(&event.effects)
+            .map(|(number, effect)| self.effect(event.id, number, &effect.target))
+            .collect();
+        let effective_step = effects
+            .iter()
+            .filter_map(|effect| effect.effective_step)
+            .min();
+        let is_never = effective_step.is_none();
+        Fault {
+            event: event.id,
+            kind: event.kind.clone(),
+            name: event.name.clone(),
+            source: event.source,
+            requested_at_s: match event.trigger {
+                Trigger::Step { at_s, .. } => Some(at_s),
+                Trigger::Now => accepted_step.map(|step| rate.seconds(Step(step))),
+                Trigger::Condition(_) | Trigger::After { .. } => None,
+            },
+            accepted_step,
+            effective_step,
+            reason: is_never.then(|| self.never(event)),
+            effects,
+        }
+    }
+
+    fn effect(&self, id: u32, number: u32, target: &str) -> Effect {
+        let taken = (self.taken.iter()).find(|taken| (taken.id, taken.effect) == (id, number));
+        let ended = (self.ended.iter()).find(|ended| (ended.id, ended.effect) == (id, number));
+        let sizes = self.sizes.as_deref().unwrap_or_default();
+        let size = sizes
+            .iter()
+            .find(|size| (size.id, size.effect) == (id, number));
+        Effect {
+            target: target.into(),
+            parameter: taken.map(|taken| taken.parameter.clone()),
+            effective_step: taken.map(|taken| taken.step),
+            ended_step: ended
+                .map(|ended| ended.step)
+                .or_else(|| size.and_then(|size| size.ended_step)),
+            cleared: ended.is_some_and(|ended| ended.cleared),
+            max_effect: size.map(|size| size.max_effect),
+            unit: size.map(|size| size.unit.clone()),
+            acted_steps: size.map(|size| size.acted_steps),
+            no_effect: taken.is_some() && size.is_some_and(|size| size.acted_steps == 0),
+        }
+    }
+
+    /// Why an event never took hold.
+    fn never(&self, event: &FaultEvent) -> String {
+        let is_cleared = |ended: &FaultEnded| ended.id == event.id && ended.cleared;
+        if self.ended.iter().any(is_cleared) {
+            return "it was cleared before".into();
+        }
+        match &event.trigger {
+            Trigger::Step { step, .. } => format!("the run ended before step {step}"),
+            Trigger::Now => "the run ended before the next step".into(),
+            Trigger::Condition(condition) => {
+                let text = &condition.expression;
+                match condition.records {
+                    0 | 1 => format!("`{text}` never held"),
+                    records => format!("`{text}` never held for {records} steps in a row"),
+                }
+            }
+            Trigger::After { event, delay_steps } => {
+                match self.taken.iter().find(|taken| taken.id == *event) {
+                    Some(_) => {
+                        format!("the run ended within {delay_steps} steps after fault {event}")
+                    }
+                    None => format!("fault {event}, which it follows, never took hold"),
+                }
+            }
+        }
+    }
+}
+
+impl Fault {
+    /// The fault as a person reads it, in a line or more.
+    #[must_use]
+    pub fn told(&self) -> String {
+        let live = match self.source {
+            FaultSource::Scenario => "",
+            FaultSource::Cli => " (live)",
+        };
+        let (event, kind) = (self.event, &self.kind);
+        let mut text = format!("fault {event} {kind}{live}");
+        // Writing to a string cannot fail.
+        let _ = match (self.effective_step, &self.reason) {
+            (Some(step), _) => write!(text, " at step {step}"),
+            (None, Some(reason)) => write!(text, " never took hold: {reason}"),
+            (None, None) => write!(text, " never took hold"),
+        };
+        if self.effective_step.is_none() {
+            return text;
+        }
+        for effect in &self.effects {
+            let _ = write!(text, ", {}", effect.target);
+            let _ = match (effect.effective_step, effect.max_effect, &effect.unit) {
+                (None, ..) => write!(text, " never took hold"),
+                (_, Some(_), _) if effect.no_effect => write!(text, " NO EFFECT"),
+                (_, Some(size), Some(unit)) => write!(text, " {size:.4e} {unit}"),
+                _ => write!(text, " of unknown size"),
+            };
+            if let Some(step) = effect.ended_step {
+                let how = if effect.cleared { "cleared" } else { "ended" };
+                let _ = write!(text, " ({how} at step {step})");
+            }
+        }
+        text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use hil_config::plan::{Condition, FaultAction, FaultEffect, FaultEnd, Profile};
+    use serde_json::json;
+    use shared_types::describe::Settings;
+
+    use super::*;
+
+    fn event(id: u32, source: FaultSource, trigger: Trigger, targets: &[&str]) -> FaultEvent {
+        let effect = |target: &&str| FaultEffect {
+            target: (*target).into(),
+            skew_steps: 0,
+            profile: Profile::Step,
+            action: FaultAction::Kind {
+                parameters: Settings::default(),
+                list: Vec::new(),
+            },
+        };
+        FaultEvent {
+            id,
+            name: None,
+            kind: "bias".into(),
+            source,
+            trigger,
+            end: FaultEnd::default(),
+            effects: targets.iter().map(effect).collect(),
+        }
+    }
+
+    fn at(step: u64, at_s: f64) -> Trigger {
+        Trigger::Step {
+            step: Step(step),
+            at_s,
+        }
+    }
+
+    fn taken(id: u32, effect: u32, step: u64) -> FaultTaken {
+        FaultTaken {
+            id,
+            effect,
+            step,
+            kind: "bias".into(),
+            target: "measured.x_m".into(),
+            parameter: "x_m".into(),
+            canonical: String::new(),
+            wall_only: false,
+        }
+    }
+
+    fn size(id: u32, effect: u32, step: Option<u64>, acted_steps: u64) -> FaultEffectSize {
+        FaultEffectSize {
+            id,
+            effect,
+            kind: "bias".into(),
+            target: "measured.x_m".into(),
+            parameter: "x_m".into(),
+            step,
+            ended_step: None,
+            acted_steps,
+            max_effect: 0.5 * acted_steps as f64,
+            unit: "m".into(),
+        }
+    }
+
+    fn rate() -> Rate {
+        Rate::new(1000.0).expect("a rate")
+    }
+
+    #[test]
+    fn a_summary_tells_size_end_and_source_of_every_fault() {
+        let live = event(2, FaultSource::Cli, Trigger::Now, &["command.u_n"]);
+        let log = FaultLog {
+            accepted: vec![LiveFault {
+                step: 40,
+                event: live,
+            }],
+            taken: vec![taken(1, 0, 10), taken(1, 1, 12), taken(2, 0, 41)],
+            ended: vec![FaultEnded {
+                id: 2,
+                effect: 0,
+                step: 60,
+                cleared: true,
+            }],
+            sizes: Some(vec![
+                size(1, 0, Some(10), 5),
+                size(1, 1, Some(12), 0),
+                size(2, 0, Some(41), 1),
+            ]),
+        };
+        let scenario = [event(
+            1,
+            FaultSource::Scenario,
+            at(10, 0.0095),
+            &["measured.x_m", "measured.v"],
+        )];
+        let faults = log.faults(&scenario, rate());
+        let expected = json!([
+            {
+                "event": 1, "kind": "bias", "source": "scenario", "requested_at_s": 0.0095, "effective_step": 10,
+                "effects": [
+                    {"target": "measured.x_m", "parameter": "x_m", "effective_step": 10, "ended_step": null, "max_effect": 2.5, "unit": "m", "acted_steps": 5},
+                    {"target": "measured.v", "parameter": "x_m", "effective_step": 12, "ended_step": null, "max_effect": 0.0, "unit": "m", "acted_steps": 0, "no_effect": true}
+                ]
+            },
+            {
+                "event": 2, "kind": "bias", "source": "cli", "requested_at_s": 0.04, "accepted_step": 40, "effective_step": 41,
+                "effects": [
+                    {"target": "command.u_n", "parameter": "x_m", "effective_step": 41, "ended_step": 60, "cleared": true, "max_effect": 0.5, "unit": "m", "acted_steps": 1}
+                ]
+            }
+        ]);
+        assert_eq!(serde_json::to_value(&faults).expect("JSON"), expected);
+        assert_eq!(
+            faults[0].told(),
+            "fault 1 bias at step 10, measured.x_m 2.5000e0 m, measured.v NO EFFECT"
+        );
+        assert_eq!(
+            faults[1].told(),
+            "fault 2 bias (live) at step 41, command.u_n 5.0000e-1 m (cleared at step 60)"
+        );
+    }
+
+    #[test]
+    fn a_fault_that_never_took_hold_says_why() {
+        let condition = |records| {
+            Trigger::Condition(Condition {
+                expression: "truth.x_m > 1".into(),
+                records,
+            })
+        };
+        let after = |event| Trigger::After {
+            event,
+            delay_steps: 7,
+        };
+        let log = FaultLog {
+            taken: vec![taken(9, 0, 3)],
+            ended: vec![FaultEnded {
+                id: 6,
+                effect: 0,
+                step: 2,
+                cleared: true,
+            }],
+            sizes: Some(vec![]),
+            ..FaultLog::default()
+        };
+        for (id, trigger, reason) in [
+            (1, at(500, 0.5), "the run ended before step 500"),
+            (2, condition(1), "`truth.x_m > 1` never held"),
+            (
+                3,
+                condition(20),
+                "`truth.x_m > 1` never held for 20 steps in a row",
+            ),
+            (4, after(1), "fault 1, which it follows, never took hold"),
+            (5, after(9), "the run ended within 7 steps after fault 9"),
+            (6, at(500, 0.5), "it was cleared before"),
+        ] {
+            let fault =
+                &log.faults(&[event(id, FaultSource::Scenario, trigger, &["x"])], rate())[0];
+            assert_eq!(
+                (fault.effective_step, fault.reason.as_deref()),
+                (None, Some(reason))
+            );
+            assert_eq!(
+                fault.told(),
+                format!("fault {id} bias never took hold: {reason}")
+            );
+        }
+    }
+
+    #[test]
+    fn without_the_plants_last_word_sizes_are_unknown() {
+        let log = FaultLog {
+            taken: vec![taken(1, 0, 10)],
+            ..FaultLog::default()
+        };
+        let fault = &log.faults(
+            &[event(1, FaultSource::Scenario, at(10, 0.01), &["x"])],
+            rate(),
+        )[0];
+        let effect = &fault.effects[0];
+        assert_eq!(
+            (effect.max_effect, effect.acted_steps, effect.no_effect),
+            (None, None, false)
+        );
+        assert_eq!(fault.told(), "fault 1 bias at step 10, x of unknown size");
+    }
+}

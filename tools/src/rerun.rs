@@ -1,0 +1,114 @@
+//! `hil rerun`: a recorded run once more, what was done to it while it went on included, and
+//! whether the same came out.
+
+use hil_config::scenario::Scenario;
+use serde_json::json;
+
+use crate::cli::run::RerunArguments;
+use crate::compare::{self, Difference};
+use crate::exit::{Exit, Failure};
+use crate::repetition::RecordedRun;
+use crate::run::{self, Setup};
+use crate::{config, output, run_reader};
+
+/// Runs the command.
+///
+/// # Errors
+/// If the run cannot be read or repeated.
+pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
+    let options = &arguments.options;
+    let recorded = RecordedRun::read(&arguments.run)?;
+    let shown = arguments.run.display();
+    if recorded.lost > 0 {
+        let lost = recorded.lost;
+        return Err(Failure::usage(format!(
+            "{shown} lost {lost} records: there is no digest to compare with"
+        )));
+    }
+    // Of a run that was stopped or died the last record may show that; those before must come again.
+    let is_whole = matches!(recorded.outcome.as_deref(), Some("completed" | "diverged"));
+    let (records, expected) = if is_whole {
+        (recorded.records, recorded.digest.clone())
+    } else {
+        let records = recorded.records.saturating_sub(1);
+        (
+            records,
+            run_reader::digest_of_first(&arguments.run, records).map_err(Failure::usage)?,
+        )
+    };
+    if records == 0 {
+        return Err(Failure::usage(format!(
+            "{shown} has no record to compare with"
+        )));
+    }
+    let setup = Setup::find(options)?;
+    let binaries = [&setup.binaries.plant, &setup.binaries.controller];
+    for (binary, before) in binaries.into_iter().zip(&recorded.blake3) {
+        if before
+            .as_ref()
+            .is_some_and(|before| *before != binary.blake3)
+        {
+            let path = binary.path.display();
+            eprintln!("warning: {path} is not the binary of the recorded run");
+        }
+    }
+    let text = recorded.scenario()?;
+    let scenario = Scenario::parse(&text, format!("the scenario of {shown}"));
+    let plan = config::check(scenario, &options.changes, &setup.binaries, options.json)?;
+    let ran = run::execute(plan, setup, options, Some(records))?;
+    let found = if is_whole {
+        &ran.digest
+    } else {
+        &ran.partial_digest
+    };
+    let is_same = found.as_ref() == Some(&expected);
+    let difference: Option<Difference> = match &ran.recording {
+        Some(recording) if !is_same => {
+            let comparison = compare::compare(&arguments.run, recording, &[], 0.0);
+            comparison
+                .ok()
+                .and_then(|comparison| comparison.first_difference().cloned())
+        }
+        _ => None,
+    };
+    let told = if options.json {
+        let summary: serde_json::Value =
+            serde_json::from_str(&ran.summary).map_err(Failure::infrastructure)?;
+        let result = json!({
+            "same": is_same,
+            "records": records,
+            "recorded_digest": expected,
+            "digest": found,
+            "first_difference": difference,
+            "summary": summary,
+        });
+        format!("{result:#}\n")
+    } else {
+        let mut text = ran.table;
+        let compared = if is_whole {
+            String::new()
+        } else {
+            format!(", over its first {records} records: it did not end by itself")
+        };
+        text += &if is_same {
+            format!("same digest as {shown}{compared}\n")
+        } else {
+            let found = found.as_deref().unwrap_or("none");
+            format!(
+                "NOT the digest of {shown}{compared}: {expected} was recorded, {found} came now\n"
+            )
+        };
+        if let Some(difference) = &difference {
+            text += &format!("{difference}\n");
+        }
+        text
+    };
+    let told = output::write(&told);
+    ran.written?;
+    told?;
+    Ok(match ran.exit {
+        Exit::Infrastructure | Exit::Interrupted => ran.exit,
+        _ if is_same => Exit::Pass,
+        _ => Exit::Failed,
+    })
+}
