@@ -5,12 +5,13 @@
 
 use hil_config::condition::Watch;
 use hil_config::expression::Columns;
-use hil_config::plan::{Condition, FaultAction, FaultEffect, FaultEvent};
+use hil_config::plan::{Condition, FaultAction, FaultEffect, FaultEvent, Move, Trigger};
 use shared_types::describe::{ActsOn, Invalid, PlantDescription, Settings};
 use shared_types::record::FaultTaken;
 use shared_types::table::Field;
 use shared_types::time::Rate;
 
+use super::arrivals::Arrivals;
 use super::effect::{Action, Direction, Effect, Side};
 use super::kind::{AnySetup, FaultKindEntry};
 use super::profile;
@@ -96,7 +97,7 @@ impl FaultWorkshop {
             watch.transpose().map_err(|e| Invalid(e.to_string()))
         };
         let when = match &event.trigger {
-            hil_config::plan::Trigger::Condition(condition) => Some(condition),
+            Trigger::Condition(condition) => Some(condition),
             _ => None,
         };
         Ok(Prepared {
@@ -144,14 +145,14 @@ impl FaultWorkshop {
         };
         Ok(Effect::new(
             taken,
-            effect.skew_steps,
-            effect.profile.clone(),
-            made.action,
             made.unit,
+            made.action,
+            effect,
+            &event.end,
         ))
     }
 
-    fn moves(&self, moves: &[hil_config::plan::Move]) -> Result<Made, Invalid> {
+    fn moves(&self, moves: &[Move]) -> Result<Made, Invalid> {
         let mut found = Vec::new();
         let mut canonical = Vec::new();
         for given in moves {
@@ -201,38 +202,36 @@ impl FaultWorkshop {
         let wrong = || Invalid(format!("fault `{kind}` cannot act on `{target}`"));
         let signals = matches!(acts_on, ActsOn::Signals | ActsOn::Numbers);
         let links = acts_on == ActsOn::Links;
+        let link = |direction, fault| Action::Link(direction, fault, Box::new(Arrivals::new()));
         let (action, unit) = match target.split_once('.') {
             Some(("measured", name)) if signals => {
                 let (index, unit) = place(&self.measured, name).ok_or_else(wrong)?;
-                (Action::Sample(index, fault), unit)
+                (Action::Signal(Direction::Sample, index, fault), unit)
             }
             Some(("reference", name)) if signals => {
                 let (index, unit) = place(&self.reference, name).ok_or_else(wrong)?;
-                (Action::Sample(self.measured.len() + index, fault), unit)
+                let index = self.measured.len() + index;
+                (Action::Signal(Direction::Sample, index, fault), unit)
             }
             Some(("command", name)) if signals => {
                 let (index, unit) = place(&self.commands, name).ok_or_else(wrong)?;
-                (Action::Command(index, fault), unit)
+                (Action::Signal(Direction::Command, index, fault), unit)
             }
             Some(("parameter", name)) if acts_on == ActsOn::Numbers => {
                 let index = self.parameter(name)?;
                 let unit = self.parameters[index].unit.clone();
                 (Action::Parameter(index, fault), unit)
             }
-            Some(("link", "sample")) if links => {
-                (Action::Link(Direction::Sample, fault), "steps".into())
-            }
-            Some(("link", "command")) if links => {
-                (Action::Link(Direction::Command, fault), "steps".into())
-            }
+            Some(("link", "sample")) if links => (link(Direction::Sample, fault), "steps".into()),
+            Some(("link", "command")) if links => (link(Direction::Command, fault), "steps".into()),
             None if target == "controller" && acts_on == ActsOn::Controller => {
-                (Action::Timing(fault), "steps".into())
+                (Action::Skip(fault, 0), "steps".into())
             }
             None if target == "controller" && acts_on == ActsOn::Sides => {
-                (Action::Busy(Side::Controller, fault), "ns".into())
+                (Action::Busy(Side::Controller, fault, 0), "ns".into())
             }
             None if target == "plant" && acts_on == ActsOn::Sides => {
-                (Action::Busy(Side::Plant, fault), "ns".into())
+                (Action::Busy(Side::Plant, fault, 0), "ns".into())
             }
             _ => return Err(wrong()),
         };

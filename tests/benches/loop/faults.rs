@@ -105,7 +105,12 @@ fn idle_ns() -> f64 {
         black_box(layer.sample(step, (&sensed, &stimulus), &mut row, &mut invalid));
         black_box(layer.timing(step));
         let header = Header::new(FrameKind::Command, step);
-        black_box(layer.command(step, &header, &command, &mut applied));
+        black_box(layer.command(
+            step,
+            &header,
+            (&command, &[0; VALIDITY_WORDS]),
+            &mut applied,
+        ));
         black_box((&row, &applied, layer.has_events()));
     }
     (monotonic_ns() - begin_ns) as f64 / STEPS as f64
