@@ -49,7 +49,7 @@ pub trait FaultKind: Sized + Send + 'static {
 
     /// It takes hold. `random` is a stream of its own, keyed by seed, kind, target and step.
     fn hold(&mut self, random: RandomStream) {
-        drop(random);
+        let _ = random;
     }
 
     /// What becomes of a signal or parameter.
