@@ -25,7 +25,7 @@ use crate::live::{self, LiveContext};
 use crate::plant::PlantKind;
 
 /// How often a held run looks whether it may go on.
-const HELD: Duration = Duration::from_millis(1);
+pub const HELD: Duration = Duration::from_millis(1);
 
 /// Runs a plant process that can be any of these plants, by what its arguments say. Its faults are
 /// those of the plants and the [built-in kinds](kinds::all).

@@ -4,7 +4,7 @@
 use crate::harness::{Rig, Run};
 use crate::mcap_reader::{Record, Recording};
 
-/// One second of the hydraulic system under FTSC without a fault, 10,000 steps.
+/// One second of the hydraulic system under PID without a fault, 10,000 steps.
 const BASE: &str = r#"
 schema = 1
 name = "faulted"
@@ -16,7 +16,7 @@ seed = 1
 model = "drhas"
 substeps = 4
 [controller]
-law = "ftsc"
+law = "pid"
 [[stimuli]]
 target = "surface_angle_rad"
 kind = "paper"
@@ -75,7 +75,7 @@ fn a_bias_is_the_difference_between_what_is_measured_and_what_is_sensed() {
     let given = (
         "bias",
         "duration_s = 0.1",
-        "target = \"measured.surface_angle_rad\"\nbias = 0.25",
+        "target = \"measured.surface_angle_rad\"\nbias = 0.001",
     );
     let run = faulted(&rig, &[given], "");
     let recording = Recording::open(&run.recording());
@@ -83,7 +83,7 @@ fn a_bias_is_the_difference_between_what_is_measured_and_what_is_sensed() {
         let measured = recording.value(&record, "measured.surface_angle_rad");
         let sensed = recording.value(&record, "sensed.surface_angle_rad");
         let wanted = if (2_000..3_000).contains(&record.step()) {
-            sensed + 0.25
+            sensed + 0.001
         } else {
             sensed
         };
@@ -95,7 +95,7 @@ fn a_bias_is_the_difference_between_what_is_measured_and_what_is_sensed() {
         (&3000.into(), &1000.into())
     );
     let largest = effect["max_effect"].as_f64().expect("a number");
-    assert!((largest - 0.25).abs() < 1e-15, "{largest}");
+    assert!((largest - 0.001).abs() < 1e-15, "{largest}");
 }
 
 #[test]

@@ -122,7 +122,7 @@ fn jobs(session: u64) -> (plant_process::job::Job, controller_process::job::Job)
     // The fault acts while allocations are counted, but does not begin then.
     let plan: Plan = scenario
         .set(&["faults[0].at_s=0.01"])
-        .check(&plants, &laws)
+        .check(&plants, &laws, &[])
         .expect("it is right");
     let plant = plant_process::job::Job {
         protocol: PROTOCOL,
@@ -131,6 +131,8 @@ fn jobs(session: u64) -> (plant_process::job::Job, controller_process::job::Job)
         plant: plan.plant.clone(),
         stimuli: plan.stimuli,
         faults: plan.faults,
+        derived: Vec::new(),
+        pause_at_s: None,
         observed: true,
         wait_limit_s: 5.0,
     };

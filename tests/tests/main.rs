@@ -12,6 +12,7 @@
 //! | [`live`] | faults and pauses from another terminal |
 //! | [`paper`] | the paper's experiment against its checked figures |
 //! | [`recording`] | what a recording holds, read without the recorder's code |
+//! | [`survival`] | every law with every kind of fault |
 //!
 //! [`programs`] builds what is run; [`harness`] gives each test a place of its own and a watchdog, and
 //! looks after every run that nothing of it is left. [`mcap_reader`] reads recordings.
@@ -23,6 +24,8 @@
 mod architecture;
 mod cli;
 mod determinism;
+#[path = "../every_fault.rs"]
+mod every_fault;
 mod examples;
 mod failures;
 mod faults;
@@ -33,3 +36,4 @@ mod mcap_reader;
 mod paper;
 mod programs;
 mod recording;
+mod survival;

@@ -209,9 +209,22 @@ fn without_cleared(faults: &mut Vec<FaultEvent>, log: &FaultLog) -> Vec<FaultEve
         let before = gone.len();
         gone.extend(more);
         if gone.len() == before {
-            return faults
-                .extract_if(.., |event| gone.contains(&event.id))
-                .collect();
+            let is_gone = |event: &mut FaultEvent| gone.contains(&event.id);
+            let left_out = faults.extract_if(.., is_gone).collect();
+            renumber(faults);
+            return left_out;
+        }
+    }
+}
+
+/// Numbers events by their place, as a scenario does, also where one follows another.
+fn renumber(faults: &mut [FaultEvent]) {
+    let before: Vec<u32> = faults.iter().map(|event| event.id).collect();
+    let now = |id: u32| (1..).zip(&before).find(|(_, before)| **before == id);
+    for event in faults {
+        event.id = now(event.id).map_or(event.id, |(now, _)| now);
+        if let Trigger::After { event: other, .. } = &mut event.trigger {
+            *other = now(*other).map_or(*other, |(now, _)| now);
         }
     }
 }

@@ -18,15 +18,22 @@ pub(super) struct Layout {
     pub header: Option<&'static str>,
     /// Numbers in a row.
     pub columns: usize,
-    /// What a row is, for messages.
+    /// What a row is, for messages: with an `s` it is several.
     pub row: &'static str,
 }
 
 impl Layout {
     fn expected(&self) -> String {
         match self.header {
-            Some(header) => format!("the header {header} and at least {} below it", self.row),
-            None => format!("at least {} of {} numbers", self.row, self.columns),
+            Some(header) => format!("the header {header} and at least one {}", self.row),
+            None => format!("lines of {}", self.numbers()),
+        }
+    }
+
+    fn numbers(&self) -> String {
+        match self.columns {
+            1 => "one number".into(),
+            columns => format!("{columns} numbers with a comma between"),
         }
     }
 }
@@ -112,18 +119,15 @@ fn rows(
                     .header
                     .is_some_and(|header| cells.join(",") != header)
             {
-                let message = format!("not the header of a file with {} on a line", layout.row);
+                let message = format!("not the header of a table of {}s", layout.row);
                 return Err(bad(message, layout.expected()));
             }
             let is_header = is_first && (layout.header.is_some() || numbers.is_empty());
             is_first = false;
             if !is_header {
                 if numbers.len() != layout.columns || cells.len() != layout.columns {
-                    let expected = match layout.columns {
-                        1 => "a finite number".into(),
-                        columns => format!("{columns} finite numbers with a comma between"),
-                    };
-                    return Err(bad(format!("not {}", layout.row), expected));
+                    let expected = format!("{}, each finite", layout.numbers());
+                    return Err(bad(format!("not a {}", layout.row), expected));
                 }
                 take(&numbers).map_err(|(message, expected)| bad(message, expected.into()))?;
                 count += 1;
@@ -135,7 +139,7 @@ fn rows(
         return Err(BadLine {
             start,
             length: 0,
-            message: "the file has no numbers".into(),
+            message: format!("the file has no {}s", layout.row),
             expected: layout.expected(),
         });
     }

@@ -15,7 +15,7 @@ pub(super) type Points = (Vec<f64>, Vec<f64>);
 const FILE: csv::Layout = csv::Layout {
     header: Some("time_s,value"),
     columns: 2,
-    row: "a point",
+    row: "point",
 };
 
 /// The points of a section, which is that of `what`. Without a folder files are refused.

@@ -2,7 +2,8 @@
 //! teaching plant and laws for both.
 
 use shared_types::describe::{
-    FaultDescription, LawDescription, PlantDescription, ProfileDescription,
+    ActsOn, FaultDescription, FaultKindDescription, LawDescription, ListDescription, MoveBy,
+    Operation, ParameterMove, PlantDescription, ProfileDescription,
 };
 use shared_types::table::Field;
 
@@ -45,6 +46,8 @@ pub(crate) fn plants() -> Vec<PlantDescription> {
         let leak = named("leakage_coefficient_m3ps_per_sqrt_pa");
         let leak = parameter(&leak, "m3/s/sqrt(Pa)", 0.0, 0.0, 1e-3);
         parameters.push(faultable(leak));
+        let bulk = parameter(&named("bulk_modulus_pa"), "Pa", 1e9, 1e6, 2e9);
+        parameters.push(faultable(bulk));
     }
     parameters.push(parameter("surface.inertia_kg_m2", "kg m2", 13.5, 1e-9, 1e9));
     let drhas = PlantDescription {
@@ -65,16 +68,38 @@ pub(crate) fn plants() -> Vec<PlantDescription> {
             ("actuator1_valve_current_a", "A"),
             ("actuator2_valve_current_a", "A"),
         ]),
-        faults: vec![FaultDescription {
-            kind: "leakage".into(),
-            summary: "A leak.\nIt grows.".into(),
-            selector: "actuator".into(),
-            parameter: "leakage_coefficient_m3ps_per_sqrt_pa".into(),
-            size: ranged("coefficient_m3ps_per_sqrt_pa", "m3/s/sqrt(Pa)", 1.0),
-            profile: ProfileDescription::Exponential {
-                speed: ranged("speed_per_s", "1/s", 1e6),
+        faults: vec![
+            FaultDescription {
+                kind: "leakage".into(),
+                summary: "A leak.\nIt grows.".into(),
+                equation: "c".into(),
+                selector: Some("actuator".into()),
+                sizes: vec![ranged("coefficient_m3ps_per_sqrt_pa", "m3/s/sqrt(Pa)", 1.0)],
+                moves: vec![moves(
+                    "leakage_coefficient_m3ps_per_sqrt_pa",
+                    Operation::Add,
+                    "coefficient_m3ps_per_sqrt_pa",
+                )],
+                profile: ProfileDescription::Exponential {
+                    speed: ranged("speed_per_s", "1/s", 1e6),
+                },
             },
-        }],
+            FaultDescription {
+                kind: "burst".into(),
+                summary: "A hose bursts.".into(),
+                equation: "leakage = 1e-3, bulk modulus = f E".into(),
+                selector: Some("actuator".into()),
+                sizes: vec![parameter("factor", "1", 0.5, 0.0, 10.0)],
+                moves: vec![
+                    ParameterMove {
+                        by: MoveBy::Constant(1e-3),
+                        ..moves("leakage_coefficient_m3ps_per_sqrt_pa", Operation::Set, "")
+                    },
+                    moves("bulk_modulus_pa", Operation::Scale, "factor"),
+                ],
+                profile: ProfileDescription::Step,
+            },
+        ],
     };
     let spring_mass = PlantDescription {
         name: "spring-mass".into(),
@@ -87,9 +112,92 @@ pub(crate) fn plants() -> Vec<PlantDescription> {
         truth: signals(&[("position_m", "m"), ("velocity_mps", "m/s")]),
         measured: signals(&[("position_m", "m"), ("velocity_mps", "m/s")]),
         commands: signals(&[("force_n", "N")]),
-        faults: Vec::new(),
+        faults: vec![FaultDescription {
+            kind: "softening".into(),
+            summary: "The spring softens.".into(),
+            equation: "k + d".into(),
+            selector: None,
+            sizes: vec![Field::signal("change_n_per_m", "N/m", "Of a fault.")],
+            moves: vec![moves("stiffness_n_per_m", Operation::Add, "change_n_per_m")],
+            profile: ProfileDescription::Step,
+        }],
     };
     vec![drhas, spring_mass]
+}
+
+fn moves(parameter: &str, operation: Operation, size: &str) -> ParameterMove {
+    ParameterMove {
+        parameter: parameter.into(),
+        operation,
+        by: MoveBy::Size(size.into()),
+    }
+}
+
+fn kind(name: &str, acts_on: ActsOn, parameters: Vec<Field>) -> FaultKindDescription {
+    FaultKindDescription {
+        kind: name.into(),
+        summary: "A fault.".into(),
+        equation: "y = x".into(),
+        acts_on,
+        parameters,
+        list: None,
+    }
+}
+
+fn list(key: &str, columns: usize) -> Option<ListDescription> {
+    Some(ListDescription {
+        key: key.into(),
+        description: "Numbers.".into(),
+        columns,
+    })
+}
+
+/// Kinds of every class, with every form of parameter.
+pub(crate) fn kinds() -> Vec<FaultKindDescription> {
+    vec![
+        kind(
+            "bias",
+            ActsOn::Numbers,
+            vec![Field::signal("bias", "target", "Of a fault.")],
+        ),
+        kind(
+            "drift",
+            ActsOn::Numbers,
+            vec![Field {
+                max: 10.0,
+                ..Field::signal("rate_per_s", "target/s", "Of a fault.")
+            }],
+        ),
+        kind("delay", ActsOn::Numbers, vec![ranged("steps", "1", 1000.0)]),
+        kind("dropout", ActsOn::Signals, Vec::new()),
+        FaultKindDescription {
+            list: list("pattern", 1),
+            ..kind(
+                "message-loss",
+                ActsOn::Links,
+                vec![parameter("probability", "1", 1.0, 0.0, 1.0)],
+            )
+        },
+        FaultKindDescription {
+            list: list("histogram", 2),
+            ..kind(
+                "late",
+                ActsOn::Sides,
+                vec![
+                    ranged("busy_us", "us", 1e6),
+                    parameter("spread_us", "us", 0.0, 0.0, 1e6),
+                ],
+            )
+        },
+        kind(
+            "skip",
+            ActsOn::Controller,
+            vec![
+                ranged("steps", "1", 1000.0),
+                parameter("period_steps", "1", 0.0, 0.0, 1e6),
+            ],
+        ),
+    ]
 }
 
 fn law(name: &str, plants: &[&str]) -> LawDescription {

@@ -46,7 +46,7 @@ fn columns() -> Columns {
     let plants = descriptions::plants();
     let laws = descriptions::laws();
     let hold = laws.iter().find(|law| law.name == "hold").expect("hold");
-    Columns::of(&plants[1], hold, &[])
+    Columns::of(&plants[1], &[], &hold.internals)
 }
 
 /// Rows 0 to 10; the command of the last one does not exist.

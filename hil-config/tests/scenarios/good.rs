@@ -1,7 +1,10 @@
 //! Right scenarios and what they mean.
 
-use hil_config::plan::{Clock, FaultEffect, Plan, Profile, Waveform};
+use hil_config::plan::{
+    Clock, FaultAction, FaultEffect, FaultEnd, FaultSource, Move, Plan, Profile, Trigger, Waveform,
+};
 use proptest::prelude::*;
+use shared_types::describe::{Operation, Settings};
 use shared_types::time::{Rate, Step};
 
 use crate::{BASE, base_with, check, descriptions, parse, plan};
@@ -31,7 +34,7 @@ fn the_base_means_what_it_says() {
     assert_eq!(run.clock, Clock::Lockstep);
 
     assert_eq!((plant.model.as_str(), plant.substeps), ("drhas", 2));
-    assert_eq!(plant.parameters.0.len(), 5);
+    assert_eq!(plant.parameters.0.len(), 7);
     assert_eq!(plant.parameters.get("actuator1.piston_mass_kg"), Some(50.0));
     assert_eq!(plant.parameters.get("actuator2.piston_mass_kg"), Some(60.0));
     assert_eq!(plant.parameters.get("surface.inertia_kg_m2"), Some(13.5));
@@ -57,15 +60,36 @@ fn the_base_means_what_it_says() {
     };
     assert_eq!(stimuli[1].waveform, step);
 
-    assert_eq!((faults.len(), faults[0].id, faults[0].at_s), (1, 1, 1.0));
+    let fault = &faults[0];
+    assert_eq!((faults.len(), fault.id, &fault.name), (1, 1, &None));
+    assert_eq!(
+        (fault.kind.as_str(), fault.source),
+        ("leakage", FaultSource::Scenario)
+    );
+    let trigger = Trigger::Step {
+        step: Step(1000),
+        at_s: 1.0,
+    };
+    assert_eq!(
+        (&fault.trigger, &fault.end),
+        (&trigger, &FaultEnd::default())
+    );
+    let mut sizes = Settings::default();
+    sizes.set("coefficient_m3ps_per_sqrt_pa", 0.0);
     let second = FaultEffect {
         target: "actuator2".into(),
-        parameter: "actuator2.leakage_coefficient_m3ps_per_sqrt_pa".into(),
-        step: Step(1250),
-        size: 0.0,
+        skew_steps: 250,
         profile: Profile::Exponential { speed_per_s: 0.5 },
+        action: FaultAction::Move {
+            sizes,
+            moves: vec![Move {
+                parameter: "actuator2.leakage_coefficient_m3ps_per_sqrt_pa".into(),
+                operation: Operation::Add,
+                by: 0.0,
+            }],
+        },
     };
-    assert_eq!(faults[0].effects[0].step, Step(1000));
+    assert_eq!(faults[0].effects[0].skew_steps, 0);
     assert_eq!(faults[0].effects[1], second);
 
     let units: Vec<&str> = derived.iter().map(|d| d.unit.as_str()).collect();
@@ -98,7 +122,7 @@ fn a_law_does_not_take_a_nominal_value_of_another_unit() {
     }
     let text = base_with("surface.inertia_kg_m2 = 13.0", "");
     let plan = parse(&text)
-        .and_then(|scenario| scenario.check(&descriptions::plants(), &laws))
+        .and_then(|scenario| scenario.check(&descriptions::plants(), &laws, &descriptions::kinds()))
         .expect("right");
     let model = plan.controller.model;
     assert_eq!(model.get("surface.inertia_kg_m2"), Some(1.0)); // the law's default
@@ -112,7 +136,7 @@ fn a_fault_moves_faultable_parameters_only() {
         field.faultable = field.faultable && field.name.starts_with("actuator1");
     }
     let problems = parse(BASE)
-        .and_then(|scenario| scenario.check(&plants, &descriptions::laws()))
+        .and_then(|scenario| scenario.check(&plants, &descriptions::laws(), &descriptions::kinds()))
         .expect_err("actuator 2 cannot leak");
     assert_eq!(problems.0.len(), 1, "{problems}");
     assert_eq!(problems.0[0].key, "faults[0].effects[1].actuator");
@@ -180,7 +204,11 @@ fn a_pace_is_used_by_the_paced_clock() {
 #[test]
 fn a_fault_between_two_steps_takes_hold_at_the_later_one() {
     let text = base_with("at_s = 1.0", "at_s = 1.0001");
-    assert_eq!(plan(&text).faults[0].effects[0].step, Step(1001));
+    let trigger = Trigger::Step {
+        step: Step(1001),
+        at_s: 1.0001,
+    };
+    assert_eq!(plan(&text).faults[0].trigger, trigger);
 }
 
 #[test]
@@ -274,6 +302,6 @@ proptest! {
         ]),
     ) {
         let scenario = parse(BASE).expect("TOML").set(&[format!("{key}={value}")]);
-        let _ = scenario.check(&descriptions::plants(), &descriptions::laws());
+        let _ = scenario.check(&descriptions::plants(), &descriptions::laws(), &descriptions::kinds());
     }
 }

@@ -1,7 +1,7 @@
 //! The JSON schema, against what the check accepts.
 
 use hil_config::schema::schema;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::{BASE, descriptions};
 
@@ -17,6 +17,7 @@ fn unknown_keys(schema: &Value, value: &toml::Value, path: &str, unknown: &mut V
                     .expect("a kind");
                 return unknown_keys(fitting, value, path, unknown);
             }
+            let schema = &with_rules(schema, table);
             for (key, value) in table {
                 let path = format!("{path}.{key}");
                 match schema["properties"].get(key) {
@@ -34,9 +35,40 @@ fn unknown_keys(schema: &Value, value: &toml::Value, path: &str, unknown: &mut V
     }
 }
 
+/// A schema with what its rules say of a table of this kind.
+fn with_rules(schema: &Value, table: &toml::Table) -> Value {
+    let mut schema = schema.clone();
+    let rules = schema["allOf"].take();
+    for rule in rules.as_array().into_iter().flatten() {
+        let kind = rule["if"]["properties"]["kind"]["const"].as_str();
+        if kind == table["kind"].as_str() {
+            let then = rule["then"]["properties"].as_object().expect("properties");
+            for (key, value) in then {
+                schema["properties"][key] = value.clone();
+            }
+        }
+    }
+    schema
+}
+
+/// What the schema says of the effects of a kind of fault.
+fn effects(schema: &Value, kind: &str) -> Value {
+    let rules = &schema["properties"]["faults"]["items"]["allOf"];
+    let rule = rules
+        .as_array()
+        .into_iter()
+        .flatten()
+        .find(|rule| rule["if"]["properties"]["kind"]["const"] == kind);
+    rule.unwrap_or_else(|| panic!("no `{kind}`"))["then"]["properties"]["effects"]["items"].clone()
+}
+
 #[test]
 fn the_schema_offers_every_key_of_a_right_scenario_and_no_other() {
-    let schema = schema(&descriptions::plants(), &descriptions::laws());
+    let schema = schema(
+        &descriptions::plants(),
+        &descriptions::laws(),
+        &descriptions::kinds(),
+    );
     let mut unknown = Vec::new();
     let value: toml::Value = toml::from_str(BASE).expect("TOML");
     unknown_keys(&schema, &value, "", &mut unknown);
@@ -51,7 +83,11 @@ fn the_schema_offers_every_key_of_a_right_scenario_and_no_other() {
 
 #[test]
 fn the_schema_knows_ranges_defaults_and_names() {
-    let schema = schema(&descriptions::plants(), &descriptions::laws());
+    let schema = schema(
+        &descriptions::plants(),
+        &descriptions::laws(),
+        &descriptions::kinds(),
+    );
     let at = |pointer: &str| schema.pointer(pointer).unwrap_or(&Value::Null).clone();
     let rate = "/properties/run/properties/rate_hz";
     assert_eq!(at(&format!("{rate}/minimum")), 0.001);
@@ -74,16 +110,65 @@ fn the_schema_knows_ranges_defaults_and_names() {
     let pid = "/properties/controller/properties/pid/properties";
     assert_eq!(at(&format!("{pid}/gain_a_per_m/default")), 90.0);
     assert_eq!(at(&format!("{pid}/gain_n_per_m/default")), 300.0);
-    let effects = "/properties/faults/items/properties/effects/items/properties";
-    assert_eq!(
-        at(&format!("{effects}/actuator/enum")),
-        serde_json::json!([1, 2])
+}
+
+#[test]
+fn the_schema_knows_what_the_effects_of_each_kind_have() {
+    let schema = schema(
+        &descriptions::plants(),
+        &descriptions::laws(),
+        &descriptions::kinds(),
     );
+    let kinds = &schema["properties"]["faults"]["items"]["properties"]["kind"]["enum"];
+    let names = [
+        "leakage",
+        "burst",
+        "softening",
+        "bias",
+        "drift",
+        "delay",
+        "dropout",
+        "message-loss",
+        "late",
+        "skip",
+    ];
+    assert_eq!(*kinds, json!(names));
+    let leakage = effects(&schema, "leakage");
+    assert_eq!(leakage["properties"]["actuator"]["enum"], json!([1, 2]));
+    assert_eq!(leakage["properties"]["speed_per_s"]["maximum"], 1e6);
+    assert_eq!(leakage["additionalProperties"], false);
+
+    let delay = effects(&schema, "delay");
+    assert_eq!(delay["properties"]["steps"]["type"], "integer");
+    assert_eq!(delay["required"], json!(["target", "steps"]));
+    let targets = &delay["properties"]["target"]["anyOf"];
+    let names: Vec<&str> = (targets[0]["enum"].as_array().into_iter().flatten())
+        .filter_map(Value::as_str)
+        .collect();
+    assert!(names.contains(&"measured.surface_angle_rad"));
+    assert!(names.contains(&"parameter.actuator1.bulk_modulus_pa"));
+    assert!(
+        !names.contains(&"parameter.actuator1.piston_mass_kg"),
+        "not faultable"
+    );
+    assert_eq!(targets[1]["pattern"], "^reference\\.");
+
+    let late = effects(&schema, "late");
+    let target = &late["properties"]["target"];
+    assert_eq!(target["enum"], json!(["controller", "plant"]));
+    assert_eq!(
+        late["properties"]["histogram"]["anyOf"][0]["items"]["minItems"],
+        2
+    );
+    let profiles = late["properties"]["profile"]["oneOf"]
+        .as_array()
+        .map(Vec::len);
+    assert_eq!(profiles, Some(7));
 }
 
 #[test]
 fn without_descriptions_their_tables_stay_open() {
-    let schema = schema(&[], &[]);
+    let schema = schema(&[], &[], &[]);
     let parameters = &schema["properties"]["plant"]["properties"]["parameters"];
     assert_eq!(parameters["type"], "object");
     assert!(parameters.get("additionalProperties").is_none());

@@ -5,7 +5,7 @@
 
 use std::path::PathBuf;
 
-use hil_config::plan::{Plan, Profile};
+use hil_config::plan::{FaultAction, Plan, Profile, Trigger};
 use hil_config::problem::Problems;
 use hil_config::scenario::Scenario;
 use shared_types::time::Step;
@@ -14,9 +14,11 @@ use crate::descriptions;
 
 fn shipped(name: &str, flags: &[&str]) -> Result<Plan, Problems> {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../scenarios");
-    Scenario::read(folder.join(name))?
-        .set(flags)
-        .check(&descriptions::plants(), &descriptions::laws())
+    Scenario::read(folder.join(name))?.set(flags).check(
+        &descriptions::plants(),
+        &descriptions::laws(),
+        &descriptions::kinds(),
+    )
 }
 
 #[test]
@@ -42,9 +44,17 @@ fn the_papers_faults_strike_together_at_7_s() {
         let plan = shipped(file, &[]).expect("right");
         assert_eq!((plan.run.steps, plan.run.rate.hz()), (200_000, 10_000.0));
         assert_eq!(plan.faults.len(), 1);
+        let trigger = Trigger::Step {
+            step: Step(70_000),
+            at_s: 7.0,
+        };
+        assert_eq!(plan.faults[0].trigger, trigger);
         for (effect, (size, speed_per_s)) in plan.faults[0].effects.iter().zip(effects) {
-            assert_eq!(effect.step, Step(70_000));
-            assert_eq!(effect.size, size);
+            let FaultAction::Move { moves, .. } = &effect.action else {
+                panic!("a fault of the plant");
+            };
+            assert_eq!((moves.len(), moves[0].by), (1, size));
+            assert_eq!(effect.skew_steps, 0);
             assert_eq!(effect.profile, Profile::Exponential { speed_per_s });
         }
         for metric in &plan.metrics {

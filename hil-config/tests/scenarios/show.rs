@@ -7,7 +7,13 @@ use crate::{BASE, base_with, descriptions, plan};
 
 fn shown(text: &str) -> String {
     let plan = plan(text);
-    show(&plan, &descriptions::plants(), &descriptions::laws()).expect("described")
+    show(
+        &plan,
+        &descriptions::plants(),
+        &descriptions::laws(),
+        &descriptions::kinds(),
+    )
+    .expect("described")
 }
 
 #[test]
@@ -66,9 +72,9 @@ fn every_parameter_is_shown_with_unit_and_range() {
 
 #[test]
 fn a_plan_of_something_that_is_not_described_is_not_shown() {
-    let error = show(&plan(BASE), &[], &descriptions::laws()).expect_err("no plant");
+    let error = show(&plan(BASE), &[], &descriptions::laws(), &[]).expect_err("no plant");
     assert!(error.to_string().contains("plant `drhas`"));
-    let error = show(&plan(BASE), &descriptions::plants(), &[]).expect_err("no law");
+    let error = show(&plan(BASE), &descriptions::plants(), &[], &[]).expect_err("no law");
     assert!(error.to_string().contains("law `ftsc`"));
 }
 

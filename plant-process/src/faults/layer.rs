@@ -474,13 +474,17 @@ impl FaultLayer {
 
     fn end(&mut self, event: usize, effect: usize, step: Step, cleared: bool) {
         let ended = &mut self.events[event].prepared.effects[effect];
-        if ended.life == Life::Acts {
+        let acts = ended.life == Life::Acts;
+        // Who repeats the run must know also of what was cleared before it took hold.
+        if acts || (cleared && ended.life == Life::Waits) {
             self.told.push_back(Event::FaultEnded(FaultEnded {
                 id: ended.taken.id,
                 effect: ended.taken.effect,
                 step: step.0,
                 cleared,
             }));
+        }
+        if acts {
             let list = self.acting.list_of(&ended.action);
             list.retain(|&acting| acting != (event, effect));
             self.parameters.stale |=

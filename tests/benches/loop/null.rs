@@ -27,7 +27,7 @@ use tempfile::TempDir;
 
 use crate::ROUNDS;
 use crate::measure::{Bystanders, machine, median};
-use crate::runs::Programs;
+use crate::programs::Programs;
 
 /// Signals in a sample; half as many commands answer them.
 const SIZES: [usize; 2] = [8, 32];
@@ -186,6 +186,8 @@ fn unobserved(programs: &Path, size: usize) -> Figures {
         },
         stimuli: Vec::new(),
         faults: Vec::new(),
+        derived: Vec::new(),
+        pause_at_s: None,
         observed: false,
         wait_limit_s,
     };

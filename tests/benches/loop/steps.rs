@@ -7,13 +7,14 @@ use std::hint::black_box;
 
 use controller_process::controller::{Law, LawKind, Row, Start};
 use controller_process::runner::choose;
-use hil_config::plan::Plan;
+use hil_config::plan::{Plan, Stimulus};
 use hil_config::scenario::Scenario;
-use plant_process::faults::FaultLayer;
+use plant_process::faults::{FaultLayer, FaultWorkshop};
 use plant_process::plant::{Model, PlantKind};
 use plant_process::stimulus;
 use serde_json::json;
 use shared_types::clock::monotonic_ns;
+use shared_types::record::RecordLayout;
 use shared_types::time::{Interval, Step};
 
 use crate::measure::{Bystanders, machine, median};
@@ -49,7 +50,7 @@ impl Experiment {
         let described_laws: Vec<_> = laws.iter().map(|k| k.description.clone()).collect();
         let plan = (Scenario::read(scenario()).expect("a scenario"))
             .set(&[format!("controller.law={law}")])
-            .check(&described_plants, &described_laws)
+            .check(&described_plants, &described_laws, &[])
             .unwrap_or_else(|problems| panic!("{problems}"));
         let model = &plan.plant.model;
         choose(&laws, law, model).expect("a law of the plant");
@@ -71,10 +72,18 @@ impl Experiment {
         let parameters = &self.plan.plant.parameters;
         let description = &self.plant.description;
         let rate = self.plan.run.rate;
-        let faults = FaultLayer::new(description, parameters, rate, &self.plan.faults);
+        let stimuli = &self.plan.stimuli;
+        let reference: Vec<_> = stimuli.iter().flat_map(Stimulus::fields).collect();
+        let seeded = (rate, self.plan.run.seed);
+        let workshop = FaultWorkshop::new(description, &reference, &[], parameters, seeded, &[]);
+        let workshop = workshop.expect("the plant's parameters");
+        let faults = FaultLayer::new(&workshop, &self.plan.faults);
+        let mut faults = faults.expect("the scenario's faults");
+        let opened = faults.open(&workshop, &RecordLayout::default());
+        opened.expect("no conditions");
         Rig {
             model: (self.plant.start)(parameters).expect("starts"),
-            faults: faults.expect("the scenario's faults"),
+            faults,
             truth: vec![0.0; description.truth.len()],
         }
     }
@@ -105,8 +114,8 @@ impl Experiment {
     }
 
     fn measure(rig: &mut Rig, step: u64, measured: &mut [f64]) {
-        if let Some(parameters) = rig.faults.advance(Step(step)) {
-            rig.model.retune(parameters);
+        if rig.faults.advance(Step(step), None) {
+            rig.model.retune(rig.faults.parameters());
         }
         rig.model.measure(measured);
     }

@@ -4,16 +4,18 @@ use std::time::Duration;
 
 use controller_process::runner::{Runner, choose};
 use plant_process::engine::{self, Engine};
+use plant_process::live::{self, LiveContext};
+use plant_process::program::HELD;
 use shared_types::link::{LinkError, in_process};
 use shared_types::lockstep::{ControllerEvent, PlantEvent};
 use shared_types::record::{Outcome, RecordLayout, RunEnd};
+use shared_types::session::SessionInfo;
 use shared_types::stream::{self, RecordSink};
 use shared_types::supervision::Supervision;
 use shared_types::wait::{WaitLimit, Waiter, until_ns};
 
 use super::{Ended, Prepared};
 use crate::exit::Failure;
-use crate::progress::Progress;
 use crate::recorder::Recorder;
 
 /// A sink that tells the recorder the layout when the stream opens.
@@ -41,7 +43,7 @@ impl RecordSink for TellingSink {
     }
 }
 
-pub(super) fn run(prepared: &Prepared) -> Result<Ended, Failure> {
+pub(super) fn run(prepared: &Prepared, session: &SessionInfo) -> Result<Ended, Failure> {
     let (sink, source) = stream::in_process::pair();
     let (tell, told) = std::sync::mpsc::channel();
     let (plan, recording) = (prepared.plan.clone(), prepared.recording.clone());
@@ -57,11 +59,13 @@ pub(super) fn run(prepared: &Prepared) -> Result<Ended, Failure> {
     let supervision = Supervision::new();
 
     let (plant, controller) = (prepared.plant.clone(), prepared.controller.clone());
-    let theirs = supervision.clone();
+    let (theirs, name) = (supervision.clone(), session.name.clone());
+    let session = session.clone();
     let sides = std::thread::spawn(move || {
-        take_turns(plant, controller, TellingSink { sink, tell }, &theirs)
+        let sink = TellingSink { sink, tell };
+        take_turns(&session, plant, controller, sink, &theirs)
     });
-    let mut progress = Progress::new(prepared.plan.run.steps, prepared.plan.run.rate);
+    let mut progress = prepared.progress(&name);
     while !sides.is_finished() {
         if prepared.interruption.came() {
             supervision.stop("interrupted");
@@ -95,6 +99,7 @@ pub(super) fn run(prepared: &Prepared) -> Result<Ended, Failure> {
 
 /// Polls both sides in turns to the end of the run.
 fn take_turns(
+    session: &SessionInfo,
     plant: plant_process::job::Job,
     controller: controller_process::job::Job,
     sink: TellingSink,
@@ -109,7 +114,11 @@ fn take_turns(
     let laws = controller_process::laws::all();
     let law = choose(&laws, &controller.law, &controller.plant).map_err(|e| e.to_string())?;
     let (plant_link, controller_link) = in_process::pair();
-    let mut engine = Engine::new(kind, plant, plant_link, sink).map_err(|e| e.to_string())?;
+    let kinds = plant_process::faults::kinds::all();
+    let context = LiveContext::new(kind, &kinds, &plant);
+    let engine = Engine::new(kind, &kinds, plant, plant_link, sink);
+    let mut engine = engine.map_err(|e| e.to_string())?;
+    live::serve(session, context, engine.desk(), engine.workshop())?;
     let mut runner = Runner::new(law, controller, controller_link).map_err(|e| e.to_string())?;
     turns(&mut engine, &mut runner, limit, supervision).map_err(|e| e.to_string())?;
     engine
@@ -125,6 +134,7 @@ fn turns<S: RecordSink>(
     supervision: &Supervision,
 ) -> Result<(), LinkError> {
     let mut waiter = Waiter::new(limit);
+    let desk = engine.desk();
     runner.begin()?;
     loop {
         if supervision.wants_stop() {
@@ -136,7 +146,13 @@ fn turns<S: RecordSink>(
             engine::Progress::Over => return Ok(()),
             engine::Progress::Busy => waiter.done(),
             engine::Progress::Until(target_ns) => {
-                until_ns(target_ns, || supervision.wants_stop());
+                until_ns(target_ns, || {
+                    supervision.wants_stop() || desk.wants_attention()
+                });
+                waiter.done();
+            }
+            engine::Progress::Held => {
+                std::thread::sleep(HELD);
                 waiter.done();
             }
             engine::Progress::Recorder => {

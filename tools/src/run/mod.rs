@@ -17,6 +17,7 @@ use crate::binaries::Binaries;
 use crate::cli::run::{LinkKind, RunArguments, RunOptions};
 use crate::exit::{Exit, Failure};
 use crate::interruption::Interruption;
+use crate::progress::Progress;
 use crate::recorder::{Recorded, RecordingPlan};
 use crate::recording::{Enclosure, Provenance};
 use crate::run_reader::RECORDING;
@@ -33,6 +34,17 @@ struct Prepared {
     /// After how many records the digest is wanted besides.
     partial: Option<u64>,
     interruption: Interruption,
+}
+
+impl Prepared {
+    /// The progress of the run, with the hold that was asked for.
+    fn progress(&self, session: &str) -> Progress {
+        let mut progress = Progress::new(self.plan.run.steps, self.plan.run.rate);
+        if let Some(pause_at_s) = self.plant.pause_at_s {
+            progress.announce_pause(pause_at_s, session);
+        }
+        progress
+    }
 }
 
 /// How a run ended.
@@ -100,11 +112,6 @@ impl Setup {
         if options.wait_limit.is_nan() || options.wait_limit <= 0.0 {
             return Err(Failure::usage(
                 "--wait-limit takes a number above 0, or inf",
-            ));
-        }
-        if options.link == LinkKind::InProcess && options.pause_at.is_some() {
-            return Err(Failure::usage(
-                "--pause-at needs processes: nobody could resume a run with --link in-process",
             ));
         }
         let others = &options.binaries;
@@ -180,7 +187,7 @@ pub(crate) fn execute(
     };
     let ended = match options.link {
         LinkKind::Iceoryx2 => processes::run(&prepared, &mut session, &run_dir)?,
-        LinkKind::InProcess => in_process::run(&prepared)?,
+        LinkKind::InProcess => in_process::run(&prepared, &info)?,
     };
     drop(session);
 

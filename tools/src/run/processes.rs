@@ -174,10 +174,7 @@ pub(super) fn run(
         let mut source = None;
         move || attach(&info, &mut source)
     });
-    let mut progress = Progress::new(prepared.plan.run.steps, prepared.plan.run.rate);
-    if let Some(pause_at_s) = prepared.plant.pause_at_s {
-        progress.announce_pause(pause_at_s, &session.info().name);
-    }
+    let mut progress = prepared.progress(&session.info().name);
     let first = watch(
         prepared,
         &mut plant,

@@ -85,7 +85,7 @@ fn file(
     let layout = csv::Layout {
         header: None,
         columns: described.columns,
-        row: "a row",
+        row: "row",
     };
     let mut rows = Vec::new();
     csv::read(reader, &table, folder, &layout, |row| {

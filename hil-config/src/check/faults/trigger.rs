@@ -177,10 +177,7 @@ fn in_time(
     if step < grid.steps {
         return Ok(step);
     }
-    let key = match DELAY.given(reader, section)? {
-        Some(key) => key,
-        None => "after",
-    };
+    let key = DELAY.given(reader, section)?.unwrap_or("after");
     let path = section.path_of(key);
     let message = format!(
         "`{path}`: at {} s, the first time that this could be, the run is over",

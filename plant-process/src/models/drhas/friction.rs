@@ -13,10 +13,10 @@ const SEIZURE_TIME_S: f64 = 5e-5;
 
 /// Coulomb friction of the piston's seals, against its motion.
 ///
-/// `F = F_c tanh(v / v_s)` (Merritt, Hydraulic Control Systems, 1967, on friction of seals, has the
-/// jump `F_c sgn(v)`; the tangent makes it smooth: 76 % at `v_s`, 99.5 % at `3 v_s`). Below `v_s` it
-/// is a damper of `F_c / v_s`: a load creeps and does not stick. Runge-Kutta steps `h` are stable
-/// while `(F_c / v_s + B_h) h / m_h < 2.78`; largest friction and smallest `v_s` reach 1.8 at 25 us.
+/// `F = F_c tanh(v / v_s)`: Coulomb's `F_c sgn(v)` (Merritt, Hydraulic Control Systems, 1967, on
+/// nonlinearities) with its jump made smooth, 76 % at `v_s` and 99.5 % at `3 v_s`. Below `v_s` it is a
+/// damper of `F_c / v_s`: a load creeps and does not stick. Runge-Kutta steps `h` are stable while
+/// `(F_c / v_s + B_h) h / m_h < 2.78`; largest friction and smallest `v_s` reach 1.8 at 25 us.
 #[inline]
 #[must_use]
 pub fn coulomb_friction_n(p: &ActuatorParameters, velocity_mps: f64) -> f64 {

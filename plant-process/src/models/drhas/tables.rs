@@ -12,6 +12,8 @@ table! {
         valve_gain_m_per_a: "m/A" = 3.04e-3 in 0.0..=1.0 [faultable],
         /// Null bias of the valve: where the spool is without current.
         valve_null_bias_m: "m" = 0.0 in (-0.02)..=0.02 [faultable],
+        /// Travel of the spool to either side, where its stops are; the paper's runs use 7.1 mm.
+        valve_travel_m: "m" = 0.02 in 1e-6..=1.0,
         /// Time constant of the spool, 1 / (2 pi bandwidth); 0: it follows at once.
         valve_lag_s: "s" = 0.0 in 0.0..=10.0 [faultable],
         /// How far the spool is stuck where it was: 0 moves freely, 1 not at all.

@@ -158,9 +158,9 @@ fn a_command_line_becomes_the_text_of_a_scenario() {
                | profile = { kind = "exponential", speed_per_s = 4.0 } | skew_s = 0.1"#,
         ),
         (
-            "supply-loss 0.5 --factor-second 0.25 --at-step 70000 --end 8",
+            "supply-loss plant 0.5 --factor-second 0.25 --at-step 70000 --end 8",
             r#"kind = "supply-loss" | at_step = 70000 | end_s = 8.0
-               | [[faults.effects]] | target = "plant" | factor_first = 0.5 | factor_second = 0.25"#,
+               | [[faults.effects]] | factor_first = 0.5 | factor_second = 0.25"#,
         ),
         (
             "bias measured.surface_angle_rad 0.01 --ramp 2s",

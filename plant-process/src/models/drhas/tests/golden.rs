@@ -10,6 +10,7 @@ use super::{paper_command_rad, proportional_law};
 
 const RIGHT_HAND_SIDES: &str = include_str!("../../../../../tests/golden/plant_rhs.json");
 const TRAJECTORIES: &str = include_str!("../../../../../tests/golden/plant_windows.json");
+const FAULTS: &str = include_str!("../../../../../tests/golden/plant_faults.json");
 
 fn number(value: &Value) -> f64 {
     value.as_f64().expect("a number")
@@ -63,10 +64,11 @@ fn assert_close(value: f64, expected: &Value, rounding: f64, what: &str) {
     );
 }
 
+/// Rounding of the sums whose terms cancel, by the size of the terms.
+const ROUNDING: [f64; STATES] = [0.0, 1e-9, 0.0, 1e-9, 1e-4, 1e-4, 0.0, 1e-9, 1e-4, 1e-4];
+
 #[test]
 fn the_right_hand_side_is_that_of_50_digits() {
-    // Rounding of a sum whose terms cancel, by the size of the terms.
-    const ROUNDING: [f64; STATES] = [0.0, 1e-9, 0.0, 1e-9, 1e-4, 1e-4, 0.0, 1e-9, 1e-4, 1e-4];
     let file: Value = serde_json::from_str(RIGHT_HAND_SIDES).unwrap();
     assert_state_order(&file);
     let cases = file["cases"].as_array().unwrap();
@@ -92,6 +94,8 @@ fn the_right_hand_side_is_that_of_50_digits() {
             let what = format!("case {n}, rate {i}");
             assert_close(rates[i], &case["derivative"][i], ROUNDING[i], &what);
         }
+        let neutral = self::rates::<true>(&parameters.surface, &channels, &inputs, &state);
+        assert_eq!(neutral, rates, "what is neutral changes no bit");
         for i in [0, 1] {
             let expected = &case[["actuator1", "actuator2"][i]];
             let (p, s, x_v) = (actuators[i], &state.actuators[i], inputs.spools_m[i]);
@@ -177,6 +181,12 @@ fn replay(window: &Value, substeps: u32) -> Vec<[f64; STATES]> {
     let mut parameters = parameters(&window["parameters"]);
     let state = transmute!(numbers::<STATES>(&window["initial_state"]));
     let mut plant = plant(&parameters, state);
+    if let Some(spools_m) = window.get("initial_spools_m") {
+        plant.spools = numbers::<2>(spools_m).map(|spool_m| Spool {
+            position_m: spool_m,
+            stuck_m: spool_m,
+        });
+    }
     let steps = |sample: &Value| sample["step"].as_u64().expect("a step");
     let samples = window["samples"].as_array().unwrap();
     let (first, last) = (steps(&samples[0]), steps(&samples[samples.len() - 1]));
@@ -273,6 +283,49 @@ fn halving_the_substep_divides_the_error_by_sixteen() {
         for i in 0..STATES {
             let ratio = coarse[i] / fine[i];
             assert!((14.0..20.0).contains(&ratio), "{name}, state {i}: {ratio}");
+        }
+    }
+}
+
+#[test]
+fn the_right_hand_side_beyond_the_paper_is_that_of_50_digits() {
+    let file: Value = serde_json::from_str(FAULTS).unwrap();
+    assert_state_order(&file);
+    let cases = file["cases"].as_array().unwrap();
+    assert!(cases.len() >= 24);
+    for (n, case) in cases.iter().enumerate() {
+        let parameters = parameters(&case["parameters"]);
+        let state: State = transmute!(numbers::<STATES>(&case["state"]));
+        let channels = parameters.actuators().map(|parameters| Channel {
+            parameters,
+            leakage_coefficient_m3ps_per_sqrt_pa: parameters.leakage_coefficient_m3ps_per_sqrt_pa,
+        });
+        let plant = plant(&parameters, state);
+        assert!(plant.beyond_paper);
+        let inputs = Inputs {
+            spools_m: numbers(&case["spools_m"]),
+            disturbances_n: plant.disturbances_n(number(&case["t_s"])),
+        };
+        let rates = rates::<true>(&parameters.surface, &channels, &inputs, &state);
+        for i in 0..STATES {
+            let what = format!("case {n}, rate {i}");
+            assert_close(rates[i], &case["derivative"][i], ROUNDING[i], &what);
+        }
+    }
+}
+
+#[test]
+fn trajectories_beyond_the_paper_are_those_of_an_adaptive_method_of_order_eight() {
+    let file: Value = serde_json::from_str(FAULTS).unwrap();
+    let windows = file["windows"].as_array().unwrap();
+    assert!(windows.len() >= 5);
+    for window in windows {
+        let name = window["name"].as_str().unwrap();
+        let [coarse, fine] = [4, 8].map(|substeps| errors(window, substeps));
+        assert_below(&coarse, [5e-12, 1e-8], [5e-12, 3e-8, 0.3, 0.3], name);
+        for i in 0..STATES {
+            let ratio = coarse[i] / fine[i];
+            assert!((12.0..24.0).contains(&ratio), "{name}, state {i}: {ratio}");
         }
     }
 }
