@@ -10,7 +10,6 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::{Duration, Instant};
 
-use hil_config::expression::Columns;
 use hil_config::live_faults::{FaultContext, check_faults};
 use hil_config::plan::{FaultEvent, Stimulus};
 use shared_types::describe::{FaultKindDescription, PlantDescription, Settings};
@@ -160,20 +159,19 @@ impl Service {
     }
 
     fn inject(&mut self, toml: &str) -> Response {
-        let checked = self.layout().and_then(|layout| {
-            let columns: Columns = columns(layout);
-            let events = self
-                .check(toml, layout)
-                .map_err(|problems| Response::Refused {
-                    problems: problems.0.iter().map(Refusal::from).collect(),
-                });
-            Ok((columns, events))
-        });
-        let (columns, events) = match checked {
-            Ok((columns, Ok(events))) => (columns, events),
-            Ok((_, Err(response))) => return response,
+        let layout = match self.layout() {
+            Ok(layout) => layout,
             Err(refusal) => return refused(refusal),
         };
+        let events = match self.check(toml, layout) {
+            Ok(events) => events,
+            Err(problems) => {
+                return Response::Refused {
+                    problems: problems.0.iter().map(Refusal::from).collect(),
+                };
+            }
+        };
+        let columns = columns(layout);
         if events.is_empty() || events.len() > MOST_FAULTS {
             let count = events.len();
             let message = format!("{count} faults in one request; 1 to {MOST_FAULTS} are taken");

@@ -239,7 +239,7 @@ pub struct FaultTaken {
     pub wall_only: bool,
 }
 
-/// A fault that ended on one target.
+/// A fault that ended on one target, or that was cleared before it took hold.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FaultEnded {
     /// Number of the fault event.

@@ -132,7 +132,11 @@ fn wrong_flags_are_refused() {
         &["--wait-limit"],
     );
     refuse(&rig, &format!("{SCENARIO} --pace 0"), &["pace"]);
-    refuse(&rig, &format!("{SCENARIO} --pase 1"), &["--pase", "--pace"]);
+    refuse(
+        &rig,
+        &format!("{SCENARIO} --pacee 1"),
+        &["--pacee", "--pace"],
+    );
     let own = format!("{SCENARIO} --link in-process --controller-bin /bin/true");
     refuse(&rig, &own, &["in-process", "--controller-bin"]);
 }

@@ -178,7 +178,12 @@ impl Rig {
                 continue; // not a process, or gone
             };
             let line = String::from_utf8_lossy(&line).replace('\0', " ");
-            if line.contains(own_folder) || line.contains(session) {
+            // Sessions are numbered: one's name may begin with another's.
+            let of_session = |word: &str| {
+                let rest = word.strip_prefix(session);
+                rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
+            };
+            if line.contains(own_folder) || line.split(' ').any(of_session) {
                 found.push(line);
             }
         }

@@ -12,15 +12,23 @@ const SCENARIO: &str = "tests/scenarios/leakage.toml";
 fn every_kind_that_the_plant_offers_is_tried() {
     let rig = Rig::new();
     let listed = rig.hil(&["inject", "--list", "--json"]).expect(0).stdout;
-    let tried: Vec<String> = faults().into_iter().map(|fault| fault.kind).collect();
-    let plant = plant_process::models::all().into_iter().find(|plant| plant.description.name == "drhas");
+    let mut tried: Vec<String> = faults().into_iter().map(|fault| fault.kind).collect();
+    let plant = plant_process::models::all()
+        .into_iter()
+        .find(|plant| plant.description.name == "drhas");
     let plant = plant.expect("built in").description;
     let kinds = plant_process::faults::kinds::all();
-    let offered: Vec<String> = (plant.faults.into_iter().map(|fault| fault.kind))
+    let mut offered: Vec<String> = (plant.faults.into_iter().map(|fault| fault.kind))
         .chain(kinds.into_iter().map(|kind| kind.description.kind))
         .collect();
+    tried.sort();
+    offered.sort();
     assert_eq!(tried, offered);
-    assert!(offered.iter().all(|kind| listed.contains(&format!("\"{kind}\""))));
+    assert!(
+        offered
+            .iter()
+            .all(|kind| listed.contains(&format!("\"{kind}\"")))
+    );
 }
 
 #[test]
@@ -43,7 +51,10 @@ fn no_fault_ends_a_process_out_of_order_or_lets_a_number_that_is_none_pass() {
                 "{about}: {outcome:?}"
             );
             let effect = &summary["faults"][1]["effects"][0];
-            assert!(effect["acted_steps"].as_u64() > Some(0), "{about}: {summary}");
+            assert!(
+                effect["acted_steps"].as_u64() > Some(0),
+                "{about}: {summary}"
+            );
             assert_numbers(&Recording::open(&run.recording()), &about);
         }
     }
@@ -51,7 +62,12 @@ fn no_fault_ends_a_process_out_of_order_or_lets_a_number_that_is_none_pass() {
 
 /// Every number is one, or is marked invalid; only the last record has no command.
 fn assert_numbers(recording: &Recording, about: &str) {
-    let place = |group: &str| recording.columns.iter().position(|name| name.starts_with(group));
+    let place = |group: &str| {
+        recording
+            .columns
+            .iter()
+            .position(|name| name.starts_with(group))
+    };
     let truth = place("truth.").expect("truth");
     let command = place("command.").expect("commands");
     let sensed = place("sensed.").expect("sensed");

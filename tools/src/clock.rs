@@ -33,7 +33,11 @@ pub fn told(status: &Status) -> String {
         steps,
         paused,
     } = status;
-    let state = if *paused { "held before" } else { "running at" };
+    let state = if *paused {
+        "paused before"
+    } else {
+        "running at"
+    };
     format!("{state} step {step} of {steps} ({time_s} s)")
 }
 
@@ -51,7 +55,7 @@ mod tests {
         };
         assert_eq!(
             told(&status(true)),
-            "held before step 70000 of 200000 (7 s)"
+            "paused before step 70000 of 200000 (7 s)"
         );
         assert_eq!(
             told(&status(false)),

@@ -214,7 +214,7 @@ fault 4 bias waits for `truth.x_m > 1`
             state(2, "waiting", Some("step 50"), None),
         ];
         let expected = "\
-held before step 10 of 100 (0.1 s)
+paused before step 10 of 100 (0.1 s)
 fault 1 bias (cli): active
   measured.x_m since step 1: at most 2.5000e-1 m, acted at 9 steps
 fault 2 bias (cli): waiting for step 50

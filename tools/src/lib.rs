@@ -8,10 +8,16 @@
 //! 3. [`run`] prepares session and folder, starts both sides and watches over them.
 //! 4. [`recorder`] drains the record stream on a thread of its own: digest, metrics, latency,
 //!    [`recording`].
-//! 5. [`summary`] says how it went, to a person and to a machine.
+//! 5. [`summary`] says how it went, to a person and to a machine, and what became of the [`faults`].
+//!
+//! While it runs, another terminal asks its plant over [`live`]: [`inject`] puts faults into it,
+//! [`clock`] holds it and lets it go on. Afterwards [`run_reader`] reads the recording: [`compare`]
+//! finds where two runs differ, [`repetition`] makes the scenario that repeats one, live faults
+//! included, and [`rerun`] runs that.
 //!
 //! [`config`] and [`sessions`] are the commands around it, [`folder`] is where a run is written,
-//! [`output`] and [`interruption`] are its ways to and from the terminal. Nothing here runs on the loop.
+//! [`duration`] how times are typed, [`output`] and [`interruption`] are its ways to and from the
+//! terminal. Nothing here runs on the loop.
 
 use std::io::IsTerminal;
 

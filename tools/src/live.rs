@@ -14,8 +14,8 @@ use crate::cli::SessionChoice;
 use crate::exit::Failure;
 use crate::output;
 
-/// How long a plant may take to answer.
-const ANSWER_LIMIT: Duration = Duration::from_secs(5);
+/// How long a plant may take to answer: longer than it waits for its own loop.
+const ANSWER_LIMIT: Duration = Duration::from_secs(20);
 /// How long a session that lives may take to start listening.
 const START_LIMIT: Duration = Duration::from_secs(2);
 /// How often it is looked whether it listens.

@@ -5,6 +5,8 @@
 //! of signals come from its schema, so the recording of a plant that is not here can be read. A file
 //! whose writer was killed is read as far as it goes.
 
+mod schema;
+
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read;
@@ -14,8 +16,10 @@ use mcap::records::Record;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use serde::de::DeserializeOwned;
 use shared_types::digest::Digest;
-use shared_types::record::{Event, GROUPS, HASHED_GROUPS, Timing};
+use shared_types::record::Event;
 use shared_types::time::Rate;
+
+pub use schema::Column;
 
 /// Name of the recording in the folder of a run.
 pub const RECORDING: &str = "run.mcap";
@@ -44,23 +48,6 @@ pub enum ReadError {
         /// What is wrong with it.
         what: String,
     },
-}
-
-/// One word of a record.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Column {
-    /// Name: `step`, `truth.x_m`, `sample_invalid[0]`.
-    pub name: String,
-    /// Unit; empty for what is no signal.
-    pub unit: String,
-}
-
-impl Column {
-    /// Whether it is a number with a unit, not a count or bits.
-    #[must_use]
-    pub fn is_signal(&self) -> bool {
-        self.name.contains('.')
-    }
 }
 
 /// A recorded run, read from its begin.
@@ -309,9 +296,9 @@ impl RunReader {
                         .schemas
                         .get(&channel.schema_id)
                         .map_or("", String::as_str);
-                    self.columns = columns_of(schema)
+                    self.columns = schema::columns_of(schema)
                         .ok_or_else(|| foreign("its schema cannot be understood".into()))?;
-                    self.hashed_words = hashed(&self.columns);
+                    self.hashed_words = schema::hashed(&self.columns);
                 }
                 Record::Channel(channel) if channel.topic == "/events" => {
                     self.channels.insert(channel.id, false);
@@ -363,257 +350,5 @@ pub fn digest_of_first(run: &Path, records: u64) -> Result<String, ReadError> {
     Ok(reader.digest())
 }
 
-/// The names of the words in a `ros2msg` schema: `uint64` and arrays of them, and one level of
-/// messages of `float64`.
-fn columns_of(schema: &str) -> Option<Vec<Column>> {
-    let mut parts = schema.split(crate::recording::RULER);
-    let top = parts.next()?;
-    let mut messages = BTreeMap::new();
-    for part in parts {
-        let (name, fields) = part.trim_start().strip_prefix("MSG: ")?.split_once('\n')?;
-        messages.insert(name.trim(), fields);
-    }
-    let mut columns = Vec::new();
-    for line in top.lines().filter(|line| !line.trim().is_empty()) {
-        let (kind, name, _) = field(line)?;
-        if let Some(fields) = messages.get(kind) {
-            for line in fields.lines().filter(|line| !line.trim().is_empty()) {
-                let ("float64", field, unit) = field(line)? else {
-                    return None;
-                };
-                let name = format!("{name}.{field}");
-                columns.push(Column {
-                    name,
-                    unit: unit.into(),
-                });
-            }
-        } else if let Some(count) = kind.strip_prefix("uint64[") {
-            let count: usize = count.strip_suffix(']')?.parse().ok()?;
-            columns.extend((0..count).map(|index| Column {
-                name: format!("{name}[{index}]"),
-                unit: String::new(),
-            }));
-        } else if kind == "uint64" {
-            columns.push(Column {
-                name: name.into(),
-                unit: String::new(),
-            });
-        } else {
-            return None;
-        }
-    }
-    (columns.first()?.name == "step").then_some(columns)
-}
-
-/// Type, name and unit of a field.
-fn field(line: &str) -> Option<(&str, &str, &str)> {
-    let (field, comment) = line.split_once('#').unwrap_or((line, ""));
-    let mut words = field.split_ascii_whitespace();
-    let unit = comment.trim_start().strip_prefix('[');
-    let unit = unit
-        .and_then(|rest| rest.split_once(']'))
-        .map_or("", |(unit, _)| unit);
-    Some((words.next()?, words.next()?, unit))
-}
-
-/// Words up to the first that the digest leaves out.
-fn hashed(columns: &[Column]) -> usize {
-    let is_left_out = |column: &Column| match column.name.split_once('.') {
-        Some((group, _)) => GROUPS[HASHED_GROUPS..].contains(&group),
-        None => Timing::NAMES.contains(&column.name.as_str()),
-    };
-    columns
-        .iter()
-        .position(is_left_out)
-        .unwrap_or(columns.len())
-}
-
 #[cfg(test)]
-pub(crate) mod tests {
-    use shared_types::record::{FaultTaken, Outcome, RecordLayout, RunEnd};
-    use shared_types::table::Field;
-
-    use super::*;
-    use crate::cli::run::Compression;
-    use crate::recording::{Enclosure, Provenance, Recording};
-
-    /// Signals of a small run: `truth.x_m`, `measured.x_m`, `command.u_n`, and what they bring.
-    pub(crate) fn layout() -> RecordLayout {
-        RecordLayout {
-            truth: vec![Field::signal("x_m", "m", "Place.")],
-            measured: vec![Field::signal("x_m", "m", "Place [as seen].")],
-            command: vec![Field::signal("u_n", "N", "Force.")],
-            command_signals: 1,
-            parameter: vec![Field::signal("mass_kg", "kg", "Mass.")],
-            ..RecordLayout::default()
-        }
-    }
-
-    /// A record: step, both validity words, then truth, measured, command, applied, sensed and
-    /// parameter, then timing.
-    pub(crate) fn record(step: u64, truth: f64, command: f64) -> Vec<u64> {
-        let values = [truth, truth, command, command, truth, 1.0].map(f64::to_bits);
-        let timing = [step * 1000, 1, 0, 0, 77, 0, 0, 0];
-        [&[step, 0, 0][..], &values, &timing].concat()
-    }
-
-    pub(crate) fn taken(step: u64) -> Event {
-        Event::Fault(FaultTaken {
-            id: 1,
-            effect: 0,
-            step,
-            kind: "bias".into(),
-            target: "measured.x_m".into(),
-            parameter: "x_m".into(),
-            canonical: "bias=0 step".into(),
-            wall_only: false,
-        })
-    }
-
-    /// What is in a recording, in order.
-    pub(crate) enum Content {
-        Record(Vec<u64>),
-        Event(Event),
-    }
-
-    /// Writes a recording into a new folder and returns that. `finish`: as after a whole run.
-    pub(crate) fn recorded(
-        name: &str,
-        layout: &RecordLayout,
-        contents: &[Content],
-        enclosures: Vec<Enclosure>,
-        finish: bool,
-    ) -> PathBuf {
-        let folder = std::env::temp_dir().join(format!("hil-{name}-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).expect("a folder");
-        let provenance = Provenance {
-            facts: BTreeMap::from([("rate_hz".into(), "1000".into())]),
-            enclosures,
-        };
-        let path = folder.join(RECORDING);
-        let mut recording =
-            Recording::create(&path, Compression::Lz4, layout, &provenance).expect("created");
-        for content in contents {
-            match content {
-                Content::Record(words) => recording
-                    .record(words, &layout.view(words))
-                    .expect("written"),
-                Content::Event(event) => recording.event(event, None, 0).expect("written"),
-            }
-        }
-        if finish {
-            let result = BTreeMap::from([("outcome".into(), "completed".into())]);
-            recording.finish(result).expect("finished");
-        }
-        folder
-    }
-
-    #[test]
-    fn a_recording_reads_back_as_it_was_written() {
-        let end = Event::End(RunEnd {
-            steps: 2,
-            outcome: Outcome::Completed,
-            reason: None,
-            rejected_frames: 0,
-            effects: vec![],
-        });
-        let contents = [
-            Content::Record(record(0, 0.5, 2.0)),
-            Content::Event(taken(1)),
-            Content::Record(record(1, -0.0, f64::NAN)),
-            Content::Event(end.clone()),
-        ];
-        let enclosure = Enclosure {
-            name: "scenario.toml",
-            media_type: "application/toml",
-            text: "schema = 1".into(),
-        };
-        let folder = recorded("reads", &layout(), &contents, vec![enclosure], true);
-        let mut reader = RunReader::open(&folder).expect("opens");
-        assert_eq!(reader.rate().expect("a rate").hz(), 1000.0);
-        assert_eq!(
-            reader.enclosure("scenario.toml").expect("enclosed"),
-            "schema = 1"
-        );
-        assert!(reader.enclosure("other.toml").is_err());
-        let names: Vec<&str> = reader
-            .columns()
-            .iter()
-            .map(|column| column.name.as_str())
-            .collect();
-        let signals = [
-            "truth.x_m",
-            "measured.x_m",
-            "command.u_n",
-            "applied.u_n",
-            "sensed.x_m",
-            "parameter.mass_kg",
-        ];
-        let bits = ["step", "sample_invalid[0]", "command_invalid[0]"];
-        assert_eq!(names, [&bits[..], &signals, &Timing::NAMES].concat());
-        assert_eq!(
-            (reader.columns()[4].unit.as_str(), reader.hashed_words()),
-            ("m", 7)
-        );
-        assert!(reader.advance().expect("read"));
-        assert_eq!(
-            (reader.words(), reader.events()),
-            (&record(0, 0.5, 2.0)[..], &[][..])
-        );
-        assert!(reader.advance().expect("read"));
-        assert_eq!((reader.step(), reader.events()), (1, &[taken(1)][..]));
-        assert_eq!(reader.words(), record(1, -0.0, f64::NAN));
-        assert!(!reader.advance().expect("read"));
-        assert_eq!((reader.events(), reader.records()), (&[end][..], 2));
-        assert_eq!(
-            (reader.result("outcome"), reader.is_whole()),
-            (Some("completed"), true)
-        );
-        // By the digest's definition.
-        let text = "1 bias measured.x_m x_m bias=0 step";
-        let mut hasher = blake3::Hasher::new();
-        let words = |hasher: &mut blake3::Hasher, words: &[u64]| {
-            words.iter().for_each(|word| {
-                hasher.update(&word.to_le_bytes());
-            });
-        };
-        words(&mut hasher, &record(0, 0.5, 2.0)[..7]);
-        words(&mut hasher, &[text.len() as u64]);
-        hasher.update(text.as_bytes());
-        words(&mut hasher, &record(1, -0.0, f64::NAN)[..7]);
-        assert_eq!(reader.digest(), hasher.finalize().to_hex().to_string());
-        std::fs::remove_dir_all(folder).expect("removed");
-    }
-
-    #[test]
-    fn a_file_that_was_cut_off_is_read_as_far_as_it_goes() {
-        let contents: Vec<Content> = (0..2000)
-            .map(|step| Content::Record(record(step, step as f64, 0.0)))
-            .collect();
-        let folder = recorded("cut", &layout(), &contents, vec![], true);
-        let path = folder.join(RECORDING);
-        let bytes = std::fs::read(&path).expect("read");
-        std::fs::write(&path, &bytes[..bytes.len() / 2]).expect("written");
-        let mut reader = RunReader::open(&path).expect("opens");
-        let mut records = 0;
-        while reader.advance().expect("reads on") {
-            assert_eq!(reader.words(), record(records, records as f64, 0.0));
-            records += 1;
-        }
-        assert!(!reader.is_whole() && records < 2000, "{records}");
-        std::fs::remove_dir_all(folder).expect("removed");
-    }
-
-    #[test]
-    fn what_is_no_recording_is_named() {
-        let folder = std::env::temp_dir().join(format!("hil-none-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).expect("a folder");
-        let text = folder.join("text");
-        std::fs::write(&text, "not an MCAP file at all").expect("written");
-        let told = |path: &Path| RunReader::open(path).err().expect("refused").to_string();
-        assert!(told(&folder).contains("has no recording"));
-        assert!(told(&text).contains("is no recording of a run"));
-        assert!(told(&folder.join("nothing")).starts_with("cannot read"));
-        std::fs::remove_dir_all(folder).expect("removed");
-    }
-}
+pub(crate) mod tests;

@@ -26,7 +26,14 @@ impl Layout {
     fn expected(&self) -> String {
         match self.header {
             Some(header) => format!("the header {header} and at least one {}", self.row),
-            None => format!("at least one {} of {} numbers", self.row, self.columns),
+            None => format!("lines of {}", self.numbers()),
+        }
+    }
+
+    fn numbers(&self) -> String {
+        match self.columns {
+            1 => "one number".into(),
+            columns => format!("{columns} numbers with a comma between"),
         }
     }
 }
@@ -119,10 +126,7 @@ fn rows(
             is_first = false;
             if !is_header {
                 if numbers.len() != layout.columns || cells.len() != layout.columns {
-                    let expected = match layout.columns {
-                        1 => "a finite number".into(),
-                        columns => format!("{columns} finite numbers with a comma between"),
-                    };
+                    let expected = format!("{}, each finite", layout.numbers());
                     return Err(bad(format!("not a {}", layout.row), expected));
                 }
                 take(&numbers).map_err(|(message, expected)| bad(message, expected.into()))?;

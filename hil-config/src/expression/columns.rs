@@ -139,17 +139,22 @@ impl Columns {
         Group::ALL.iter().any(|group| group.prefix() == prefix)
     }
 
-    /// Names closest to an unknown one. Where it has a kind, only names of that kind; one without is
-    /// first looked for as the last part of a name of any kind.
+    /// Names closest to an unknown one. Where there are names of its kind, only those; else names of
+    /// other kinds that end alike come first.
     pub(crate) fn nearest(&self, path: &str) -> Vec<String> {
         let names = self.names.iter().map(String::as_str);
         let owned = |found: Vec<&str>| found.into_iter().map(Into::into).collect::<Vec<String>>();
         let of_a_kind = path
             .split_once('.')
             .filter(|(kind, _)| self.has_prefix(kind));
-        let Some((prefix, wanted)) = of_a_kind else {
+        let last = of_a_kind.map_or(path, |(_, last)| last);
+        let is_of = |kind: &str| {
+            let mut kinds = names.clone().filter_map(|name| name.split_once('.'));
+            kinds.any(|(of, _)| of == kind)
+        };
+        let Some((prefix, wanted)) = of_a_kind.filter(|(kind, _)| is_of(kind)) else {
             let ends_so =
-                |name: &&str| (name.strip_suffix(path)).is_some_and(|before| before.ends_with('.'));
+                |name: &&str| (name.strip_suffix(last)).is_some_and(|rest| rest.ends_with('.'));
             let exact: Vec<&str> = names.clone().filter(ends_so).take(3).collect();
             if !exact.is_empty() {
                 return owned(exact);

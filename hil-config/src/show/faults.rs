@@ -115,13 +115,17 @@ impl<'a> Look<'a> {
         length_key: &str,
     ) -> Written {
         writeln!(text, "{key} = {}", string(&condition.expression))?;
-        self.steps(text, length_key, condition.records)
+        match condition.records {
+            1 => Ok(()), // as it is without the key
+            records => self.steps(text, length_key, records),
+        }
     }
 
     /// A number of steps as their time, which reads back as the same number.
     fn steps(&self, text: &mut String, key: &str, steps: u64) -> Written {
         let time_s = toml_float(self.rate.seconds(Step(steps)));
-        Ok(writeln!(text, "{key} = {time_s} # {steps} steps")?)
+        let unit = if steps == 1 { "step" } else { "steps" };
+        Ok(writeln!(text, "{key} = {time_s} # {steps} {unit}")?)
     }
 
     fn skew(&self, text: &mut String, event: &FaultEvent, effect: &FaultEffect) -> Written {

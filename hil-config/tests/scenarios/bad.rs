@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use hil_config::problem::{Problem, ProblemKind};
+use hil_config::problem::{Problem, ProblemKind, Problems};
 use hil_config::scenario::Scenario;
 
 use crate::{BASE, base_with, check, descriptions, parse, problems};
@@ -150,7 +150,7 @@ fn marked(text: &str) -> (String, usize, usize) {
     (text.replacen(MARK, "", 1), line, column)
 }
 
-fn assert_found(problem: &Problem, kind: ProblemKind, pieces: &[&str]) {
+pub(crate) fn assert_found(problem: &Problem, kind: ProblemKind, pieces: &[&str]) {
     assert_eq!(problem.kind, kind, "{problem}");
     let text = problem.to_string();
     for piece in pieces {
@@ -161,26 +161,23 @@ fn assert_found(problem: &Problem, kind: ProblemKind, pieces: &[&str]) {
 #[test]
 fn each_wrong_scenario_is_told_with_its_place_and_what_would_be_right() {
     for (from, to, kind, pieces) in CASES {
-        // Each case is wrong in one place only: without it the base is right.
-        let (text, line, column) = marked(&base_with(from, to));
-        let found = match parse(&text)
-            .and_then(|scenario| scenario.check(&descriptions::plants(), &descriptions::laws(), &descriptions::kinds()))
-        {
-            Ok(_) => panic!("nothing found wrong with\n{to}"),
-            Err(problems) => problems.0,
-        };
-        let shown: Vec<String> = found.iter().map(ToString::to_string).collect();
-        assert_eq!(found.len(), 1, "{to}\n{}", shown.join("\n\n"));
-        assert_found(&found[0], *kind, pieces);
-        let excerpt = found[0].excerpt.as_ref().expect("a place");
-        assert_eq!(
-            (excerpt.line, excerpt.column),
-            (line, column),
-            "{}",
-            shown[0]
-        );
-        assert_eq!(found[0].source, "folder/base.toml");
+        assert_one_problem(&base_with(from, to), *kind, pieces);
     }
+}
+
+/// Finds one thing wrong with a text, at its mark.
+pub(crate) fn assert_one_problem(text: &str, kind: ProblemKind, pieces: &[&str]) {
+    let (text, line, column) = marked(text);
+    let Err(Problems(found)) = check(&text) else {
+        panic!("nothing found wrong with\n{text}");
+    };
+    let shown: Vec<String> = found.iter().map(ToString::to_string).collect();
+    assert_eq!(found.len(), 1, "{text}\n{}", shown.join("\n\n"));
+    assert_found(&found[0], kind, pieces);
+    let excerpt = found[0].excerpt.as_ref().expect("a place");
+    let place = (excerpt.line, excerpt.column);
+    assert_eq!(place, (line, column), "{}", shown[0]);
+    assert_eq!(found[0].source, "folder/base.toml");
 }
 
 #[test]
@@ -238,7 +235,11 @@ fn a_name_that_the_file_cannot_give_must_be_written() {
     let text = BASE.replace("name = \"base\"\n", "");
     let scenario = Scenario::parse(&text, "folder/my run.toml").expect("TOML");
     let found = scenario
-        .check(&descriptions::plants(), &descriptions::laws(), &descriptions::kinds())
+        .check(
+            &descriptions::plants(),
+            &descriptions::laws(),
+            &descriptions::kinds(),
+        )
         .expect_err("no name");
     assert_found(&found.0[0], OutOfRange, &["`my run` cannot take its place"]);
 }
@@ -280,7 +281,11 @@ fn signals_that_nothing_gives_are_named_with_unit_and_remedy() {
         .expect("TOML")
         .set(&["controller.model.surface.inertia_kg_m2=1"]);
     let found = scenario
-        .check(&descriptions::plants(), &descriptions::laws(), &descriptions::kinds())
+        .check(
+            &descriptions::plants(),
+            &descriptions::laws(),
+            &descriptions::kinds(),
+        )
         .expect_err("unbound")
         .0;
     assert_eq!(found.len(), 4, "{found:?}");

@@ -168,11 +168,7 @@ pub(crate) fn kinds() -> Vec<FaultKindDescription> {
                 ..Field::signal("rate_per_s", "target/s", "Of a fault.")
             }],
         ),
-        kind(
-            "delay",
-            ActsOn::Numbers,
-            vec![ranged("steps", "1", 1000.0)],
-        ),
+        kind("delay", ActsOn::Numbers, vec![ranged("steps", "1", 1000.0)]),
         kind("dropout", ActsOn::Signals, Vec::new()),
         FaultKindDescription {
             list: list("pattern", 1),

@@ -8,7 +8,11 @@ fn with(flags: &[&str]) -> Result<hil_config::plan::Plan, Vec<Problem>> {
     parse(BASE)
         .expect("TOML")
         .set(flags)
-        .check(&descriptions::plants(), &descriptions::laws(), &descriptions::kinds())
+        .check(
+            &descriptions::plants(),
+            &descriptions::laws(),
+            &descriptions::kinds(),
+        )
         .map_err(|problems| problems.0)
 }
 
@@ -174,7 +178,11 @@ fn wrong_flags_and_a_wrong_file_are_reported_together() {
     let found = parse(&text)
         .expect("TOML")
         .set(&["a", "run.rate_hz=0", "b[0]=1"])
-        .check(&descriptions::plants(), &descriptions::laws(), &descriptions::kinds())
+        .check(
+            &descriptions::plants(),
+            &descriptions::laws(),
+            &descriptions::kinds(),
+        )
         .expect_err("all wrong");
     assert_eq!(found.0.len(), 4, "{found}");
 }

@@ -62,12 +62,18 @@ fn the_base_means_what_it_says() {
 
     let fault = &faults[0];
     assert_eq!((faults.len(), fault.id, &fault.name), (1, 1, &None));
-    assert_eq!((fault.kind.as_str(), fault.source), ("leakage", FaultSource::Scenario));
+    assert_eq!(
+        (fault.kind.as_str(), fault.source),
+        ("leakage", FaultSource::Scenario)
+    );
     let trigger = Trigger::Step {
         step: Step(1000),
         at_s: 1.0,
     };
-    assert_eq!((&fault.trigger, &fault.end), (&trigger, &FaultEnd::default()));
+    assert_eq!(
+        (&fault.trigger, &fault.end),
+        (&trigger, &FaultEnd::default())
+    );
     let mut sizes = Settings::default();
     sizes.set("coefficient_m3ps_per_sqrt_pa", 0.0);
     let second = FaultEffect {

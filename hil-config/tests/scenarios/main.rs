@@ -1,11 +1,16 @@
 //! Scenarios through the public interface: right ones, wrong ones, and what is made of them.
 
 mod bad;
+mod bad_faults;
+mod conditions;
 mod descriptions;
 mod evaluation;
 mod expressions;
+mod faults;
+mod faults_shown;
 mod flags;
 mod good;
+mod live_faults;
 mod points;
 mod schema;
 mod shipped;
@@ -102,7 +107,11 @@ fn parse(text: &str) -> Result<Scenario, Problems> {
 }
 
 fn check(text: &str) -> Result<Plan, Problems> {
-    parse(text)?.check(&descriptions::plants(), &descriptions::laws(), &descriptions::kinds())
+    parse(text)?.check(
+        &descriptions::plants(),
+        &descriptions::laws(),
+        &descriptions::kinds(),
+    )
 }
 
 /// The plan of a text that must be right.
@@ -116,6 +125,13 @@ fn problems(text: &str) -> Vec<Problem> {
         Ok(_) => panic!("nothing found wrong in\n{text}"),
         Err(problems) => problems.0,
     }
+}
+
+/// The base with other faults.
+fn base_with_faults(faults: &str) -> String {
+    let begin = BASE.find("[[faults]]").expect("faults");
+    let end = BASE.find("[[derived]]").expect("what follows them");
+    format!("{}{faults}\n{}", &BASE[..begin], &BASE[end..])
 }
 
 /// The base with one piece of text in place of another.

@@ -22,7 +22,11 @@ fn with_file(csv: Option<&str>) -> Result<Plan, Vec<Problem>> {
     fs::write(&path, text).expect("a file");
     Scenario::read(&path)
         .expect("TOML")
-        .check(&descriptions::plants(), &descriptions::laws(), &descriptions::kinds())
+        .check(
+            &descriptions::plants(),
+            &descriptions::laws(),
+            &descriptions::kinds(),
+        )
         .map_err(|problems| problems.0)
 }
 

@@ -64,7 +64,11 @@ fn effects(schema: &Value, kind: &str) -> Value {
 
 #[test]
 fn the_schema_offers_every_key_of_a_right_scenario_and_no_other() {
-    let schema = schema(&descriptions::plants(), &descriptions::laws(), &descriptions::kinds());
+    let schema = schema(
+        &descriptions::plants(),
+        &descriptions::laws(),
+        &descriptions::kinds(),
+    );
     let mut unknown = Vec::new();
     let value: toml::Value = toml::from_str(BASE).expect("TOML");
     unknown_keys(&schema, &value, "", &mut unknown);
@@ -79,7 +83,11 @@ fn the_schema_offers_every_key_of_a_right_scenario_and_no_other() {
 
 #[test]
 fn the_schema_knows_ranges_defaults_and_names() {
-    let schema = schema(&descriptions::plants(), &descriptions::laws(), &descriptions::kinds());
+    let schema = schema(
+        &descriptions::plants(),
+        &descriptions::laws(),
+        &descriptions::kinds(),
+    );
     let at = |pointer: &str| schema.pointer(pointer).unwrap_or(&Value::Null).clone();
     let rate = "/properties/run/properties/rate_hz";
     assert_eq!(at(&format!("{rate}/minimum")), 0.001);
@@ -113,8 +121,16 @@ fn the_schema_knows_what_the_effects_of_each_kind_have() {
     );
     let kinds = &schema["properties"]["faults"]["items"]["properties"]["kind"]["enum"];
     let names = [
-        "leakage", "burst", "softening", "bias", "drift", "delay", "dropout", "message-loss",
-        "late", "skip",
+        "leakage",
+        "burst",
+        "softening",
+        "bias",
+        "drift",
+        "delay",
+        "dropout",
+        "message-loss",
+        "late",
+        "skip",
     ];
     assert_eq!(*kinds, json!(names));
     let leakage = effects(&schema, "leakage");
@@ -131,14 +147,22 @@ fn the_schema_knows_what_the_effects_of_each_kind_have() {
         .collect();
     assert!(names.contains(&"measured.surface_angle_rad"));
     assert!(names.contains(&"parameter.actuator1.bulk_modulus_pa"));
-    assert!(!names.contains(&"parameter.actuator1.piston_mass_kg"), "not faultable");
+    assert!(
+        !names.contains(&"parameter.actuator1.piston_mass_kg"),
+        "not faultable"
+    );
     assert_eq!(targets[1]["pattern"], "^reference\\.");
 
     let late = effects(&schema, "late");
     let target = &late["properties"]["target"];
     assert_eq!(target["enum"], json!(["controller", "plant"]));
-    assert_eq!(late["properties"]["histogram"]["anyOf"][0]["items"]["minItems"], 2);
-    let profiles = late["properties"]["profile"]["oneOf"].as_array().map(Vec::len);
+    assert_eq!(
+        late["properties"]["histogram"]["anyOf"][0]["items"]["minItems"],
+        2
+    );
+    let profiles = late["properties"]["profile"]["oneOf"]
+        .as_array()
+        .map(Vec::len);
     assert_eq!(profiles, Some(7));
 }
 

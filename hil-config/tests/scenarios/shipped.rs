@@ -14,9 +14,11 @@ use crate::descriptions;
 
 fn shipped(name: &str, flags: &[&str]) -> Result<Plan, Problems> {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../scenarios");
-    Scenario::read(folder.join(name))?
-        .set(flags)
-        .check(&descriptions::plants(), &descriptions::laws(), &descriptions::kinds())
+    Scenario::read(folder.join(name))?.set(flags).check(
+        &descriptions::plants(),
+        &descriptions::laws(),
+        &descriptions::kinds(),
+    )
 }
 
 #[test]

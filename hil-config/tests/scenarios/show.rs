@@ -7,7 +7,13 @@ use crate::{BASE, base_with, descriptions, plan};
 
 fn shown(text: &str) -> String {
     let plan = plan(text);
-    show(&plan, &descriptions::plants(), &descriptions::laws(), &descriptions::kinds()).expect("described")
+    show(
+        &plan,
+        &descriptions::plants(),
+        &descriptions::laws(),
+        &descriptions::kinds(),
+    )
+    .expect("described")
 }
 
 #[test]

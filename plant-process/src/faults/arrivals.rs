@@ -69,17 +69,17 @@ impl Arrivals {
 
     /// Sends the message of a step on its way.
     pub(super) fn send(&mut self, step: u64, passage: &Passage) {
-        for late_steps in passage.copies.into_iter().flatten() {
-            if late_steps > Passage::LATEST_STEPS {
+        for (late_steps, overtaken) in passage.copies.into_iter().zip(passage.overtaken) {
+            let Some(late_steps) = late_steps.filter(|&late| late <= Passage::LATEST_STEPS) else {
                 continue;
-            }
+            };
             let at = step + u64::from(late_steps);
             let slot = &mut self.slots[(at % DEPTH as u64) as usize];
             if slot.at != at {
                 *slot = Slot { at, ..EMPTY };
             }
             // Steps rise, so this one was sent after all that are here.
-            if passage.overtaken && late_steps > 0 {
+            if overtaken && late_steps > 0 {
                 slot.overtaken = Some(step);
             } else {
                 slot.in_order = Some(step);
@@ -123,7 +123,7 @@ mod tests {
 
     fn overtaken(late_steps: &[u32]) -> Passage {
         Passage {
-            overtaken: true,
+            overtaken: [true; Passage::MOST_COPIES],
             ..copies(late_steps)
         }
     }

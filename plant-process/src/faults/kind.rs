@@ -49,7 +49,7 @@ pub trait FaultKind: Sized + Send + 'static {
 
     /// It takes hold. `random` is a stream of its own, keyed by seed, kind, target and step.
     fn hold(&mut self, random: RandomStream) {
-        drop(random);
+        let _ = random;
     }
 
     /// What becomes of a signal or parameter.
@@ -107,9 +107,9 @@ pub struct Reading {
 pub struct Passage {
     /// For each copy, the steps by which it comes late; `None`: there is no such copy.
     pub copies: [Option<u32>; Self::MOST_COPIES],
-    /// Late copies come after everything else that comes at their step: they were overtaken.
-    /// Otherwise what was sent later is what the receiver has.
-    pub overtaken: bool,
+    /// For each copy, whether it was overtaken: it comes after everything else that comes at its
+    /// step. Otherwise what was sent later is what the receiver has.
+    pub overtaken: [bool; Self::MOST_COPIES],
     /// Bits that are inverted, the first `flipped` of these; they count as in
     /// [`Frame::flip`](shared_types::frame::Frame::flip).
     pub flips: [u64; Self::MOST_FLIPS],
@@ -132,7 +132,7 @@ impl Passage {
     pub const fn healthy(bits: u64) -> Self {
         Self {
             copies: [Some(0), None, None, None],
-            overtaken: false,
+            overtaken: [false; Self::MOST_COPIES],
             flips: [0; Self::MOST_FLIPS],
             flipped: 0,
             bits,

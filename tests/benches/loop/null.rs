@@ -27,7 +27,7 @@ use tempfile::TempDir;
 
 use crate::ROUNDS;
 use crate::measure::{Bystanders, machine, median};
-use crate::runs::Programs;
+use crate::programs::Programs;
 
 /// Signals in a sample; half as many commands answer them.
 const SIZES: [usize; 2] = [8, 32];

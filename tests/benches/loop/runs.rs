@@ -1,52 +1,10 @@
 //! Whole runs by `hil run`, as a user starts them.
 
-use std::path::PathBuf;
-use std::process::Command;
-
 use serde_json::{Value, json};
-use tempfile::TempDir;
 
 use crate::measure::{Bystanders, machine, median};
+use crate::programs::Programs;
 use crate::{ROUNDS, scenario};
-
-/// The release programs.
-pub(crate) struct Programs {
-    hil: PathBuf,
-}
-
-impl Programs {
-    /// Builds what is not up to date.
-    pub(crate) fn built() -> Self {
-        let own = std::env::current_exe().expect("a path to this program");
-        let target = own.ancestors().nth(3);
-        let target = target.expect("it lies in target/release/deps");
-        let status = Command::new(env!("CARGO"))
-            .args(["build", "--release", "--target-dir"])
-            .arg(target)
-            .args(["-p", "tools", "-p", "plant-process"])
-            .args(["-p", "controller-process"])
-            .status()
-            .expect("cargo");
-        assert!(status.success(), "the programs do not build");
-        Self {
-            hil: target.join("release/hil"),
-        }
-    }
-
-    /// The summary of a run with these arguments.
-    pub(crate) fn run(&self, arguments: &[&str]) -> Value {
-        let folder = TempDir::new().expect("a folder");
-        let output = Command::new(&self.hil)
-            .args(["run", "--json", "--out"])
-            .arg(folder.path().join("run"))
-            .args(arguments)
-            .output()
-            .expect("hil");
-        let said = String::from_utf8_lossy(&output.stderr);
-        assert!(output.status.success(), "hil run {arguments:?}: {said}");
-        serde_json::from_slice(&output.stdout).expect("a summary")
-    }
-}
 
 /// One way to run the scenario, and what came of it.
 struct Way {

@@ -30,7 +30,7 @@ Examples:
   hil inject --list --kind leakage
   hil inject leakage --actuator 1,2 --coefficient 5e-7,1e-7 --speed 10,0.5 --at 7
   hil inject bias measured.surface_angle_rad 0.01 --ramp 2s
-  hil inject saturation command.valve1_current_a -0.001 0.001 --duration 500ms
+  hil inject saturation command.actuator1_valve_current_a -0.001 0.001 --duration 500ms
   hil inject dropout measured.surface_angle_rad --when 'abs(truth.surface_angle_rad) > 0.1'
   hil inject message-loss link.sample --probability 0.1 --duration 1s
   hil inject message-loss link.command --pattern 1,0,0

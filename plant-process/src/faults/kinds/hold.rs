@@ -1,9 +1,9 @@
-//! Faults that show the past, or nothing.
+//! Faults that show the past, or nothing: a number stands still, comes late or does not come.
 
 use shared_types::describe::{ActsOn, Invalid};
 use shared_types::table::Empty;
 
-use super::whole;
+use super::{LARGEST, towards, whole};
 use crate::faults::kind::{FaultKind, Moment, Reading, Setup};
 
 /// Stands still.
@@ -35,7 +35,7 @@ shared_types::table! {
     /// Parameters of [`StuckAt`].
     pub struct StuckAtParameters {
         /// The value v.
-        value: "target",
+        value: "target" = 0.0 in (-LARGEST)..=LARGEST,
     }
 }
 
@@ -55,7 +55,7 @@ impl FaultKind for StuckAt {
 
     fn number(&mut self, at: &Moment, x: Reading) -> Reading {
         Reading {
-            value: x.value + (self.0.value - x.value) * at.gain,
+            value: towards(x.value, self.0.value, at.gain),
             ..x
         }
     }
@@ -65,7 +65,7 @@ shared_types::table! {
     /// Parameters of [`Delay`].
     pub struct DelayParameters {
         /// How late, n, a whole number.
-        steps: "steps" = 1.0 in 1.0..=1e5,
+        steps: "steps" = 1.0 in 0.0..=1e5,
     }
 }
 

@@ -15,7 +15,7 @@ fn delayed(passage: &mut Passage, steps: u32) {
     }
 }
 
-/// A length scaled by the profile, in whole steps.
+/// A length scaled by the profile, in whole steps, halves away from 0.
 fn scaled(steps: u32, gain: f64) -> u32 {
     libm::round(f64::from(steps) * gain) as u32 // below 0 saturates to 0
 }
@@ -60,7 +60,7 @@ impl FaultKind for Loss {
     const NAME: &'static str = "message-loss";
     const SUMMARY: &'static str =
         "Messages are lost: the receiver keeps the last one, which grows old.";
-    const EQUATION: &'static str = "message k never arrives with probability P g, or where its place in the pattern is 1 and g is not 0";
+    const EQUATION: &'static str = "message k never arrives with probability P g; with a pattern: where its place in it is 1 and g is not 0";
     const ACTS_ON: ActsOn = ActsOn::Links;
     type Parameters = LossParameters;
     const OPTIONAL: &'static [&'static str] = &["probability"];
@@ -74,6 +74,11 @@ impl FaultKind for Loss {
     }
 
     fn start(setup: &Setup<'_, LossParameters>) -> Result<Self, Invalid> {
+        if setup.parameters.probability < 1.0 && !setup.list.is_empty() {
+            return Err(Invalid(
+                "`pattern` takes the place of `probability`; give one of them".into(),
+            ));
+        }
         let lost = |value: &f64| match *value {
             0.0 => Ok(false),
             1.0 => Ok(true),
@@ -108,7 +113,7 @@ shared_types::table! {
     /// Parameters of [`Delay`].
     pub struct DelayParameters {
         /// How late messages come, n, a whole number.
-        steps: "steps" = 1.0 in 1.0..=1000.0,
+        steps: "steps" = 1.0 in 0.0..=1000.0,
     }
 }
 
@@ -135,7 +140,7 @@ shared_types::table! {
     /// Parameters of [`Jitter`].
     pub struct JitterParameters {
         /// The latest that a message comes, n, a whole number.
-        steps: "steps" = 1.0 in 1.0..=1000.0,
+        steps: "steps" = 1.0 in 0.0..=1000.0,
     }
 }
 
@@ -211,10 +216,10 @@ impl FaultKind for Duplication {
             return;
         }
         let first = passage.copies.iter().flatten().min().copied();
-        let free = passage.copies.iter_mut().find(|copy| copy.is_none());
+        let free = passage.copies.iter().position(Option::is_none);
         if let (Some(first), Some(free)) = (first, free) {
-            *free = Some(first.saturating_add(self.lag_steps));
-            passage.overtaken = true;
+            passage.copies[free] = Some(first.saturating_add(self.lag_steps));
+            passage.overtaken[free] = true;
         }
     }
 }
@@ -258,7 +263,7 @@ impl FaultKind for Reordering {
         let swaps = self.chance.happens(at.gain) && !self.swapped;
         if swaps {
             delayed(passage, 1);
-            passage.overtaken = true;
+            passage.overtaken = [true; Passage::MOST_COPIES];
         }
         self.swapped = swaps;
     }
@@ -284,7 +289,7 @@ impl FaultKind for Corruption {
     const NAME: &'static str = "message-corruption";
     const SUMMARY: &'static str = "Bits of a message are inverted; the check sum of its frame finds it, and it counts as lost.";
     const EQUATION: &'static str =
-        "with probability P g, n bits of frame k are inverted, each drawn anew";
+        "with probability P g, n different bits of frame k, drawn at random, are inverted";
     const ACTS_ON: ActsOn = ActsOn::Links;
     type Parameters = CorruptionParameters;
     const OPTIONAL: &'static [&'static str] = &["probability", "bits"];
@@ -307,12 +312,16 @@ impl FaultKind for Corruption {
         let Some(random) = &mut self.chance.random else {
             return;
         };
-        for _ in 0..self.bits {
-            if passage.flipped < Passage::MOST_FLIPS {
-                let bit = (random.uniform() * passage.bits as f64) as u64;
-                passage.flips[passage.flipped] = bit;
-                passage.flipped += 1;
-            }
+        let begin = passage.flipped;
+        let count = self.bits.min(Passage::MOST_FLIPS - begin);
+        // Each choice equally likely, by Floyd (Bentley and Floyd 1987, Commun. ACM 30 (9)): where
+        // the number drawn below or at the last is taken already, the last itself is not.
+        for last in passage.bits - count as u64..passage.bits {
+            let drawn = (random.uniform() * (last + 1) as f64) as u64;
+            let taken = &passage.flips[begin..passage.flipped];
+            let bit = if taken.contains(&drawn) { last } else { drawn };
+            passage.flips[passage.flipped] = bit;
+            passage.flipped += 1;
         }
     }
 }

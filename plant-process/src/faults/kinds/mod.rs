@@ -7,7 +7,8 @@
 //! 5. [`link`] acts on messages: loss, delay, jitter, duplication, reordering, corruption;
 //! 6. [`timing`] acts on time: late, skip.
 //!
-//! `docs/faults.md` is their reference for users.
+//! The workshop starts them by name, the layer calls them; they know neither. `docs/faults.md` is
+//! their reference for users.
 
 pub mod hold;
 pub mod link;
@@ -46,6 +47,16 @@ pub fn all() -> Vec<FaultKindEntry> {
         FaultKindEntry::of::<timing::Late>(),
         FaultKindEntry::of::<timing::Skip>(),
     ]
+}
+
+/// Largest size of a fault on a number, in the unit of its target: above every physical quantity,
+/// and so far below the largest double that products with a profile stay finite.
+const LARGEST: f64 = 1e30;
+
+/// A value on its way to another one: `x + (v - x) g`, and exactly `v` at g = 1, where rounding
+/// would let `x` shine through.
+fn towards(x: f64, v: f64, gain: f64) -> f64 {
+    if gain == 1.0 { v } else { x + (v - x) * gain }
 }
 
 /// A whole number that a parameter must be.

@@ -3,6 +3,7 @@
 use shared_types::describe::{ActsOn, Invalid};
 use shared_types::random::RandomStream;
 
+use super::LARGEST;
 use crate::faults::kind::{FaultKind, Moment, Reading, Setup};
 
 /// Gives a reading another value.
@@ -14,7 +15,7 @@ shared_types::table! {
     /// Parameters of [`Bias`].
     pub struct BiasParameters {
         /// What is added, b.
-        bias: "target",
+        bias: "target" = 0.0 in (-LARGEST)..=LARGEST,
     }
 }
 
@@ -41,7 +42,7 @@ shared_types::table! {
     /// Parameters of [`Scale`].
     pub struct ScaleParameters {
         /// What it is multiplied by, f.
-        factor: "1",
+        factor: "1" = 1.0 in (-LARGEST)..=LARGEST,
     }
 }
 
@@ -68,7 +69,7 @@ shared_types::table! {
     /// Parameters of [`Drift`].
     pub struct DriftParameters {
         /// How fast the error grows, r.
-        rate_per_s: "target/s",
+        rate_per_s: "target/s" = 0.0 in (-LARGEST)..=LARGEST,
     }
 }
 
@@ -95,7 +96,7 @@ shared_types::table! {
     /// Parameters of [`Noise`].
     pub struct NoiseParameters {
         /// Standard deviation s.
-        standard_deviation: "target" = 0.0 in 0.0..=(f64::MAX),
+        standard_deviation: "target" = 0.0 in 0.0..=LARGEST,
     }
 }
 
@@ -137,7 +138,7 @@ shared_types::table! {
     /// Parameters of [`Spike`].
     pub struct SpikeParameters {
         /// Height a of a spike.
-        amplitude: "target",
+        amplitude: "target" = 0.0 in (-LARGEST)..=LARGEST,
         /// Time from spike to spike, rounded up to steps; 0: one spike.
         period_s: "s" = 0.0 in 0.0..=1e6,
         /// Length of a spike, rounded up to steps; 0: one step.

@@ -5,13 +5,23 @@ use std::f64::consts::TAU;
 
 use shared_types::describe::{ActsOn, Invalid};
 
+use super::{LARGEST, towards};
 use crate::faults::kind::{FaultKind, Moment, Reading, Setup};
+
+/// `sin(2 pi f t + p)`.
+///
+/// Whole turns are taken off before the multiplication by 2 pi, which would otherwise round the
+/// angle of a long run more and more coarsely.
+fn sine(frequency_hz: f64, phase_rad: f64, since_s: f64) -> f64 {
+    let turns = frequency_hz * since_s;
+    libm::sin(TAU * (turns - turns.floor()) + phase_rad)
+}
 
 shared_types::table! {
     /// Parameters of [`Additive`].
     pub struct AdditiveParameters {
         /// Amplitude A.
-        amplitude: "target",
+        amplitude: "target" = 0.0 in (-LARGEST)..=LARGEST,
         /// Frequency f.
         frequency_hz: "Hz" = 1.0 in 1e-6..=1e6,
         /// Phase p when the fault takes hold.
@@ -36,7 +46,7 @@ impl FaultKind for Additive {
 
     fn number(&mut self, at: &Moment, x: Reading) -> Reading {
         let p = &self.0;
-        let sine = libm::sin(TAU * p.frequency_hz * at.since_s + p.phase_rad);
+        let sine = sine(p.frequency_hz, p.phase_rad, at.since_s);
         Reading {
             value: x.value + p.amplitude * at.gain * sine,
             ..x
@@ -48,13 +58,13 @@ shared_types::table! {
     /// Parameters of [`Replacing`].
     pub struct ReplacingParameters {
         /// Amplitude A.
-        amplitude: "target",
+        amplitude: "target" = 0.0 in (-LARGEST)..=LARGEST,
         /// Frequency f.
         frequency_hz: "Hz" = 1.0 in 1e-6..=1e6,
         /// Phase p when the fault takes hold.
         phase_rad: "rad" = 0.0 in (-1e3)..=1e3,
         /// Mean c.
-        offset: "target" = 0.0,
+        offset: "target" = 0.0 in (-LARGEST)..=LARGEST,
     }
 }
 
@@ -76,10 +86,10 @@ impl FaultKind for Replacing {
 
     fn number(&mut self, at: &Moment, x: Reading) -> Reading {
         let p = &self.0;
-        let sine = libm::sin(TAU * p.frequency_hz * at.since_s + p.phase_rad);
+        let sine = sine(p.frequency_hz, p.phase_rad, at.since_s);
         let spurious = p.offset + p.amplitude * sine;
         Reading {
-            value: x.value + (spurious - x.value) * at.gain,
+            value: towards(x.value, spurious, at.gain),
             ..x
         }
     }

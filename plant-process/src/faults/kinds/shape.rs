@@ -8,7 +8,7 @@ shared_types::table! {
     /// Parameters of [`Quantisation`].
     pub struct QuantisationParameters {
         /// Step q between two values that can be told apart.
-        step: "target" = 1.0 in 1e-300..=1e300,
+        step: "target" = 1.0 in 1e-30..=1e30,
     }
 }
 

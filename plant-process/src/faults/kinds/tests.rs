@@ -1,1 +1,256 @@
+//! Every kind against its closed form or a sequence worked out by hand: here what all have in
+//! common.
 
+mod messages;
+mod numbers;
+mod timing;
+
+use shared_types::describe::{FaultKindDescription, Settings};
+use shared_types::directive::Directive;
+use shared_types::random::RandomStream;
+use shared_types::time::{Rate, Step};
+
+use super::*;
+use crate::faults::kind::{AnySetup, Fault, Moment, Passage, Reading};
+
+type Parameters<'a> = &'a [(&'a str, f64)];
+
+/// Steps per second in these tests: times in steps are exact in binary.
+const RATE_HZ: f64 = 8.0;
+/// Bits of a frame with one signal.
+const BITS: u64 = 8 * (144 + 8);
+
+fn rate(hz: f64) -> Rate {
+    Rate::new(hz).expect("a legal rate")
+}
+
+fn entry(kind: &str) -> FaultKindEntry {
+    let found = all()
+        .into_iter()
+        .find(|entry| entry.description.kind == kind);
+    found.unwrap_or_else(|| panic!("no kind `{kind}`"))
+}
+
+/// A fault as the workshop starts it: what may be left out has its default.
+fn try_start(kind: &str, given: Parameters<'_>, list: &[f64]) -> Result<Box<dyn Fault>, Invalid> {
+    let entry = entry(kind);
+    let mut parameters = Settings::default();
+    for field in &entry.description.parameters {
+        let value = given.iter().find(|(name, _)| *name == field.name);
+        let value = value.map(|(_, value)| *value).or(field.default);
+        parameters.set(&field.name, value.unwrap_or_else(|| panic!("{field:?}")));
+    }
+    (entry.start)(&AnySetup {
+        parameters: &parameters,
+        list,
+        rate: rate(RATE_HZ),
+    })
+}
+
+/// The same, taking hold with a seed.
+fn seeded(kind: &str, given: Parameters<'_>, list: &[f64], seed: u64) -> Box<dyn Fault> {
+    let fault = try_start(kind, given, list);
+    let mut fault = fault.unwrap_or_else(|e| panic!("{kind}: {e}"));
+    fault.hold(RandomStream::new(seed, "kinds"));
+    fault
+}
+
+fn start(kind: &str, given: Parameters<'_>, list: &[f64]) -> Box<dyn Fault> {
+    seeded(kind, given, list, 1)
+}
+
+/// A step after the fault took hold at step 100.
+fn moment_at(since_steps: u64, gain: f64, hz: f64) -> Moment {
+    Moment {
+        step: 100 + since_steps,
+        since_steps,
+        since_s: rate(hz).seconds(Step(since_steps)),
+        gain,
+    }
+}
+
+fn moment(since_steps: u64, gain: f64) -> Moment {
+    moment_at(since_steps, gain, RATE_HZ)
+}
+
+fn valid(value: f64) -> Reading {
+    Reading { value, valid: true }
+}
+
+/// The messages that a fault made of healthy ones, one for each profile value.
+fn passages(fault: &mut dyn Fault, gains: &[f64]) -> Vec<Passage> {
+    (0..)
+        .zip(gains)
+        .map(|(since, &gain)| {
+            let mut passage = Passage::healthy(BITS);
+            fault.message(&moment(since, gain), &mut passage);
+            passage
+        })
+        .collect()
+}
+
+fn directives(fault: &mut dyn Fault, gains: &[f64]) -> Vec<Directive> {
+    (0..)
+        .zip(gains)
+        .map(|(since, &gain)| {
+            let mut directive = Directive::default();
+            fault.timing(&moment(since, gain), &mut directive);
+            directive
+        })
+        .collect()
+}
+
+/// Asserts that something happened about as often as it should: within five standard deviations.
+fn assert_frequency(what: &str, happened: usize, count: usize, probability: f64) {
+    let n = count as f64;
+    let sigma = (n * probability * (1.0 - probability)).sqrt();
+    let error = happened as f64 - n * probability;
+    assert!(error.abs() < 5.0 * sigma, "{what}: {happened} of {count}");
+}
+
+/// Parameters that mean something for every kind.
+fn sample(description: &FaultKindDescription) -> Vec<(String, f64)> {
+    let value = |name: &str| match name {
+        "min" => -1.0,
+        "busy_us" => 20.0,
+        _ => 1.0,
+    };
+    let required = (description.parameters.iter())
+        .filter(|field| field.default.is_none() || field.name == "busy_us");
+    required
+        .map(|field| (field.name.clone(), value(&field.name)))
+        .collect()
+}
+
+#[test]
+fn nothing_happens_while_the_profile_is_0() {
+    for entry in all() {
+        let description = &entry.description;
+        let kind = &description.kind;
+        let owned = sample(description);
+        let given: Vec<(&str, f64)> = owned.iter().map(|(n, v)| (n.as_str(), *v)).collect();
+        let mut fault = start(kind, &given, &[]);
+        for (since, x) in (0..).zip([0.3, -1e9, 5.0, 1e-9]) {
+            let at = moment(since, 0.0);
+            assert_eq!(fault.number(&at, valid(x)), valid(x), "{kind}");
+            let mut passage = Passage::healthy(BITS);
+            fault.message(&at, &mut passage);
+            assert_eq!(passage, Passage::healthy(BITS), "{kind}");
+            let mut directive = Directive::default();
+            fault.timing(&at, &mut directive);
+            assert_eq!(directive, Directive::default(), "{kind}");
+        }
+    }
+}
+
+#[test]
+fn random_kinds_repeat_with_their_seed_and_differ_with_another() {
+    let half = [("probability", 0.5)];
+    let cases: [(&str, Parameters<'_>); 7] = [
+        ("noise", &[("standard_deviation", 1.0)]),
+        ("message-loss", &half),
+        ("message-jitter", &[("steps", 100.0)]),
+        ("message-duplication", &half),
+        ("message-reordering", &half),
+        ("message-corruption", &[]),
+        ("late", &[("spread_us", 100.0)]),
+    ];
+    for (kind, parameters) in cases {
+        let course = |seed| {
+            let mut fault = seeded(kind, parameters, &[], seed);
+            let numbers: Vec<u64> = (0..64)
+                .map(|k| fault.number(&moment(k, 1.0), valid(0.0)).value.to_bits())
+                .collect();
+            let messages = passages(fault.as_mut(), &[1.0; 64]);
+            (numbers, messages, directives(fault.as_mut(), &[1.0; 64]))
+        };
+        assert_eq!(course(1), course(1), "{kind}");
+        assert_ne!(course(1), course(2), "{kind}");
+    }
+}
+
+#[test]
+fn what_does_not_go_together_is_refused_with_the_reason() {
+    type Case<'a> = (&'a str, Parameters<'a>, &'a [f64], &'a str);
+    let cases: &[Case<'_>] = &[
+        ("delay", &[("steps", 1.5)], &[], "`steps` is 1.5"),
+        ("message-delay", &[("steps", 0.5)], &[], "`steps` is 0.5"),
+        ("message-jitter", &[("steps", 2.5)], &[], "`steps` is 2.5"),
+        (
+            "message-duplication",
+            &[("lag_steps", 1.1)],
+            &[],
+            "`lag_steps`",
+        ),
+        ("message-corruption", &[("bits", 1.5)], &[], "`bits` is 1.5"),
+        ("skip", &[("steps", 1.5)], &[], "`steps` is 1.5"),
+        (
+            "skip",
+            &[("steps", 1.0), ("burst", 1.5)],
+            &[],
+            "`burst` is 1.5",
+        ),
+        (
+            "skip",
+            &[("steps", 1.0), ("period_steps", 9.5)],
+            &[],
+            "`period_steps` is 9.5",
+        ),
+        (
+            "skip",
+            &[("steps", 2.0), ("burst", 2.0), ("period_steps", 5.0)],
+            &[],
+            "takes 6 steps",
+        ),
+        (
+            "spike",
+            &[("amplitude", 1.0), ("period_s", 0.25), ("width_s", 0.25)],
+            &[],
+            "never end",
+        ),
+        // Shorter in time, the same in steps.
+        (
+            "spike",
+            &[("amplitude", 1.0), ("period_s", 0.25), ("width_s", 0.2)],
+            &[],
+            "2 steps every 2 steps",
+        ),
+        (
+            "saturation",
+            &[("min", 1.0), ("max", 0.5)],
+            &[],
+            "above `max`",
+        ),
+        ("message-loss", &[], &[1.0, 0.5], "has 0.5"),
+        ("message-loss", &[("probability", 0.5)], &[1.0], "give one"),
+        ("late", &[], &[], "needs"),
+        ("late", &[("busy_us", 1.0)], &[1.0, 1.0], "takes the place"),
+        ("late", &[], &[1.0, -1.0], "weight -1"),
+        ("late", &[], &[-1.0, 1.0], "-1 us"),
+        ("late", &[], &[1.0, f64::NAN], "weight NaN"),
+        ("late", &[], &[1.0, 0.0], "no weight"),
+        ("late", &[], &[1.0, 1.0, 2.0], "without a weight"),
+    ];
+    for (kind, parameters, list, reason) in cases {
+        match try_start(kind, parameters, list) {
+            Ok(_) => panic!("{kind} takes {parameters:?} {list:?}"),
+            Err(Invalid(found)) => {
+                assert!(found.contains(reason), "{kind} {parameters:?}: {found}");
+            }
+        }
+    }
+}
+
+#[test]
+fn every_kind_has_a_name_of_its_own_and_defaults_in_range() {
+    let mut names = Vec::new();
+    for FaultKindEntry { description, .. } in all() {
+        assert!(!names.contains(&description.kind), "{}", description.kind);
+        for field in &description.parameters {
+            let in_range = field.default.is_none_or(|default| field.admits(default));
+            assert!(in_range && !field.description.is_empty(), "{field:?}");
+        }
+        names.push(description.kind);
+    }
+    assert_eq!(names.len(), 21);
+}

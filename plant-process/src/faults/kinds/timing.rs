@@ -104,7 +104,7 @@ shared_types::table! {
     /// Parameters of [`Skip`].
     pub struct SkipParameters {
         /// How much later a command takes effect, n, a whole number.
-        steps: "steps" = 1.0 in 1.0..=1e5,
+        steps: "steps" = 1.0 in 0.0..=1e5,
         /// How many commands in a row come late, m, a whole number.
         burst: "1" = 1.0 in 1.0..=1e5,
         /// Steps from burst to burst, a whole number; 0: one burst.
@@ -122,7 +122,7 @@ pub struct Skip {
 impl FaultKind for Skip {
     const NAME: &'static str = "skip";
     const SUMMARY: &'static str = "The controller misses steps: its command takes effect steps later, and until then the last one holds.";
-    const EQUATION: &'static str = "the command of step k takes effect at step k + n, that of the next sample looked at, k + n + 1, again, m times in a row";
+    const EQUATION: &'static str = "where g is not 0 the command of step k takes effect at step k + n, that of step k + n + 1 at step k + 2 n + 1, and so on, m in a row";
     const ACTS_ON: ActsOn = ActsOn::Controller;
     type Parameters = SkipParameters;
     const OPTIONAL: &'static [&'static str] = &["burst", "period_steps"];
@@ -155,7 +155,7 @@ impl FaultKind for Skip {
         let apart = u64::from(self.steps) + 1;
         let strikes = since.is_multiple_of(apart) && since / apart < self.burst;
         if strikes && at.gain != 0.0 {
-            directive.late_steps = self.steps;
+            directive.late_steps = directive.late_steps.saturating_add(self.steps);
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The hydraulic cylinder: piston and chambers (eqs. 2 to 4).
 //!
-//! Called by the right-hand side of the hydraulic system, and [`boiled`] by its
-//! substeps. The piston has no end stops: the limits of the truth signals end a run before.
+//! Called by the right-hand side of the hydraulic system, and [`boiled`] by its substeps. The piston
+//! has no end stops: the limits of the truth signals end a run before it would reach them.
 
 use super::ActuatorState;
 use super::tables::ActuatorParameters;

@@ -14,10 +14,10 @@
 //! 7. [`surface`]: rods, surface and load, eqs. 14 to 17, 24 and 33;
 //! 8. `rates`: all of these as one right-hand side.
 //!
-//! The parameters that the paper does not have (null bias, stops, lag and sticking of the spool, droop of the
-//! supply, external leaks, dry friction, seizure, a constant load) are neutral by default: the paper's
-//! runs are the same to the last bit with and without them. [`faults`] names what can break and the
-//! parameters that it moves; no equation knows of a fault.
+//! The parameters that the paper does not have (null bias, stops, lag and sticking of the spool, droop
+//! of the supply, external leaks, dry friction, seizure, a constant load) are neutral by default: the
+//! paper's runs are the same to the last bit with and without them. [`faults`] names what can break
+//! and the parameters that it moves; no equation knows of a fault.
 //!
 //! Assumptions: one bulk modulus per actuator; no end stops; small angles; below the vapour pressure
 //! oil becomes vapour that leaves no bubble behind. Oil never flows against the valve's spool (the

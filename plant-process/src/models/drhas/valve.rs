@@ -2,9 +2,9 @@
 //! (eqs. 7 to 13).
 //!
 //! Called by the right-hand side of the hydraulic system with the position from
-//! [`spool`](super::spool). The valve's edges neither overlap nor leak, as in
-//! the paper. The paper's `s(u)` is `s(x_v)` here, which is the same while `x_v = k_i u` and still
-//! holds where the spool is elsewhere.
+//! [`spool`](super::spool). The valve's edges neither overlap nor leak, as in the paper. The paper's
+//! `s(u)` is `s(x_v)` here, which is the same while `x_v = k_i u` and still holds where the spool is
+//! elsewhere.
 
 use super::ActuatorState;
 use super::tables::ActuatorParameters;

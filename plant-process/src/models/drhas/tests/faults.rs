@@ -2,7 +2,7 @@
 //! documented. And the whole system under what the paper does not have, where more than one equation
 //! takes part; the equations themselves are tested in their files and in `golden`.
 
-use shared_types::describe::{MoveBy, Operation};
+use shared_types::describe::{MoveBy, Operation, ProfileDescription};
 use shared_types::table::{Field, Table};
 use shared_types::time::{Rate, Step};
 
@@ -92,9 +92,19 @@ fn every_fault_and_every_key_is_on_its_page() {
         assert!(section.contains(&example), "{example}");
         let live = format!("hil inject {} ", fault.kind);
         assert!(section.contains(&live), "{live}");
-        for size in &fault.sizes {
-            let row = format!("| `{}` | {} |", size.name, size.unit);
-            assert!(section.contains(&row), "{}: {row}", fault.kind);
+        let profile = match &fault.profile {
+            ProfileDescription::Exponential { speed } => Some(speed),
+            ProfileDescription::Step => None,
+        };
+        for key in fault.sizes.iter().chain(profile) {
+            let start = format!("| `{}` | {} | ", key.name, key.unit);
+            let (_, row) = section.split_once(&start).expect(&start);
+            let mut cells = row.split('|').map(str::trim);
+            let (min, max) = cells.next().unwrap().split_once(" to ").unwrap();
+            assert_eq!(min.parse(), Ok(key.min), "{start}");
+            assert_eq!(max.parse(), Ok(key.max), "{start}");
+            let default = cells.next().unwrap().parse().ok();
+            assert_eq!(default, key.default, "{start}");
         }
         for moved in &fault.moves {
             let parameter = format!("`{}`", moved.parameter);
@@ -264,5 +274,58 @@ fn a_spool_that_jams_stays_at_the_last_command_until_it_is_free() {
         run(&mut jams, 20, &command(commanded_a), |_| {});
         run(&mut sound, 20, &command(effective_a), |_| {});
         assert_eq!(jams.state, sound.state);
+    }
+}
+
+/// The state after 30 ms of motion in which `changed` holds from 20 ms on.
+fn moved_at_20_ms(changed: &Parameters) -> State {
+    let rate = Rate::new(10_000.0).unwrap();
+    let mut plant = start(&Parameters::default());
+    for k in 0..300 {
+        if k == 200 {
+            plant.retune(changed);
+        }
+        let time_s = rate.seconds(Step(k));
+        let command = proportional_law(paper_command_rad(1.0 + time_s), &plant.measure());
+        let interval = Interval {
+            start_s: time_s,
+            length_s: rate.period_s(),
+            substeps: 4,
+        };
+        plant.advance(&interval, &command);
+    }
+    plant.state
+}
+
+#[test]
+fn every_move_of_every_fault_changes_the_motion_that_it_meets() {
+    let healthy = moved_at_20_ms(&Parameters::default());
+    for fault in Drhas::faults() {
+        for moved in &fault.moves {
+            for field in reached(&fault, &moved.parameter) {
+                let size = |key: &String| fault.sizes.iter().find(|size| size.name == *key);
+                let amount = match (&moved.by, moved.operation) {
+                    (MoveBy::Constant(constant), _) => *constant,
+                    (MoveBy::Size(key), Operation::Scale) => size(key).unwrap().min,
+                    (MoveBy::Size(key), _) => size(key).unwrap().max,
+                };
+                let mut changed = Parameters::default();
+                let index = Parameters::fields().iter().position(|f| *f == field);
+                let value = &mut changed.row_mut()[index.unwrap()];
+                *value = match moved.operation {
+                    Operation::Add => *value + amount,
+                    Operation::Scale => *value * amount,
+                    Operation::Set => amount,
+                };
+                let state = moved_at_20_ms(&changed);
+                assert_ne!(state, healthy, "{}: {}", fault.kind, field.name);
+                let row: [f64; STATES] = transmute!(state);
+                assert!(
+                    row.iter().all(|x| x.is_finite()),
+                    "{}: {state:?}",
+                    fault.kind
+                );
+            }
+        }
     }
 }

@@ -1,0 +1,104 @@
+//! Conditions of faults over records.
+
+use hil_config::condition::Watch;
+use hil_config::expression::{Columns, Group};
+use hil_config::plan::Condition;
+use proptest::prelude::*;
+
+fn columns() -> Columns {
+    let mut columns = Columns::default();
+    columns.push(Group::Truth, "a");
+    columns.push(Group::Parameter, "actuator1.bulk_modulus_pa");
+    columns
+}
+
+fn watch(expression: &str, records: u64, derived: &[(&str, &str)]) -> Watch {
+    let condition = Condition {
+        expression: expression.into(),
+        records,
+    };
+    let derived: Vec<(String, String)> = (derived.iter())
+        .map(|(name, text)| ((*name).into(), (*text).into()))
+        .collect();
+    Watch::new(&condition, &derived, &columns()).expect("known names")
+}
+
+#[test]
+fn a_condition_is_met_from_the_record_on_at_which_it_has_held_long_enough() {
+    let mut watch = watch("truth.a > 0", 3, &[]);
+    let met: Vec<bool> = [1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0, -1.0, 1.0]
+        .map(|a| watch.observe(&[a, 0.0]))
+        .into();
+    assert_eq!(
+        met,
+        [false, false, false, false, false, true, true, false, false]
+    );
+}
+
+#[test]
+fn what_does_not_exist_does_not_hold() {
+    let mut watch = watch("truth.a > 0", 2, &[]);
+    assert!(!watch.observe(&[1.0, 0.0]));
+    assert!(!watch.observe(&[f64::NAN, 0.0]));
+    assert!(!watch.observe(&[1.0, 0.0]));
+    assert!(watch.observe(&[1.0, 0.0]));
+}
+
+#[test]
+fn a_condition_that_was_reset_must_hold_anew() {
+    let mut watch = watch("truth.a", 2, &[]);
+    assert!(!watch.observe(&[1.0, 0.0]));
+    watch.reset();
+    assert!(!watch.observe(&[1.0, 0.0]));
+    assert!(watch.observe(&[1.0, 0.0]));
+}
+
+#[test]
+fn a_condition_uses_the_derived_signals_that_it_names_and_those_that_they_use() {
+    let derived = [
+        ("twice", "2 * truth.a"),
+        ("unused", "1 / truth.gone"), // of another record: never looked at
+        ("sum", "twice + parameter.actuator1.bulk_modulus_pa"),
+        ("later", "sum + unused"),
+    ];
+    let mut watch = watch("sum == 7", 1, &derived);
+    assert!(watch.observe(&[2.0, 3.0]));
+    assert!(!watch.observe(&[2.0, 4.0]));
+    assert!(watch.observe(&[0.0, 7.0]));
+}
+
+#[test]
+fn a_name_that_no_record_has_is_refused() {
+    let condition = |expression: &str| Condition {
+        expression: expression.into(),
+        records: 1,
+    };
+    let derived = [("d".to_owned(), "truth.gone".to_owned())];
+    for (expression, name) in [("truth.b > 0", "truth.b"), ("d > 0", "truth.gone")] {
+        let error = Watch::new(&condition(expression), &derived, &columns()).expect_err(name);
+        assert!(error.message.contains(name), "{error}");
+    }
+    let error = Watch::new(&condition("max_abs(truth.a)"), &[], &columns());
+    assert!(error.is_err(), "a reduction has no value at a record");
+}
+
+#[test]
+fn a_watch_can_go_to_the_loops_thread() {
+    fn is_send<T: Send>(_: &T) {}
+    is_send(&watch("1", 1, &[]));
+}
+
+proptest! {
+    #[test]
+    fn a_condition_is_met_where_the_last_records_all_hold(
+        values in prop::collection::vec(prop::sample::select(vec![0.0, 1.0, f64::NAN]), 0..60),
+        records in 1..6_usize,
+    ) {
+        let mut watch = watch("truth.a", records as u64, &[]);
+        for last in 0..values.len() {
+            let expected = last + 1 >= records
+                && values[last + 1 - records..=last].iter().all(|value| *value == 1.0);
+            prop_assert_eq!(watch.observe(&[values[last], 0.0]), expected);
+        }
+    }
+}

@@ -1,0 +1,235 @@
+//! Kinds that act on messages of the link.
+
+use shared_types::frame::{FrameKind, VALIDITY_WORDS};
+
+use super::*;
+use crate::faults::channel::{About, Channel};
+
+#[test]
+fn messages_are_lost_delayed_doubled_and_swapped_as_written() {
+    // Each message's copies by how late they come; `+` after one that was overtaken.
+    fn text(passage: &Passage) -> String {
+        let copies = passage.copies.iter().zip(passage.overtaken);
+        let copies = copies.filter_map(|(copy, overtaken)| {
+            copy.map(|late| format!("{late}{}", if overtaken { "+" } else { "" }))
+        });
+        copies.collect::<Vec<_>>().join(" ")
+    }
+    type Case<'a> = (&'a str, Parameters<'a>, &'a [f64], &'a [(f64, &'a str)]);
+    let cases: &[Case<'_>] = &[
+        (
+            "message-loss",
+            &[],
+            &[],
+            &[(1.0, ""), (0.0, "0"), (2.0, "")],
+        ),
+        (
+            "message-loss",
+            &[],
+            &[1.0, 0.0, 0.0],
+            &[
+                (1.0, ""),
+                (1.0, "0"),
+                (1.0, "0"),
+                (0.1, ""),
+                (1.0, "0"),
+                (1.0, "0"),
+                (0.0, "0"),
+            ],
+        ),
+        (
+            "message-loss",
+            &[("probability", 0.0)],
+            &[],
+            &[(1.0, "0"); 3],
+        ),
+        // round(2.5) = 3, halves away from 0; never early.
+        (
+            "message-delay",
+            &[("steps", 5.0)],
+            &[],
+            &[(0.0, "0"), (0.5, "3"), (1.0, "5"), (-1.0, "0"), (2.0, "10")],
+        ),
+        (
+            "message-duplication",
+            &[("lag_steps", 3.0)],
+            &[],
+            &[(1.0, "0 3+"), (0.0, "0"), (1.0, "0 3+")],
+        ),
+        ("message-duplication", &[], &[], &[(1.0, "0 1+")]),
+        // The message after a swapped one stays in its place.
+        (
+            "message-reordering",
+            &[],
+            &[],
+            &[
+                (1.0, "1+"),
+                (1.0, "0"),
+                (1.0, "1+"),
+                (1.0, "0"),
+                (0.0, "0"),
+                (1.0, "1+"),
+            ],
+        ),
+        ("message-jitter", &[("steps", 0.0)], &[], &[(1.0, "0"); 3]),
+    ];
+    for (kind, parameters, list, steps) in cases {
+        let mut fault = start(kind, parameters, list);
+        let gains: Vec<f64> = steps.iter().map(|(gain, _)| *gain).collect();
+        let found: Vec<String> = passages(fault.as_mut(), &gains).iter().map(text).collect();
+        let expected: Vec<&str> = steps.iter().map(|(_, copies)| *copies).collect();
+        assert_eq!(found, expected, "{kind} {parameters:?} {list:?}");
+    }
+}
+
+/// Value and age that a receiver has of 100, 101, 102 .. sent from step 100 on, after 99 came,
+/// through faults in the order in which they act.
+fn received(stack: &[(&str, Parameters<'_>, &[f64])], steps: u64) -> Vec<(f64, u32)> {
+    let mut faults: Vec<_> = (stack.iter())
+        .map(|(kind, parameters, list)| start(kind, parameters, list))
+        .collect();
+    let (mut channel, all_valid) = (Channel::new(1, FrameKind::Sample), [0; VALIDITY_WORDS]);
+    let about = |step| About {
+        step,
+        ..About::default()
+    };
+    channel.note(&[99.0], about(99));
+    channel.begin();
+    let mut found = Vec::new();
+    for since in 0..steps {
+        let at = moment(since, 1.0);
+        let mut passage = Passage::healthy(channel.bits());
+        for fault in &mut faults {
+            fault.message(&at, &mut passage);
+        }
+        channel.put(&[at.step as f64], about(at.step));
+        channel.send(Step(at.step), &passage);
+        let (mut values, mut invalid) = ([0.0], all_valid);
+        let age_steps = channel.receive(Step(at.step), &mut values, &mut invalid);
+        found.push((values[0], age_steps));
+    }
+    found
+}
+
+#[test]
+fn a_receiver_sees_what_the_medium_lets_through() {
+    type Case<'a> = (&'a [(&'a str, Parameters<'a>, &'a [f64])], &'a [(f64, u32)]);
+    let cases: &[Case<'_>] = &[
+        (
+            &[("message-loss", &[], &[])],
+            &[(99.0, 1), (99.0, 2), (99.0, 3)],
+        ),
+        (
+            &[("message-loss", &[], &[1.0, 1.0, 0.0])],
+            &[(99.0, 1), (99.0, 2), (102.0, 0), (102.0, 1)],
+        ),
+        (
+            &[("message-delay", &[("steps", 2.0)], &[])],
+            &[(99.0, 1), (99.0, 2), (100.0, 2), (101.0, 2)],
+        ),
+        // Every message is followed by the one before it.
+        (
+            &[("message-duplication", &[], &[])],
+            &[(100.0, 0), (100.0, 1), (101.0, 1), (102.0, 1)],
+        ),
+        // 100 comes after 101, 102 after 103.
+        (
+            &[("message-reordering", &[], &[])],
+            &[(99.0, 1), (100.0, 1), (100.0, 2), (102.0, 1)],
+        ),
+        (
+            &[("message-corruption", &[("bits", 3.0)], &[])],
+            &[(99.0, 1), (99.0, 2), (99.0, 3)],
+        ),
+        // The duplicate of a late message is later still, whichever acts first.
+        (
+            &[
+                ("message-delay", &[("steps", 2.0)], &[]),
+                ("message-duplication", &[], &[]),
+            ],
+            &[(99.0, 1), (99.0, 2), (100.0, 2), (100.0, 3), (101.0, 3)],
+        ),
+        (
+            &[
+                ("message-duplication", &[], &[]),
+                ("message-delay", &[("steps", 2.0)], &[]),
+            ],
+            &[(99.0, 1), (99.0, 2), (100.0, 2), (100.0, 3), (101.0, 3)],
+        ),
+        // A message that was lost before has nothing that could be doubled.
+        (
+            &[
+                ("message-loss", &[], &[0.0, 1.0]),
+                ("message-duplication", &[], &[]),
+            ],
+            &[(100.0, 0), (100.0, 1), (102.0, 0), (102.0, 1)],
+        ),
+        // A second duplication doubles the first copy again.
+        (
+            &[
+                ("message-loss", &[], &[0.0, 1.0, 1.0, 1.0]),
+                ("message-duplication", &[("lag_steps", 1.0)], &[]),
+                ("message-duplication", &[("lag_steps", 3.0)], &[]),
+            ],
+            &[(100.0, 0), (100.0, 1), (100.0, 2), (100.0, 3), (104.0, 0)],
+        ),
+    ];
+    for (stack, expected) in cases {
+        let steps = expected.len() as u64;
+        assert_eq!(received(stack, steps), *expected, "{stack:?}");
+    }
+}
+
+#[test]
+fn probabilities_are_those_that_were_asked_for_times_the_profile() {
+    let count = 20_000;
+    for (kind, probability, gain, expected) in [
+        ("message-loss", 0.2, 1.0, 0.2),
+        ("message-loss", 0.2, 0.5, 0.1),
+        ("message-duplication", 0.3, 1.0, 0.3),
+        ("message-corruption", 0.4, 0.25, 0.1),
+        // Of the messages after one that stays, P are swapped, and each is followed by one that
+        // stays: f = P (1 - f).
+        ("message-reordering", 0.25, 1.0, 0.2),
+    ] {
+        let mut fault = start(kind, &[("probability", probability)], &[]);
+        let found = passages(fault.as_mut(), &vec![gain; count]);
+        let hit = found.iter().filter(|one| **one != Passage::healthy(BITS));
+        assert_frequency(kind, hit.count(), count, expected);
+    }
+}
+
+#[test]
+fn jitter_is_uniform_from_no_step_to_the_last() {
+    let (count, mut found) = (20_000, [0; 6]);
+    let mut jitter = start("message-jitter", &[("steps", 8.0)], &[]);
+    for passage in passages(jitter.as_mut(), &vec![0.5; count]) {
+        found[passage.copies[0].expect("it arrives") as usize] += 1;
+    }
+    for (late_steps, happened) in found.into_iter().enumerate().take(5) {
+        assert_frequency(&format!("{late_steps} steps late"), happened, count, 0.2);
+    }
+    assert_eq!(found[5], 0, "round(8 g) = 4 is the latest");
+}
+
+#[test]
+fn corruption_inverts_different_bits_anywhere_in_the_frame() {
+    let (count, bits) = (2_000, 16);
+    let mut corruption = start("message-corruption", &[("bits", 16.0)], &[]);
+    let mut in_first_half = 0;
+    for passage in passages(corruption.as_mut(), &vec![1.0; count]) {
+        assert_eq!(passage.flipped, bits);
+        let mut flips = passage.flips;
+        flips.sort_unstable();
+        assert!(flips.windows(2).all(|pair| pair[0] < pair[1]), "{flips:?}");
+        assert!(flips[bits - 1] < BITS);
+        in_first_half += flips.iter().filter(|bit| **bit < BITS / 2).count();
+    }
+    assert_frequency("in the first half", in_first_half, count * bits, 0.5);
+    // A frame of as many bits has each of them inverted.
+    let mut tiny = Passage::healthy(16);
+    corruption.message(&moment(0, 1.0), &mut tiny);
+    let mut flips = tiny.flips;
+    flips.sort_unstable();
+    assert_eq!(flips.to_vec(), (0..16).collect::<Vec<u64>>());
+}

@@ -1,0 +1,66 @@
+//! Kinds that act on the time that a side takes.
+
+use super::*;
+
+#[test]
+fn a_late_side_is_busy_for_the_length_that_was_asked_for() {
+    let busy = |given: Parameters<'_>, list: &[f64], gains: &[f64]| {
+        let mut late = start("late", given, list);
+        let found = directives(late.as_mut(), gains);
+        found.iter().map(|one| one.busy_ns).collect::<Vec<u32>>()
+    };
+    // 12.5 us times 0.5, 1, 0, -1; then more than a directive can say.
+    let fixed = busy(&[("busy_us", 12.5)], &[], &[0.5, 1.0, 0.0, -1.0, 1e9]);
+    assert_eq!(fixed, [6_250, 12_500, 0, 0, u32::MAX]);
+    let (count, gains) = (20_000, vec![1.0; 20_000]);
+    let spread = busy(&[("busy_us", 10.0), ("spread_us", 20.0)], &[], &gains);
+    assert!(spread.iter().all(|ns| (10_000..=30_000).contains(ns)));
+    let late_half = spread.iter().filter(|ns| **ns >= 20_000).count();
+    assert_frequency("in the later half", late_half, count, 0.5);
+    let drawn = busy(&[], &[5.0, 3.0, 700.0, 0.0, 40.0, 1.0], &gains);
+    for (ns, probability) in [(5_000, 0.75), (40_000, 0.25)] {
+        let happened = drawn.iter().filter(|found| **found == ns).count();
+        assert_frequency(&format!("{ns} ns"), happened, count, probability);
+    }
+    assert!(!drawn.contains(&700_000), "a weight of 0");
+}
+
+#[test]
+fn skips_strike_at_the_samples_that_the_controller_looks_at() {
+    // Parameters, profile, and the steps since it took hold at which it strikes.
+    type Case<'a> = (Parameters<'a>, &'a [f64], &'a [usize]);
+    let cases: &[Case<'_>] = &[
+        (&[("steps", 3.0)], &[1.0; 20], &[0]),
+        (&[("steps", 3.0), ("burst", 3.0)], &[1.0; 20], &[0, 4, 8]),
+        (
+            &[("steps", 1.0), ("period_steps", 5.0)],
+            &[0.1; 12],
+            &[0, 5, 10],
+        ),
+        (
+            &[("steps", 2.0), ("burst", 2.0), ("period_steps", 6.0)],
+            &[1.0; 12],
+            &[0, 3, 6, 9],
+        ),
+        (
+            &[("steps", 1.0), ("period_steps", 2.0)],
+            &[1.0, 1.0, 0.0, 1.0, 1.0],
+            &[0, 4],
+        ),
+    ];
+    for (parameters, gains, expected) in cases {
+        let mut skip = start("skip", parameters, &[]);
+        let found = directives(skip.as_mut(), gains);
+        let steps = parameters[0].1 as u32;
+        for (since, directive) in found.iter().enumerate() {
+            let late_steps = if expected.contains(&since) { steps } else { 0 };
+            assert_eq!(directive.late_steps, late_steps, "{parameters:?}, {since}");
+        }
+    }
+    // Two at one step add up.
+    let mut directive = Directive::default();
+    for steps in [2.0, 3.0] {
+        start("skip", &[("steps", steps)], &[]).timing(&moment(0, 1.0), &mut directive);
+    }
+    assert_eq!(directive.late_steps, 5);
+}

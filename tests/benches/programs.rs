@@ -1,0 +1,47 @@
+//! The release programs, built where they are not up to date.
+
+use std::path::PathBuf;
+use std::process::Command;
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// The release programs.
+pub(crate) struct Programs {
+    hil: PathBuf,
+}
+
+impl Programs {
+    /// Builds what is not up to date.
+    pub(crate) fn built() -> Self {
+        let own = std::env::current_exe().expect("a path to this program");
+        let target = own.ancestors().nth(3);
+        let target = target.expect("it lies in target/release/deps");
+        let status = Command::new(env!("CARGO"))
+            .args(["build", "--release", "--target-dir"])
+            .arg(target)
+            .args(["-p", "tools", "-p", "plant-process"])
+            .args(["-p", "controller-process"])
+            .status()
+            .expect("cargo");
+        assert!(status.success(), "the programs do not build");
+        Self {
+            hil: target.join("release/hil"),
+        }
+    }
+
+    /// The summary of a run with these arguments.
+    pub(crate) fn run(&self, arguments: &[&str]) -> Value {
+        let folder = TempDir::new().expect("a folder");
+        let output = Command::new(&self.hil)
+            .args(["run", "--json", "--out"])
+            .arg(folder.path().join("run"))
+            .args(arguments)
+            .output()
+            .expect("hil");
+        let said = String::from_utf8_lossy(&output.stderr);
+        // A run that diverged has a summary too.
+        serde_json::from_slice(&output.stdout)
+            .unwrap_or_else(|_| panic!("hil run {arguments:?}: {said}"))
+    }
+}

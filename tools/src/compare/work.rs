@@ -1,0 +1,306 @@
+//! Two recordings side by side, a step at a time.
+
+use std::path::Path;
+
+use serde_json::Value;
+use shared_types::record::Event;
+use shared_types::table::nearest;
+use shared_types::time::{Rate, Step};
+
+use super::{CompareError, Comparison, Difference, Side, SignalDifference, Verdict};
+use crate::live::listed;
+use crate::run_reader::{Column, RunReader};
+
+/// A comparison going on.
+pub(super) struct Work {
+    rate: Rate,
+    /// Whether signals were named; then nothing else counts.
+    is_selected: bool,
+    columns: Vec<Pair>,
+    only_in_a: Vec<String>,
+    only_in_b: Vec<String>,
+    first: Option<Difference>,
+    /// Anything but the size of a signal differs.
+    is_other: bool,
+}
+
+/// A word that both have.
+struct Pair {
+    column: Column,
+    a: usize,
+    b: usize,
+    /// Records at which it was a finite number in both.
+    compared: u64,
+    differs: bool,
+    max: f64,
+    at_step: Option<u64>,
+    squares: f64,
+    incomparable: u64,
+}
+
+impl Work {
+    pub(super) fn new(
+        a: &RunReader,
+        b: &RunReader,
+        rate: Rate,
+        signals: &[String],
+    ) -> Result<Self, CompareError> {
+        let is_selected = !signals.is_empty();
+        let place = |reader: &RunReader, name: &str| {
+            reader
+                .columns()
+                .iter()
+                .position(|column| column.name == name)
+        };
+        let only = |one: &RunReader, other: &RunReader| -> Vec<String> {
+            let own = one.columns().iter().filter(|column| column.is_signal());
+            let own = own.filter(|column| place(other, &column.name).is_none());
+            own.map(|column| column.name.clone()).collect()
+        };
+        for name in signals {
+            for reader in [a, b] {
+                let known = reader.columns().iter().filter(|column| column.is_signal());
+                let known: Vec<&str> = known.map(|column| column.name.as_str()).collect();
+                if !known.contains(&name.as_str()) {
+                    let path = reader.path().display();
+                    let near = nearest(name, known);
+                    let near = if near.is_empty() {
+                        String::new()
+                    } else {
+                        format!("; nearest: {}", listed(&near))
+                    };
+                    return Err(CompareError::NotComparable(format!(
+                        "{path} has no signal `{name}`{near}"
+                    )));
+                }
+            }
+        }
+        let pairs = a
+            .columns()
+            .iter()
+            .enumerate()
+            .filter_map(|(index, column)| {
+                let in_b = place(b, &column.name)?;
+                // Clocks are never the same; what is left out of the digest is looked at if asked for.
+                let counts = if is_selected {
+                    signals.contains(&column.name)
+                } else {
+                    index < a.hashed_words()
+                };
+                counts.then(|| Pair::new(column.clone(), index, in_b))
+            });
+        let columns: Vec<Pair> = pairs.collect();
+        if !columns.iter().any(|pair| pair.column.is_signal()) {
+            return Err(CompareError::NotComparable(
+                "the runs have no signal in common".into(),
+            ));
+        }
+        let (only_in_a, only_in_b) = if is_selected {
+            Default::default()
+        } else {
+            (only(a, b), only(b, a))
+        };
+        Ok(Self {
+            rate,
+            is_selected,
+            columns,
+            is_other: !only_in_a.is_empty() || !only_in_b.is_empty(),
+            only_in_a,
+            only_in_b,
+            first: None,
+        })
+    }
+
+    pub(super) fn step(&mut self, a: &RunReader, b: &RunReader) -> Result<(), CompareError> {
+        let step = a.step();
+        if step != b.step() {
+            let what = format!(
+                "records are missing: step {step} of one comes with step {} of the other",
+                b.step()
+            );
+            return Err(CompareError::NotComparable(what));
+        }
+        if !self.is_selected {
+            let (faults_a, faults_b) = (faults(a), faults(b));
+            if faults_a != faults_b {
+                self.is_other = true;
+                self.note(step, "faults".into(), faults_a.into(), faults_b.into());
+            }
+        }
+        for index in 0..self.columns.len() {
+            let pair = &mut self.columns[index];
+            let (word_a, word_b) = (a.words()[pair.a], b.words()[pair.b]);
+            let is_signal = pair.column.is_signal();
+            if is_signal {
+                pair.take(step, f64::from_bits(word_a), f64::from_bits(word_b));
+            }
+            if word_a == word_b {
+                continue;
+            }
+            if is_signal {
+                let name = pair.column.name.clone();
+                self.note(step, name, number(word_a), number(word_b));
+            } else {
+                self.is_other = true;
+                let (name, bit) = validity(&pair.column.name, word_a ^ word_b, a.columns());
+                let told = |word: u64| {
+                    if word >> bit & 1 == 0 {
+                        "valid"
+                    } else {
+                        "invalid"
+                    }
+                };
+                self.note(step, name, told(word_a).into(), told(word_b).into());
+            }
+        }
+        Ok(())
+    }
+
+    /// One has a record more than the other.
+    pub(super) fn ended(&mut self, longer: &RunReader, is_a: bool) {
+        self.is_other = true;
+        let (there, not) = (Value::from("there"), Value::from("not there"));
+        let (a, b) = if is_a { (there, not) } else { (not, there) };
+        self.note(longer.step(), "record".into(), a, b);
+    }
+
+    fn note(&mut self, step: u64, signal: String, a: Value, b: Value) {
+        if self.first.is_none() {
+            let time_s = self.rate.seconds(Step(step));
+            self.first = Some(Difference {
+                step,
+                time_s,
+                signal,
+                a,
+                b,
+            });
+        }
+    }
+
+    pub(super) fn finish(
+        self,
+        a: &RunReader,
+        b: &RunReader,
+        names: (&Path, &Path),
+        tolerance: f64,
+    ) -> Comparison {
+        let side = |reader: &RunReader, run: &Path| Side {
+            run: run.display().to_string(),
+            records: reader.records(),
+            digest: reader.digest(),
+            whole: reader.is_whole(),
+        };
+        let differing = self.columns.iter().filter(|pair| pair.differs);
+        let signals: Vec<SignalDifference> = differing.map(Pair::difference).collect();
+        let is_small = |signal: &SignalDifference| {
+            signal.incomparable_steps == 0 && signal.max_abs_difference <= tolerance
+        };
+        let verdict = if self.first.is_none() && !self.is_other {
+            Verdict::Same
+        } else if tolerance > 0.0 && !self.is_other && signals.iter().all(is_small) {
+            Verdict::WithinTolerance
+        } else {
+            Verdict::Different
+        };
+        Comparison {
+            verdict,
+            a: side(a, names.0),
+            b: side(b, names.1),
+            only_in_a: self.only_in_a,
+            only_in_b: self.only_in_b,
+            first_difference: self.first,
+            signals,
+        }
+    }
+}
+
+impl Pair {
+    const fn new(column: Column, a: usize, b: usize) -> Self {
+        Self {
+            column,
+            a,
+            b,
+            compared: 0,
+            differs: false,
+            max: 0.0,
+            at_step: None,
+            squares: 0.0,
+            incomparable: 0,
+        }
+    }
+
+    fn take(&mut self, step: u64, a: f64, b: f64) {
+        let is_same = a.to_bits() == b.to_bits();
+        self.differs |= !is_same;
+        if a.is_finite() && b.is_finite() {
+            let difference = (a - b).abs();
+            self.compared += 1;
+            self.squares += difference * difference;
+            if difference > self.max || (!is_same && self.at_step.is_none()) {
+                (self.max, self.at_step) = (difference, Some(step));
+            }
+        } else if !is_same {
+            self.incomparable += 1;
+        }
+    }
+
+    fn difference(&self) -> SignalDifference {
+        let rms = if self.compared > 0 {
+            (self.squares / self.compared as f64).sqrt()
+        } else {
+            0.0
+        };
+        SignalDifference {
+            name: self.column.name.clone(),
+            unit: self.column.unit.clone(),
+            max_abs_difference: self.max,
+            at_step: self.at_step,
+            rms_difference: rms,
+            incomparable_steps: self.incomparable,
+        }
+    }
+}
+
+/// The fault events of the digest in front of a record, as text.
+fn faults(reader: &RunReader) -> String {
+    let taken = reader.events().iter().filter_map(|event| match event {
+        Event::Fault(taken) if !taken.wall_only => Some(format!(
+            "{} {} {} {}",
+            taken.kind, taken.target, taken.parameter, taken.canonical
+        )),
+        _ => None,
+    });
+    let taken: Vec<String> = taken.collect();
+    if taken.is_empty() {
+        "none".into()
+    } else {
+        taken.join("; ")
+    }
+}
+
+/// A signal's value; what JSON has no number for, as text.
+fn number(word: u64) -> Value {
+    let value = f64::from_bits(word);
+    serde_json::Number::from_f64(value)
+        .map_or_else(|| Value::from(value.to_string()), Value::Number)
+}
+
+/// Whose validity the lowest of these bits is, and the bit.
+fn validity(column: &str, bits: u64, columns: &[Column]) -> (String, u32) {
+    let bit = bits.trailing_zeros();
+    let word = column.split_once('[').and_then(|(name, index)| {
+        let index: usize = index.trim_end_matches(']').parse().ok()?;
+        Some((name, index))
+    });
+    let groups: &[&str] = match word {
+        Some(("sample_invalid", _)) => &["measured.", "reference."],
+        Some(("command_invalid", _)) => &["command.", "internal."],
+        _ => &[],
+    };
+    let number = word.map_or(0, |(_, index)| 64 * index) + bit as usize;
+    let mut of_groups = columns
+        .iter()
+        .filter(|column| groups.iter().any(|group| column.name.starts_with(group)));
+    let name = of_groups.nth(number).map_or(column, |column| &column.name);
+    (format!("validity of {name}"), bit)
+}
