@@ -26,3 +26,6 @@ pub mod workshop;
 pub use kind::{Fault, FaultKind, FaultKindEntry};
 pub use layer::{Admitted, FaultLayer};
 pub use workshop::{FaultWorkshop, Prepared};
+
+#[cfg(test)]
+mod tests;
