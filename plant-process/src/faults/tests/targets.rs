@@ -161,18 +161,19 @@ fn nothing_changes_an_invalid_signal_any_more() {
 
 #[test]
 fn validity_is_late_with_the_value_it_belongs_to() {
-    // Dead at steps 2 and 3, shown one step later.
+    // Dead at steps 2 and 3 (a ramp is 0 at its first step), shown one step later.
     let a = "measured.a_m";
+    let ramp = FaultEffect {
+        profile: Profile::Ramp { duration_s: 0.1 },
+        ..on(a, 0.0)
+    };
     let mut rig = Rig::new(&[
-        until(lasting(2), event(1, "gone", at(2), &[on(a, 0.0)])),
-        event(2, "before", at(2), &[on(a, 0.0)]),
+        until(lasting(3), event(1, "gone", at(1), &[ramp])),
+        event(2, "before", at(1), &[on(a, 0.0)]),
     ]);
     let passed = rig.each(7, |passed| (passed.sample[0], passed.invalid));
-    assert_eq!(passed[..2], [(0.0, 0), (1.0, 0)]);
-    assert_eq!(
-        passed[2..],
-        [(1.0, 1), (1.0, 1), (1.0, 1), (4.0, 0), (5.0, 0)]
-    );
+    assert_eq!(passed[..3], [(0.0, 0), (1.0, 0), (1.0, 0)]);
+    assert_eq!(passed[3..], [(1.0, 1), (1.0, 1), (4.0, 0), (5.0, 0)]);
 }
 
 #[test]
@@ -308,15 +309,21 @@ fn a_broken_message_is_refused_counted_and_as_good_as_lost() {
 
 #[test]
 fn what_is_late_when_a_fault_ends_does_not_replace_what_is_newer() {
-    // Late by four steps at 1 .. 3, then every second message gets lost.
     let link = "link.sample";
-    let mut rig = Rig::new(&[
-        until(lasting(3), event(1, "late", at(1), &[on(link, 4.0)])),
-        event(2, "lost", at(5), &[on_and_off(1, on(link, 0.0))]),
-    ]);
+    let late = |step, steps| until(lasting(steps), event(1, "late", at(step), &[on(link, 3.0)]));
+    let lost = |step| event(2, "lost", at(step), &[on_and_off(1, on(link, 0.0))]);
+
+    // Even messages get lost. Message 1 comes at 4, when the receiver has nothing newer; the fault
+    // has ended then, and message 3, which would come at 6, is older than 5.
+    let mut rig = Rig::new(&[late(1, 3), lost(0)]);
     let values = rig.each(9, |passed| passed.sample[0]);
-    // 4 comes at once. Messages 1, 2 and 3 would come at 5, 6 and 7.
-    assert_eq!(values, [0.0, 0.0, 0.0, 0.0, 4.0, 4.0, 6.0, 6.0, 8.0]);
+    assert_eq!(values, [0.0, 0.0, 0.0, 0.0, 1.0, 5.0, 5.0, 7.0, 7.0]);
+
+    // Odd messages get lost. Message 2 would come at 5, when 4 is there: the loss of 5 costs a step.
+    let mut rig = Rig::new(&[late(0, 4), lost(1)]);
+    let ages = rig.each(9, |passed| passed.sample_age_steps);
+    assert_eq!(ages, [1, 2, 3, 3, 0, 1, 0, 1, 0]);
+    assert_eq!((rig.acted(1, 0), rig.acted(2, 0)), ((4, 3.0), (4, 1.0)));
 }
 
 #[test]
