@@ -85,7 +85,7 @@ fn every_test_that_the_page_names_exists() {
             let head = format!("\nfn {name}() {{");
             let indented = format!("\n    fn {name}() {{");
             let exists = |text: &&str| text.contains(&head) || text.contains(&indented);
-            assert!(TESTS.iter().any(|text| exists(&text)), "{name}");
+            assert!(TESTS.iter().any(exists), "{name}");
             named += 1;
         }
     }
