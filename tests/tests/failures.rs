@@ -175,7 +175,7 @@ fn an_unstable_loop_ends_as_diverged_and_never_in_numbers_that_are_none() {
             "mps",
         ),
         (
-            "scenarios/slight-leakage.toml --set controller.law=pid --set controller.pid.proportional_a_per_m=1e5",
+            "scenarios/slight-leakage.toml --set controller.law=pid --set controller.pid.proportional_a_per_m=1e5 --set plant.parameters.valve_travel_m=1",
             "pressure",
         ),
     ] {
