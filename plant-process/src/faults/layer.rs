@@ -196,14 +196,20 @@ impl FaultLayer {
     /// Takes live faults before a step, all or none.
     ///
     /// # Errors
-    /// If one of them should have taken hold in the past.
+    /// If one of them should have taken hold in the past, or never will.
     pub fn admit(
         &mut self,
         prepared: Vec<Box<Prepared>>,
         next: Step,
     ) -> Result<Vec<Admitted>, String> {
         for fault in &prepared {
-            let hold = self.schedule.hold_of(&fault.event().trigger, next);
+            let trigger = &fault.event().trigger;
+            if let Some(other) = self.schedule.follows_in_vain(trigger) {
+                return Err(format!(
+                    "fault {other} ended before it took hold: nothing can follow it"
+                ));
+            }
+            let hold = self.schedule.hold_of(trigger, next);
             if let Some(step) = hold.filter(|&step| step < next.0) {
                 let (at_s, next_s) = (self.rate.seconds(Step(step)), self.rate.seconds(next));
                 return Err(format!(

@@ -105,6 +105,15 @@ impl Schedule {
         }
     }
 
+    /// The event that a trigger follows, if that has ended without taking hold: it waits for ever.
+    pub(super) fn follows_in_vain(&self, trigger: &Trigger) -> Option<u32> {
+        let Trigger::After { event, .. } = trigger else {
+            return None;
+        };
+        let other = self.find(*event)?;
+        (other.over && !other.held).then_some(*event)
+    }
+
     fn place_after(&self, id: u32) -> usize {
         self.events.partition_point(|other| other.event.id <= id)
     }
@@ -300,11 +309,24 @@ impl Schedule {
                     FaultSource::Cli => "cli".into(),
                 },
                 state: state.into(),
-                waits_for: (state == "waiting").then(|| scheduled.waits_for(effects)),
+                waits_for: (state == "waiting").then(|| self.waits_for(scheduled, effects)),
                 effects: effects.iter().map(|effect| effect.size().clone()).collect(),
             }
         };
         self.events.iter().map(state).collect()
+    }
+
+    /// What an event waits for, in words.
+    fn waits_for(&self, scheduled: &Scheduled, effects: &[Effect]) -> String {
+        let trigger = &scheduled.event.trigger;
+        let begins = effects
+            .iter()
+            .filter_map(|effect| scheduled.begin_of(effect));
+        match (begins.min(), self.follows_in_vain(trigger)) {
+            (Some(step), _) => format!("step {step}"),
+            (None, Some(other)) => format!("fault {other}, which ended before it took hold"),
+            (None, None) => waits_for(trigger),
+        }
     }
 }
 
@@ -313,18 +335,6 @@ impl Scheduled {
         let waits = effect.life == Life::Waits;
         let hold = self.hold.filter(|_| waits)?;
         Some(hold.saturating_add(effect.skew_steps))
-    }
-
-    /// What it waits for, in words.
-    fn waits_for(&self, effects: &[Effect]) -> String {
-        let next = effects
-            .iter()
-            .filter_map(|effect| self.begin_of(effect))
-            .min();
-        next.map_or_else(
-            || waits_for(&self.event.trigger),
-            |step| format!("step {step}"),
-        )
     }
 }
 

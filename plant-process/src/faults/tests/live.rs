@@ -1,6 +1,10 @@
 //! Faults that are taken and cleared while the run goes on.
 
-use super::*;
+use hil_config::plan::{FaultEvent, FaultSource, Trigger};
+use shared_types::describe::Operation;
+use shared_types::time::Step;
+
+use super::rig::*;
 use crate::faults::layer::columns;
 use crate::faults::{Admitted, Prepared};
 
@@ -167,6 +171,9 @@ fn what_follows_a_fault_that_was_cleared_in_time_never_takes_hold() {
     let mut rig = Rig::new(&[plus(1, at(5)), plus(2, after(1, 1))]);
     rig.run(2);
     rig.layer.clear(Some(1), Step(2));
+    let refused = rig.admit(vec![plus(3, Trigger::Now), plus(4, after(1, 0))]);
+    let expected = "fault 1 ended before it took hold: nothing can follow it";
+    assert_eq!(refused, Err(expected.into()));
     rig.run(8);
     assert_eq!(rig.told, [(1, 0, 2, 'x')]);
 

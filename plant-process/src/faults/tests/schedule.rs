@@ -1,6 +1,11 @@
 //! Triggers, ends, skew and their order.
 
-use super::*;
+use hil_config::plan::{FaultAction, FaultEffect, FaultEnd, FaultEvent, Profile, Trigger};
+use shared_types::describe::{Operation, Settings};
+use shared_types::record::Event;
+use shared_types::time::Step;
+
+use super::rig::*;
 
 const A: &str = "measured.a_m";
 
@@ -220,6 +225,8 @@ fn an_event_that_ends_before_its_trigger_never_takes_hold_nor_does_what_follows_
         .map(|state| state.state)
         .collect();
     assert_eq!(states, ["ended", "waiting", "waiting"]);
+    let waits_for = rig.layer.states().remove(1).waits_for.expect("it waits");
+    assert_eq!(waits_for, "fault 1, which ended before it took hold");
 }
 
 #[test]
