@@ -113,6 +113,7 @@ fn moved(operation: Operation, value: f64, by: f64, gain: f64) -> f64 {
     match operation {
         Operation::Add => value + by * gain,
         Operation::Scale => value * (1.0 + (by - 1.0) * gain),
+        Operation::Set if gain == 1.0 => by, // exactly, which the sum below need not be
         Operation::Set => value + (by - value) * gain,
     }
 }
@@ -146,6 +147,7 @@ mod tests {
             (Operation::Scale, 0.5, 1.0, 2.0),
             (Operation::Scale, 0.5, 0.5, 3.0),
             (Operation::Set, -1.0, 1.0, -1.0),
+            (Operation::Set, 0.1, 1.0, 0.1),
             (Operation::Set, 0.0, 0.25, 3.0),
             (Operation::Add, 100.0, 1.0, 10.0),
             (Operation::Add, -100.0, 1.0, -10.0),

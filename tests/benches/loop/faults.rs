@@ -34,11 +34,7 @@ pub(crate) fn compare(programs: &Programs) {
         none.push(step_ns(&programs.run(&[scenario])));
         ten.push(step_ns(&programs.run(&[faulted])));
     }
-    let (none, ten, alone) = (
-        median(none.into_iter()),
-        median(ten.into_iter()),
-        median(alone.into_iter()),
-    );
+    let (none, ten, alone) = (median(none), median(ten), median(alone));
     println!("fault layer of the paper's plant, medians of {ROUNDS}");
     println!(
         "  the layer alone without a fault      {alone:7.1} ns, {:.2} % of a step of two processes",
