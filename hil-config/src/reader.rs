@@ -201,6 +201,32 @@ impl Reader {
         })
     }
 
+    /// A section read by the keys of its `kind`, which must be one of these; and that kind.
+    pub(crate) fn of_kind<'a>(
+        &mut self,
+        section: &Section<'a>,
+        what: &str,
+        kinds: impl Iterator<Item = (&'static str, &'static [Key])> + Clone,
+    ) -> Option<(&'a str, Section<'a>)> {
+        let name = self.text(section, "kind")?;
+        let Some((_, keys)) = kinds.clone().find(|(kind, _)| *kind == name) else {
+            let names = kinds.map(|(kind, _)| kind);
+            let message = format!("unknown kind of {what} `{name}`");
+            self.report(
+                ProblemKind::UnknownName,
+                section.path_of("kind"),
+                section.place_of("kind"),
+                message,
+            )
+            .expected(format!("one of {}", listed(names.clone())))
+            .nearest(name, names);
+            return None;
+        };
+        let further: Vec<&str> = keys.iter().map(|key| key.name).collect();
+        self.refuse_unknown(section, &further);
+        Some((name, section.with_keys(keys)))
+    }
+
     /// The tables of a list under a key.
     pub(crate) fn list<'a>(
         &mut self,

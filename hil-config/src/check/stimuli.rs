@@ -9,7 +9,7 @@ use super::run::Grid;
 use super::{is_signal_name, points};
 use crate::keys::WAVEFORMS;
 use crate::plan::{Stimulus, Waveform};
-use crate::problem::{ProblemKind, listed};
+use crate::problem::ProblemKind;
 use crate::quantity::number;
 use crate::reader::{Reader, Section};
 
@@ -118,27 +118,11 @@ fn waveform(
     folder: &Path,
     grid: Option<Grid>,
 ) -> Option<Waveform> {
-    let name = reader.text(section, "kind")?;
-    let Some(kind) = WAVEFORMS.iter().find(|kind| kind.name == name) else {
-        let names = WAVEFORMS.iter().map(|kind| kind.name);
-        let message = format!("unknown kind of stimulus `{name}`");
-        reader
-            .report(
-                ProblemKind::UnknownName,
-                section.path_of("kind"),
-                section.place_of("kind"),
-                message,
-            )
-            .expected(format!("one of {}", listed(names.clone())))
-            .nearest(name, names);
-        return None;
-    };
-    let further: Vec<&str> = kind.keys.iter().map(|key| key.name).collect();
-    reader.refuse_unknown(section, &further);
-    let section = &section.with_keys(kind.keys);
+    let kinds = WAVEFORMS.iter().map(|kind| (kind.name, kind.keys));
+    let (name, section) = &reader.of_kind(section, "stimulus", kinds)?;
     // All numbers are read before any is missed, so that every problem is reported.
     let mut number = |name| reader.number(section, name);
-    let waveform = match name {
+    let waveform = match *name {
         "paper" => {
             let (amplitude, frequency_hz) = (number("amplitude"), number("frequency_hz"));
             let onset_per_s3 = number("onset_per_s3");

@@ -53,27 +53,11 @@ pub(super) fn check(
 }
 
 fn asked_for(reader: &mut Reader, section: &Section<'_>, folder: Option<&Path>) -> Option<Profile> {
-    let name = reader.text(section, "kind")?;
-    let Some(kind) = PROFILES.iter().find(|kind| kind.name == name) else {
-        let names = PROFILES.iter().map(|kind| kind.name);
-        let message = format!("unknown kind of profile `{name}`");
-        reader
-            .report(
-                ProblemKind::UnknownName,
-                section.path_of("kind"),
-                section.place_of("kind"),
-                message,
-            )
-            .expected(format!("one of {}", listed(names.clone())))
-            .nearest(name, names);
-        return None;
-    };
-    let further: Vec<&str> = kind.keys.iter().map(|key| key.name).collect();
-    reader.refuse_unknown(section, &further);
-    let section = &section.with_keys(kind.keys);
+    let kinds = PROFILES.iter().map(|kind| (kind.name, kind.keys));
+    let (name, section) = &reader.of_kind(section, "profile", kinds)?;
     // All numbers are read before any is missed, so that every problem is reported.
     let mut number = |name| reader.number(section, name);
-    let profile = match name {
+    let profile = match *name {
         "step" => Profile::Step,
         "ramp" => Profile::Ramp {
             duration_s: number("duration_s")?,
