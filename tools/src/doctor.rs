@@ -2,7 +2,8 @@
 //!
 //! 1. [`cores`] chooses the two cores that are judged.
 //! 2. The checks read what the kernel tells below a [`tree`] of files: [`cores`], [`isolation`],
-//!    [`kernel`], [`power`], [`rights`], [`memory`], [`activity`], [`host`].
+//!    [`kernel`], [`throttling`], [`power`], [`rights`], [`memory`], [`activity`], [`host`],
+//!    [`interrupts`].
 //! 3. [`measure`] looks at what no file tells: wake-ups, exchanges, holes.
 //! 4. Each gives one [`finding`]: a grade, and the command that mends it ([`boot`] knows those for the
 //!    kernel's command line). A file that cannot be read is unknown, never guessed.
@@ -15,6 +16,7 @@ pub mod boot;
 pub mod cores;
 pub mod finding;
 pub mod host;
+pub mod interrupts;
 pub mod isolation;
 pub mod kernel;
 pub mod measure;
@@ -22,6 +24,7 @@ pub mod memory;
 pub mod power;
 pub mod report;
 pub mod rights;
+pub mod throttling;
 pub mod tree;
 
 use std::io::IsTerminal;
@@ -31,9 +34,9 @@ use shared_types::session;
 use crate::cli::doctor::DoctorArguments;
 use crate::exit::{Exit, Failure};
 use crate::output;
-use activity::{Interval, Snapshot};
 use cores::Cores;
 use finding::{Finding, Grade};
+use interrupts::{Interval, Snapshot};
 use measure::{Class, gaps, ping_pong, wake_up};
 use report::{Report, Verdict};
 use tree::{Root, Tree};
@@ -126,7 +129,7 @@ fn read(tree: &dyn Tree, cores: &Cores) -> Vec<Finding> {
         isolation::isolation(tree, cores),
         isolation::quota(tree),
         kernel::preemption(tree),
-        kernel::throttling(tree),
+        throttling::throttling(tree, cores),
         kernel::clock_source(tree),
         power::governor(tree, cores),
         power::idle_states(tree, cores),
@@ -142,7 +145,7 @@ fn read(tree: &dyn Tree, cores: &Cores) -> Vec<Finding> {
 fn counted(tree: &dyn Tree, cores: &Cores, interval: &Interval) -> [Finding; 2] {
     [
         host::virtualisation(tree, cores, interval),
-        activity::interrupts(tree, cores, interval),
+        interrupts::interrupts(tree, cores, interval),
     ]
 }
 
@@ -179,14 +182,14 @@ impl Measurement<'_> {
     fn undisturbed(&self) -> Result<Vec<Finding>, Failure> {
         let (seconds, class) = (self.seconds, self.class);
         let core = self.first_core()?;
-        self.announce("wake-ups", &core.to_string());
+        self.announce(&format!("wake-ups on core {core}"));
         let wake_ups = wake_up::measure(core, seconds).map_err(|e| self.unusable(&e))?;
         let idle = wake_up::finding(wake_up::IDLE, &wake_ups, core, seconds, class);
 
         let chosen: Vec<u32> = self.cores.chosen.iter().collect();
         let exchange = match <[u32; 2]>::try_from(chosen.clone()) {
             Ok(pair) => {
-                self.announce("exchanges", &self.cores.chosen.to_string());
+                self.announce(&format!("exchanges between cores {}", self.cores.chosen));
                 let trips = ping_pong::measure(pair, seconds).map_err(|e| self.unusable(&e))?;
                 ping_pong::finding(&trips, pair, seconds, class)
             }
@@ -195,7 +198,7 @@ impl Measurement<'_> {
 
         let mut holes = Vec::new();
         for core in chosen {
-            self.announce("holes", &core.to_string());
+            self.announce(&format!("holes on core {core}"));
             holes.push(gaps::measure(core, seconds).map_err(|e| self.unusable(&e))?);
         }
         let holes = self.with_priority(gaps::finding(&holes, seconds, class));
@@ -205,7 +208,7 @@ impl Measurement<'_> {
     /// Wake-ups while every core works.
     fn loaded(&self) -> Result<Finding, Failure> {
         let core = self.first_core()?;
-        self.announce("wake-ups under load", &core.to_string());
+        self.announce(&format!("wake-ups on core {core} under load"));
         let load = wake_up::Load::on(&self.cores.allowed.with(&self.cores.chosen));
         let wake_ups = wake_up::measure(core, self.seconds);
         if !load.end() {
@@ -253,8 +256,8 @@ impl Measurement<'_> {
         ))
     }
 
-    fn announce(&self, what: &str, cores: &str) {
-        eprintln!("measuring {what} on core {cores} for {} s", self.seconds);
+    fn announce(&self, what: &str) {
+        eprintln!("measuring {what} for {} s", self.seconds);
     }
 }
 

@@ -222,13 +222,13 @@ pub fn smt(tree: &dyn Tree, cores: &Cores) -> Finding {
     let off = "echo off | sudo tee /sys/devices/system/cpu/smt/control";
     let chosen = &cores.chosen;
     if together {
-        SMT.poor(format!("cores {chosen} are threads of one physical core"))
+        SMT.poor(format!("{chosen}: threads of one physical core"))
             .mend(off)
     } else if shared.meets(&cores.online) {
-        SMT.fair(format!("cores {chosen} share physical cores with {shared}"))
+        SMT.fair(format!("{chosen}: physical cores shared with {shared}"))
             .mend(off)
     } else {
-        SMT.good(format!("cores {chosen} are whole physical cores"))
+        SMT.good(format!("{chosen}: whole physical cores"))
     }
 }
 

@@ -1,8 +1,8 @@
 //! Whether there is a machine at all, or another one beneath it that takes its time.
 
-use super::activity::Interval;
 use super::cores::Cores;
 use super::finding::{Check, Finding};
+use super::interrupts::Interval;
 use super::tree::Tree;
 
 const VIRTUALISATION: Check = Check::new(
@@ -91,9 +91,9 @@ fn maker(tree: &dyn Tree) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::activity::Snapshot;
     use crate::doctor::cores::CoreList;
     use crate::doctor::finding::Grade;
+    use crate::doctor::interrupts::Snapshot;
     use crate::doctor::tree::{Fake, Files};
 
     const METAL: &str = "processor\t: 0\nmodel name\t: 13th Gen Intel(R) Core(TM) i7\nflags\t\t: fpu vme tsc_deadline_timer constant_tsc\n";

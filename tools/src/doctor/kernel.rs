@@ -1,4 +1,4 @@
-//! The kernel: when it lets itself be interrupted, what it lets real-time work do, and its clock.
+//! The kernel: when it lets itself be interrupted, and which clock it reads.
 
 use super::boot;
 use super::finding::{Check, Finding};
@@ -7,10 +7,6 @@ use super::tree::Tree;
 const PREEMPTION: Check = Check::new(
     "preemption",
     "kernel code that cannot be interrupted makes wake-ups late",
-);
-const THROTTLING: Check = Check::new(
-    "throttling",
-    "the kernel stops real-time work that never sleeps, every second",
 );
 const CLOCK_SOURCE: Check = Check::new(
     "clock_source",
@@ -116,30 +112,6 @@ fn real_time_kernel(tree: &dyn Tree) -> Option<String> {
         _ => return None,
     };
     Some(format!("{command} # then reboot"))
-}
-
-/// Whether real-time work that never sleeps is stopped for a part of each period.
-#[must_use]
-pub fn throttling(tree: &dyn Tree) -> Finding {
-    let number = |name: &str| tree.read(&format!("proc/sys/kernel/{name}"));
-    let (runtime, period) = match (number("sched_rt_runtime_us"), number("sched_rt_period_us")) {
-        (Ok(runtime), Ok(period)) => (runtime, period),
-        (Err(unread), _) | (_, Err(unread)) => return THROTTLING.unread(&unread),
-    };
-    let (Ok(runtime_us), Ok(period_us)) = (runtime.parse::<i64>(), period.parse::<i64>()) else {
-        return THROTTLING.unknown(format!("{runtime} of {period} us"));
-    };
-    let off = "sudo sysctl -w kernel.sched_rt_runtime_us=-1";
-    if runtime_us < 0 || runtime_us >= period_us {
-        THROTTLING.good("none")
-    } else if runtime_us == 0 {
-        THROTTLING
-            .poor("real-time work may not run at all")
-            .mend(off)
-    } else {
-        let found = format!("real-time work may run {runtime_us} of {period_us} us");
-        THROTTLING.fair(found).mend(off)
-    }
 }
 
 /// Which clock the kernel reads.
@@ -277,25 +249,6 @@ mod tests {
             let machine = Fake::new(&[("proc/version", VERSIONS[3].0), ("etc/os-release", id)]);
             assert_eq!(preemption(&machine).mend.as_deref(), command, "{id}");
         }
-    }
-
-    #[test]
-    fn throttling_is_good_only_when_it_is_off() {
-        let off = Some("sudo sysctl -w kernel.sched_rt_runtime_us=-1");
-        for (runtime, grade, mend) in [
-            ("-1", Grade::Good, None),
-            ("1000000", Grade::Good, None),
-            ("950000", Grade::Fair, off),
-            ("0", Grade::Poor, off),
-            ("many", Grade::Unknown, None),
-        ] {
-            let finding = throttling(&Fake::new(&[
-                ("proc/sys/kernel/sched_rt_runtime_us", runtime),
-                ("proc/sys/kernel/sched_rt_period_us", "1000000\n"),
-            ]));
-            assert_eq!((finding.grade, finding.mend.as_deref()), (grade, mend));
-        }
-        assert_eq!(throttling(&Fake::default()).grade, Grade::Unknown);
     }
 
     #[test]

@@ -17,9 +17,10 @@ const SHARED_MEMORY: Check = Check::new(
 );
 
 const MIB: u64 = 1 << 20;
-/// Room for many sessions.
-const AMPLE_BYTES: u64 = 256 * MIB;
-/// Room for one: what a session takes with 512 signals each way and its records.
+/// Room for sessions of a thousand signals: a record of them is 8 KiB, and four observers may each be
+/// 8192 records behind.
+const AMPLE_BYTES: u64 = 512 * MIB;
+/// Room for a session of some fifty signals, which takes half of it.
 const ENOUGH_BYTES: u64 = 64 * MIB;
 
 /// Whether the kernel makes huge pages without being asked to.
@@ -160,7 +161,8 @@ mod tests {
         let disk = "tmpfs /dev/shm tmpfs rw 0 0\n/dev/sda1 /dev/shm ext4 rw 0 0\n";
         for (mounts, free_mib, grade) in [
             (tmpfs, Some(12_000), Grade::Good),
-            (tmpfs, Some(256), Grade::Good),
+            (tmpfs, Some(512), Grade::Good),
+            (tmpfs, Some(511), Grade::Fair),
             (tmpfs, Some(64), Grade::Fair),
             (tmpfs, Some(63), Grade::Poor),
             (tmpfs, None, Grade::Unknown),

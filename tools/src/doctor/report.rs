@@ -54,7 +54,11 @@ impl Report {
     /// The report as a person reads it.
     #[must_use]
     pub fn text(&self, colours: bool) -> String {
-        let mut text = format!("cores {} of {}", list(&self.cores), self.online_cores);
+        let mut text = format!(
+            "judged: cores {} of {}",
+            list(&self.cores),
+            self.online_cores
+        );
         if let (Some(class), Some(seconds)) = (&self.class, self.seconds) {
             let _ = write!(text, "; measured {seconds} s each at {class}");
         } else {
@@ -229,7 +233,7 @@ mod tests {
             GAPS.unknown("no core was watched"),
         ];
         let expected = "\
-cores 2,3 of 0-3; nothing measured
+judged: cores 2,3 of 0-3; nothing measured
 
 GRADE    CHECK  FOUND
 good     swap   none
@@ -257,7 +261,7 @@ unknown: gaps
         report.class = Some("SCHED_OTHER".into());
         report.seconds = Some(0.5);
         let expected = "\
-cores 2,3 of 0-3; measured 0.5 s each at SCHED_OTHER
+judged: cores 2,3 of 0-3; measured 0.5 s each at SCHED_OTHER
 
 GRADE    CHECK  FOUND
 good     gaps   few
