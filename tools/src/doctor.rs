@@ -66,14 +66,14 @@ pub fn doctor(arguments: &DoctorArguments) -> Result<Exit, Failure> {
         report.checks.extend(counted(&machine, &cores, &since_boot));
     } else {
         let class = Class::of_this_thread(&machine).map_err(Failure::infrastructure)?;
-        let session = Measurement {
+        let measurement = Measurement {
             cores: &cores,
             seconds: arguments.seconds,
             class,
         };
-        let mut measured = session.undisturbed()?;
+        let mut measured = measurement.undisturbed()?;
         let interval = Interval::between(before, Snapshot::take(&machine));
-        measured.push(session.loaded()?);
+        measured.push(measurement.loaded()?);
         report.checks.extend(counted(&machine, &cores, &interval));
         report.checks.extend(measured);
         report.class = Some(class.to_string());

@@ -2,6 +2,7 @@
 
 use super::cores::Cores;
 use super::finding::{Check, Finding};
+use super::measure::shown_ns;
 use super::tree::Tree;
 
 const THROTTLING: Check = Check::new(
@@ -67,25 +68,22 @@ pub fn throttling(tree: &dyn Tree, cores: &Cores) -> Finding {
     let (Ok(runtime_us), Ok(period_us)) = (runtime.parse::<i64>(), period.parse::<i64>()) else {
         return THROTTLING.unknown(format!("{runtime} of {period} us"));
     };
-    let mut found = Vec::new();
+    let mut found = vec!["no limit".to_owned()];
     let mut mend = Vec::new();
     if (0..period_us).contains(&runtime_us) {
-        found.push(format!(
-            "real-time work may run {runtime_us} of {period_us} us"
-        ));
+        found[0] = format!("at most {runtime_us} of {period_us} us");
         mend.push("sysctl -w kernel.sched_rt_runtime_us=-1".to_owned());
     }
     let server = FairServer::of(tree, cores);
     match server {
-        FairServer::Takes { longest_ns: 1.. } => {
+        FairServer::Takes { longest_ns: 0 } => found.push("fair server off".into()),
+        FairServer::Takes { longest_ns } => {
+            found.push(format!("fair server takes {}", shown_ns(longest_ns)));
             let files = FairServer::files(cores);
-            found.push("other work is served in between".into());
             mend.push(format!("echo 0 | tee /{}", files.join(" /")));
         }
-        FairServer::Unread => {
-            found.push("whether other work is served in between is not told".into())
-        }
-        FairServer::Absent | FairServer::Takes { .. } => {}
+        FairServer::Unread => found.push("fair server cannot be read".into()),
+        FairServer::Absent => {}
     }
     let found = found.join("; ");
     let mend_all = format!("sudo sh -c '{}'", mend.join("; "));
@@ -96,7 +94,7 @@ pub fn throttling(tree: &dyn Tree, cores: &Cores) -> Finding {
             "sudo sh -c 'mount -t debugfs none /sys/kernel/debug; grep . /{}/cpu*/runtime'",
             FairServer::FOLDER
         )),
-        _ => THROTTLING.good("none"),
+        _ => THROTTLING.good(found),
     }
 }
 
