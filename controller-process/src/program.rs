@@ -117,6 +117,7 @@ pub fn drive<L: Link>(
         match runner.poll()? {
             Progress::Busy => waiter.done(),
             Progress::Over => return Ok(()),
+            Progress::Held => waiter.renew(),
             Progress::Plant => {
                 if peer_gone {
                     runner.interrupt(&ControllerEvent::PeerGone)?;

@@ -25,6 +25,8 @@ pub enum Progress {
     Busy,
     /// The plant's next message or frame.
     Plant,
+    /// The same, of a plant that has just said that it holds the run.
+    Held,
     /// Nothing; the run is over.
     Over,
 }
@@ -165,7 +167,13 @@ impl<'a, L: Link> Runner<'a, L> {
         let done = match &mut self.bound {
             None => self.greet()?,
             Some(bound) => match self.link.receive(&mut bound.sample)? {
-                Some(header) => self.take(&header)?,
+                Some(header) => {
+                    let done = self.take(&header)?;
+                    if header.kind() == Some(FrameKind::Hold) && !self.side.is_over() {
+                        return Ok(Progress::Held);
+                    }
+                    done
+                }
                 // Once frames flow, a refusal is the plant giving up before step 0.
                 None if self.side.at() == Step(0) => self.greet()?,
                 None => false,

@@ -282,7 +282,8 @@ pub struct FaultEnd {
     pub step: Option<Step>,
     /// Each effect after so many steps of its own.
     pub after_steps: Option<u64>,
-    /// Each effect after it acted so many times: runs of steps at which it changed something.
+    /// Each effect after it acted so many times: runs of steps at which it changed a number, single
+    /// steps at which it struck a message or cost time.
     pub occurrences: Option<u64>,
     /// When an expression has held for a while since the event took hold.
     pub condition: Option<Condition>,

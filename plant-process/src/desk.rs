@@ -1,7 +1,7 @@
 //! The desk between the loop and the outside: requests wait here until the loop has a moment.
 //!
 //! The service thread of [`live`](crate::live) puts orders on it; the engine looks at one number
-//! before each step, the [gate](Desk::gate), and comes to the desk only when the step has reached
+//! before each step, the gate, and comes to the desk only when the step has reached
 //! it. The loop never waits for the desk, and the desk never touches the loop's state.
 
 use std::collections::VecDeque;

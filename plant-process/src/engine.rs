@@ -482,13 +482,14 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     fn apply(&mut self, step: Step, header: &Header) -> Result<(), LinkError> {
         let received_ns = monotonic_ns();
         let (rows, plant) = (&mut self.rows, &mut self.plant);
-        rows.take_command();
+        rows.take_command(header);
         let commands = &plant.description.commands;
         if let Err(bad) = first_bad(commands, &rows.command) {
             let reason = format!("controller's command of step {step}: {bad}");
             return self.give_up(Outcome::Failed, AbortCode::NotANumber, reason);
         }
-        let age_steps = (plant.faults).command(step, header, &rows.command, &mut rows.applied);
+        let command = (&rows.command[..], &rows.command_invalid);
+        let age_steps = (plant.faults).command(step, header, command, &mut rows.applied);
 
         let rate = self.job.run.rate;
         let time_s = rate.seconds(step);

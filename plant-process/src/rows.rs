@@ -29,6 +29,8 @@ pub struct Rows {
     pub frame: Vec<f64>,
     /// The plant's commands as sent.
     pub command: Vec<f64>,
+    /// Invalid bits of the plant's commands.
+    pub command_invalid: [u64; VALIDITY_WORDS],
     /// The plant's commands as applied.
     pub applied: Vec<f64>,
     /// True state.
@@ -56,6 +58,7 @@ impl Rows {
             invalid: [0; VALIDITY_WORDS],
             frame: vec![0.0; welcome.command.len()],
             command: vec![0.0; layout.command.len()],
+            command_invalid: [0; VALIDITY_WORDS],
             applied: vec![0.0; layout.command.len()],
             truth: vec![0.0; layout.truth.len()],
             record: vec![0; layout.words()],
@@ -72,10 +75,12 @@ impl Rows {
         (step.0 > 0).then(|| self.layout.view(&self.record).values)
     }
 
-    /// Takes the plant's commands out of the frame.
-    pub fn take_command(&mut self) {
-        for (command, place) in self.command.iter_mut().zip(&self.commands) {
-            *command = self.frame[*place];
+    /// Takes the plant's commands out of the frame, and their invalid bits out of its header.
+    pub fn take_command(&mut self, header: &Header) {
+        self.command_invalid = [0; VALIDITY_WORDS];
+        for (index, place) in self.commands.iter().enumerate() {
+            self.command[index] = self.frame[*place];
+            self.command_invalid[index / 64] |= u64::from(!header.is_valid(*place)) << (index % 64);
         }
     }
 

@@ -2,8 +2,8 @@
 //! bounded always.
 //!
 //! Poll 64 times, then give the core away after each poll (at once if there is only one core, where
-//! pure spinning costs a scheduler slice a step), then sleep in short naps. The clock is read only
-//! from the first yield on, so a ready peer costs no system call.
+//! pure spinning costs a scheduler slice a step), then sleep in naps, longer ones the longer nothing
+//! came. The clock is read only from the first yield on, so a ready peer costs no system call.
 
 use std::num::NonZero;
 use std::time::Duration;
@@ -16,6 +16,10 @@ const SPINS: u32 = 64;
 const YIELD_NS: u64 = 2_000_000;
 /// Length of a nap.
 const NAP: Duration = Duration::from_micros(100);
+/// How long to wait before naps become long: by then one costs a twentieth of the wait at most.
+const NAP_NS: u64 = 20_000_000;
+/// Length of a long nap.
+const LONG_NAP: Duration = Duration::from_millis(1);
 
 /// How long a peer that lives may take, the scenario's and command line's `wait_limit`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,7 +50,10 @@ pub struct Waiter {
     limit: WaitLimit,
     spins: u32,
     polls: u32,
+    /// When this wait began.
     since_ns: u64,
+    /// Since when the limit counts.
+    limited_ns: u64,
 }
 
 impl Waiter {
@@ -60,7 +67,13 @@ impl Waiter {
             spins,
             polls: 0,
             since_ns: 0,
+            limited_ns: 0,
         }
+    }
+
+    /// The same thing is still awaited, with the whole limit before it.
+    pub fn renew(&mut self) {
+        self.limited_ns = monotonic_ns();
     }
 
     /// What was awaited came; the next wait begins.
@@ -79,16 +92,15 @@ impl Waiter {
         }
         let now_ns = monotonic_ns();
         if self.since_ns == 0 {
-            self.since_ns = now_ns;
+            (self.since_ns, self.limited_ns) = (now_ns, now_ns);
         }
-        let waited_ns = now_ns - self.since_ns;
-        if waited_ns >= self.limit.ns {
+        if now_ns - self.limited_ns >= self.limit.ns {
             return true;
         }
-        if waited_ns < YIELD_NS {
-            std::thread::yield_now();
-        } else {
-            std::thread::sleep(NAP);
+        match now_ns - self.since_ns {
+            0..YIELD_NS => std::thread::yield_now(),
+            YIELD_NS..NAP_NS => std::thread::sleep(NAP),
+            _ => std::thread::sleep(LONG_NAP),
         }
         false
     }
@@ -139,6 +151,16 @@ mod tests {
         while !waiter.pause() {}
         waiter.done();
         assert!(!waiter.pause());
+    }
+
+    #[test]
+    fn a_renewed_wait_has_the_whole_limit_again() {
+        let mut waiter = Waiter::new(WaitLimit::from_seconds(0.05));
+        while !waiter.pause() {}
+        let before_ns = monotonic_ns();
+        waiter.renew();
+        while !waiter.pause() {}
+        assert!(monotonic_ns() - before_ns >= 50_000_000);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::harness::Rig;
+use crate::harness::{Rig, until};
 use crate::mcap_reader::Recording;
 use crate::programs::{example, workspace};
 
@@ -92,4 +92,67 @@ fn a_recording_carries_the_descriptions_of_programs_from_outside() {
         serde_json::from_str(&attachments["controller-description.json"]).expect("JSON");
     assert_eq!(described["laws"][0]["name"], "state-feedback");
     assert_eq!(described["laws"][0]["reference"][0]["unit"], "rad");
+}
+
+/// Answers of `hil` to a line of words, while a run goes on.
+fn beside(rig: &Rig, line: &str) -> String {
+    let words: Vec<&str> = line.split_ascii_whitespace().collect();
+    rig.beside(&words).expect(0).stdout
+}
+
+#[test]
+fn a_kind_of_fault_from_outside_is_used_live_and_follows_its_equation() {
+    let rig = Rig::new();
+    let plant = example("own-fault");
+    let run = rig.start(&format!(
+        "tests/scenarios/leakage.toml --set controller.law=pid --pause-at 0.5 --plant-bin {}",
+        plant.display()
+    ));
+    let session = rig.session();
+    until("the run is held", || {
+        let asked = rig.beside(&["inject", "--active", "--session", session]);
+        asked.code == Some(0) && asked.stdout.contains("step 5000")
+    });
+    let inject = "inject backlash measured.actuator1_position_m 2e-4 --session";
+    let told = beside(&rig, &format!("{inject} {session}"));
+    assert!(told.contains("step 5000"), "{told}");
+    beside(&rig, &format!("resume --session {session}"));
+
+    let recording = Recording::open(&run.finish().expect(0).recording());
+    let (mut driven, mut stood_still) = (None, 0);
+    for record in recording.records() {
+        let driving = recording.value(&record, "sensed.actuator1_position_m");
+        let found = recording.value(&record, "measured.actuator1_position_m");
+        let expected = match driven {
+            None => driving,
+            Some(driven) if driving - 1e-4 > driven => driving - 1e-4,
+            Some(driven) if driving + 1e-4 < driven => driving + 1e-4,
+            Some(driven) => driven,
+        };
+        if record.step() >= 5000 {
+            assert!((found - expected).abs() < 1e-15, "step {}", record.step());
+            stood_still += u32::from(driven == Some(found));
+            driven = Some(found);
+        }
+    }
+    assert!(stood_still > 100, "{stood_still}");
+}
+
+#[test]
+fn a_parameter_of_a_plant_from_outside_is_open_to_the_built_in_faults() {
+    let rig = Rig::new();
+    let shipped = std::fs::read_to_string(workspace().join(SCENARIO)).expect("it is there");
+    let fault = "\n[[faults]]\nkind = \"scale\"\nat_s = 0.5\n[[faults.effects]]\ntarget = \"parameter.mass_kg\"\nfactor = 2\n";
+    let faulted = rig.write("heavy.toml", &(shipped + fault));
+    let (plant, controller) = (example("own-plant"), example("own-controller"));
+    let arguments = format!(
+        "{} --plant-bin {} --controller-bin {}",
+        faulted.display(),
+        plant.display(),
+        controller.display()
+    );
+    let recording = Recording::open(&rig.run(&arguments).expect(0).recording());
+    let mass_kg = |record| recording.value(&record, "parameter.mass_kg");
+    let masses: Vec<f64> = recording.records().map(mass_kg).collect();
+    assert_eq!(masses[500], 2.0 * masses[499]);
 }

@@ -175,8 +175,8 @@ fn an_unstable_loop_ends_as_diverged_and_never_in_numbers_that_are_none() {
             "mps",
         ),
         (
-            "scenarios/slight-leakage.toml --set controller.law=pid --set controller.pid.proportional_a_per_m=1e5",
-            "pressure",
+            "scenarios/slight-leakage.toml --set controller.law=pid --set controller.pid.proportional_a_per_m=-1e3",
+            "position_m",
         ),
     ] {
         let rig = Rig::new();

@@ -110,17 +110,14 @@ fn a_lost_command_leaves_the_last_one_in_force_and_its_age_grows() {
     let records: Vec<Record> = recording.records().collect();
     let column = "actuator1_valve_current_a";
     let held = recording.value(&records[1_999], &format!("command.{column}"));
-    for step in 1_990..2_020_usize {
+    for record in &records[1_990..2_020] {
+        let step = record.step();
         let lost = (2_000..2_010).contains(&step);
-        let applied = recording.value(&records[step], &format!("applied.{column}"));
-        let sent = recording.value(&records[step], &format!("command.{column}"));
+        let applied = recording.value(record, &format!("applied.{column}"));
+        let sent = recording.value(record, &format!("command.{column}"));
         assert_eq!(applied, if lost { held } else { sent }, "step {step}");
-        let age = records[step].words[recording.place("command_age_steps")];
-        assert_eq!(
-            age,
-            if lost { step as u64 - 1_999 } else { 0 },
-            "step {step}"
-        );
+        let age = record.words[recording.place("command_age_steps")];
+        assert_eq!(age, if lost { step - 1_999 } else { 0 }, "step {step}");
     }
 }
 

@@ -5,7 +5,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use controller_process::laws;
 use controller_process::runner::{Runner, choose};
-use hil_config::plan::Plan;
+use hil_config::plan::{Derived, Plan};
 use hil_config::scenario::Scenario;
 use plant_process::engine::{Engine, Progress};
 use plant_process::faults::kinds;
@@ -110,6 +110,69 @@ fn between_the_first_and_the_last_step_neither_process_calls_the_system() {
     }
 }
 
+/// Faults of every class that act at every step from 0.01 s on.
+const FAULTS: &str = r#"
+[[faults]]
+kind = "noise"
+at_s = 0.01
+[[faults.effects]]
+target = "measured.surface_angle_rad"
+standard_deviation = 1e-6
+[[faults.effects]]
+target = "parameter.actuator1.bulk_modulus_pa"
+standard_deviation = 1e3
+
+[[faults]]
+kind = "delay"
+at_s = 0.01
+[[faults.effects]]
+target = "command.actuator1_valve_current_a"
+steps = 3
+
+[[faults]]
+kind = "dropout"
+at_s = 0.01
+[[faults.effects]]
+target = "measured.actuator2_velocity_mps"
+profile = { kind = "intermittent", period_s = 0.001, duty = 0.1 }
+
+[[faults]]
+kind = "message-jitter"
+at_s = 0.01
+[[faults.effects]]
+target = "link.sample"
+steps = 2
+
+[[faults]]
+kind = "message-corruption"
+at_s = 0.01
+[[faults.effects]]
+target = "link.command"
+probability = 0.5
+
+[[faults]]
+kind = "skip"
+at_s = 0.01
+[[faults.effects]]
+target = "controller"
+steps = 1
+period_steps = 10
+
+[[faults]]
+kind = "late"
+at_s = 0.01
+[[faults.effects]]
+target = "plant"
+busy_us = 1
+
+[[faults]]
+kind = "bias"
+when = "tracking_error_rad > 1e9"
+[[faults.effects]]
+target = "reference.surface_angle_rad"
+bias = 1
+"#;
+
 /// The scenario's jobs for both sides.
 fn jobs(session: u64) -> (plant_process::job::Job, controller_process::job::Job) {
     let describe = |kind: &plant_process::plant::PlantKind| kind.description.clone();
@@ -118,12 +181,19 @@ fn jobs(session: u64) -> (plant_process::job::Job, controller_process::job::Job)
         .iter()
         .map(|kind| kind.description.clone())
         .collect();
-    let scenario = Scenario::read(workspace().join(SCENARIO)).expect("it is there");
-    // The fault acts while allocations are counted, but does not begin then.
+    let kinds: Vec<_> = kinds::all()
+        .into_iter()
+        .map(|kind| kind.description)
+        .collect();
+    let path = workspace().join(SCENARIO);
+    let text = std::fs::read_to_string(&path).expect("it is there");
+    let scenario = Scenario::parse(&(text + FAULTS), path).expect("it is TOML");
+    // Faults act while allocations are counted, but none begins then.
     let plan: Plan = scenario
-        .set(&["faults[0].at_s=0.01"])
-        .check(&plants, &laws, &[])
-        .expect("it is right");
+        .set(&["faults[0].at_s=0.01", "controller.law=pid"])
+        .check(&plants, &laws, &kinds)
+        .unwrap_or_else(|problems| panic!("{problems}"));
+    let derived = |derived: &Derived| (derived.name.clone(), derived.expression.to_string());
     let plant = plant_process::job::Job {
         protocol: PROTOCOL,
         session,
@@ -131,7 +201,7 @@ fn jobs(session: u64) -> (plant_process::job::Job, controller_process::job::Job)
         plant: plan.plant.clone(),
         stimuli: plan.stimuli,
         faults: plan.faults,
-        derived: Vec::new(),
+        derived: plan.derived.iter().map(derived).collect(),
         pause_at_s: None,
         observed: true,
         wait_limit_s: 5.0,

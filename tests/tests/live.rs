@@ -278,11 +278,8 @@ fn a_paced_run_goes_on_at_its_pace_after_a_pause() {
     let rig = Rig::new();
     let wanted = rig.run(SHORT).expect(0).digest();
     let run = rig.start(&format!("{SHORT} --pace 4"));
-    let held = loop {
-        match request(&rig, &Request::Pause) {
-            Response::Status(status) => break status,
-            other => panic!("{other:?}"),
-        }
+    let Response::Status(held) = request(&rig, &Request::Pause) else {
+        panic!("not held");
     };
     until("the run is held", || self::status(&rig).paused);
     assert!(self::status(&rig).step <= held.step + 1);

@@ -1,7 +1,7 @@
 //! `hil inject`: faults in a running session.
 //!
-//! What was typed becomes the text of a [`request`]; the plant checks it as it would a scenario's
-//! and answers with the step at which it takes hold. A [`listing`] shows what is possible.
+//! What was typed becomes the text of a request; the plant checks it as it would a scenario's
+//! and answers with the step at which it takes hold. A listing shows what is possible.
 
 mod listing;
 mod request;

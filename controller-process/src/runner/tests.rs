@@ -246,14 +246,14 @@ fn a_busy_controller_answers_the_same_and_takes_the_time() {
 }
 
 #[test]
-fn a_hold_is_something_done_and_the_sample_is_still_awaited() {
+fn a_hold_is_told_and_the_sample_is_still_awaited() {
     let (mut plant, link) = pair();
     let kind = LawKind::of::<Witness>();
     let mut runner = Runner::new(&kind, job(1, 0), link).expect("starts");
     greet(&mut runner, &mut plant, 10.0);
     let hold = Header::new(FrameKind::Hold, Step(0));
     plant.send(&hold, &[]).expect("sends");
-    assert_eq!(runner.poll().expect("polls"), Progress::Busy);
+    assert_eq!(runner.poll().expect("polls"), Progress::Held);
     assert_eq!(runner.poll().expect("polls"), Progress::Plant);
     plant
         .send(&Header::new(FrameKind::Sample, Step(0)), &[99.0, 1.0])

@@ -14,7 +14,7 @@ table! {
     /// What a scenario can set under [plant.parameters].
     struct Parameters {
         /// Mass m at the end of the rod.
-        mass_kg: "kg" = 1.0 in 1e-3..=1e3,
+        mass_kg: "kg" = 1.0 in 1e-3..=1e3 [faultable],
         /// Length l of the rod.
         length_m: "m" = 0.5 in 1e-2..=1e2,
         /// Friction c of the pivot.

@@ -1,16 +1,16 @@
-//! The medium of one direction of the link, as faults make it: what was sent, what is still under
-//! way, and what the receiver has.
+//! The medium of one direction of the link, as faults make it: what was sent, and what the receiver
+//! has of it.
 //!
-//! Used by the layer while a fault of the link acts; otherwise what is sent is what is received.
-//! The frames of the lockstep never pass through it: it decides what content they carry.
+//! Used by the [`lane`](super::lane) of that direction. While no fault of the link acts, what is sent
+//! is what is received, and the channel only takes note of it. The frames of the lockstep never pass
+//! through it: it decides what content they carry.
 
 use shared_types::frame::{Frame, FrameKind, Header, MAX_SIGNALS, Seal, VALIDITY_WORDS};
 use shared_types::time::Step;
 
+use super::arrivals::{Arrivals, DEPTH, age_steps};
 use super::kind::Passage;
 
-/// Messages that are remembered: one that comes later than this never comes.
-const DEPTH: usize = Passage::LATEST_STEPS as usize + 1;
 /// Any seal: both ends of the medium are here.
 const SEAL: Seal = Seal {
     session: 1,
@@ -18,283 +18,310 @@ const SEAL: Seal = Seal {
     epoch: 1,
 };
 
-/// One message: a row of signals and what is known of them.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Message<'a> {
-    pub(super) values: &'a [f64],
-    pub(super) invalid: &'a [u64; VALIDITY_WORDS],
-    /// Steps since its content was made, when it was sent.
-    pub(super) age_steps: u32,
-}
-
 /// The medium.
 #[derive(Debug)]
 pub(super) struct Channel {
     width: usize,
+    kind: FrameKind,
     /// The last messages, by step modulo [`DEPTH`].
     values: Vec<f64>,
     about: Vec<About>,
-    /// What arrives, by step modulo [`DEPTH`].
-    arrivals: Vec<Option<Arrival>>,
+    arrivals: Arrivals,
+    /// The message that the receiver has; it may be older than all of `values`.
     received: Vec<f64>,
-    received_about: Option<About>,
+    received_about: About,
+    /// The receiver has nothing yet.
+    silent: bool,
+    /// What was sent last was received as it was.
+    bypassed: bool,
+    /// Room to open a broken frame in.
+    opened: Vec<f64>,
     rejected: u64,
 }
 
-#[derive(Clone, Copy, Debug, Default)]
-struct About {
-    step: u64,
-    age_steps: u32,
-    invalid: [u64; VALIDITY_WORDS],
-}
-
-/// The message that the receiver has after all that came at one step.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-struct Arrival {
-    at: u64,
-    /// It came after all that was in order.
-    overtaken: bool,
-    sent: u64,
+/// What is known of a message besides its values.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct About {
+    /// The step at which it was sent.
+    pub(super) step: u64,
+    /// How old its content was then, in steps.
+    pub(super) age_steps: u32,
+    /// Which of its values are invalid.
+    pub(super) invalid: [u64; VALIDITY_WORDS],
 }
 
 impl Channel {
-    /// A medium for messages of so many signals.
-    pub(super) fn new(width: usize) -> Self {
+    /// A medium for messages of so many signals, in frames of this kind.
+    pub(super) fn new(width: usize, kind: FrameKind) -> Self {
         Self {
             width,
+            kind,
             values: vec![0.0; DEPTH * width],
             about: vec![About::default(); DEPTH],
-            arrivals: vec![None; DEPTH],
+            arrivals: Arrivals::new(),
             received: vec![0.0; width],
-            received_about: None,
+            received_about: About::default(),
+            silent: true,
+            bypassed: true,
+            opened: vec![0.0; width],
             rejected: 0,
         }
     }
 
     /// Bits of a message's frame.
-    pub(super) fn bits(&self) -> u64 {
+    pub(super) const fn bits(&self) -> u64 {
         8 * (size_of::<Header>() + self.width * size_of::<f64>()) as u64
     }
 
-    /// Messages that the check sum refused.
-    pub(super) fn rejected(&self) -> u64 {
+    /// Frames that the check sum refused.
+    pub(super) const fn rejected(&self) -> u64 {
         self.rejected
     }
 
-    /// Begins with nothing under way and a receiver that has the message of the step before;
-    /// `None`: there was none.
-    pub(super) fn begin(&mut self, step: u64, last: Option<&Message<'_>>) {
-        self.arrivals.fill(None);
-        self.received_about = last.map(|last| {
-            self.received.copy_from_slice(last.values);
-            About {
-                step: step - 1,
-                age_steps: last.age_steps,
-                invalid: *last.invalid,
-            }
-        });
+    /// What is under way.
+    pub(super) const fn arrivals(&self) -> &Arrivals {
+        &self.arrivals
     }
 
-    /// Sends the message of a step on its way.
-    pub(super) fn send(&mut self, step: u64, message: &Message<'_>, passage: &Passage) {
-        let place = (step % DEPTH as u64) as usize;
-        let values = &mut self.values[place * self.width..][..self.width];
-        values.copy_from_slice(message.values);
-        self.about[place] = About {
-            step,
-            age_steps: message.age_steps,
-            invalid: *message.invalid,
+    /// Notes a message that is received as it is sent, because no fault of the link acts.
+    pub(super) fn note(&mut self, values: &[f64], about: About) {
+        self.received.copy_from_slice(values);
+        self.received_about = about;
+        self.silent = false;
+        self.bypassed = true;
+    }
+
+    /// A fault of the link takes hold, perhaps besides others.
+    pub(super) fn begin(&mut self) {
+        if std::mem::take(&mut self.bypassed) {
+            let received = (!self.silent).then_some(self.received_about.step);
+            self.arrivals.begin(received);
+        }
+    }
+
+    /// A fault of the link ended, perhaps not the last.
+    pub(super) const fn end(&mut self, step: Step) {
+        self.arrivals.overrule(step.0);
+    }
+
+    /// Puts a message on the line. [`Channel::send`] follows for the same step.
+    pub(super) fn put(&mut self, values: &[f64], about: About) {
+        let place = (about.step % DEPTH as u64) as usize;
+        self.values[place * self.width..][..self.width].copy_from_slice(values);
+        self.about[place] = about;
+    }
+
+    /// Whether the message on the line gets through with these bits inverted.
+    pub(super) fn gets_through(&mut self, step: Step, passage: &Passage) -> bool {
+        passage.flipped == 0 || self.open_broken(step, passage).is_some()
+    }
+
+    /// Sends the message on the line on its way.
+    pub(super) fn send(&mut self, step: Step, passage: &Passage) {
+        if passage.flipped > 0 {
+            let Some(header) = self.open_broken(step, passage) else {
+                // Each copy is a frame that the receiver refuses.
+                self.rejected += passage.copies.iter().flatten().count() as u64;
+                return;
+            };
+            let place = (step.0 % DEPTH as u64) as usize;
+            self.values[place * self.width..][..self.width].copy_from_slice(&self.opened);
+            self.about[place].age_steps = header.age_steps;
+            self.about[place].invalid = header.invalid;
+        }
+        self.arrivals.send(step.0, passage);
+    }
+
+    /// Seals the message on the line in a real frame, inverts its bits and opens it, into `opened`;
+    /// `None`: the frame's own check refuses it.
+    fn open_broken(&mut self, step: Step, passage: &Passage) -> Option<Header> {
+        let place = (step.0 % DEPTH as u64) as usize;
+        let header = Header {
+            age_steps: self.about[place].age_steps,
+            invalid: self.about[place].invalid,
+            ..Header::new(self.kind, step)
         };
-        if passage.flipped > 0 && !transmit(step, passage, values) {
-            self.rejected += 1;
-            return;
+        let values = &self.values[place * self.width..][..self.width];
+        let mut frame = Frame::<MAX_SIGNALS>::sealed(&header, values, SEAL);
+        for bit in &passage.flips[..passage.flipped] {
+            frame.flip(*bit);
         }
-        for (late_steps, overtaken) in passage.copies.into_iter().zip(passage.overtaken) {
-            if let Some(late_steps) = late_steps.filter(|&late| late <= Passage::LATEST_STEPS) {
-                self.arrive(Arrival {
-                    at: step + u64::from(late_steps),
-                    overtaken: overtaken && late_steps > 0,
-                    sent: step,
-                });
-            }
-        }
-    }
-
-    /// The last of those that come at one step is the one that the receiver has: in the order in
-    /// which they were sent, then those that were overtaken.
-    fn arrive(&mut self, arrival: Arrival) {
-        let slot = &mut self.arrivals[(arrival.at % DEPTH as u64) as usize];
-        match slot {
-            Some(other) if other.at == arrival.at && *other > arrival => {}
-            _ => *slot = Some(arrival),
-        }
+        frame.open(SEAL, &mut self.opened).ok()
     }
 
     /// What the receiver has at a step; gives its age in steps. Nothing ever came: zeros, all
     /// invalid, as old as the run.
     pub(super) fn receive(
         &mut self,
-        step: u64,
+        step: Step,
         values: &mut [f64],
         invalid: &mut [u64; VALIDITY_WORDS],
     ) -> u32 {
-        let slot = self.arrivals[(step % DEPTH as u64) as usize];
-        if let Some(arrival) = slot.filter(|arrival| arrival.at == step) {
-            let place = (arrival.sent % DEPTH as u64) as usize;
-            let sent = &self.values[place * self.width..][..self.width];
-            self.received.copy_from_slice(sent);
-            self.received_about = Some(self.about[place]);
+        let received = self.arrivals.receive(step.0);
+        if let Some(sent) = received
+            && (self.silent || sent != self.received_about.step)
+        {
+            let place = (sent % DEPTH as u64) as usize;
+            let row = &self.values[place * self.width..][..self.width];
+            self.received.copy_from_slice(row);
+            self.received_about = self.about[place];
+            self.silent = false;
         }
         values.copy_from_slice(&self.received);
-        match self.received_about {
-            Some(about) => {
-                *invalid = about.invalid;
-                about.age_steps.saturating_add((step - about.step) as u32)
-            }
-            None => {
-                values.fill(0.0);
-                *invalid = [u64::MAX; VALIDITY_WORDS];
-                u32::try_from(step + 1).unwrap_or(u32::MAX)
-            }
+        let late_steps = age_steps(step.0, received);
+        if self.silent {
+            *invalid = [u64::MAX; VALIDITY_WORDS];
+            late_steps
+        } else {
+            *invalid = self.received_about.invalid;
+            self.received_about.age_steps.saturating_add(late_steps)
         }
     }
-}
-
-/// Carries a real frame over a line that inverts bits; false if the frame's own check refuses it.
-fn transmit(step: u64, passage: &Passage, values: &mut [f64]) -> bool {
-    let header = Header::new(FrameKind::Sample, Step(step));
-    let mut frame = Frame::<MAX_SIGNALS>::sealed(&header, values, SEAL);
-    for bit in &passage.flips[..passage.flipped] {
-        frame.flip(*bit);
-    }
-    frame.open(SEAL, values).is_ok()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const NONE: [Option<u32>; Passage::MOST_COPIES] = [None; Passage::MOST_COPIES];
+    const VALID: [u64; VALIDITY_WORDS] = [0; VALIDITY_WORDS];
 
-    /// Sends 10, 11, 12 .. from step 10 on, each with its passage, after 9 was received; gives value
-    /// and age at each step.
-    fn received(passages: &[Passage]) -> Vec<(f64, u32)> {
-        let mut channel = Channel::new(1);
-        let valid = [0; VALIDITY_WORDS];
-        let last = [9.0];
-        channel.begin(
-            10,
-            Some(&Message {
-                values: &last,
-                invalid: &valid,
-                age_steps: 0,
-            }),
-        );
-        (10..)
-            .zip(passages)
-            .map(|(step, passage)| {
-                let values = [step as f64];
-                let sent = Message {
-                    values: &values,
-                    invalid: &valid,
-                    age_steps: 0,
-                };
-                channel.send(step, &sent, passage);
-                let (mut values, mut invalid) = ([0.0], valid);
-                let age = channel.receive(step, &mut values, &mut invalid);
-                (values[0], age)
-            })
-            .collect()
-    }
+    /// A channel of two signals whose message of step k has the values k and -k.
+    struct Line(Channel);
 
-    fn healthy() -> Passage {
-        Passage::healthy(8 * 152)
-    }
-
-    fn copies(given: &[u32]) -> Passage {
-        let mut copies = NONE;
-        for (copy, late) in copies.iter_mut().zip(given) {
-            *copy = Some(*late);
+    impl Line {
+        fn new() -> Self {
+            Self(Channel::new(2, FrameKind::Sample))
         }
+
+        fn about(step: u64) -> About {
+            // The content of message 3 was two steps old when it was sent, and half of it invalid.
+            let mut about = About {
+                step,
+                ..About::default()
+            };
+            if step == 3 {
+                (about.age_steps, about.invalid[0]) = (2, 0b10);
+            }
+            about
+        }
+
+        fn note(&mut self, step: u64) {
+            self.0
+                .note(&[step as f64, -(step as f64)], Self::about(step));
+        }
+
+        /// First value, age and the first word of invalid bits.
+        fn pass(&mut self, step: u64, passage: &Passage) -> (f64, u32, u64) {
+            let (k, mut invalid) = (step as f64, VALID);
+            let mut values = [f64::NAN; 2];
+            self.0.put(&[k, -k], Self::about(step));
+            self.0.send(Step(step), passage);
+            let age = self.0.receive(Step(step), &mut values, &mut invalid);
+            assert_eq!(values[0] + values[1], 0.0, "one message, not parts of two");
+            (values[0], age, invalid[0])
+        }
+    }
+
+    fn late(copies: [Option<u32>; 2]) -> Passage {
         Passage {
-            copies,
-            ..healthy()
+            copies: [copies[0], copies[1], None, None],
+            ..Passage::healthy(0)
+        }
+    }
+
+    const LOST: [Option<u32>; 2] = [None; 2];
+
+    #[test]
+    fn a_message_brings_its_values_its_validity_and_its_age() {
+        let mut line = Line::new();
+        line.note(1);
+        line.0.begin();
+        assert_eq!(line.pass(2, &late([Some(2), None])), (1.0, 1, 0));
+        assert_eq!(line.pass(3, &late([Some(2), None])), (1.0, 2, 0));
+        assert_eq!(line.pass(4, &late([Some(2), None])), (2.0, 2, 0));
+        assert_eq!(line.pass(5, &late([Some(2), None])), (3.0, 2 + 2, 0b10));
+        assert_eq!(line.pass(6, &late([Some(0), None])), (6.0, 0, 0));
+    }
+
+    #[test]
+    fn the_last_message_is_kept_for_longer_than_the_line_remembers() {
+        let mut line = Line::new();
+        line.note(1);
+        line.0.begin();
+        let steps = 2..3 * DEPTH as u64;
+        for step in steps {
+            assert_eq!(line.pass(step, &late(LOST)), (1.0, step as u32 - 1, 0));
         }
     }
 
     #[test]
-    fn a_lost_message_leaves_the_receiver_with_the_last_one() {
-        let lost = copies(&[]);
-        assert_eq!(
-            received(&[lost, lost, healthy()]),
-            [(9.0, 1), (9.0, 2), (12.0, 0)]
-        );
+    fn a_receiver_that_never_got_anything_has_zeros_and_nothing_valid() {
+        let mut line = Line::new();
+        line.0.begin();
+        assert_eq!(line.pass(0, &late(LOST)), (0.0, 1, u64::MAX));
+        assert_eq!(line.pass(1, &late(LOST)), (0.0, 2, u64::MAX));
+        assert_eq!(line.pass(2, &late([Some(0), None])), (2.0, 0, 0));
     }
 
     #[test]
-    fn a_constant_delay_shows_the_past() {
-        let late = copies(&[2]);
-        assert_eq!(
-            received(&[late, late, late, late]),
-            [(9.0, 1), (9.0, 2), (10.0, 2), (11.0, 2)]
-        );
+    fn a_fault_that_follows_another_at_once_finds_what_that_one_left() {
+        let mut line = Line::new();
+        line.note(0);
+        line.0.begin();
+        for step in 1..=5 {
+            line.pass(step, &late([Some(4), None]));
+        }
+        // The delay ends and a loss begins: the receiver has message 1, not message 5.
+        line.0.end(Step(6));
+        line.0.begin();
+        assert_eq!(line.pass(6, &late(LOST)), (2.0, 4, 0));
     }
 
     #[test]
-    fn a_late_message_does_not_replace_a_newer_one_that_comes_at_the_same_step() {
-        assert_eq!(
-            received(&[copies(&[1]), healthy(), healthy()]),
-            [(9.0, 1), (11.0, 0), (12.0, 0)]
-        );
+    fn between_two_faults_nothing_stays_under_way() {
+        let mut line = Line::new();
+        line.note(0);
+        line.0.begin();
+        line.pass(1, &late([Some(3), None]));
+        line.0.end(Step(2));
+        line.note(2);
+        line.0.begin();
+        assert_eq!(line.pass(3, &late(LOST)), (2.0, 1, 0));
+        assert_eq!(line.pass(4, &late(LOST)), (2.0, 2, 0));
     }
 
     #[test]
-    fn an_overtaken_message_comes_after_the_next_one() {
-        let overtaken = Passage {
-            overtaken: [true; Passage::MOST_COPIES],
-            ..copies(&[1])
-        };
-        assert_eq!(
-            received(&[overtaken, healthy(), healthy()]),
-            [(9.0, 1), (10.0, 1), (12.0, 0)]
-        );
+    fn every_copy_with_an_inverted_bit_is_refused_and_counted() {
+        let mut line = Line::new();
+        line.note(1);
+        line.0.begin();
+        let bits = line.0.bits();
+        assert_eq!(bits, 8 * (144 + 2 * 8));
+        // In the header, in the first value, in the last; and one that no copy carries.
+        let mut refused = 0;
+        for (step, bit, copies) in [
+            (2, 0, [Some(0), None]),
+            (3, 8 * 144, [Some(0), Some(1)]),
+            (4, bits - 1, [Some(3), None]),
+            (5, 0, LOST),
+        ] {
+            let mut broken = late(copies);
+            (broken.flips[0], broken.flipped) = (bit, 1);
+            assert_eq!(line.pass(step, &broken), (1.0, step as u32 - 1, 0));
+            refused += copies.iter().flatten().count() as u64;
+            assert_eq!(line.0.rejected(), refused);
+        }
+        assert_eq!(refused, 4);
     }
 
     #[test]
-    fn a_second_copy_that_comes_late_brings_the_past_back() {
-        let twice = copies(&[0, 2]);
-        let lost = copies(&[]);
-        assert_eq!(
-            received(&[twice, healthy(), lost, healthy()]),
-            [(10.0, 0), (11.0, 0), (10.0, 2), (13.0, 0)]
-        );
-    }
-
-    #[test]
-    fn inverted_bits_are_refused_and_counted_and_an_even_number_of_them_is_none() {
-        let mut broken = healthy();
-        (broken.flips[0], broken.flipped) = (1_160, 1);
-        assert_eq!(received(&[broken, healthy()]), [(9.0, 1), (11.0, 0)]);
-        let mut twice = broken;
-        (twice.flips[1], twice.flipped) = (1_160, 2);
-        assert_eq!(received(&[twice]), [(10.0, 0)]);
-        let mut channel = Channel::new(1);
-        let invalid = [0; VALIDITY_WORDS];
-        let sent = Message {
-            values: &[1.0],
-            invalid: &invalid,
-            age_steps: 0,
-        };
-        channel.send(0, &sent, &broken);
-        assert_eq!((channel.rejected(), channel.bits()), (1, 8 * 152));
-    }
-
-    #[test]
-    fn a_receiver_that_never_got_anything_has_nothing_valid() {
-        let mut channel = Channel::new(1);
-        channel.begin(0, None);
-        let (mut values, mut invalid) = ([7.0], [0; VALIDITY_WORDS]);
-        assert_eq!(channel.receive(0, &mut values, &mut invalid), 1);
-        assert_eq!((values, invalid[0]), ([0.0], u64::MAX));
+    fn a_bit_that_is_inverted_twice_is_whole_again() {
+        let mut line = Line::new();
+        line.0.begin();
+        let mut passage = late([Some(0), None]);
+        passage.flips[..2].copy_from_slice(&[700; 2]);
+        passage.flipped = 2;
+        assert_eq!(line.pass(3, &passage), (3.0, 2, 0b10));
+        assert_eq!(line.0.rejected(), 0);
     }
 }

@@ -1,14 +1,17 @@
 //! One effect of a fault: where it is in its life, what it does, and how much it did.
 //!
-//! Owned by the layer. An effect waits, acts and has ended; it never goes back.
+//! Made in the workshop with all the space it needs, owned by the layer. An effect waits, acts and
+//! has ended; it never goes back.
 
-use hil_config::plan::Profile;
+use std::fmt::Write;
+
+use hil_config::plan::{FaultEffect, FaultEnd, Profile};
 use shared_types::describe::Operation;
 use shared_types::random::RandomStream;
 use shared_types::record::{FaultEffectSize, FaultTaken};
-use shared_types::table::Field;
 use shared_types::time::{Rate, Step};
 
+use super::arrivals::Arrivals;
 use super::kind::{Fault, Moment};
 use super::profile::gain;
 
@@ -36,16 +39,15 @@ pub(super) enum Action {
     Move(Vec<(usize, Operation, f64)>),
     /// Changes a parameter.
     Parameter(usize, Box<dyn Fault>),
-    /// Changes a signal of the sample: measured signals, then reference signals.
-    Sample(usize, Box<dyn Fault>),
-    /// Changes a command of the plant.
-    Command(usize, Box<dyn Fault>),
-    /// Changes what arrives.
-    Link(Direction, Box<dyn Fault>),
-    /// Changes when the command takes effect.
-    Timing(Box<dyn Fault>),
-    /// Costs time and changes nothing else.
-    Busy(Side, Box<dyn Fault>),
+    /// Changes a signal: of the sample, measured signals and then reference signals; or a command
+    /// of the plant.
+    Signal(Direction, usize, Box<dyn Fault>),
+    /// Changes what arrives; with it what would arrive if no other fault came after this one.
+    Link(Direction, Box<dyn Fault>, Box<Arrivals>),
+    /// Changes when the command takes effect; with it how many steps later at this step.
+    Skip(Box<dyn Fault>, u32),
+    /// Costs time and changes nothing else; with it how much at this step, in ns.
+    Busy(Side, Box<dyn Fault>, u32),
 }
 
 /// Where an effect is in its life.
@@ -53,82 +55,141 @@ pub(super) enum Action {
 pub(super) enum Life {
     /// It has not taken hold.
     Waits,
-    /// It has taken hold.
-    Acts,
+    /// It acts since this step.
+    Acts(u64),
     /// It has ended, or never took hold and never will.
     Ended,
 }
 
 /// An effect.
 pub(super) struct Effect {
-    pub(super) taken: FaultTaken,
-    pub(super) skew_steps: u64,
-    pub(super) profile: Profile,
     pub(super) action: Action,
     pub(super) life: Life,
-    unit: String,
-    ended_step: Option<u64>,
+    /// Steps from the one at which its event takes hold.
+    pub(super) skew_steps: u64,
+    /// For how many steps it acts, if that is limited.
+    after_steps: Option<u64>,
+    /// How often it acts, if that is limited.
+    most_occurrences: Option<u64>,
+    profile: Profile,
+    /// What is told when it takes hold.
+    taken: Option<FaultTaken>,
+    size: FaultEffectSize,
+    /// Whether it did something at the last step, and how often it began to.
     acting: bool,
-    acted_steps: u64,
-    /// How often it began to act.
     runs: u64,
-    max_effect: f64,
 }
 
 impl Effect {
+    /// An effect that waits. Its size is told in this unit.
     pub(super) fn new(
         taken: FaultTaken,
-        skew_steps: u64,
-        profile: Profile,
-        action: Action,
         unit: String,
+        action: Action,
+        plan: &FaultEffect,
+        end: &FaultEnd,
     ) -> Self {
         Self {
-            taken,
-            skew_steps,
-            profile,
             action,
-            unit,
             life: Life::Waits,
-            ended_step: None,
+            skew_steps: plan.skew_steps,
+            after_steps: end.after_steps,
+            most_occurrences: end.occurrences,
+            profile: plan.profile.clone(),
+            size: FaultEffectSize {
+                id: taken.id,
+                effect: taken.effect,
+                kind: taken.kind.clone(),
+                target: taken.target.clone(),
+                parameter: taken.parameter.clone(),
+                step: None,
+                ended_step: None,
+                acted_steps: 0,
+                max_effect: 0.0,
+                unit,
+            },
+            taken: Some(taken),
             acting: false,
-            acted_steps: 0,
             runs: 0,
-            max_effect: 0.0,
         }
     }
 
-    /// Takes hold. `ordinal` tells apart what would otherwise draw the same random numbers.
-    pub(super) fn hold(&mut self, step: Step, seed: u64, ordinal: usize) {
-        self.life = Life::Acts;
-        self.taken.step = step.0;
-        let FaultTaken { kind, target, .. } = &self.taken;
-        match &mut self.action {
-            Action::Move(_) => {}
+    /// What became of it so far.
+    pub(super) const fn size(&self) -> &FaultEffectSize {
+        &self.size
+    }
+
+    /// Takes hold.
+    pub(super) const fn hold(&mut self, step: Step) {
+        self.life = Life::Acts(step.0);
+        self.size.step = Some(step.0);
+    }
+
+    /// Gives the fault that has taken hold its random numbers. `twins` effects would have the same
+    /// without their number; `path` is room to write in.
+    pub(super) fn start(&mut self, seed: u64, twins: usize, path: &mut String) {
+        let FaultEffectSize {
+            kind, target, step, ..
+        } = &self.size;
+        let fault = match &mut self.action {
+            Action::Move(_) => return,
             Action::Parameter(_, fault)
-            | Action::Sample(_, fault)
-            | Action::Command(_, fault)
-            | Action::Link(_, fault)
-            | Action::Timing(fault)
-            | Action::Busy(_, fault) => {
-                let path = format!("{kind}/{target}/{step}/{ordinal}");
-                fault.hold(RandomStream::new(seed, &path));
-            }
-        }
+            | Action::Signal(_, _, fault)
+            | Action::Link(_, fault, _)
+            | Action::Skip(fault, _)
+            | Action::Busy(_, fault, _) => fault,
+        };
+        let step = step.unwrap_or_default();
+        path.clear();
+        // A string takes whatever it is given.
+        let _ = write!(path, "{kind}/{target}/{step}/{twins}");
+        fault.hold(RandomStream::new(seed, path));
+    }
+
+    /// How long the path of its random numbers can get.
+    pub(super) fn path_length(&self) -> usize {
+        const NUMBERS: usize = "/18446744073709551615/18446744073709551615/".len();
+        self.size.kind.len() + self.size.target.len() + NUMBERS
+    }
+
+    /// Whether both are of one kind and act on one target since the same step.
+    pub(super) fn is_twin_of(&self, other: &Self) -> bool {
+        self.life == other.life
+            && self.size.kind == other.size.kind
+            && self.size.target == other.size.target
+    }
+
+    /// What is told of it once it has taken hold.
+    pub(super) fn take_taken(&mut self) -> Option<FaultTaken> {
+        let mut taken = self.taken.take()?;
+        taken.step = self.size.step?;
+        Some(taken)
     }
 
     /// Ends; it is healthy again from this step on.
-    pub(super) fn end(&mut self, step: Step) {
-        if self.life == Life::Acts {
-            self.ended_step = Some(step.0);
+    pub(super) const fn end(&mut self, step: Step) {
+        if matches!(self.life, Life::Acts(_)) {
+            self.size.ended_step = Some(step.0);
         }
         self.life = Life::Ended;
     }
 
-    /// The step it acts on.
+    /// The step at which it ends of itself, if that is known.
+    pub(super) const fn own_end(&self) -> Option<u64> {
+        match (self.life, self.after_steps) {
+            (Life::Acts(since), Some(steps)) => Some(since.saturating_add(steps)),
+            _ => None,
+        }
+    }
+
+    /// The step that it acts on.
     pub(super) fn moment(&self, step: Step, rate: Rate) -> Moment {
+        let since = match self.life {
+            Life::Acts(since) => since,
+            Life::Waits | Life::Ended => step.0,
+        };
         // From the steps' difference, so that the course is the same whenever it begins.
-        let since_steps = step.0 - self.taken.step;
+        let since_steps = step.0 - since;
         let since_s = rate.seconds(Step(since_steps));
         Moment {
             step: step.0,
@@ -140,99 +201,34 @@ impl Effect {
 
     /// Notes what it did at a step. `change` is 0 also where only the validity changed.
     pub(super) fn note(&mut self, acted: bool, change: f64) {
-        if acted {
-            self.acted_steps += 1;
-            self.runs += u64::from(!self.acting);
-            self.grow(change);
-        }
+        self.size.acted_steps += u64::from(acted);
+        self.runs += u64::from(acted && !self.acting);
         self.acting = acted;
+        self.grow(change);
     }
 
-    /// Notes the size of what it did, known only now.
+    /// Notes the size of what it did.
     pub(super) fn grow(&mut self, change: f64) {
-        if change > self.max_effect {
-            self.max_effect = change;
+        if change > self.size.max_effect {
+            // The difference of two numbers can be more than a number can say.
+            self.size.max_effect = if change.is_finite() { change } else { f64::MAX };
         }
     }
 
-    /// Whether it did something at the last step.
-    pub(super) const fn is_acting(&self) -> bool {
-        self.acting
-    }
-
-    /// How often it acted, all of it over: runs of steps for what changes a number, single steps
-    /// for what strikes messages or time.
-    pub(super) const fn occurrences(&self) -> u64 {
-        match self.action {
-            Action::Link(..) | Action::Timing(..) | Action::Busy(..) => self.acted_steps,
-            _ if self.acting => self.runs - 1,
-            _ => self.runs,
-        }
-    }
-
-    pub(super) fn size(&self) -> FaultEffectSize {
-        let held = self.life == Life::Acts || self.ended_step.is_some();
-        FaultEffectSize {
-            id: self.taken.id,
-            effect: self.taken.effect,
-            kind: self.taken.kind.clone(),
-            target: self.taken.target.clone(),
-            parameter: self.taken.parameter.clone(),
-            step: held.then_some(self.taken.step),
-            ended_step: self.ended_step,
-            acted_steps: self.acted_steps,
-            max_effect: self.max_effect,
-            unit: self.unit.clone(),
-        }
-    }
-}
-
-/// A parameter after an operation, kept in its range; an impossible value changes nothing.
-pub(super) fn moved(field: &Field, operation: Operation, value: f64, by: f64, gain: f64) -> f64 {
-    let wanted = match operation {
-        Operation::Add => value + by * gain,
-        Operation::Scale => value * (1.0 + (by - 1.0) * gain),
-        Operation::Set => value + (by - value) * gain,
-    };
-    kept(field, value, wanted)
-}
-
-/// A wanted value of a parameter, kept in its range; one that is no number changes nothing.
-pub(super) fn kept(field: &Field, value: f64, wanted: f64) -> f64 {
-    if wanted.is_nan() {
-        value
-    } else if wanted < field.min {
-        field.min
-    } else if wanted > field.max {
-        field.max
-    } else {
-        wanted
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn operations_are_their_equations() {
-        let field = Field {
-            min: -10.0,
-            max: 10.0,
-            ..Field::signal("x_n", "N", "x")
+    /// Whether it acted as often as it may, all of it over: runs of steps for what changes a number,
+    /// single steps for what strikes messages or time.
+    pub(super) fn is_spent(&self) -> bool {
+        let occurrences = match self.action {
+            Action::Link(..) | Action::Skip(..) | Action::Busy(..) => self.size.acted_steps,
+            Action::Move(_) | Action::Parameter(..) | Action::Signal(..) => {
+                self.runs - u64::from(self.acting)
+            }
         };
-        for (operation, by, gain, wanted) in [
-            (Operation::Add, 3.0, 0.5, 5.5),
-            (Operation::Scale, 0.5, 1.0, 2.0),
-            (Operation::Scale, 0.5, 0.5, 3.0),
-            (Operation::Set, -1.0, 1.0, -1.0),
-            (Operation::Set, 0.0, 0.25, 3.0),
-            (Operation::Add, 100.0, 1.0, 10.0),
-            (Operation::Add, -100.0, 1.0, -10.0),
-            (Operation::Set, f64::INFINITY, 0.0, 4.0),
-        ] {
-            let found = moved(&field, operation, 4.0, by, gain);
-            assert_eq!(found, wanted, "{operation:?} {by} {gain}");
-        }
+        (self.most_occurrences).is_some_and(|most| occurrences >= most)
+    }
+
+    /// Whether it ends by how often it acted.
+    pub(super) const fn is_counted(&self) -> bool {
+        self.most_occurrences.is_some()
     }
 }

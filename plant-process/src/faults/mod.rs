@@ -1,17 +1,31 @@
 //! Faults as a layer around the plant and the link: the models know nothing of them.
 //!
-//! [`layer`] is what the engine calls; it keeps every fault of the run, brings each to hold at its
-//! step and ends it. Faults are made in the [`workshop`], away from the loop. What a fault does is a
-//! [`kind`]; a binary may add its own. A [`profile`] is the course of a fault's size.
+//! A fault is an event with one or more effects, each on one target:
+//!
+//! 1. The [`workshop`] makes it, away from the loop, with everything it needs. What it does to its
+//!    target is a [`kind`]; the built-in ones are in [`kinds`], a binary may add its own.
+//! 2. The [`layer`], which the engine calls at every step, takes it.
+//! 3. The `schedule` finds the step at which it takes hold and the one at which it ends.
+//! 4. Between them each `effect` acts where its target is: on the plant's `parameters`, on the
+//!    signals or the link of a `lane` (whose `channel` is the medium, with its `arrivals`), or on the
+//!    `timing`; by the course of its [`profile`].
 
+mod arrivals;
 mod channel;
 mod effect;
 pub mod kind;
 pub mod kinds;
+mod lane;
 pub mod layer;
+mod parameters;
 pub mod profile;
+mod schedule;
+mod timing;
 pub mod workshop;
 
 pub use kind::{Fault, FaultKind, FaultKindEntry};
 pub use layer::{Admitted, FaultLayer};
 pub use workshop::{FaultWorkshop, Prepared};
+
+#[cfg(test)]
+mod tests;

@@ -26,20 +26,23 @@ pub fn gain(profile: &Profile, since_s: f64) -> f64 {
                 0.0
             }
         }
-        Profile::Intermittent { period_s, duty } => {
-            let periods = since_s / period_s;
-            if periods - libm::floor(periods) < *duty {
-                1.0
-            } else {
-                0.0
-            }
-        }
+        Profile::Intermittent { period_s, duty } => intermittent(since_s / period_s, *duty),
         Profile::Sine {
             frequency_hz,
             phase_rad,
         } => libm::sin(std::f64::consts::TAU * frequency_hz * since_s + phase_rad),
         Profile::Table { time_s, values } => between(time_s, values, since_s),
     }
+}
+
+/// 1 in the first part of each period, 0 in the rest.
+///
+/// A time on an edge belongs to what begins there. The quotient of time and period is off by its
+/// rounding, so that a time this close to an edge is on it; otherwise a part could be a step short.
+fn intermittent(periods: f64, duty: f64) -> f64 {
+    let rounding = 2.0 * f64::EPSILON * periods;
+    let part = periods - libm::floor(periods + rounding);
+    if part + rounding < duty { 1.0 } else { 0.0 }
 }
 
 /// Straight lines between points, constant before the first and after the last.
@@ -82,6 +85,8 @@ pub fn canonical(profile: &Profile) -> String {
 
 #[cfg(test)]
 mod tests {
+    use shared_types::time::{Rate, Step};
+
     use super::*;
 
     #[test]
@@ -149,6 +154,19 @@ mod tests {
                     (found - wanted).abs() < 1e-15,
                     "{profile:?} at {at_s}: {found}"
                 );
+            }
+        }
+    }
+
+    #[test]
+    fn every_part_of_an_intermittent_profile_has_as_many_steps_as_the_others() {
+        let rate = Rate::new(10_000.0).expect("legal");
+        for (period_s, duty, on, period) in [(0.1, 0.5, 500, 1000), (0.03, 0.1, 30, 300)] {
+            let profile = Profile::Intermittent { period_s, duty };
+            for step in 0..1_000_000 {
+                let wanted = f64::from(u8::from(step % period < on));
+                let found = gain(&profile, rate.seconds(Step(step)));
+                assert_eq!(found, wanted, "step {step}, {profile:?}");
             }
         }
     }

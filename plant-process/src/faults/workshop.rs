@@ -5,12 +5,15 @@
 
 use hil_config::condition::Watch;
 use hil_config::expression::Columns;
-use hil_config::plan::{Condition, FaultAction, FaultEffect, FaultEvent};
-use shared_types::describe::{ActsOn, Invalid, PlantDescription, Settings};
+use hil_config::plan::{Condition, FaultAction, FaultEffect, FaultEvent, Move, Trigger};
+use shared_types::describe::{
+    ActsOn, FaultKindDescription, Invalid, Operation, PlantDescription, Settings,
+};
 use shared_types::record::FaultTaken;
 use shared_types::table::Field;
 use shared_types::time::Rate;
 
+use super::arrivals::Arrivals;
 use super::effect::{Action, Direction, Effect, Side};
 use super::kind::{AnySetup, FaultKindEntry};
 use super::profile;
@@ -96,7 +99,7 @@ impl FaultWorkshop {
             watch.transpose().map_err(|e| Invalid(e.to_string()))
         };
         let when = match &event.trigger {
-            hil_config::plan::Trigger::Condition(condition) => Some(condition),
+            Trigger::Condition(condition) => Some(condition),
             _ => None,
         };
         Ok(Prepared {
@@ -144,28 +147,31 @@ impl FaultWorkshop {
         };
         Ok(Effect::new(
             taken,
-            effect.skew_steps,
-            effect.profile.clone(),
-            made.action,
             made.unit,
+            made.action,
+            effect,
+            &event.end,
         ))
     }
 
-    fn moves(&self, moves: &[hil_config::plan::Move]) -> Result<Made, Invalid> {
-        let mut found = Vec::new();
-        let mut canonical = Vec::new();
-        for given in moves {
-            found.push((self.parameter(&given.parameter)?, given.operation, given.by));
-            let operation = serde_json::to_value(given.operation).unwrap_or_default();
-            let operation = operation.as_str().unwrap_or_default();
-            canonical.push(format!("{operation}={:016x}", given.by.to_bits()));
-        }
-        let names: Vec<&str> = moves.iter().map(|given| given.parameter.as_str()).collect();
+    fn moves(&self, moves: &[Move]) -> Result<Made, Invalid> {
+        let found = (moves.iter())
+            .map(|given| Ok((self.parameter(&given.parameter)?, given.operation, given.by)))
+            .collect::<Result<Vec<_>, Invalid>>()?;
         let first = found.first().map(|(index, ..)| *index);
         let first = first.ok_or_else(|| Invalid("a fault that moves no parameter".into()))?;
+        let names: Vec<&str> = moves.iter().map(|given| given.parameter.as_str()).collect();
+        let canonical = moves.iter().map(|given| {
+            let operation = match given.operation {
+                Operation::Add => "add",
+                Operation::Scale => "scale",
+                Operation::Set => "set",
+            };
+            format!("{operation}={:016x}", given.by.to_bits())
+        });
         Ok(Made {
             parameter: names.join(","),
-            canonical: canonical.join(" "),
+            canonical: canonical.collect::<Vec<_>>().join(" "),
             unit: self.parameters[first].unit.clone(),
             action: Action::Move(found),
             wall_only: false,
@@ -187,72 +193,80 @@ impl FaultWorkshop {
     ) -> Result<Made, Invalid> {
         let entry = (self.kinds.iter()).find(|entry| entry.description.kind == kind);
         let entry = entry.ok_or_else(|| Invalid(format!("there is no fault `{kind}`")))?;
+        let place = self.place(entry.description.acts_on, target)?;
+        let (place, unit) =
+            place.ok_or_else(|| Invalid(format!("fault `{kind}` cannot act on `{target}`")))?;
         let fault = (entry.start)(&AnySetup {
             parameters,
             list,
             rate: self.rate,
         })?;
-        let description = &entry.description;
-        let acts_on = description.acts_on;
-        let place = |fields: &[Field], name: &str| {
-            let found = fields.iter().position(|field| field.name == name);
-            found.map(|index| (index, fields[index].unit.clone()))
+        let action = match place {
+            Place::Parameter(index) => Action::Parameter(index, fault),
+            Place::Signal(direction, index) => Action::Signal(direction, index, fault),
+            Place::Link(direction) => Action::Link(direction, fault, Box::new(Arrivals::new())),
+            Place::Answer => Action::Skip(fault, 0),
+            Place::Side(side) => Action::Busy(side, fault, 0),
         };
-        let wrong = || Invalid(format!("fault `{kind}` cannot act on `{target}`"));
-        let signals = matches!(acts_on, ActsOn::Signals | ActsOn::Numbers);
-        let links = acts_on == ActsOn::Links;
-        let (action, unit) = match target.split_once('.') {
-            Some(("measured", name)) if signals => {
-                let (index, unit) = place(&self.measured, name).ok_or_else(wrong)?;
-                (Action::Sample(index, fault), unit)
-            }
-            Some(("reference", name)) if signals => {
-                let (index, unit) = place(&self.reference, name).ok_or_else(wrong)?;
-                (Action::Sample(self.measured.len() + index, fault), unit)
-            }
-            Some(("command", name)) if signals => {
-                let (index, unit) = place(&self.commands, name).ok_or_else(wrong)?;
-                (Action::Command(index, fault), unit)
-            }
-            Some(("parameter", name)) if acts_on == ActsOn::Numbers => {
-                let index = self.parameter(name)?;
-                let unit = self.parameters[index].unit.clone();
-                (Action::Parameter(index, fault), unit)
-            }
-            Some(("link", "sample")) if links => {
-                (Action::Link(Direction::Sample, fault), "steps".into())
-            }
-            Some(("link", "command")) if links => {
-                (Action::Link(Direction::Command, fault), "steps".into())
-            }
-            None if target == "controller" && acts_on == ActsOn::Controller => {
-                (Action::Timing(fault), "steps".into())
-            }
-            None if target == "controller" && acts_on == ActsOn::Sides => {
-                (Action::Busy(Side::Controller, fault), "ns".into())
-            }
-            None if target == "plant" && acts_on == ActsOn::Sides => {
-                (Action::Busy(Side::Plant, fault), "ns".into())
-            }
-            _ => return Err(wrong()),
-        };
-        let mut canonical: Vec<String> = (description.parameters.iter())
-            .filter_map(|field| Some((field, parameters.get(&field.name)?)))
-            .map(|(field, value)| format!("{}={:016x}", field.name, value.to_bits()))
-            .collect();
-        if !list.is_empty() {
-            let bits = list.iter().map(|value| format!("{:016x}", value.to_bits()));
-            canonical.push(format!("list={}", bits.collect::<Vec<_>>().join(",")));
-        }
-        let parameter = target.strip_prefix("parameter.").unwrap_or(target);
         Ok(Made {
-            wall_only: matches!(action, Action::Busy(..)),
-            parameter: parameter.into(),
-            canonical: canonical.join(" "),
+            parameter: target.strip_prefix("parameter.").unwrap_or(target).into(),
+            canonical: canonical(&entry.description, parameters, list),
             unit,
+            wall_only: matches!(action, Action::Busy(..)),
             action,
         })
     }
+
+    /// Where the target of a kind is, with the unit of its effect; `None`: nowhere.
+    fn place(&self, acts_on: ActsOn, target: &str) -> Result<Option<(Place, String)>, Invalid> {
+        let steps = |place| Some((place, "steps".into()));
+        let time = |side| Some((Place::Side(side), "ns".into()));
+        let signal = |direction, fields: &[Field], before, name| {
+            let index = fields.iter().position(|field| field.name == name)?;
+            let unit = fields[index].unit.clone();
+            Some((Place::Signal(direction, before + index), unit))
+        };
+        let (group, name) = target.split_once('.').unwrap_or((target, ""));
+        Ok(match (acts_on, group) {
+            (ActsOn::Signals | ActsOn::Numbers, "measured") => {
+                signal(Direction::Sample, &self.measured, 0, name)
+            }
+            (ActsOn::Signals | ActsOn::Numbers, "reference") => {
+                let before = self.measured.len();
+                signal(Direction::Sample, &self.reference, before, name)
+            }
+            (ActsOn::Signals | ActsOn::Numbers, "command") => {
+                signal(Direction::Command, &self.commands, 0, name)
+            }
+            (ActsOn::Numbers, "parameter") => {
+                let index = self.parameter(name)?;
+                Some((Place::Parameter(index), self.parameters[index].unit.clone()))
+            }
+            (ActsOn::Links, "link") => match name {
+                "sample" => steps(Place::Link(Direction::Sample)),
+                "command" => steps(Place::Link(Direction::Command)),
+                _ => None,
+            },
+            (ActsOn::Controller, "controller") if name.is_empty() => steps(Place::Answer),
+            (ActsOn::Sides, "controller") if name.is_empty() => time(Side::Controller),
+            (ActsOn::Sides, "plant") if name.is_empty() => time(Side::Plant),
+            _ => None,
+        })
+    }
+}
+
+/// Where an effect of a kind acts.
+enum Place {
+    /// On a parameter.
+    Parameter(usize),
+    /// On a signal.
+    Signal(Direction, usize),
+    /// On the link.
+    Link(Direction),
+    /// On when the controller's answer counts.
+    Answer,
+    /// On the time that a side takes.
+    Side(Side),
 }
 
 /// An action and what is told of it.
@@ -262,4 +276,18 @@ struct Made {
     canonical: String,
     unit: String,
     wall_only: bool,
+}
+
+/// What decides what a kind does, in one fixed form with exact bits: its parameters in the order of
+/// its table, then its list.
+fn canonical(kind: &FaultKindDescription, parameters: &Settings, list: &[f64]) -> String {
+    let given = |field: &Field| Some((field.name.clone(), parameters.get(&field.name)?));
+    let mut parts: Vec<String> = (kind.parameters.iter().filter_map(given))
+        .map(|(name, value)| format!("{name}={:016x}", value.to_bits()))
+        .collect();
+    if !list.is_empty() {
+        let bits = list.iter().map(|value| format!("{:016x}", value.to_bits()));
+        parts.push(format!("list={}", bits.collect::<Vec<_>>().join(",")));
+    }
+    parts.join(" ")
 }

@@ -34,11 +34,7 @@ pub(crate) fn compare(programs: &Programs) {
         none.push(step_ns(&programs.run(&[scenario])));
         ten.push(step_ns(&programs.run(&[faulted])));
     }
-    let (none, ten, alone) = (
-        median(none.into_iter()),
-        median(ten.into_iter()),
-        median(alone.into_iter()),
-    );
+    let (none, ten, alone) = (median(none), median(ten), median(alone));
     println!("fault layer of the paper's plant, medians of {ROUNDS}");
     println!(
         "  the layer alone without a fault      {alone:7.1} ns, {:.2} % of a step of two processes",
@@ -105,7 +101,12 @@ fn idle_ns() -> f64 {
         black_box(layer.sample(step, (&sensed, &stimulus), &mut row, &mut invalid));
         black_box(layer.timing(step));
         let header = Header::new(FrameKind::Command, step);
-        black_box(layer.command(step, &header, &command, &mut applied));
+        black_box(layer.command(
+            step,
+            &header,
+            (&command, &[0; VALIDITY_WORDS]),
+            &mut applied,
+        ));
         black_box((&row, &applied, layer.has_events()));
     }
     (monotonic_ns() - begin_ns) as f64 / STEPS as f64

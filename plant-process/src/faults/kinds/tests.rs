@@ -3,6 +3,7 @@
 
 mod messages;
 mod numbers;
+mod page;
 mod timing;
 
 use shared_types::describe::{FaultKindDescription, Settings};

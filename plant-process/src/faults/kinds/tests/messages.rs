@@ -1,9 +1,9 @@
 //! Kinds that act on messages of the link.
 
-use shared_types::frame::VALIDITY_WORDS;
+use shared_types::frame::{FrameKind, VALIDITY_WORDS};
 
 use super::*;
-use crate::faults::channel::{Channel, Message};
+use crate::faults::channel::{About, Channel};
 
 #[test]
 fn messages_are_lost_delayed_doubled_and_swapped_as_written() {
@@ -88,13 +88,13 @@ fn received(stack: &[(&str, Parameters<'_>, &[f64])], steps: u64) -> Vec<(f64, u
     let mut faults: Vec<_> = (stack.iter())
         .map(|(kind, parameters, list)| start(kind, parameters, list))
         .collect();
-    let (mut channel, all_valid) = (Channel::new(1), [0; VALIDITY_WORDS]);
-    let last = Message {
-        values: &[99.0],
-        invalid: &all_valid,
-        age_steps: 0,
+    let (mut channel, all_valid) = (Channel::new(1, FrameKind::Sample), [0; VALIDITY_WORDS]);
+    let about = |step| About {
+        step,
+        ..About::default()
     };
-    channel.begin(100, Some(&last));
+    channel.note(&[99.0], about(99));
+    channel.begin();
     let mut found = Vec::new();
     for since in 0..steps {
         let at = moment(since, 1.0);
@@ -102,15 +102,10 @@ fn received(stack: &[(&str, Parameters<'_>, &[f64])], steps: u64) -> Vec<(f64, u
         for fault in &mut faults {
             fault.message(&at, &mut passage);
         }
-        let values = [at.step as f64];
-        let sent = Message {
-            values: &values,
-            invalid: &all_valid,
-            age_steps: 0,
-        };
-        channel.send(at.step, &sent, &passage);
+        channel.put(&[at.step as f64], about(at.step));
+        channel.send(Step(at.step), &passage);
         let (mut values, mut invalid) = ([0.0], all_valid);
-        let age_steps = channel.receive(at.step, &mut values, &mut invalid);
+        let age_steps = channel.receive(Step(at.step), &mut values, &mut invalid);
         found.push((values[0], age_steps));
     }
     found

@@ -1,0 +1,242 @@
+//! When messages arrive, and which of them the receiver has: steps only, no content.
+//!
+//! The [`channel`](super::channel) has one for what really arrives, and every fault of the link one
+//! for what would arrive if it were the last: the difference between two of them is what a fault
+//! alone did. Knows nothing of why a message is late.
+
+use super::kind::Passage;
+
+/// Messages that can be under way: one that would come later than this never comes.
+pub(super) const DEPTH: usize = Passage::LATEST_STEPS as usize + 1;
+/// A step that never comes.
+const NEVER: u64 = u64::MAX;
+
+/// Messages under way and the one that was received last.
+#[derive(Clone, Debug)]
+pub(super) struct Arrivals {
+    /// By the step of the arrival, modulo [`DEPTH`].
+    slots: Vec<Slot>,
+    /// The step of the message that the receiver has.
+    received: Option<u64>,
+    /// Messages sent before this step do not replace newer ones any more.
+    overruled: u64,
+}
+
+/// The messages that matter of those that arrive at one step: each the last of its sort.
+#[derive(Clone, Copy, Debug)]
+struct Slot {
+    /// The step of the arrival; any other has nothing to do with this slot any more.
+    at: u64,
+    in_order: Option<u64>,
+    /// Comes after all that are in order.
+    overtaken: Option<u64>,
+}
+
+const EMPTY: Slot = Slot {
+    at: NEVER,
+    in_order: None,
+    overtaken: None,
+};
+
+impl Arrivals {
+    /// Nothing under way, nothing received.
+    pub(super) fn new() -> Self {
+        Self {
+            slots: vec![EMPTY; DEPTH],
+            received: None,
+            overruled: 0,
+        }
+    }
+
+    /// Begins with nothing under way and a receiver that has this message.
+    pub(super) fn begin(&mut self, received: Option<u64>) {
+        self.slots.fill(EMPTY);
+        self.received = received;
+        self.overruled = 0;
+    }
+
+    /// Begins as another stands.
+    pub(super) fn continue_from(&mut self, other: &Self) {
+        self.slots.copy_from_slice(&other.slots);
+        self.received = other.received;
+        self.overruled = other.overruled;
+    }
+
+    /// A fault of the link ended: what is late because of it does not replace newer messages.
+    pub(super) const fn overrule(&mut self, step: u64) {
+        self.overruled = step;
+    }
+
+    /// Sends the message of a step on its way.
+    pub(super) fn send(&mut self, step: u64, passage: &Passage) {
+        for (late_steps, overtaken) in passage.copies.into_iter().zip(passage.overtaken) {
+            let Some(late_steps) = late_steps.filter(|&late| late <= Passage::LATEST_STEPS) else {
+                continue;
+            };
+            let at = step + u64::from(late_steps);
+            let slot = &mut self.slots[(at % DEPTH as u64) as usize];
+            if slot.at != at {
+                *slot = Slot { at, ..EMPTY };
+            }
+            // Steps rise, so this one was sent after all that are here.
+            if overtaken && late_steps > 0 {
+                slot.overtaken = Some(step);
+            } else {
+                slot.in_order = Some(step);
+            }
+        }
+    }
+
+    /// Takes what arrives at a step; gives the message that the receiver has after that.
+    pub(super) fn receive(&mut self, step: u64) -> Option<u64> {
+        let slot = self.slots[(step % DEPTH as u64) as usize];
+        if slot.at == step {
+            for sent in [slot.in_order, slot.overtaken].into_iter().flatten() {
+                let older = self.received.is_some_and(|received| sent < received);
+                if !(older && sent < self.overruled) {
+                    self.received = Some(sent);
+                }
+            }
+        }
+        self.received
+    }
+}
+
+/// Steps since a message was sent; without one as many as if it had come just before step 0.
+pub(super) fn age_steps(step: u64, received: Option<u64>) -> u32 {
+    let age = received.map_or(step + 1, |received| step - received);
+    u32::try_from(age).unwrap_or(u32::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn copies(late_steps: &[u32]) -> Passage {
+        let mut passage = Passage::healthy(0);
+        passage.copies = [None; Passage::MOST_COPIES];
+        for (copy, late) in passage.copies.iter_mut().zip(late_steps) {
+            *copy = Some(*late);
+        }
+        passage
+    }
+
+    fn overtaken(late_steps: &[u32]) -> Passage {
+        Passage {
+            overtaken: [true; Passage::MOST_COPIES],
+            ..copies(late_steps)
+        }
+    }
+
+    /// Sends messages 10, 11, 12 .. each on its passage, after 9 was received; gives what the
+    /// receiver has at each step.
+    fn received(passages: &[Passage]) -> Vec<u64> {
+        let mut arrivals = Arrivals::new();
+        arrivals.begin(Some(9));
+        let mut pass = |(step, passage): (u64, &Passage)| {
+            arrivals.send(step, passage);
+            arrivals
+                .receive(step)
+                .expect("there was one from the begin")
+        };
+        (10..).zip(passages).map(&mut pass).collect()
+    }
+
+    #[test]
+    fn the_receiver_has_what_arrived_last() {
+        let (healthy, lost, late) = (copies(&[0]), copies(&[]), copies(&[2]));
+        let swapped = overtaken(&[1]);
+        let cases: [(&str, &[Passage], &[u64]); 9] = [
+            ("healthy", &[healthy, healthy], &[10, 11]),
+            (
+                "loss leaves the last one",
+                &[lost, lost, healthy],
+                &[9, 9, 12],
+            ),
+            ("a delay shows the past", &[late; 4], &[9, 9, 10, 11]),
+            (
+                "a late one gives way to one that was sent later",
+                &[copies(&[1]), healthy, healthy],
+                &[9, 11, 12],
+            ),
+            (
+                "jitter brings the past back",
+                &[copies(&[3]), healthy, healthy, copies(&[1]), healthy],
+                &[9, 11, 12, 10, 14],
+            ),
+            (
+                "a second copy brings the past back where nothing newer comes",
+                &[copies(&[0, 2]), healthy, lost, healthy],
+                &[10, 11, 10, 13],
+            ),
+            (
+                "an overtaken copy brings it back in any case",
+                &[overtaken(&[0, 2]), healthy, healthy, healthy],
+                &[10, 11, 10, 13],
+            ),
+            (
+                "two change places, twice",
+                &[swapped, healthy, swapped, healthy, healthy],
+                &[9, 10, 10, 12, 14],
+            ),
+            (
+                "all copies of a message are its own",
+                &[copies(&[1, 1, 0, 2]), lost, lost, lost],
+                &[10, 10, 10, 10],
+            ),
+        ];
+        for (what, passages, expected) in cases {
+            assert_eq!(received(passages), expected, "{what}");
+        }
+    }
+
+    #[test]
+    fn a_message_comes_after_the_longest_delay_and_not_after_a_longer_one() {
+        for (late, expected) in [(1000, Some(5)), (1001, None)] {
+            let mut arrivals = Arrivals::new();
+            arrivals.send(5, &copies(&[late]));
+            let mut last = None;
+            for step in 6..2100 {
+                last = arrivals.receive(step);
+                assert!(step >= 1005 || last.is_none());
+            }
+            assert_eq!(last, expected);
+        }
+    }
+
+    #[test]
+    fn what_a_past_fault_delayed_replaces_only_what_is_older() {
+        // Message 1 should come at 4 and message 2 at 6. The fault ends at 3.
+        let mut arrivals = Arrivals::new();
+        let mut pass = |step, passage: &Passage, ended: bool| {
+            if ended {
+                arrivals.overrule(step);
+            }
+            arrivals.send(step, passage);
+            arrivals.receive(step)
+        };
+        assert_eq!(pass(0, &copies(&[0]), false), Some(0));
+        assert_eq!(pass(1, &copies(&[3]), false), Some(0));
+        assert_eq!(pass(2, &overtaken(&[4]), false), Some(0));
+        assert_eq!(pass(3, &copies(&[]), true), Some(0));
+        assert_eq!(
+            pass(4, &copies(&[]), false),
+            Some(1),
+            "newer than what it has"
+        );
+        assert_eq!(pass(5, &copies(&[0]), false), Some(5));
+        assert_eq!(
+            pass(6, &copies(&[]), false),
+            Some(5),
+            "older than what it has"
+        );
+    }
+
+    #[test]
+    fn an_age_counts_from_the_step_of_sending() {
+        assert_eq!(age_steps(7, Some(7)), 0);
+        assert_eq!(age_steps(7, Some(3)), 4);
+        assert_eq!(age_steps(0, None), 1);
+        assert_eq!(age_steps(1 << 40, None), u32::MAX);
+    }
+}

@@ -1,0 +1,161 @@
+//! The plant's parameters under faults.
+//!
+//! Brought to each step by the layer while a fault acts on one of them: from the healthy values
+//! anew, every fault in turn, so that nothing is left when a fault ends. No fault drives a parameter
+//! out of the range in which the plant is valid: it stays at the bound, and a value that is no
+//! number changes nothing. What counts as the fault's effect is what is left then.
+
+use shared_types::describe::Operation;
+use shared_types::table::Field;
+use shared_types::time::{Rate, Step};
+
+use super::effect::{Action, Effect};
+use super::kind::Reading;
+
+/// The parameters, healthy and as they act.
+pub(super) struct Parameters {
+    fields: Vec<Field>,
+    healthy: Vec<f64>,
+    present: Vec<f64>,
+    before: Vec<f64>,
+    /// Where the faultable ones are.
+    faultable: Vec<usize>,
+    /// Effects that act on them, in the order in which they took hold.
+    stack: Vec<usize>,
+    /// An effect ended: they must be made anew though none may be left.
+    stale: bool,
+}
+
+impl Parameters {
+    pub(super) fn new(fields: &[Field], healthy: &[f64]) -> Self {
+        let faultable = |index: &usize| fields[*index].faultable;
+        Self {
+            fields: fields.to_vec(),
+            healthy: healthy.to_vec(),
+            present: healthy.to_vec(),
+            before: healthy.to_vec(),
+            faultable: (0..fields.len()).filter(faultable).collect(),
+            stack: Vec::new(),
+            stale: false,
+        }
+    }
+
+    /// All, as they act.
+    pub(super) fn row(&self) -> &[f64] {
+        &self.present
+    }
+
+    /// The faultable ones, as they act.
+    pub(super) fn faultable(&self) -> impl Iterator<Item = f64> {
+        self.faultable.iter().map(|&index| self.present[index])
+    }
+
+    /// The effects that act on them.
+    pub(super) const fn stack(&mut self) -> &mut Vec<usize> {
+        &mut self.stack
+    }
+
+    /// An effect ended.
+    pub(super) const fn heal(&mut self) {
+        self.stale = true;
+    }
+
+    /// Brings them to a step; true if one changed.
+    pub(super) fn advance(&mut self, effects: &mut [Effect], step: Step, rate: Rate) -> bool {
+        if self.stack.is_empty() && !self.stale {
+            return false;
+        }
+        self.stale = false;
+        self.before.copy_from_slice(&self.present);
+        self.present.copy_from_slice(&self.healthy);
+        for &effect in &self.stack {
+            strike(
+                &mut effects[effect],
+                &self.fields,
+                &mut self.present,
+                step,
+                rate,
+            );
+        }
+        self.present != self.before
+    }
+}
+
+/// Lets an effect act. The size of one that moves several parameters is that of the first.
+fn strike(effect: &mut Effect, fields: &[Field], row: &mut [f64], step: Step, rate: Rate) {
+    let at = effect.moment(step, rate);
+    let (mut acted, mut change) = (false, 0.0);
+    match &mut effect.action {
+        Action::Move(moves) => {
+            for (place, &mut (index, operation, by)) in moves.iter_mut().enumerate() {
+                let value = row[index];
+                row[index] = kept(&fields[index], value, moved(operation, value, by, at.gain));
+                acted |= row[index] != value;
+                if place == 0 {
+                    change = (row[index] - value).abs();
+                }
+            }
+        }
+        Action::Parameter(index, fault) => {
+            let value = row[*index];
+            let wanted = fault.number(&at, Reading { value, valid: true }).value;
+            row[*index] = kept(&fields[*index], value, wanted);
+            acted = row[*index] != value;
+            change = (row[*index] - value).abs();
+        }
+        _ => {}
+    }
+    effect.note(acted, change);
+}
+
+/// A value after an operation by `by` at a profile of `gain`.
+fn moved(operation: Operation, value: f64, by: f64, gain: f64) -> f64 {
+    match operation {
+        Operation::Add => value + by * gain,
+        Operation::Scale => value * (1.0 + (by - 1.0) * gain),
+        Operation::Set if gain == 1.0 => by, // exactly, which the sum below need not be
+        Operation::Set => value + (by - value) * gain,
+    }
+}
+
+/// A wanted value of a parameter that has another, kept in its range.
+fn kept(field: &Field, value: f64, wanted: f64) -> f64 {
+    if wanted.is_nan() {
+        value
+    } else if wanted < field.min {
+        field.min
+    } else if wanted > field.max {
+        field.max
+    } else {
+        wanted
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn operations_are_their_equations_within_the_range() {
+        let field = Field {
+            min: -10.0,
+            max: 10.0,
+            ..Field::signal("x_n", "N", "x")
+        };
+        for (operation, by, gain, wanted) in [
+            (Operation::Add, 3.0, 0.5, 5.5),
+            (Operation::Scale, 0.5, 1.0, 2.0),
+            (Operation::Scale, 0.5, 0.5, 3.0),
+            (Operation::Set, -1.0, 1.0, -1.0),
+            (Operation::Set, 0.1, 1.0, 0.1),
+            (Operation::Set, 0.0, 0.25, 3.0),
+            (Operation::Add, 100.0, 1.0, 10.0),
+            (Operation::Add, -100.0, 1.0, -10.0),
+            (Operation::Scale, f64::INFINITY, 1.0, 10.0),
+            (Operation::Set, f64::INFINITY, 0.0, 4.0),
+        ] {
+            let found = kept(&field, 4.0, moved(operation, 4.0, by, gain));
+            assert_eq!(found, wanted, "{operation:?} {by} {gain}");
+        }
+    }
+}

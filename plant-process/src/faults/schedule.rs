@@ -1,0 +1,362 @@
+//! The schedule: at which step each fault begins and ends.
+//!
+//! Asked by the layer once at each step, before anything else happens there. It knows triggers, ends
+//! and conditions; what the effects do is nothing to it. As long as nothing begins or ends by its
+//! number and no condition is watched, it is one comparison.
+//!
+//! At one step, faults end before others begin, and those that begin do so by the number of their
+//! event and their place in it.
+
+use std::ops::Range;
+
+use hil_config::condition::Watch;
+use hil_config::plan::{Condition, FaultEvent, FaultSource, Trigger};
+use shared_types::live::FaultState;
+use shared_types::time::Step;
+
+use super::effect::{Effect, Life};
+use super::workshop::Prepared;
+
+/// A step that never comes.
+const NEVER: u64 = u64::MAX;
+
+/// Something that happens to an effect.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Change {
+    /// It takes hold.
+    Begins(usize),
+    /// It ended of itself.
+    Ends(usize),
+}
+
+/// The events of a run.
+#[derive(Default)]
+pub(super) struct Schedule {
+    /// By their numbers.
+    events: Vec<Scheduled>,
+    /// The first step at which something begins or ends by its number.
+    due: u64,
+    /// Events that wait for or end by a condition, by place.
+    watching: Vec<usize>,
+    /// Whether an effect ends by how often it acted.
+    counting: bool,
+    /// What happened at the last turn, in order.
+    changes: Vec<Change>,
+}
+
+/// An event and where it is in its life.
+struct Scheduled {
+    event: FaultEvent,
+    when: Option<Watch>,
+    until: Option<Watch>,
+    effects: Range<usize>,
+    /// The step at which it takes hold, once that is known.
+    hold: Option<u64>,
+    /// It has taken hold.
+    held: bool,
+    /// The step at which it ends, once that is known.
+    end: Option<u64>,
+    /// All its effects have ended.
+    over: bool,
+}
+
+impl Schedule {
+    /// Takes an event whose effects were put at `effects`; it waits from step `next` on. Gives the
+    /// step at which it takes hold, if that is known.
+    pub(super) fn arm(
+        &mut self,
+        prepared: Prepared,
+        effects: Range<usize>,
+        next: Step,
+    ) -> Option<Step> {
+        let Prepared {
+            event, when, until, ..
+        } = prepared;
+        self.changes.reserve(2 * effects.end);
+        let scheduled = Scheduled {
+            hold: self.hold_of(&event.trigger, next),
+            held: false,
+            end: event.end.step.map(|step| step.0),
+            over: false,
+            event,
+            when,
+            until,
+            effects,
+        };
+        let hold = scheduled.hold;
+        let place = self.place_after(scheduled.event.id);
+        self.events.insert(place, scheduled);
+        self.watching.reserve(self.events.len());
+        hold.map(Step)
+    }
+
+    /// The step at which a trigger takes hold for an event that is taken before step `next`, if that
+    /// is known.
+    pub(super) fn hold_of(&self, trigger: &Trigger, next: Step) -> Option<u64> {
+        match trigger {
+            Trigger::Step { step, .. } => Some(step.0),
+            Trigger::Now => Some(next.0),
+            Trigger::Condition(_) => None,
+            Trigger::After { event, delay_steps } => {
+                let other = self.find(*event).filter(|other| other.held)?;
+                let hold = other.hold?.saturating_add(*delay_steps);
+                Some(if hold < next.0 { next.0 } else { hold })
+            }
+        }
+    }
+
+    /// The event that a trigger follows, if that has ended without taking hold: it waits for ever.
+    pub(super) fn follows_in_vain(&self, trigger: &Trigger) -> Option<u32> {
+        let Trigger::After { event, .. } = trigger else {
+            return None;
+        };
+        let other = self.find(*event)?;
+        (other.over && !other.held).then_some(*event)
+    }
+
+    fn place_after(&self, id: u32) -> usize {
+        self.events.partition_point(|other| other.event.id <= id)
+    }
+
+    fn find(&self, id: u32) -> Option<&Scheduled> {
+        let place = self.place_after(id).checked_sub(1)?;
+        Some(&self.events[place]).filter(|found| found.event.id == id)
+    }
+
+    /// Finds what begins and ends at a step. `last` is the record before, which conditions are asked
+    /// of. True if something changed: [`changes`](Self::changes) then has it.
+    pub(super) fn turn(
+        &mut self,
+        effects: &mut [Effect],
+        step: Step,
+        last: Option<&[f64]>,
+    ) -> bool {
+        if let Some(last) = last
+            && !self.watching.is_empty()
+        {
+            self.watch(step, last);
+        }
+        if step.0 < self.due {
+            return false;
+        }
+        self.changes.clear();
+        self.end_due(effects, step);
+        // An event may take hold because of one that comes later in the list.
+        while self.hold_due(step) {}
+        self.begin_due(effects, step);
+        self.look_ahead(effects);
+        !self.changes.is_empty()
+    }
+
+    /// What happened at the last turn, in order.
+    pub(super) fn changes(&self) -> &[Change] {
+        &self.changes
+    }
+
+    /// Asks the conditions of the record before a step. An end is asked for from the record of the
+    /// step on at which the event took hold.
+    fn watch(&mut self, step: Step, last: &[f64]) {
+        for &place in &self.watching {
+            let scheduled = &mut self.events[place];
+            if scheduled.held {
+                if let Some(until) = &mut scheduled.until
+                    && until.observe(last)
+                {
+                    scheduled.end = Some(step.0);
+                    self.due = step.0;
+                }
+            } else if scheduled.hold.is_none()
+                && let Some(when) = &mut scheduled.when
+                && when.observe(last)
+            {
+                scheduled.hold = Some(step.0);
+                self.due = step.0;
+            }
+        }
+    }
+
+    fn end_due(&mut self, effects: &mut [Effect], step: Step) {
+        for scheduled in self.events.iter_mut().filter(|scheduled| !scheduled.over) {
+            let event_ends = scheduled.end.is_some_and(|end| end <= step.0);
+            for place in scheduled.effects.clone() {
+                let effect = &mut effects[place];
+                let ends = event_ends
+                    || effect.own_end().is_some_and(|end| end <= step.0)
+                    || effect.is_spent();
+                if ends {
+                    if matches!(effect.life, Life::Acts(_)) {
+                        self.changes.push(Change::Ends(place));
+                    }
+                    effect.end(step);
+                }
+            }
+            let ended = |effect: &Effect| effect.life == Life::Ended;
+            scheduled.over = effects[scheduled.effects.clone()].iter().all(ended);
+        }
+    }
+
+    /// Lets events take hold; true if one did.
+    fn hold_due(&mut self, step: Step) -> bool {
+        let mut any = false;
+        for place in 0..self.events.len() {
+            let scheduled = &self.events[place];
+            if scheduled.held || scheduled.over {
+                continue;
+            }
+            let hold = match &scheduled.event.trigger {
+                trigger @ Trigger::After { .. } if scheduled.hold.is_none() => {
+                    self.hold_of(trigger, step)
+                }
+                _ => scheduled.hold,
+            };
+            let scheduled = &mut self.events[place];
+            scheduled.hold = hold;
+            scheduled.held = hold.is_some_and(|hold| hold <= step.0);
+            any |= scheduled.held;
+        }
+        any
+    }
+
+    fn begin_due(&mut self, effects: &mut [Effect], step: Step) {
+        for scheduled in self.events.iter().filter(|scheduled| !scheduled.over) {
+            for place in scheduled.effects.clone() {
+                let due = scheduled.begin_of(&effects[place]);
+                if due.is_some_and(|due| due <= step.0) {
+                    effects[place].hold(step);
+                    self.changes.push(Change::Begins(place));
+                }
+            }
+        }
+    }
+
+    /// Finds the next step at which something begins or ends by its number.
+    pub(super) fn look_ahead(&mut self, effects: &[Effect]) {
+        (self.due, self.counting) = (NEVER, false);
+        self.watching.clear();
+        for (place, scheduled) in self.events.iter().enumerate() {
+            if scheduled.over {
+                continue;
+            }
+            let waits = scheduled.hold.is_none() && scheduled.when.is_some();
+            if waits || scheduled.until.is_some() {
+                self.watching.push(place);
+            }
+            // Whoever follows this one gets its step then.
+            let hold = scheduled.hold.filter(|_| !scheduled.held);
+            let mut due = earlier(hold, scheduled.end);
+            for effect in &effects[scheduled.effects.clone()] {
+                if effect.life != Life::Ended {
+                    due = earlier(due, earlier(scheduled.begin_of(effect), effect.own_end()));
+                    self.counting |= effect.is_counted();
+                }
+            }
+            self.due = earlier(due, Some(self.due)).unwrap_or(NEVER);
+        }
+    }
+
+    /// After a step: effects that acted as often as they may end at the next.
+    pub(super) fn count(&mut self, effects: &[Effect], step: Step) {
+        let spent = |effect: &Effect| effect.life != Life::Ended && effect.is_spent();
+        if self.counting && effects.iter().any(spent) {
+            self.due = step.0 + 1;
+        }
+    }
+
+    /// Ends an event or all of them from a step on, also those that wait; gives their numbers.
+    pub(super) fn clear(
+        &mut self,
+        effects: &mut [Effect],
+        id: Option<u32>,
+        step: Step,
+    ) -> Vec<u32> {
+        self.changes.clear();
+        let mut cleared = Vec::new();
+        for scheduled in &mut self.events {
+            let number = scheduled.event.id;
+            if scheduled.over || id.is_some_and(|id| id != number) {
+                continue;
+            }
+            cleared.push(number);
+            for place in scheduled.effects.clone() {
+                if effects[place].life != Life::Ended {
+                    effects[place].end(step);
+                    self.changes.push(Change::Ends(place));
+                }
+            }
+            scheduled.over = true;
+        }
+        self.look_ahead(effects);
+        cleared
+    }
+
+    /// Every event, by its number.
+    pub(super) fn states(&self, effects: &[Effect]) -> Vec<FaultState> {
+        let state = |scheduled: &Scheduled| {
+            let effects = &effects[scheduled.effects.clone()];
+            let acts = |effect: &Effect| matches!(effect.life, Life::Acts(_));
+            let state = if scheduled.over {
+                "ended"
+            } else if effects.iter().any(acts) {
+                "active"
+            } else {
+                "waiting"
+            };
+            FaultState {
+                id: scheduled.event.id,
+                kind: scheduled.event.kind.clone(),
+                source: match scheduled.event.source {
+                    FaultSource::Scenario => "scenario".into(),
+                    FaultSource::Cli => "cli".into(),
+                },
+                state: state.into(),
+                waits_for: (state == "waiting").then(|| self.waits_for(scheduled, effects)),
+                effects: effects.iter().map(|effect| effect.size().clone()).collect(),
+            }
+        };
+        self.events.iter().map(state).collect()
+    }
+
+    /// What an event waits for, in words.
+    fn waits_for(&self, scheduled: &Scheduled, effects: &[Effect]) -> String {
+        let trigger = &scheduled.event.trigger;
+        let begins = effects
+            .iter()
+            .filter_map(|effect| scheduled.begin_of(effect));
+        match (begins.min(), self.follows_in_vain(trigger)) {
+            (Some(step), _) => format!("step {step}"),
+            (None, Some(other)) => format!("fault {other}, which ended before it took hold"),
+            (None, None) => waits_for(trigger),
+        }
+    }
+}
+
+impl Scheduled {
+    fn begin_of(&self, effect: &Effect) -> Option<u64> {
+        let waits = effect.life == Life::Waits;
+        let hold = self.hold.filter(|_| waits)?;
+        Some(hold.saturating_add(effect.skew_steps))
+    }
+}
+
+/// What a trigger waits for, in words.
+pub(super) fn waits_for(trigger: &Trigger) -> String {
+    match trigger {
+        Trigger::Step { step, .. } => format!("step {step}"),
+        Trigger::Now => "the next step".into(),
+        Trigger::Condition(Condition {
+            expression,
+            records,
+        }) => match records {
+            0 | 1 => format!("`{expression}` to hold"),
+            _ => format!("`{expression}` to hold for {records} records in a row"),
+        },
+        Trigger::After { event, delay_steps } => match delay_steps {
+            0 => format!("fault {event} to take hold"),
+            _ => format!("{delay_steps} steps after fault {event} takes hold"),
+        },
+    }
+}
+
+fn earlier(one: Option<u64>, other: Option<u64>) -> Option<u64> {
+    [one, other].into_iter().flatten().min()
+}

@@ -1,0 +1,110 @@
+//! The layer step by step, against sequences worked out by hand.
+//!
+//! At step k the healthy plant measures `a_m` = k and `b_m` = 10, the rig asks for `r_m` = 5, and the
+//! controller answers with `u_n` = k and `v_n` = -1. The kinds of faults here are as plain as can be.
+
+mod kinds;
+mod links;
+mod live;
+mod rig;
+mod schedule;
+mod targets;
+
+use hil_config::plan::Trigger;
+use shared_types::describe::Operation;
+use shared_types::directive::Directive;
+use shared_types::record::RecordLayout;
+
+use self::rig::*;
+use super::FaultLayer;
+
+#[test]
+fn without_a_fault_everything_passes_as_it_is() {
+    for events in [
+        vec![],
+        vec![event(1, "plus", at(1000), &[on("measured.a_m", 1.0)])],
+    ] {
+        let mut rig = Rig::new(&events);
+        for (k, passed) in (0..).zip(rig.run(50)) {
+            let healthy = Passed {
+                sample: [f64::from(k), 10.0, 5.0],
+                invalid: 0,
+                sample_age_steps: 0,
+                directive: Directive::default(),
+                busy_ns: 0,
+                applied: [f64::from(k), -1.0],
+                command_age_steps: 0,
+                parameters: [1.0, 10.0, 0.0],
+                retuned: false,
+            };
+            assert_eq!(passed, healthy);
+        }
+        assert_eq!((rig.told, rig.layer.rejected()), (vec![], 0));
+    }
+}
+
+#[test]
+fn what_cannot_be_is_refused_by_name() {
+    let cases = [
+        (
+            "plus",
+            on("measured.c_m", 1.0),
+            "`plus` cannot act on `measured.c_m`",
+        ),
+        (
+            "plus",
+            on("link.sample", 1.0),
+            "`plus` cannot act on `link.sample`",
+        ),
+        (
+            "gone",
+            on("parameter.gain", 1.0),
+            "`gone` cannot act on `parameter.gain`",
+        ),
+        (
+            "plus",
+            on("parameter.mass_kg", 1.0),
+            "`mass_kg` is not open to faults",
+        ),
+        (
+            "late",
+            on("measured.a_m", 1.0),
+            "`late` cannot act on `measured.a_m`",
+        ),
+        (
+            "late",
+            on("link.other", 1.0),
+            "`late` cannot act on `link.other`",
+        ),
+        ("jump", on("plant", 1.0), "`jump` cannot act on `plant`"),
+        ("sabotage", on("plant", 1.0), "there is no fault `sabotage`"),
+        (
+            "x",
+            moving(&[("mass_kg", Operation::Add, 1.0)]),
+            "`mass_kg` is not open to faults",
+        ),
+        ("x", moving(&[]), "moves no parameter"),
+    ];
+    let workshop = workshop();
+    for (kind, effect, expected) in cases {
+        let event = event(1, kind, at(0), &[effect]);
+        let refused = FaultLayer::new(&workshop, &[event]);
+        let refused = refused.map(|_| ()).expect_err(expected).to_string();
+        assert!(refused.contains(expected), "{refused}");
+    }
+}
+
+#[test]
+fn a_condition_on_a_signal_that_is_not_there_is_refused_when_the_signals_are_known() {
+    let condition = Trigger::Condition(when("internal.z > 0", 1));
+    let event = event(1, "plus", condition, &[on("measured.a_m", 1.0)]);
+    let workshop = workshop();
+    let mut layer = FaultLayer::new(&workshop, &[event]).expect("not known yet");
+    let refused = layer.open(&workshop, &RecordLayout::default());
+    assert!(
+        refused
+            .expect_err("unknown")
+            .to_string()
+            .contains("internal.z")
+    );
+}

@@ -1,0 +1,232 @@
+//! Faults that are taken and cleared while the run goes on.
+
+use hil_config::plan::{FaultEvent, FaultSource, Trigger};
+use shared_types::describe::Operation;
+use shared_types::time::Step;
+
+use super::rig::*;
+use crate::faults::layer::columns;
+use crate::faults::{Admitted, Prepared};
+
+const A: &str = "measured.a_m";
+
+impl Rig {
+    fn prepare(&self, event: FaultEvent) -> Box<Prepared> {
+        let prepared = self.workshop.prepare(event, &columns(&self.layout));
+        Box::new(prepared.expect("a fault that can be"))
+    }
+
+    fn admit(&mut self, events: Vec<FaultEvent>) -> Result<Vec<Admitted>, String> {
+        let prepared = events
+            .into_iter()
+            .map(|event| self.prepare(event))
+            .collect();
+        self.layer.admit(prepared, Step(self.next))
+    }
+}
+
+fn plus(id: u32, trigger: Trigger) -> FaultEvent {
+    event(id, "plus", trigger, &[on(A, 1.0)])
+}
+
+#[test]
+fn a_live_fault_takes_hold_at_the_step_that_was_answered() {
+    let condition = when("sensed.a_m >= 0", 2);
+    // Taken before step 5. The scenario's fault 1 took hold at 2, its fault 2 will at 9.
+    let cases = [
+        (Trigger::Now, Some(5), None, 5),
+        (at(5), Some(5), None, 5),
+        (at(8), Some(8), None, 8),
+        (
+            Trigger::Condition(condition),
+            None,
+            Some("`sensed.a_m >= 0` to hold for 2 records in a row"),
+            6,
+        ),
+        (after(1, 4), Some(6), None, 6),
+        (after(1, 1), Some(5), None, 5),
+        (
+            after(2, 1),
+            None,
+            Some("1 steps after fault 2 takes hold"),
+            10,
+        ),
+        (after(2, 0), None, Some("fault 2 to take hold"), 9),
+    ];
+    for (trigger, step, waits_for, taken) in cases {
+        let b = |id, step| event(id, "plus", at(step), &[on("measured.b_m", 1.0)]);
+        let mut rig = Rig::new(&[b(1, 2), b(2, 9)]);
+        rig.run(5);
+        rig.told.clear();
+        let shown = format!("{trigger:?}");
+        let admitted = rig.admit(vec![plus(3, trigger)]).expect("it can be");
+        let expected = Admitted {
+            id: 3,
+            kind: "plus".into(),
+            step: step.map(Step),
+            waits_for: waits_for.map(Into::into),
+        };
+        assert_eq!(admitted, [expected], "{shown}");
+        rig.run(7);
+        rig.told.retain(|told| told.0 == 3);
+        assert_eq!(rig.told, [(3, 0, taken, '+')], "{shown}");
+    }
+}
+
+#[test]
+fn the_past_is_refused_and_nothing_is_taken() {
+    let mut rig = Rig::new(&[]);
+    rig.run(7);
+    let refused = rig.admit(vec![plus(1, Trigger::Now), plus(2, at(6))]);
+    let expected = "step 6 (0.6 s) is past: the run is at step 7 (0.7 s)";
+    assert_eq!(refused, Err(expected.into()));
+    assert_eq!(rig.each(2, |passed| passed.sample[0]), [7.0, 8.0]);
+    assert!(rig.layer.states().is_empty());
+}
+
+#[test]
+fn the_faults_of_one_request_take_hold_together() {
+    let mut rig = Rig::new(&[]);
+    rig.run(3);
+    let pair = [on(A, 1.0), on("measured.b_m", 2.0)];
+    let events = vec![
+        event(1, "plus", Trigger::Now, &pair),
+        event(2, "times", after(1, 0), &[on(A, 10.0)]),
+    ];
+    rig.admit(events).expect("they can be");
+    assert_eq!(rig.step().sample, [40.0, 12.0, 5.0]);
+    assert_eq!(rig.told, [(1, 0, 3, '+'), (1, 1, 3, '+'), (2, 0, 3, '+')]);
+}
+
+#[test]
+fn a_live_fault_is_the_scenarios_fault() {
+    let noisy = |id, trigger| event(id, "dice", trigger, &[on(A, 0.0), skewed(1, on(A, 0.0))]);
+    let mut scenario = Rig::new(&[noisy(1, at(4)), noisy(2, at(4))]);
+    let mut live = Rig::new(&[]);
+    let expected = scenario.run(9);
+    let mut found = live.run(3);
+    live.admit(vec![noisy(8, at(4))]).expect("it can be");
+    found.extend(live.run(1));
+    live.admit(vec![noisy(9, Trigger::Now)]).expect("it can be");
+    found.extend(live.run(5));
+    assert_eq!(found, expected);
+}
+
+#[test]
+fn cleared_faults_are_gone_from_the_next_step_on_and_it_is_told_of_each() {
+    for (id, ids, told) in [
+        (Some(1), vec![1], vec![(1, 0, 4, 'x')]),
+        (Some(2), vec![2], vec![(2, 0, 4, 'x'), (2, 1, 4, 'x')]),
+        (Some(3), vec![3], vec![(3, 0, 4, 'x')]),
+        (
+            None,
+            vec![1, 2, 3],
+            vec![
+                (1, 0, 4, 'x'),
+                (2, 0, 4, 'x'),
+                (2, 1, 4, 'x'),
+                (3, 0, 4, 'x'),
+            ],
+        ),
+        // One that is over, and one that is none.
+        (Some(4), vec![], vec![]),
+        (Some(5), vec![], vec![]),
+    ] {
+        let mut rig = Rig::new(&[
+            event(1, "x", at(1), &[moving(&[("gain", Operation::Add, 1.0)])]),
+            event(
+                2,
+                "plus",
+                at(1),
+                &[on(A, 1.0), skewed(5, on("measured.b_m", 1.0))],
+            ),
+            event(3, "lost", at(6), &[on("link.sample", 0.0)]),
+            until(
+                lasting(1),
+                event(4, "plus", at(1), &[on("reference.r_m", 1.0)]),
+            ),
+        ]);
+        rig.run(4);
+        rig.told.clear();
+        assert_eq!(rig.layer.clear(id, Step(4)), ids);
+        let passed = rig.run(4);
+        let (gone, struck) = (|number| ids.contains(&number), passed[3].sample[1]);
+        for (k, passed) in (4..).zip(&passed) {
+            assert_eq!(passed.parameters[1], if gone(1) { 10.0 } else { 11.0 });
+            assert_eq!(passed.retuned, gone(1) && k == 4);
+            let late = if gone(3) || k < 6 { 0 } else { k - 5 };
+            assert_eq!(passed.sample_age_steps, late);
+            let sent = f64::from(k - late) + if gone(2) { 0.0 } else { 1.0 };
+            assert_eq!(passed.sample[0], sent);
+        }
+        assert_eq!(struck, if gone(3) && !gone(2) { 11.0 } else { 10.0 });
+        rig.told.retain(|told| told.3 == 'x');
+        assert_eq!(rig.told, told, "{id:?}");
+        assert_eq!(rig.layer.clear(id, Step(8)), [0; 0], "all of it is gone");
+    }
+}
+
+#[test]
+fn what_follows_a_fault_that_was_cleared_in_time_never_takes_hold() {
+    let mut rig = Rig::new(&[plus(1, at(5)), plus(2, after(1, 1))]);
+    rig.run(2);
+    rig.layer.clear(Some(1), Step(2));
+    let refused = rig.admit(vec![plus(3, Trigger::Now), plus(4, after(1, 0))]);
+    let expected = "fault 1 ended before it took hold: nothing can follow it";
+    assert_eq!(refused, Err(expected.into()));
+    rig.run(8);
+    assert_eq!(rig.told, [(1, 0, 2, 'x')]);
+
+    // Once it has taken hold, what follows does so too.
+    let mut rig = Rig::new(&[plus(1, at(2)), plus(2, after(1, 3))]);
+    rig.run(3);
+    rig.layer.clear(Some(1), Step(3));
+    rig.run(5);
+    assert_eq!(rig.told, [(1, 0, 2, '+'), (1, 0, 3, 'x'), (2, 0, 5, '+')]);
+}
+
+#[test]
+fn the_states_tell_what_each_fault_does_and_waits_for() {
+    let live = FaultEvent {
+        source: FaultSource::Cli,
+        ..plus(5, at(9))
+    };
+    let mut rig = Rig::new(&[
+        until(lasting(1), plus(1, at(0))),
+        plus(2, at(1)),
+        event(3, "plus", at(2), &[skewed(4, on(A, 1.0))]),
+        plus(4, Trigger::Condition(when("sensed.a_m > 100", 1))),
+    ]);
+    rig.run(3);
+    rig.admit(vec![live, plus(6, after(4, 2))])
+        .expect("they can be");
+    let states: Vec<_> = rig
+        .layer
+        .states()
+        .into_iter()
+        .map(|state| {
+            (
+                state.id,
+                state.source,
+                state.state,
+                state.waits_for.unwrap_or_default(),
+            )
+        })
+        .collect();
+    let shown: Vec<_> = states
+        .iter()
+        .map(|(id, source, state, waits)| (*id, &source[..], &state[..], &waits[..]))
+        .collect();
+    assert_eq!(
+        shown,
+        [
+            (1, "scenario", "ended", ""),
+            (2, "scenario", "active", ""),
+            (3, "scenario", "waiting", "step 6"),
+            (4, "scenario", "waiting", "`sensed.a_m > 100` to hold"),
+            (5, "cli", "waiting", "step 9"),
+            (6, "scenario", "waiting", "2 steps after fault 4 takes hold"),
+        ]
+    );
+    assert_eq!(rig.layer.states()[1].effects[0].acted_steps, 2);
+}
