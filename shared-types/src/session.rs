@@ -435,6 +435,18 @@ pub fn list() -> Result<Vec<SessionInfo>, SessionError> {
         .collect())
 }
 
+/// The names of dead sessions that left something behind.
+///
+/// # Errors
+/// If their folder cannot be used.
+pub fn dead() -> Result<Vec<String>, SessionError> {
+    let all = AllSessions::lock()?;
+    let dead = (all.folders()?.into_iter()).filter(|folder| !is_live(folder));
+    Ok(dead
+        .filter_map(|folder| Some(folder.file_name()?.to_string_lossy().into_owned()))
+        .collect())
+}
+
 /// Removes what dead sessions left and returns their names. Live ones, also stopped, stay.
 ///
 /// # Errors
@@ -510,6 +522,7 @@ mod tests {
 
     #[test]
     fn a_sweep_removes_dead_sessions_and_leaves_live_ones() {
+        let dead_ones = || super::dead().expect("lists");
         let live = Session::create(None).expect("a session");
         let dead = Session::create(None).expect("a session");
         let info = dead.info().clone();
@@ -517,6 +530,8 @@ mod tests {
         let segment = Path::new(SHARED_MEMORY).join(format!("{}left", info.prefix));
         fs::write(&segment, "x").expect("writes");
         flock(&dead._lock, FlockOperation::Unlock).expect("unlocks");
+        assert!(dead_ones().contains(&info.name));
+        assert!(!dead_ones().contains(&live.info().name));
         sweep().expect("sweeps");
         assert!(!info.folder.exists() && !segment.exists());
         assert!(live.info().folder.exists());

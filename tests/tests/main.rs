@@ -5,6 +5,7 @@
 //! | [`architecture`] | packages, binaries and dependency arrows |
 //! | [`cli`] | bad input: a clear error, exit code 2, nothing started |
 //! | [`determinism`] | one digest, however and wherever a scenario runs |
+//! | [`doctor`] | every check once, and a verdict that follows |
 //! | [`examples`] | a plant and a controller from outside the workspace |
 //! | [`failures`] | deaths, stops and divergence: who, what, which step, and what is left |
 //! | [`faults`] | faults of scenarios in whole runs |
@@ -24,6 +25,7 @@
 mod architecture;
 mod cli;
 mod determinism;
+mod doctor;
 #[path = "../every_fault.rs"]
 mod every_fault;
 mod examples;

@@ -4,6 +4,7 @@
 
 pub mod clock;
 pub mod config;
+pub mod doctor;
 pub mod inject;
 pub mod recordings;
 pub mod run;
@@ -15,15 +16,16 @@ use clap_complete::Shell;
 
 use clock::{ClockArguments, StepArguments};
 use config::{ConfigArguments, SessionsArguments};
+use doctor::DoctorArguments;
 use inject::InjectArguments;
 use recordings::{CompareArguments, ScenarioCommand};
 use run::{RerunArguments, RunArguments};
 
 /// Hardware-in-the-loop runs of a plant and a controller in deterministic lockstep
 ///
-/// Exit codes: 0 pass; 1 a requirement failed, a run diverged or runs differ; 2 wrong usage or
-/// configuration, nothing was started; 3 a process died, a wait ran out, a disk is full; 130
-/// interrupted.
+/// Exit codes: 0 pass; 1 a requirement failed, a run diverged, runs differ or the machine is unfit
+/// for timing claims; 2 wrong usage or configuration, nothing was started; 3 a process died, a wait
+/// ran out, a disk is full; 130 interrupted.
 #[derive(Debug, Parser)]
 #[command(name = "hil", version)]
 pub struct CommandLine {
@@ -70,6 +72,9 @@ Examples:
     /// List the running sessions, or clean up after dead ones
     #[command(after_help = "Examples:\n  hil sessions\n  hil sessions --clean")]
     Sessions(SessionsArguments),
+    /// Say whether this machine is fit for timing claims, and what to change
+    #[command(after_help = doctor::EXAMPLES)]
+    Doctor(DoctorArguments),
     /// Print completions for a shell
     #[command(
         after_help = "Example:\n  hil completions bash > ~/.local/share/bash-completion/completions/hil"

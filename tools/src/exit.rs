@@ -8,7 +8,7 @@ use std::process::ExitCode;
 pub enum Exit {
     /// All as it should be.
     Pass = 0,
-    /// A requirement failed or a run diverged.
+    /// A requirement failed, a run diverged, runs differ, or a machine is unfit.
     Failed = 1,
     /// Wrong usage or configuration; nothing was started.
     Usage = 2,

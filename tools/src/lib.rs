@@ -15,7 +15,8 @@
 //! finds where two runs differ, [`repetition`] makes the scenario that repeats one, live faults
 //! included, and [`rerun`] runs that.
 //!
-//! [`config`] and [`sessions`] are the commands around it, [`folder`] is where a run is written,
+//! [`doctor`] judges the machine that it all runs on. [`config`] and [`sessions`] are the commands
+//! around it, [`folder`] is where a run is written,
 //! [`duration`] how times are typed, [`output`] and [`interruption`] are its ways to and from the
 //! terminal. Nothing here runs on the loop.
 
@@ -26,6 +27,7 @@ pub mod cli;
 pub mod clock;
 pub mod compare;
 pub mod config;
+pub mod doctor;
 pub mod duration;
 pub mod exit;
 pub mod faults;
@@ -73,6 +75,7 @@ pub fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
         },
         Command::Config(arguments) => config::config(arguments),
         Command::Sessions(arguments) => sessions::sessions(arguments),
+        Command::Doctor(arguments) => doctor::doctor(arguments),
         Command::Completions { shell } => {
             output::write(&cli::completions(*shell))?;
             Ok(Exit::Pass)

@@ -22,7 +22,7 @@ use crate::recorder::{Recorded, RecordingPlan};
 use crate::recording::{Enclosure, Provenance};
 use crate::run_reader::RECORDING;
 use crate::summary::Summary;
-use crate::{config, folder, output};
+use crate::{config, doctor, folder, output};
 
 /// What both ways of running need.
 struct Prepared {
@@ -330,6 +330,9 @@ fn provenance(
     fact("machine", host.machine().to_string_lossy().into_owned());
     let cores = std::thread::available_parallelism().map_or(0, std::num::NonZero::get);
     fact("cores", cores.to_string());
+    for (name, finding) in doctor::facts() {
+        fact(&name, finding);
+    }
     let started = humantime::format_rfc3339_millis(std::time::SystemTime::now());
     fact("started_utc", started.to_string());
     let json = |value: &shared_types::describe::Description| {

@@ -1,0 +1,200 @@
+//! The doctor on this machine, whatever it is: every check once, and an exit code that follows from
+//! the grades.
+
+use std::collections::BTreeSet;
+
+use serde_json::Value;
+
+use crate::harness::{Rig, Run, until};
+use crate::mcap_reader::Recording;
+
+/// What is read, whether or not something is measured.
+const READ: [&str; 18] = [
+    "clock_source",
+    "cores",
+    "governor",
+    "huge_pages",
+    "idle_states",
+    "interrupts",
+    "isolation",
+    "load",
+    "locked_memory",
+    "preemption",
+    "priority",
+    "quota",
+    "sessions",
+    "shared_memory",
+    "smt",
+    "swap",
+    "throttling",
+    "virtualisation",
+];
+const MEASURED: [&str; 4] = ["gaps", "ping_pong", "wake_up_idle", "wake_up_loaded"];
+
+/// A report that holds these checks, each once, and nothing that does not follow from them.
+#[track_caller]
+fn report(run: &Run, expected: &[&str]) -> Value {
+    let report: Value = serde_json::from_str(&run.stdout).expect("the report is JSON");
+    let checks = report["checks"].as_array().expect("checks");
+    let word = |check: &Value, key: &str| check[key].as_str().expect(key).to_owned();
+    let mut names: Vec<String> = checks.iter().map(|check| word(check, "check")).collect();
+    names.sort();
+    let mut expected = expected.to_vec();
+    expected.sort_unstable();
+    assert_eq!(names, expected);
+    let mut grades = BTreeSet::new();
+    for check in checks {
+        let grade = word(check, "grade");
+        assert!(!word(check, "found").is_empty(), "{check}");
+        assert!(!word(check, "why").is_empty(), "{check}");
+        assert!(grade != "good" || check["mend"].is_null(), "{check}");
+        grades.insert(grade);
+    }
+    let known = ["fair", "good", "poor", "unknown"].map(str::to_owned);
+    assert!(grades.is_subset(&known.into()), "{grades:?}");
+    let (verdict, code) = match grades.contains("poor") {
+        true => ("unfit", 1),
+        false => ("fit", 0),
+    };
+    assert_eq!(report["verdict"], verdict);
+    assert_eq!(run.code, Some(code), "{}", run.stderr);
+    report
+}
+
+fn finding<'a>(report: &'a Value, name: &str) -> &'a Value {
+    let checks = report["checks"].as_array().expect("checks");
+    let found = checks.iter().find(|check| check["check"] == name);
+    found.unwrap_or_else(|| panic!("no {name} in {report}"))
+}
+
+#[test]
+fn a_quick_look_tells_of_every_check_once_and_measures_nothing() {
+    let rig = Rig::new();
+    let run = rig.hil(&["doctor", "--quick", "--json"]);
+    let report = report(&run, &READ);
+    assert_eq!(run.stderr, "", "nothing takes long enough to be told");
+    for key in ["seconds", "class"] {
+        assert!(report[key].is_null(), "{key}");
+    }
+    for check in report["checks"].as_array().expect("checks") {
+        assert!(check["measured"].is_null(), "{check}");
+    }
+    let online = std::fs::read_to_string("/sys/devices/system/cpu/online").expect("cores");
+    assert_eq!(report["online_cores"], online.trim());
+}
+
+#[test]
+fn what_is_measured_holds_together() {
+    let rig = Rig::new();
+    let run = rig.hil(&["doctor", "--seconds", "0.1", "--json"]);
+    let report = report(&run, &[&READ[..], &MEASURED].concat());
+    assert_eq!(report["seconds"], 0.1);
+    let cores = report["cores"].as_array().expect("cores").len();
+    for (name, figures, cores_needed) in [
+        ("wake_up_idle", "lateness_ns", 1),
+        ("wake_up_loaded", "lateness_ns", 1),
+        ("ping_pong", "round_trip_ns", 2),
+    ] {
+        let finding = finding(&report, name);
+        if finding["grade"] == "unknown" || cores < cores_needed {
+            continue; // a load at real-time priority, one core: told, not measured
+        }
+        let figures = &finding["measured"][figures];
+        let of = |key: &str| figures[key].as_u64().expect(key);
+        assert!(of("count") > 0, "{finding}");
+        assert!(
+            of("p50") <= of("p99") && of("p99") <= of("max"),
+            "{finding}"
+        );
+    }
+    let gaps = &finding(&report, "gaps")["measured"];
+    assert_eq!(gaps["cores"].as_array().map(Vec::len), Some(cores));
+    for core in gaps["cores"].as_array().expect("cores") {
+        let of = |key: &str| core[key].as_u64().expect(key);
+        assert!(of("watched_ns") >= 100_000_000, "{core}");
+        assert!(of("longest_ns") <= of("lost_ns"), "{core}");
+        assert!(of("lost_ns") <= of("watched_ns"), "{core}");
+    }
+    for measured in ["wake-ups", "holes", "under load"] {
+        assert!(run.stderr.contains(measured), "{}", run.stderr);
+    }
+}
+
+#[test]
+fn a_person_reads_every_check_and_the_verdict_in_plain_text() {
+    let rig = Rig::new();
+    let run = rig.hil(&["doctor", "--quick"]);
+    assert!(!run.stdout.contains('\x1b'), "colours without a terminal");
+    let row = |line| {
+        let (grade, rest) = str::split_once(line, ' ')?;
+        let check = rest.split_ascii_whitespace().next()?;
+        ["good", "fair", "poor", "unknown"]
+            .contains(&grade)
+            .then_some(check)
+    };
+    let mut rows: Vec<&str> = run.stdout.lines().filter_map(row).collect();
+    rows.sort_unstable();
+    assert_eq!(rows, READ, "{}", run.stdout);
+    let verdict = match run.code {
+        Some(0) => "\nfit for timing claims\n",
+        Some(1) => "\nunfit for timing claims: ",
+        other => panic!("{other:?}\n{}", run.stderr),
+    };
+    assert!(run.stdout.contains(verdict), "{}", run.stdout);
+}
+
+#[test]
+fn cores_that_are_not_there_are_refused() {
+    let rig = Rig::new();
+    for (arguments, fragment) in [
+        (["doctor", "--cores", "0,99999"], "no core 99999"),
+        (["doctor", "--cores", "0,0"], "two different cores"),
+        (["doctor", "--cores", "0"], "two different cores"),
+        (["doctor", "--seconds", "0"], "from 0.1 to 3600 s"),
+    ] {
+        let run = rig.hil(&arguments).expect(2).says(&[fragment]);
+        assert_eq!(run.stdout, "", "{arguments:?}");
+    }
+}
+
+#[test]
+fn a_dead_session_is_named_and_left_alone() {
+    let rig = Rig::alone();
+    let running = rig.start("tests/scenarios/leakage.toml --set run.duration_s=1000");
+    let children = running.children();
+    running.kill();
+    until("both processes end by themselves", || {
+        children.iter().all(|child| !child.is_alive())
+    });
+    let run = rig.beside(&["doctor", "--quick", "--json"]);
+    let report = report(&run, &READ);
+    let sessions = finding(&report, "sessions");
+    let found = sessions["found"].as_str().expect("found");
+    assert!(found.contains("dead: ") && found.contains(rig.session()));
+    assert_eq!(sessions["mend"], "hil sessions --clean");
+    assert!(rig.session_folder().exists(), "the doctor removes nothing");
+    rig.hil(&["sessions", "--clean"]).expect(0);
+}
+
+#[test]
+fn a_recording_keeps_what_the_doctor_read() {
+    let rig = Rig::new();
+    let run = rig
+        .run("scenarios/spring-mass.toml --set metrics=[]")
+        .expect(0);
+    let metadata = Recording::open(&run.recording()).metadata();
+    let facts = &metadata["hil.run"];
+    for check in READ {
+        // The run is itself a session, and would find itself.
+        if check == "sessions" {
+            continue;
+        }
+        let fact = &facts[&format!("doctor_{check}")];
+        let (grade, found) = fact.split_once(": ").expect("grade and finding");
+        assert!(
+            ["good", "fair", "poor", "unknown"].contains(&grade),
+            "{fact}"
+        );
+        assert!(!found.is_empty(), "{check}");
+    }
+}
