@@ -201,7 +201,9 @@ fn schema(layout: &RecordLayout) -> String {
         let _ = writeln!(nested, "{RULER}\nMSG: hil_msgs/{message}");
         for field in fields {
             let told = field.description.replace('\n', " ");
-            let _ = writeln!(nested, "float64 {} # [{}] {told}", field.name, field.unit);
+            // Groups of parameters have a dot, which the names of this language may not.
+            let name = field.name.replace('.', "_");
+            let _ = writeln!(nested, "float64 {name} # [{}] {told}", field.unit);
         }
     }
     for name in Timing::NAMES {
