@@ -6,12 +6,13 @@
 
 use shared_types::clock::monotonic_ns;
 use shared_types::describe::{Invalid, LawDescription, PROTOCOL};
-use shared_types::directive::Directive;
+use shared_types::directive::{Answered, Directive};
 use shared_types::frame::{FrameKind, Header};
 use shared_types::hello::{Control, Hello, Welcome};
 use shared_types::layout::SignalKind;
 use shared_types::link::{FrameSpec, Link, LinkError};
 use shared_types::lockstep::{Abort, ControllerAction, ControllerEvent, ControllerSide};
+use shared_types::surroundings::Lookout;
 use shared_types::table::Field;
 use shared_types::time::Step;
 
@@ -75,6 +76,12 @@ struct Bound {
     late_until: Option<Step>,
     /// What is sent then.
     late: Vec<f64>,
+    /// The step of the last answer, and which were answered before it.
+    last: Option<Step>,
+    answered: Answered,
+    lookout: Lookout,
+    /// When the last answer was sent; before the first, when this was made.
+    sent_ns: u64,
 }
 
 /// The steps whose samples the command was made of: of the last answer, of the one before, of the
@@ -273,6 +280,10 @@ impl<'a, L: Link> Runner<'a, L> {
             },
             late_until: None,
             late: vec![0.0; welcome.command.len()],
+            last: None,
+            answered: Answered::default(),
+            lookout: Lookout::default(),
+            sent_ns: monotonic_ns(),
         })
     }
 
@@ -284,9 +295,12 @@ impl<'a, L: Link> Runner<'a, L> {
         ) {
             (ControllerAction::Answer(step), Some(bound)) => {
                 let age_steps = bound.answer(step, header, &self.job);
+                let answered_ns = monotonic_ns();
                 let answer = Header {
                     time_ns: header.time_ns,
-                    work_ns: monotonic_ns() - received_ns,
+                    work_ns: answered_ns - received_ns,
+                    directive: bound.note(step).to_wire(),
+                    surroundings: bound.look(answered_ns),
                     age_steps,
                     ..Header::new(FrameKind::Command, step)
                 };
@@ -327,13 +341,29 @@ impl Bound {
                 self.frame.copy_from_slice(&self.late);
                 self.made.frame = self.made.late;
             }
-            None => self.look(step, header, job),
+            None => self.take(step, header, job),
         }
         (step.0 as i64 - self.made.frame) as u32
     }
 
-    /// Looks at a sample and at what its header says about timing.
-    fn look(&mut self, step: Step, header: &Header, job: &Job) {
+    /// Notes that a step is answered; gives which were before.
+    fn note(&mut self, step: Step) -> Answered {
+        if let Some(last) = self.last {
+            self.answered = self.answered.then((step.0 - last.0) as u32);
+        }
+        self.last = Some(step);
+        self.answered
+    }
+
+    /// What happened to this thread, as one word.
+    fn look(&mut self, answered_ns: u64) -> u64 {
+        let cycle_ns = answered_ns - self.sent_ns;
+        self.sent_ns = answered_ns;
+        self.lookout.after(cycle_ns)
+    }
+
+    /// Takes a sample and what its header says about timing.
+    fn take(&mut self, step: Step, header: &Header, job: &Job) {
         let commands = self.previous.len();
         self.previous.copy_from_slice(&self.answer[..commands]);
         self.made.previous = self.made.answer;

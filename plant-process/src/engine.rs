@@ -17,6 +17,7 @@ use shared_types::lockstep::{Abort, AbortCode, PlantAction, PlantEvent, PlantSid
 use shared_types::pacer::Pacer;
 use shared_types::record::{Event, FaultAccepted, Outcome, RecordLayout, RunEnd, Timing};
 use shared_types::stream::RecordSink;
+use shared_types::surroundings::Lookout;
 use shared_types::table::Field;
 use shared_types::time::{Interval, Step};
 
@@ -69,6 +70,7 @@ pub struct Engine<L, S> {
     ending: Option<Step>,
     timing: Timing,
     sample_age_steps: u32,
+    lookout: Lookout,
     sent_ns: u64,
     executed: u64,
     end: Option<RunEnd>,
@@ -133,6 +135,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             ending: None,
             timing: Timing::default(),
             sample_age_steps: 0,
+            lookout: Lookout::default(),
             sent_ns: 0,
             executed: 0,
             end: None,
@@ -292,6 +295,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                     work_ns: self.timing.plant_ns,
                     directive: directive.to_wire(),
                     age_steps: self.sample_age_steps,
+                    surroundings: self.timing.plant_surroundings,
                     invalid: self.rows.invalid,
                     ..Header::new(FrameKind::Sample, step)
                 };
@@ -515,15 +519,21 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
 
     /// Writes down the record of a step; it is published while the controller works on the next.
     fn note_record(&mut self, step: Step, header: &Header, age_steps: u32, received_ns: u64) {
+        let round_trip_ns = received_ns - self.sent_ns;
         self.timing = Timing {
             time_ns: self.job.run.rate.nanoseconds(step),
             epoch: u64::from(header.epoch),
             sample_age_steps: u64::from(self.sample_age_steps),
             command_age_steps: u64::from(age_steps),
             published_ns: received_ns,
-            round_trip_ns: received_ns - self.sent_ns,
+            round_trip_ns,
             controller_ns: header.work_ns,
             plant_ns: self.timing.plant_ns,
+            late_ns: 0,
+            held_steps: 0,
+            answered: header.directive,
+            plant_surroundings: self.lookout.after(round_trip_ns + self.timing.plant_ns),
+            controller_surroundings: header.surroundings,
         };
         self.rows.write_record(step, header, &self.timing);
         self.pending = true;
