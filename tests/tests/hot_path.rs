@@ -16,7 +16,7 @@ use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{Link, in_process};
 use shared_types::session::Session;
 use shared_types::stream::iceoryx::{IceoryxSink, IceoryxSource};
-use shared_types::stream::{self, Item, RecordSink, RecordSource};
+use shared_types::stream::{self, Item, Owed, RecordSink, RecordSource};
 
 use crate::harness::Rig;
 use crate::mcap_reader::Recording;
@@ -202,6 +202,7 @@ fn jobs(session: u64) -> (plant_process::job::Job, controller_process::job::Job)
         stimuli: plan.stimuli,
         faults: plan.faults,
         derived: plan.derived.iter().map(derived).collect(),
+        missed: Vec::new(),
         pause_at_s: None,
         observed: true,
         wait_limit_s: 5.0,
@@ -279,7 +280,7 @@ fn over_shared_memory_the_loan_of_a_record_is_the_only_allocation_of_a_step() {
     let info = session.info();
     let plant = IceoryxLink::create(info).expect("a link");
     let controller = IceoryxLink::open(info).expect("a link");
-    let sink = IceoryxSink::create(info, true).expect("a stream");
+    let sink = IceoryxSink::create(info, Owed::Everything).expect("a stream");
     let source = IceoryxSource::open(info, true).expect("a stream");
     let allocations = allocations_in(2000, info.id, (plant, controller), (sink, source));
     assert_eq!(allocations, 2000);
