@@ -6,12 +6,13 @@
 
 use shared_types::clock::monotonic_ns;
 use shared_types::describe::{Invalid, LawDescription, PROTOCOL};
-use shared_types::directive::Directive;
+use shared_types::directive::{Answered, Directive};
 use shared_types::frame::{FrameKind, Header};
 use shared_types::hello::{Control, Hello, Welcome};
 use shared_types::layout::SignalKind;
 use shared_types::link::{FrameSpec, Link, LinkError};
 use shared_types::lockstep::{Abort, ControllerAction, ControllerEvent, ControllerSide};
+use shared_types::surroundings::Lookout;
 use shared_types::table::Field;
 use shared_types::time::Step;
 
@@ -75,6 +76,12 @@ struct Bound {
     late_until: Option<Step>,
     /// What is sent then.
     late: Vec<f64>,
+    /// The step of the last answer, and which were answered before it.
+    last: Option<Step>,
+    answered: Answered,
+    lookout: Lookout,
+    /// When the last answer was sent; before the first, when this was made.
+    sent_ns: u64,
 }
 
 /// The steps whose samples the command was made of: of the last answer, of the one before, of the
@@ -273,6 +280,10 @@ impl<'a, L: Link> Runner<'a, L> {
             },
             late_until: None,
             late: vec![0.0; welcome.command.len()],
+            last: None,
+            answered: Answered::default(),
+            lookout: Lookout::default(),
+            sent_ns: monotonic_ns(),
         })
     }
 
@@ -284,9 +295,13 @@ impl<'a, L: Link> Runner<'a, L> {
         ) {
             (ControllerAction::Answer(step), Some(bound)) => {
                 let age_steps = bound.answer(step, header, &self.job);
+                let is_seen = !Directive::from_wire(header.directive).unseen;
+                let answered_ns = monotonic_ns();
                 let answer = Header {
                     time_ns: header.time_ns,
-                    work_ns: monotonic_ns() - received_ns,
+                    work_ns: answered_ns - received_ns,
+                    directive: bound.note(step, is_seen).to_wire(),
+                    surroundings: bound.look(answered_ns),
                     age_steps,
                     ..Header::new(FrameKind::Command, step)
                 };
@@ -321,23 +336,43 @@ impl Bound {
     /// Fills the frame that answers a sample; gives the age of its command in steps.
     fn answer(&mut self, step: Step, header: &Header, job: &Job) -> u32 {
         match self.late_until {
+            _ if Directive::from_wire(header.directive).unseen => {}
             Some(due) if step < due => {}
             Some(_) => {
                 self.late_until = None;
                 self.frame.copy_from_slice(&self.late);
                 self.made.frame = self.made.late;
             }
-            None => self.look(step, header, job),
+            None => self.take(step, header, job),
         }
         (step.0 as i64 - self.made.frame) as u32
     }
 
-    /// Looks at a sample and at what its header says about timing.
-    fn look(&mut self, step: Step, header: &Header, job: &Job) {
+    /// Notes that a step is answered, if its sample was seen; gives which were before.
+    fn note(&mut self, step: Step, is_seen: bool) -> Answered {
+        if !is_seen {
+            return self.answered;
+        }
+        if let Some(last) = self.last {
+            self.answered = self.answered.then((step.0 - last.0) as u32);
+        }
+        self.last = Some(step);
+        self.answered
+    }
+
+    /// What happened to this thread, as one word.
+    fn look(&mut self, answered_ns: u64) -> u64 {
+        let cycle_ns = answered_ns - self.sent_ns;
+        self.sent_ns = answered_ns;
+        self.lookout.after(cycle_ns)
+    }
+
+    /// Takes a sample and what its header says about timing.
+    fn take(&mut self, step: Step, header: &Header, job: &Job) {
         let commands = self.previous.len();
         self.previous.copy_from_slice(&self.answer[..commands]);
         self.made.previous = self.made.answer;
-        if step.0.is_multiple_of(u64::from(job.rate_divisor)) {
+        if self.is_due(step, job) {
             self.run_law(step, header, job);
             self.made.answer = step.0 as i64;
         }
@@ -362,6 +397,12 @@ impl Bound {
         }
     }
 
+    /// Whether the law runs: at the first sample of each period that it gets.
+    fn is_due(&self, step: Step, job: &Job) -> bool {
+        let period = |step: Step| step.0 / u64::from(job.rate_divisor);
+        self.last.is_none_or(|last| period(step) != period(last))
+    }
+
     fn run_law(&mut self, step: Step, header: &Header, job: &Job) {
         let mut valid = true;
         for (value, place) in self.measured.iter_mut().zip(&self.measured_places) {
@@ -377,6 +418,7 @@ impl Bound {
             measured: &self.measured,
             reference: &self.reference,
             valid,
+            held_steps: header.held_steps,
         };
         let (command, internals) = self.answer.split_at_mut(self.previous.len());
         self.law.step(&row, command, internals);

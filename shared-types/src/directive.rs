@@ -1,23 +1,29 @@
-//! What a fault of timing tells a controller's runner in the header of a sample.
-//!
-//! Written by the plant's engine, obeyed by the runner; a law never sees it. The word is 0 as long
-//! as there is nothing to obey.
+//! What the plant's engine and the controller's runner tell each other about timing in the headers
+//! of frames; a law never sees it.
 
-/// What the runner is to do with one sample.
+use crate::time::Step;
+
+/// What the runner is to do with one sample: what a fault of timing asks for, or what happened in
+/// the run that is repeated. 0 as long as there is nothing to obey.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Directive {
     /// Busy for so long before it answers, in ns; at most 4.29 s.
     pub busy_ns: u32,
     /// The command of this sample takes effect so many steps later. Until then the last command is
-    /// sent again, and no sample is looked at.
+    /// sent again, and no sample is looked at. At most 2^31 - 1.
     pub late_steps: u32,
+    /// In the run that is repeated this sample was not received: what was sent last is sent again.
+    pub unseen: bool,
 }
+
+const UNSEEN: u64 = 1 << 63;
 
 impl Directive {
     /// The word in the header.
     #[must_use]
     pub const fn to_wire(self) -> u64 {
-        (self.late_steps as u64) << 32 | self.busy_ns as u64
+        let unseen = if self.unseen { UNSEEN } else { 0 };
+        unseen | (self.late_steps as u64) << 32 & !UNSEEN | self.busy_ns as u64
     }
 
     /// What a word in a header says.
@@ -25,7 +31,59 @@ impl Directive {
     pub const fn from_wire(word: u64) -> Self {
         Self {
             busy_ns: word as u32,
-            late_steps: (word >> 32) as u32,
+            late_steps: ((word & !UNSEEN) >> 32) as u32,
+            unseen: word & UNSEEN != 0,
+        }
+    }
+}
+
+/// Which samples a controller answered before the one that a command answers.
+///
+/// In lockstep it answers every sample. Against the clock it may miss some, and some of its commands
+/// may be replaced before the plant has seen them, never more than two in a row: one that was in
+/// work when the plant looked, and one for each sample since. So the last two answers before a
+/// command complete the list of all.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Answered {
+    /// How many steps before; 0 for never.
+    pub last_steps: u32,
+    /// How many steps before that; 0 for never.
+    pub last_but_one_steps: u32,
+}
+
+impl Answered {
+    /// The word in the header.
+    #[must_use]
+    pub const fn to_wire(self) -> u64 {
+        (self.last_but_one_steps as u64) << 32 | self.last_steps as u64
+    }
+
+    /// What a word in a header says.
+    #[must_use]
+    pub const fn from_wire(word: u64) -> Self {
+        Self {
+            last_steps: word as u32,
+            last_but_one_steps: (word >> 32) as u32,
+        }
+    }
+
+    /// The steps answered before a command, the latest first.
+    pub fn steps(self, command: Step) -> impl Iterator<Item = Step> {
+        let before = |step: Step, steps: u32| {
+            let before = step.0.checked_sub(u64::from(steps)).map(Step);
+            before.filter(|_| steps > 0)
+        };
+        let last = before(command, self.last_steps);
+        let last_but_one = last.and_then(|last| before(last, self.last_but_one_steps));
+        last.into_iter().chain(last_but_one)
+    }
+
+    /// What the next command says, which answers a sample so many steps after this one.
+    #[must_use]
+    pub const fn then(self, steps: u32) -> Self {
+        Self {
+            last_steps: steps,
+            last_but_one_steps: self.last_steps,
         }
     }
 }
@@ -35,10 +93,25 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_command_tells_the_two_answers_before_it() {
+        let told = |answered: Answered, at| {
+            let answered = Answered::from_wire(answered.to_wire());
+            (answered.steps(Step(at)).map(|step| step.0)).collect::<Vec<_>>()
+        };
+        let first = Answered::default();
+        assert!(told(first, 0).is_empty());
+        let second = first.then(3);
+        assert_eq!(told(second, 3), [0]);
+        assert_eq!(told(second.then(4), 7), [3, 0]);
+        assert_eq!(told(second.then(4).then(1), 8), [7, 3]);
+    }
+
+    #[test]
     fn a_directive_survives_the_wire() {
         let directive = Directive {
             busy_ns: u32::MAX,
             late_steps: 7,
+            unseen: true,
         };
         assert_eq!(Directive::from_wire(directive.to_wire()), directive);
         assert_eq!(Directive::default().to_wire(), 0);

@@ -18,7 +18,7 @@ pub const VALIDITY_WORDS: usize = MAX_SIGNALS / 64;
 
 /// What a frame is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[repr(u32)]
+#[repr(u16)]
 pub enum FrameKind {
     /// Plant to controller: measured and reference signals of a step.
     Sample = 1,
@@ -37,7 +37,7 @@ pub enum FrameKind {
 impl FrameKind {
     /// The kind of a number on the wire.
     #[must_use]
-    pub const fn from_wire(number: u32) -> Option<Self> {
+    pub const fn from_wire(number: u16) -> Option<Self> {
         Some(match number {
             1 => Self::Sample,
             2 => Self::Command,
@@ -50,7 +50,7 @@ impl FrameKind {
     }
 }
 
-/// The header of a frame: 144 bytes, little-endian, no padding.
+/// The header of a frame: 152 bytes, little-endian, no padding.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout, ZeroCopySend,
 )]
@@ -68,16 +68,23 @@ pub struct Header {
     pub time_ns: u64,
     /// Time that the sender spent on this frame's content, in ns of the monotonic clock.
     pub work_ns: u64,
-    /// For the receiver's runner, never for a law; the reason in an abort.
+    /// In a sample what the controller's runner is to do, never for a law
+    /// ([`Directive`](crate::directive::Directive)); in a command which samples were answered before
+    /// it ([`Answered`](crate::directive::Answered)); in an abort the reason.
     pub directive: u64,
+    /// What happened to the sender's thread ([`Surroundings`](crate::surroundings::Surroundings)).
+    pub surroundings: u64,
     /// Which controller of the session: 1 for the first, one more for each that replaces it.
     pub epoch: u32,
-    /// [`FrameKind`] as a number.
-    pub kind: u32,
     /// How many steps ago the content was made.
     pub age_steps: u32,
+    /// In a sample: for how many steps the plant has been holding the command that it applied last,
+    /// because a newer one missed its deadline; 0 while the controller is in time.
+    pub held_steps: u32,
+    /// [`FrameKind`] as a number.
+    pub kind: u16,
     /// Number of values that mean something; the rest is zero.
-    pub count: u32,
+    pub count: u16,
     /// Bit `i % 64` of word `i / 64` set: signal `i` is invalid.
     pub invalid: [u64; VALIDITY_WORDS],
     /// xxh3-64 over the values, seeded with the xxh3-64 of all above.
@@ -98,9 +105,11 @@ impl Header {
             time_ns: 0,
             work_ns: 0,
             directive: 0,
+            surroundings: 0,
             epoch: 0,
-            kind: kind as u32,
             age_steps: 0,
+            held_steps: 0,
+            kind: kind as u16,
             count: 0,
             invalid: [0; VALIDITY_WORDS],
             check_sum: 0,
@@ -218,7 +227,7 @@ impl<const N: usize> Frame<N> {
                 session: seal.session,
                 layout: seal.layout,
                 epoch: seal.epoch,
-                count: values.len() as u32,
+                count: values.len() as u16,
                 ..*header
             },
             values: [0.0; N],
@@ -333,7 +342,7 @@ mod tests {
     #[test]
     fn every_single_flipped_bit_is_found() {
         let frame = frame(&[1.0, -2.0, 3.5]);
-        assert_eq!(frame.bits(), 8 * (144 + 24));
+        assert_eq!(frame.bits(), 8 * (152 + 24));
         for bit in 0..frame.bits() {
             let mut broken = frame;
             broken.flip(bit);

@@ -37,6 +37,7 @@ pub mod record;
 pub mod session;
 pub mod stream;
 pub mod supervision;
+pub mod surroundings;
 pub mod table;
 pub mod time;
 pub mod wait;

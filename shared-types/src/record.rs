@@ -11,7 +11,7 @@
 //! | one for each 64 command signals, at least 1 | invalid bits of commands and internals |
 //! | truth, measured, reference, command, applied, internal | `f64` each |
 //! | sensed, stimulus, parameter | `f64` each, outside the digest |
-//! | 8 | [`Timing`], outside the digest |
+//! | 13 | [`Timing`], outside the digest |
 //!
 //! `measured` and `reference` are what the controller got, faults of signals and of the link
 //! included; `sensed` and `stimulus` are the same signals before any fault. `command` is what the
@@ -22,10 +22,11 @@ use serde::{Deserialize, Serialize};
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
 use crate::frame::VALIDITY_WORDS;
+use crate::pacer::Streaks;
 use crate::table::Field;
 
 /// Version of records and of the recording made of them.
-pub const RECORD_VERSION: u32 = 2;
+pub const RECORD_VERSION: u32 = 3;
 
 /// The groups of signals in a record, in order; also the prefixes in expressions. The digest covers
 /// the first [`HASHED_GROUPS`].
@@ -80,12 +81,23 @@ pub struct Timing {
     pub command_age_steps: u64,
     /// Monotonic clock when the record was made, in ns.
     pub published_ns: u64,
-    /// From sending the sample to having its command, in ns.
+    /// From sending the sample to having its command, in ns; of a command that came late from when
+    /// its sample was due, and 0 where none came.
     pub round_trip_ns: u64,
     /// The controller's part of that, in ns by its own clock.
     pub controller_ns: u64,
     /// The plant's integration of the step before, in ns.
     pub plant_ns: u64,
+    /// How much later than due the sample was sent, in ns; 0 where nothing is due.
+    pub late_ns: u64,
+    /// How many steps before this one the command was sent that was applied: 0 unless it was missed.
+    pub held_steps: u64,
+    /// Which samples were answered before that command ([`Answered`](crate::directive::Answered)).
+    pub answered: u64,
+    /// What happened to the plant's thread ([`Surroundings`](crate::surroundings::Surroundings)).
+    pub plant_surroundings: u64,
+    /// What happened to the controller's thread.
+    pub controller_surroundings: u64,
 }
 
 impl Timing {
@@ -99,6 +111,11 @@ impl Timing {
         "round_trip_ns",
         "controller_ns",
         "plant_ns",
+        "late_ns",
+        "held_steps",
+        "answered",
+        "plant_surroundings",
+        "controller_surroundings",
     ];
     /// Number of words.
     pub const WORDS: usize = size_of::<Self>() / size_of::<u64>();
@@ -265,6 +282,12 @@ pub struct RunEnd {
     pub rejected_frames: u64,
     /// What became of each effect of each fault, also of those that never took hold.
     pub effects: Vec<FaultEffectSize>,
+    /// Steps that were due before the step before them was done; none in lockstep.
+    #[serde(default)]
+    pub overruns: Streaks,
+    /// Steps whose command missed its deadline, or did in the run that was repeated.
+    #[serde(default)]
+    pub missed_commands: Streaks,
 }
 
 /// What became of one effect of a fault.
@@ -333,7 +356,7 @@ mod tests {
         assert_eq!(layout.values_start(), 1 + 2 + 1);
         assert_eq!(layout.values(), 3 + 60 + 5 + 2 + 2 + 1 + 60 + 5 + 4);
         assert_eq!(layout.hashed_words(), 4 + 73);
-        assert_eq!(layout.words(), 4 + 142 + 8);
+        assert_eq!(layout.words(), 4 + 142 + 13);
     }
 
     #[test]
@@ -345,7 +368,11 @@ mod tests {
         *words.last_mut().expect("long enough") = 99;
         let view = layout.view(&words);
         assert_eq!(
-            (view.step, view.values[0], view.timing.plant_ns),
+            (
+                view.step,
+                view.values[0],
+                view.timing.controller_surroundings
+            ),
             (42, 1.5, 99)
         );
         assert_eq!(view.hashed.len(), layout.hashed_words());
@@ -359,6 +386,8 @@ mod tests {
             reason: None,
             rejected_frames: 0,
             effects: vec![],
+            overruns: Streaks::default(),
+            missed_commands: Streaks::default(),
         });
         let text = serde_json::to_string(&event).expect("serialises");
         assert_eq!(serde_json::from_str::<Event>(&text).expect("parses"), event);

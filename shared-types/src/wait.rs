@@ -37,6 +37,12 @@ impl WaitLimit {
         }
     }
 
+    /// The limit in ns.
+    #[must_use]
+    pub const fn ns(self) -> u64 {
+        self.ns
+    }
+
     /// The limit in ms.
     #[must_use]
     pub const fn ms(self) -> u64 {
@@ -103,6 +109,18 @@ impl Waiter {
             _ => std::thread::sleep(LONG_NAP),
         }
         false
+    }
+}
+
+impl Waiter {
+    /// Waits a moment before the next poll, never beyond this time of the monotonic clock.
+    pub fn pause_until(&mut self, deadline_ns: u64) {
+        if self.polls < self.spins {
+            self.polls += 1;
+            std::hint::spin_loop();
+        } else if monotonic_ns() < deadline_ns {
+            std::thread::yield_now();
+        }
     }
 }
 

@@ -81,7 +81,7 @@ impl Link for InProcessLink {
             layout: seal.layout,
             epoch: seal.epoch,
             sequence: self.sequence,
-            count: values.len() as u32,
+            count: values.len() as u16,
             ..*header
         });
         mailbox.values.clear();

@@ -160,7 +160,7 @@ fn turns<S: RecordSink>(
                     engine.recorder_late()?;
                 }
             }
-            engine::Progress::Controller => {
+            engine::Progress::Controller | engine::Progress::ControllerUntil(_) => {
                 // It had its turn; if nothing comes all the same, one of them is broken.
                 if waiter.pause() {
                     engine.interrupt(&PlantEvent::Deadline(limit.ms()))?;

@@ -1,3 +1,4 @@
+use shared_types::pacer::Streaks;
 use shared_types::record::{FaultTaken, Outcome, RecordLayout, RunEnd, Timing};
 use shared_types::table::Field;
 
@@ -84,6 +85,8 @@ fn a_recording_reads_back_as_it_was_written() {
         reason: None,
         rejected_frames: 0,
         effects: vec![],
+        overruns: Streaks::default(),
+        missed_commands: Streaks::default(),
     });
     let contents = [
         Content::Record(record(0, 0.5, 2.0)),

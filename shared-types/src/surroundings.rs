@@ -1,0 +1,161 @@
+//! What happened to a thread while it worked: on which core it ran, how often it was switched out,
+//! how many pages it faulted in.
+//!
+//! The engine and the runner watch their own threads. These are system calls, so they are made after
+//! a step that took far longer than the others, to tell why, and now and then to have something to
+//! compare with. Samples, commands and records carry what was found last as one word.
+
+use nix::sys::resource::{UsageWho, getrusage};
+use rustix::thread::sched_getcpu;
+
+/// Steps between two looks when nothing is unusual.
+pub const EVERY_STEPS: u32 = 1024;
+/// A step is unusual when it takes so many times the mean.
+const UNUSUAL: u64 = 8;
+/// Weight of a step in the running mean: one in so many.
+const MEAN_OF: u64 = 64;
+const COUNT_BITS: u32 = 24;
+const COUNT: u64 = (1 << COUNT_BITS) - 1;
+
+/// What was found at one look. The counts begin anew after 2^24.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Surroundings {
+    /// The core that the thread ran on.
+    pub core: u16,
+    /// Context switches of the thread so far, its own and those forced on it.
+    pub switches: u32,
+    /// Page faults of the thread so far.
+    pub faults: u32,
+}
+
+impl Surroundings {
+    /// Looks at the calling thread.
+    #[must_use]
+    pub fn look() -> Self {
+        let core = sched_getcpu() as u16;
+        let Ok(usage) = getrusage(UsageWho::RUSAGE_THREAD) else {
+            return Self {
+                core,
+                ..Self::default()
+            };
+        };
+        let switches = usage.voluntary_context_switches() + usage.involuntary_context_switches();
+        let faults = usage.minor_page_faults() + usage.major_page_faults();
+        Self {
+            core,
+            switches: (switches as u64 & COUNT) as u32,
+            faults: (faults as u64 & COUNT) as u32,
+        }
+    }
+
+    /// As one word.
+    #[must_use]
+    pub const fn to_wire(self) -> u64 {
+        (self.core as u64) << (2 * COUNT_BITS)
+            | (self.switches as u64 & COUNT) << COUNT_BITS
+            | self.faults as u64 & COUNT
+    }
+
+    /// What a word says.
+    #[must_use]
+    pub const fn from_wire(word: u64) -> Self {
+        Self {
+            core: (word >> (2 * COUNT_BITS)) as u16,
+            switches: (word >> COUNT_BITS & COUNT) as u32,
+            faults: (word & COUNT) as u32,
+        }
+    }
+
+    /// Switches and faults since an earlier look at the same thread.
+    #[must_use]
+    pub fn since(self, earlier: Self) -> (u32, u32) {
+        let count = |now: u32, then: u32| now.wrapping_sub(then) & COUNT as u32;
+        (
+            count(self.switches, earlier.switches),
+            count(self.faults, earlier.faults),
+        )
+    }
+}
+
+/// Decides when to look.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Lookout {
+    /// Mean of the steps' time, in ns times [`MEAN_OF`].
+    mean: u64,
+    steps: u32,
+    last: u64,
+}
+
+impl Lookout {
+    /// After a step that took so long: what was found last, as one word.
+    #[must_use]
+    pub fn after(&mut self, took_ns: u64) -> u64 {
+        let mean_ns = self.mean / MEAN_OF;
+        // One step of milliseconds must not hide those after it: it counts as twice the mean.
+        let counted_ns = if mean_ns > 0 && took_ns > 2 * mean_ns {
+            2 * mean_ns
+        } else {
+            took_ns
+        };
+        let is_unusual = mean_ns > 0 && took_ns > UNUSUAL * mean_ns;
+        self.mean = if mean_ns == 0 {
+            MEAN_OF * took_ns
+        } else {
+            self.mean + counted_ns - mean_ns
+        };
+        if is_unusual || self.steps == 0 {
+            self.last = Surroundings::look().to_wire();
+            self.steps = EVERY_STEPS;
+        }
+        self.steps -= 1;
+        self.last
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn surroundings_survive_the_wire_and_counts_begin_anew() {
+        let before = Surroundings {
+            core: 511,
+            switches: (1 << 24) - 1,
+            faults: 7,
+        };
+        assert_eq!(Surroundings::from_wire(before.to_wire()), before);
+        let after = Surroundings {
+            core: 3,
+            switches: 4,
+            faults: 9,
+        };
+        assert_eq!(after.since(before), (5, 2));
+    }
+
+    #[test]
+    fn a_look_sees_a_thread_sleep() {
+        let before = Surroundings::look();
+        std::thread::sleep(std::time::Duration::from_millis(1));
+        assert!(Surroundings::look().since(before).0 >= 1);
+    }
+
+    #[test]
+    fn it_looks_after_an_unusual_step_and_every_so_often() {
+        let mut lookout = Lookout::default();
+        let mut looks = |took_ns, steps: u32| {
+            (0..steps)
+                .filter(|_| {
+                    lookout.last = u64::MAX; // no look gives this
+                    lookout.after(took_ns) != u64::MAX
+                })
+                .count()
+        };
+        assert_eq!(looks(1_000, EVERY_STEPS), 1);
+        assert_eq!(looks(1_000, 3 * EVERY_STEPS), 3);
+        assert_eq!(looks(1_000, 1), 1); // the next is due
+        assert_eq!(looks(7_900, 1), 0);
+        assert_eq!(looks(50_000_000, 1), 1);
+        assert_eq!(looks(1_000, 100), 0);
+        assert_eq!(looks(9_000, 1), 1); // the long one did not move the mean far
+    }
+}
