@@ -1,73 +1,88 @@
-//! Latency of every step, as histograms and as the percentiles of a summary.
+//! How long the steps of a loop take, and what happened around the worst of them.
+//!
+//! [`Latency`] takes the timing of every step: the recorder's for the summary of a run. Its result is
+//! [`percentiles`] of each leg, the ten worst [`spikes`] and a [`grade`]. A leg is what the clocks of
+//! one step honestly tell apart; see [`Legs`].
+//!
+//! Nothing here reads a clock or waits: it is given numbers.
+
+pub mod grade;
+pub mod percentiles;
+pub mod spikes;
 
 use hdrhistogram::Histogram;
 use serde::Serialize;
 use shared_types::record::Timing;
+
+use grade::Graded;
+use percentiles::Percentiles;
+use spikes::{Spike, Spikes};
 
 /// Longest latency that is told apart: a minute.
 const LONGEST_NS: u64 = 60_000_000_000;
 /// Significant decimal digits.
 const DIGITS: u8 = 3;
 
-/// Histograms of the legs of a step.
+/// An empty histogram of latencies.
+pub(crate) fn histogram() -> Histogram<u64> {
+    Histogram::new_with_bounds(1, LONGEST_NS, DIGITS).expect("the bounds are legal")
+}
+
+/// The legs of the steps so far and the worst of them.
 #[derive(Clone, Debug)]
 pub struct Latency {
     round_trip: Histogram<u64>,
     plant: Histogram<u64>,
     controller: Histogram<u64>,
     exchange: Histogram<u64>,
+    release: Histogram<u64>,
+    spikes: Spikes,
 }
 
-/// Percentiles of one leg, in ns.
+/// Percentiles of all legs of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct Percentiles {
-    /// Median.
-    pub p50: u64,
-    /// 90 %.
-    pub p90: u64,
-    /// 99 %.
-    pub p99: u64,
-    /// 99.9 %.
-    pub p999: u64,
-    /// 99.99 %.
-    pub p9999: u64,
-    /// Largest.
-    pub max: u64,
-    /// Number of steps.
-    pub count: u64,
-}
-
-/// Percentiles of all legs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct LatencySummary {
+pub struct Legs {
     /// From sending a sample to having its command.
     pub round_trip: Percentiles,
-    /// The plant's integration of a step.
+    /// The plant's integration from one step to the next; not in the round trip.
     pub plant: Percentiles,
-    /// The controller's work on a sample.
+    /// The controller's work on a sample, by its own clock.
     pub controller: Percentiles,
-    /// The round trip without the controller's work: the link and the waiting.
+    /// The round trip without the controller's work: the link both ways and the waiting.
     pub exchange: Percentiles,
+    /// How much later than due samples were sent; `None` where nothing is due, in lockstep.
+    pub release: Option<Percentiles>,
+}
+
+/// What became of the latency of a run.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LatencySummary {
+    /// Percentiles of each leg.
+    pub legs: Legs,
+    /// The worst round trips, the longest first.
+    pub spikes: Vec<Spike>,
+    /// How good that is; `None` if nothing was exchanged.
+    pub grade: Option<Graded>,
 }
 
 impl Default for Latency {
     fn default() -> Self {
-        let histogram =
-            || Histogram::new_with_bounds(1, LONGEST_NS, DIGITS).expect("the bounds are legal");
         Self {
             round_trip: histogram(),
             plant: histogram(),
             controller: histogram(),
             exchange: histogram(),
+            release: histogram(),
+            spikes: Spikes::default(),
         }
     }
 }
 
 impl Latency {
     /// Takes in the timing of a step.
-    pub fn take(&mut self, timing: &Timing) {
+    pub fn take(&mut self, step: u64, timing: &Timing) {
         if timing.round_trip_ns == 0 {
-            return; // the final record: nothing was exchanged
+            return; // nothing was exchanged: the final record, or no command came
         }
         self.round_trip.saturating_record(timing.round_trip_ns);
         self.controller.saturating_record(timing.controller_ns);
@@ -76,26 +91,40 @@ impl Latency {
         if timing.plant_ns > 0 {
             self.plant.saturating_record(timing.plant_ns);
         }
+        if timing.late_ns > 0 {
+            self.release.saturating_record(timing.late_ns);
+        }
+        self.spikes.take(step, timing);
     }
 
-    /// The percentiles.
+    /// Percentiles, worst steps and grade.
     #[must_use]
     pub fn summary(&self) -> LatencySummary {
-        let of = |histogram: &Histogram<u64>| Percentiles {
-            p50: histogram.value_at_quantile(0.5),
-            p90: histogram.value_at_quantile(0.9),
-            p99: histogram.value_at_quantile(0.99),
-            p999: histogram.value_at_quantile(0.999),
-            p9999: histogram.value_at_quantile(0.9999),
-            max: histogram.max(),
-            count: histogram.len(),
+        let release = (!self.release.is_empty()).then(|| Percentiles::of(&self.release));
+        let legs = Legs {
+            round_trip: Percentiles::of(&self.round_trip),
+            plant: Percentiles::of(&self.plant),
+            controller: Percentiles::of(&self.controller),
+            exchange: Percentiles::of(&self.exchange),
+            release,
         };
         LatencySummary {
-            round_trip: of(&self.round_trip),
-            plant: of(&self.plant),
-            controller: of(&self.controller),
-            exchange: of(&self.exchange),
+            legs,
+            spikes: self.spikes.worst().to_vec(),
+            grade: Graded::of(&legs),
         }
+    }
+
+    /// The histograms of the legs, by name.
+    #[must_use]
+    pub fn histograms(&self) -> [(&'static str, &Histogram<u64>); 5] {
+        [
+            ("round_trip", &self.round_trip),
+            ("plant", &self.plant),
+            ("controller", &self.controller),
+            ("exchange", &self.exchange),
+            ("release", &self.release),
+        ]
     }
 }
 
@@ -103,23 +132,49 @@ impl Latency {
 mod tests {
     use super::*;
 
+    fn timing(round_trip_ns: u64, controller_ns: u64, late_ns: u64) -> Timing {
+        Timing {
+            round_trip_ns,
+            controller_ns,
+            late_ns,
+            plant_ns: 7,
+            ..Timing::default()
+        }
+    }
+
     #[test]
     fn the_exchange_is_the_round_trip_without_the_controller() {
         let mut latency = Latency::default();
-        let timing = |round_trip_ns, controller_ns| Timing {
-            round_trip_ns,
-            controller_ns,
-            plant_ns: 7,
-            ..Timing::default()
-        };
-        for _ in 0..99 {
-            latency.take(&timing(1000, 400));
+        for step in 0..99 {
+            latency.take(step, &timing(1000, 400, 0));
         }
-        latency.take(&timing(50_000, 400));
-        latency.take(&Timing::default());
-        let summary = latency.summary();
-        assert_eq!((summary.exchange.p50, summary.exchange.count), (600, 100));
-        assert_eq!((summary.round_trip.p99, summary.plant.max), (1000, 7));
-        assert!(summary.round_trip.max.abs_diff(50_000) <= 50);
+        latency.take(99, &timing(50_000, 400, 0));
+        latency.take(100, &Timing::default());
+        let LatencySummary { legs, spikes, .. } = latency.summary();
+        assert_eq!((legs.exchange.p50, legs.exchange.count), (600, 100));
+        assert_eq!((legs.round_trip.p99, legs.plant.max), (1000, 7));
+        assert!(legs.round_trip.max.abs_diff(50_000) <= 50);
+        assert_eq!((spikes[0].step, spikes[0].round_trip_ns), (99, 50_000));
+    }
+
+    #[test]
+    fn a_release_is_late_only_where_it_was_due() {
+        let mut lockstep = Latency::default();
+        let mut paced = Latency::default();
+        for step in 1..=100 {
+            lockstep.take(step, &timing(1000, 400, 0));
+            paced.take(step, &timing(1000, 400, 10 * step));
+        }
+        assert_eq!(lockstep.summary().legs.release, None);
+        let release = paced.summary().legs.release.expect("paced");
+        assert_eq!((release.p50, release.p90, release.max), (500, 900, 1000));
+        assert_eq!(release.count, 100);
+    }
+
+    #[test]
+    fn without_an_exchange_there_is_no_grade() {
+        let summary = Latency::default().summary();
+        assert_eq!((summary.grade, summary.spikes.len()), (None, 0));
+        assert_eq!(summary.legs.round_trip, Percentiles::default());
     }
 }
