@@ -1,22 +1,42 @@
 //! How long the steps of a loop take, and what happened around the worst of them.
 //!
-//! [`Latency`] takes the timing of every step: the recorder's for the summary of a run. Its result is
-//! [`percentiles`] of each leg, the ten worst [`spikes`] and a [`grade`]. A leg is what the clocks of
-//! one step honestly tell apart; see [`Legs`].
+//! Every run: the recorder puts each step into [`Latency`]; its [`legs`] become [`percentiles`], the
+//! ten worst [`spikes`] and a [`grade`] in the summary.
 //!
-//! Nothing here reads a clock or waits: it is given numbers.
+//! `hil latency` measures the machine:
+//!
+//! 1. [`measurement`] runs a plant and a law that do [nothing](null) through the real engine, link and
+//!    runner. The plant is a thread of this process, the controller a [`peer`]: `hil` once more.
+//! 2. Between the same two sides it measures the [`raw`] limit of shared memory and the bare
+//!    [`blackboard`], an [`exchange`] of payloads as large as the loop's frames.
+//! 3. The [`report`] puts all cases side by side, with the [`bars`] of one of them.
+//!
+//! `hil latency RUN` makes the same report of a [`recorded`] run.
 
+pub mod bars;
+pub mod blackboard;
+pub mod exchange;
 pub mod grade;
+pub mod legs;
+pub mod measurement;
+pub mod null;
+pub mod peer;
 pub mod percentiles;
+pub mod raw;
+pub mod recorded;
+pub mod report;
 pub mod spikes;
 
-use hdrhistogram::Histogram;
-use serde::Serialize;
-use shared_types::record::Timing;
+use std::path::Path;
 
-use grade::Graded;
-use percentiles::Percentiles;
-use spikes::{Spike, Spikes};
+use hdrhistogram::Histogram;
+
+use crate::cli::latency::LatencyArguments;
+use crate::exit::{Exit, Failure};
+use crate::output;
+
+pub use legs::{Latency, LatencySummary, Legs};
+use report::Report;
 
 /// Longest latency that is told apart: a minute.
 const LONGEST_NS: u64 = 60_000_000_000;
@@ -24,157 +44,45 @@ const LONGEST_NS: u64 = 60_000_000_000;
 const DIGITS: u8 = 3;
 
 /// An empty histogram of latencies.
-pub(crate) fn histogram() -> Histogram<u64> {
+fn histogram() -> Histogram<u64> {
     Histogram::new_with_bounds(1, LONGEST_NS, DIGITS).expect("the bounds are legal")
 }
 
-/// The legs of the steps so far and the worst of them.
-#[derive(Clone, Debug)]
-pub struct Latency {
-    round_trip: Histogram<u64>,
-    plant: Histogram<u64>,
-    controller: Histogram<u64>,
-    exchange: Histogram<u64>,
-    release: Histogram<u64>,
-    spikes: Spikes,
+/// Runs the command.
+///
+/// # Errors
+/// If nothing could be measured, the run not be read or the results not be written.
+pub fn latency(arguments: &LatencyArguments) -> Result<Exit, Failure> {
+    if let Some(csv) = &arguments.csv {
+        check_folder_of(csv)?;
+    }
+    let cases = match &arguments.run {
+        Some(run) => vec![recorded::case(run, arguments.warm_up.unwrap_or(0))?],
+        None => measurement::matrix(arguments)?,
+    };
+    let report = Report::new(&cases, arguments.run.as_deref());
+    if let Some(csv) = &arguments.csv {
+        std::fs::write(csv, report::csv(&cases)).map_err(|error| {
+            Failure::infrastructure(format!("cannot write {}: {error}", csv.display()))
+        })?;
+    }
+    output::write(&if arguments.json {
+        let json = serde_json::to_string_pretty(&report).map_err(Failure::infrastructure)?;
+        format!("{json}\n")
+    } else {
+        report.text(&cases)
+    })?;
+    Ok(Exit::Pass)
 }
 
-/// Percentiles of all legs of a step.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct Legs {
-    /// From sending a sample to having its command.
-    pub round_trip: Percentiles,
-    /// The plant's integration from one step to the next; not in the round trip.
-    pub plant: Percentiles,
-    /// The controller's work on a sample, by its own clock.
-    pub controller: Percentiles,
-    /// The round trip without the controller's work: the link both ways and the waiting.
-    pub exchange: Percentiles,
-    /// How much later than due samples were sent; `None` where nothing is due, in lockstep.
-    pub release: Option<Percentiles>,
-}
-
-/// What became of the latency of a run.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct LatencySummary {
-    /// Percentiles of each leg.
-    pub legs: Legs,
-    /// The worst round trips, the longest first.
-    pub spikes: Vec<Spike>,
-    /// How good that is; `None` if nothing was exchanged.
-    pub grade: Option<Graded>,
-}
-
-impl Default for Latency {
-    fn default() -> Self {
-        Self {
-            round_trip: histogram(),
-            plant: histogram(),
-            controller: histogram(),
-            exchange: histogram(),
-            release: histogram(),
-            spikes: Spikes::default(),
-        }
-    }
-}
-
-impl Latency {
-    /// Takes in the timing of a step.
-    pub fn take(&mut self, step: u64, timing: &Timing) {
-        if timing.round_trip_ns == 0 {
-            return; // nothing was exchanged: the final record, or no command came
-        }
-        self.round_trip.saturating_record(timing.round_trip_ns);
-        self.controller.saturating_record(timing.controller_ns);
-        let exchange_ns = timing.round_trip_ns.saturating_sub(timing.controller_ns);
-        self.exchange.saturating_record(exchange_ns);
-        if timing.plant_ns > 0 {
-            self.plant.saturating_record(timing.plant_ns);
-        }
-        if timing.late_ns > 0 {
-            self.release.saturating_record(timing.late_ns);
-        }
-        self.spikes.take(step, timing);
-    }
-
-    /// Percentiles, worst steps and grade.
-    #[must_use]
-    pub fn summary(&self) -> LatencySummary {
-        let release = (!self.release.is_empty()).then(|| Percentiles::of(&self.release));
-        let legs = Legs {
-            round_trip: Percentiles::of(&self.round_trip),
-            plant: Percentiles::of(&self.plant),
-            controller: Percentiles::of(&self.controller),
-            exchange: Percentiles::of(&self.exchange),
-            release,
-        };
-        LatencySummary {
-            legs,
-            spikes: self.spikes.worst().to_vec(),
-            grade: Graded::of(&legs),
-        }
-    }
-
-    /// The histograms of the legs, by name.
-    #[must_use]
-    pub fn histograms(&self) -> [(&'static str, &Histogram<u64>); 5] {
-        [
-            ("round_trip", &self.round_trip),
-            ("plant", &self.plant),
-            ("controller", &self.controller),
-            ("exchange", &self.exchange),
-            ("release", &self.release),
-        ]
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn timing(round_trip_ns: u64, controller_ns: u64, late_ns: u64) -> Timing {
-        Timing {
-            round_trip_ns,
-            controller_ns,
-            late_ns,
-            plant_ns: 7,
-            ..Timing::default()
-        }
-    }
-
-    #[test]
-    fn the_exchange_is_the_round_trip_without_the_controller() {
-        let mut latency = Latency::default();
-        for step in 0..99 {
-            latency.take(step, &timing(1000, 400, 0));
-        }
-        latency.take(99, &timing(50_000, 400, 0));
-        latency.take(100, &Timing::default());
-        let LatencySummary { legs, spikes, .. } = latency.summary();
-        assert_eq!((legs.exchange.p50, legs.exchange.count), (600, 100));
-        assert_eq!((legs.round_trip.p99, legs.plant.max), (1000, 7));
-        assert!(legs.round_trip.max.abs_diff(50_000) <= 50);
-        assert_eq!((spikes[0].step, spikes[0].round_trip_ns), (99, 50_000));
-    }
-
-    #[test]
-    fn a_release_is_late_only_where_it_was_due() {
-        let mut lockstep = Latency::default();
-        let mut paced = Latency::default();
-        for step in 1..=100 {
-            lockstep.take(step, &timing(1000, 400, 0));
-            paced.take(step, &timing(1000, 400, 10 * step));
-        }
-        assert_eq!(lockstep.summary().legs.release, None);
-        let release = paced.summary().legs.release.expect("paced");
-        assert_eq!((release.p50, release.p90, release.max), (500, 900, 1000));
-        assert_eq!(release.count, 100);
-    }
-
-    #[test]
-    fn without_an_exchange_there_is_no_grade() {
-        let summary = Latency::default().summary();
-        assert_eq!((summary.grade, summary.spikes.len()), (None, 0));
-        assert_eq!(summary.legs.round_trip, Percentiles::default());
+/// Refuses a file in a folder that is not there, before a minute of measuring.
+fn check_folder_of(file: &Path) -> Result<(), Failure> {
+    let absolute = std::path::absolute(file).map_err(Failure::usage)?;
+    match absolute.parent() {
+        Some(folder) if folder.is_dir() && !file.is_dir() => Ok(()),
+        _ => Err(Failure::usage(format!(
+            "{} cannot be written: its folder is not there, or it is one",
+            file.display()
+        ))),
     }
 }
