@@ -324,3 +324,73 @@ impl RecordSink for Meter<'_> {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::latency::Pace;
+
+    fn arguments(warm_up: Option<u64>, duration: f64) -> LatencyArguments {
+        LatencyArguments {
+            run: None,
+            signals: vec![8, 32],
+            rates: vec![
+                Pace::Max,
+                Pace::Rate(Rate::new(1000.0).expect("legal")),
+                Pace::Rate(Rate::new(20_000.0).expect("legal")),
+            ],
+            warm_up,
+            steps: 777,
+            duration,
+            csv: None,
+            json: false,
+        }
+    }
+
+    #[test]
+    fn each_payload_is_measured_at_each_rate_after_its_warm_up() {
+        let planned = |warm_up| -> Vec<(usize, u64, u64)> {
+            let plans = plans(&arguments(warm_up, 0.5)).expect("legal");
+            let counts =
+                |(signals, _, trips): (usize, _, Trips)| (signals, trips.warm_up, trips.measured);
+            plans.into_iter().map(counts).collect()
+        };
+        // Two seconds of 1 kHz are fewer steps than 20 000; those of 20 kHz are more.
+        let of = |signals| {
+            [
+                (signals, 20_000, 777),
+                (signals, 2_000, 500),
+                (signals, 20_000, 10_000),
+            ]
+        };
+        assert_eq!(planned(None), [of(8), of(32)].concat());
+        let of = |signals| [(signals, 3, 777), (signals, 3, 500), (signals, 3, 10_000)];
+        assert_eq!(planned(Some(3)), [of(8), of(32)].concat());
+        assert!(plans(&arguments(None, 0.0)).is_err());
+    }
+
+    #[test]
+    fn the_round_trip_is_split_where_the_law_was_called() {
+        let mut looped = Looped {
+            ways: Some(Ways {
+                sample: histogram(),
+                command: histogram(),
+            }),
+            ..Looped::default()
+        };
+        assert_eq!(looped.step_ns(), None);
+        for step in 0..5 {
+            let timing = Timing {
+                published_ns: 100_000 + 2_000 * step,
+                round_trip_ns: 1_000,
+                ..Timing::default()
+            };
+            let sent_ns = timing.published_ns - 1_000;
+            looped.take(step, &timing, sent_ns + 700);
+        }
+        let ways = looped.ways.as_ref().expect("split");
+        assert_eq!((ways.sample.min(), ways.sample.max()), (700, 700));
+        assert_eq!((ways.command.min(), ways.command.max()), (300, 300));
+        assert_eq!(looped.step_ns(), Some(2_000.0));
+    }
+}

@@ -11,7 +11,7 @@ use shared_types::describe::{LawDescription, PROTOCOL, PlantDescription, Setting
 use shared_types::record::RecordLayout;
 use shared_types::session::SessionInfo;
 use shared_types::table::Field;
-use shared_types::time::Rate;
+use shared_types::time::{Interval, Rate};
 
 /// Name of plant and law.
 const NAME: &str = "null";
@@ -29,7 +29,7 @@ impl Model for NullPlant {
 
     fn truth(&self, _time_s: f64, _command: &[f64], _truth: &mut [f64]) {}
 
-    fn advance(&mut self, _interval: &shared_types::time::Interval, _command: &[f64]) {}
+    fn advance(&mut self, _interval: &Interval, _command: &[f64]) {}
 }
 
 struct NullLaw;
@@ -149,4 +149,41 @@ pub fn jobs(
         wait_limit_s: wait_limit_s + between_s,
     };
     (plant, controller)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_time_of_the_call_is_the_first_internal() {
+        let layout = RecordLayout {
+            truth: fields("truth", 2),
+            measured: fields("measured", 8),
+            reference: fields("reference", 1),
+            command: fields("command", 3),
+            internal: law(8).description.internals,
+            command_signals: 4,
+            parameter: Vec::new(),
+        };
+        let mut words = vec![0; layout.words()];
+        words[called_place(&layout)] = 1.5_f64.to_bits();
+        // truth, measured, reference, commands as sent and as applied
+        let place = 2 + 8 + 1 + 3 + 3;
+        assert_eq!(layout.view(&words).values[place], 1.5);
+    }
+
+    #[test]
+    fn half_as_many_signals_answer_and_one_is_the_time() {
+        for (signals, answered) in [(1, 2), (3, 2), (8, 4), (33, 16), (512, 256)] {
+            let law = law(signals).description;
+            let commands = law.commands.expect("named").len();
+            assert_eq!(
+                commands + law.internals.len(),
+                answered,
+                "{signals} signals"
+            );
+            assert_eq!(plant(signals).description.commands.len(), commands);
+        }
+    }
 }

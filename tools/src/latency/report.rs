@@ -23,6 +23,10 @@ use crate::doctor::tree::Root;
 
 /// Version of the report.
 const SCHEMA: u32 = 1;
+/// Columns of the text.
+const WIDTH: usize = 80;
+/// Columns of a spike's figures.
+const SPIKE_FIGURES: usize = 42;
 /// The payload of the case that stands for all, if it was measured.
 const HEADLINE_SIGNALS: usize = 32;
 
@@ -164,6 +168,20 @@ impl Figures {
     }
 }
 
+/// Goes on in a line that has so many columns, with words and in as many more lines as it takes.
+fn write_wrapped(text: &mut String, words: &str, indent: usize) -> fmt::Result {
+    let mut column = indent;
+    for word in words.split(' ') {
+        if column + 1 + word.len() > WIDTH {
+            write!(text, "\n{:indent$}", "")?;
+            column = indent;
+        }
+        write!(text, " {word}")?;
+        column += 1 + word.len();
+    }
+    writeln!(text)
+}
+
 /// A line of the table.
 fn row(text: &mut String, name: &str, figures: &Percentiles) -> fmt::Result {
     let Percentiles {
@@ -247,8 +265,8 @@ impl Report {
         }
         let (figures, case) = (&self.headline, &cases[self.headline_case]);
         let (count, released) = (figures.signals, figures.released());
-        let about = format!("the round trip of {count} signals, {released}");
-        writeln!(text, "\n{about}; bars grow with the logarithm")?;
+        writeln!(text, "\nround trip of {count} signals, {released}")?;
+        writeln!(text, "(a bar grows with the logarithm of its count)")?;
         let [(_, round_trip), ..] = case.looped.latency.histograms();
         *text += &bars(round_trip);
         writeln!(
@@ -257,17 +275,18 @@ impl Report {
         )?;
         writeln!(
             text,
-            "{:>10} {:>10} {:>10} {:>8}  ",
+            "{:>10} {:>10} {:>10} {:>8}",
             "step", "round trip", "controller", "plant"
         )?;
         for spike in &figures.spikes {
             let [round_trip, controller, plant] =
                 [spike.round_trip_ns, spike.controller_ns, spike.plant_ns].map(shown_ns);
-            let (step, seen) = (spike.step, spike.surroundings());
-            writeln!(
+            let step = spike.step;
+            write!(
                 text,
-                "{step:>10} {round_trip:>10} {controller:>10} {plant:>8}  {seen}"
+                "{step:>10} {round_trip:>10} {controller:>10} {plant:>8} "
             )?;
+            write_wrapped(text, &spike.surroundings(), SPIKE_FIGURES)?;
         }
         Ok(())
     }
@@ -338,4 +357,23 @@ pub fn csv(cases: &[Case]) -> String {
         }
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_words_of_a_spike_stay_in_their_columns() {
+        let mut text = "x".repeat(60);
+        let seen = "plant moved from core 0 to 1; neither more";
+        write_wrapped(&mut text, seen, 60).expect("a string takes all");
+        let expected = format!(
+            "{} plant moved from\n{} core 0 to 1;\n{} neither more\n",
+            "x".repeat(60),
+            " ".repeat(60),
+            " ".repeat(60)
+        );
+        assert_eq!(text, expected);
+    }
 }
