@@ -131,6 +131,13 @@ impl Rig {
         self.hil_in(workspace(), arguments)
     }
 
+    /// Like [`hil`](Self::hil), but does not wait.
+    pub(crate) fn start_hil(&self, arguments: &[&str]) -> Running<'_> {
+        let mut hil = Command::new(program("hil"));
+        hil.args(arguments).current_dir(workspace());
+        Running::start(self, hil, self.path("none"))
+    }
+
     /// Any `hil` command in another working directory.
     pub(crate) fn hil_in(&self, folder: &Path, arguments: &[&str]) -> Run {
         let mut hil = Command::new(program("hil"));
@@ -296,6 +303,11 @@ impl<'r> Running<'r> {
         self.wait_for_records();
         let info = SessionInfo::read(&self.rig.session_folder()).expect("the session is there");
         info.children.try_into().expect("two children")
+    }
+
+    /// Its process number.
+    pub(crate) fn pid(&self) -> u32 {
+        self.process.id()
     }
 
     /// Sends a signal to the process group of `hil`, as a terminal does.

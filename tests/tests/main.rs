@@ -11,6 +11,7 @@
 //! | [`failures`] | deaths, stops and divergence: who, what, which step, and what is left |
 //! | [`faults`] | faults of scenarios in whole runs |
 //! | [`hot_path`] | no system call and no allocation in a step |
+//! | [`latency`] | every figure of a loop counts the right steps and follows from the others |
 //! | [`live`] | faults and pauses from another terminal |
 //! | [`paper`] | the paper's experiment against its checked figures |
 //! | [`recording`] | what a recording holds, read without the recorder's code |
@@ -35,6 +36,7 @@ mod failures;
 mod faults;
 mod harness;
 mod hot_path;
+mod latency;
 mod live;
 mod mcap_reader;
 mod paper;

@@ -6,6 +6,7 @@ pub mod clock;
 pub mod config;
 pub mod doctor;
 pub mod inject;
+pub mod latency;
 pub mod recordings;
 pub mod run;
 
@@ -18,6 +19,7 @@ use clock::{ClockArguments, StepArguments};
 use config::{ConfigArguments, SessionsArguments};
 use doctor::DoctorArguments;
 use inject::InjectArguments;
+use latency::{LatencyArguments, LatencyPeerArguments};
 use recordings::{CompareArguments, ScenarioCommand};
 use run::{RerunArguments, RunArguments};
 
@@ -75,6 +77,12 @@ Examples:
     /// Say whether this machine is fit for timing claims, and what to change
     #[command(after_help = doctor::EXAMPLES)]
     Doctor(DoctorArguments),
+    /// Measure the loop on this machine against what its memory allows, or show a run's figures
+    #[command(after_help = latency::EXAMPLES)]
+    Latency(LatencyArguments),
+    /// The other process of `hil latency`
+    #[command(hide = true)]
+    LatencyPeer(LatencyPeerArguments),
     /// Print completions for a shell
     #[command(
         after_help = "Example:\n  hil completions bash > ~/.local/share/bash-completion/completions/hil"

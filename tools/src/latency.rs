@@ -1,125 +1,88 @@
-//! Latency of every step, as histograms and as the percentiles of a summary.
+//! How long the steps of a loop take, and what happened around the worst of them.
+//!
+//! Every run: the recorder puts each step into [`Latency`]; its [`legs`] become [`percentiles`], the
+//! ten worst [`spikes`] and a [`grade`] in the summary.
+//!
+//! `hil latency` measures the machine:
+//!
+//! 1. [`measurement`] runs a plant and a law that do [nothing](null) through the real engine, link and
+//!    runner. The plant is a thread of this process, the controller a [`peer`]: `hil` once more.
+//! 2. Between the same two sides it measures the [`raw`] limit of shared memory and the bare
+//!    [`blackboard`], an [`exchange`] of payloads as large as the loop's frames.
+//! 3. The [`report`] puts all cases side by side, with the [`bars`] of one of them.
+//!
+//! `hil latency RUN` makes the same report of a [`recorded`] run.
+
+pub mod bars;
+pub mod blackboard;
+pub mod exchange;
+pub mod grade;
+pub mod legs;
+pub mod measurement;
+pub mod null;
+pub mod peer;
+pub mod percentiles;
+pub mod raw;
+pub mod recorded;
+pub mod report;
+pub mod spikes;
+
+use std::path::Path;
 
 use hdrhistogram::Histogram;
-use serde::Serialize;
-use shared_types::record::Timing;
+
+use crate::cli::latency::LatencyArguments;
+use crate::exit::{Exit, Failure};
+use crate::output;
+
+pub use legs::{Latency, LatencySummary, Legs};
+use report::Report;
 
 /// Longest latency that is told apart: a minute.
 const LONGEST_NS: u64 = 60_000_000_000;
 /// Significant decimal digits.
 const DIGITS: u8 = 3;
 
-/// Histograms of the legs of a step.
-#[derive(Clone, Debug)]
-pub struct Latency {
-    round_trip: Histogram<u64>,
-    plant: Histogram<u64>,
-    controller: Histogram<u64>,
-    exchange: Histogram<u64>,
+/// An empty histogram of latencies.
+fn histogram() -> Histogram<u64> {
+    Histogram::new_with_bounds(1, LONGEST_NS, DIGITS).expect("the bounds are legal")
 }
 
-/// Percentiles of one leg, in ns.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct Percentiles {
-    /// Median.
-    pub p50: u64,
-    /// 90 %.
-    pub p90: u64,
-    /// 99 %.
-    pub p99: u64,
-    /// 99.9 %.
-    pub p999: u64,
-    /// 99.99 %.
-    pub p9999: u64,
-    /// Largest.
-    pub max: u64,
-    /// Number of steps.
-    pub count: u64,
-}
-
-/// Percentiles of all legs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct LatencySummary {
-    /// From sending a sample to having its command.
-    pub round_trip: Percentiles,
-    /// The plant's integration of a step.
-    pub plant: Percentiles,
-    /// The controller's work on a sample.
-    pub controller: Percentiles,
-    /// The round trip without the controller's work: the link and the waiting.
-    pub exchange: Percentiles,
-}
-
-impl Default for Latency {
-    fn default() -> Self {
-        let histogram =
-            || Histogram::new_with_bounds(1, LONGEST_NS, DIGITS).expect("the bounds are legal");
-        Self {
-            round_trip: histogram(),
-            plant: histogram(),
-            controller: histogram(),
-            exchange: histogram(),
-        }
+/// Runs the command.
+///
+/// # Errors
+/// If nothing could be measured, the run not be read or the results not be written.
+pub fn latency(arguments: &LatencyArguments) -> Result<Exit, Failure> {
+    if let Some(csv) = &arguments.csv {
+        check_folder_of(csv)?;
     }
+    let cases = match &arguments.run {
+        Some(run) => vec![recorded::case(run, arguments.warm_up.unwrap_or(0))?],
+        None => measurement::matrix(arguments)?,
+    };
+    let report = Report::new(&cases, arguments.run.as_deref());
+    if let Some(csv) = &arguments.csv {
+        std::fs::write(csv, report::csv(&cases)).map_err(|error| {
+            Failure::infrastructure(format!("cannot write {}: {error}", csv.display()))
+        })?;
+    }
+    output::write(&if arguments.json {
+        let json = serde_json::to_string_pretty(&report).map_err(Failure::infrastructure)?;
+        format!("{json}\n")
+    } else {
+        report.text(&cases)
+    })?;
+    Ok(Exit::Pass)
 }
 
-impl Latency {
-    /// Takes in the timing of a step.
-    pub fn take(&mut self, timing: &Timing) {
-        if timing.round_trip_ns == 0 {
-            return; // the final record: nothing was exchanged
-        }
-        self.round_trip.saturating_record(timing.round_trip_ns);
-        self.controller.saturating_record(timing.controller_ns);
-        let exchange_ns = timing.round_trip_ns.saturating_sub(timing.controller_ns);
-        self.exchange.saturating_record(exchange_ns);
-        if timing.plant_ns > 0 {
-            self.plant.saturating_record(timing.plant_ns);
-        }
-    }
-
-    /// The percentiles.
-    #[must_use]
-    pub fn summary(&self) -> LatencySummary {
-        let of = |histogram: &Histogram<u64>| Percentiles {
-            p50: histogram.value_at_quantile(0.5),
-            p90: histogram.value_at_quantile(0.9),
-            p99: histogram.value_at_quantile(0.99),
-            p999: histogram.value_at_quantile(0.999),
-            p9999: histogram.value_at_quantile(0.9999),
-            max: histogram.max(),
-            count: histogram.len(),
-        };
-        LatencySummary {
-            round_trip: of(&self.round_trip),
-            plant: of(&self.plant),
-            controller: of(&self.controller),
-            exchange: of(&self.exchange),
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_exchange_is_the_round_trip_without_the_controller() {
-        let mut latency = Latency::default();
-        let timing = |round_trip_ns, controller_ns| Timing {
-            round_trip_ns,
-            controller_ns,
-            plant_ns: 7,
-            ..Timing::default()
-        };
-        for _ in 0..99 {
-            latency.take(&timing(1000, 400));
-        }
-        latency.take(&timing(50_000, 400));
-        latency.take(&Timing::default());
-        let summary = latency.summary();
-        assert_eq!((summary.exchange.p50, summary.exchange.count), (600, 100));
-        assert_eq!((summary.round_trip.p99, summary.plant.max), (1000, 7));
-        assert!(summary.round_trip.max.abs_diff(50_000) <= 50);
+/// Refuses a file in a folder that is not there, before a minute of measuring.
+fn check_folder_of(file: &Path) -> Result<(), Failure> {
+    let absolute = std::path::absolute(file).map_err(Failure::usage)?;
+    match absolute.parent() {
+        Some(folder) if folder.is_dir() && !file.is_dir() => Ok(()),
+        _ => Err(Failure::usage(format!(
+            "{} cannot be written: its folder is not there, or it is one",
+            file.display()
+        ))),
     }
 }

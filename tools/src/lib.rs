@@ -15,10 +15,10 @@
 //! finds where two runs differ, [`repetition`] makes the scenario that repeats one, live faults
 //! included, and [`rerun`] runs that.
 //!
-//! [`doctor`] judges the machine that it all runs on. [`config`] and [`sessions`] are the commands
+//! [`doctor`] judges the machine that it all runs on, [`latency`] measures the loop on it. [`config`] and [`sessions`] are the commands
 //! around it, [`folder`] is where a run is written,
 //! [`duration`] how times are typed, [`output`] and [`interruption`] are its ways to and from the
-//! terminal. Nothing here runs on the loop.
+//! terminal. Nothing here runs on the loop but the plant and law of [`latency`] that do nothing.
 
 use std::io::IsTerminal;
 
@@ -77,6 +77,8 @@ pub fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
         Command::Config(arguments) => config::config(arguments),
         Command::Sessions(arguments) => sessions::sessions(arguments),
         Command::Doctor(arguments) => doctor::doctor(arguments),
+        Command::Latency(arguments) => latency::latency(arguments),
+        Command::LatencyPeer(arguments) => latency::peer::peer(arguments),
         Command::Completions { shell } => {
             output::write(&cli::completions(*shell))?;
             Ok(Exit::Pass)

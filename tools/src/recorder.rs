@@ -246,7 +246,7 @@ impl Work {
             Item::Record(words) if words.len() == self.layout.words() => {
                 let view = self.layout.view(words);
                 self.digest.record(view.hashed);
-                self.latency.take(&view.timing);
+                self.latency.take(view.step, &view.timing);
                 if let Some(evaluation) = &mut self.evaluation {
                     evaluation.observe(Step(view.step), view.values);
                 }

@@ -11,8 +11,11 @@ use shared_types::session::SessionInfo;
 use shared_types::time::Step;
 
 use crate::binaries::{Binaries, Binary};
+use crate::doctor::measure::shown_ns;
 use crate::faults::Fault;
-use crate::latency::LatencySummary;
+use crate::latency::Legs;
+use crate::latency::grade::Graded;
+use crate::latency::spikes::Spike;
 use crate::run::Ended;
 
 /// Version of the summary.
@@ -42,7 +45,11 @@ pub struct Summary {
     /// Requirements are not part of scenarios; the list is there for readers of the format.
     requirements: [(); 0],
     faults: Vec<Fault>,
-    latency_ns: LatencySummary,
+    latency_ns: Legs,
+    /// The worst round trips, the longest first.
+    spikes: Vec<Spike>,
+    /// What the loop is good for; null if nothing was exchanged.
+    grade: Option<Graded>,
     recording: Recording,
     rejected_frames: u64,
     controller: Program,
@@ -172,7 +179,9 @@ impl Summary {
                 .collect(),
             requirements: [],
             faults: recorded.faults.faults(&plan.faults, plan.run.rate),
-            latency_ns: recorded.latency,
+            latency_ns: recorded.latency.legs,
+            spikes: recorded.latency.spikes.clone(),
+            grade: recorded.latency.grade,
             recording: Recording {
                 file: recorded_to,
                 records: recorded.records,
@@ -220,16 +229,7 @@ impl Summary {
             writeln!(text, "  {}", fault.told())?;
         }
         self.write_metrics(text, plan)?;
-        let trip = &self.latency_ns.round_trip;
-        if trip.count > 0 {
-            writeln!(
-                text,
-                "  round trip {:.2} us median, {:.2} us p99, {:.0} us max",
-                trip.p50 as f64 / 1e3,
-                trip.p99 as f64 / 1e3,
-                trip.max as f64 / 1e3
-            )?;
-        }
+        self.write_latency(text)?;
         if let Some(digest) = &self.digest {
             writeln!(text, "  digest {digest}")?;
         }
@@ -250,6 +250,23 @@ impl Summary {
                 text,
                 "  {records} records{lost}, not kept; summary in {run_dir}"
             ),
+        }
+    }
+
+    /// Two lines: how long steps took, and the worst with its cause.
+    fn write_latency(&self, text: &mut String) -> std::fmt::Result {
+        let (Some(graded), trip) = (&self.grade, &self.latency_ns.round_trip) else {
+            return Ok(());
+        };
+        let [p50, p99, p9999, max] = [trip.p50, trip.p99, trip.p9999, trip.max].map(shown_ns);
+        let grade = graded.grade.words();
+        writeln!(
+            text,
+            "  round trip {p50} p50, {p99} p99, {p9999} p99.99, {max} max: {grade}"
+        )?;
+        match self.spikes.first() {
+            Some(worst) => writeln!(text, "  worst: {}", worst.told()),
+            None => Ok(()),
         }
     }
 

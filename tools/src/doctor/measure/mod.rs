@@ -17,7 +17,7 @@ use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 
 use super::finding::Grade;
 use super::tree::{Tree, Unread};
-use crate::latency::Percentiles;
+use crate::latency::percentiles::Percentiles;
 
 /// Longest time that is told apart: an hour.
 const LONGEST_NS: u64 = 3_600_000_000_000;
@@ -52,18 +52,6 @@ const fn remark(longest_ns: u64) -> &'static str {
 
 fn histogram() -> Histogram<u64> {
     Histogram::new_with_bounds(1, LONGEST_NS, DIGITS).expect("the bounds are legal")
-}
-
-fn percentiles(histogram: &Histogram<u64>) -> Percentiles {
-    Percentiles {
-        p50: histogram.value_at_quantile(0.5),
-        p90: histogram.value_at_quantile(0.9),
-        p99: histogram.value_at_quantile(0.99),
-        p999: histogram.value_at_quantile(0.999),
-        p9999: histogram.value_at_quantile(0.9999),
-        max: histogram.max(),
-        count: histogram.len(),
-    }
 }
 
 /// A time as a person reads it: three digits and a unit.

@@ -12,8 +12,9 @@ use hdrhistogram::Histogram;
 use serde_json::json;
 use shared_types::clock::monotonic_ns;
 
-use super::{Class, Pinned, histogram, percentiles, shown};
+use super::{Class, Pinned, histogram, shown};
 use crate::doctor::finding::{Check, Finding, Grade};
+use crate::latency::percentiles::Percentiles;
 
 const CHECK: Check = Check::new(
     "ping_pong",
@@ -127,7 +128,7 @@ fn answered(pair: &Pair, number: u64) -> bool {
 /// The grade of the exchange: by its median, which tells how far apart the cores are.
 #[must_use]
 pub fn finding(trips_ns: &Histogram<u64>, cores: [u32; 2], seconds: f64, class: Class) -> Finding {
-    let figures = percentiles(trips_ns);
+    let figures = Percentiles::of(trips_ns);
     let grade = match figures.p50 {
         _ if figures.count == 0 => return CHECK.unknown("no answer came"),
         0..NEAR_NS => Grade::Good,

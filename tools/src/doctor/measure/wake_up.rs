@@ -12,10 +12,11 @@ use rustix::time::{ClockId, Timespec};
 use serde_json::json;
 use shared_types::clock::monotonic_ns;
 
-use super::{Class, ExactTimers, Pinned, histogram, jitter_grade, percentiles, remark, shown};
+use super::{Class, ExactTimers, Pinned, histogram, jitter_grade, remark, shown};
 use crate::doctor::cores::CoreList;
 use crate::doctor::finding::{Check, Finding};
 use crate::doctor::tree::Root;
+use crate::latency::percentiles::Percentiles;
 
 /// Between two wake-ups.
 const PERIOD_NS: u64 = 1_000_000;
@@ -85,7 +86,7 @@ fn sleep_until(due_ns: u64) -> io::Result<()> {
 /// The grade of wake-ups: by the latest, as one late step is enough.
 #[must_use]
 pub fn finding(check: Check, wake_ups: &WakeUps, core: u32, seconds: f64, class: Class) -> Finding {
-    let figures = percentiles(&wake_ups.lateness_ns);
+    let figures = Percentiles::of(&wake_ups.lateness_ns);
     if figures.count == 0 {
         return check.unknown(format!("core {core} did not wake up within {seconds} s"));
     }

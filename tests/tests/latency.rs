@@ -1,0 +1,286 @@
+//! `hil latency`, and the same figures of a run: how many steps each counts, that none contradicts
+//! another, and what is left. How long a step takes is nowhere asserted.
+
+use std::collections::BTreeMap;
+
+use rustix::process::Signal;
+use rustix::thread::{CpuSet, sched_getaffinity};
+use serde_json::Value;
+use shared_types::session;
+
+use crate::harness::{Rig, until};
+
+/// Percentiles rise and none is 0; gives their count and maximum.
+#[track_caller]
+fn percentiles(figures: &Value) -> (u64, u64) {
+    let of = |key: &str| {
+        figures[key]
+            .as_u64()
+            .unwrap_or_else(|| panic!("no {key}: {figures}"))
+    };
+    let rising = ["p50", "p90", "p99", "p999", "p9999", "max"].map(of);
+    assert!(rising.is_sorted() && rising[0] > 0, "{figures}");
+    (of("count"), of("max"))
+}
+
+/// The longest of some times is told by a histogram within a thousandth.
+#[track_caller]
+fn assert_within(ns: u64, limit_ns: u64) {
+    assert!(
+        ns as f64 <= limit_ns as f64 * 1.001,
+        "{ns} ns of {limit_ns} ns"
+    );
+}
+
+/// What must hold for any case; gives its steps.
+#[track_caller]
+fn case(case: &Value) -> u64 {
+    let (steps, longest_ns) = percentiles(&case["round_trip_ns"]);
+    for leg in ["exchange_ns", "controller_ns", "sample_ns", "command_ns"] {
+        let (count, max_ns) = percentiles(&case[leg]);
+        assert_eq!(count, steps, "{leg}");
+        assert_within(max_ns, longest_ns);
+    }
+    for (ratio, to) in [
+        ("ratio_p50", "raw_limit_ns"),
+        ("ratio_bare_p50", "bare_exchange_ns"),
+    ] {
+        percentiles(&case[to]);
+        let p50 = |figures: &Value| figures["p50"].as_f64().expect("p50");
+        let expected = p50(&case["round_trip_ns"]) / p50(&case[to]);
+        assert_eq!(case[ratio].as_f64(), Some(expected), "{ratio}");
+    }
+    let spikes = case["spikes"].as_array().expect("spikes");
+    assert_eq!(spikes.len(), 10);
+    let of = |spike: &Value, key: &str| spike[key].as_u64().expect("a number");
+    assert!(spikes.is_sorted_by_key(|spike| std::cmp::Reverse(of(spike, "round_trip_ns"))));
+    let worst_ns = of(&spikes[0], "round_trip_ns");
+    assert_within(worst_ns, longest_ns);
+    assert_within(longest_ns, worst_ns);
+    let warm_up = case["warm_up_steps"].as_u64().expect("a number");
+    for spike in spikes {
+        let step = of(spike, "step");
+        assert!((warm_up..warm_up + steps).contains(&step), "{spike}");
+    }
+    let p9999_ns = case["grade"]["p9999_ns"].as_u64().expect("a grade");
+    let grade = match p9999_ns {
+        0..20_000 => "excellent",
+        20_000..50_000 => "good",
+        50_000..=500_000 => "usable",
+        _ => "unfit",
+    };
+    assert_eq!(case["grade"]["grade"], grade, "{p9999_ns} ns");
+    steps
+}
+
+#[test]
+fn every_figure_counts_the_steps_after_the_warm_up_and_no_other() {
+    let rig = Rig::new();
+    let csv = rig.path("latency.csv");
+    let arguments = "latency --json --signals 8,33 --rates max,500 --steps 300 --duration 200ms \
+                     --warm-up 50 --csv";
+    let mut arguments: Vec<&str> = arguments.split_ascii_whitespace().collect();
+    arguments.push(csv.to_str().expect("plain text"));
+    let run = rig
+        .hil(&arguments)
+        .expect(0)
+        .says(&["measuring 33 signals"]);
+    let report: Value = serde_json::from_str(&run.stdout).expect("the report is JSON");
+
+    let cases = report["cases"].as_array().expect("cases");
+    let found: Vec<_> = (cases.iter())
+        .map(|case| (case["signals"].as_u64(), case["rate_hz"].as_f64()))
+        .collect();
+    let expected = [(8, None), (8, Some(500.0)), (33, None), (33, Some(500.0))];
+    assert_eq!(found, expected.map(|(signals, rate)| (Some(signals), rate)));
+    for each in cases {
+        let paced = each["rate_hz"].is_number();
+        assert_eq!(case(each), if paced { 100 } else { 300 });
+        assert_eq!(percentiles(&each["raw_limit_ns"]).0, 300);
+        assert_eq!(percentiles(&each["bare_exchange_ns"]).0, 300);
+        assert_eq!(each["warm_up_steps"], 50);
+        assert!(
+            paced || each["release_ns"].is_null(),
+            "nothing is due in lockstep"
+        );
+        // A header of 152 bytes, then room for 16, 32, 64 numbers.
+        let (there, back) = match each["signals"].as_u64() {
+            Some(8) => (152 + 8 * 16, 152 + 8 * 16),
+            _ => (152 + 8 * 64, 152 + 8 * 16),
+        };
+        assert_eq!(each["frame_bytes"], serde_json::json!([there, back]));
+    }
+    // No case has 32 signals: the first stands for all.
+    for (key, value) in cases[0].as_object().expect("figures") {
+        assert_eq!(report[key], *value, "{key}");
+    }
+    let allowed = sched_getaffinity(None).expect("told");
+    let cores: Vec<usize> = (0..CpuSet::MAX_CPU)
+        .filter(|core| allowed.is_set(*core))
+        .collect();
+    assert_eq!(report["cores"], serde_json::json!(cores));
+    assert!(report["wait"].is_string() && report["class"].is_string());
+
+    let csv = std::fs::read_to_string(csv).expect("written");
+    let mut lines = csv.lines();
+    assert_eq!(
+        lines.next(),
+        Some("signals,rate_hz,leg,from_ns,to_ns,count")
+    );
+    let mut counts: BTreeMap<(&str, &str, &str), u64> = BTreeMap::new();
+    for line in lines {
+        let [signals, rate, leg, from, to, count] = line
+            .split(',')
+            .collect::<Vec<_>>()
+            .try_into()
+            .expect("six columns");
+        let number = |text: &str| text.parse::<u64>().expect("a number");
+        assert!(number(from) < number(to) && number(count) > 0, "{line}");
+        *counts.entry((signals, rate, leg)).or_default() += number(count);
+    }
+    for signals in ["8", "33"] {
+        for leg in ["round_trip", "exchange", "controller", "sample", "command"] {
+            assert_eq!(counts[&(signals, "max", leg)], 300, "{leg}");
+            assert_eq!(counts[&(signals, "500", leg)], 100, "{leg}");
+        }
+        for limit in ["raw_limit", "bare_exchange"] {
+            assert_eq!(counts[&(signals, "", limit)], 300, "{limit}");
+        }
+    }
+}
+
+#[test]
+fn a_person_reads_table_bars_and_spikes_in_80_columns() {
+    let rig = Rig::new();
+    let arguments = [
+        "latency",
+        "--signals",
+        "32",
+        "--rates",
+        "max",
+        "--steps",
+        "2000",
+    ];
+    let text = rig.hil(&arguments).expect(0).stdout;
+    let (_, table) = text.split_once("\n32 signals").expect("a table");
+    let too_wide = table.lines().find(|line| line.chars().count() > 80);
+    assert_eq!(too_wide, None, "{text}");
+    for part in [
+        "raw shared memory",
+        "bare iceoryx2",
+        "  round trip",
+        "times raw",
+        "99.99 %",
+    ] {
+        assert!(table.contains(part), "no `{part}` in:\n{text}");
+    }
+    let bars = table.lines().filter(|line| line.ends_with('#'));
+    let count = |line: &str| line.split_ascii_whitespace().nth(5)?.parse::<u64>().ok();
+    assert_eq!(bars.filter_map(count).sum::<u64>(), 2000, "{text}");
+}
+
+#[test]
+fn a_recording_tells_what_its_summary_told() {
+    let rig = Rig::new();
+    let run = rig
+        .run("scenarios/spring-mass.toml --set metrics=[]")
+        .expect(0);
+    let summary = run.summary();
+    let legs = &summary["latency_ns"];
+    assert_eq!(percentiles(&legs["round_trip"]).0, summary["steps"]);
+    assert!(legs["release"].is_null(), "nothing is due in lockstep");
+    assert_eq!(summary["spikes"].as_array().map(Vec::len), Some(10));
+    let worst = &summary["spikes"][0];
+    let told = format!("  worst: step {}, ", worst["step"]);
+    assert!(
+        run.stdout.contains(&told),
+        "no `{told}` in:\n{}",
+        run.stdout
+    );
+
+    let folder = run.folder.to_str().expect("plain text");
+    let read = |more: &[&str]| -> Value {
+        let read = rig
+            .hil(&[&["latency", folder, "--json"], more].concat())
+            .expect(0);
+        serde_json::from_str(&read.stdout).expect("JSON")
+    };
+    let report = read(&[]);
+    for (figure, leg) in [
+        ("round_trip_ns", "round_trip"),
+        ("exchange_ns", "exchange"),
+        ("controller_ns", "controller"),
+        ("plant_ns", "plant"),
+    ] {
+        assert_eq!(report[figure], legs[leg], "{leg}");
+    }
+    for key in ["spikes", "grade"] {
+        assert_eq!(report[key], summary[key], "{key}");
+    }
+    for unknown in [
+        "raw_limit_ns",
+        "bare_exchange_ns",
+        "ratio_p50",
+        "wait",
+        "cores",
+    ] {
+        assert!(report[unknown].is_null(), "{unknown}");
+    }
+    let later = read(&["--warm-up", "10"]);
+    let steps = summary["steps"].as_u64().expect("a number");
+    assert_eq!(later["round_trip_ns"]["count"], steps - 10);
+}
+
+#[test]
+fn an_interrupted_measurement_leaves_nothing() {
+    let rig = Rig::new();
+    let running = rig.start_hil(&[
+        "latency",
+        "--signals",
+        "8",
+        "--rates",
+        "1000",
+        "--steps",
+        "100",
+        "--duration",
+        "1000s",
+    ]);
+    let mut children = Vec::new();
+    until("the other process is there", || {
+        let sessions = session::list().expect("lists");
+        let ours = (sessions.into_iter()).find(|info| info.owner.pid == running.pid());
+        children = ours.map_or_else(Vec::new, |info| info.children);
+        !children.is_empty()
+    });
+    running.signal(Signal::INT);
+    running.finish().expect(130);
+    assert!(children.iter().all(|child| !child.is_alive()));
+    let left = session::list().expect("lists");
+    assert!(
+        left.iter()
+            .all(|info| !info.children.contains(&children[0]))
+    );
+}
+
+#[test]
+fn what_cannot_be_measured_is_refused_at_once() {
+    let rig = Rig::new();
+    for (arguments, fragment) in [
+        ("--signals 0", "from 1 to 512 signals"),
+        ("--signals 8,513", "from 1 to 512 signals"),
+        ("--rates fast", "max, or a rate"),
+        ("--duration 0", "a time above 0"),
+        ("--steps 0", "--steps"),
+        ("--csv no/such/folder.csv", "its folder is not there"),
+        ("scenarios", "no recording"),
+        ("scenarios --signals 8", "cannot be used with"),
+    ] {
+        let arguments: Vec<&str> = ["latency"]
+            .into_iter()
+            .chain(arguments.split(' '))
+            .collect();
+        let run = rig.hil(&arguments).expect(2).says(&[fragment]);
+        assert_eq!(run.stdout, "", "{arguments:?}");
+        assert!(!run.stderr.contains("measuring"), "{arguments:?}");
+    }
+}

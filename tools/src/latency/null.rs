@@ -1,0 +1,189 @@
+//! A plant and a law that do nothing: what is left is what engine, link and runner cost.
+//!
+//! The law shows one thing of itself, when it was called, by the clock that both processes share: that
+//! splits the round trip into its way there and its way back. No other law reads a clock.
+
+use controller_process::controller::{Law, LawKind, Row};
+use hil_config::plan::{Clock, PlantPlan, Run};
+use plant_process::plant::{Model, PlantKind};
+use shared_types::clock::monotonic_ns;
+use shared_types::describe::{LawDescription, PROTOCOL, PlantDescription, Settings};
+use shared_types::record::RecordLayout;
+use shared_types::session::SessionInfo;
+use shared_types::table::Field;
+use shared_types::time::{Interval, Rate};
+
+/// Name of plant and law.
+const NAME: &str = "null";
+/// What the law shows: when it was called, in ns of the monotonic clock.
+const CALLED: &str = "called_ns";
+
+struct NullPlant;
+
+impl Model for NullPlant {
+    fn retune(&mut self, _parameters: &[f64]) {}
+
+    fn measure(&self, measured: &mut [f64]) {
+        measured.fill(1.0);
+    }
+
+    fn truth(&self, _time_s: f64, _command: &[f64], _truth: &mut [f64]) {}
+
+    fn advance(&mut self, _interval: &Interval, _command: &[f64]) {}
+}
+
+struct NullLaw;
+
+impl Law for NullLaw {
+    fn step(&mut self, _sample: &Row<'_>, command: &mut [f64], internals: &mut [f64]) {
+        // Exact in a double for the first hundred days after boot, to 2 ns for the next hundred.
+        internals.fill(monotonic_ns() as f64);
+        command.fill(1.0);
+    }
+}
+
+/// Signals in the frame that answers a sample: half as many, one of them the time.
+#[must_use]
+pub fn answered_with(signals: usize) -> usize {
+    (signals / 2).max(2)
+}
+
+fn fields(stem: &str, count: usize) -> Vec<Field> {
+    let field = |i| Field::signal(&format!("{stem}{i}_m"), "m", "Nothing.");
+    (0..count).map(field).collect()
+}
+
+/// The plant, with so many measured signals.
+#[must_use]
+pub fn plant(signals: usize) -> PlantKind {
+    PlantKind {
+        description: PlantDescription {
+            name: NAME.into(),
+            summary: "Does nothing.".into(),
+            parameters: Vec::new(),
+            truth: Vec::new(),
+            measured: fields("measured", signals),
+            commands: fields("command", answered_with(signals) - 1),
+            faults: Vec::new(),
+        },
+        start: |_| Ok(Box::new(NullPlant)),
+    }
+}
+
+/// The law for that plant.
+#[must_use]
+pub fn law(signals: usize) -> LawKind {
+    LawKind {
+        description: LawDescription {
+            name: NAME.into(),
+            summary: "Does nothing.".into(),
+            plants: vec![NAME.into()],
+            parameters: Vec::new(),
+            model: Vec::new(),
+            measured: fields("measured", signals),
+            reference: Vec::new(),
+            commands: Some(fields("command", answered_with(signals) - 1)),
+            internals: vec![Field::signal(CALLED, "ns", "When the law was called.")],
+        },
+        start: |_| Ok(Box::new(NullLaw)),
+    }
+}
+
+/// Where a record has the time at which the law was called.
+#[must_use]
+pub fn called_place(layout: &RecordLayout) -> usize {
+    let before = [&layout.truth, &layout.measured, &layout.reference];
+    let before: usize = before.into_iter().map(Vec::len).sum();
+    layout.values_start() + before + 2 * layout.command.len()
+}
+
+/// Both sides' jobs: so many steps at the monotonic clock's pace, or as fast as both can.
+#[must_use]
+pub fn jobs(
+    session: &SessionInfo,
+    rate: Option<Rate>,
+    steps: u64,
+    wait_limit_s: f64,
+) -> (plant_process::job::Job, controller_process::job::Job) {
+    // In lockstep the rate is a number in the frames and nothing else.
+    let nominal = || Rate::new(1000.0).expect("a legal rate");
+    let clock = match rate {
+        None => Clock::Lockstep,
+        Some(_) => Clock::Paced { factor: 1.0 },
+    };
+    // Between two samples of a paced run the controller waits for the clock, not for the plant.
+    let between_s = rate.map_or(0.0, Rate::period_s);
+    let rate = rate.unwrap_or_else(nominal);
+    let plant = plant_process::job::Job {
+        protocol: PROTOCOL,
+        session: session.id,
+        run: Run {
+            rate,
+            steps,
+            seed: 0,
+            clock,
+        },
+        plant: PlantPlan {
+            model: NAME.into(),
+            substeps: 1,
+            parameters: Settings::default(),
+            limits: Vec::new(),
+        },
+        stimuli: Vec::new(),
+        faults: Vec::new(),
+        derived: Vec::new(),
+        pause_at_s: None,
+        observed: false,
+        wait_limit_s,
+    };
+    let controller = controller_process::job::Job {
+        protocol: PROTOCOL,
+        session: session.id,
+        plant: NAME.into(),
+        law: NAME.into(),
+        parameters: Settings::default(),
+        model: Settings::default(),
+        rate,
+        rate_divisor: 1,
+        command_delay_steps: 0,
+        wait_limit_s: wait_limit_s + between_s,
+    };
+    (plant, controller)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_time_of_the_call_is_the_first_internal() {
+        let layout = RecordLayout {
+            truth: fields("truth", 2),
+            measured: fields("measured", 8),
+            reference: fields("reference", 1),
+            command: fields("command", 3),
+            internal: law(8).description.internals,
+            command_signals: 4,
+            parameter: Vec::new(),
+        };
+        let mut words = vec![0; layout.words()];
+        words[called_place(&layout)] = 1.5_f64.to_bits();
+        // truth, measured, reference, commands as sent and as applied
+        let place = 2 + 8 + 1 + 3 + 3;
+        assert_eq!(layout.view(&words).values[place], 1.5);
+    }
+
+    #[test]
+    fn half_as_many_signals_answer_and_one_is_the_time() {
+        for (signals, answered) in [(1, 2), (3, 2), (8, 4), (33, 16), (512, 256)] {
+            let law = law(signals).description;
+            let commands = law.commands.expect("named").len();
+            assert_eq!(
+                commands + law.internals.len(),
+                answered,
+                "{signals} signals"
+            );
+            assert_eq!(plant(signals).description.commands.len(), commands);
+        }
+    }
+}

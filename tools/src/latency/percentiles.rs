@@ -1,0 +1,63 @@
+//! Percentiles of a histogram of times.
+
+use hdrhistogram::Histogram;
+use serde::{Deserialize, Serialize};
+
+/// Percentiles of some times, in ns, within the three digits of the histogram.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Percentiles {
+    /// Median.
+    pub p50: u64,
+    /// 90 %.
+    pub p90: u64,
+    /// 99 %.
+    pub p99: u64,
+    /// 99.9 %.
+    pub p999: u64,
+    /// 99.99 %; of fewer than 10 000 times it is the largest.
+    pub p9999: u64,
+    /// Largest.
+    pub max: u64,
+    /// Number of times.
+    pub count: u64,
+}
+
+impl Percentiles {
+    /// Those of a histogram; all 0 if it is empty.
+    #[must_use]
+    pub fn of(times_ns: &Histogram<u64>) -> Self {
+        Self {
+            p50: times_ns.value_at_quantile(0.5),
+            p90: times_ns.value_at_quantile(0.9),
+            p99: times_ns.value_at_quantile(0.99),
+            p999: times_ns.value_at_quantile(0.999),
+            p9999: times_ns.value_at_quantile(0.9999),
+            max: times_ns.max(),
+            count: times_ns.len(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_percentile_is_the_least_time_that_so_many_do_not_exceed() {
+        let mut times_ns = Histogram::new_with_bounds(1, 1 << 40, 3).expect("legal");
+        assert_eq!(Percentiles::of(&times_ns), Percentiles::default());
+        for ns in 1..=1000 {
+            times_ns.record_n(ns, 100).expect("in range");
+        }
+        let expected = Percentiles {
+            p50: 500,
+            p90: 900,
+            p99: 990,
+            p999: 999,
+            p9999: 1000,
+            max: 1000,
+            count: 100_000,
+        };
+        assert_eq!(Percentiles::of(&times_ns), expected);
+    }
+}
