@@ -3,9 +3,12 @@
 //!
 //! | strategy | at first | after 2 ms | after 20 ms |
 //! |---|---|---|---|
-//! | `hybrid` | poll 64 times, then give the core away after each poll | naps of 0.1 ms | naps of 1 ms |
+//! | `hybrid` | poll up to 512 times, then give the core away after each poll | naps of 0.1 ms | naps of 1 ms |
 //! | `yield` | give the core away after each poll | the same | naps of 1 ms |
 //! | `spin` | poll, never give the core away | the same | naps of 1 ms |
+//!
+//! When a core that was given away comes back late, somebody else needs it: then a hybrid wait polls
+//! 16 times only, and one time more after each wait, until it happens again.
 //!
 //! Where both sides share their only core, the other can answer only once this one gives the core
 //! away: then nobody spins, whatever the strategy, as pure spinning costs two scheduler slices a step.
@@ -18,8 +21,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::clock::monotonic_ns;
 
-/// Polls in a row that read no clock.
-const SPINS: u32 = 64;
+/// Polls in a row that read no clock, as long as nobody else needs the core.
+const SPINS: u32 = 512;
+/// The same where somebody does.
+const FEW_SPINS: u32 = 16;
+/// A yield that takes so long gave the core to somebody.
+const TAKEN_NS: u64 = 5_000;
 /// How long a hybrid wait yields before it naps.
 const YIELD_NS: u64 = 2_000_000;
 /// Length of a nap.
@@ -97,6 +104,8 @@ pub struct Waiter {
     /// Polls in a row that read no clock.
     spins: u32,
     polls: u32,
+    /// When the core was given away last; 0 if it was not in this wait.
+    yielded_ns: u64,
     /// When this wait began.
     since_ns: u64,
     /// Since when the limit counts.
@@ -127,6 +136,7 @@ impl Waiter {
                 WaitStrategy::Yield => 0,
             },
             polls: 0,
+            yielded_ns: 0,
             since_ns: 0,
             limited_ns: 0,
         }
@@ -141,6 +151,10 @@ impl Waiter {
     pub const fn done(&mut self) {
         self.polls = 0;
         self.since_ns = 0;
+        self.yielded_ns = 0;
+        if self.spins >= FEW_SPINS && self.spins < SPINS {
+            self.spins += 1;
+        }
     }
 
     /// Waits a moment before the next poll; true when the limit is over.
@@ -166,12 +180,20 @@ impl Waiter {
         if now_ns - self.limited_ns >= self.limit.ns {
             return true;
         }
+        if self.yielded_ns > 0
+            && now_ns - self.yielded_ns > TAKEN_NS
+            && self.strategy == WaitStrategy::Hybrid
+        {
+            self.spins = FEW_SPINS;
+        }
         let nap_ns = self.nap_ns(now_ns, deadline_ns);
+        self.yielded_ns = 0;
         if nap_ns > 0 {
             std::thread::sleep(Duration::from_nanos(nap_ns));
         } else if self.strategy == WaitStrategy::Spin {
             self.polls = 0; // the clock again after as many polls
         } else {
+            self.yielded_ns = now_ns;
             std::thread::yield_now();
         }
         false
@@ -248,6 +270,26 @@ mod tests {
         let line = (status.lines()).find_map(|line| line.strip_prefix("voluntary_ctxt_switches:"));
         line.and_then(|count| count.trim().parse().ok())
             .expect("a count")
+    }
+
+    #[test]
+    fn a_core_that_somebody_needs_is_spun_on_less_until_nobody_does() {
+        let mut waiter = Waiter::with(limit(), WaitStrategy::Hybrid, false);
+        while waiter.yielded_ns == 0 {
+            assert!(!waiter.pause());
+        }
+        assert_eq!(waiter.polls, SPINS);
+        std::thread::sleep(Duration::from_millis(1)); // as if the core had come back late
+        assert!(!waiter.pause());
+        assert_eq!(waiter.spins, FEW_SPINS);
+        for _ in 0..3 {
+            waiter.done();
+        }
+        assert_eq!(waiter.spins, FEW_SPINS + 3);
+        for _ in 0..SPINS {
+            waiter.done();
+        }
+        assert_eq!(waiter.spins, SPINS);
     }
 
     #[test]
