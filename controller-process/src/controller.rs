@@ -64,6 +64,9 @@ pub struct Sample<C: Controller> {
     pub reference: C::Reference,
     /// Whether every one of these signals is marked valid.
     pub valid: bool,
+    /// For how many steps the plant has been holding the command that it applied last, because a
+    /// newer one came too late; 0 except against the clock.
+    pub held_steps: u32,
 }
 
 /// A law of any type, as rows of numbers in the order of its tables.
@@ -83,6 +86,9 @@ pub struct Row<'a> {
     pub reference: &'a [f64],
     /// Whether all of them are valid.
     pub valid: bool,
+    /// For how many steps the plant has been holding the command that it applied last, because a
+    /// newer one came too late; 0 except against the clock.
+    pub held_steps: u32,
 }
 
 impl<C: Controller> Law for C {
@@ -92,6 +98,7 @@ impl<C: Controller> Law for C {
             measured: C::Measured::from_row(row.measured),
             reference: C::Reference::from_row(row.reference),
             valid: row.valid,
+            held_steps: row.held_steps,
         };
         let (commanded, shown) = Controller::step(self, &sample);
         command.copy_from_slice(commanded.row());

@@ -295,11 +295,12 @@ impl<'a, L: Link> Runner<'a, L> {
         ) {
             (ControllerAction::Answer(step), Some(bound)) => {
                 let age_steps = bound.answer(step, header, &self.job);
+                let is_seen = !Directive::from_wire(header.directive).unseen;
                 let answered_ns = monotonic_ns();
                 let answer = Header {
                     time_ns: header.time_ns,
                     work_ns: answered_ns - received_ns,
-                    directive: bound.note(step).to_wire(),
+                    directive: bound.note(step, is_seen).to_wire(),
                     surroundings: bound.look(answered_ns),
                     age_steps,
                     ..Header::new(FrameKind::Command, step)
@@ -335,6 +336,7 @@ impl Bound {
     /// Fills the frame that answers a sample; gives the age of its command in steps.
     fn answer(&mut self, step: Step, header: &Header, job: &Job) -> u32 {
         match self.late_until {
+            _ if Directive::from_wire(header.directive).unseen => {}
             Some(due) if step < due => {}
             Some(_) => {
                 self.late_until = None;
@@ -346,8 +348,11 @@ impl Bound {
         (step.0 as i64 - self.made.frame) as u32
     }
 
-    /// Notes that a step is answered; gives which were before.
-    fn note(&mut self, step: Step) -> Answered {
+    /// Notes that a step is answered, if its sample was seen; gives which were before.
+    fn note(&mut self, step: Step, is_seen: bool) -> Answered {
+        if !is_seen {
+            return self.answered;
+        }
         if let Some(last) = self.last {
             self.answered = self.answered.then((step.0 - last.0) as u32);
         }
@@ -367,7 +372,7 @@ impl Bound {
         let commands = self.previous.len();
         self.previous.copy_from_slice(&self.answer[..commands]);
         self.made.previous = self.made.answer;
-        if step.0.is_multiple_of(u64::from(job.rate_divisor)) {
+        if self.is_due(step, job) {
             self.run_law(step, header, job);
             self.made.answer = step.0 as i64;
         }
@@ -392,6 +397,12 @@ impl Bound {
         }
     }
 
+    /// Whether the law runs: at the first sample of each period that it gets.
+    fn is_due(&self, step: Step, job: &Job) -> bool {
+        let period = |step: Step| step.0 / u64::from(job.rate_divisor);
+        self.last.is_none_or(|last| period(step) != period(last))
+    }
+
     fn run_law(&mut self, step: Step, header: &Header, job: &Job) {
         let mut valid = true;
         for (value, place) in self.measured.iter_mut().zip(&self.measured_places) {
@@ -407,6 +418,7 @@ impl Bound {
             measured: &self.measured,
             reference: &self.reference,
             valid,
+            held_steps: header.held_steps,
         };
         let (command, internals) = self.answer.split_at_mut(self.previous.len());
         self.law.step(&row, command, internals);

@@ -201,15 +201,28 @@ pub(crate) const RUN: &[Key] = &[
     Key::new(
         "clock",
         Kind::Text {
-            choices: &["lockstep", "paced"],
+            choices: &["lockstep", "paced", "realtime"],
             default: Some("lockstep"),
         },
-        "What releases a step: lockstep runs as fast as both sides can, paced follows the wall clock and is never late.",
+        "What releases a step: lockstep runs as fast as both sides can; paced is lockstep that waits for the clock; realtime waits for nobody, a late command is replaced by the last one.",
     ),
     Key::new(
         "pace",
         number_or("1", 1e-6, 1e6, 1.0),
         "Simulated seconds per second of the paced clock.",
+    ),
+    Key::new(
+        "overrun",
+        Kind::Text {
+            choices: &["catch-up", "skip", "stretch", "abort"],
+            default: Some("catch-up"),
+        },
+        "What is done about a step that is due before the one before it is done, paced or in real time: catch-up begins late steps at once, skip waits for the next point of the grid, stretch moves the grid, abort ends the run (in real time also for a missed command).",
+    ),
+    Key::new(
+        "deadline",
+        number_or("1", 0.01, 1.0, 0.8),
+        "In real time: share of its period within which the command of a step must be there; what is left is the plant's.",
     ),
 ];
 

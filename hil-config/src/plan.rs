@@ -5,6 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 use shared_types::describe::{Operation, Settings};
+use shared_types::pacer::OverrunPolicy;
 use shared_types::table::{Field, derivative_of};
 use shared_types::time::{Rate, Step};
 
@@ -44,6 +45,10 @@ pub struct Run {
     pub seed: u64,
     /// What releases a step.
     pub clock: Clock,
+    /// What is done about a step that is due before the one before it is done; not in lockstep.
+    pub overrun: OverrunPolicy,
+    /// In real time: share of its period within which the command of a step must be there.
+    pub deadline: f64,
 }
 
 /// What releases a step.
@@ -52,11 +57,26 @@ pub struct Run {
 pub enum Clock {
     /// The command of the step before: as fast as both sides can.
     Lockstep,
-    /// The monotonic clock, `factor` times as fast as real time; nobody is ever late.
+    /// The command of the step before and the monotonic clock, `factor` times as fast as real time.
     Paced {
         /// Simulated seconds per second.
         factor: f64,
     },
+    /// The monotonic clock, which waits for nobody: a command that misses its deadline is replaced
+    /// by the newest there is.
+    Realtime,
+}
+
+impl Clock {
+    /// As it is written in a scenario.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Lockstep => "lockstep",
+            Self::Paced { .. } => "paced",
+            Self::Realtime => "realtime",
+        }
+    }
 }
 
 /// The plant of a plan.

@@ -148,13 +148,12 @@ fn run(text: &mut String, run: &Run) -> Written {
     writeln!(text, "duration_s = {duration_s} # {} steps", run.steps)?;
     writeln!(text, "rate_hz = {}", toml_float(run.rate.hz()))?;
     writeln!(text, "seed = {}", run.seed)?;
-    match run.clock {
-        Clock::Lockstep => writeln!(text, "clock = \"lockstep\"")?,
-        Clock::Paced { factor } => {
-            writeln!(text, "clock = \"paced\"")?;
-            writeln!(text, "pace = {}", toml_float(factor))?;
-        }
+    writeln!(text, "clock = \"{}\"", run.clock.name())?;
+    if let Clock::Paced { factor } = run.clock {
+        writeln!(text, "pace = {}", toml_float(factor))?;
     }
+    writeln!(text, "overrun = \"{}\"", run.overrun.name())?;
+    writeln!(text, "deadline = {}", toml_float(run.deadline))?;
     Ok(())
 }
 

@@ -14,18 +14,20 @@ use shared_types::hello::{Control, Offer, Welcome};
 use shared_types::layout::SignalKind;
 use shared_types::link::{FrameSpec, Link, LinkError};
 use shared_types::lockstep::{Abort, AbortCode, PlantAction, PlantEvent, PlantSide};
-use shared_types::pacer::Pacer;
+use shared_types::pacer::{OverrunPolicy, Pacer, Streaks};
 use shared_types::record::{Event, FaultAccepted, Outcome, RecordLayout, RunEnd, Timing};
 use shared_types::stream::RecordSink;
 use shared_types::surroundings::Lookout;
 use shared_types::table::Field;
 use shared_types::time::{Interval, Step};
+use shared_types::wait::WaitLimit;
 
 use crate::desk::{Desk, Order};
 use crate::faults::{FaultKindEntry, FaultLayer, FaultWorkshop};
 use crate::guard::{Guard, first_bad};
 use crate::job::Job;
 use crate::plant::{Model, PlantKind};
+use crate::repeat::Repetition;
 use crate::rows::Rows;
 use crate::stimulus;
 
@@ -39,6 +41,8 @@ pub enum Progress {
     Busy,
     /// The controller's next message or frame.
     Controller,
+    /// The same, but no longer than until this time of the monotonic clock, in ns.
+    ControllerUntil(u64),
     /// This time of the monotonic clock, in ns.
     Until(u64),
     /// The recorder, which must not lose a record.
@@ -72,8 +76,39 @@ pub struct Engine<L, S> {
     sample_age_steps: u32,
     lookout: Lookout,
     sent_ns: u64,
+    /// How much later than due the sample was sent.
+    late_ns: u64,
+    /// Until when the command is awaited; for ever except against the clock.
+    deadline_ns: u64,
+    /// The newest command, whose values are in the rows, and how it came.
+    newest: Command,
+    /// When a command came last.
+    heard_ns: u64,
+    missed: Streaks,
+    /// What is repeated, if a run against the clock is.
+    repetition: Option<Repetition>,
     executed: u64,
     end: Option<RunEnd>,
+}
+
+/// A command that a step meets.
+#[derive(Clone, Copy)]
+struct Command {
+    header: Header,
+    /// How many steps before this one it was sent.
+    held_steps: u32,
+    /// From sending its sample, or when that was due, to having it; 0 if it was met before.
+    round_trip_ns: u64,
+}
+
+impl Default for Command {
+    fn default() -> Self {
+        Self {
+            header: Header::new(FrameKind::Command, Step(0)),
+            held_steps: 0,
+            round_trip_ns: 0,
+        }
+    }
 }
 
 /// The plant with everything around it that is stepped with it.
@@ -123,7 +158,10 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         Ok(Self {
             link,
             sink,
-            side: PlantSide::new(job.run.steps),
+            side: match job.run.clock {
+                Clock::Realtime => PlantSide::new(job.run.steps).against_clock(),
+                Clock::Lockstep | Clock::Paced { .. } => PlantSide::new(job.run.steps),
+            },
             plant,
             epoch: 1,
             pacer: None,
@@ -137,6 +175,12 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             sample_age_steps: 0,
             lookout: Lookout::default(),
             sent_ns: 0,
+            late_ns: 0,
+            deadline_ns: u64::MAX,
+            newest: Command::default(),
+            heard_ns: 0,
+            missed: Streaks::default(),
+            repetition: None,
             executed: 0,
             end: None,
             job,
@@ -207,6 +251,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             epoch: self.epoch,
             rate: self.job.run.rate,
             steps: self.job.run.steps,
+            against_clock: self.job.run.clock == Clock::Realtime,
             measured: &self.plant.description.measured,
             reference: &self.plant.reference,
             commands: &self.plant.description.commands,
@@ -257,6 +302,9 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         self.desk.opened(&layout);
         let opened = self.plant.faults.open(&self.plant.workshop, &layout);
         self.rows = Rows::new(layout, &welcome);
+        let missed = std::mem::take(&mut self.job.missed);
+        self.repetition =
+            (!missed.is_empty()).then(|| Repetition::new(missed, welcome.command.len()));
         self.plant.faults.faultable(&mut self.rows.parameter);
         self.link
             .send_control(&Control::Welcome(Box::new(welcome)).to_bytes())?;
@@ -275,27 +323,36 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             return Ok(Progress::Recorder);
         }
         let run = self.job.run;
-        let pacer = *self.pacer.get_or_insert_with(|| match run.clock {
-            Clock::Lockstep => Pacer::lockstep(run.rate),
-            Clock::Paced { factor } => Pacer::paced(run.rate, monotonic_ns(), factor),
-        });
-        let release_ns = pacer.release_ns(step);
-        if release_ns > 0 && release_ns > monotonic_ns() {
-            self.tell()?; // an observer should not have to wait for the next step
-            return Ok(Progress::Until(release_ns));
+        let mut release_ns = 0;
+        if let Some(factor) = self.pace() {
+            let now_ns = monotonic_ns();
+            let start = || Pacer::paced(run.rate, now_ns, factor, run.overrun);
+            let released = (self.pacer.get_or_insert_with(start)).release_ns(step, now_ns);
+            release_ns = match released {
+                Ok(release_ns) => release_ns,
+                Err(overrun) => return self.overran(overrun.to_string()),
+            };
+            if release_ns > now_ns {
+                self.tell()?; // an observer should not have to wait for the next step
+                return Ok(Progress::Until(release_ns));
+            }
         }
         match self.side.on(&PlantEvent::Release) {
             PlantAction::SendSample(step) => {
                 if !self.measure(step)? {
                     return Ok(Progress::Over);
                 }
-                let (directive, busy_ns) = self.plant.faults.timing(step);
+                let (mut directive, busy_ns) = self.plant.faults.timing(step);
+                if let Some(repetition) = &mut self.repetition {
+                    directive.unseen = !repetition.is_seen(step);
+                }
                 let header = Header {
                     time_ns: run.rate.nanoseconds(step),
                     work_ns: self.timing.plant_ns,
                     directive: directive.to_wire(),
                     age_steps: self.sample_age_steps,
                     surroundings: self.timing.plant_surroundings,
+                    held_steps: self.newest.held_steps,
                     invalid: self.rows.invalid,
                     ..Header::new(FrameKind::Sample, step)
                 };
@@ -303,6 +360,11 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                     self.plant.faults.plant_was_busy(spin(busy_ns));
                 }
                 self.sent_ns = monotonic_ns();
+                self.late_ns = match release_ns {
+                    0 => 0,
+                    _ => self.sent_ns - release_ns,
+                };
+                self.deadline_ns = self.deadline_of(step);
                 self.link.send(&header, &self.rows.sample)?;
                 // While the controller works: what observers need, and what needs no command.
                 self.tell()?;
@@ -313,6 +375,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                     return Ok(Progress::Over);
                 }
                 self.ending = Some(step);
+                self.deadline_ns = u64::MAX;
             }
             _ => {}
         }
@@ -327,8 +390,11 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             self.serve(order, step)?;
         }
         if !self.desk.holds(step) {
-            if self.held_ns.take().is_some() {
-                self.pacer = (self.pacer).map(|pacer| pacer.resumed(step, monotonic_ns()));
+            if self.held_ns.take().is_some()
+                && let Some(pacer) = &mut self.pacer
+            {
+                self.heard_ns = monotonic_ns();
+                pacer.anchor(step, self.heard_ns);
             }
             return Ok(false);
         }
@@ -396,6 +462,26 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             }
         }
         Ok(())
+    }
+
+    /// Simulated seconds per second of the clock; `None` in lockstep.
+    const fn pace(&self) -> Option<f64> {
+        match self.job.run.clock {
+            Clock::Lockstep => None,
+            Clock::Paced { factor } => Some(factor),
+            Clock::Realtime => Some(1.0),
+        }
+    }
+
+    /// Until when the command of a step is awaited. Step 0 waits for the controller: time has not
+    /// begun.
+    fn deadline_of(&self, step: Step) -> u64 {
+        match (&self.pacer, self.job.run.clock) {
+            (Some(pacer), Clock::Realtime) if step > Step(0) => {
+                pacer.deadline_ns(step, self.job.run.deadline)
+            }
+            _ => u64::MAX,
+        }
     }
 
     /// Publishes what observers await: the record of the step before, then which faults took hold
@@ -472,10 +558,17 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             return Ok(Progress::Busy);
         }
         let Some(header) = self.link.receive(&mut self.rows.frame)? else {
-            return Ok(Progress::Controller);
+            return match self.deadline_ns {
+                u64::MAX => Ok(Progress::Controller),
+                deadline_ns if monotonic_ns() < deadline_ns => {
+                    Ok(Progress::ControllerUntil(deadline_ns))
+                }
+                _ => self.miss(),
+            };
         };
         match self.side.on(&PlantEvent::Frame(&header)) {
-            PlantAction::Apply(step) => self.apply(step, &header)?,
+            PlantAction::Apply(step) => self.take(step, header)?,
+            PlantAction::Keep => self.keep(header),
             PlantAction::Finish => self.finish(Outcome::Completed, None)?,
             PlantAction::Abort(abort) => self.abort(&abort)?,
             _ => {}
@@ -483,13 +576,85 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         Ok(Progress::Busy)
     }
 
-    fn apply(&mut self, step: Step, header: &Header) -> Result<(), LinkError> {
+    /// Takes the command that answers a step, or what it had to do with in the run that is repeated.
+    fn take(&mut self, step: Step, header: Header) -> Result<(), LinkError> {
         let received_ns = monotonic_ns();
+        self.heard_ns = received_ns;
+        if step == Step(0)
+            && let Some(pacer) = &mut self.pacer
+        {
+            // Time begins when the controller has answered once.
+            pacer.anchor(step, received_ns);
+        }
+        self.newest = Command {
+            header,
+            held_steps: 0,
+            round_trip_ns: received_ns - self.sent_ns,
+        };
+        if let Some(repetition) = &mut self.repetition {
+            match repetition.exchange(step, header, &mut self.rows.frame) {
+                Ok(header) => self.newest.header = header,
+                Err(reason) => return self.give_up(Outcome::Failed, AbortCode::Other, reason),
+            }
+        }
+        self.meet(step, received_ns)
+    }
+
+    /// Keeps a command that came too late for its own step.
+    fn keep(&mut self, header: Header) {
+        self.heard_ns = monotonic_ns();
+        let due_ns = (self.pacer).map_or(0, |pacer| pacer.due_ns(Step(header.step)));
+        self.newest = Command {
+            header,
+            held_steps: 0,
+            round_trip_ns: self.heard_ns.saturating_sub(due_ns),
+        };
+    }
+
+    /// The command missed its deadline: the step meets the newest there is.
+    fn miss(&mut self) -> Result<Progress, LinkError> {
+        let now_ns = monotonic_ns();
+        let limit = WaitLimit::from_seconds(self.job.wait_limit_s);
+        if now_ns - self.heard_ns >= limit.ns() {
+            self.interrupt(&PlantEvent::Deadline(limit.ms()))?;
+            return Ok(Progress::Busy);
+        }
+        let PlantAction::Hold(step) = self.side.on(&PlantEvent::Missed) else {
+            return Ok(Progress::Controller);
+        };
+        if self.job.run.overrun == OverrunPolicy::Abort {
+            self.missed.note(step);
+            let late = format!(
+                "controller did not answer step {step} by its deadline, and the policy for overruns is `abort`"
+            );
+            return self.overran(late);
+        }
+        self.meet(step, now_ns)?;
+        Ok(Progress::Busy)
+    }
+
+    fn overran(&mut self, reason: String) -> Result<Progress, LinkError> {
+        self.give_up(Outcome::Failed, AbortCode::Overrun, reason)?;
+        Ok(Progress::Over)
+    }
+
+    /// A step meets the newest command: it is applied and the plant integrates to the next step.
+    fn meet(&mut self, step: Step, received_ns: u64) -> Result<(), LinkError> {
+        self.newest.held_steps = (step.0 - self.newest.header.step) as u32;
+        if self.newest.held_steps > 0 {
+            self.missed.note(step);
+        }
+        let met = self.newest;
+        self.newest.round_trip_ns = 0;
+        let header = &Header {
+            age_steps: met.header.age_steps.saturating_add(met.held_steps),
+            ..met.header
+        };
         let (rows, plant) = (&mut self.rows, &mut self.plant);
         rows.take_command(header);
         let commands = &plant.description.commands;
         if let Err(bad) = first_bad(commands, &rows.command) {
-            let reason = format!("controller's command of step {step}: {bad}");
+            let reason = format!("controller's command of step {}: {bad}", header.step);
             return self.give_up(Outcome::Failed, AbortCode::NotANumber, reason);
         }
         let command = (&rows.command[..], &rows.command_invalid);
@@ -500,11 +665,11 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         plant.model.truth(time_s, &rows.applied, &mut rows.truth);
         if let Err(bad) = plant.guard.check(&rows.truth) {
             if rows.truth.iter().all(|value| value.is_finite()) {
-                self.note_record(step, header, age_steps, received_ns);
+                self.note_record(step, &met, age_steps, received_ns);
             }
             return self.diverged(step, &bad.to_string());
         }
-        self.note_record(step, header, age_steps, received_ns);
+        self.note_record(step, &met, age_steps, received_ns);
 
         let interval = Interval {
             start_s: time_s,
@@ -518,8 +683,14 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     }
 
     /// Writes down the record of a step; it is published while the controller works on the next.
-    fn note_record(&mut self, step: Step, header: &Header, age_steps: u32, received_ns: u64) {
-        let round_trip_ns = received_ns - self.sent_ns;
+    fn note_record(&mut self, step: Step, met: &Command, age_steps: u32, received_ns: u64) {
+        let Command {
+            header,
+            held_steps,
+            round_trip_ns,
+        } = met;
+        let round_trip_ns = *round_trip_ns;
+        let took_ns = received_ns - self.sent_ns + self.timing.plant_ns;
         self.timing = Timing {
             time_ns: self.job.run.rate.nanoseconds(step),
             epoch: u64::from(header.epoch),
@@ -527,12 +698,15 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             command_age_steps: u64::from(age_steps),
             published_ns: received_ns,
             round_trip_ns,
-            controller_ns: header.work_ns,
+            controller_ns: match round_trip_ns {
+                0 => 0,
+                _ => header.work_ns,
+            },
             plant_ns: self.timing.plant_ns,
-            late_ns: 0,
-            held_steps: 0,
+            late_ns: self.late_ns,
+            held_steps: u64::from(*held_steps),
             answered: header.directive,
-            plant_surroundings: self.lookout.after(round_trip_ns + self.timing.plant_ns),
+            plant_surroundings: self.lookout.after(took_ns),
             controller_surroundings: header.surroundings,
         };
         self.rows.write_record(step, header, &self.timing);
@@ -614,6 +788,10 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             reason,
             rejected_frames: self.link.rejected().count + self.plant.faults.rejected(),
             effects: self.plant.faults.effects(),
+            overruns: (self.pacer)
+                .map(|pacer| pacer.overruns())
+                .unwrap_or_default(),
+            missed_commands: self.missed,
         };
         self.end = Some(end.clone());
         published?;

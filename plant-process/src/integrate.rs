@@ -4,6 +4,8 @@
 //! step size, never looks at an error and never allocates, so that a run takes the same path on
 //! every machine.
 
+use std::ops::{Add, Mul};
+
 use shared_types::time::Interval;
 
 /// Integrates `dx/dt = rates(t, x)` over an interval in its equal substeps.
@@ -41,13 +43,17 @@ pub fn integrate<const N: usize>(
 ///
 /// `inputs` are what depends on time alone, at the begin, middle and end of the step: the method
 /// asks for no other times, and a costly input is evaluated once where the method needs it twice.
-#[inline]
-pub fn rk4_step<const N: usize, Input>(
-    state: &mut [f64; N],
+///
+/// A component of the state is a number, or several of them side by side.
+#[inline(always)]
+pub fn rk4_step<const N: usize, Component, Input>(
+    state: &mut [Component; N],
     step_s: f64,
     inputs: &[Input; 3],
-    mut rates: impl FnMut(&Input, &[f64; N]) -> [f64; N],
-) {
+    mut rates: impl FnMut(&Input, &[Component; N]) -> [Component; N],
+) where
+    Component: Copy + Add<Output = Component> + Mul<f64, Output = Component>,
+{
     let (x, h) = (*state, step_s);
     let [begin, middle, end] = inputs;
     let k1 = rates(begin, &x);
@@ -55,14 +61,21 @@ pub fn rk4_step<const N: usize, Input>(
     let k3 = rates(middle, &along(&x, 0.5 * h, &k2));
     let k4 = rates(end, &along(&x, h, &k3));
     for i in 0..N {
-        state[i] = x[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
+        state[i] = x[i] + (k1[i] + (k2[i] + k3[i]) * 2.0 + k4[i]) * (h / 6.0);
     }
 }
 
-/// `x + h k`.
+/// `x + k h`.
 #[inline]
-fn along<const N: usize>(x: &[f64; N], h: f64, k: &[f64; N]) -> [f64; N] {
-    std::array::from_fn(|i| x[i] + h * k[i])
+fn along<const N: usize, Component>(
+    x: &[Component; N],
+    h: f64,
+    k: &[Component; N],
+) -> [Component; N]
+where
+    Component: Copy + Add<Output = Component> + Mul<f64, Output = Component>,
+{
+    std::array::from_fn(|i| x[i] + k[i] * h)
 }
 
 #[cfg(test)]

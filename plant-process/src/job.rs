@@ -4,6 +4,8 @@ use hil_config::plan::{FaultEvent, PlantPlan, Run, Stimulus};
 use serde::{Deserialize, Serialize};
 use shared_types::table::number;
 
+use crate::repeat::Missed;
+
 /// Name of the file in the session's folder.
 pub const JOB_FILE: &str = "plant.json";
 
@@ -24,6 +26,10 @@ pub struct Job {
     pub faults: Vec<FaultEvent>,
     /// Names and expressions of the scenario's derived signals, which conditions of faults may use.
     pub derived: Vec<(String, String)>,
+    /// Where the controller of a run against the clock was not in time, if one is repeated; in the
+    /// order of steps.
+    #[serde(default)]
+    pub missed: Vec<Missed>,
     /// Hold before the first step at or after this time in s.
     pub pause_at_s: Option<f64>,
     /// Whether a recorder must see every record: the loop then waits for it.

@@ -21,5 +21,6 @@ pub mod live;
 pub mod models;
 pub mod plant;
 pub mod program;
+pub mod repeat;
 pub mod rows;
 pub mod stimulus;

@@ -6,6 +6,7 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::Duration;
 
+use hil_config::plan::Clock;
 use shared_types::describe::Description;
 use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{Link, LinkError};
@@ -13,10 +14,10 @@ use shared_types::lockstep::PlantEvent;
 use shared_types::program::{self, COMPLETED, DIVERGED, FAILED, Program};
 use shared_types::record::Outcome;
 use shared_types::session::SessionInfo;
-use shared_types::stream::RecordSink;
 use shared_types::stream::iceoryx::IceoryxSink;
+use shared_types::stream::{Owed, RecordSink};
 use shared_types::supervision::Supervision;
-use shared_types::wait::{WaitLimit, Waiter, until_ns};
+use shared_types::wait::{WaitLimit, Waiter};
 
 use crate::engine::{Engine, Progress};
 use crate::faults::{FaultKindEntry, kinds};
@@ -95,7 +96,12 @@ impl Program for PlantProgram {
         let job: Job = program::read_job(&session.folder.join(JOB_FILE))?;
         let limit = WaitLimit::from_seconds(job.wait_limit_s);
         let link = IceoryxLink::create(session).map_err(|e| e.to_string())?;
-        let sink = IceoryxSink::create(session, job.observed).map_err(|e| e.to_string())?;
+        let owed = match (job.observed, job.run.clock) {
+            (false, _) => Owed::Nothing,
+            (true, Clock::Realtime) => Owed::Start,
+            (true, Clock::Lockstep | Clock::Paced { .. }) => Owed::Everything,
+        };
+        let sink = IceoryxSink::create(session, owed).map_err(|e| e.to_string())?;
         let context = LiveContext::new(self.kind(&job)?, &self.faults, &job);
         let engine = Engine::new(self.kind(&job)?, &self.faults, job, link, sink);
         let mut engine = engine.map_err(|e| e.to_string())?;
@@ -134,10 +140,17 @@ pub fn drive<L: Link, S: RecordSink>(
             Progress::Busy => waiter.done(),
             Progress::Over => return Ok(()),
             Progress::Until(target_ns) => {
-                until_ns(target_ns, || {
+                waiter.until_ns(target_ns, || {
                     supervision.wants_stop() || desk.wants_attention()
                 });
                 waiter.done();
+            }
+            Progress::ControllerUntil(deadline_ns) => {
+                if peer_gone {
+                    engine.interrupt(&PlantEvent::PeerGone)?;
+                } else if waiter.pause_until(deadline_ns) {
+                    engine.interrupt(&PlantEvent::Deadline(limit.ms()))?;
+                }
             }
             Progress::Controller => {
                 if peer_gone {

@@ -10,15 +10,20 @@ pub struct Directive {
     /// Busy for so long before it answers, in ns; at most 4.29 s.
     pub busy_ns: u32,
     /// The command of this sample takes effect so many steps later. Until then the last command is
-    /// sent again, and no sample is looked at.
+    /// sent again, and no sample is looked at. At most 2^31 - 1.
     pub late_steps: u32,
+    /// In the run that is repeated this sample was not received: what was sent last is sent again.
+    pub unseen: bool,
 }
+
+const UNSEEN: u64 = 1 << 63;
 
 impl Directive {
     /// The word in the header.
     #[must_use]
     pub const fn to_wire(self) -> u64 {
-        (self.late_steps as u64) << 32 | self.busy_ns as u64
+        let unseen = if self.unseen { UNSEEN } else { 0 };
+        unseen | (self.late_steps as u64) << 32 & !UNSEEN | self.busy_ns as u64
     }
 
     /// What a word in a header says.
@@ -26,7 +31,8 @@ impl Directive {
     pub const fn from_wire(word: u64) -> Self {
         Self {
             busy_ns: word as u32,
-            late_steps: (word >> 32) as u32,
+            late_steps: ((word & !UNSEEN) >> 32) as u32,
+            unseen: word & UNSEEN != 0,
         }
     }
 }
@@ -105,6 +111,7 @@ mod tests {
         let directive = Directive {
             busy_ns: u32::MAX,
             late_steps: 7,
+            unseen: true,
         };
         assert_eq!(Directive::from_wire(directive.to_wire()), directive);
         assert_eq!(Directive::default().to_wire(), 0);

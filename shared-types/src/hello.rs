@@ -85,6 +85,8 @@ pub struct Welcome {
     pub rate: Rate,
     /// Number of steps.
     pub steps: u64,
+    /// The plant does not wait for commands: samples may be replaced before they are received.
+    pub against_clock: bool,
     /// What a sample frame carries, in order.
     pub sample: SignalTable,
     /// What a command frame carries, in order.
@@ -163,6 +165,8 @@ pub struct Offer<'a> {
     pub rate: Rate,
     /// Number of steps.
     pub steps: u64,
+    /// Whether the plant does not wait for commands.
+    pub against_clock: bool,
     /// Measured signals.
     pub measured: &'a [Field],
     /// Reference signals.
@@ -224,6 +228,7 @@ pub fn agree(hello: &Hello, offer: &Offer<'_>) -> Result<Welcome, Refused> {
         layout: layout_hash(&sample, &command),
         rate: offer.rate,
         steps: offer.steps,
+        against_clock: offer.against_clock,
         sample,
         command,
     })
@@ -257,6 +262,7 @@ mod tests {
                 epoch: 1,
                 rate: Rate::new(10.0).expect("legal"),
                 steps: 3,
+                against_clock: false,
                 measured: &[field("extra_rad"), field("angle_rad")],
                 reference: &[field("angle_rad")],
                 commands: &[field("drive_rad")],

@@ -1,16 +1,87 @@
-//! The pacer: when a step may begin.
+//! The pacer: when a step may begin, until when its command must be there, and what becomes of the
+//! grid when the plant falls behind.
 //!
-//! A pure function of the step; the engine compares it with the monotonic clock. In lockstep a step
-//! begins at once. Paced, it begins on a fixed grid of the monotonic clock: a late step does not
-//! move the grid, the following ones catch up, and nothing is skipped.
+//! In lockstep a step begins at once. Otherwise it begins on a grid of the monotonic clock that is
+//! computed from the step, so that nothing accumulates. The engine tells the pacer the time and
+//! asks; the pacer itself never looks at a clock.
+
+use serde::{Deserialize, Serialize};
 
 use crate::time::{Rate, Step};
+
+/// What is done about a step that is due before the one before it is done.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum OverrunPolicy {
+    /// The grid stays. Late steps begin at once, one after the other, until none is late.
+    #[default]
+    CatchUp,
+    /// The grid stays, and the late step begins at its next point: simulated time loses whole
+    /// periods, every step has a whole one.
+    Skip,
+    /// The late step begins at once and the grid goes on from there: simulated time loses what was
+    /// late.
+    Stretch,
+    /// The run ends.
+    Abort,
+}
+
+impl OverrunPolicy {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::CatchUp, Self::Skip, Self::Stretch, Self::Abort];
+
+    /// As it is written in a scenario.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::CatchUp => "catch-up",
+            Self::Skip => "skip",
+            Self::Stretch => "stretch",
+            Self::Abort => "abort",
+        }
+    }
+}
+
+/// How often something happened to a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Streaks {
+    /// Steps that it happened to.
+    pub count: u64,
+    /// Most in a row.
+    pub longest: u64,
+    /// The first of them.
+    pub first_step: Option<u64>,
+    /// The last of them, and how many before it in a row.
+    #[serde(skip)]
+    last: Option<(u64, u64)>,
+}
+
+impl Streaks {
+    /// It happened to this step; steps come in order.
+    pub fn note(&mut self, step: Step) {
+        let before = match self.last {
+            Some((last, before)) if last + 1 == step.0 => before + 1,
+            _ => 0,
+        };
+        self.last = Some((step.0, before));
+        self.count += 1;
+        if before >= self.longest {
+            self.longest = before + 1;
+        }
+        self.first_step.get_or_insert(step.0);
+    }
+}
 
 /// Makes the release time of every step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pacer {
     rate: Rate,
+    policy: OverrunPolicy,
+    /// `None` in lockstep.
     grid: Option<Grid>,
+    /// The next step was looked at and its overrun, if it was one, dealt with.
+    seen: Option<Step>,
+    overruns: Streaks,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,50 +92,114 @@ struct Grid {
     factor: f64,
 }
 
+impl Grid {
+    fn due_ns(&self, rate: Rate, step: Step) -> u64 {
+        let since_ns = rate.nanoseconds(step) - rate.nanoseconds(self.first);
+        self.start_ns + (since_ns as f64 / self.factor + 0.5) as u64
+    }
+}
+
+/// A step was due so long before the one before it was done, in ns, and the policy is to end the run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "step {step} was due {:.3} ms before the step before it was done, and the policy for overruns is `abort`",
+    *late_ns as f64 / 1e6
+)]
+pub struct Overrun {
+    /// The step.
+    pub step: Step,
+    /// How late it is.
+    pub late_ns: u64,
+}
+
 impl Pacer {
     /// Every step is released at once.
     #[must_use]
     pub const fn lockstep(rate: Rate) -> Self {
-        Self { rate, grid: None }
+        Self {
+            rate,
+            policy: OverrunPolicy::CatchUp,
+            grid: None,
+            seen: None,
+            overruns: Streaks {
+                count: 0,
+                longest: 0,
+                first_step: None,
+                last: None,
+            },
+        }
     }
 
     /// Step 0 is released at `start_ns` and simulated time runs `factor` times as fast as the clock.
     #[must_use]
-    pub const fn paced(rate: Rate, start_ns: u64, factor: f64) -> Self {
+    pub const fn paced(rate: Rate, start_ns: u64, factor: f64, policy: OverrunPolicy) -> Self {
         Self {
-            rate,
+            policy,
             grid: Some(Grid {
                 start_ns,
                 first: Step(0),
                 factor,
             }),
+            ..Self::lockstep(rate)
         }
     }
 
-    /// The same pace from a step on that may begin at `now_ns`: what was held is not caught up.
-    #[must_use]
-    pub fn resumed(self, step: Step, now_ns: u64) -> Self {
-        let from_here = |grid: Grid| Grid {
-            start_ns: now_ns,
-            first: step,
-            ..grid
+    /// From here on the grid is such that `step` was due at `due_ns`.
+    pub const fn anchor(&mut self, step: Step, due_ns: u64) {
+        if let Some(grid) = &mut self.grid {
+            grid.start_ns = due_ns;
+            grid.first = step;
+        }
+    }
+
+    /// When a step may begin, in ns of the monotonic clock; 0 for at once. Ask when everything before
+    /// it is done: a step that is due already is an overrun.
+    ///
+    /// # Errors
+    /// If it is one and the run is to end for it.
+    pub fn release_ns(&mut self, step: Step, now_ns: u64) -> Result<u64, Overrun> {
+        let Some(grid) = self.grid else {
+            return Ok(0);
         };
-        Self {
-            grid: self.grid.map(from_here),
-            ..self
+        let due_ns = grid.due_ns(self.rate, step);
+        if self.seen.replace(step) == Some(step) || now_ns <= due_ns {
+            return Ok(due_ns);
         }
+        self.overruns.note(step);
+        let late_ns = now_ns - due_ns;
+        match self.policy {
+            OverrunPolicy::CatchUp => {}
+            OverrunPolicy::Stretch => self.anchor(step, now_ns),
+            OverrunPolicy::Skip => {
+                let period_ns = 1e9 * self.rate.period_s() / grid.factor;
+                let periods = libm::ceil(late_ns as f64 / period_ns);
+                self.anchor(step, due_ns + (periods * period_ns + 0.5) as u64);
+            }
+            OverrunPolicy::Abort => return Err(Overrun { step, late_ns }),
+        }
+        Ok(self.due_ns(step))
     }
 
-    /// When a step may begin, in ns of the monotonic clock; 0 for at once.
+    /// When a step is due; 0 in lockstep.
     #[must_use]
-    pub fn release_ns(&self, step: Step) -> u64 {
-        match self.grid {
-            None => 0,
-            Some(grid) => {
-                let since_ns = self.rate.nanoseconds(step) - self.rate.nanoseconds(grid.first);
-                grid.start_ns + (since_ns as f64 / grid.factor + 0.5) as u64
-            }
-        }
+    pub fn due_ns(&self, step: Step) -> u64 {
+        self.grid.map_or(0, |grid| grid.due_ns(self.rate, step))
+    }
+
+    /// The end of a share of a step's period; in lockstep never.
+    #[must_use]
+    pub fn deadline_ns(&self, step: Step, share: f64) -> u64 {
+        let Some(grid) = self.grid else {
+            return u64::MAX;
+        };
+        let period_ns = 1e9 * self.rate.period_s() / grid.factor;
+        grid.due_ns(self.rate, step) + (share * period_ns + 0.5) as u64
+    }
+
+    /// Steps that were due before the one before them was done.
+    #[must_use]
+    pub const fn overruns(&self) -> Streaks {
+        self.overruns
     }
 }
 
@@ -76,39 +211,132 @@ mod tests {
         Rate::new(hz).expect("legal")
     }
 
+    fn paced(hz: f64, start_ns: u64, policy: OverrunPolicy) -> Pacer {
+        Pacer::paced(rate(hz), start_ns, 1.0, policy)
+    }
+
     #[test]
     fn lockstep_never_holds_a_step_back() {
-        assert_eq!(Pacer::lockstep(rate(10.0)).release_ns(Step(1_000_000)), 0);
+        let mut pacer = Pacer::lockstep(rate(10.0));
+        assert_eq!(pacer.release_ns(Step(1_000_000), 5), Ok(0));
+        assert_eq!(pacer.deadline_ns(Step(7), 0.5), u64::MAX);
+        assert_eq!(pacer.overruns(), Streaks::default());
     }
 
     #[test]
     fn the_grid_does_not_drift_in_an_hour() {
-        let pacer = Pacer::paced(rate(10_000.0), 77, 1.0);
+        let pacer = paced(10_000.0, 77, OverrunPolicy::CatchUp);
         for step in [0, 1, 2, 9_999, 36_000_000] {
-            assert_eq!(pacer.release_ns(Step(step)), 77 + step * 100_000);
+            assert_eq!(pacer.due_ns(Step(step)), 77 + step * 100_000);
         }
-        let third = Pacer::paced(rate(3.0), 0, 1.0);
-        assert_eq!(third.release_ns(Step(3 * 3600)), 3_600_000_000_000);
+        let third = paced(3.0, 0, OverrunPolicy::CatchUp);
+        assert_eq!(third.due_ns(Step(3 * 3600)), 3_600_000_000_000);
+    }
+
+    /// An hour at 1 kHz on a simulated clock: each step wakes up late, works for a while, and now
+    /// and then takes far too long. The n-th of `n` steps begins when the grid says, whatever
+    /// happened before.
+    #[test]
+    fn an_hour_of_late_wake_ups_and_long_steps_leaves_the_grid_where_it_was() {
+        let (mut pacer, mut now_ns) = (paced(1000.0, 500, OverrunPolicy::CatchUp), 500);
+        let mut seed = 1_u64;
+        let mut random = |below: u64| {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (seed >> 33) % below
+        };
+        let (mut late_sum_ns, mut catching_up) = (0, 0);
+        for step in 0..3_600_000 {
+            let due_ns = 500 + step * 1_000_000;
+            assert_eq!(pacer.release_ns(Step(step), now_ns), Ok(due_ns));
+            catching_up += u64::from(now_ns > due_ns);
+            now_ns = if now_ns > due_ns {
+                now_ns
+            } else {
+                due_ns + random(80_000)
+            };
+            late_sum_ns += now_ns - due_ns;
+            now_ns += if random(10_000) == 0 {
+                7_300_000
+            } else {
+                random(600_000)
+            };
+        }
+        assert!(now_ns >= 500 + 3_599_999 * 1_000_000);
+        assert!(late_sum_ns / 3_600_000 < 100_000, "it is not late for ever");
+        assert_eq!(pacer.overruns().count, catching_up);
+        assert!(pacer.overruns().longest >= 7);
     }
 
     #[test]
-    fn a_resumed_run_goes_on_at_its_pace_from_where_it_was_held() {
-        let pacer = Pacer::paced(rate(1000.0), 7, 2.0).resumed(Step(100), 5_000);
-        assert_eq!(pacer.release_ns(Step(100)), 5_000);
-        assert_eq!(pacer.release_ns(Step(110)), 5_005_000);
-        let lockstep = Pacer::lockstep(rate(1000.0)).resumed(Step(100), 5_000);
-        assert_eq!(lockstep.release_ns(Step(110)), 0);
+    fn each_policy_does_with_a_late_step_what_it_says() {
+        // Steps of 1 ms; step 1 is done at 5.25 ms, so that step 2 is 3.25 ms late.
+        let table = [
+            (OverrunPolicy::CatchUp, Ok(2_000_000), 3_000_000),
+            (OverrunPolicy::Skip, Ok(6_000_000), 7_000_000),
+            (OverrunPolicy::Stretch, Ok(5_250_000), 6_250_000),
+            (
+                OverrunPolicy::Abort,
+                Err(Overrun {
+                    step: Step(2),
+                    late_ns: 3_250_000,
+                }),
+                3_000_000,
+            ),
+        ];
+        for (policy, release_ns, next_ns) in table {
+            let mut pacer = paced(1000.0, 0, policy);
+            assert_eq!(pacer.release_ns(Step(1), 900_000), Ok(1_000_000));
+            assert_eq!(
+                pacer.release_ns(Step(2), 5_250_000),
+                release_ns,
+                "{policy:?}"
+            );
+            assert_eq!(pacer.due_ns(Step(3)), next_ns, "{policy:?}");
+            let overruns = pacer.overruns();
+            assert_eq!((overruns.count, overruns.first_step), (1, Some(2)));
+        }
+    }
+
+    #[test]
+    fn a_step_that_is_asked_for_again_is_late_once() {
+        let mut pacer = paced(1000.0, 0, OverrunPolicy::Stretch);
+        assert_eq!(pacer.release_ns(Step(1), 900_000), Ok(1_000_000));
+        // The wait for it ended late: it begins late, which is no overrun.
+        assert_eq!(pacer.release_ns(Step(1), 1_200_000), Ok(1_000_000));
+        assert_eq!(pacer.overruns().count, 0);
+    }
+
+    #[test]
+    fn streaks_are_counted() {
+        let mut streaks = Streaks::default();
+        for step in [3, 4, 9, 10, 11, 12, 20] {
+            streaks.note(Step(step));
+        }
+        let Streaks {
+            count,
+            longest,
+            first_step,
+            ..
+        } = streaks;
+        assert_eq!((count, longest, first_step), (7, 4, Some(3)));
+    }
+
+    #[test]
+    fn a_run_goes_on_at_its_pace_from_where_it_was_held() {
+        let mut pacer = Pacer::paced(rate(1000.0), 7, 2.0, OverrunPolicy::Abort);
+        pacer.anchor(Step(100), 5_000);
+        assert_eq!(pacer.release_ns(Step(100), 5_000), Ok(5_000));
+        assert_eq!(pacer.release_ns(Step(110), 5_001), Ok(5_005_000));
+        assert_eq!(pacer.deadline_ns(Step(110), 0.8), 5_405_000);
+        let mut lockstep = Pacer::lockstep(rate(1000.0));
+        lockstep.anchor(Step(100), 5_000);
+        assert_eq!(lockstep.release_ns(Step(110), 9), Ok(0));
     }
 
     #[test]
     fn a_factor_stretches_or_shrinks_the_grid() {
-        assert_eq!(
-            Pacer::paced(rate(1000.0), 0, 2.0).release_ns(Step(10)),
-            5_000_000
-        );
-        assert_eq!(
-            Pacer::paced(rate(1000.0), 0, 0.5).release_ns(Step(10)),
-            20_000_000
-        );
+        let due_ns =
+            |factor| Pacer::paced(rate(1000.0), 0, factor, OverrunPolicy::CatchUp).due_ns(Step(10));
+        assert_eq!((due_ns(2.0), due_ns(0.5)), (5_000_000, 20_000_000));
     }
 }

@@ -22,6 +22,7 @@ use serde::{Deserialize, Serialize};
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
 use crate::frame::VALIDITY_WORDS;
+use crate::pacer::Streaks;
 use crate::table::Field;
 
 /// Version of records and of the recording made of them.
@@ -281,6 +282,12 @@ pub struct RunEnd {
     pub rejected_frames: u64,
     /// What became of each effect of each fault, also of those that never took hold.
     pub effects: Vec<FaultEffectSize>,
+    /// Steps that were due before the step before them was done; none in lockstep.
+    #[serde(default)]
+    pub overruns: Streaks,
+    /// Steps whose command missed its deadline, or did in the run that was repeated.
+    #[serde(default)]
+    pub missed_commands: Streaks,
 }
 
 /// What became of one effect of a fault.
@@ -379,6 +386,8 @@ mod tests {
             reason: None,
             rejected_frames: 0,
             effects: vec![],
+            overruns: Streaks::default(),
+            missed_commands: Streaks::default(),
         });
         let text = serde_json::to_string(&event).expect("serialises");
         assert_eq!(serde_json::from_str::<Event>(&text).expect("parses"), event);

@@ -77,7 +77,7 @@ fn wrong_values_are_refused() {
         ("run.duration_s=-1", &["run.duration_s"]),
         ("run.duration_s=nan", &["run.duration_s", "not a number"]),
         ("run.duration_s=2e9", &["steps", "2^40"]),
-        ("run.clock=realtime", &["run.clock", "`lockstep`"]),
+        ("run.clock=walltime", &["run.clock", "`lockstep`"]),
         ("run.duration_s", &["run.duration_s"]),
     ];
     let rig = Rig::new();

@@ -1,4 +1,4 @@
-//! A step makes no system call and allocates nothing.
+//! A step makes no system call, but for a look at its thread now and then, and allocates nothing.
 
 use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -16,7 +16,7 @@ use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{Link, in_process};
 use shared_types::session::Session;
 use shared_types::stream::iceoryx::{IceoryxSink, IceoryxSource};
-use shared_types::stream::{self, Item, RecordSink, RecordSource};
+use shared_types::stream::{self, Item, Owed, RecordSink, RecordSource};
 
 use crate::harness::Rig;
 use crate::mcap_reader::Recording;
@@ -25,6 +25,8 @@ use crate::programs::{program, skip, workspace};
 const SCENARIO: &str = "tests/scenarios/leakage.toml";
 /// System calls of a wait: giving the core away, a nap, and a clock that the kernel does not lend.
 const WAITING: [&str; 3] = ["sched_yield", "clock_nanosleep", "clock_gettime"];
+/// Of a look at what happened to the thread: every 1,024 steps, and after one that took far too long.
+const LOOKING: [&str; 2] = ["getcpu", "getrusage"];
 
 /// A program that traces itself once it is started for a run.
 fn traced(rig: &Rig, name: &str) -> String {
@@ -102,9 +104,14 @@ fn between_the_first_and_the_last_step_neither_process_calls_the_system() {
                 .iter()
                 .any(|(time_s, name)| *time_s > end_s && name == "munmap")
         );
-        let within: Vec<_> = (calls.iter())
-            .filter(|(time_s, _)| (begin_s..end_s).contains(time_s))
-            .filter(|(_, name)| !WAITING.contains(&name.as_str()))
+        let within = || {
+            (calls.iter())
+                .filter(|(time_s, _)| (begin_s..end_s).contains(time_s))
+                .map(|(_, name)| name.as_str())
+        };
+        assert!(within().filter(|name| *name == "getrusage").count() > 10);
+        let within: Vec<_> = within()
+            .filter(|name| !WAITING.contains(name) && !LOOKING.contains(name))
             .collect();
         assert!(within.is_empty(), "{name}: {within:?}");
     }
@@ -202,6 +209,7 @@ fn jobs(session: u64) -> (plant_process::job::Job, controller_process::job::Job)
         stimuli: plan.stimuli,
         faults: plan.faults,
         derived: plan.derived.iter().map(derived).collect(),
+        missed: Vec::new(),
         pause_at_s: None,
         observed: true,
         wait_limit_s: 5.0,
@@ -279,7 +287,7 @@ fn over_shared_memory_the_loan_of_a_record_is_the_only_allocation_of_a_step() {
     let info = session.info();
     let plant = IceoryxLink::create(info).expect("a link");
     let controller = IceoryxLink::open(info).expect("a link");
-    let sink = IceoryxSink::create(info, true).expect("a stream");
+    let sink = IceoryxSink::create(info, Owed::Everything).expect("a stream");
     let source = IceoryxSource::open(info, true).expect("a stream");
     let allocations = allocations_in(2000, info.id, (plant, controller), (sink, source));
     assert_eq!(allocations, 2000);

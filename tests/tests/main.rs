@@ -3,6 +3,7 @@
 //! | module | proves |
 //! |---|---|
 //! | [`architecture`] | packages, binaries and dependency arrows |
+//! | [`clocks`] | lockstep, paced and real time; what comes too late and how it is repeated |
 //! | [`cli`] | bad input: a clear error, exit code 2, nothing started |
 //! | [`determinism`] | one digest, however and wherever a scenario runs |
 //! | [`doctor`] | every check once, and a verdict that follows |
@@ -25,6 +26,7 @@
 
 mod architecture;
 mod cli;
+mod clocks;
 mod determinism;
 mod doctor;
 #[path = "../every_fault.rs"]

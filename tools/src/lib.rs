@@ -36,6 +36,7 @@ pub mod inject;
 pub mod interruption;
 pub mod latency;
 pub mod live;
+mod missed;
 pub mod output;
 pub mod progress;
 pub mod recorder;

@@ -12,6 +12,7 @@ use std::path::Path;
 use hil_config::plan::{Condition, FaultEnd, FaultEvent, Plan, Trigger};
 use hil_config::scenario::Scenario;
 use hil_config::show;
+use plant_process::repeat::Missed;
 use shared_types::describe::Description;
 use shared_types::record::{Event, FaultEnded, FaultTaken};
 use shared_types::time::{Rate, Step};
@@ -19,6 +20,7 @@ use shared_types::time::{Rate, Step};
 use crate::cli::recordings::ScenarioFromArguments;
 use crate::exit::{Exit, Failure};
 use crate::faults::{FaultLog, LiveFault};
+use crate::missed::Collector;
 use crate::output;
 use crate::run_reader::{ReadError, RunReader};
 
@@ -40,6 +42,8 @@ pub struct RecordedRun {
     pub digest: String,
     /// How it ended, in one word; `None` if its plant or its writer died.
     pub outcome: Option<String>,
+    /// Where its controller was not in time.
+    pub missed: Vec<Missed>,
 }
 
 /// Runs the command.
@@ -47,7 +51,14 @@ pub struct RecordedRun {
 /// # Errors
 /// If the run cannot be read, or the scenario not be written.
 pub fn scenario_from(arguments: &ScenarioFromArguments) -> Result<Exit, Failure> {
-    let text = RecordedRun::read(&arguments.run)?.scenario()?;
+    let recorded = RecordedRun::read(&arguments.run)?;
+    let text = recorded.scenario()?;
+    if !recorded.missed.is_empty() {
+        eprintln!(
+            "note: {} steps of the run missed their command, which no scenario can repeat; `hil rerun` does",
+            recorded.missed.len()
+        );
+    }
     match &arguments.output {
         None => output::write(&text)?,
         Some(path) => std::fs::write(path, text).map_err(|error| {
@@ -76,8 +87,15 @@ impl RecordedRun {
         let plan = checked(&text, run, &plant, &controller)?;
         let mut log = FaultLog::default();
         let mut outcome = None;
+        let mut missed = Collector::of(&reader);
         loop {
             let goes_on = reader.advance().map_err(refused)?;
+            if let Some(missed) = &mut missed
+                && goes_on
+                && reader.step() < plan.run.steps
+            {
+                missed.take(reader.step(), reader.words());
+            }
             for event in reader.events() {
                 match event {
                     Event::Accepted(accepted) => {
@@ -113,6 +131,7 @@ impl RecordedRun {
                 .unwrap_or(0),
             digest: reader.digest(),
             outcome,
+            missed: missed.map(Collector::missed).unwrap_or_default(),
             plant,
             controller,
         })

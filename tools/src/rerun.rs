@@ -1,14 +1,15 @@
 //! `hil rerun`: a recorded run once more, what was done to it while it went on included, and
 //! whether the same came out.
 
+use hil_config::plan::Clock;
 use hil_config::scenario::Scenario;
 use serde_json::json;
 
-use crate::cli::run::RerunArguments;
+use crate::cli::run::{ClockKind, RerunArguments};
 use crate::compare::{self, Difference};
 use crate::exit::{Exit, Failure};
 use crate::repetition::RecordedRun;
-use crate::run::{self, Setup};
+use crate::run::{self, Repeated, Setup};
 use crate::{config, output, run_reader};
 
 /// Runs the command.
@@ -41,6 +42,11 @@ pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
             "{shown} has no record to compare with"
         )));
     }
+    if options.changes.clock == Some(ClockKind::Realtime) {
+        return Err(Failure::usage(
+            "a rerun repeats in lockstep what came too late; --clock realtime would be late in its own way",
+        ));
+    }
     let setup = Setup::find(options)?;
     let binaries = [&setup.binaries.plant, &setup.binaries.controller];
     for (binary, before) in binaries.into_iter().zip(&recorded.blake3) {
@@ -54,8 +60,15 @@ pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
     }
     let text = recorded.scenario()?;
     let scenario = Scenario::parse(&text, format!("the scenario of {shown}"));
-    let plan = config::check(scenario, &options.changes, &setup.binaries, options.json)?;
-    let ran = run::execute(plan, setup, options, Some(records))?;
+    let mut plan = config::check(scenario, &options.changes, &setup.binaries, options.json)?;
+    if options.changes.clock.is_none() && plan.run.clock == Clock::Realtime {
+        plan.run.clock = Clock::Lockstep;
+    }
+    let repeated = Repeated {
+        records,
+        missed: recorded.missed,
+    };
+    let ran = run::execute(plan, setup, options, Some(repeated))?;
     let found = if is_whole {
         &ran.digest
     } else {

@@ -3,8 +3,9 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use hil_config::plan::{Plan, Published};
+use hil_config::plan::{Clock, Plan, Published};
 use serde::Serialize;
+use shared_types::pacer::Streaks;
 use shared_types::record::Outcome;
 use shared_types::session::SessionInfo;
 use shared_types::time::Step;
@@ -30,6 +31,10 @@ pub struct Summary {
     verdict: &'static str,
     reason: Option<String>,
     clock: &'static str,
+    /// Null in lockstep.
+    overruns: Option<Overruns>,
+    /// Null unless the run was against the clock or repeats one that was.
+    missed_commands: Option<Missed>,
     rate_hz: f64,
     steps: u64,
     sim_time_s: f64,
@@ -50,6 +55,43 @@ pub struct Summary {
     controller: Program,
     plant: Program,
     seed: u64,
+}
+
+/// Steps that were due before the step before them was done.
+#[derive(Clone, Debug, Serialize)]
+struct Overruns {
+    policy: &'static str,
+    #[serde(flatten)]
+    steps: Missed,
+}
+
+/// Steps that something happened to.
+#[derive(Clone, Copy, Debug, Serialize)]
+struct Missed {
+    count: u64,
+    longest_streak: u64,
+    first_step: Option<u64>,
+}
+
+impl From<Streaks> for Missed {
+    fn from(streaks: Streaks) -> Self {
+        Self {
+            count: streaks.count,
+            longest_streak: streaks.longest,
+            first_step: streaks.first_step,
+        }
+    }
+}
+
+impl Missed {
+    /// As a person reads it, if there is anything to tell.
+    fn told(&self, what: &str) -> Option<String> {
+        let first_step = self.first_step?;
+        let (count, longest) = (self.count, self.longest_streak);
+        Some(format!(
+            "{count} {what}, {longest} in a row at most, the first at step {first_step}"
+        ))
+    }
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -95,10 +137,8 @@ impl Summary {
         ended: &Ended,
     ) -> Self {
         let recorded = &ended.recorded;
-        let steps = recorded
-            .end
-            .as_ref()
-            .map_or(recorded.records, |end| end.steps);
+        let end = recorded.end.as_ref();
+        let steps = end.map_or(recorded.records, |end| end.steps);
         let sim_time_s = plan.run.rate.seconds(Step(steps));
         let wall_time_s = recorded.wall_time_s;
         Self {
@@ -111,10 +151,14 @@ impl Summary {
                 _ => "aborted",
             },
             reason: ended.reason.clone(),
-            clock: match plan.run.clock {
-                hil_config::plan::Clock::Lockstep => "lockstep",
-                hil_config::plan::Clock::Paced { .. } => "paced",
-            },
+            clock: plan.run.clock.name(),
+            overruns: (end.filter(|_| plan.run.clock != Clock::Lockstep)).map(|end| Overruns {
+                policy: plan.run.overrun.name(),
+                steps: end.overruns.into(),
+            }),
+            missed_commands: end
+                .filter(|end| plan.run.clock == Clock::Realtime || end.missed_commands.count > 0)
+                .map(|end| end.missed_commands.into()),
             rate_hz: plan.run.rate.hz(),
             steps,
             sim_time_s,
@@ -143,7 +187,7 @@ impl Summary {
                 records: recorded.records,
                 lost: recorded.lost,
             },
-            rejected_frames: recorded.end.as_ref().map_or(0, |end| end.rejected_frames),
+            rejected_frames: end.map_or(0, |end| end.rejected_frames),
             controller: Program::of(&binaries.controller),
             plant: Program::of(&binaries.plant),
             seed: plan.run.seed,
@@ -174,6 +218,13 @@ impl Summary {
             "  {} steps, {} s in {:.2} s, {:.1}x real time",
             self.steps, self.sim_time_s, self.wall_time_s, self.realtime_factor
         )?;
+        let overruns = self.overruns.as_ref();
+        let overran = overruns.and_then(|overruns| overruns.steps.told("steps overran"));
+        let missed = (self.missed_commands.as_ref())
+            .and_then(|missed| missed.told("commands missed their deadline"));
+        for told in overran.iter().chain(&missed) {
+            writeln!(text, "  {told}")?;
+        }
         for fault in &self.faults {
             writeln!(text, "  {}", fault.told())?;
         }

@@ -76,6 +76,7 @@ mod tests {
         .expect("starts");
         let mut command = [f64::NAN; 3];
         let sample = Row {
+            held_steps: 0,
             time_s: 0.0,
             measured: &[],
             reference: &[],

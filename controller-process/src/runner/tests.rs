@@ -104,6 +104,7 @@ fn greet(runner: &mut Runner<'_, InProcessLink>, plant: &mut InProcessLink, rate
         epoch: 1,
         rate: Rate::new(rate_hz).expect("legal"),
         steps: 9,
+        against_clock: false,
         measured: &measured,
         reference: &[],
         commands: &[Field::signal("force_n", "N", "x")],

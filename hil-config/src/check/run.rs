@@ -1,5 +1,6 @@
 //! `[run]`: rate, number of steps, seed and clock.
 
+use shared_types::pacer::OverrunPolicy;
 use shared_types::time::{Rate, Step};
 
 use crate::keys::MAX_STEPS;
@@ -36,6 +37,7 @@ pub(super) fn check(reader: &mut Reader, root: &Section<'_>) -> (Option<Grid>, O
     let factor = reader.number(&section, "pace");
     let clock = match reader.text(&section, "clock") {
         Some("paced") => factor.map(|factor| Clock::Paced { factor }),
+        Some("realtime") => Some(Clock::Realtime),
         Some(_) => Some(Clock::Lockstep),
         None => None,
     };
@@ -45,13 +47,22 @@ pub(super) fn check(reader: &mut Reader, root: &Section<'_>) -> (Option<Grid>, O
         }
         _ => None,
     };
-    let run = match (grid, seed, clock) {
-        (Some(Grid { rate, steps }), Some(seed), Some(clock)) => Some(Run {
-            rate,
-            steps,
-            seed: seed.unsigned_abs(), // its range begins at 0
-            clock,
-        }),
+    let overrun = reader.text(&section, "overrun").and_then(|name| {
+        let mut policies = OverrunPolicy::ALL.into_iter();
+        policies.find(|policy| policy.name() == name)
+    });
+    let deadline = reader.number(&section, "deadline");
+    let run = match (grid, seed, clock, overrun, deadline) {
+        (Some(Grid { rate, steps }), Some(seed), Some(clock), Some(overrun), Some(deadline)) => {
+            Some(Run {
+                rate,
+                steps,
+                seed: seed.unsigned_abs(), // its range begins at 0
+                clock,
+                overrun,
+                deadline,
+            })
+        }
         _ => None,
     };
     (grid, run)

@@ -54,7 +54,7 @@ const CASES: &[Case] = &[
     ("seed = 7", "seed = ^-1", OutOfRange, &["`run.seed` is -1", "a whole number from 0"]),
     ("seed = 7", "seed = ^1.5", WrongType, &["`run.seed` is a number", "a whole number"]),
     ("seed = 7", "seed = ^9223372036854775808", WrongType, &["a number that is too large"]),
-    ("\"lockstep\"", "^\"realtime\"", UnknownName, &["`run.clock` is `realtime`", "`lockstep`, `paced`"]),
+    ("\"lockstep\"", "^\"walltime\"", UnknownName, &["`run.clock` is `walltime`", "`lockstep`, `paced`"]),
     ("pace = 1.0", "pace = ^0", OutOfRange, &["`run.pace` is 0"]),
     // [plant]
     ("model = \"drhas\"", "^moddel = 1\nmodel = \"drhas\"", UnknownKey, &["`moddel` in `plant`", "nearest: `model`"]),

@@ -127,6 +127,8 @@ fn job(steps: u64) -> Job {
             steps,
             seed: 1,
             clock: Clock::Lockstep,
+            overrun: OverrunPolicy::CatchUp,
+            deadline: 0.8,
         },
         plant: PlantPlan {
             model: "mover".into(),
@@ -152,6 +154,7 @@ fn job(steps: u64) -> Job {
             effects: vec![effect],
         }],
         derived: vec![],
+        missed: vec![],
         pause_at_s: None,
         observed: true,
         wait_limit_s: 1.0,

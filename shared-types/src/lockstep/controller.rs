@@ -58,6 +58,7 @@ enum State {
 #[derive(Clone, Debug, PartialEq)]
 pub struct ControllerSide {
     state: State,
+    against_clock: bool,
     ignored: u64,
 }
 
@@ -73,6 +74,7 @@ impl ControllerSide {
     pub const fn new() -> Self {
         Self {
             state: State::Start,
+            against_clock: false,
             ignored: 0,
         }
     }
@@ -121,6 +123,7 @@ impl ControllerSide {
             (State::AwaitWelcome(hello), ControllerEvent::Control(Control::Welcome(welcome))) => {
                 match welcome.check(hello) {
                     Ok(()) => {
+                        self.against_clock = welcome.against_clock;
                         self.state = State::Opening {
                             epoch: welcome.epoch,
                         };
@@ -171,12 +174,14 @@ impl ControllerSide {
                     code,
                 })
             }
-            (State::AwaitSample(step), Some(FrameKind::Sample)) if got == *step => {
+            (State::AwaitSample(step), Some(FrameKind::Sample))
+                if got == *step || (self.against_clock && got > *step) =>
+            {
                 self.state = State::AwaitSample(got.next());
                 ControllerAction::Answer(got)
             }
             (State::AwaitSample(step), Some(FrameKind::End)) => {
-                if got == *step {
+                if got == *step || (self.against_clock && got > *step) {
                     self.state = State::Over;
                     ControllerAction::ConfirmEnd(got)
                 } else {
@@ -185,7 +190,9 @@ impl ControllerSide {
                 }
             }
             // The run is paused: the wait for the same sample begins anew.
-            (_, Some(FrameKind::Hold)) if got.0 <= self.at().0 => ControllerAction::Ignore,
+            (_, Some(FrameKind::Hold)) if got.0 <= self.at().0 || self.against_clock => {
+                ControllerAction::Ignore
+            }
             // A sample that was answered already, seen again.
             (_, Some(FrameKind::Sample)) if got.0 < self.at().0 => self.ignore(),
             (_, kind) => {

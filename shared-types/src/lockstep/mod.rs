@@ -16,6 +16,9 @@
 //!              <------  end N     both have executed steps 0 to N - 1
 //!   confirmed N ----->
 //! ```
+//!
+//! Against the clock the plant does not wait for a command beyond its deadline: it goes on with the
+//! newest one that it has, and a controller that comes late finds a later sample.
 
 mod controller;
 mod plant;
@@ -45,6 +48,8 @@ pub enum AbortCode {
     Observer = 7,
     /// Something else; the log of the side that gave up tells.
     Other = 8,
+    /// A step overran, and the policy is to end the run.
+    Overrun = 9,
 }
 
 impl AbortCode {
@@ -59,6 +64,7 @@ impl AbortCode {
             5 => Self::Diverged,
             6 => Self::NotANumber,
             7 => Self::Observer,
+            9 => Self::Overrun,
             _ => Self::Other,
         }
     }
@@ -125,6 +131,7 @@ const fn told(code: AbortCode) -> &'static str {
         AbortCode::Diverged => "the plant left its range of validity",
         AbortCode::NotANumber => "a signal was not a number",
         AbortCode::Observer => "the recorder is stuck or gone",
+        AbortCode::Overrun => "a step overran",
         AbortCode::Other => "see its log",
     }
 }

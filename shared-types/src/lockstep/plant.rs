@@ -18,6 +18,8 @@ pub enum PlantEvent<'a> {
     Release,
     /// A frame came that passed the link's checks.
     Frame(&'a Header),
+    /// The command of the step missed its deadline, against the clock.
+    Missed,
     /// The bounded wait, so many ms long, is over.
     Deadline(u64),
     /// The controller's process ended.
@@ -39,6 +41,10 @@ pub enum PlantAction {
     SendSample(Step),
     /// Apply the command that just came to this step, integrate, publish the record.
     Apply(Step),
+    /// Keep the command that just came, of an earlier step: it is the newest now.
+    Keep,
+    /// The same as apply, with the newest command there is.
+    Hold(Step),
     /// Send the end after so many steps.
     SendEnd(Step),
     /// Both sides executed every step.
@@ -66,6 +72,7 @@ enum State {
 pub struct PlantSide {
     state: State,
     steps: u64,
+    against_clock: bool,
     ignored: u64,
 }
 
@@ -76,8 +83,16 @@ impl PlantSide {
         Self {
             state: State::AwaitHello,
             steps,
+            against_clock: false,
             ignored: 0,
         }
+    }
+
+    /// The same against the clock: a command may come late or never.
+    #[must_use]
+    pub const fn against_clock(mut self) -> Self {
+        self.against_clock = true;
+        self
     }
 
     /// The step that waits to be released, if that is what is awaited.
@@ -154,6 +169,12 @@ impl PlantSide {
                 PlantAction::SendEnd(Step(self.steps))
             }
 
+            (State::AwaitCommand(step), PlantEvent::Missed) if self.against_clock => {
+                let step = *step;
+                self.state = State::Between(step.next());
+                PlantAction::Hold(step)
+            }
+
             (_, PlantEvent::Frame(header)) => self.on_frame(header),
 
             (State::AwaitHello, PlantEvent::Deadline(ms)) => self.late("say hello".into(), *ms),
@@ -170,9 +191,13 @@ impl PlantSide {
             // Nothing is awaited from the controller between steps.
             (State::Between(_), PlantEvent::Deadline(_)) => PlantAction::Ignore,
 
-            (_, PlantEvent::Hello(..) | PlantEvent::Ready(_) | PlantEvent::Release) => {
-                self.ignore()
-            }
+            (
+                _,
+                PlantEvent::Hello(..)
+                | PlantEvent::Ready(_)
+                | PlantEvent::Release
+                | PlantEvent::Missed,
+            ) => self.ignore(),
         }
     }
 
@@ -199,6 +224,11 @@ impl PlantSide {
                     let what = format!("it executed {got} steps of {}", self.steps);
                     self.broken(what)
                 }
+            }
+            (State::AwaitCommand(step), Some(FrameKind::Command))
+                if self.against_clock && got < *step =>
+            {
+                PlantAction::Keep
             }
             // A command that was sent before, seen again.
             (_, Some(FrameKind::Command)) if got.0 < self.at().0 => self.ignore(),

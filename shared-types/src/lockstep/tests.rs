@@ -26,6 +26,7 @@ fn offer<'a>(measured: &'a [Field], steps: u64) -> Offer<'a> {
         epoch: 1,
         rate,
         steps,
+        against_clock: false,
         measured,
         reference: &[],
         commands: &[],
@@ -48,13 +49,22 @@ fn plant(steps: u64) -> PlantSide {
 
 /// A controller past hello.
 fn controller() -> ControllerSide {
+    controller_of(false)
+}
+
+/// A controller past hello of a plant that waits for it or does not.
+fn controller_of(against_clock: bool) -> ControllerSide {
     let hello = hello();
     let mut controller = ControllerSide::new();
     assert_eq!(
         controller.on(&ControllerEvent::Begin(&hello)),
         ControllerAction::SendHello
     );
-    let welcome = crate::hello::agree(&hello, &offer(&hello.measured, 3)).expect("agreed");
+    let offer = Offer {
+        against_clock,
+        ..offer(&hello.measured, 3)
+    };
+    let welcome = crate::hello::agree(&hello, &offer).expect("agreed");
     let message = Control::Welcome(Box::new(welcome));
     let opened = controller.on(&ControllerEvent::Control(&message));
     assert!(matches!(opened, ControllerAction::OpenFrames(_)));
@@ -295,4 +305,83 @@ fn a_ready_of_another_epoch_does_not_start_the_run() {
     assert_eq!(plant.on(&PlantEvent::Ready(2)), PlantAction::Ignore);
     assert_eq!(plant.unreleased(), None);
     assert!(plant.is_greeting());
+}
+
+#[test]
+fn against_the_clock_a_missed_command_is_held_and_a_late_one_kept() {
+    let mut plant = plant(3).against_clock();
+    let command = |step| header(FrameKind::Command, step);
+    assert_eq!(
+        plant.on(&PlantEvent::Release),
+        PlantAction::SendSample(Step(0))
+    );
+    assert_eq!(plant.on(&PlantEvent::Missed), PlantAction::Hold(Step(0)));
+    assert_eq!(
+        plant.on(&PlantEvent::Release),
+        PlantAction::SendSample(Step(1))
+    );
+    assert_eq!(plant.on(&PlantEvent::Frame(&command(0))), PlantAction::Keep);
+    assert_eq!(plant.on(&PlantEvent::Missed), PlantAction::Hold(Step(1)));
+    assert_eq!(
+        plant.on(&PlantEvent::Release),
+        PlantAction::SendSample(Step(2))
+    );
+    assert_eq!(
+        plant.on(&PlantEvent::Frame(&command(2))),
+        PlantAction::Apply(Step(2))
+    );
+    assert_eq!(
+        plant.on(&PlantEvent::Release),
+        PlantAction::SendEnd(Step(3))
+    );
+    assert_eq!(
+        plant.on(&PlantEvent::Frame(&command(1))),
+        PlantAction::Ignore
+    );
+    let confirmed = header(FrameKind::EndConfirmed, 3);
+    assert_eq!(
+        plant.on(&PlantEvent::Frame(&confirmed)),
+        PlantAction::Finish
+    );
+}
+
+#[test]
+fn in_lockstep_no_deadline_is_missed_and_a_late_command_changes_nothing() {
+    let mut plant = plant(3);
+    assert_eq!(
+        plant.on(&PlantEvent::Release),
+        PlantAction::SendSample(Step(0))
+    );
+    assert_eq!(plant.on(&PlantEvent::Missed), PlantAction::Ignore);
+    let first = header(FrameKind::Command, 0);
+    assert_eq!(
+        plant.on(&PlantEvent::Frame(&first)),
+        PlantAction::Apply(Step(0))
+    );
+    assert_eq!(
+        plant.on(&PlantEvent::Release),
+        PlantAction::SendSample(Step(1))
+    );
+    assert_eq!(plant.on(&PlantEvent::Frame(&first)), PlantAction::Ignore);
+}
+
+#[test]
+fn samples_may_be_missed_against_the_clock_only() {
+    let sample = |step| header(FrameKind::Sample, step);
+    let mut controller = controller_of(true);
+    for step in [0, 2, 5] {
+        let answer = controller.on(&ControllerEvent::Frame(&sample(step)));
+        assert_eq!(answer, ControllerAction::Answer(Step(step)));
+    }
+    let again = controller.on(&ControllerEvent::Frame(&sample(2)));
+    assert_eq!(again, ControllerAction::Ignore);
+    let end = controller.on(&ControllerEvent::Frame(&header(FrameKind::End, 9)));
+    assert_eq!(end, ControllerAction::ConfirmEnd(Step(9)));
+
+    let mut controller = controller_of(false);
+    let skipped = controller.on(&ControllerEvent::Frame(&sample(2)));
+    assert!(matches!(
+        skipped,
+        ControllerAction::Abort(Abort::Protocol { .. })
+    ));
 }

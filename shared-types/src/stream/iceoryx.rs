@@ -8,7 +8,7 @@ use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
-use super::{Assembler, Item, ItemKind, RecordSink, RecordSource, send_in_parts};
+use super::{Assembler, Item, ItemKind, Owed, RecordSink, RecordSource, send_in_parts};
 use crate::link::LinkError;
 use crate::link::iceoryx::{Ipc, node};
 use crate::record::{Event, RecordLayout};
@@ -95,17 +95,16 @@ pub struct IceoryxSink {
     words: usize,
     sent: u64,
     credited: u64,
-    /// Whether the loop waits for an observer rather than lose a record.
-    held: bool,
+    owed: Owed,
     _node: Node<Ipc>,
 }
 
 impl IceoryxSink {
-    /// Creates the stream. With `held` the plant waits for an observer and never outruns it.
+    /// Creates the stream.
     ///
     /// # Errors
     /// If shared memory cannot be used.
-    pub fn create(session: &SessionInfo, held: bool) -> Result<Self, LinkError> {
+    pub fn create(session: &SessionInfo, owed: Owed) -> Result<Self, LinkError> {
         let node = node(session, "records")?;
         // The credit's subscriber stands before the service that observers look for: their first
         // credit, sent as soon as they attach, would otherwise find nobody and be lost.
@@ -122,7 +121,7 @@ impl IceoryxSink {
             words: 1,
             sent: 0,
             credited: 0,
-            held,
+            owed,
             _node: node,
         })
     }
@@ -161,13 +160,19 @@ impl RecordSink for IceoryxSink {
         // Credit is the number of the next item that the observer awaits: 0 means that it is not
         // attached, 1 that it is and has seen nothing.
         let under_way = |sink: &Self| sink.sent + 1 - sink.credited;
-        if !self.held || (self.credited > 0 && under_way(self) < LOOK_AT) {
+        let is_free = match self.owed {
+            Owed::Nothing => true,
+            Owed::Start => self.credited > 0,
+            Owed::Everything => self.credited > 0 && under_way(self) < LOOK_AT,
+        };
+        if is_free {
             return Ok(true);
         }
         while let Some(credit) = self.credit.receive().map_err(|e| failed(CREDIT, &e))? {
             self.credited = *credit;
         }
-        Ok(self.credited > 0 && under_way(self) < BUFFER as u64 - RESERVE)
+        Ok(self.credited > 0
+            && (self.owed == Owed::Start || under_way(self) < BUFFER as u64 - RESERVE))
     }
 
     fn record(&mut self, words: &[u64]) -> Result<(), LinkError> {

@@ -32,6 +32,18 @@ impl ItemKind {
     }
 }
 
+/// What the plant owes a recorder.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Owed {
+    /// Nothing; nobody has to be there.
+    Nothing,
+    /// To begin when the recorder is there. Records that it is too slow for are lost, and it sees
+    /// how many.
+    Start,
+    /// Every record: the plant waits rather than lose one.
+    Everything,
+}
+
 /// The plant's end.
 pub trait RecordSink {
     /// Opens the stream for records of this layout, before step 0.

@@ -65,7 +65,7 @@ fn order_is_kept_in_process() {
 #[test]
 fn order_is_kept_over_iceoryx2() {
     let session = Session::create(None).expect("a session");
-    let mut sink = iceoryx::IceoryxSink::create(session.info(), true).expect("creates");
+    let mut sink = iceoryx::IceoryxSink::create(session.info(), Owed::Everything).expect("creates");
     let mut source = iceoryx::IceoryxSource::open(session.info(), true).expect("opens");
     records_and_events_arrive_in_order(&mut sink, &mut source);
 }
@@ -89,7 +89,7 @@ fn a_full_ring_holds_the_loop_back_until_it_is_drained() {
 #[test]
 fn without_credit_the_plant_waits_and_nothing_is_lost() {
     let session = Session::create(None).expect("a session");
-    let mut sink = iceoryx::IceoryxSink::create(session.info(), true).expect("creates");
+    let mut sink = iceoryx::IceoryxSink::create(session.info(), Owed::Everything).expect("creates");
     sink.open(&layout()).expect("opens");
     assert!(!sink.has_room().expect("asks"), "no observer yet");
     let mut source = iceoryx::IceoryxSource::open(session.info(), true).expect("opens");
@@ -113,7 +113,7 @@ fn without_credit_the_plant_waits_and_nothing_is_lost() {
 #[test]
 fn an_observer_without_credit_sees_its_losses() {
     let session = Session::create(None).expect("a session");
-    let mut sink = iceoryx::IceoryxSink::create(session.info(), false).expect("creates");
+    let mut sink = iceoryx::IceoryxSink::create(session.info(), Owed::Nothing).expect("creates");
     sink.open(&layout()).expect("opens");
     let mut source = iceoryx::IceoryxSource::open(session.info(), false).expect("opens");
     drained(&mut source);

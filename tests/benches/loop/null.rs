@@ -16,6 +16,7 @@ use serde_json::json;
 use shared_types::describe::{LawDescription, PROTOCOL, PlantDescription, Settings};
 use shared_types::link::LinkError;
 use shared_types::link::iceoryx::IceoryxLink;
+use shared_types::pacer::OverrunPolicy;
 use shared_types::record::{Event, RecordLayout};
 use shared_types::session::Session;
 use shared_types::stream::RecordSink;
@@ -177,6 +178,8 @@ fn unobserved(programs: &Path, size: usize) -> Figures {
             steps: STEPS,
             seed: 1,
             clock: Clock::Lockstep,
+            overrun: OverrunPolicy::CatchUp,
+            deadline: 0.8,
         },
         plant: PlantPlan {
             model: name(size),
@@ -187,6 +190,7 @@ fn unobserved(programs: &Path, size: usize) -> Figures {
         stimuli: Vec::new(),
         faults: Vec::new(),
         derived: Vec::new(),
+        missed: Vec::new(),
         pause_at_s: None,
         observed: false,
         wait_limit_s,

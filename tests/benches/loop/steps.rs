@@ -146,6 +146,7 @@ impl Experiment {
         let mut internals = [0.0; 64];
         let (measured, reference) = rows;
         let row = Row {
+            held_steps: 0,
             time_s: self.time_s(step),
             measured,
             reference,

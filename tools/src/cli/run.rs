@@ -14,6 +14,7 @@ Examples:
   hil run scenarios/severe-leakage.toml --set controller.law=pid --out runs/pid
   hil run scenarios/severe-leakage.toml --set 'faults[0].effects[1].speed_per_s=2'
   hil run scenarios/spring-mass.toml --pace 1
+  hil run scenarios/spring-mass.toml --clock realtime --set run.overrun=skip
   hil run scenarios/severe-leakage.toml --session demo --pause-at 7
   hil run scenarios/spring-mass.toml --controller-bin target/release/my-controller --json";
 
@@ -85,7 +86,7 @@ pub struct Changes {
     /// Change a value of the scenario; may be given several times
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
-    /// What releases a step: the other side's answer, or the monotonic clock
+    /// What releases a step: the other side's answer, the monotonic clock, or both
     #[arg(long, value_enum, value_name = "CLOCK")]
     pub clock: Option<ClockKind>,
     /// Simulated seconds per second; implies --clock paced
@@ -103,6 +104,9 @@ impl Changes {
             (Some(ClockKind::Lockstep), Some(_)) => Err(Failure::usage(
                 "--pace is for --clock paced; lockstep runs as fast as both sides can",
             )),
+            (Some(ClockKind::Realtime), Some(_)) => Err(Failure::usage(
+                "--pace is for --clock paced; realtime has the pace of the clock",
+            )),
             (_, Some(factor)) if !(factor.is_finite() && factor > 0.0) => Err(Failure::usage(
                 format!("--pace takes a number above 0, not {factor}"),
             )),
@@ -118,6 +122,7 @@ impl Changes {
             (None, None) => return set,
             (_, Some(_)) | (Some(ClockKind::Paced), None) => "paced",
             (Some(ClockKind::Lockstep), None) => "lockstep",
+            (Some(ClockKind::Realtime), None) => "realtime",
         };
         set.push(format!("run.clock={clock}"));
         set.extend(self.pace.map(|factor| format!("run.pace={factor:?}")));
@@ -139,8 +144,10 @@ pub enum LinkKind {
 pub enum ClockKind {
     /// The other side's answer: as fast as both can.
     Lockstep,
-    /// The monotonic clock.
+    /// Both the other side's answer and the monotonic clock.
     Paced,
+    /// The monotonic clock: a late command is replaced by the last one.
+    Realtime,
 }
 
 /// Compression of a recording.

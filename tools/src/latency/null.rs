@@ -8,6 +8,7 @@ use hil_config::plan::{Clock, PlantPlan, Run};
 use plant_process::plant::{Model, PlantKind};
 use shared_types::clock::monotonic_ns;
 use shared_types::describe::{LawDescription, PROTOCOL, PlantDescription, Settings};
+use shared_types::pacer::OverrunPolicy;
 use shared_types::record::RecordLayout;
 use shared_types::session::SessionInfo;
 use shared_types::table::Field;
@@ -122,6 +123,8 @@ pub fn jobs(
             steps,
             seed: 0,
             clock,
+            overrun: OverrunPolicy::CatchUp,
+            deadline: 0.8,
         },
         plant: PlantPlan {
             model: NAME.into(),
@@ -132,6 +135,7 @@ pub fn jobs(
         stimuli: Vec::new(),
         faults: Vec::new(),
         derived: Vec::new(),
+        missed: Vec::new(),
         pause_at_s: None,
         observed: false,
         wait_limit_s,

@@ -1,5 +1,6 @@
 use hil_config::plan::{FaultAction, FaultEffect, FaultSource, Profile};
 use shared_types::describe::{LawDescription, Settings};
+use shared_types::pacer::Streaks;
 use shared_types::record::{FaultAccepted, Outcome, RunEnd};
 
 use super::*;
@@ -152,6 +153,8 @@ fn run(name: &str, events: Vec<Event>) -> Result<RecordedRun, Failure> {
         reason: None,
         rejected_frames: 0,
         effects: vec![],
+        overruns: Streaks::default(),
+        missed_commands: Streaks::default(),
     });
     let mut contents = vec![Content::Record(record(0, 0.0, 0.0))];
     contents.extend(events.into_iter().chain([end]).map(Content::Event));

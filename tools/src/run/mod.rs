@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use hil_config::plan::{Clock, Plan};
+use plant_process::repeat::Missed;
 use shared_types::describe::PROTOCOL;
 use shared_types::record::Outcome;
 use shared_types::session::{Session, SessionError, SessionInfo};
@@ -60,6 +61,14 @@ pub(crate) struct Ended {
 pub(crate) struct Setup {
     pub(crate) binaries: Binaries,
     interruption: Interruption,
+}
+
+/// What a run is to repeat of a recorded one.
+pub(crate) struct Repeated {
+    /// How many of its records are compared.
+    pub(crate) records: u64,
+    /// Where its controller was not in time.
+    pub(crate) missed: Vec<Missed>,
 }
 
 /// What a run left.
@@ -129,7 +138,7 @@ impl Setup {
     }
 }
 
-/// Runs a checked scenario. `partial`: after how many records the digest is wanted besides.
+/// Runs a checked scenario, perhaps to repeat a recorded run.
 ///
 /// # Errors
 /// If the run could not be started.
@@ -137,7 +146,7 @@ pub(crate) fn execute(
     plan: Plan,
     setup: Setup,
     options: &RunOptions,
-    partial: Option<u64>,
+    repeated: Option<Repeated>,
 ) -> Result<Ran, Failure> {
     let Setup {
         binaries,
@@ -149,6 +158,11 @@ pub(crate) fn execute(
             "--pause-at {pause_at_s} is not before the end of the run at {end_s} s"
         )));
     }
+    if plan.run.clock == Clock::Realtime && options.link == LinkKind::InProcess {
+        return Err(Failure::usage(
+            "--clock realtime needs two processes: in one thread no side can be late for the other; leave out --link in-process",
+        ));
+    }
     let effective = config::show(&plan, &binaries)?;
 
     let mut session = Session::create(options.session.as_deref()).map_err(|error| match error {
@@ -156,7 +170,9 @@ pub(crate) fn execute(
         other => Failure::infrastructure(other),
     })?;
     let info = session.info().clone();
-    let (plant, controller) = jobs(&plan, &info, options);
+    let (mut plant, controller) = jobs(&plan, &info, options);
+    let partial = repeated.as_ref().map(|repeated| repeated.records);
+    plant.missed = repeated.map_or_else(Vec::new, |repeated| repeated.missed);
     check(&binaries, &info, &plant, &controller, &interruption)?;
     let run_dir = folder::create(options.out.as_deref(), &plan.name, &info.name)?;
     session
@@ -243,6 +259,7 @@ fn jobs(
     let between_s = match plan.run.clock {
         Clock::Lockstep => 0.0,
         Clock::Paced { factor } => plan.run.rate.period_s() / factor,
+        Clock::Realtime => plan.run.rate.period_s(),
     };
     let plant = plant_process::job::Job {
         protocol: PROTOCOL,
@@ -254,6 +271,7 @@ fn jobs(
         derived: (plan.derived.iter())
             .map(|derived| (derived.name.clone(), derived.expression.to_string()))
             .collect(),
+        missed: Vec::new(),
         pause_at_s: options.pause_at,
         observed: true,
         wait_limit_s,

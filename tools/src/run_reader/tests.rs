@@ -1,3 +1,4 @@
+use shared_types::pacer::Streaks;
 use shared_types::record::{FaultTaken, Outcome, RecordLayout, RunEnd, Timing};
 use shared_types::table::Field;
 
@@ -21,7 +22,8 @@ pub(crate) fn layout() -> RecordLayout {
 /// parameter, then timing.
 pub(crate) fn record(step: u64, truth: f64, command: f64) -> Vec<u64> {
     let values = [truth, truth, command, command, truth, 1.0].map(f64::to_bits);
-    let timing = [step * 1000, 1, 0, 0, 77, 0, 0, 0];
+    let mut timing = [0; Timing::WORDS];
+    (timing[0], timing[1], timing[4]) = (step * 1000, 1, 77);
     [&[step, 0, 0][..], &values, &timing].concat()
 }
 
@@ -84,6 +86,8 @@ fn a_recording_reads_back_as_it_was_written() {
         reason: None,
         rejected_frames: 0,
         effects: vec![],
+        overruns: Streaks::default(),
+        missed_commands: Streaks::default(),
     });
     let contents = [
         Content::Record(record(0, 0.5, 2.0)),

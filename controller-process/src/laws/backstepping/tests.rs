@@ -143,6 +143,7 @@ where
     C: Controller<Measured = Measured, Reference = Reference>,
 {
     Sample {
+        held_steps: 0,
         time_s: 0.0, // no law reads it
         measured: Measured::from_row(&sample.measured),
         reference: Reference::from_row(&sample.reference),

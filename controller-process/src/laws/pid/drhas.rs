@@ -132,6 +132,7 @@ mod tests {
 
     fn sample(angle_rad: f64, positions_m: [f64; 2], valid: bool) -> Sample<ActuatorPid> {
         Sample {
+            held_steps: 0,
             time_s: 0.0,
             measured: Measured {
                 actuator1_position_m: positions_m[0],

@@ -107,6 +107,7 @@ mod tests {
         let mut law = ForcePid::start(&setup).expect("starts");
         let mut step = |wanted_m, position_m| {
             let sample = Sample {
+                held_steps: 0,
                 time_s: 0.0,
                 measured: Measured { position_m },
                 reference: Reference {

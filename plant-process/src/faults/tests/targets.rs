@@ -334,6 +334,7 @@ fn times_that_sides_lose_add_up_and_each_has_its_own_size() {
     let told = |busy_ns, late_steps| Directive {
         busy_ns,
         late_steps,
+        unseen: false,
     };
     assert_eq!(
         passed,

@@ -3,8 +3,8 @@
 //! Called by the right-hand side of the hydraulic system, and [`boiled`] by its substeps. The piston
 //! has no end stops: the limits of the truth signals end a run before it would reach them.
 
-use super::ActuatorState;
-use super::tables::ActuatorParameters;
+use super::actuators::{ActuatorStates, Actuators};
+use super::pair::Pair;
 
 /// Acceleration of the piston.
 ///
@@ -12,11 +12,11 @@ use super::tables::ActuatorParameters;
 #[inline]
 #[must_use]
 pub fn piston_acceleration_mps2(
-    p: &ActuatorParameters,
-    state: &ActuatorState,
-    rod_force_n: f64,
-    disturbance_n: f64,
-) -> f64 {
+    p: &Actuators,
+    state: &ActuatorStates,
+    rod_force_n: Pair,
+    disturbance_n: Pair,
+) -> Pair {
     let (a_1, a_2, b_h, m_h) = (
         p.area1_m2,
         p.area2_m2,
@@ -33,7 +33,7 @@ pub fn piston_acceleration_mps2(
 /// `V_h1 = V_10 + A_1 x_h` (below eq. 4; the model ends where it is 0).
 #[inline]
 #[must_use]
-pub fn active_volume_m3(p: &ActuatorParameters, position_m: f64) -> f64 {
+pub fn active_volume_m3(p: &Actuators, position_m: Pair) -> Pair {
     p.volume1_m3 + p.area1_m2 * position_m
 }
 
@@ -42,7 +42,7 @@ pub fn active_volume_m3(p: &ActuatorParameters, position_m: f64) -> f64 {
 /// `V_h2 = V_20 - A_2 x_h` (below eq. 4; the model ends where it is 0).
 #[inline]
 #[must_use]
-pub fn passive_volume_m3(p: &ActuatorParameters, position_m: f64) -> f64 {
+pub fn passive_volume_m3(p: &Actuators, position_m: Pair) -> Pair {
     p.volume2_m3 - p.area2_m2 * position_m
 }
 
@@ -51,7 +51,7 @@ pub fn passive_volume_m3(p: &ActuatorParameters, position_m: f64) -> f64 {
 /// `beta_e / V_h1`, the factor of eq. 3.
 #[inline]
 #[must_use]
-pub fn active_stiffness_pa_per_m3(p: &ActuatorParameters, position_m: f64) -> f64 {
+pub fn active_stiffness_pa_per_m3(p: &Actuators, position_m: Pair) -> Pair {
     p.bulk_modulus_pa / active_volume_m3(p, position_m)
 }
 
@@ -60,7 +60,7 @@ pub fn active_stiffness_pa_per_m3(p: &ActuatorParameters, position_m: f64) -> f6
 /// `beta_e / V_h2`, the factor of eq. 4.
 #[inline]
 #[must_use]
-pub fn passive_stiffness_pa_per_m3(p: &ActuatorParameters, position_m: f64) -> f64 {
+pub fn passive_stiffness_pa_per_m3(p: &Actuators, position_m: Pair) -> Pair {
     p.bulk_modulus_pa / passive_volume_m3(p, position_m)
 }
 
@@ -70,11 +70,11 @@ pub fn passive_stiffness_pa_per_m3(p: &ActuatorParameters, position_m: f64) -> f
 #[inline]
 #[must_use]
 pub fn active_pressure_rate_paps(
-    p: &ActuatorParameters,
-    state: &ActuatorState,
-    leakage_m3ps: f64,
-    inflow_m3ps: f64,
-) -> f64 {
+    p: &Actuators,
+    state: &ActuatorStates,
+    leakage_m3ps: Pair,
+    inflow_m3ps: Pair,
+) -> Pair {
     let (v_h, q_h, q_h1) = (state.velocity_mps, leakage_m3ps, inflow_m3ps);
     active_stiffness_pa_per_m3(p, state.position_m) * (-p.area1_m2 * v_h - q_h + q_h1)
 }
@@ -85,11 +85,11 @@ pub fn active_pressure_rate_paps(
 #[inline]
 #[must_use]
 pub fn passive_pressure_rate_paps(
-    p: &ActuatorParameters,
-    state: &ActuatorState,
-    leakage_m3ps: f64,
-    outflow_m3ps: f64,
-) -> f64 {
+    p: &Actuators,
+    state: &ActuatorStates,
+    leakage_m3ps: Pair,
+    outflow_m3ps: Pair,
+) -> Pair {
     let (v_h, q_h, q_h2) = (state.velocity_mps, leakage_m3ps, outflow_m3ps);
     passive_stiffness_pa_per_m3(p, state.position_m) * (p.area2_m2 * v_h + q_h - q_h2)
 }
@@ -102,10 +102,10 @@ pub fn passive_pressure_rate_paps(
 /// bubble. Applied after each integration step; a chamber above `P_v` is not touched.
 #[cold]
 #[must_use]
-pub fn boiled(p: &ActuatorParameters, state: &ActuatorState) -> ActuatorState {
+pub fn boiled(p: &Actuators, state: &ActuatorStates) -> ActuatorStates {
     let p_v = p.vapour_pressure_pa;
-    let above = |pressure_pa| if pressure_pa < p_v { p_v } else { pressure_pa };
-    ActuatorState {
+    let above = |pressure_pa: Pair| pressure_pa.is_below(p_v).choose(p_v, pressure_pa);
+    ActuatorStates {
         pressure1_pa: above(state.pressure1_pa),
         pressure2_pa: above(state.pressure2_pa),
         ..*state
@@ -114,10 +114,13 @@ pub fn boiled(p: &ActuatorParameters, state: &ActuatorState) -> ActuatorState {
 
 #[cfg(test)]
 mod tests {
+    use super::super::ActuatorState;
+    use super::super::actuators::tests::{alike, of_each, together};
+    use super::super::tables::ActuatorParameters;
     use super::*;
 
     /// Round numbers, different on both sides.
-    fn parameters() -> ActuatorParameters {
+    fn one() -> ActuatorParameters {
         ActuatorParameters {
             piston_mass_kg: 50.0,
             damping_n_s_per_m: 1e4,
@@ -137,7 +140,17 @@ mod tests {
         pressure2_pa: 6e6,
     };
 
-    fn assert_near(value: f64, expected: f64) {
+    fn parameters() -> Actuators {
+        alike(&one())
+    }
+
+    fn state() -> ActuatorStates {
+        together(&STATE)
+    }
+
+    #[track_caller]
+    fn assert_near(pair: Pair, expected: f64) {
+        let value = of_each(pair);
         assert!(
             (value / expected - 1.0).abs() < 1e-14,
             "{value} is not {expected}"
@@ -148,31 +161,39 @@ mod tests {
     fn the_piston_obeys_newton() {
         // (20000 - 6000 - 1000 - 2500 - 500) / 50
         assert_near(
-            piston_acceleration_mps2(&parameters(), &STATE, 2500.0, 500.0),
+            piston_acceleration_mps2(
+                &parameters(),
+                &state(),
+                Pair::both(2500.0),
+                Pair::both(500.0),
+            ),
             200.0,
         );
     }
 
     #[test]
     fn an_extended_rod_moves_volume_from_the_passive_to_the_active_side() {
-        assert_near(active_volume_m3(&parameters(), 0.01), 1.2e-4);
-        assert_near(passive_volume_m3(&parameters(), 0.01), 0.4e-4);
+        assert_near(active_volume_m3(&parameters(), Pair::both(0.01)), 1.2e-4);
+        assert_near(passive_volume_m3(&parameters(), Pair::both(0.01)), 0.4e-4);
     }
 
     #[test]
     fn a_smaller_chamber_is_stiffer() {
         assert_near(
-            active_stiffness_pa_per_m3(&parameters(), 0.01),
+            active_stiffness_pa_per_m3(&parameters(), Pair::both(0.01)),
             8e8 / 1.2e-4,
         );
-        assert_near(passive_stiffness_pa_per_m3(&parameters(), 0.01), 2e13);
+        assert_near(
+            passive_stiffness_pa_per_m3(&parameters(), Pair::both(0.01)),
+            2e13,
+        );
     }
 
     #[test]
     fn the_active_pressure_rises_with_the_valve_and_falls_with_motion_and_leak() {
         // 800e6 / 1.2e-4 * (-2e-4 - 1e-5 + 3e-4)
         assert_near(
-            active_pressure_rate_paps(&parameters(), &STATE, 1e-5, 3e-4),
+            active_pressure_rate_paps(&parameters(), &state(), Pair::both(1e-5), Pair::both(3e-4)),
             6e8,
         );
     }
@@ -181,34 +202,33 @@ mod tests {
     fn the_passive_pressure_rises_with_motion_and_leak_and_falls_with_the_valve() {
         // 800e6 / 0.4e-4 * (1e-4 + 1e-5 - 3e-4)
         assert_near(
-            passive_pressure_rate_paps(&parameters(), &STATE, 1e-5, 3e-4),
+            passive_pressure_rate_paps(&parameters(), &state(), Pair::both(1e-5), Pair::both(3e-4)),
             -3.8e9,
         );
     }
 
     #[test]
     fn a_chamber_boils_at_the_vapour_pressure() {
-        let p = ActuatorParameters {
+        let p = alike(&ActuatorParameters {
             vapour_pressure_pa: -0.9e5,
-            ..parameters()
-        };
+            ..one()
+        });
         for (pressure_pa, expected_pa) in [
             (5.3e6, 5.3e6),
             (-0.8e5, -0.8e5),
             (-0.9e5, -0.9e5),
             (-5e6, -0.9e5),
         ] {
-            let [one, two] = [
-                ActuatorState {
-                    pressure1_pa: pressure_pa,
-                    ..STATE
-                },
-                ActuatorState {
-                    pressure2_pa: pressure_pa,
-                    ..STATE
-                },
-            ]
-            .map(|state| boiled(&p, &state));
+            // Each of the two in another chamber.
+            let low1 = ActuatorState {
+                pressure1_pa: pressure_pa,
+                ..STATE
+            };
+            let low2 = ActuatorState {
+                pressure2_pa: pressure_pa,
+                ..STATE
+            };
+            let [one, two] = boiled(&p, &ActuatorStates::of([&low1, &low2])).split();
             assert_eq!((one.pressure1_pa, one.pressure2_pa), (expected_pa, 6e6));
             assert_eq!((two.pressure1_pa, two.pressure2_pa), (10e6, expected_pa));
             assert_eq!((one.position_m, one.velocity_mps), (0.01, 0.1));
@@ -218,6 +238,7 @@ mod tests {
             pressure1_pa: f64::NAN,
             ..STATE
         };
-        assert!(boiled(&p, &lost).pressure1_pa.is_nan());
+        let after = boiled(&p, &ActuatorStates::of([&lost, &STATE]));
+        assert!(after.split()[0].pressure1_pa.is_nan());
     }
 }

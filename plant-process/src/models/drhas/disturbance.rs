@@ -24,7 +24,8 @@ pub fn disturbance_n(p: &ActuatorParameters, time_s: f64) -> f64 {
     }
     // Whole turns do not count, and without them the angle keeps its digits in a long run.
     let turns = f * time_s;
-    d_c + d_a * libm::sin(TAU * (turns - turns.floor()))
+    let whole = turns as u64 as f64; // time is never negative
+    d_c + d_a * libm::sin(TAU * (turns - whole))
 }
 
 #[cfg(test)]

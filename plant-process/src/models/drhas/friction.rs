@@ -3,7 +3,8 @@
 //! Called by the right-hand side of the hydraulic system. The paper has neither; with neutral
 //! parameters both are absent. Both are smooth, so that Runge-Kutta follows them with its step.
 
-use super::tables::ActuatorParameters;
+use super::actuators::Actuators;
+use super::pair::Pair;
 
 /// Time constant at which a seized piston comes to rest.
 ///
@@ -19,9 +20,9 @@ const SEIZURE_TIME_S: f64 = 5e-5;
 /// `(F_c / v_s + B_h) h / m_h < 2.78`; largest friction and smallest `v_s` reach 1.8 at 25 us.
 #[inline]
 #[must_use]
-pub fn coulomb_friction_n(p: &ActuatorParameters, velocity_mps: f64) -> f64 {
+pub fn coulomb_friction_n(p: &Actuators, velocity_mps: Pair) -> Pair {
     let (f_c, v_s) = (p.coulomb_friction_n, p.friction_velocity_mps);
-    f_c * libm::tanh(velocity_mps / v_s)
+    f_c * (velocity_mps / v_s).map(libm::tanh)
 }
 
 /// Acceleration of a piston that seizes in its cylinder.
@@ -33,16 +34,18 @@ pub fn coulomb_friction_n(p: &ActuatorParameters, velocity_mps: f64) -> f64 {
 #[inline]
 #[must_use]
 pub fn seized_acceleration_mps2(
-    p: &ActuatorParameters,
-    velocity_mps: f64,
-    free_acceleration_mps2: f64,
-) -> f64 {
+    p: &Actuators,
+    velocity_mps: Pair,
+    free_acceleration_mps2: Pair,
+) -> Pair {
     let (j, v, a) = (p.motion_blocked, velocity_mps, free_acceleration_mps2);
-    (1.0 - j) * a - j * v / SEIZURE_TIME_S
+    (Pair::both(1.0) - j) * a - j * v / Pair::both(SEIZURE_TIME_S)
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::actuators::tests::{alike, of_each};
+    use super::super::tables::ActuatorParameters;
     use super::*;
 
     fn rubbing() -> ActuatorParameters {
@@ -53,22 +56,31 @@ mod tests {
         }
     }
 
+    fn friction_n(p: &ActuatorParameters, velocity_mps: f64) -> f64 {
+        of_each(coulomb_friction_n(&alike(p), Pair::both(velocity_mps)))
+    }
+
+    fn acceleration_mps2(p: &ActuatorParameters, velocity_mps: f64, free_mps2: f64) -> f64 {
+        let (v, a) = (Pair::both(velocity_mps), Pair::both(free_mps2));
+        of_each(seized_acceleration_mps2(&alike(p), v, a))
+    }
+
     #[test]
     fn friction_is_against_the_motion_and_does_not_grow_with_it() {
         // tanh 0.5 = 0.462117157260010
-        assert_eq!(coulomb_friction_n(&rubbing(), 0.0), 0.0);
+        assert_eq!(friction_n(&rubbing(), 0.0), 0.0);
         for sign in [1.0, -1.0] {
-            let slow_n = sign * coulomb_friction_n(&rubbing(), sign * 0.01);
+            let slow_n = sign * friction_n(&rubbing(), sign * 0.01);
             assert!((slow_n - 1386.351471780029).abs() < 1e-10, "{slow_n}");
-            assert_eq!(sign * coulomb_friction_n(&rubbing(), sign * 1.0), 3000.0);
+            assert_eq!(sign * friction_n(&rubbing(), sign * 1.0), 3000.0);
         }
-        assert_eq!(coulomb_friction_n(&ActuatorParameters::default(), 1.0), 0.0);
+        assert_eq!(friction_n(&ActuatorParameters::default(), 1.0), 0.0);
     }
 
     #[test]
     fn a_free_piston_accelerates_as_it_did() {
         let p = ActuatorParameters::default();
-        assert_eq!(seized_acceleration_mps2(&p, 0.2, 123.4), 123.4);
+        assert_eq!(acceleration_mps2(&p, 0.2, 123.4), 123.4);
     }
 
     #[test]
@@ -79,7 +91,7 @@ mod tests {
         };
         // -0.2 / 5e-5, whatever pushes.
         for pushed_mps2 in [0.0, 700.0, -700.0] {
-            let a = seized_acceleration_mps2(&p, 0.2, pushed_mps2);
+            let a = acceleration_mps2(&p, 0.2, pushed_mps2);
             assert!((a + 4000.0).abs() < 1e-9, "{a}");
         }
     }
@@ -91,6 +103,6 @@ mod tests {
             ..ActuatorParameters::default()
         };
         // (1 - j) a tau / j = 600 * 5e-5
-        assert!(seized_acceleration_mps2(&p, 0.03, 600.0).abs() < 1e-12);
+        assert!(acceleration_mps2(&p, 0.03, 600.0).abs() < 1e-12);
     }
 }

@@ -13,15 +13,16 @@
 //! actuator is cut into equal parts; a part in which it still would takes that leak out of the
 //! right-hand side and applies this form, half of it before and half after.
 
-use super::tables::ActuatorParameters;
-use super::{ActuatorState, cylinder};
+use super::actuators::{ActuatorStates, Actuators};
+use super::cylinder;
+use super::pair::{Pair, Which};
 
 /// Normal leakage.
 ///
 /// `C_i (P_h1 - P_h2)` (eq. 5, first term; laminar, any difference).
 #[inline]
 #[must_use]
-pub fn normal_leakage_m3ps(p: &ActuatorParameters, state: &ActuatorState) -> f64 {
+pub fn normal_leakage_m3ps(p: &Actuators, state: &ActuatorStates) -> Pair {
     p.internal_leakage_m3ps_per_pa * (state.pressure1_pa - state.pressure2_pa)
 }
 
@@ -31,10 +32,10 @@ pub fn normal_leakage_m3ps(p: &ActuatorParameters, state: &ActuatorState) -> f64
 /// at difference 0). The coefficient is `beta C_t`.
 #[inline]
 #[must_use]
-pub fn fault_leakage_m3ps(coefficient_m3ps_per_sqrt_pa: f64, state: &ActuatorState) -> f64 {
+pub fn fault_leakage_m3ps(coefficient_m3ps_per_sqrt_pa: Pair, state: &ActuatorStates) -> Pair {
     let y = state.pressure1_pa - state.pressure2_pa;
     let sqrt_y = y.abs().sqrt();
-    coefficient_m3ps_per_sqrt_pa * if y < 0.0 { -sqrt_y } else { sqrt_y }
+    coefficient_m3ps_per_sqrt_pa * sqrt_y.with_sign_of(y)
 }
 
 /// Leaks from the active and the passive chamber to the outside, through a crack or a burst line.
@@ -47,14 +48,11 @@ pub fn fault_leakage_m3ps(coefficient_m3ps_per_sqrt_pa: f64, state: &ActuatorSta
 /// largest `c` and 25 us in the paper's actuator, and stays there, since nothing flows back.
 #[inline]
 #[must_use]
-pub fn external_leakages_m3ps(p: &ActuatorParameters, state: &ActuatorState) -> [f64; 2] {
-    let leak = |c: f64, pressure_pa: f64| {
+pub fn external_leakages_m3ps(p: &Actuators, state: &ActuatorStates) -> [Pair; 2] {
+    let none = Pair::both(0.0);
+    let leak = |c: Pair, pressure_pa: Pair| {
         let drop_pa = pressure_pa - p.return_pressure_pa;
-        if drop_pa > 0.0 {
-            c * drop_pa.sqrt()
-        } else {
-            0.0
-        }
+        (drop_pa.is_above(none)).choose(c * drop_pa.sqrt(), none)
     };
     [
         leak(p.external_leakage1_m3ps_per_sqrt_pa, state.pressure1_pa),
@@ -68,73 +66,62 @@ pub fn external_leakages_m3ps(p: &ActuatorParameters, state: &ActuatorState) -> 
 /// `y = P_h1 - P_h2` (second terms of eqs. 3 to 5 at fixed volumes).
 #[inline]
 #[must_use]
-pub fn closing_speed_sqrt_pa_per_s(p: &ActuatorParameters, position_m: f64) -> f64 {
+pub fn closing_speed_sqrt_pa_per_s(p: &Actuators, position_m: Pair) -> Pair {
     let c_t = p.leakage_coefficient_m3ps_per_sqrt_pa;
     let active = cylinder::active_stiffness_pa_per_m3(p, position_m);
     let passive = cylinder::passive_stiffness_pa_per_m3(p, position_m);
     c_t * (active + passive)
 }
 
-/// Whether the fault's leak alone would make the pressures equal within a duration.
+/// Of which actuators the fault's leak alone would make the pressures equal within a duration.
 ///
 /// `sqrt|y| < a h / 2`, from the closed form in [`fault_leak_alone`].
 #[inline]
 #[must_use]
-pub fn empties_within(p: &ActuatorParameters, state: &ActuatorState, duration_s: f64) -> bool {
-    // A sound seal is the common case and saves two divisions.
-    if p.leakage_coefficient_m3ps_per_sqrt_pa == 0.0 {
-        return false;
-    }
+pub fn empties_within(p: &Actuators, state: &ActuatorStates, duration_s: f64) -> Which {
     let a = closing_speed_sqrt_pa_per_s(p, state.position_m);
     let y = state.pressure1_pa - state.pressure2_pa;
-    y.abs().sqrt() < 0.5 * a * duration_s
+    y.abs().sqrt().is_below(a * 0.5 * duration_s)
 }
 
-/// The state after a duration in which nothing but the fault's leak acts.
+/// The states after a duration in which nothing but the fault's leak acts.
 ///
 /// `sqrt|y(h)| = max(0, sqrt|y(0)| - a h / 2)`, and the volume
 /// `(y(0) - y(h)) / (beta_e / V_h1 + beta_e / V_h2)` moves from the active to the passive chamber:
 /// the solution of `y' = -a sqrt|y| sgn(y)` at fixed volumes. Exact for any duration; the sign of
 /// `y` never changes.
 #[must_use]
-pub fn fault_leak_alone(
-    p: &ActuatorParameters,
-    state: &ActuatorState,
-    duration_s: f64,
-) -> ActuatorState {
+pub fn fault_leak_alone(p: &Actuators, state: &ActuatorStates, duration_s: f64) -> ActuatorStates {
+    let none = Pair::both(0.0);
     let active = cylinder::active_stiffness_pa_per_m3(p, state.position_m);
     let passive = cylinder::passive_stiffness_pa_per_m3(p, state.position_m);
     let a = closing_speed_sqrt_pa_per_s(p, state.position_m);
     let y_0 = state.pressure1_pa - state.pressure2_pa;
-    let left = y_0.abs().sqrt() - 0.5 * a * duration_s;
-    if left > 0.0 {
-        let y_h = if y_0 < 0.0 { -left * left } else { left * left };
-        let moved_m3 = (y_0 - y_h) / (active + passive);
-        ActuatorState {
-            pressure1_pa: state.pressure1_pa - active * moved_m3,
-            pressure2_pa: state.pressure2_pa + passive * moved_m3,
-            ..*state
-        }
-    } else {
-        // One number for both: rounding must not leave a difference with the wrong sign.
-        let moved_m3 = y_0 / (active + passive);
-        let common_pa = state.pressure1_pa - active * moved_m3;
-        ActuatorState {
-            pressure1_pa: common_pa,
-            pressure2_pa: common_pa,
-            ..*state
-        }
+    let left = y_0.abs().sqrt() - a * 0.5 * duration_s;
+    let lasts = left.is_above(none);
+    let y_h = y_0.is_below(none).choose(-left * left, left * left);
+    let moved_m3 = lasts.choose(y_0 - y_h, y_0) / (active + passive);
+    let pressure1_pa = state.pressure1_pa - active * moved_m3;
+    // Equal pressures are one number: rounding must not leave a difference with the wrong sign.
+    let pressure2_pa = lasts.choose(state.pressure2_pa + passive * moved_m3, pressure1_pa);
+    ActuatorStates {
+        pressure1_pa,
+        pressure2_pa,
+        ..*state
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::ActuatorState;
+    use super::super::actuators::tests::{alike, of_each, together};
+    use super::super::tables::ActuatorParameters;
     use super::*;
     use crate::integrate::integrate;
     use shared_types::time::Interval;
 
     /// `beta_e / V_h1 = 8e12`, `beta_e / V_h2 = 1.6e13` at position 0, so `a = 1.2e7`.
-    fn parameters() -> ActuatorParameters {
+    fn one() -> ActuatorParameters {
         ActuatorParameters {
             bulk_modulus_pa: 800e6,
             volume1_m3: 1e-4,
@@ -145,16 +132,22 @@ mod tests {
         }
     }
 
-    fn state(pressure1_pa: f64, pressure2_pa: f64) -> ActuatorState {
-        ActuatorState {
+    fn parameters() -> Actuators {
+        alike(&one())
+    }
+
+    fn state(pressure1_pa: f64, pressure2_pa: f64) -> ActuatorStates {
+        together(&ActuatorState {
             position_m: 0.0,
             velocity_mps: 0.2,
             pressure1_pa,
             pressure2_pa,
-        }
+        })
     }
 
-    fn assert_near(value: f64, expected: f64) {
+    #[track_caller]
+    fn assert_near(pair: Pair, expected: f64) {
+        let value = of_each(pair);
         assert!(
             (value / expected - 1.0).abs() < 1e-12,
             "{value} is not {expected}"
@@ -169,9 +162,15 @@ mod tests {
 
     #[test]
     fn fault_leakage_goes_with_the_root_and_from_high_to_low() {
-        assert_near(fault_leakage_m3ps(5e-7, &state(9e6, 5e6)), 1e-3);
-        assert_near(fault_leakage_m3ps(5e-7, &state(5e6, 9e6)), -1e-3);
-        assert_eq!(fault_leakage_m3ps(5e-7, &state(5e6, 5e6)), 0.0);
+        assert_near(fault_leakage_m3ps(Pair::both(5e-7), &state(9e6, 5e6)), 1e-3);
+        assert_near(
+            fault_leakage_m3ps(Pair::both(5e-7), &state(5e6, 9e6)),
+            -1e-3,
+        );
+        assert_eq!(
+            of_each(fault_leakage_m3ps(Pair::both(5e-7), &state(5e6, 5e6))),
+            0.0
+        );
     }
 
     #[test]
@@ -180,34 +179,43 @@ mod tests {
             external_leakage1_m3ps_per_sqrt_pa: 2e-7,
             external_leakage2_m3ps_per_sqrt_pa: 3e-7,
             return_pressure_pa: 0.5e6,
-            ..parameters()
+            ..one()
         };
         // 2e-7 sqrt(9e6) and 3e-7 sqrt(4e6), and nothing comes in.
-        let [q_e1, q_e2] = external_leakages_m3ps(&cracked, &state(9.5e6, 4.5e6));
+        let [q_e1, q_e2] = external_leakages_m3ps(&alike(&cracked), &state(9.5e6, 4.5e6));
         assert_near(q_e1, 6e-4);
         assert_near(q_e2, 6e-4);
-        let none = external_leakages_m3ps(&cracked, &state(0.5e6, 0.4e6));
-        assert_eq!(none, [0.0; 2]);
+        let none = external_leakages_m3ps(&alike(&cracked), &state(0.5e6, 0.4e6));
+        assert_eq!(none.map(of_each), [0.0; 2]);
         let tight = external_leakages_m3ps(&parameters(), &state(9.5e6, 4.5e6));
-        assert_eq!(tight, [0.0; 2]);
+        assert_eq!(tight.map(of_each), [0.0; 2]);
     }
 
     #[test]
     fn closing_speed_adds_both_chambers() {
-        assert_near(closing_speed_sqrt_pa_per_s(&parameters(), 0.0), 1.2e7);
+        assert_near(
+            closing_speed_sqrt_pa_per_s(&parameters(), Pair::both(0.0)),
+            1.2e7,
+        );
     }
 
     #[test]
     fn a_difference_empties_when_its_root_has_fallen_to_zero() {
-        // sqrt(14400) = 120 = a h / 2 at h = 20 us.
-        let state = state(10_014_400.0, 10_000_000.0);
-        assert!(empties_within(&parameters(), &state, 20.001e-6));
-        assert!(!empties_within(&parameters(), &state, 19.999e-6));
+        // sqrt(14400) = 120 = a h / 2 at h = 20 us; the second actuator has a sound seal.
         let sound = ActuatorParameters {
             leakage_coefficient_m3ps_per_sqrt_pa: 0.0,
-            ..parameters()
+            ..one()
         };
-        assert!(!empties_within(&sound, &state, 1e6));
+        let state = state(10_014_400.0, 10_000_000.0);
+        let actuators = Actuators::of([&one(), &sound]);
+        let empties = |duration_s| {
+            let (yes, no) = (Pair::both(1.0), Pair::both(0.0));
+            let which = empties_within(&actuators, &state, duration_s);
+            which.choose(yes, no).to_array()
+        };
+        assert_eq!(empties(19.999e-6), [0.0, 0.0]);
+        assert_eq!(empties(20.001e-6), [1.0, 0.0]);
+        assert_eq!(empties(1e6), [1.0, 0.0]);
     }
 
     #[test]
@@ -219,7 +227,8 @@ mod tests {
             let after = fault_leak_alone(&parameters(), &before, 1e-4);
             assert_near(after.pressure1_pa, 10e6 + sign * (2e6 - 0.68e6));
             assert_near(after.pressure2_pa, 10e6 - sign * (2e6 - 1.36e6));
-            assert_eq!((after.position_m, after.velocity_mps), (0.0, 0.2));
+            assert_eq!(of_each(after.position_m), 0.0);
+            assert_eq!(of_each(after.velocity_mps), 0.2);
         }
     }
 
@@ -227,14 +236,14 @@ mod tests {
     fn the_closed_form_is_what_a_fine_integration_gives() {
         let p = parameters();
         let before = state(11e6, 8e6);
-        let mut pressures = [before.pressure1_pa, before.pressure2_pa];
+        let mut pressures = [11e6, 8e6];
         let interval = Interval {
             start_s: 0.0,
             length_s: 2e-4,
             substeps: 2000,
         };
         integrate(&mut pressures, &interval, |_, &[p_1, p_2]| {
-            let q = fault_leakage_m3ps(5e-7, &state(p_1, p_2));
+            let q = of_each(fault_leakage_m3ps(Pair::both(5e-7), &state(p_1, p_2)));
             [-8e12 * q, 1.6e13 * q]
         });
         let after = fault_leak_alone(&p, &before, 2e-4);
@@ -248,8 +257,8 @@ mod tests {
         for duration_s in [1e-6, 1e-5, 1.0] {
             let before = state(13.7e6, 9.1e6);
             let after = fault_leak_alone(&parameters(), &before, duration_s);
-            let gained1_m3 = 1e-4 * (after.pressure1_pa - before.pressure1_pa) / 8e8;
-            let gained2_m3 = 0.5e-4 * (after.pressure2_pa - before.pressure2_pa) / 8e8;
+            let gained1_m3 = 1e-4 * of_each(after.pressure1_pa - before.pressure1_pa) / 8e8;
+            let gained2_m3 = 0.5e-4 * of_each(after.pressure2_pa - before.pressure2_pa) / 8e8;
             assert!(
                 (gained1_m3 + gained2_m3).abs() < 1e-21,
                 "{gained1_m3} {gained2_m3}"
@@ -269,12 +278,25 @@ mod tests {
     }
 
     #[test]
+    fn each_actuator_empties_for_itself() {
+        let apart = |i: usize| state([12e6, 12.0001e6][i], [9e6, 12e6][i]).split()[0];
+        let both = ActuatorStates::of([&apart(0), &apart(1)]);
+        let [one, other] = fault_leak_alone(&parameters(), &both, 5e-5).split();
+        for (i, after) in [one, other].into_iter().enumerate() {
+            let alone = fault_leak_alone(&parameters(), &together(&apart(i)), 5e-5);
+            assert_eq!(after, alone.split()[0]);
+        }
+        assert!(one.pressure1_pa > one.pressure2_pa);
+        assert_eq!(other.pressure1_pa, other.pressure2_pa);
+    }
+
+    #[test]
     fn two_halves_are_a_whole() {
         let before = state(9e6, 12e6);
         let half = fault_leak_alone(&parameters(), &before, 5e-5);
         let twice = fault_leak_alone(&parameters(), &half, 5e-5);
         let once = fault_leak_alone(&parameters(), &before, 1e-4);
-        assert_near(twice.pressure1_pa, once.pressure1_pa);
-        assert_near(twice.pressure2_pa, once.pressure2_pa);
+        assert_near(twice.pressure1_pa, of_each(once.pressure1_pa));
+        assert_near(twice.pressure2_pa, of_each(once.pressure2_pa));
     }
 }

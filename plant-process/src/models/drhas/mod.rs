@@ -24,11 +24,13 @@
 //! root of a negative pressure drop is 0). The paper's state-space form, eqs. 18 to 24, is these
 //! equations again.
 
+pub mod actuators;
 pub mod cylinder;
 pub mod disturbance;
 pub mod faults;
 pub mod friction;
 pub mod leakage;
+pub mod pair;
 mod rates;
 pub mod spool;
 pub mod surface;
@@ -42,11 +44,14 @@ use shared_types::describe::{FaultDescription, Invalid};
 use shared_types::time::Interval;
 use zerocopy::{FromBytes, Immutable, IntoBytes, transmute};
 
-use self::rates::{Channel, Inputs, is_beyond_paper, rates};
+use self::actuators::{ActuatorStates, Actuators};
+use self::pair::Pair;
+use self::rates::{Inputs, Motion, is_beyond_paper, rates};
 use self::spool::Spool;
 pub use self::tables::{
     ActuatorParameters, Command, Measured, Parameters, SurfaceParameters, Truth,
 };
+use self::valve::OpenEdges;
 use crate::integrate::rk4_step;
 use crate::plant::Plant;
 
@@ -76,9 +81,6 @@ pub struct State {
     pub actuators: [ActuatorState; 2],
 }
 
-/// Number of state variables.
-const STATES: usize = size_of::<State>() / size_of::<f64>();
-
 /// Parts of a substep in which the fault's leak alone would empty a pressure difference.
 ///
 /// There the leak acts beside the Runge-Kutta step and not inside it, which is coarse where the
@@ -93,76 +95,106 @@ pub struct Drhas {
     parameters: Parameters,
     state: State,
     spools: [Spool; 2],
+    /// The actuators' parameters side by side.
+    actuators: Actuators,
+    /// Whether the seal of an actuator leaks.
+    leaks: bool,
+    /// Whether the spool of an actuator follows late.
+    lags: bool,
     /// Whether an actuator has something that the paper's does not have.
     beyond_paper: bool,
 }
 
+/// What acts on the actuators during an interval, as far as it has come.
+struct Course {
+    /// Where the spools go.
+    wanted_m: [f64; 2],
+    /// The edges that stay open, if no spool moves any more.
+    still: Option<[OpenEdges; 3]>,
+    /// The disturbances now.
+    disturbances_n: Pair,
+}
+
 impl Drhas {
+    /// With these parameters, in this state and with these spools.
+    fn new(parameters: &Parameters, state: State, spools: [Spool; 2]) -> Self {
+        let actuators = parameters.actuators();
+        Self {
+            parameters: *parameters,
+            state,
+            spools,
+            actuators: Actuators::of(actuators),
+            leaks: (actuators.iter()).any(|p| p.leakage_coefficient_m3ps_per_sqrt_pa != 0.0),
+            lags: actuators.iter().any(|p| p.valve_lag_s != 0.0),
+            beyond_paper: actuators.into_iter().any(is_beyond_paper),
+        }
+    }
+
     /// One integration step: a substep or a part of one.
     ///
-    /// The fault's leak is part of the right-hand side, except where it alone would make an
-    /// actuator's pressures equal within the step (see [`leakage`]): there its exact flow is
-    /// applied instead, half before and half after the rest. At the end no chamber is below the
-    /// vapour pressure.
-    #[inline]
-    fn substep(&mut self, step_s: f64, inputs: &[Inputs; 3]) {
-        let actuators = self.parameters.actuators();
-        let empties = self.empties_within(step_s);
-        let channels: [Channel<'_>; 2] = std::array::from_fn(|i| Channel {
-            parameters: actuators[i],
-            leakage_coefficient_m3ps_per_sqrt_pa: if empties[i] {
-                0.0
-            } else {
-                actuators[i].leakage_coefficient_m3ps_per_sqrt_pa
-            },
-        });
-        let leak_half_a_step = |state: &mut State| {
-            for i in [0, 1] {
-                if empties[i] {
-                    state.actuators[i] =
-                        leakage::fault_leak_alone(actuators[i], &state.actuators[i], 0.5 * step_s);
-                }
-            }
-        };
-
-        leak_half_a_step(&mut self.state);
-        let mut x: [f64; STATES] = transmute!(self.state);
+    /// Inlined, the right-hand side takes over the roots and quotients that tell whether the substep
+    /// has to be cut.
+    #[inline(always)]
+    fn substep<const BEYOND_PAPER: bool>(
+        &self,
+        actuators: &Actuators,
+        motion: &mut Motion,
+        step_s: f64,
+        inputs: &[Inputs; 3],
+    ) {
+        let mut x = motion.to_vector();
         let surface = &self.parameters.surface;
-        if self.beyond_paper {
-            rk4_step(&mut x, step_s, inputs, |now, x| {
-                rates::<true>(surface, &channels, now, &transmute!(*x))
-            });
-        } else {
-            rk4_step(&mut x, step_s, inputs, |now, x| {
-                rates::<false>(surface, &channels, now, &transmute!(*x))
-            });
+        rk4_step(&mut x, step_s, inputs, |now, x| {
+            let motion = Motion::from_vector(*x);
+            rates::<BEYOND_PAPER>(surface, actuators, now, &motion).to_vector()
+        });
+        *motion = Motion::from_vector(x);
+    }
+
+    /// A substep in which the fault's leak alone would empty a pressure difference, in its parts.
+    ///
+    /// The leak is part of the right-hand side, except where it alone would make an actuator's
+    /// pressures equal within the part (see [`leakage`]): there its exact flow is applied instead,
+    /// half before and half after the rest.
+    #[cold]
+    fn emptying_substep<const BEYOND_PAPER: bool>(
+        &mut self,
+        motion: &mut Motion,
+        course: &mut Course,
+        start_s: f64,
+        substep_s: f64,
+    ) {
+        let part_s = substep_s / f64::from(PARTS_OF_EMPTYING_SUBSTEP);
+        for part in 0..PARTS_OF_EMPTYING_SUBSTEP {
+            let inputs = self.inputs(course, start_s + f64::from(part) * part_s, part_s);
+            let empties = leakage::empties_within(&self.actuators, &motion.actuators, part_s);
+            let c_t = self.actuators.leakage_coefficient_m3ps_per_sqrt_pa;
+            let without_leak = Actuators {
+                leakage_coefficient_m3ps_per_sqrt_pa: empties.choose(Pair::both(0.0), c_t),
+                ..self.actuators
+            };
+            let leak_half_a_part = |states: &mut ActuatorStates| {
+                let (p, before) = (&self.actuators, *states);
+                let after = leakage::fault_leak_alone(p, &before, 0.5 * part_s);
+                states.pressure1_pa = empties.choose(after.pressure1_pa, before.pressure1_pa);
+                states.pressure2_pa = empties.choose(after.pressure2_pa, before.pressure2_pa);
+            };
+            leak_half_a_part(&mut motion.actuators);
+            self.substep::<BEYOND_PAPER>(&without_leak, motion, part_s, &inputs);
+            leak_half_a_part(&mut motion.actuators);
+            self.let_oil_boil(motion);
         }
-        self.state = transmute!(x);
-        leak_half_a_step(&mut self.state);
-        self.let_oil_boil();
     }
 
     /// Leaves no chamber below the vapour pressure.
     #[inline]
-    fn let_oil_boil(&mut self) {
-        let [s_1, s_2] = self.state.actuators;
+    fn let_oil_boil(&self, motion: &mut Motion) {
         // No vapour pressure is above 0: one condition in the common case.
-        let lower = |a: f64, b: f64| if a < b { a } else { b };
-        let lowest_pa = lower(
-            lower(s_1.pressure1_pa, s_2.pressure1_pa),
-            lower(s_1.pressure2_pa, s_2.pressure2_pa),
-        );
-        if lowest_pa < 0.0 {
-            let [p_1, p_2] = self.parameters.actuators();
-            self.state.actuators = [cylinder::boiled(p_1, &s_1), cylinder::boiled(p_2, &s_2)];
+        let none = Pair::both(0.0);
+        let lowest_pa = motion.actuators.lowest_pressures_pa();
+        if lowest_pa.is_below(none).any() {
+            motion.actuators = cylinder::boiled(&self.actuators, &motion.actuators);
         }
-    }
-
-    /// For each actuator, whether the fault's leak alone would make its pressures equal.
-    #[inline]
-    fn empties_within(&self, duration_s: f64) -> [bool; 2] {
-        let (actuators, states) = (self.parameters.actuators(), &self.state.actuators);
-        std::array::from_fn(|i| leakage::empties_within(actuators[i], &states[i], duration_s))
     }
 
     /// Where both spools go under a command.
@@ -177,19 +209,62 @@ impl Drhas {
 
     /// Moves both spools on, and gives their positions at begin, middle and end of the way.
     #[inline]
-    fn move_spools(&mut self, wanted_m: [f64; 2], duration_s: f64) -> [[f64; 2]; 3] {
+    fn move_spools(&mut self, wanted_m: [f64; 2], duration_s: f64) -> [OpenEdges; 3] {
         let [p_1, p_2] = self.parameters.actuators();
         let [one, two] = &mut self.spools;
         let one_m = one.travel(p_1, wanted_m[0], duration_s);
         let two_m = two.travel(p_2, wanted_m[1], duration_s);
-        std::array::from_fn(|node| [one_m[node], two_m[node]])
+        std::array::from_fn(|node| {
+            OpenEdges::at(&self.actuators, [one_m[node], two_m[node]].into())
+        })
+    }
+
+    /// Integrates over an interval under a constant command.
+    fn integrate<const BEYOND_PAPER: bool>(&mut self, interval: &Interval, command: &Command) {
+        let h = interval.substep_s();
+        let wanted_m = self.wanted_spools_m(command);
+        let mut course = Course {
+            wanted_m,
+            // Spools without a lag are there at once and stay.
+            still: (!self.lags).then(|| self.move_spools(wanted_m, h)),
+            disturbances_n: self.disturbances_n(interval.start_s),
+        };
+        let mut motion = Motion::from(&self.state);
+        for substep in 0..interval.substeps {
+            let start_s = interval.start_s + f64::from(substep) * h;
+            let (p, states) = (&self.actuators, &motion.actuators);
+            if self.leaks && leakage::empties_within(p, states, h).any() {
+                self.emptying_substep::<BEYOND_PAPER>(&mut motion, &mut course, start_s, h);
+            } else {
+                let inputs = self.inputs(&mut course, start_s, h);
+                self.substep::<BEYOND_PAPER>(&self.actuators, &mut motion, h, &inputs);
+                self.let_oil_boil(&mut motion);
+            }
+        }
+        self.state = State::from(&motion);
+    }
+
+    /// What acts at begin, middle and end of an integration step.
+    #[inline(always)]
+    fn inputs(&mut self, course: &mut Course, start_s: f64, step_s: f64) -> [Inputs; 3] {
+        let [begin, middle, end] =
+            (course.still).unwrap_or_else(|| self.move_spools(course.wanted_m, step_s));
+        let inputs = |edges, disturbances_n| Inputs {
+            edges,
+            disturbances_n,
+        };
+        // An end is the next begin: two new sines for each step, not three.
+        let begin = inputs(begin, course.disturbances_n);
+        let middle = inputs(middle, self.disturbances_n(start_s + 0.5 * step_s));
+        course.disturbances_n = self.disturbances_n(start_s + step_s);
+        [begin, middle, inputs(end, course.disturbances_n)]
     }
 
     /// Disturbances of both pistons (eq. 74).
-    fn disturbances_n(&self, time_s: f64) -> [f64; 2] {
-        self.parameters
-            .actuators()
+    fn disturbances_n(&self, time_s: f64) -> Pair {
+        (self.parameters.actuators())
             .map(|p| disturbance::disturbance_n(p, time_s))
+            .into()
     }
 }
 
@@ -208,24 +283,20 @@ impl Plant for Drhas {
 
     fn start(parameters: &Parameters) -> Result<Self, Invalid> {
         let start = |name, p| start_of_actuator(p).map_err(|e| Invalid(format!("{name}: {e}")));
-        Ok(Self {
-            parameters: *parameters,
-            state: State {
-                angle_rad: parameters.surface.initial_angle_rad,
-                rate_radps: parameters.surface.initial_rate_radps,
-                actuators: [
-                    start("actuator1", &parameters.actuator1)?,
-                    start("actuator2", &parameters.actuator2)?,
-                ],
-            },
-            spools: parameters.actuators().map(Spool::at_null),
-            beyond_paper: parameters.actuators().into_iter().any(is_beyond_paper),
-        })
+        let state = State {
+            angle_rad: parameters.surface.initial_angle_rad,
+            rate_radps: parameters.surface.initial_rate_radps,
+            actuators: [
+                start("actuator1", &parameters.actuator1)?,
+                start("actuator2", &parameters.actuator2)?,
+            ],
+        };
+        let spools = parameters.actuators().map(Spool::at_null);
+        Ok(Self::new(parameters, state, spools))
     }
 
     fn retune(&mut self, parameters: &Parameters) {
-        self.parameters = *parameters;
-        self.beyond_paper = parameters.actuators().into_iter().any(is_beyond_paper);
+        *self = Self::new(parameters, self.state, self.spools);
     }
 
     fn measure(&self) -> Measured {
@@ -233,13 +304,15 @@ impl Plant for Drhas {
     }
 
     fn truth(&self, time_s: f64, _command: &Command) -> Truth {
-        let [p_1, p_2] = self.parameters.actuators();
+        let p = &self.actuators;
         let [state1, state2] = &self.state.actuators;
+        let states = ActuatorStates::of([state1, state2]);
         let x_d = surface::linear_displacement_m(&self.parameters.surface, self.state.angle_rad);
-        let f_h1 = surface::rod_force_n(p_1, state1.position_m, x_d);
-        let f_h2 = surface::rod_force_n(p_2, state2.position_m, x_d);
-        let [d_1, d_2] = self.disturbances_n(time_s);
-        let [c_t1, c_t2] = [p_1, p_2].map(|p| p.leakage_coefficient_m3ps_per_sqrt_pa);
+        let f_h = surface::rod_force_n(p, states.position_m, x_d);
+        let c_t = p.leakage_coefficient_m3ps_per_sqrt_pa;
+        let q_t = leakage::fault_leakage_m3ps(c_t, &states);
+        let [[f_h1, f_h2], [q_t1, q_t2], [c_t1, c_t2]] = [f_h, q_t, c_t].map(Pair::to_array);
+        let [d_1, d_2] = self.disturbances_n(time_s).to_array();
         Truth {
             surface_angle_rad: self.state.angle_rad,
             surface_rate_radps: self.state.rate_radps,
@@ -248,7 +321,7 @@ impl Plant for Drhas {
             actuator1_pressure1_pa: state1.pressure1_pa,
             actuator1_pressure2_pa: state1.pressure2_pa,
             actuator1_rod_force_n: f_h1,
-            actuator1_leakage_flow_m3ps: leakage::fault_leakage_m3ps(c_t1, state1),
+            actuator1_leakage_flow_m3ps: q_t1,
             actuator1_leakage_coefficient_m3ps_per_sqrt_pa: c_t1,
             actuator1_disturbance_n: d_1,
             actuator2_position_m: state2.position_m,
@@ -256,45 +329,18 @@ impl Plant for Drhas {
             actuator2_pressure1_pa: state2.pressure1_pa,
             actuator2_pressure2_pa: state2.pressure2_pa,
             actuator2_rod_force_n: f_h2,
-            actuator2_leakage_flow_m3ps: leakage::fault_leakage_m3ps(c_t2, state2),
+            actuator2_leakage_flow_m3ps: q_t2,
             actuator2_leakage_coefficient_m3ps_per_sqrt_pa: c_t2,
             actuator2_disturbance_n: d_2,
-            force_fight_n: surface::force_fight_n([f_h1, f_h2]),
+            force_fight_n: surface::force_fight_n(f_h),
         }
     }
 
     fn advance(&mut self, interval: &Interval, command: &Command) {
-        let h = interval.substep_s();
-        let wanted_m = self.wanted_spools_m(command);
-        // A part's end is the next one's begin: two new sines for each, not four.
-        let mut begin_n = self.disturbances_n(interval.start_s);
-        for substep in 0..interval.substeps {
-            let substep_start_s = interval.start_s + f64::from(substep) * h;
-            let parts = if self.empties_within(h).contains(&true) {
-                PARTS_OF_EMPTYING_SUBSTEP
-            } else {
-                1
-            };
-            let part_s = h / f64::from(parts);
-            for part in 0..parts {
-                let time_s = substep_start_s + f64::from(part) * part_s;
-                let middle_n = self.disturbances_n(time_s + 0.5 * part_s);
-                let end_n = self.disturbances_n(time_s + part_s);
-                let [begin_m, middle_m, end_m] = self.move_spools(wanted_m, part_s);
-                let inputs = |spools_m, disturbances_n| Inputs {
-                    spools_m,
-                    disturbances_n,
-                };
-                self.substep(
-                    part_s,
-                    &[
-                        inputs(begin_m, begin_n),
-                        inputs(middle_m, middle_n),
-                        inputs(end_m, end_n),
-                    ],
-                );
-                begin_n = end_n;
-            }
+        if self.beyond_paper {
+            self.integrate::<true>(interval, command);
+        } else {
+            self.integrate::<false>(interval, command);
         }
     }
 }

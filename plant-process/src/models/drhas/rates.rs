@@ -4,87 +4,115 @@
 //! the paper does not have; where that is neutral both give the same bits. They are compiled apart
 //! because conditions inside the paper's form would cost it up to a quarter of its speed.
 
+use super::actuators::{ActuatorStates, Actuators};
+use super::pair::Pair;
 use super::tables::{ActuatorParameters, SurfaceParameters};
-use super::{ActuatorState, STATES, State, cylinder, friction, leakage, surface, valve};
+use super::valve::OpenEdges;
+use super::{State, cylinder, friction, leakage, surface, valve};
 
 /// What acts on the actuators at one time whatever their state.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Inputs {
-    /// Positions x_v of the spools.
-    pub spools_m: [f64; 2],
+    /// What the spools hold open.
+    pub edges: OpenEdges,
     /// Disturbances d of the pistons.
-    pub disturbances_n: [f64; 2],
+    pub disturbances_n: Pair,
 }
 
-/// What an actuator is given during one substep.
-pub(super) struct Channel<'a> {
-    /// Its parameters.
-    pub parameters: &'a ActuatorParameters,
-    /// `beta C_t` of the leak that the right-hand side contains.
-    pub leakage_coefficient_m3ps_per_sqrt_pa: f64,
+/// The state as it is integrated, or its rates: the actuators side by side.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Motion {
+    /// Angle and rate of the surface.
+    pub surface: [f64; 2],
+    /// Both actuators.
+    pub actuators: ActuatorStates,
 }
 
-impl Channel<'_> {
-    /// Rates of an actuator's state, in its order (eqs. 2 to 4).
+/// Number of pairs in a motion.
+const PAIRS: usize = size_of::<Motion>() / size_of::<Pair>();
+
+impl Motion {
+    /// The same as a vector.
     #[inline]
-    fn rates<const BEYOND_PAPER: bool>(
-        &self,
-        state: &ActuatorState,
-        rod_force_n: f64,
-        spool_m: f64,
-        disturbance_n: f64,
-    ) -> [f64; 4] {
-        let p = self.parameters;
-        let q_h = leakage::normal_leakage_m3ps(p, state)
-            + leakage::fault_leakage_m3ps(self.leakage_coefficient_m3ps_per_sqrt_pa, state);
-        let mut now = Influences {
-            acceleration_mps2: cylinder::piston_acceleration_mps2(
-                p,
-                state,
-                rod_force_n,
-                disturbance_n,
-            ),
-            inflow_m3ps: valve::active_flow_m3ps(p, state, spool_m),
-            outflow_m3ps: valve::passive_flow_m3ps(p, state, spool_m),
-        };
-        if BEYOND_PAPER {
-            now = now.beyond_paper(p, state, spool_m);
-        }
+    pub(super) fn to_vector(self) -> [Pair; PAIRS] {
+        let Self { surface, actuators } = self;
         [
-            state.velocity_mps,
-            now.acceleration_mps2,
-            cylinder::active_pressure_rate_paps(p, state, q_h, now.inflow_m3ps),
-            cylinder::passive_pressure_rate_paps(p, state, q_h, now.outflow_m3ps),
+            surface.into(),
+            actuators.position_m,
+            actuators.velocity_mps,
+            actuators.pressure1_pa,
+            actuators.pressure2_pa,
         ]
+    }
+
+    /// From a vector.
+    #[inline]
+    pub(super) fn from_vector(vector: [Pair; PAIRS]) -> Self {
+        let [
+            surface,
+            position_m,
+            velocity_mps,
+            pressure1_pa,
+            pressure2_pa,
+        ] = vector;
+        Self {
+            surface: surface.to_array(),
+            actuators: ActuatorStates {
+                position_m,
+                velocity_mps,
+                pressure1_pa,
+                pressure2_pa,
+            },
+        }
     }
 }
 
-/// What drives an actuator: the acceleration of its piston and the flows of its chambers.
+impl From<&State> for Motion {
+    #[inline]
+    fn from(state: &State) -> Self {
+        Self {
+            surface: [state.angle_rad, state.rate_radps],
+            actuators: ActuatorStates::of(state.actuators.each_ref()),
+        }
+    }
+}
+
+impl From<&Motion> for State {
+    #[inline]
+    fn from(motion: &Motion) -> Self {
+        let [angle_rad, rate_radps] = motion.surface;
+        Self {
+            angle_rad,
+            rate_radps,
+            actuators: motion.actuators.split(),
+        }
+    }
+}
+
+/// What drives the actuators: the accelerations of their pistons and the flows of their chambers.
 struct Influences {
-    acceleration_mps2: f64,
-    inflow_m3ps: f64,
-    outflow_m3ps: f64,
+    acceleration_mps2: Pair,
+    inflow_m3ps: Pair,
+    outflow_m3ps: Pair,
 }
 
 impl Influences {
     /// The same with what the paper does not have: a supply that gives way, external leaks, dry
     /// friction and seizure.
     #[inline]
-    fn beyond_paper(self, p: &ActuatorParameters, state: &ActuatorState, spool_m: f64) -> Self {
+    fn beyond_paper(self, p: &Actuators, state: &ActuatorStates, spool_m: Pair) -> Self {
         let v_h = state.velocity_mps;
-        let (mut inflow, mut outflow) = (self.inflow_m3ps, self.outflow_m3ps);
-        if spool_m > 0.0 {
-            inflow = valve::flow_of_soft_supply_m3ps(p, spool_m, inflow);
-        } else {
-            outflow = valve::flow_of_soft_supply_m3ps(p, spool_m, outflow);
-        }
+        let (inflow, outflow) = (self.inflow_m3ps, self.outflow_m3ps);
+        let feeds_active = spool_m.is_above(Pair::both(0.0));
+        let supplied = feeds_active.choose(inflow, outflow);
+        let supplied = valve::flow_of_soft_supply_m3ps(p, spool_m, supplied);
         let [q_e1, q_e2] = leakage::external_leakages_m3ps(p, state);
         let slowed =
             self.acceleration_mps2 - friction::coulomb_friction_n(p, v_h) / p.piston_mass_kg;
         Self {
             acceleration_mps2: friction::seized_acceleration_mps2(p, v_h, slowed),
-            inflow_m3ps: inflow - q_e1,
-            outflow_m3ps: outflow + q_e2,
+            inflow_m3ps: feeds_active.choose(supplied, inflow) - q_e1,
+            outflow_m3ps: feeds_active.choose(outflow, supplied) + q_e2,
         }
     }
 }
@@ -102,35 +130,41 @@ pub(super) fn is_beyond_paper(p: &ActuatorParameters) -> bool {
     .any(|&value| value != 0.0)
 }
 
-/// Rates of the whole state, in its order: the right-hand side of the model, the paper's or the one
-/// with [`Influences::beyond_paper`].
+/// Rates of the whole state: the right-hand side of the model, the paper's or the one with
+/// [`Influences::beyond_paper`].
 #[inline]
 pub(super) fn rates<const BEYOND_PAPER: bool>(
     surface: &SurfaceParameters,
-    channels: &[Channel<'_>; 2],
+    actuators: &Actuators,
     inputs: &Inputs,
-    state: &State,
-) -> [f64; STATES] {
-    let [one, two] = channels;
-    let [state1, state2] = &state.actuators;
-    let x_d = surface::linear_displacement_m(surface, state.angle_rad);
-    let f_h1 = surface::rod_force_n(one.parameters, state1.position_m, x_d);
-    let f_h2 = surface::rod_force_n(two.parameters, state2.position_m, x_d);
+    motion: &Motion,
+) -> Motion {
+    let (p, state) = (actuators, &motion.actuators);
+    let [angle_rad, rate_radps] = motion.surface;
+    let x_d = surface::linear_displacement_m(surface, angle_rad);
+    let f_h = surface::rod_force_n(p, state.position_m, x_d);
     let t_l = surface::load_torque_nm(surface, x_d);
-    let ([x_v1, x_v2], [d_1, d_2]) = (inputs.spools_m, inputs.disturbances_n);
-    let [x_1, v_1, p_11, p_12] = one.rates::<BEYOND_PAPER>(state1, f_h1, x_v1, d_1);
-    let [x_2, v_2, p_21, p_22] = two.rates::<BEYOND_PAPER>(state2, f_h2, x_v2, d_2);
-    let omega = surface::angular_acceleration_radps2(surface, state.rate_radps, [f_h1, f_h2], t_l);
-    [
-        state.rate_radps,
-        omega,
-        x_1,
-        v_1,
-        p_11,
-        p_12,
-        x_2,
-        v_2,
-        p_21,
-        p_22,
-    ]
+    let (edges, d) = (&inputs.edges, inputs.disturbances_n);
+    let c_t = p.leakage_coefficient_m3ps_per_sqrt_pa;
+    let q_h = leakage::normal_leakage_m3ps(p, state) + leakage::fault_leakage_m3ps(c_t, state);
+    let mut now = Influences {
+        acceleration_mps2: cylinder::piston_acceleration_mps2(p, state, f_h, d),
+        inflow_m3ps: edges.active_flow_m3ps(state),
+        outflow_m3ps: edges.passive_flow_m3ps(state),
+    };
+    if BEYOND_PAPER {
+        now = now.beyond_paper(p, state, edges.spool_m);
+    }
+    Motion {
+        surface: [
+            rate_radps,
+            surface::angular_acceleration_radps2(surface, rate_radps, f_h, t_l),
+        ],
+        actuators: ActuatorStates {
+            position_m: state.velocity_mps,
+            velocity_mps: now.acceleration_mps2,
+            pressure1_pa: cylinder::active_pressure_rate_paps(p, state, q_h, now.inflow_m3ps),
+            pressure2_pa: cylinder::passive_pressure_rate_paps(p, state, q_h, now.outflow_m3ps),
+        },
+    }
 }

@@ -40,8 +40,9 @@ pub fn free_displacement_m(p: &ActuatorParameters, current_a: f64) -> f64 {
 ///
 /// `x_v(t) = w + (x_v(0) - w) exp(-t / T)`, the solution of `T x_v' = w - x_v`: the spool as a
 /// first-order system (Merritt, Hydraulic Control Systems, 1967, on electrohydraulic servovalves).
-/// Exact for any duration; `T = 0` arrives at once.
-#[inline]
+/// Exact for any duration; `T = 0` arrives at once. Kept out of line: inside the loop of a spool that
+/// does not lag it would cost more than the spool.
+#[cold]
 #[must_use]
 pub fn lagging_position_m(lag_s: f64, from_m: f64, wanted_m: f64, duration_s: f64) -> f64 {
     if lag_s == 0.0 {
@@ -82,18 +83,18 @@ impl Spool {
     #[inline]
     pub fn travel(&mut self, p: &ActuatorParameters, wanted_m: f64, duration_s: f64) -> [f64; 3] {
         let lag_s = p.valve_lag_s;
-        let begin_m = if lag_s == 0.0 {
-            wanted_m
+        let way_m = if lag_s == 0.0 {
+            [wanted_m; 3]
         } else {
-            self.position_m
+            let on = |from_m| lagging_position_m(lag_s, from_m, wanted_m, 0.5 * duration_s);
+            let middle_m = on(self.position_m);
+            [self.position_m, middle_m, on(middle_m)]
         };
-        let middle_m = lagging_position_m(lag_s, begin_m, wanted_m, 0.5 * duration_s);
-        let end_m = lagging_position_m(lag_s, middle_m, wanted_m, 0.5 * duration_s);
-        self.position_m = end_m;
+        self.position_m = way_m[2];
         if p.valve_stuck == 0.0 {
-            self.stuck_m = end_m;
+            self.stuck_m = way_m[2];
         }
-        [begin_m, middle_m, end_m]
+        way_m
     }
 }
 

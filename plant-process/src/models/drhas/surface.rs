@@ -4,7 +4,9 @@
 //! Called by the right-hand side and by the truth of the hydraulic system. Angles are small: a
 //! rod's end moves on a straight line.
 
-use super::tables::{ActuatorParameters, SurfaceParameters};
+use super::actuators::Actuators;
+use super::pair::Pair;
+use super::tables::SurfaceParameters;
 
 /// Linear displacement of the surface where the rods hold it.
 ///
@@ -20,8 +22,8 @@ pub fn linear_displacement_m(p: &SurfaceParameters, angle_rad: f64) -> f64 {
 /// `F_h = K_h (x_h - x_d)` (eqs. 14 and 15; pulls as well as it pushes).
 #[inline]
 #[must_use]
-pub fn rod_force_n(p: &ActuatorParameters, position_m: f64, linear_displacement_m: f64) -> f64 {
-    p.connection_stiffness_n_per_m * (position_m - linear_displacement_m)
+pub fn rod_force_n(p: &Actuators, position_m: Pair, linear_displacement_m: f64) -> Pair {
+    p.connection_stiffness_n_per_m * (position_m - Pair::both(linear_displacement_m))
 }
 
 /// Torque of the load.
@@ -46,7 +48,7 @@ pub fn load_torque_nm(p: &SurfaceParameters, linear_displacement_m: f64) -> f64 
 pub fn angular_acceleration_radps2(
     p: &SurfaceParameters,
     rate_radps: f64,
-    rod_forces_n: [f64; 2],
+    rod_forces_n: Pair,
     load_torque_nm: f64,
 ) -> f64 {
     let (r_d, beta_d, j_d) = (
@@ -54,7 +56,7 @@ pub fn angular_acceleration_radps2(
         p.damping_n_m_s_per_rad,
         p.inertia_kg_m2,
     );
-    let ([f_dh1, f_dh2], t_l) = (rod_forces_n, load_torque_nm);
+    let ([f_dh1, f_dh2], t_l) = (rod_forces_n.to_array(), load_torque_nm);
     ((f_dh1 + f_dh2) * r_d - beta_d * rate_radps - t_l) / j_d
 }
 
@@ -62,13 +64,15 @@ pub fn angular_acceleration_radps2(
 ///
 /// `Delta F = F_h1 - F_h2` (eq. 33).
 #[must_use]
-pub fn force_fight_n(rod_forces_n: [f64; 2]) -> f64 {
-    let [f_h1, f_h2] = rod_forces_n;
+pub fn force_fight_n(rod_forces_n: Pair) -> f64 {
+    let [f_h1, f_h2] = rod_forces_n.to_array();
     f_h1 - f_h2
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::actuators::tests::{alike, of_each};
+    use super::super::tables::ActuatorParameters;
     use super::*;
 
     /// Round numbers.
@@ -96,12 +100,13 @@ mod tests {
 
     #[test]
     fn a_rod_ahead_of_the_surface_pushes_and_one_behind_pulls() {
-        let stiff = ActuatorParameters {
+        let stiff = alike(&ActuatorParameters {
             connection_stiffness_n_per_m: 2e8,
             ..ActuatorParameters::default()
-        };
-        assert_near(rod_force_n(&stiff, 0.01 + 1e-4, 0.01), 2e4);
-        assert_near(rod_force_n(&stiff, 0.01 - 1e-4, 0.01), -2e4);
+        });
+        let rod_n = |position_m| of_each(rod_force_n(&stiff, Pair::both(position_m), 0.01));
+        assert_near(rod_n(0.01 + 1e-4), 2e4);
+        assert_near(rod_n(0.01 - 1e-4), -2e4);
     }
 
     #[test]
@@ -122,14 +127,14 @@ mod tests {
     fn the_surface_obeys_newton() {
         // ((7000 + 5000) * 0.2 - 50 * 2 - 2000) / 10
         assert_near(
-            angular_acceleration_radps2(&SURFACE, 2.0, [7000.0, 5000.0], 2000.0),
+            angular_acceleration_radps2(&SURFACE, 2.0, Pair::from([7000.0, 5000.0]), 2000.0),
             30.0,
         );
     }
 
     #[test]
     fn equal_rods_do_not_fight() {
-        assert_eq!(force_fight_n([7000.0, 7000.0]), 0.0);
-        assert_eq!(force_fight_n([7000.0, 5000.0]), 2000.0);
+        assert_eq!(force_fight_n(Pair::from([7000.0, 7000.0])), 0.0);
+        assert_eq!(force_fight_n(Pair::from([7000.0, 5000.0])), 2000.0);
     }
 }

@@ -60,6 +60,24 @@ fn start(parameters: &Parameters) -> Drhas {
     Drhas::start(parameters).unwrap()
 }
 
+/// Number of state variables.
+const STATES: usize = size_of::<State>() / size_of::<f64>();
+
+/// The right-hand side at a plant's state, in the order of the state.
+fn rates_of_state<const BEYOND_PAPER: bool>(
+    plant: &Drhas,
+    edges: OpenEdges,
+    disturbances_n: Pair,
+) -> [f64; STATES] {
+    let inputs = Inputs {
+        edges,
+        disturbances_n,
+    };
+    let (surface, motion) = (&plant.parameters.surface, Motion::from(&plant.state));
+    let rates = rates::<BEYOND_PAPER>(surface, &plant.actuators, &inputs, &motion);
+    transmute!(State::from(&rates))
+}
+
 /// Advances at 10 kHz with 4 substeps; `look` sees the plant after every step.
 fn run(plant: &mut Drhas, steps: u64, command: &Command, mut look: impl FnMut(&Drhas)) {
     let rate = Rate::new(10_000.0).unwrap();
@@ -255,15 +273,8 @@ fn a_leak_moves_oil_from_one_chamber_to_the_other() {
         p.initial_pressure1_ratio = 0.7;
     });
     let plant = start(&parameters);
-    let channels = parameters.actuators().map(|parameters| Channel {
-        parameters,
-        leakage_coefficient_m3ps_per_sqrt_pa: 3e-7,
-    });
-    let inputs = Inputs {
-        spools_m: [0.0; 2],
-        disturbances_n: [0.0; 2],
-    };
-    let rates = rates::<false>(&parameters.surface, &channels, &inputs, &plant.state);
+    let closed = OpenEdges::at(&plant.actuators, Pair::both(0.0));
+    let rates = rates_of_state::<false>(&plant, closed, Pair::both(0.0));
     for i in [4, 8] {
         let (gained1, gained2) = (1e-4 * rates[i], 0.735e-4 * rates[i + 1]);
         assert!(gained1 < -1e5, "{gained1}");

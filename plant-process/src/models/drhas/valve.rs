@@ -6,58 +6,78 @@
 //! `s(u)` is `s(x_v)` here, which is the same while `x_v = k_i u` and still holds where the spool is
 //! elsewhere.
 
-use super::ActuatorState;
-use super::tables::ActuatorParameters;
+use super::actuators::{ActuatorStates, Actuators};
+use super::pair::Pair;
 
-/// Flow `Q_h1` from the valve into the active chamber.
-///
-/// `Q_h1 = k_q x_v R_h1` (eqs. 7 and 12).
-#[inline]
-#[must_use]
-pub fn active_flow_m3ps(p: &ActuatorParameters, state: &ActuatorState, spool_m: f64) -> f64 {
-    let (k_q, x_v) = (p.flow_gain_m2ps_per_sqrt_pa, spool_m);
-    k_q * x_v * active_root_sqrt_pa(p, state, spool_m)
+/// The edges that the spools hold open, and the lines behind them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OpenEdges {
+    /// Positions x_v of the spools.
+    pub spool_m: Pair,
+    /// `k_q x_v`.
+    flow_per_root_m3ps_per_sqrt_pa: Pair,
+    /// Pressure of the line that feeds or drains the active chamber.
+    active_line_pa: Pair,
+    /// Pressure of the line that drains or feeds the passive chamber.
+    passive_line_pa: Pair,
 }
 
-/// Flow `Q_h2` from the passive chamber back through the valve.
-///
-/// `Q_h2 = k_q x_v R_h2` (eqs. 8 and 13).
-#[inline]
-#[must_use]
-pub fn passive_flow_m3ps(p: &ActuatorParameters, state: &ActuatorState, spool_m: f64) -> f64 {
-    let (k_q, x_v) = (p.flow_gain_m2ps_per_sqrt_pa, spool_m);
-    k_q * x_v * passive_root_sqrt_pa(p, state, spool_m)
-}
+impl OpenEdges {
+    /// The edges at a position of the spools.
+    ///
+    /// `x_v > 0` joins the active chamber to the supply and the passive one to the return,
+    /// `x_v < 0` the other way round (eq. 9). At `x_v = 0`, where the paper counts both edges, nothing
+    /// flows whatever their roots are, and one edge stands for both.
+    #[inline]
+    #[must_use]
+    pub fn at(p: &Actuators, spool_m: Pair) -> Self {
+        let (p_s, p_r) = (p.supply_pressure_pa, p.return_pressure_pa);
+        let feeds_active = spool_m.is_above(Pair::both(0.0));
+        Self {
+            spool_m,
+            flow_per_root_m3ps_per_sqrt_pa: p.flow_gain_m2ps_per_sqrt_pa * spool_m,
+            active_line_pa: feeds_active.choose(p_s, p_r),
+            passive_line_pa: feeds_active.choose(p_r, p_s),
+        }
+    }
 
-/// Root of the pressure drop over the edge that is open to the active chamber.
-///
-/// `R_h1 = s(x_v) sqrt(P_s - P_h1) + s(-x_v) sqrt(P_h1 - P_r)` (eq. 10), where `s(x)` is 1 for
-/// `x >= 0` and 0 otherwise (eq. 9). A root of a negative drop is 0: no oil flows against the
-/// spool's direction.
-#[inline]
-#[must_use]
-pub fn active_root_sqrt_pa(p: &ActuatorParameters, state: &ActuatorState, spool_m: f64) -> f64 {
-    let (p_s, p_r, p_h1) = (
-        p.supply_pressure_pa,
-        p.return_pressure_pa,
-        state.pressure1_pa,
-    );
-    roots_of_open_edges(spool_m, p_s - p_h1, p_h1 - p_r)
-}
+    /// Flow `Q_h1` from the valve into the active chamber.
+    ///
+    /// `Q_h1 = k_q x_v R_h1` (eqs. 7 and 12).
+    #[inline]
+    #[must_use]
+    pub fn active_flow_m3ps(&self, state: &ActuatorStates) -> Pair {
+        self.flow_per_root_m3ps_per_sqrt_pa * self.active_root_sqrt_pa(state)
+    }
 
-/// Root of the pressure drop over the edge that is open to the passive chamber.
-///
-/// `R_h2 = s(x_v) sqrt(P_h2 - P_r) + s(-x_v) sqrt(P_s - P_h2)` (eq. 11), with `s` of eq. 9. A root
-/// of a negative drop is 0.
-#[inline]
-#[must_use]
-pub fn passive_root_sqrt_pa(p: &ActuatorParameters, state: &ActuatorState, spool_m: f64) -> f64 {
-    let (p_s, p_r, p_h2) = (
-        p.supply_pressure_pa,
-        p.return_pressure_pa,
-        state.pressure2_pa,
-    );
-    roots_of_open_edges(spool_m, p_h2 - p_r, p_s - p_h2)
+    /// Flow `Q_h2` from the passive chamber back through the valve.
+    ///
+    /// `Q_h2 = k_q x_v R_h2` (eqs. 8 and 13).
+    #[inline]
+    #[must_use]
+    pub fn passive_flow_m3ps(&self, state: &ActuatorStates) -> Pair {
+        self.flow_per_root_m3ps_per_sqrt_pa * self.passive_root_sqrt_pa(state)
+    }
+
+    /// Root of the pressure drop over the edge that is open to the active chamber.
+    ///
+    /// `R_h1 = sqrt(P_s - P_h1)` for `x_v > 0` and `sqrt(P_h1 - P_r)` for `x_v < 0` (eq. 10). A root
+    /// of a negative drop is 0: no oil flows against the spool's direction.
+    #[inline]
+    #[must_use]
+    pub fn active_root_sqrt_pa(&self, state: &ActuatorStates) -> Pair {
+        root((self.active_line_pa - state.pressure1_pa).flipped_where_negative(self.spool_m))
+    }
+
+    /// Root of the pressure drop over the edge that is open to the passive chamber.
+    ///
+    /// `R_h2 = sqrt(P_h2 - P_r)` for `x_v > 0` and `sqrt(P_s - P_h2)` for `x_v < 0` (eq. 11). A root
+    /// of a negative drop is 0.
+    #[inline]
+    #[must_use]
+    pub fn passive_root_sqrt_pa(&self, state: &ActuatorStates) -> Pair {
+        root((state.pressure2_pa - self.passive_line_pa).flipped_where_negative(self.spool_m))
+    }
 }
 
 /// Flow from a supply that gives way to it, from the flow `q_0` that a stiff one would give.
@@ -69,38 +89,27 @@ pub fn passive_root_sqrt_pa(p: &ActuatorParameters, state: &ActuatorState, spool
 /// supply. The sign is that of `q_0`.
 #[inline]
 #[must_use]
-pub fn flow_of_soft_supply_m3ps(p: &ActuatorParameters, spool_m: f64, stiff_m3ps: f64) -> f64 {
+pub fn flow_of_soft_supply_m3ps(p: &Actuators, spool_m: Pair, stiff_m3ps: Pair) -> Pair {
     let (k, r) = (
         p.flow_gain_m2ps_per_sqrt_pa * spool_m,
         p.supply_droop_pa_s_per_m3,
     );
     let (q_0, k2_r) = (stiff_m3ps, k * k * r);
-    if k2_r == 0.0 {
-        return q_0;
-    }
-    q_0 * (2.0 * q_0.abs() / (k2_r + (k2_r * k2_r + 4.0 * q_0 * q_0).sqrt()))
-}
-
-/// `s(x) sqrt(forward) + s(-x) sqrt(backward)`; a root that `s` switches off is not computed.
-#[inline]
-fn roots_of_open_edges(spool_m: f64, forward_pa: f64, backward_pa: f64) -> f64 {
-    if spool_m > 0.0 {
-        root(forward_pa)
-    } else if spool_m < 0.0 {
-        root(backward_pa)
-    } else {
-        root(forward_pa) + root(backward_pa)
-    }
+    let soft = q_0 * (q_0.abs() * 2.0 / (k2_r + (k2_r * k2_r + q_0 * 4.0 * q_0).sqrt()));
+    k2_r.is_equal(Pair::both(0.0)).choose(q_0, soft)
 }
 
 /// Square root of a pressure drop, 0 if the drop is negative.
 #[inline]
-fn root(drop_pa: f64) -> f64 {
-    if drop_pa > 0.0 { drop_pa.sqrt() } else { 0.0 }
+fn root(drop_pa: Pair) -> Pair {
+    drop_pa.or_zero_if_negative().sqrt()
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::ActuatorState;
+    use super::super::actuators::tests::{alike, of_each, together};
+    use super::super::tables::ActuatorParameters;
     use super::*;
 
     const STATE: ActuatorState = ActuatorState {
@@ -118,44 +127,67 @@ mod tests {
         }
     }
 
+    /// Both roots, or both flows, of edges that are open by so much.
+    fn roots_sqrt_pa(spool_m: f64) -> [f64; 2] {
+        let edges = OpenEdges::at(&alike(&parameters()), Pair::both(spool_m));
+        let state = together(&STATE);
+        [
+            edges.active_root_sqrt_pa(&state),
+            edges.passive_root_sqrt_pa(&state),
+        ]
+        .map(of_each)
+    }
+
+    fn flows_m3ps(state: &ActuatorState, spool_m: f64) -> [f64; 2] {
+        let edges = OpenEdges::at(&alike(&parameters()), Pair::both(spool_m));
+        let state = together(state);
+        [
+            edges.active_flow_m3ps(&state),
+            edges.passive_flow_m3ps(&state),
+        ]
+        .map(of_each)
+    }
+
     #[test]
     fn a_positive_spool_joins_supply_to_the_active_chamber() {
         // sqrt(28e6 - 12e6) = 4000, sqrt(9e6 - 5e6) = 2000.
-        assert_eq!(active_root_sqrt_pa(&parameters(), &STATE, 3e-4), 4000.0);
-        assert_eq!(passive_root_sqrt_pa(&parameters(), &STATE, 3e-4), 2000.0);
+        assert_eq!(roots_sqrt_pa(3e-4), [4000.0, 2000.0]);
     }
 
     #[test]
     fn a_negative_spool_joins_supply_to_the_passive_chamber() {
         // sqrt(12e6 - 5e6) and sqrt(28e6 - 9e6).
-        let r_1 = active_root_sqrt_pa(&parameters(), &STATE, -3e-4);
-        let r_2 = passive_root_sqrt_pa(&parameters(), &STATE, -3e-4);
+        let [r_1, r_2] = roots_sqrt_pa(-3e-4);
         assert!((r_1 - 2645.7513110645905).abs() < 1e-9, "{r_1}");
         assert!((r_2 - 4358.898943540674).abs() < 1e-9, "{r_2}");
     }
 
     #[test]
-    fn at_zero_both_edges_count_and_nothing_flows() {
-        // s(0) = 1 on both sides of eqs. 10 and 11.
-        let r_1 = active_root_sqrt_pa(&parameters(), &STATE, 0.0);
-        assert!((r_1 - 6645.7513110645905).abs() < 1e-9, "{r_1}");
-        assert_eq!(active_flow_m3ps(&parameters(), &STATE, 0.0), 0.0);
-        assert_eq!(passive_flow_m3ps(&parameters(), &STATE, 0.0), 0.0);
+    fn at_zero_nothing_flows() {
+        assert_eq!(flows_m3ps(&STATE, 0.0), [0.0; 2]);
     }
 
     #[test]
     fn flows_are_gains_times_roots() {
         // 7.5e-5 * 3e-4 = 2.25e-8, times 4000 and 2000.
-        let q_1 = active_flow_m3ps(&parameters(), &STATE, 3e-4);
-        let q_2 = passive_flow_m3ps(&parameters(), &STATE, 3e-4);
+        let [q_1, q_2] = flows_m3ps(&STATE, 3e-4);
         assert!((q_1 - 9e-5).abs() < 1e-18, "{q_1}");
         assert!((q_2 - 4.5e-5).abs() < 1e-18, "{q_2}");
     }
 
     #[test]
+    fn each_spool_opens_its_own_edges() {
+        let spools_m = Pair::from([3e-4, -3e-4]);
+        let edges = OpenEdges::at(&alike(&parameters()), spools_m);
+        let [q_1, q_2] = edges.active_flow_m3ps(&together(&STATE)).to_array();
+        assert_eq!(q_1, flows_m3ps(&STATE, 3e-4)[0]);
+        assert_eq!(q_2, flows_m3ps(&STATE, -3e-4)[0]);
+        assert!(q_1 > 0.0 && q_2 < 0.0);
+    }
+
+    #[test]
     fn a_negative_spool_reverses_both_flows() {
-        assert!(active_flow_m3ps(&parameters(), &STATE, -3e-4) < 0.0);
-        assert!(passive_flow_m3ps(&parameters(), &STATE, -3e-4) < 0.0);
+        assert!(flows_m3ps(&STATE, -3e-4).iter().all(|&flow| flow < 0.0));
     }
 
     #[test]
@@ -165,8 +197,13 @@ mod tests {
             pressure2_pa: 4e6,
             ..STATE
         };
-        assert_eq!(active_flow_m3ps(&parameters(), &beyond, 3e-4), 0.0);
-        assert_eq!(passive_flow_m3ps(&parameters(), &beyond, 3e-4), 0.0);
+        assert_eq!(flows_m3ps(&beyond, 3e-4), [0.0; 2]);
+    }
+
+    /// What a supply that gives way lets through.
+    fn soft_m3ps(p: &ActuatorParameters, spool_m: f64, stiff_m3ps: f64) -> f64 {
+        let (x_v, q_0) = (Pair::both(spool_m), Pair::both(stiff_m3ps));
+        of_each(flow_of_soft_supply_m3ps(&alike(p), x_v, q_0))
     }
 
     #[test]
@@ -179,11 +216,11 @@ mod tests {
         };
         for sign in [1.0, -1.0] {
             let stiff_m3ps = sign * 2.25e-8 * 4000.0;
-            let q = flow_of_soft_supply_m3ps(&soft, sign * 3e-4, stiff_m3ps);
+            let q = soft_m3ps(&soft, sign * 3e-4, stiff_m3ps);
             assert!((q / (sign * 4.5e-5) - 1.0).abs() < 1e-14, "{q}");
         }
-        assert_eq!(flow_of_soft_supply_m3ps(&soft, 3e-4, 0.0), 0.0);
-        assert_eq!(flow_of_soft_supply_m3ps(&soft, 0.0, 0.0), 0.0);
+        assert_eq!(soft_m3ps(&soft, 3e-4, 0.0), 0.0);
+        assert_eq!(soft_m3ps(&soft, 0.0, 0.0), 0.0);
     }
 
     #[test]
@@ -193,7 +230,7 @@ mod tests {
                 supply_droop_pa_s_per_m3: droop,
                 ..parameters()
             };
-            let q = flow_of_soft_supply_m3ps(&soft, 3e-4, 9e-5);
+            let q = soft_m3ps(&soft, 3e-4, 9e-5);
             assert!((q / 9e-5 - 1.0).abs() <= off, "{q}");
         }
     }

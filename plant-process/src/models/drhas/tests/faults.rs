@@ -7,7 +7,7 @@ use shared_types::table::{Field, Table};
 use shared_types::time::{Rate, Step};
 
 use super::super::*;
-use super::{CLOSED, both, paper_command_rad, proportional_law, run, start, undisturbed};
+use super::{CLOSED, STATES, both, paper_command_rad, proportional_law, run, start, undisturbed};
 
 const PAGE: &str = include_str!("../../../../../docs/faults-drhas.md");
 
