@@ -74,6 +74,12 @@ impl Peer {
         Ok(peer)
     }
 
+    /// Tells it to end before its work is over; what it said of that.
+    pub(super) fn stop(mut self) -> Result<(), String> {
+        drop(self.input.take());
+        self.end()
+    }
+
     /// Waits for its end; what it said if it did not end well.
     pub(super) fn end(mut self) -> Result<(), String> {
         let since = Instant::now();
