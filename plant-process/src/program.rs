@@ -17,7 +17,7 @@ use shared_types::session::SessionInfo;
 use shared_types::stream::iceoryx::IceoryxSink;
 use shared_types::stream::{Owed, RecordSink};
 use shared_types::supervision::Supervision;
-use shared_types::wait::{WaitLimit, Waiter, until_ns};
+use shared_types::wait::{WaitLimit, Waiter};
 
 use crate::engine::{Engine, Progress};
 use crate::faults::{FaultKindEntry, kinds};
@@ -140,7 +140,7 @@ pub fn drive<L: Link, S: RecordSink>(
             Progress::Busy => waiter.done(),
             Progress::Over => return Ok(()),
             Progress::Until(target_ns) => {
-                until_ns(target_ns, || {
+                waiter.until_ns(target_ns, || {
                     supervision.wants_stop() || desk.wants_attention()
                 });
                 waiter.done();

@@ -1,25 +1,71 @@
 //! Waiting for the other side: fast when it is quick, kind to the machine when it is not, and
 //! bounded always.
 //!
-//! Poll 64 times, then give the core away after each poll (at once if there is only one core, where
-//! pure spinning costs a scheduler slice a step), then sleep in naps, longer ones the longer nothing
-//! came. The clock is read only from the first yield on, so a ready peer costs no system call.
+//! | strategy | at first | after 2 ms | after 20 ms |
+//! |---|---|---|---|
+//! | `hybrid` | poll 64 times, then give the core away after each poll | naps of 0.1 ms | naps of 1 ms |
+//! | `yield` | give the core away after each poll | the same | naps of 1 ms |
+//! | `spin` | poll, never give the core away | the same | naps of 1 ms |
+//!
+//! Where both sides share their only core, the other can answer only once this one gives the core
+//! away: then both yield, whatever was asked for, as pure spinning costs two scheduler slices a step.
+//! The clock is not read before the first yield, so a ready peer costs no system call.
 
 use std::num::NonZero;
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
+
 use crate::clock::monotonic_ns;
 
-/// Polls before the first yield when there is more than one core.
+/// Polls in a row that read no clock.
 const SPINS: u32 = 64;
-/// How long to yield before napping.
+/// How long a hybrid wait yields before it naps.
 const YIELD_NS: u64 = 2_000_000;
 /// Length of a nap.
-const NAP: Duration = Duration::from_micros(100);
-/// How long to wait before naps become long: by then one costs a twentieth of the wait at most.
-const NAP_NS: u64 = 20_000_000;
+const NAP_NS: u64 = 100_000;
+/// After so long without anything each strategy takes long naps: by then one costs a twentieth of
+/// the wait at most, and a held run or a process of real-time priority no longer blocks its core.
+const PATIENCE_NS: u64 = 20_000_000;
 /// Length of a long nap.
-const LONG_NAP: Duration = Duration::from_millis(1);
+const LONG_NAP_NS: u64 = 1_000_000;
+/// A nap may end so much later than asked for on an ordinary machine.
+const LATE_NS: u64 = 300_000;
+
+/// What to do between two polls. It moves times and what is left to others, never a result.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum WaitStrategy {
+    /// Poll a little, then give the core away, then nap.
+    #[default]
+    Hybrid,
+    /// Never give the core away: for a core that nobody else needs.
+    Spin,
+    /// Give the core away after each poll: for cores that are shared.
+    Yield,
+}
+
+impl WaitStrategy {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Hybrid, Self::Spin, Self::Yield];
+
+    /// Its name in scenarios, on command lines and in summaries.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Hybrid => "hybrid",
+            Self::Spin => "spin",
+            Self::Yield => "yield",
+        }
+    }
+
+    /// The one to take where both sides together have so many cores: on one core the other side
+    /// cannot answer before this one gives it away.
+    #[must_use]
+    pub const fn on_cores(self, cores: usize) -> Self {
+        if cores > 1 { self } else { Self::Yield }
+    }
+}
 
 /// How long a peer that lives may take, the scenario's and command line's `wait_limit`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,6 +100,8 @@ impl WaitLimit {
 #[derive(Debug)]
 pub struct Waiter {
     limit: WaitLimit,
+    strategy: WaitStrategy,
+    /// Polls in a row that read no clock.
     spins: u32,
     polls: u32,
     /// When this wait began.
@@ -63,14 +111,23 @@ pub struct Waiter {
 }
 
 impl Waiter {
-    /// A waiter for the cores that this process may run on.
+    /// A hybrid waiter for the cores that this process may run on.
     #[must_use]
     pub fn new(limit: WaitLimit) -> Self {
         let cores = std::thread::available_parallelism().map_or(1, NonZero::get);
-        let spins = if cores > 1 { SPINS } else { 0 };
+        Self::with(limit, WaitStrategy::Hybrid.on_cores(cores))
+    }
+
+    /// A waiter of this strategy.
+    #[must_use]
+    pub const fn with(limit: WaitLimit, strategy: WaitStrategy) -> Self {
         Self {
             limit,
-            spins,
+            strategy,
+            spins: match strategy {
+                WaitStrategy::Hybrid | WaitStrategy::Spin => SPINS,
+                WaitStrategy::Yield => 0,
+            },
             polls: 0,
             since_ns: 0,
             limited_ns: 0,
@@ -91,54 +148,102 @@ impl Waiter {
     /// Waits a moment before the next poll; true when the limit is over.
     #[must_use]
     pub fn pause(&mut self) -> bool {
+        let Some(now_ns) = self.after_spins() else {
+            return false;
+        };
+        if now_ns - self.limited_ns >= self.limit.ns {
+            return true;
+        }
+        self.rest(self.nap_ns(now_ns, u64::MAX));
+        false
+    }
+
+    /// Waits a moment before the next poll, but never sleeps past a time of the monotonic clock
+    /// that must not be missed. Whether that time came is for the caller to see, and it alone ends
+    /// the wait.
+    pub fn pause_until(&mut self, deadline_ns: u64) {
+        if let Some(now_ns) = self.after_spins() {
+            self.rest(self.nap_ns(now_ns, deadline_ns));
+        }
+    }
+
+    /// Sleeps for a moment, for what is awaited from somebody who needs the core more; true when the
+    /// limit is over.
+    #[must_use]
+    pub fn nap(&mut self) -> bool {
+        let now_ns = self.look();
+        self.rest(NAP_NS);
+        now_ns - self.limited_ns >= self.limit.ns
+    }
+
+    /// Spins between two polls; after enough of them gives the time instead.
+    fn after_spins(&mut self) -> Option<u64> {
         if self.polls < self.spins {
             self.polls += 1;
             std::hint::spin_loop();
-            return false;
+            return None;
         }
+        Some(self.look())
+    }
+
+    /// The time now. A wait begins with the first look.
+    fn look(&mut self) -> u64 {
         let now_ns = monotonic_ns();
         if self.since_ns == 0 {
             (self.since_ns, self.limited_ns) = (now_ns, now_ns);
         }
-        if now_ns - self.limited_ns >= self.limit.ns {
-            return true;
-        }
-        match now_ns - self.since_ns {
-            0..YIELD_NS => std::thread::yield_now(),
-            YIELD_NS..NAP_NS => std::thread::sleep(NAP),
-            _ => std::thread::sleep(LONG_NAP),
-        }
-        false
+        now_ns
     }
-}
 
-impl Waiter {
-    /// Waits a moment before the next poll, never beyond this time of the monotonic clock.
-    pub fn pause_until(&mut self, deadline_ns: u64) {
-        if self.polls < self.spins {
-            self.polls += 1;
-            std::hint::spin_loop();
-        } else if monotonic_ns() < deadline_ns {
+    fn rest(&mut self, nap_ns: u64) {
+        if nap_ns > 0 {
+            std::thread::sleep(Duration::from_nanos(nap_ns));
+        } else if self.strategy == WaitStrategy::Spin {
+            self.polls = 0; // the clock again after as many polls
+        } else {
             std::thread::yield_now();
         }
     }
+
+    /// How long to sleep now; 0 for not at all.
+    const fn nap_ns(&self, now_ns: u64, deadline_ns: u64) -> u64 {
+        let nap_ns = match (self.strategy, now_ns - self.since_ns) {
+            (_, PATIENCE_NS..) => LONG_NAP_NS,
+            (WaitStrategy::Hybrid, YIELD_NS..) => NAP_NS,
+            _ => 0,
+        };
+        let left_ns = deadline_ns.saturating_sub(now_ns).saturating_sub(LATE_NS);
+        if nap_ns < left_ns { nap_ns } else { left_ns }
+    }
+
+    /// Waits for a time of the monotonic clock: naps until close to it, then as the strategy says.
+    /// `interrupted` is asked between naps and ends the wait early.
+    pub fn until_ns(&self, target_ns: u64, interrupted: impl Fn() -> bool) {
+        until_ns(self.strategy, target_ns, interrupted);
+    }
 }
 
-/// Waits for a time of the monotonic clock: naps until close to it, then spins. `interrupted` is
-/// asked between naps and ends the wait early.
-pub fn until_ns(target_ns: u64, interrupted: impl Fn() -> bool) {
-    /// Wake-ups come this late on an ordinary machine; what is left is spun.
+/// Waits for a time of the monotonic clock: naps until close to it, then spins or yields, as the
+/// strategy says. `interrupted` is asked between naps and ends the wait early.
+fn until_ns(strategy: WaitStrategy, target_ns: u64, interrupted: impl Fn() -> bool) {
+    /// Wake-ups come this late on an ordinary machine; what is left is waited for awake.
     const EARLY_NS: u64 = 200_000;
     /// No nap is longer, so that an interruption is seen soon.
     const LONGEST_NS: u64 = 20_000_000;
+    let early_ns = match strategy {
+        WaitStrategy::Hybrid | WaitStrategy::Yield => EARLY_NS,
+        WaitStrategy::Spin => PATIENCE_NS,
+    };
     loop {
         let left_ns = target_ns.saturating_sub(monotonic_ns());
         if left_ns == 0 || interrupted() {
             return;
         }
-        if left_ns > EARLY_NS {
-            let nap_ns = (left_ns - EARLY_NS).min(LONGEST_NS);
+        if left_ns > early_ns {
+            let nap_ns = (left_ns - early_ns).min(LONGEST_NS);
             std::thread::sleep(Duration::from_nanos(nap_ns));
+        } else if strategy == WaitStrategy::Yield {
+            std::thread::yield_now();
         } else {
             std::hint::spin_loop();
         }
@@ -149,12 +254,78 @@ pub fn until_ns(target_ns: u64, interrupted: impl Fn() -> bool) {
 mod tests {
     use super::*;
 
+    fn limit() -> WaitLimit {
+        WaitLimit::from_seconds(5.0)
+    }
+
+    /// How often the calling thread has slept.
+    fn sleeps() -> u64 {
+        let status = std::fs::read_to_string("/proc/thread-self/status").expect("reads");
+        let line = (status.lines()).find_map(|line| line.strip_prefix("voluntary_ctxt_switches:"));
+        line.and_then(|count| count.trim().parse().ok())
+            .expect("a count")
+    }
+
     #[test]
-    fn a_wait_ends_at_its_limit() {
-        let mut waiter = Waiter::new(WaitLimit::from_seconds(0.01));
+    fn a_wait_ends_at_its_limit_and_only_a_long_one_sleeps() {
+        for strategy in WaitStrategy::ALL {
+            for (limit_s, can_sleep) in [(0.01, strategy == WaitStrategy::Hybrid), (0.05, true)] {
+                let limit = WaitLimit::from_seconds(limit_s);
+                let mut waiter = Waiter::with(limit, strategy);
+                let (before_ns, slept) = (monotonic_ns(), sleeps());
+                while !waiter.pause() {}
+                assert!(monotonic_ns() - before_ns >= limit.ns);
+                assert_eq!(sleeps() > slept, can_sleep, "{} {limit_s}", strategy.name());
+            }
+        }
+    }
+
+    #[test]
+    fn no_nap_reaches_into_the_time_before_a_deadline() {
+        const MS: u64 = 1_000_000;
+        let (hybrid, spin, yields) = (
+            WaitStrategy::Hybrid,
+            WaitStrategy::Spin,
+            WaitStrategy::Yield,
+        );
+        for (strategy, waited_ns, left_ns, nap_ns) in [
+            (hybrid, MS, u64::MAX, 0),
+            (hybrid, 2 * MS, u64::MAX, 100_000),
+            (hybrid, 19 * MS, 10 * MS, 100_000),
+            (hybrid, 19 * MS, 350_000, 50_000),
+            (hybrid, 19 * MS, 300_000, 0),
+            (hybrid, 20 * MS, 10 * MS, MS),
+            (hybrid, 20 * MS, MS, 700_000),
+            (hybrid, 20 * MS, 0, 0),
+            (yields, 19 * MS, u64::MAX, 0),
+            (yields, 20 * MS, u64::MAX, MS),
+            (spin, 19 * MS, u64::MAX, 0),
+            (spin, 20 * MS, 1_200_000, 900_000),
+        ] {
+            let mut waiter = Waiter::with(limit(), strategy);
+            waiter.since_ns = 1;
+            let now_ns = 1 + waited_ns;
+            let deadline_ns = now_ns.saturating_add(left_ns);
+            let asked = (strategy.name(), waited_ns, left_ns);
+            assert_eq!(waiter.nap_ns(now_ns, deadline_ns), nap_ns, "{asked:?}");
+        }
+    }
+
+    #[test]
+    fn who_shares_its_only_core_yields_after_each_poll() {
+        for strategy in WaitStrategy::ALL {
+            assert_eq!(strategy.on_cores(2), strategy);
+            let waiter = Waiter::with(limit(), strategy.on_cores(1));
+            assert_eq!((waiter.strategy, waiter.spins), (WaitStrategy::Yield, 0));
+        }
+    }
+
+    #[test]
+    fn a_nap_counts_towards_the_limit() {
+        let mut waiter = Waiter::new(WaitLimit::from_seconds(0.002));
         let before_ns = monotonic_ns();
-        while !waiter.pause() {}
-        assert!(monotonic_ns() - before_ns >= 10_000_000);
+        while !waiter.nap() {}
+        assert!(monotonic_ns() - before_ns >= 2_000_000);
     }
 
     #[test]
@@ -183,9 +354,12 @@ mod tests {
 
     #[test]
     fn a_wait_for_a_time_ends_not_before_it() {
-        let target_ns = monotonic_ns() + 1_000_000;
-        until_ns(target_ns, || false);
-        assert!(monotonic_ns() >= target_ns);
-        until_ns(u64::MAX, || true);
+        for strategy in WaitStrategy::ALL {
+            let target_ns = monotonic_ns() + 1_000_000;
+            let waiter = Waiter::with(limit(), strategy);
+            waiter.until_ns(target_ns, || false);
+            assert!(monotonic_ns() >= target_ns);
+            waiter.until_ns(u64::MAX, || true);
+        }
     }
 }

@@ -12,7 +12,7 @@ use shared_types::record::{Outcome, RecordLayout, RunEnd};
 use shared_types::session::SessionInfo;
 use shared_types::stream::{self, RecordSink};
 use shared_types::supervision::Supervision;
-use shared_types::wait::{WaitLimit, Waiter, until_ns};
+use shared_types::wait::{WaitLimit, Waiter};
 
 use super::{Ended, Prepared};
 use crate::exit::Failure;
@@ -146,7 +146,7 @@ fn turns<S: RecordSink>(
             engine::Progress::Over => return Ok(()),
             engine::Progress::Busy => waiter.done(),
             engine::Progress::Until(target_ns) => {
-                until_ns(target_ns, || {
+                waiter.until_ns(target_ns, || {
                     supervision.wants_stop() || desk.wants_attention()
                 });
                 waiter.done();
