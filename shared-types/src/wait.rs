@@ -134,6 +134,12 @@ impl Waiter {
         }
     }
 
+    /// How long the other side may take.
+    #[must_use]
+    pub const fn limit(&self) -> WaitLimit {
+        self.limit
+    }
+
     /// The same thing is still awaited, with the whole limit before it.
     pub fn renew(&mut self) {
         self.limited_ns = monotonic_ns();

@@ -197,10 +197,7 @@ fn in_real_time_a_stopped_controller_is_named_after_the_wait_limit() {
     let stopped = running.finish().expect(3);
     let summary = stopped.summary();
     let reason = summary["reason"].as_str().expect("a reason");
-    assert!(
-        reason.contains("controller did not answer step "),
-        "{reason}"
-    );
+    assert!(reason.contains("controller did not answer step "), "{reason}");
     assert!(reason.contains("controller was stopped"), "{reason}");
     // Until then the plant went on with the last command.
     assert!(number(&summary, "/missed_commands/longest_streak") > 1000);

@@ -6,6 +6,7 @@ pub mod clock;
 pub mod config;
 pub mod doctor;
 pub mod inject;
+pub mod realtime;
 pub mod recordings;
 pub mod run;
 

@@ -14,6 +14,7 @@ use crate::binaries::{Binaries, Binary};
 use crate::faults::Fault;
 use crate::latency::LatencySummary;
 use crate::run::Ended;
+use crate::run::realtime::Realtime;
 
 /// Version of the summary.
 const SCHEMA: u32 = 1;
@@ -43,6 +44,7 @@ pub struct Summary {
     requirements: [(); 0],
     faults: Vec<Fault>,
     latency_ns: LatencySummary,
+    realtime: Realtime,
     recording: Recording,
     rejected_frames: u64,
     controller: Program,
@@ -127,6 +129,7 @@ impl Summary {
         session: &SessionInfo,
         evidence: &'static str,
         recorded_to: Option<&'static str>,
+        realtime: Realtime,
         ended: &Ended,
     ) -> Self {
         let recorded = &ended.recorded;
@@ -173,6 +176,7 @@ impl Summary {
             requirements: [],
             faults: recorded.faults.faults(&plan.faults, plan.run.rate),
             latency_ns: recorded.latency,
+            realtime,
             recording: Recording {
                 file: recorded_to,
                 records: recorded.records,
@@ -230,6 +234,7 @@ impl Summary {
                 trip.max as f64 / 1e3
             )?;
         }
+        writeln!(text, "  {}", self.realtime.told())?;
         if let Some(digest) = &self.digest {
             writeln!(text, "  digest {digest}")?;
         }
