@@ -7,6 +7,7 @@ pub mod config;
 pub mod doctor;
 pub mod inject;
 pub mod latency;
+pub mod realtime;
 pub mod recordings;
 pub mod run;
 

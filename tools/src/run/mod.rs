@@ -3,6 +3,7 @@
 
 mod in_process;
 mod processes;
+pub(crate) mod realtime;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -163,6 +164,7 @@ pub(crate) fn execute(
             "--clock realtime needs two processes: in one thread no side can be late for the other; leave out --link in-process",
         ));
     }
+    realtime::check(&plan.realtime)?;
     let effective = config::show(&plan, &binaries)?;
 
     let mut session = Session::create(options.session.as_deref()).map_err(|error| match error {
@@ -201,10 +203,12 @@ pub(crate) fn execute(
         partial,
         interruption,
     };
+    let mut realtime = realtime::Watched::begin(prepared.plan.realtime, &info);
     let ended = match options.link {
-        LinkKind::Iceoryx2 => processes::run(&prepared, &mut session, &run_dir)?,
-        LinkKind::InProcess => in_process::run(&prepared, &info)?,
+        LinkKind::Iceoryx2 => processes::run(&prepared, &mut session, &run_dir, &mut realtime)?,
+        LinkKind::InProcess => in_process::run(&prepared, &info, &mut realtime)?,
     };
+    let realtime = realtime.end();
     drop(session);
 
     let recorded_to = (!options.no_record).then_some(RECORDING);
@@ -214,6 +218,7 @@ pub(crate) fn execute(
         &info,
         evidence,
         recorded_to,
+        realtime,
         &ended,
     );
     let json = serde_json::to_string_pretty(&summary).map_err(Failure::infrastructure)?;
@@ -274,6 +279,7 @@ fn jobs(
         missed: Vec::new(),
         pause_at_s: options.pause_at,
         observed: true,
+        realtime: plan.realtime.plant(),
         wait_limit_s,
     };
     let controller = controller_process::job::Job {
@@ -286,6 +292,7 @@ fn jobs(
         rate: plan.run.rate,
         rate_divisor: plan.controller.rate_divisor,
         command_delay_steps: plan.controller.command_delay_steps,
+        realtime: plan.realtime.controller(),
         wait_limit_s: wait_limit_s + between_s,
     };
     (plant, controller)
