@@ -103,7 +103,7 @@ impl CommandLine {
 }
 
 /// The binaries of a run.
-#[derive(Debug, Default, Args)]
+#[derive(Clone, Debug, Default, Args)]
 pub struct BinaryArguments {
     /// A plant process other than the one beside hil
     #[arg(long, value_name = "PATH")]

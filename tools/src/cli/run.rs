@@ -17,6 +17,7 @@ Examples:
   hil run scenarios/spring-mass.toml --pace 1
   hil run scenarios/spring-mass.toml --clock realtime --set run.overrun=skip
   hil run scenarios/spring-mass.toml --pace 1 --plant-core 2 --controller-core 3 --priority 80 --prefault
+  hil run my-scenario.toml --controller-bin target/release/my-controller --audit
   hil run scenarios/severe-leakage.toml --session demo --pause-at 7
   hil run scenarios/spring-mass.toml --controller-bin target/release/my-controller --json";
 
@@ -26,6 +27,10 @@ pub struct RunArguments {
     /// The scenario file
     #[arg(value_name = "SCENARIO.toml")]
     pub scenario: PathBuf,
+    /// Run it again under conditions that must not matter (other speeds, cores, busy cores, late
+    /// sides) and compare the digests
+    #[arg(long)]
+    pub audit: bool,
     /// How it is run
     #[command(flatten)]
     pub options: RunOptions,
@@ -43,7 +48,7 @@ pub struct RerunArguments {
 }
 
 /// How a scenario is run.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct RunOptions {
     /// What is changed in it
     #[command(flatten)]
@@ -83,7 +88,7 @@ pub struct RunOptions {
 }
 
 /// Changes to a scenario.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct Changes {
     /// Change a value of the scenario; may be given several times
     #[arg(long, value_name = "KEY=VALUE")]

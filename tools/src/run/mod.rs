@@ -24,7 +24,7 @@ use crate::recorder::{Recorded, RecordingPlan};
 use crate::recording::{Enclosure, Provenance};
 use crate::run_reader::RECORDING;
 use crate::summary::Summary;
-use crate::{config, doctor, folder, output};
+use crate::{audit, config, doctor, folder, output};
 
 /// What both ways of running need.
 struct Prepared {
@@ -59,6 +59,7 @@ pub(crate) struct Ended {
 }
 
 /// What a run needs before its scenario is looked at.
+#[derive(Clone)]
 pub(crate) struct Setup {
     pub(crate) binaries: Binaries,
     interruption: Interruption,
@@ -80,6 +81,8 @@ pub(crate) struct Ran {
     pub(crate) partial_digest: Option<String>,
     /// Its recording, if it was recorded.
     pub(crate) recording: Option<PathBuf>,
+    /// From the first to the last record, in s.
+    pub(crate) wall_time_s: f64,
     /// The summary as a machine reads it.
     pub(crate) summary: String,
     /// The summary as a person reads it.
@@ -94,6 +97,9 @@ pub(crate) struct Ran {
 /// # Errors
 /// If the run could not be started, or its results not be written.
 pub fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
+    if arguments.audit {
+        return audit::audit(arguments);
+    }
     let options = &arguments.options;
     let setup = Setup::find(options)?;
     let plan = config::read(
@@ -230,6 +236,7 @@ pub(crate) fn execute(
             Outcome::Stopped if prepared.interruption.came() => Exit::Interrupted,
             Outcome::Stopped | Outcome::Failed => Exit::Infrastructure,
         },
+        wall_time_s: ended.recorded.wall_time_s,
         digest: ended.recorded.digest,
         partial_digest: ended.recorded.partial_digest,
         recording: recorded_to.map(|name| run_dir.join(name)),
@@ -244,7 +251,7 @@ fn absolute(path: &Path) -> PathBuf {
 }
 
 /// Writes a file whole or not at all.
-fn write(path: &Path, text: &str) -> Result<(), Failure> {
+pub(crate) fn write(path: &Path, text: &str) -> Result<(), Failure> {
     let part = path.with_extension("part");
     let written = std::fs::write(&part, text).and_then(|()| std::fs::rename(&part, path));
     written.map_err(|error| {
