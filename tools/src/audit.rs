@@ -45,7 +45,7 @@ struct Repetition {
 ///
 /// # Errors
 /// If a run could not be started, or results not be written.
-pub fn audit(arguments: &RunArguments) -> Result<Exit, Failure> {
+pub(crate) fn audit(arguments: &RunArguments) -> Result<Exit, Failure> {
     let options = &arguments.options;
     let setup = Setup::find(options)?;
     let plan = config::read(
