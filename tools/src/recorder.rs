@@ -332,8 +332,9 @@ impl Work {
                 .recording_plan
                 .as_ref()
                 .map(|plan| plan.path.display().to_string());
+            let step = self.shared.next_step.load(Ordering::Relaxed);
             self.fail(format!(
-                "cannot write {}: {}",
+                "cannot write {} before step {step}: {}",
                 path.unwrap_or_default(),
                 causes(&error)
             ));
