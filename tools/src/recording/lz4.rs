@@ -14,6 +14,8 @@
 //! [frame]: https://github.com/lz4/lz4/blob/dev/doc/lz4_Frame_format.md
 //! [block]: https://github.com/lz4/lz4/blob/dev/doc/lz4_Block_format.md
 
+use std::ops::Range;
+
 use shared_types::zerocopy::IntoBytes;
 
 /// Magic number; version 1, independent blocks, no checksums, no sizes; blocks of at most 4 MiB; and
@@ -27,6 +29,10 @@ const WORD: usize = size_of::<u64>();
 const MIN_MATCH: usize = 4;
 /// A match of fewer bytes saves less than it costs to write down.
 const WORTHWHILE: usize = 6;
+/// A change below this leaves so many bytes of a word alone.
+const SLIGHT: u64 = 1 << (8 * (WORD - WORTHWHILE));
+/// Literals of at most so many bytes are copied as if they were so many, which is quicker.
+const STRIDE: usize = 32;
 /// The format's longest way back.
 const MAX_DISTANCE: usize = u16::MAX as usize;
 /// No match reaches into the last bytes of a row: a block may end after any, and by its format its
@@ -118,57 +124,55 @@ impl Encoder {
 
     /// Writes every match of a row; returns how many of its bytes are done.
     fn matches(&mut self, row: &[u64], skipped: usize) -> usize {
-        let before = std::mem::take(&mut self.before);
+        // The last row is not needed any more: from here on, which of its bits changed.
+        let mut changes = std::mem::take(&mut self.before);
+        for (change, word) in changes.iter_mut().zip(row) {
+            *change ^= word;
+        }
         let echoes = std::mem::take(&mut self.echoes);
         let bytes = row.as_bytes();
         let words = row.len().saturating_sub(TAIL_WORDS);
-        let changed = |place: usize| row[place] ^ before[place];
+        let (changes_in_reach, echoes_in_reach) = (&changes[..words], &echoes[..words]);
         let mut done = skipped;
-        // Where bytes that are as before may begin: in the high bytes of the last changed word.
-        let mut alike = skipped;
         let mut place = 0;
         while place < words {
-            let start = place;
-            while place < words && changed(place) == 0 {
+            let change = changes_in_reach[place];
+            let echo = echoes_in_reach[place];
+            let (start, distance);
+            if change < SLIGHT {
+                // The bytes that are as before begin in this word, or in the last one.
+                let last = if change == 0 && place > 0 {
+                    high_bytes(changes[place - 1])
+                } else {
+                    0
+                };
+                (start, distance) = (
+                    WORD * (place + 1) - high_bytes(change) - last,
+                    self.distance,
+                );
                 place += 1;
+                place += length_of(&changes_in_reach[place..], |change| **change == 0);
+            } else if echo > 0 && row[place] == row[place - echo] {
+                (start, distance) = (WORD * place, WORD * echo);
+                let pairs = row[place..words].iter().zip(&row[place - echo..]);
+                place += length_of(pairs, |(word, echo)| word == echo);
+            } else {
+                place += 1;
+                continue;
             }
-            let low = if place < words {
-                changed(place).trailing_zeros() as usize / 8
+            let low = if change < SLIGHT && place < words {
+                low_bytes(changes_in_reach[place])
             } else {
                 0
             };
             let end = WORD * place + low;
-            if end >= alike + WORTHWHILE {
-                self.sequence(&bytes[done..alike], self.distance, end - alike);
+            let start = if start > done { start } else { done };
+            if end >= start + WORTHWHILE {
+                self.sequence(bytes, done..start, distance, end - start);
                 done = end;
             }
-            if place == words {
-                break;
-            }
-            let echo = echoes[place];
-            if echo > 0 && row[place] == row[place - echo] {
-                let from = if done > WORD * place {
-                    done
-                } else {
-                    WORD * place
-                };
-                while place < words && row[place] == row[place - echo] {
-                    place += 1;
-                }
-                let end = WORD * place;
-                if end >= from + WORTHWHILE {
-                    self.sequence(&bytes[done..from], WORD * echo, end - from);
-                    done = end;
-                }
-                alike = end;
-            } else {
-                let high = changed(place).leading_zeros() as usize / 8;
-                place += 1;
-                alike = WORD * place - high;
-            }
-            debug_assert!(place > start);
         }
-        self.before = before;
+        self.before = changes;
         self.echoes = echoes;
         done
     }
@@ -186,25 +190,31 @@ impl Encoder {
         self.echoes.extend((0..row.len()).map(echo));
     }
 
-    /// Writes what waits and these literals, then a match.
-    fn sequence(&mut self, literals: &[u8], distance: usize, length: usize) {
-        self.token(self.literals.len() + literals.len(), length - MIN_MATCH);
+    /// Writes what waits and a range of these bytes as literals, then a match.
+    fn sequence(&mut self, bytes: &[u8], literals: Range<usize>, distance: usize, length: usize) {
+        let extra = length - MIN_MATCH;
+        self.token(self.literals.len() + literals.len(), extra);
         if !self.literals.is_empty() {
             let waiting = std::mem::take(&mut self.literals);
             self.copy(&waiting);
             self.literals = waiting;
             self.literals.clear();
         }
-        self.copy(literals);
-        self.frame[self.end..self.end + 2].copy_from_slice(&(distance as u16).to_le_bytes());
-        self.end += 2;
-        self.rest(length - MIN_MATCH);
+        if literals.len() <= STRIDE && literals.start + STRIDE <= bytes.len() {
+            let stride = &bytes[literals.start..literals.start + STRIDE];
+            self.frame[self.end..self.end + STRIDE].copy_from_slice(stride);
+            self.end += literals.len();
+        } else {
+            self.copy(&bytes[literals]);
+        }
+        self.copy(&(distance as u16).to_le_bytes());
+        self.rest(extra);
     }
 
     /// Writes the byte that says both lengths, as far as it can, and the rest of the first.
-    fn token(&mut self, literals: usize, length: usize) {
+    fn token(&mut self, literals: usize, extra: usize) {
         let half = |count: usize| if count < 15 { count as u8 } else { 15 };
-        self.byte(half(literals) << 4 | half(length));
+        self.byte(half(literals) << 4 | half(extra));
         self.rest(literals);
     }
 
@@ -234,11 +244,26 @@ impl Encoder {
         let literals = self.literals.len() + bytes;
         // A sequence takes at most 3 bytes more than its literals and saves at least as many; the
         // lengths of literals take one byte in 255.
-        let wanted = self.end + literals + literals / 255 + 64;
+        let wanted = self.end + literals + literals / 255 + 64 + STRIDE;
         if self.frame.len() < wanted {
             self.frame.resize(wanted + wanted / 2, 0);
         }
     }
+}
+
+/// How many of the first items are so.
+fn length_of<T>(items: impl IntoIterator<Item = T>, is_so: impl Fn(&T) -> bool) -> usize {
+    items.into_iter().take_while(is_so).count()
+}
+
+/// Bytes at the end of a word that do not change.
+const fn high_bytes(change: u64) -> usize {
+    change.leading_zeros() as usize / 8
+}
+
+/// Bytes at the begin of a word that do not change.
+const fn low_bytes(change: u64) -> usize {
+    change.trailing_zeros() as usize / 8
 }
 
 #[cfg(test)]
