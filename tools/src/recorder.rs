@@ -25,8 +25,12 @@ use crate::faults::{FaultLog, LiveFault};
 use crate::latency::{Latency, LatencySummary};
 use crate::recording::{Provenance, Recording};
 
-/// How long to sleep when nothing came: a fraction of what the stream's buffer holds.
-const IDLE: Duration = Duration::from_micros(500);
+/// How often it is looked whether the stream is there.
+const LOOK: Duration = Duration::from_micros(500);
+/// How long to sleep when nothing is left to take: well below the time in which the fastest loop
+/// fills the stream's buffer, so that it is not held back. Each waking takes a core from the loop for
+/// some microseconds more than its records cost.
+const NAP: Duration = Duration::from_millis(4);
 
 /// Where and how a recording is written.
 #[derive(Clone, Debug)]
@@ -106,7 +110,7 @@ impl Recorder {
                         break;
                     }
                     Ok(None) if theirs.finish.load(Ordering::Acquire) => break,
-                    Ok(None) => std::thread::sleep(IDLE),
+                    Ok(None) => std::thread::sleep(LOOK),
                     Err(error) => {
                         work.fail(format!("cannot attach to the record stream: {error}"));
                         break;
@@ -227,7 +231,7 @@ impl Work {
             let finishing = self.shared.finish.load(Ordering::Acquire);
             match source.drain(&mut |item| self.take(item)) {
                 Ok(0) if finishing => break,
-                Ok(0) => std::thread::sleep(IDLE),
+                Ok(0) => std::thread::sleep(NAP),
                 Ok(_) => {}
                 Err(failed) => {
                     error = Some(format!("the record stream failed: {failed}"));
@@ -321,15 +325,16 @@ impl Work {
         }
     }
 
-    fn note(&mut self, written: mcap::McapResult<()>) {
+    fn note(&mut self, written: std::io::Result<()>) {
         if let Err(error) = written {
             self.recording = None;
             let path = self
                 .recording_plan
                 .as_ref()
                 .map(|plan| plan.path.display().to_string());
+            let step = self.shared.next_step.load(Ordering::Relaxed);
             self.fail(format!(
-                "cannot write {}: {}",
+                "cannot write {} before step {step}: {}",
                 path.unwrap_or_default(),
                 causes(&error)
             ));
