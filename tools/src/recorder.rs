@@ -17,6 +17,7 @@ use hil_config::plan::Plan;
 use shared_types::clock::monotonic_ns;
 use shared_types::digest::Digest;
 use shared_types::record::{Event, RecordLayout, RunEnd};
+use shared_types::session::SessionInfo;
 use shared_types::stream::{Item, RecordSource};
 use shared_types::time::Step;
 
@@ -24,6 +25,7 @@ use crate::cli::run::Compression;
 use crate::faults::{FaultLog, LiveFault};
 use crate::latency::{Latency, LatencySummary};
 use crate::recording::{Provenance, Recording};
+use crate::run::realtime;
 
 /// How often it is looked whether the stream is there.
 const LOOK: Duration = Duration::from_micros(500);
@@ -41,6 +43,8 @@ pub struct RecordingPlan {
     pub compression: Compression,
     /// What it says of the run.
     pub provenance: Provenance,
+    /// Where both sides tell what they run with, before the first record.
+    pub session: SessionInfo,
 }
 
 /// What the recorder has at the end.
@@ -207,6 +211,9 @@ impl Work {
         match Evaluation::new(&self.plan, &columns) {
             Ok(evaluation) => self.evaluation = Some(evaluation),
             Err(error) => self.fail(format!("cannot evaluate the scenario: {error}")),
+        }
+        if let Some(plan) = &mut self.recording_plan {
+            (plan.provenance.facts).extend(realtime::facts(&plan.session));
         }
         if let Some(plan) = &self.recording_plan {
             match Recording::create(&plan.path, plan.compression, &layout, &plan.provenance) {
