@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`architecture`] | packages, binaries and dependency arrows |
 //! | [`clocks`] | lockstep, paced and real time; what comes too late and how it is repeated |
+//! | [`audit`] | what depends on more than its samples is caught |
 //! | [`cli`] | bad input: a clear error, exit code 2, nothing started |
 //! | [`determinism`] | one digest, however and wherever a scenario runs |
 //! | [`doctor`] | every check once, and a verdict that follows |
@@ -25,6 +26,7 @@
 //! makes a Python environment, `HIL_TEST_STRACE=1` wants `strace`.
 
 mod architecture;
+mod audit;
 mod cli;
 mod clocks;
 mod determinism;

@@ -22,6 +22,7 @@
 
 use std::io::IsTerminal;
 
+mod audit;
 pub mod binaries;
 pub mod cli;
 pub mod clock;

@@ -25,7 +25,9 @@ fn the_base_means_what_it_says() {
         faults,
         derived,
         metrics,
+        realtime,
     } = plan(BASE);
+    assert_eq!(realtime, Default::default());
     assert_eq!(
         (name.as_str(), description.as_str()),
         ("base", "every part of the format")

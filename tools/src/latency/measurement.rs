@@ -206,11 +206,13 @@ fn bare_exchange(
     };
     let peer = Peer::start(&mut session, work, &supervision)?;
     let stop = || interruption.came() || supervision.is_peer_gone();
-    let led = lead(&mut plant, trips, waiter(), stop);
-    let ended = peer.end();
-    let trips_ns = led.map_err(|error| gone(error, interruption, ended.clone().err()))?;
-    ended.map_err(Failure::infrastructure)?;
-    Ok(trips_ns)
+    match lead(&mut plant, trips, waiter(), stop) {
+        Ok(trips_ns) => {
+            peer.end().map_err(Failure::infrastructure)?;
+            Ok(trips_ns)
+        }
+        Err(error) => Err(gone(error, interruption, peer.stop().err())),
+    }
 }
 
 fn gone(error: NoAnswer, interruption: &Interruption, why: Option<String>) -> Failure {
@@ -261,8 +263,7 @@ fn looped(
     let engine = Engine::new(&kind, &[], plant_job, link, meter);
     let mut engine = engine.map_err(Failure::infrastructure)?;
     let peer = Peer::start(&mut session, PeerWork::Controller { signals }, &supervision)?;
-    let limit = WaitLimit::from_seconds(WAIT_LIMIT_S);
-    let driven = plant_process::program::drive(&mut engine, limit, &supervision);
+    let driven = plant_process::program::drive(&mut engine, waiter(), &supervision);
     let end = engine.end().cloned();
     let ended = peer.end();
     if interruption.came() {

@@ -9,6 +9,7 @@ use plant_process::plant::{Model, PlantKind};
 use shared_types::clock::monotonic_ns;
 use shared_types::describe::{LawDescription, PROTOCOL, PlantDescription, Settings};
 use shared_types::pacer::OverrunPolicy;
+use shared_types::realtime;
 use shared_types::record::RecordLayout;
 use shared_types::session::SessionInfo;
 use shared_types::table::Field;
@@ -135,6 +136,7 @@ pub fn jobs(
         stimuli: Vec::new(),
         faults: Vec::new(),
         derived: Vec::new(),
+        realtime: realtime::Settings::default(),
         missed: Vec::new(),
         pause_at_s: None,
         observed: false,
@@ -150,6 +152,7 @@ pub fn jobs(
         rate,
         rate_divisor: 1,
         command_delay_steps: 0,
+        realtime: realtime::Settings::default(),
         wait_limit_s: wait_limit_s + between_s,
     };
     (plant, controller)

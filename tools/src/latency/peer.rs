@@ -74,6 +74,12 @@ impl Peer {
         Ok(peer)
     }
 
+    /// Tells it to end before its work is over; what it said of that.
+    pub(super) fn stop(mut self) -> Result<(), String> {
+        drop(self.input.take());
+        self.end()
+    }
+
     /// Waits for its end; what it said if it did not end well.
     pub(super) fn end(mut self) -> Result<(), String> {
         let since = Instant::now();
@@ -125,7 +131,7 @@ fn control(session: &SessionInfo, signals: usize, supervision: &Supervision) -> 
     let link = IceoryxLink::open(session).map_err(|e| e.to_string())?;
     let law = null::law(signals);
     let mut runner = Runner::new(&law, job, link).map_err(|e| e.to_string())?;
-    controller_process::program::drive(&mut runner, limit, supervision)
+    controller_process::program::drive(&mut runner, Waiter::new(limit), supervision)
         .map_err(|e| e.to_string())?;
     match runner.end() {
         Some(End::Completed { .. }) => Ok(()),
