@@ -13,7 +13,6 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::binaries::Binaries;
 use crate::cli::run::{LinkKind, RunArguments, RunOptions};
 use crate::compare::{self, Difference};
 use crate::exit::{Exit, Failure};
