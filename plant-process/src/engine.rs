@@ -64,7 +64,9 @@ pub struct Engine<L, S> {
     pacer: Option<Pacer>,
     desk: Arc<Desk>,
     /// When the controller was told last that the run is held; `None` while it is not.
-    held_ns: Option<u64>,
+    told_held_ns: Option<u64>,
+    /// Since when the run is held.
+    held_since_ns: u64,
     rows: Rows,
     /// The step whose reference signals are made already.
     prepared: Option<Step>,
@@ -97,8 +99,11 @@ struct Command {
     header: Header,
     /// How many steps before this one it was sent.
     held_steps: u32,
-    /// From sending its sample, or when that was due, to having it; 0 if it was met before.
+    /// From sending its sample, or when that was due, to having it; 0 if none came at this step.
+    /// Of a late command and the one after it, those of the late one.
     round_trip_ns: u64,
+    /// The controller's work on it; 0 likewise.
+    work_ns: u64,
 }
 
 impl Default for Command {
@@ -107,6 +112,7 @@ impl Default for Command {
             header: Header::new(FrameKind::Command, Step(0)),
             held_steps: 0,
             round_trip_ns: 0,
+            work_ns: 0,
         }
     }
 }
@@ -166,7 +172,8 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             epoch: 1,
             pacer: None,
             desk: Arc::new(Desk::new(hold_at)),
-            held_ns: None,
+            told_held_ns: None,
+            held_since_ns: 0,
             rows: Rows::default(),
             prepared: None,
             pending: false,
@@ -390,19 +397,24 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             self.serve(order, step)?;
         }
         if !self.desk.holds(step) {
-            if self.held_ns.take().is_some()
-                && let Some(pacer) = &mut self.pacer
-            {
-                self.heard_ns = monotonic_ns();
-                pacer.anchor(step, self.heard_ns);
+            if self.told_held_ns.take().is_some() {
+                let held_ns = monotonic_ns() - self.held_since_ns;
+                self.heard_ns += held_ns;
+                if let Some(pacer) = &mut self.pacer {
+                    pacer.delay(held_ns);
+                }
             }
             return Ok(false);
         }
         self.tell()?; // an observer should see all that happened
         let now_ns = monotonic_ns();
-        let due = |told_ns: u64| now_ns - told_ns >= self.hold_again_ns();
-        if self.held_ns.is_none_or(due) {
-            self.held_ns = Some(now_ns);
+        let again_ns = self.hold_again_ns();
+        let due = |told_ns: u64| now_ns - told_ns >= again_ns;
+        if self.told_held_ns.is_none() {
+            self.held_since_ns = now_ns;
+        }
+        if self.told_held_ns.is_none_or(due) {
+            self.told_held_ns = Some(now_ns);
             self.link.send(&Header::new(FrameKind::Hold, step), &[])?;
         }
         Ok(true)
@@ -453,7 +465,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             }
             Order::Advance(steps, answer) => {
                 let until = Step(step.0.saturating_add(steps));
-                let _ = answer.send(if self.held_ns.is_some() {
+                let _ = answer.send(if self.told_held_ns.is_some() {
                     desk.hold_at(until);
                     Ok(until)
                 } else {
@@ -586,11 +598,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             // Time begins when the controller has answered once.
             pacer.anchor(step, received_ns);
         }
-        self.newest = Command {
-            header,
-            held_steps: 0,
-            round_trip_ns: received_ns - self.sent_ns,
-        };
+        self.came(header, received_ns - self.sent_ns);
         if let Some(repetition) = &mut self.repetition {
             match repetition.exchange(step, header, &mut self.rows.frame) {
                 Ok(header) => self.newest.header = header,
@@ -604,11 +612,16 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     fn keep(&mut self, header: Header) {
         self.heard_ns = monotonic_ns();
         let due_ns = (self.pacer).map_or(0, |pacer| pacer.due_ns(Step(header.step)));
-        self.newest = Command {
-            header,
-            held_steps: 0,
-            round_trip_ns: self.heard_ns.saturating_sub(due_ns),
-        };
+        self.came(header, self.heard_ns.saturating_sub(due_ns));
+    }
+
+    /// A command is the newest there is.
+    fn came(&mut self, header: Header, round_trip_ns: u64) {
+        let newest = &mut self.newest;
+        newest.header = header;
+        if round_trip_ns > newest.round_trip_ns {
+            (newest.round_trip_ns, newest.work_ns) = (round_trip_ns, header.work_ns);
+        }
     }
 
     /// The command missed its deadline: the step meets the newest there is.
@@ -645,9 +658,10 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             self.missed.note(step);
         }
         let met = self.newest;
-        self.newest.round_trip_ns = 0;
+        (self.newest.round_trip_ns, self.newest.work_ns) = (0, 0);
         let header = &Header {
             age_steps: met.header.age_steps.saturating_add(met.held_steps),
+            work_ns: met.work_ns,
             ..met.header
         };
         let (rows, plant) = (&mut self.rows, &mut self.plant);
@@ -688,6 +702,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             header,
             held_steps,
             round_trip_ns,
+            work_ns,
         } = met;
         let round_trip_ns = *round_trip_ns;
         let took_ns = received_ns - self.sent_ns + self.timing.plant_ns;
@@ -698,10 +713,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             command_age_steps: u64::from(age_steps),
             published_ns: received_ns,
             round_trip_ns,
-            controller_ns: match round_trip_ns {
-                0 => 0,
-                _ => header.work_ns,
-            },
+            controller_ns: *work_ns,
             plant_ns: self.timing.plant_ns,
             late_ns: self.late_ns,
             held_steps: u64::from(*held_steps),

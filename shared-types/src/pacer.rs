@@ -152,6 +152,13 @@ impl Pacer {
         }
     }
 
+    /// The run was held for so long: all that is due is due so much later.
+    pub const fn delay(&mut self, held_ns: u64) {
+        if let Some(grid) = &mut self.grid {
+            grid.start_ns += held_ns;
+        }
+    }
+
     /// When a step may begin, in ns of the monotonic clock; 0 for at once. Ask when everything before
     /// it is done: a step that is due already is an overrun.
     ///
@@ -324,12 +331,15 @@ mod tests {
     #[test]
     fn a_run_goes_on_at_its_pace_from_where_it_was_held() {
         let mut pacer = Pacer::paced(rate(1000.0), 7, 2.0, OverrunPolicy::Abort);
-        pacer.anchor(Step(100), 5_000);
-        assert_eq!(pacer.release_ns(Step(100), 5_000), Ok(5_000));
-        assert_eq!(pacer.release_ns(Step(110), 5_001), Ok(5_005_000));
-        assert_eq!(pacer.deadline_ns(Step(110), 0.8), 5_405_000);
+        // Step 100 is due at 50 ms; it is held from 49.9 ms to 60 ms: 0.1 ms are still to wait.
+        assert_eq!(pacer.release_ns(Step(100), 49_900_007), Ok(50_000_007));
+        pacer.delay(10_100_000);
+        assert_eq!(pacer.release_ns(Step(100), 60_000_007), Ok(60_100_007));
+        assert_eq!(pacer.release_ns(Step(101), 60_100_008), Ok(60_600_007));
+        assert_eq!(pacer.deadline_ns(Step(101), 0.8), 61_000_007);
+        assert_eq!(pacer.overruns().count, 0);
         let mut lockstep = Pacer::lockstep(rate(1000.0));
-        lockstep.anchor(Step(100), 5_000);
+        lockstep.delay(5_000);
         assert_eq!(lockstep.release_ns(Step(110), 9), Ok(0));
     }
 

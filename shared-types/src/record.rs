@@ -81,8 +81,8 @@ pub struct Timing {
     pub command_age_steps: u64,
     /// Monotonic clock when the record was made, in ns.
     pub published_ns: u64,
-    /// From sending the sample to having its command, in ns; of a command that came late from when
-    /// its sample was due, and 0 where none came.
+    /// From sending the sample to having its command, in ns; of a command that came late, at the step
+    /// at which it came, from when its sample was due; 0 where none came.
     pub round_trip_ns: u64,
     /// The controller's part of that, in ns by its own clock.
     pub controller_ns: u64,

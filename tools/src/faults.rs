@@ -127,10 +127,14 @@ impl FaultLog {
         let size = sizes
             .iter()
             .find(|size| (size.id, size.effect) == (id, number));
+        let held = size.filter(|size| taken.is_some() || size.step.is_some());
         Effect {
             target: target.into(),
-            parameter: taken.map(|taken| taken.parameter.clone()),
-            effective_step: taken.map(|taken| taken.step),
+            parameter: (taken.map(|taken| taken.parameter.clone()))
+                .or_else(|| held.map(|size| size.parameter.clone())),
+            // Against the clock the event itself may be lost; the plant's last word has it too.
+            effective_step: (taken.map(|taken| taken.step))
+                .or_else(|| size.and_then(|size| size.step)),
             ended_step: ended
                 .map(|ended| ended.step)
                 .or_else(|| size.and_then(|size| size.ended_step)),
@@ -138,7 +142,7 @@ impl FaultLog {
             max_effect: size.map(|size| size.max_effect),
             unit: size.map(|size| size.unit.clone()),
             acted_steps: size.map(|size| size.acted_steps),
-            no_effect: taken.is_some() && size.is_some_and(|size| size.acted_steps == 0),
+            no_effect: held.is_some_and(|size| size.acted_steps == 0),
         }
     }
 

@@ -16,7 +16,7 @@ use hil_config::expression::{Columns, Group};
 use hil_config::plan::Plan;
 use shared_types::clock::monotonic_ns;
 use shared_types::digest::Digest;
-use shared_types::record::{Event, RecordLayout, RunEnd};
+use shared_types::record::{Event, Outcome, RecordLayout, RunEnd};
 use shared_types::session::SessionInfo;
 use shared_types::stream::{Item, RecordSource};
 use shared_types::time::Step;
@@ -360,6 +360,12 @@ impl Work {
         }
         if let Some(first_ns) = self.first_ns {
             self.recorded.wall_time_s = (self.last_ns - first_ns) as f64 / 1e9;
+        }
+        if let (1.., Some(end)) = (self.recorded.lost, &self.recorded.end)
+            && end.outcome == Outcome::Completed
+        {
+            // Items were counted, of which some were events; and there is a record after the last step.
+            self.recorded.lost = end.steps + 1 - self.recorded.records;
         }
         if self.recorded.lost == 0 && self.recorded.records > 0 {
             self.recorded.digest = Some(std::mem::take(&mut self.digest).finish());

@@ -26,6 +26,9 @@ pub const RECORDING: &str = "run.mcap";
 /// Bytes of encapsulation in front of a record.
 const ENCAPSULATION: usize = 4;
 
+/// Longest record of a file: a size beyond that is damage, not memory to ask for.
+const LONGEST_RECORD: usize = 1 << 28;
+
 /// A run cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
@@ -96,7 +99,11 @@ impl RunReader {
             path: path.clone(),
             error,
         })?;
-        let options = LinearReaderOptions::default().with_skip_end_magic(true);
+        let options = LinearReaderOptions::default()
+            .with_skip_end_magic(true)
+            .with_record_length_limit(LONGEST_RECORD)
+            .with_prevalidate_chunk_crcs(true)
+            .with_validate_data_section_crc(true);
         let mut reader = Self {
             path,
             file,
@@ -267,7 +274,13 @@ impl RunReader {
                 }
                 Some(Ok(LinearReadEvent::Record { opcode, data })) => (opcode, data),
                 // Its writer was killed here.
-                Some(Err(_)) if !self.columns.is_empty() => return Ok(Next::End),
+                Some(Err(mcap::McapError::UnexpectedEof)) if !self.columns.is_empty() => {
+                    return Ok(Next::End);
+                }
+                Some(Err(error)) if !self.columns.is_empty() => {
+                    let (records, what) = (self.records, error.to_string());
+                    return Err(self.foreign(format!("damaged after {records} records: {what}")));
+                }
                 Some(Err(error)) => {
                     let what = error.to_string();
                     return Err(self.foreign(what));

@@ -217,6 +217,17 @@ impl FaultLayer {
                 ));
             }
         }
+        for fault in &prepared {
+            let event = fault.event();
+            let hold = self.schedule.hold_of(&event.trigger, next);
+            let begin = hold.map_or(next, Step);
+            if let Some(end) = event.end.step.filter(|end| *end <= begin) {
+                let (end_s, begin_s) = (self.rate.seconds(end), self.rate.seconds(begin));
+                return Err(format!(
+                    "it would end at step {end} ({end_s} s) and not begin before step {begin} ({begin_s} s)"
+                ));
+            }
+        }
         let admitted = prepared.into_iter().map(|prepared| {
             let event = prepared.event();
             let (id, kind, waits_for) = (event.id, event.kind.clone(), waits_for(&event.trigger));

@@ -39,23 +39,18 @@ pub struct InProcessSink {
 
 impl InProcessSink {
     fn send(&mut self, kind: ItemKind, bytes: usize, words: &[u64]) -> Result<(), LinkError> {
-        let full = |_: ChunkError| LinkError::Transport {
+        let full = || LinkError::Transport {
             service: "record ring".into(),
             reason: "it is full".into(),
         };
-        self.sent += 1;
-        let mut chunk = self
-            .ring
-            .write_chunk(HEAD_WORDS + words.len())
-            .map_err(full)?;
-        let head = [words.len() as u64, self.sent, kind as u64, bytes as u64];
-        let (front, back) = chunk.as_mut_slices();
-        let places = front.iter_mut().chain(back);
-        for (to, from) in places.zip(head.iter().chain(words)) {
-            *to = *from;
+        if self.ring.slots() < HEAD_WORDS + words.len() {
+            return Err(full());
         }
-        chunk.commit_all();
-        Ok(())
+        self.sent += 1;
+        let head = [words.len() as u64, self.sent, kind as u64, bytes as u64];
+        let pushed = (self.ring.push_entire_slice(&head))
+            .and_then(|()| self.ring.push_entire_slice(words));
+        pushed.map_err(|_: ChunkError| full())
     }
 }
 
@@ -91,7 +86,7 @@ pub struct InProcessSource {
 impl RecordSource for InProcessSource {
     fn drain(&mut self, take: &mut dyn FnMut(Item<'_>)) -> Result<usize, LinkError> {
         let mut count = 0;
-        // An item is committed whole, so its head tells how much follows.
+        // The head tells how much follows; what is not whole yet comes next time.
         while let Ok(length) = self.ring.peek().copied() {
             let Ok(chunk) = self.ring.read_chunk(HEAD_WORDS + length as usize) else {
                 break;
