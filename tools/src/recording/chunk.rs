@@ -49,7 +49,7 @@ impl Chunk {
     pub(super) fn new(compression: Compression, channels: u16) -> io::Result<Self> {
         let body = match compression {
             Compression::None => Body::Plain(Vec::new()),
-            Compression::Lz4 => Body::Lz4(Encoder::new()),
+            Compression::Lz4 => Body::Lz4(Encoder::new(PADDING)),
             Compression::Zstd => Body::Zstd(Vec::new(), zstd::bulk::Compressor::new(ZSTD_LEVEL)?),
         };
         Ok(Self {
@@ -83,7 +83,7 @@ impl Chunk {
                 self.row.clear();
                 self.row.extend(head);
                 self.row.extend_from_slice(words);
-                encoder.row(&mut self.row, PADDING);
+                encoder.row(&mut self.row);
             }
         }
         self.note(header, HEAD_BYTES + bytes);
