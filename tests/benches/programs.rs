@@ -1,6 +1,6 @@
 //! The release programs, built where they are not up to date.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde_json::Value;
@@ -8,7 +8,8 @@ use tempfile::TempDir;
 
 /// The release programs.
 pub(crate) struct Programs {
-    hil: PathBuf,
+    /// The path of `hil`.
+    pub(crate) hil: PathBuf,
 }
 
 impl Programs {
@@ -33,9 +34,14 @@ impl Programs {
     /// The summary of a run with these arguments.
     pub(crate) fn run(&self, arguments: &[&str]) -> Value {
         let folder = TempDir::new().expect("a folder");
+        self.run_to(&folder.path().join("run"), arguments)
+    }
+
+    /// The summary of a run with these arguments, which leaves its files in a folder.
+    pub(crate) fn run_to(&self, folder: &Path, arguments: &[&str]) -> Value {
         let output = Command::new(&self.hil)
             .args(["run", "--json", "--out"])
-            .arg(folder.path().join("run"))
+            .arg(folder)
             .args(arguments)
             .output()
             .expect("hil");
