@@ -152,8 +152,8 @@ pub fn drive<L: Link, S: RecordSink>(
             Progress::ControllerUntil(deadline_ns) => {
                 if peer_gone {
                     engine.interrupt(&PlantEvent::PeerGone)?;
-                } else {
-                    waiter.pause_until(deadline_ns);
+                } else if waiter.pause_until(deadline_ns) {
+                    engine.interrupt(&PlantEvent::Deadline(waiter.limit().ms()))?;
                 }
             }
             Progress::Controller => {

@@ -104,7 +104,10 @@ impl Settings {
 
         let core = scheduling::only_core();
         let cores = self.cores(before.as_ref(), core);
-        let wait = self.wait.on_cores(cores);
+        let wait = match cores {
+            0 | 1 => WaitStrategy::Yield,
+            _ => self.wait,
+        };
         Report {
             core: match self.core {
                 None => Granted::new(core, core, None),
@@ -156,7 +159,7 @@ impl Report {
     /// A waiter of the strategy that was granted.
     #[must_use]
     pub const fn waiter(&self, limit: WaitLimit) -> Waiter {
-        Waiter::with(limit, self.wait.granted)
+        Waiter::with(limit, self.wait.granted, false)
     }
 }
 

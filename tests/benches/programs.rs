@@ -34,11 +34,11 @@ impl Programs {
     /// The summary of a run with these arguments.
     pub(crate) fn run(&self, arguments: &[&str]) -> Value {
         let folder = TempDir::new().expect("a folder");
-        self.run_to(&folder.path().join("run"), arguments)
+        self.run_in(&folder.path().join("run"), arguments)
     }
 
-    /// The summary of a run with these arguments, which leaves its files in a folder.
-    pub(crate) fn run_to(&self, folder: &Path, arguments: &[&str]) -> Value {
+    /// The same, of a run that leaves its files in a folder.
+    pub(crate) fn run_in(&self, folder: &Path, arguments: &[&str]) -> Value {
         let output = Command::new(&self.hil)
             .args(["run", "--json", "--out"])
             .arg(folder)

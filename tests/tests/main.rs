@@ -16,6 +16,7 @@
 //! | [`live`] | faults and pauses from another terminal |
 //! | [`paper`] | the paper's experiment against its checked figures |
 //! | [`recording`] | what a recording holds, read without the recorder's code |
+//! | [`realtime_settings`] | what was asked of the system, and what it granted |
 //! | [`survival`] | every law with every kind of fault |
 //!
 //! [`programs`] builds what is run; [`harness`] gives each test a place of its own and a watchdog, and
@@ -43,5 +44,6 @@ mod live;
 mod mcap_reader;
 mod paper;
 mod programs;
+mod realtime_settings;
 mod recording;
 mod survival;

@@ -13,7 +13,6 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::binaries::Binaries;
 use crate::cli::run::{LinkKind, RunArguments, RunOptions};
 use crate::compare::{self, Difference};
 use crate::exit::{Exit, Failure};
@@ -45,7 +44,7 @@ struct Repetition {
 ///
 /// # Errors
 /// If a run could not be started, or results not be written.
-pub fn audit(arguments: &RunArguments) -> Result<Exit, Failure> {
+pub(crate) fn audit(arguments: &RunArguments) -> Result<Exit, Failure> {
     let options = &arguments.options;
     let setup = Setup::find(options)?;
     let plan = config::read(

@@ -87,7 +87,7 @@ impl Releases {
             "--dma-latency",
             "0",
         ];
-        let summary = programs.run_to(&run, &arguments);
+        let summary = programs.run_in(&run, &arguments);
         assert!(granted(&summary, priority), "{}", summary["realtime"]);
         Self::read(&run.join(RECORDING), setting)
     }

@@ -9,7 +9,6 @@ use plant_process::plant::{Model, PlantKind};
 use shared_types::clock::monotonic_ns;
 use shared_types::describe::{LawDescription, PROTOCOL, PlantDescription, Settings};
 use shared_types::pacer::OverrunPolicy;
-use shared_types::realtime;
 use shared_types::record::RecordLayout;
 use shared_types::session::SessionInfo;
 use shared_types::table::Field;
@@ -136,10 +135,10 @@ pub fn jobs(
         stimuli: Vec::new(),
         faults: Vec::new(),
         derived: Vec::new(),
-        realtime: realtime::Settings::default(),
         missed: Vec::new(),
         pause_at_s: None,
         observed: false,
+        realtime: shared_types::realtime::Settings::default(),
         wait_limit_s,
     };
     let controller = controller_process::job::Job {
@@ -152,7 +151,7 @@ pub fn jobs(
         rate,
         rate_divisor: 1,
         command_delay_steps: 0,
-        realtime: realtime::Settings::default(),
+        realtime: shared_types::realtime::Settings::default(),
         wait_limit_s: wait_limit_s + between_s,
     };
     (plant, controller)

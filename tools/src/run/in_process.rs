@@ -82,7 +82,9 @@ pub(super) fn run(
             supervision.stop("the recorder failed");
         }
         progress.set(recorder.next_step());
-        (realtime.look().iter()).for_each(|refused| progress.tell(refused));
+        if let Some(refused) = realtime.look() {
+            progress.tell(&refused);
+        }
         std::thread::sleep(Duration::from_millis(2));
     }
     drop(progress);

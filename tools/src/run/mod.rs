@@ -170,7 +170,7 @@ pub(crate) fn execute(
             "--clock realtime needs two processes: in one thread no side can be late for the other; leave out --link in-process",
         ));
     }
-    realtime::check(&plan.realtime)?;
+    realtime::check(&plan.realtime, options.link)?;
     let effective = config::show(&plan, &binaries)?;
 
     let mut session = Session::create(options.session.as_deref()).map_err(|error| match error {
@@ -199,6 +199,7 @@ pub(crate) fn execute(
         path: run_dir.join(RECORDING),
         compression: options.compression,
         provenance: provenance(&plan, &info, &binaries, evidence, &effective),
+        session: info.clone(),
     });
     let prepared = Prepared {
         plan,
@@ -209,7 +210,7 @@ pub(crate) fn execute(
         partial,
         interruption,
     };
-    let mut realtime = realtime::Watched::begin(prepared.plan.realtime, &info);
+    let mut realtime = realtime::Watched::begin(prepared.plan.realtime, options.link, &info);
     let ended = match options.link {
         LinkKind::Iceoryx2 => processes::run(&prepared, &mut session, &run_dir, &mut realtime)?,
         LinkKind::InProcess => in_process::run(&prepared, &info, &mut realtime)?,

@@ -238,7 +238,9 @@ fn watch(
         let plant_ended = plant.has_ended();
         let controller_ended = controller.has_ended();
         progress.set(recorder.next_step());
-        (realtime.look().iter()).for_each(|refused| progress.tell(refused));
+        if let Some(refused) = realtime.look() {
+            progress.tell(&refused);
+        }
         if plant_ended && controller_ended {
             return first.unwrap_or("plant");
         }

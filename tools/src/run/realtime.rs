@@ -4,6 +4,8 @@
 //! Plant and controller apply theirs themselves and leave a [`Report`] in the session's folder. What
 //! was not granted is said once on standard error, with the command that mends it; the run goes on.
 
+mod refusals;
+
 use std::fs::File;
 use std::io::{Read, Write};
 use std::sync::{Arc, OnceLock};
@@ -14,10 +16,11 @@ use shared_types::realtime::{CONTROLLER_FILE, Granted, PLANT_FILE, Report, only_
 use shared_types::session::SessionInfo;
 use shared_types::wait::WaitStrategy;
 
+use crate::cli::run::LinkKind;
 use crate::doctor::cores::{CoreList, Cores};
-use crate::doctor::rights::LIMITS;
 use crate::doctor::tree::Root;
 use crate::exit::Failure;
+use refusals::Refusals;
 
 const DMA_LATENCY: &str = "/dev/cpu_dma_latency";
 
@@ -49,6 +52,8 @@ pub(super) struct Watched {
     session: SessionInfo,
     plant: Option<Report>,
     controller: Option<Report>,
+    awaits_controller: bool,
+    refusals: Refusals,
     recorder: RecorderCore,
     dma_latency_us: Granted<Option<u32>>,
     /// Holds the latency down as long as it is open.
@@ -78,7 +83,7 @@ impl RecorderCore {
 ///
 /// # Errors
 /// Which setting, and the cores that there are.
-pub(super) fn check(asked: &plan::Realtime) -> Result<(), Failure> {
+pub(super) fn check(asked: &plan::Realtime, link: LinkKind) -> Result<(), Failure> {
     let cores = Cores::choose(&Root::machine(), None)?;
     for (key, core) in [
         ("plant_core", asked.plant_core),
@@ -95,7 +100,13 @@ pub(super) fn check(asked: &plan::Realtime) -> Result<(), Failure> {
             )));
         }
     }
-    if let Some(cores) = all_taken(asked, &cores.allowed) {
+    let loops = match link {
+        LinkKind::Iceoryx2 => vec![asked.plant_core, asked.controller_core],
+        // One thread for both sides, with the settings of the plant.
+        LinkKind::InProcess => vec![asked.plant_core],
+    };
+    if asked.priority > 0 && may_take_all(&loops, &cores.allowed) {
+        let cores = &cores.allowed;
         let priority = asked.priority;
         eprintln!(
             "warning: at priority {priority} plant and controller may take all cores ({cores}); hil and its recorder then run \
@@ -105,46 +116,40 @@ pub(super) fn check(asked: &plan::Realtime) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The cores, if loops of real-time priority may take all of them.
-fn all_taken<'a>(asked: &plan::Realtime, allowed: &'a CoreList) -> Option<&'a CoreList> {
-    let sides: CoreList = (asked.plant_core.into_iter())
-        .chain(asked.controller_core)
-        .collect();
-    // One that was given no core takes any.
-    let free = [asked.plant_core, asked.controller_core]
-        .iter()
-        .filter(|core| core.is_none())
-        .count();
-    (asked.priority > 0 && allowed.without(&sides).len() <= free).then_some(allowed)
+/// Whether loops on these cores, or on any, may leave none to others.
+fn may_take_all(loops: &[Option<u32>], allowed: &CoreList) -> bool {
+    let kept: CoreList = loops.iter().copied().flatten().collect();
+    let anywhere = loops.iter().filter(|core| core.is_none()).count();
+    allowed.without(&kept).len() <= anywhere
 }
 
 impl Watched {
     /// Begins to hold what `hil` itself holds.
-    pub(super) fn begin(asked: plan::Realtime, session: &SessionInfo) -> Self {
-        let (dma_latency_us, held) = match asked.dma_latency_us {
-            None => (Granted::new(None, None, None), None),
-            Some(us) => match hold_latency(us) {
-                Ok((granted, held)) => (Granted::new(Some(us), Some(granted), None), Some(held)),
-                Err(error) => {
-                    let refused = format!("{DMA_LATENCY}: {error}");
-                    (Granted::new(Some(us), None, Some(refused)), None)
-                }
-            },
+    pub(super) fn begin(asked: plan::Realtime, link: LinkKind, session: &SessionInfo) -> Self {
+        let mut refusals = Refusals::default();
+        let (granted, reason, held) = match asked.dma_latency_us.map(hold_latency) {
+            None => (None, None, None),
+            // It may be shorter than asked for, if somebody else needs it so.
+            Some(Ok((granted, held))) => (Some(granted), None, Some(held)),
+            Some(Err(error)) => {
+                let reason = format!("{DMA_LATENCY}: {error}");
+                let mend = format!("sudo chmod o+rw {DMA_LATENCY}");
+                refusals.add("hil", "dma_latency_us", &reason, Some(&mend));
+                (None, Some(reason), None)
+            }
         };
-        if let Some(reason) = dma_latency_us.refusal(&None) {
-            let mend = format!("sudo chmod o+rw {DMA_LATENCY}");
-            eprintln!("{}", refused("hil", "dma_latency_us", reason, Some(&mend)));
-        }
         Self {
             asked,
             session: session.clone(),
             plant: None,
             controller: None,
+            awaits_controller: link == LinkKind::Iceoryx2,
+            refusals,
             recorder: RecorderCore {
                 asked: asked.recorder_core,
                 granted: Arc::default(),
             },
-            dma_latency_us,
+            dma_latency_us: Granted::new(asked.dma_latency_us, granted, reason),
             _dma_latency: held,
         }
     }
@@ -154,38 +159,39 @@ impl Watched {
         self.recorder.clone()
     }
 
-    /// Looks whether the sides have told what they run with; what they were refused, once.
-    pub(super) fn look(&mut self) -> Vec<String> {
-        let mut told = Vec::new();
+    /// Looks whether the sides have told what they run with; once all have, what was refused.
+    pub(super) fn look(&mut self) -> Option<String> {
         for (side, file, report) in [
             ("plant", PLANT_FILE, &mut self.plant),
             ("controller", CONTROLLER_FILE, &mut self.controller),
         ] {
-            if report.is_none()
-                && let Ok(found) = self.session.read_file::<Report>(file)
-            {
-                told.extend(refusals(side, &found));
-                *report = Some(found);
+            if report.is_none() && (side == "plant" || self.awaits_controller) {
+                *report = self.session.read_file(file).ok();
+                if let Some(report) = report {
+                    self.refusals.add_side(side, report);
+                }
             }
         }
-        told
+        let all = self.plant.is_some() && (self.controller.is_some() || !self.awaits_controller);
+        if all { self.refused() } else { None }
+    }
+
+    /// What was refused and not told yet.
+    fn refused(&mut self) -> Option<String> {
+        let refusals = std::mem::take(&mut self.refusals);
+        (!refusals.is_empty()).then(|| refusals.to_string())
     }
 
     /// What came of it.
     pub(super) fn end(mut self) -> Realtime {
-        self.look()
-            .iter()
-            .for_each(|refused| eprintln!("{refused}"));
-        let unset = || {
-            Granted::new(
-                self.asked.recorder_core,
-                None,
-                Some("it never began".into()),
-            )
-        };
-        let core = self.recorder.granted.get().cloned().unwrap_or_else(unset);
+        let asked = self.asked.recorder_core;
+        let core = self.recorder.granted.get().cloned();
+        let core = core.unwrap_or_else(|| Granted::new(asked, None, None));
         if let Some(reason) = core.refusal(&None) {
-            eprintln!("{}", refused("recorder", "core", reason, None));
+            self.refusals.add("recorder", "core", reason, None);
+        }
+        if let Some(refused) = self.look().or_else(|| self.refused()) {
+            eprintln!("{refused}");
         }
         Realtime {
             wait: (self.plant.as_ref()).map_or(self.asked.wait, |plant| plant.wait.granted),
@@ -197,6 +203,20 @@ impl Watched {
     }
 }
 
+/// What a recording keeps of the settings: the reports of both sides, which are there when their
+/// stream begins.
+pub(crate) fn facts(session: &SessionInfo) -> impl Iterator<Item = (String, String)> {
+    let files = [
+        ("realtime_plant", PLANT_FILE),
+        ("realtime_controller", CONTROLLER_FILE),
+    ];
+    files.into_iter().filter_map(|(name, file)| {
+        let report: Report = session.read_file(file).ok()?;
+        let json = serde_json::to_string(&report).ok()?;
+        Some((name.to_owned(), json))
+    })
+}
+
 /// Opens the kernel's file, which holds the latency down while it is open; what it says then.
 fn hold_latency(us: u32) -> std::io::Result<(u32, File)> {
     let mut file = File::options().read(true).write(true).open(DMA_LATENCY)?;
@@ -204,31 +224,6 @@ fn hold_latency(us: u32) -> std::io::Result<(u32, File)> {
     let mut granted = [0; 4];
     file.read_exact(&mut granted)?;
     Ok((u32::from_ne_bytes(granted), file))
-}
-
-/// What a side was refused.
-fn refusals(side: &str, report: &Report) -> Vec<String> {
-    // A hybrid wait becomes a yielding one on one core, as it should.
-    let spin = report.wait.asked == WaitStrategy::Spin;
-    [
-        ("core", report.core.refusal(&None), None),
-        ("priority", report.priority.refusal(&0), Some(LIMITS)),
-        (
-            "lock_memory",
-            report.lock_memory.refusal(&false),
-            Some(LIMITS),
-        ),
-        ("prefault", report.prefault.refusal(&false), Some(LIMITS)),
-        ("wait", report.wait.reason.as_deref().filter(|_| spin), None),
-    ]
-    .into_iter()
-    .filter_map(|(setting, reason, mend)| Some(refused(side, setting, reason?, mend)))
-    .collect()
-}
-
-fn refused(who: &str, setting: &str, reason: &str, mend: Option<&str>) -> String {
-    let mend = mend.map_or_else(String::new, |mend| format!("\n  mend: {mend}"));
-    format!("warning: {who}: realtime.{setting} was not granted: {reason}{mend}")
 }
 
 impl Realtime {
@@ -260,26 +255,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn loops_of_real_time_priority_take_all_cores_unless_one_is_left() {
-        for (priority, plant, controller, allowed, all) in [
-            (0, None, None, "0", false),
-            (1, None, None, "0-1", true),
-            (1, None, None, "0-2", false),
-            (1, Some(0), Some(1), "0-1", true),
-            (1, Some(0), Some(0), "0-1", false),
-            (1, Some(0), None, "0-1", true),
-            (1, Some(0), None, "0-2", false),
-            (1, Some(2), Some(3), "0-1", false),
+    fn loops_take_all_cores_unless_one_is_left() {
+        for (loops, allowed, all) in [
+            (&[None, None][..], "0", true),
+            (&[None, None], "0-1", true),
+            (&[None, None], "0-2", false),
+            (&[Some(0), Some(1)], "0-1", true),
+            (&[Some(0), Some(0)], "0-1", false),
+            (&[Some(0), None], "0-1", true),
+            (&[Some(0), None], "0-2", false),
+            (&[Some(2), Some(3)], "0-1", false),
+            (&[None], "0-1", false),
+            (&[Some(0)], "0", true),
         ] {
-            let asked = plan::Realtime {
-                priority,
-                plant_core: plant,
-                controller_core: controller,
-                ..plan::Realtime::default()
-            };
-            let allowed = CoreList::parse(allowed);
-            let taken = all_taken(&asked, &allowed).is_some();
-            assert_eq!(taken, all, "{priority} {plant:?} {controller:?} {allowed}");
+            let taken = may_take_all(loops, &CoreList::parse(allowed));
+            assert_eq!(taken, all, "{loops:?} {allowed}");
         }
     }
 }
