@@ -30,7 +30,7 @@ impl Cyclictest {
             // With a priority, even of 0, it would take the real-time class.
             Class::Other => command.arg("--policy=other"),
             Class::Fifo => command
-                .arg(format!("--policy=fifo"))
+                .arg("--policy=fifo")
                 .arg(format!("--priority={PRIORITY}")),
         };
         let output = command.output().expect("cyclictest");

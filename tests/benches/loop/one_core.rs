@@ -4,17 +4,17 @@ use serde_json::json;
 use shared_types::realtime::pin;
 
 use crate::effort::rounds;
+use crate::experiment::scenario_file;
 use crate::measure::{Bystanders, cores, machine, median};
 use crate::null::{self, Names};
 use crate::programs::Programs;
 use crate::round_trips::{Place, SIGNALS};
-use crate::scenario;
 
 /// Measures them in turns and prints what a step takes.
 pub(crate) fn compare(programs: &Programs, names: &Names) {
     let cores = cores();
     let place = Place::together(&cores);
-    let scenario = scenario();
+    let scenario = scenario_file();
     let scenario = scenario.to_str().expect("a path in UTF-8");
     let paper = |arguments: &[&str]| {
         let summary = programs.run(&[&[scenario], arguments].concat());
