@@ -8,7 +8,8 @@ use tempfile::TempDir;
 
 /// The release programs.
 pub(crate) struct Programs {
-    hil: PathBuf,
+    /// The path of `hil`.
+    pub(crate) hil: PathBuf,
 }
 
 impl Programs {

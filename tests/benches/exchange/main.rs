@@ -11,6 +11,8 @@
 //! contains one reading of the clock. All wait alike, as the project's processes do. There is no
 //! time limit on any number. `HIL_BENCH_QUICK=1` only tries whether it works.
 
+#[path = "../effort.rs"]
+mod effort;
 #[path = "../measure.rs"]
 mod measure;
 #[path = "../round_trips/mod.rs"]
@@ -18,7 +20,8 @@ mod round_trips;
 
 use serde_json::json;
 
-use self::measure::{Bystanders, cores, machine, median, rounds, shortened};
+use self::effort::{rounds, shortened};
+use self::measure::{Bystanders, cores, machine, median};
 use self::round_trips::{COMMAND_BYTES, Exchange, Place, Round, SAMPLE_BYTES, Wait};
 
 /// Trips of a round, with both ends on cores of their own and with both on one.

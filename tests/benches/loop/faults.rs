@@ -12,7 +12,7 @@ use shared_types::record::RecordLayout;
 use shared_types::table::Field;
 use shared_types::time::{Rate, Step};
 
-use crate::ROUNDS;
+use crate::effort::rounds;
 use crate::experiment::scenario_file;
 use crate::measure::median;
 use crate::programs::Programs;
@@ -30,13 +30,13 @@ pub(crate) fn compare(programs: &Programs) {
     std::fs::write(&faulted, text + &ten_biases()).expect("the folder can be written");
     let faulted = faulted.to_str().expect("plain text");
     let (mut none, mut ten, mut alone) = (Vec::new(), Vec::new(), Vec::new());
-    for _ in 0..ROUNDS {
+    for _ in 0..rounds() {
         alone.push(idle_ns());
         none.push(step_ns(&programs.run(&[scenario])));
         ten.push(step_ns(&programs.run(&[faulted])));
     }
     let (none, ten, alone) = (median(none), median(ten), median(alone));
-    println!("fault layer of the paper's plant, medians of {ROUNDS}");
+    println!("fault layer of the paper's plant, medians of {}", rounds());
     println!(
         "  the layer alone without a fault      {alone:7.1} ns, {:.2} % of a step of two processes",
         100.0 * alone / none

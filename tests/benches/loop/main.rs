@@ -1,45 +1,71 @@
 //! Bench `loop`: how fast is a whole run, and where does its time go?
 //!
-//! `cargo bench -p tests --bench loop` prints four tables:
+//! `cargo bench -p tests --bench loop` prints these tables, or some of them by name
+//! (`cargo bench -p tests --bench loop -- costs idle`):
 //!
-//! - the paper's scenario as `hil run` executes it: recorded with and without compression, not
+//! - `runs`: the paper's scenario as `hil run` executes it: recorded with and without compression, not
 //!   recorded, and in one process;
-//! - the plant's step and each law's step alone;
-//! - a plant and a law that do nothing, through engine, link and runner, in two processes, with and
-//!   without the recorder;
-//! - what the fault layer costs with no fault and with ten.
+//! - `steps`: the plant's step and each law's step alone;
+//! - `costs`: a plant and a law that do nothing, through engine, link and runner, in two processes, for
+//!   more and more signals and observers, and against the bare exchanges;
+//! - `one_core`: everything on one core;
+//! - `idle`: what a held and a slowly paced run cost;
+//! - `faults`: what the fault layer costs with no fault and with ten.
 //!
 //! What is compared is measured in turns. There is no time limit on any number; how much of the
-//! machine other programs took meanwhile is printed beside them.
+//! machine other programs took meanwhile is printed beside them. `HIL_BENCH_QUICK=1` only tries whether
+//! they work.
 
+mod costs;
+#[path = "../effort.rs"]
+mod effort;
 #[path = "../experiment.rs"]
 mod experiment;
 mod faults;
+mod idle;
 #[path = "../measure.rs"]
 mod measure;
 mod null;
+mod one_core;
 #[path = "../programs.rs"]
 mod programs;
+#[path = "../round_trips/mod.rs"]
+mod round_trips;
 mod runs;
 mod steps;
 
-/// Rounds, of which medians are taken.
-const ROUNDS: usize = 5;
+use std::process::ExitCode;
 
-fn main() -> std::process::ExitCode {
+fn main() -> ExitCode {
     if let Some(code) = null::answered() {
         return code;
+    }
+    if round_trips::answered() {
+        return ExitCode::SUCCESS;
     }
     // `cargo test --all-targets` starts benches too, without this argument.
     if std::env::args().any(|argument| argument == "--bench") {
         println!("machine: {}\n", measure::machine());
         let programs = programs::Programs::built();
-        runs::compare(&programs);
-        steps::compare();
-        null::compare(&programs);
-        faults::compare(&programs);
+        let names = null::Names::given();
+        let tables: [(&str, &dyn Fn()); 6] = [
+            ("runs", &|| runs::compare(&programs)),
+            ("steps", &steps::compare),
+            ("costs", &|| costs::compare(&programs, &names)),
+            ("one_core", &|| one_core::compare(&programs, &names)),
+            ("idle", &|| idle::compare(&programs)),
+            ("faults", &|| faults::compare(&programs)),
+        ];
+        let wanted: Vec<String> = (std::env::args().skip(1))
+            .filter(|argument| !argument.starts_with('-'))
+            .collect();
+        for (name, compare) in tables {
+            if wanted.is_empty() || wanted.iter().any(|wanted| wanted == name) {
+                compare();
+            }
+        }
     } else {
         println!("run me with `cargo bench -p tests --bench loop`");
     }
-    std::process::ExitCode::SUCCESS
+    ExitCode::SUCCESS
 }

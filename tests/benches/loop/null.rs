@@ -1,39 +1,44 @@
-//! A plant and a law that do nothing: what engine, link and runner cost between two processes.
+//! A plant and a law that do nothing: what is left is what engine, link, runner and record stream cost
+//! between two processes.
 //!
-//! This program is its own plant and controller process, told apart by the name it is started
-//! under. Measured without an observer, with the engine in this process, and with the recorder, by
-//! `hil run`.
+//! This program is its own plant and controller process, told apart by the name it is started under.
+//! A run by `hil run` is recorded. With the engine in this process nobody has to observe, or so many
+//! that only watch.
 
 use std::os::unix::fs::symlink;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use controller_process::controller::{Law, LawKind, Row};
 use hil_config::plan::{Clock, PlantPlan, Run};
 use plant_process::engine::Engine;
 use plant_process::plant::{Model, PlantKind};
-use serde_json::json;
+use shared_types::clock::monotonic_ns;
 use shared_types::describe::{LawDescription, PROTOCOL, PlantDescription, Settings};
 use shared_types::link::LinkError;
 use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::pacer::OverrunPolicy;
 use shared_types::record::{Event, RecordLayout};
-use shared_types::session::Session;
-use shared_types::stream::RecordSink;
+use shared_types::session::{Session, SessionInfo};
+use shared_types::stream::iceoryx::{IceoryxSink, IceoryxSource};
+use shared_types::stream::{Owed, RecordSink, RecordSource};
 use shared_types::supervision::Supervision;
 use shared_types::table::Field;
 use shared_types::time::{Interval, Rate};
 use shared_types::wait::{WaitLimit, Waiter};
 use tempfile::TempDir;
 
-use crate::ROUNDS;
-use crate::measure::{Bystanders, machine, median};
+use crate::effort::shortened;
 use crate::programs::Programs;
 
 /// Signals in a sample; half as many commands answer them.
-const SIZES: [usize; 2] = [8, 32];
+pub(crate) const SIZES: [usize; 4] = [8, 32, 128, 512];
 /// Steps of a run.
 const STEPS: u64 = 100_000;
+/// How often an observer looks for records, well before its buffer is full.
+const LOOK: Duration = Duration::from_millis(1);
 const RATE_HZ: f64 = 10_000.0;
 /// Names that this program is started under.
 const PLANT: &str = "null-plant";
@@ -121,38 +126,84 @@ pub(crate) fn answered() -> Option<ExitCode> {
     }
 }
 
-/// Round trips instead of records.
+/// Notes round trips, and publishes records if there are observers.
 struct RoundTrips<'a> {
     layout: RecordLayout,
     taken_ns: &'a mut Vec<u64>,
+    stream: Option<IceoryxSink>,
 }
 
 impl RecordSink for RoundTrips<'_> {
     fn open(&mut self, layout: &RecordLayout) -> Result<(), LinkError> {
         self.layout = layout.clone();
-        Ok(())
+        match &mut self.stream {
+            Some(stream) => stream.open(layout),
+            None => Ok(()),
+        }
     }
 
     fn has_room(&mut self) -> Result<bool, LinkError> {
-        Ok(true)
+        match &mut self.stream {
+            Some(stream) => stream.has_room(),
+            None => Ok(true),
+        }
     }
 
     fn record(&mut self, words: &[u64]) -> Result<(), LinkError> {
         self.taken_ns
             .push(self.layout.view(words).timing.round_trip_ns);
-        Ok(())
+        match &mut self.stream {
+            Some(stream) => stream.record(words),
+            None => Ok(()),
+        }
     }
 
-    fn event(&mut self, _event: &Event) -> Result<(), LinkError> {
-        Ok(())
+    fn event(&mut self, event: &Event) -> Result<(), LinkError> {
+        match &mut self.stream {
+            Some(stream) => stream.event(event),
+            None => Ok(()),
+        }
     }
 }
 
 /// p50 and p99 of the round trip in ns, and the whole step in ns.
-type Figures = [f64; 3];
+pub(crate) type Figures = [f64; 3];
 
-/// A run that nobody observes: the engine here, the controller in a process of its own.
-fn unobserved(programs: &Path, size: usize) -> Figures {
+/// A folder with this program under its other names.
+pub(crate) struct Names(TempDir);
+
+impl Names {
+    pub(crate) fn given() -> Self {
+        let folder = TempDir::new().expect("a folder");
+        let own = std::env::current_exe().expect("a path to this program");
+        for started_as in [PLANT, CONTROLLER] {
+            symlink(&own, folder.path().join(started_as)).expect("a link");
+        }
+        Self(folder)
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+}
+
+/// Takes what the plant publishes until the run is over, and does nothing with it.
+fn watch(session: &SessionInfo, is_over: &AtomicBool) {
+    let mut source = IceoryxSource::open(session, false).expect("a stream");
+    while !is_over.load(Ordering::Relaxed) {
+        let taken = source.drain(&mut |item| {
+            std::hint::black_box(item);
+        });
+        if taken.expect("a stream") == 0 {
+            std::thread::sleep(LOOK);
+        }
+    }
+}
+
+/// A run that nobody records and so many watch: the engine here, the controller in a process of its
+/// own, the observers in threads.
+pub(crate) fn watched(names: &Names, size: usize, observers: usize) -> Figures {
+    let steps = shortened(STEPS);
     let session = Session::create(None).expect("a session");
     let info = session.info();
     let rate = Rate::new(RATE_HZ).expect("a rate");
@@ -176,7 +227,7 @@ fn unobserved(programs: &Path, size: usize) -> Figures {
         session: info.id,
         run: Run {
             rate,
-            steps: STEPS,
+            steps,
             seed: 1,
             clock: Clock::Lockstep,
             overrun: OverrunPolicy::CatchUp,
@@ -197,26 +248,35 @@ fn unobserved(programs: &Path, size: usize) -> Figures {
         realtime: shared_types::realtime::Settings::default(),
         wait_limit_s,
     };
-    let mut controller = Command::new(programs.join(CONTROLLER))
+    let mut controller = Command::new(names.path(CONTROLLER))
         .arg("--session")
         .arg(&info.folder)
         .stdin(Stdio::piped())
         .spawn()
         .expect("the controller");
 
-    let mut taken_ns = Vec::with_capacity(STEPS as usize + 1);
+    let mut taken_ns = Vec::with_capacity(steps as usize + 1);
+    let stream = (observers > 0).then(|| IceoryxSink::create(info, Owed::Nothing));
     let sink = RoundTrips {
         layout: RecordLayout::default(),
         taken_ns: &mut taken_ns,
+        stream: stream.map(|stream| stream.expect("a stream")),
     };
     let link = IceoryxLink::create(info).expect("a link");
     let kind = plant(size);
     let mut engine = Engine::new(&kind, &[], plant_job, link, sink).expect("an engine");
-    let supervision = Supervision::new();
-    let limit = WaitLimit::from_seconds(wait_limit_s);
-    let since_ns = shared_types::clock::monotonic_ns();
-    plant_process::program::drive(&mut engine, Waiter::new(limit), &supervision).expect("a run");
-    let took_ns = (shared_types::clock::monotonic_ns() - since_ns) as f64;
+    let waiter = Waiter::new(WaitLimit::from_seconds(wait_limit_s));
+    let is_over = AtomicBool::new(false);
+    let took_ns = std::thread::scope(|scope| {
+        for _ in 0..observers {
+            scope.spawn(|| watch(info, &is_over));
+        }
+        let since_ns = monotonic_ns();
+        plant_process::program::drive(&mut engine, waiter, &Supervision::new()).expect("a run");
+        let took_ns = monotonic_ns() - since_ns;
+        is_over.store(true, Ordering::Relaxed);
+        took_ns as f64
+    });
     let reason = engine.end().and_then(|end| end.reason.clone());
     assert_eq!(reason, None, "the run ended early");
     drop(engine);
@@ -225,26 +285,30 @@ fn unobserved(programs: &Path, size: usize) -> Figures {
     taken_ns.pop(); // the last record answers no sample
     taken_ns.sort_unstable();
     let at = |share: f64| taken_ns[(share * (taken_ns.len() - 1) as f64) as usize] as f64;
-    [at(0.5), at(0.99), took_ns / STEPS as f64]
+    [at(0.5), at(0.99), took_ns / steps as f64]
 }
 
-/// A run by `hil run`, which records it.
-fn recorded(programs: &Programs, folder: &Path, size: usize) -> Figures {
-    let scenario = folder.join("null.toml");
-    let (null, duration_s) = (name(size), STEPS as f64 / RATE_HZ);
+/// A run by `hil run`, with these arguments too.
+pub(crate) fn run(programs: &Programs, names: &Names, size: usize, arguments: &[&str]) -> Figures {
+    let steps = shortened(STEPS) as f64;
+    let (null, duration_s) = (name(size), steps / RATE_HZ);
     let text = format!(
         "schema = 1\nname = \"{null}\"\n[run]\nduration_s = {duration_s:?}\nrate_hz = {RATE_HZ:?}\n\
          [plant]\nmodel = \"{null}\"\n[controller]\nlaw = \"{null}\"\n"
     );
-    std::fs::write(&scenario, text).expect("writes");
-    let text = |path: &Path| path.to_str().expect("a path in UTF-8").to_owned();
-    let summary = programs.run(&[
-        &text(&scenario),
+    let paths = ["null.toml", PLANT, CONTROLLER].map(|name| names.path(name));
+    let [scenario, plant, controller] =
+        (paths.each_ref()).map(|path| path.to_str().expect("a path in UTF-8"));
+    std::fs::write(scenario, text).expect("writes");
+    let mut all = vec![
+        scenario,
         "--plant-bin",
-        &text(&folder.join(PLANT)),
+        plant,
         "--controller-bin",
-        &text(&folder.join(CONTROLLER)),
-    ]);
+        controller,
+    ];
+    all.extend(arguments);
+    let summary = programs.run(&all);
     let number = |pointer: &str| {
         let value = summary.pointer(pointer).and_then(serde_json::Value::as_f64);
         value.unwrap_or_else(|| panic!("no {pointer} in {summary}"))
@@ -252,58 +316,6 @@ fn recorded(programs: &Programs, folder: &Path, size: usize) -> Figures {
     [
         number("/latency_ns/round_trip/p50"),
         number("/latency_ns/round_trip/p99"),
-        1e9 * number("/wall_time_s") / STEPS as f64,
+        1e9 * number("/wall_time_s") / steps,
     ]
-}
-
-/// Measures both in turns and prints them.
-pub(crate) fn compare(programs: &Programs) {
-    let folder = TempDir::new().expect("a folder");
-    let own = std::env::current_exe().expect("a path to this program");
-    for started_as in [PLANT, CONTROLLER] {
-        symlink(&own, folder.path().join(started_as)).expect("a link");
-    }
-    let bystanders = Bystanders::watch();
-    let mut done: Vec<(String, Vec<Figures>)> = (SIZES.iter())
-        .flat_map(|size| {
-            ["unobserved", "recorded, lz4"].map(|how| format!("{size} signals, {how}"))
-        })
-        .map(|name| (name, Vec::new()))
-        .collect();
-    for _ in 0..ROUNDS {
-        for (size, pair) in SIZES.into_iter().zip(done.chunks_exact_mut(2)) {
-            pair[0].1.push(unobserved(folder.path(), size));
-            pair[1].1.push(recorded(programs, folder.path(), size));
-        }
-    }
-    let others = bystanders.share();
-
-    println!(
-        "null plant and controller, two processes, medians of {ROUNDS} runs of {STEPS} steps, \
-         other programs took {:.0} % of the machine",
-        100.0 * others
-    );
-    println!(
-        "{:<29} {:>14} {:>14} {:>12}",
-        "", "round trip p50", "round trip p99", "whole step"
-    );
-    let mut lines = Vec::new();
-    for (name, figures) in done {
-        let [p50, p99, step] = [0, 1, 2].map(|i| median(figures.iter().map(|f| f[i])));
-        println!("{name:<29} {p50:>11.0} ns {p99:>11.0} ns {step:>9.0} ns");
-        lines.push(json!({
-            "run": name,
-            "round_trip_p50_ns": p50,
-            "round_trip_p99_ns": p99,
-            "step_ns": step,
-        }));
-    }
-    let line = json!({
-        "bench": "loop/null",
-        "machine": machine(),
-        "rounds": ROUNDS,
-        "others_share": others,
-        "runs": lines,
-    });
-    println!("{line}\n");
 }

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use crate::ROUNDS;
+use crate::effort::rounds;
 use crate::experiment::scenario_file;
 use crate::measure::{Bystanders, machine, median};
 use crate::programs::Programs;
@@ -50,7 +50,7 @@ pub(crate) fn compare(programs: &Programs) {
         ),
     ];
     let bystanders = Bystanders::watch();
-    for _ in 0..ROUNDS {
+    for _ in 0..rounds() {
         for way in &mut ways {
             let mut arguments = vec![scenario];
             arguments.extend(way.arguments);
@@ -60,8 +60,9 @@ pub(crate) fn compare(programs: &Programs) {
     let others = bystanders.share();
 
     println!(
-        "whole runs of severe-leakage.toml (FTSC, 20 s at 10 kHz), medians of {ROUNDS}, \
+        "whole runs of severe-leakage.toml (FTSC, 20 s at 10 kHz), medians of {}, \
          other programs took {:.0} % of the machine",
+        rounds(),
         100.0 * others
     );
     println!(
@@ -105,7 +106,7 @@ pub(crate) fn compare(programs: &Programs) {
     let line = json!({
         "bench": "loop/runs",
         "machine": machine(),
-        "rounds": ROUNDS,
+        "rounds": rounds(),
         "others_share": others,
         "digest": digests[0],
         "ways": lines,

@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use crate::ROUNDS;
+use crate::effort::rounds;
 use crate::experiment::{Experiment, Rows};
 use crate::measure::{Bystanders, machine, median};
 
@@ -21,7 +21,7 @@ pub(crate) fn compare() {
         Some((_, values)) => values.push(ns),
         None => done.push((name, vec![ns])),
     };
-    for _ in 0..ROUNDS {
+    for _ in 0..rounds() {
         let (last, rows) = experiments.last().expect("there are laws");
         note("plant drhas, 4 substeps".into(), last.plant_ns(rows));
         note("stimuli".into(), last.stimuli_ns());
@@ -34,7 +34,8 @@ pub(crate) fn compare() {
     let others = bystanders.share();
 
     println!(
-        "one step alone, medians of {ROUNDS} runs of 200000 steps, other programs took {:.0} % of the machine",
+        "one step alone, medians of {} runs of 200000 steps, other programs took {:.0} % of the machine",
+        rounds(),
         100.0 * others
     );
     let mut lines = Vec::new();
@@ -46,7 +47,7 @@ pub(crate) fn compare() {
     let line = json!({
         "bench": "loop/steps",
         "machine": machine(),
-        "rounds": ROUNDS,
+        "rounds": rounds(),
         "others_share": others,
         "parts": lines,
     });

@@ -4,13 +4,13 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
+use shared_types::realtime::pin;
 use shared_types::session::{Session, SessionInfo};
 use shared_types::wait::{WaitLimit, WaitStrategy, Waiter};
 use tools::latency::blackboard::Side;
 use tools::latency::exchange::{End, Trips, follow, lead};
 use tools::latency::raw;
 
-use super::place::pin;
 use super::{COMMAND_BYTES, Exchange, Place, Round, SAMPLE_BYTES, Wait, open};
 
 /// Trips before those that count.
@@ -28,7 +28,7 @@ const SHARED_CORE: &str = "HIL_BENCH_SHARED_CORE";
 
 /// A waiter for the calling thread, which is kept on a core from now on.
 fn waiter(wait: Wait, core: usize, shares_core: bool) -> Waiter {
-    pin(&[core]);
+    pin(core as u32).expect("a core that this process may run on");
     let strategy = match wait {
         Wait::Hybrid => WaitStrategy::Hybrid,
         Wait::Spin | Wait::Block => WaitStrategy::Spin,

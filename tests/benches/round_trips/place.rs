@@ -50,9 +50,11 @@ impl<'a> Place<'a> {
         self.plant == self.controller
     }
 
-    /// Lets the calling thread run on all cores again.
-    pub(super) fn leave(self) {
-        pin(self.all);
+    /// Lets the calling thread, which was kept on one core, run on all of them again.
+    pub(crate) fn leave(self) {
+        let mut all = CpuSet::new();
+        self.all.iter().for_each(|&core| all.set(core));
+        sched_setaffinity(None, &all).expect("cores that this process may run on");
     }
 }
 
@@ -64,11 +66,4 @@ impl std::fmt::Display for Place<'_> {
             write!(f, "cores {} and {}", self.plant, self.controller)
         }
     }
-}
-
-/// Keeps the calling thread on these cores.
-pub(super) fn pin(cores: &[usize]) {
-    let mut set = CpuSet::new();
-    cores.iter().for_each(|&core| set.set(core));
-    sched_setaffinity(None, &set).expect("cores that this process may run on");
 }

@@ -14,6 +14,8 @@
 //! nobody can spin. All is measured in turns; no number has a limit. `HIL_BENCH_QUICK=1` only tries
 //! whether it works.
 
+#[path = "../effort.rs"]
+mod effort;
 #[path = "../measure.rs"]
 mod measure;
 #[path = "../round_trips/mod.rs"]
@@ -21,7 +23,8 @@ mod round_trips;
 
 use serde_json::{Value, json};
 
-use self::measure::{Bystanders, cores, machine, median, rounds, shortened};
+use self::effort::{rounds, shortened};
+use self::measure::{Bystanders, cores, machine, median};
 use self::round_trips::{COMMAND_BYTES, Exchange, Place, Round, SAMPLE_BYTES, Wait};
 
 /// Trips of a round that spins, and of one that gives the core away at each.

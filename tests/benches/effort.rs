@@ -1,0 +1,16 @@
+//! How much a bench measures: all of it, or with `HIL_BENCH_QUICK=1` so little that it shows only
+//! whether the bench works.
+
+fn is_quick() -> bool {
+    std::env::var_os("HIL_BENCH_QUICK").is_some()
+}
+
+/// Rounds, of which medians are taken.
+pub(crate) fn rounds() -> usize {
+    if is_quick() { 1 } else { 5 }
+}
+
+/// How often something is repeated in a round, or a fiftieth of it for a quick look.
+pub(crate) fn shortened(count: u64) -> u64 {
+    if is_quick() { count / 50 } else { count }
+}
