@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use shared_types::describe::Settings;
+use shared_types::realtime;
 use shared_types::table::number;
 use shared_types::time::Rate;
 
@@ -29,6 +30,9 @@ pub struct Job {
     pub rate_divisor: u32,
     /// Steps between a sample and the command that answers it: 0 or 1.
     pub command_delay_steps: u32,
+    /// What its loop is to run with.
+    #[serde(default)]
+    pub realtime: realtime::Settings,
     /// How long the other side may take, in s.
     #[serde(with = "number")]
     pub wait_limit_s: f64,

@@ -10,6 +10,7 @@ use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{Link, LinkError};
 use shared_types::lockstep::ControllerEvent;
 use shared_types::program::{self, COMPLETED, FAILED, Program};
+use shared_types::realtime;
 use shared_types::session::SessionInfo;
 use shared_types::supervision::Supervision;
 use shared_types::wait::{WaitLimit, Waiter};
@@ -60,10 +61,14 @@ impl Program for ControllerProgram {
 
     fn serve(&self, session: &SessionInfo, supervision: &Supervision) -> Result<u8, String> {
         let job: Job = program::read_job(&session.folder.join(JOB_FILE))?;
-        let limit = WaitLimit::from_seconds(job.wait_limit_s);
+        let (limit, settings) = (WaitLimit::from_seconds(job.wait_limit_s), job.realtime);
         let link = attach(session, limit, supervision)?;
         let mut runner = self.runner(job, link)?;
-        drive(&mut runner, limit, supervision).map_err(|e| e.to_string())?;
+        // Threads that there are by now keep ordinary scheduling.
+        let report = settings.apply();
+        let told = session.write_file(realtime::CONTROLLER_FILE, &report);
+        told.map_err(|e| e.to_string())?;
+        drive(&mut runner, report.waiter(limit), supervision).map_err(|e| e.to_string())?;
         match runner.end() {
             Some(End::Completed { .. }) => Ok(COMPLETED),
             Some(End::Aborted(abort)) => {
@@ -103,10 +108,9 @@ fn attach(
 /// If the link failed.
 pub fn drive<L: Link>(
     runner: &mut Runner<'_, L>,
-    limit: WaitLimit,
+    mut waiter: Waiter,
     supervision: &Supervision,
 ) -> Result<(), LinkError> {
-    let mut waiter = Waiter::new(limit);
     runner.begin()?;
     loop {
         if supervision.wants_stop() {
@@ -122,7 +126,7 @@ pub fn drive<L: Link>(
                 if peer_gone {
                     runner.interrupt(&ControllerEvent::PeerGone)?;
                 } else if waiter.pause() {
-                    runner.interrupt(&ControllerEvent::Deadline(limit.ms()))?;
+                    runner.interrupt(&ControllerEvent::Deadline(waiter.limit().ms()))?;
                 }
             }
         }

@@ -13,6 +13,7 @@ mod faults;
 mod parameters;
 mod plant;
 mod points;
+mod realtime;
 mod run;
 mod signals;
 mod stimuli;
@@ -120,6 +121,7 @@ fn parts(
     let description = reader.text(root, "description").unwrap_or_default();
 
     let (grid, run) = run::check(reader, root);
+    let realtime = realtime::check(reader, root);
     let plant_section = reader.section(root, "plant");
     let plant = plant_section
         .as_ref()
@@ -165,6 +167,7 @@ fn parts(
         name,
         description: description.into(),
         run: run?,
+        realtime: realtime?,
         plant: plant_plan?,
         controller: controller_plan?,
         stimuli: stimuli?,

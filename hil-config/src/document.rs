@@ -29,7 +29,7 @@ pub(crate) enum Value {
     /// A number that TOML can write and 64 bits cannot hold.
     TooLarge,
     /// `true` or `false`.
-    Boolean,
+    Boolean(bool),
     /// A date or time.
     Date,
     /// A list.
@@ -45,7 +45,7 @@ impl Value {
             Self::Text(_) => "text",
             Self::Integer(_) | Self::Float(_) => "a number",
             Self::TooLarge => "a number that is too large",
-            Self::Boolean => "true or false",
+            Self::Boolean(_) => "true or false",
             Self::Date => "a date",
             Self::List(_) => "a list",
             Self::Table(_) => "a table",
@@ -131,7 +131,7 @@ fn node(value: Spanned<DeValue<'_>>, source: usize, key_place: Option<&Place>) -
             }
             _ => Value::TooLarge,
         },
-        DeValue::Boolean(_) => Value::Boolean,
+        DeValue::Boolean(value) => Value::Boolean(value),
         DeValue::Datetime(_) => Value::Date,
         DeValue::Array(items) => Value::List(
             items

@@ -5,12 +5,14 @@
 //! from the descriptions that the binaries give of themselves.
 
 mod faults;
+mod realtime;
 mod stimuli;
 
 use shared_types::time::Rate;
 
 use faults::FAULT;
 pub(crate) use faults::{EFFECT, PROFILE, PROFILES, REQUEST, TARGET, TRIGGERS};
+pub(crate) use realtime::REALTIME;
 pub(crate) use stimuli::{STIMULUS, WAVEFORMS};
 
 /// Version of the scenario format that is understood.
@@ -61,6 +63,11 @@ pub(crate) enum Kind {
         choices: &'static [&'static str],
         /// The value when the key is not there.
         default: Option<&'static str>,
+    },
+    /// True or false.
+    Boolean {
+        /// The value when the key is not there.
+        default: bool,
     },
     /// A list of numbers.
     Numbers,
@@ -157,6 +164,11 @@ pub(crate) const SCENARIO: &[Key] = &[
     Key::new("run", Kind::Section(RUN), "Duration, rate and clock.").required(),
     Key::new("plant", Kind::Section(PLANT), "The plant.").required(),
     Key::new("controller", Kind::Section(CONTROLLER), "The controller.").required(),
+    Key::new(
+        "realtime",
+        Kind::Section(REALTIME),
+        "What plant, controller and recorder ask of the system; moves times, never numbers. Cores are looked for when a run starts.",
+    ),
     Key::new(
         "stimuli",
         Kind::List(STIMULUS),

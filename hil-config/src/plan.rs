@@ -6,8 +6,10 @@
 use serde::{Deserialize, Serialize};
 use shared_types::describe::{Operation, Settings};
 use shared_types::pacer::OverrunPolicy;
+use shared_types::realtime;
 use shared_types::table::{Field, derivative_of};
 use shared_types::time::{Rate, Step};
+use shared_types::wait::WaitStrategy;
 
 use crate::expression::Expression;
 
@@ -20,6 +22,8 @@ pub struct Plan {
     pub description: String,
     /// Duration, rate, clock.
     pub run: Run,
+    /// What is asked of the system.
+    pub realtime: Realtime,
     /// The plant.
     pub plant: PlantPlan,
     /// The controller.
@@ -75,6 +79,53 @@ impl Clock {
             Self::Lockstep => "lockstep",
             Self::Paced { .. } => "paced",
             Self::Realtime => "realtime",
+        }
+    }
+}
+
+/// What plant, controller and recorder ask of the system. Whether a core exists is not known before
+/// a run starts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Realtime {
+    /// The only core that the plant's loop may run on.
+    pub plant_core: Option<u32>,
+    /// The only core that the controller's loop may run on.
+    pub controller_core: Option<u32>,
+    /// The only core that the recorder may run on.
+    pub recorder_core: Option<u32>,
+    /// `SCHED_FIFO` priority of both loops; 0 for ordinary scheduling.
+    pub priority: u32,
+    /// Whether memory that is there stays there.
+    pub lock_memory: bool,
+    /// Whether memory is fetched before step 0.
+    pub prefault: bool,
+    /// Longest time in us that a core may need to wake up.
+    pub dma_latency_us: Option<u32>,
+    /// How each side waits for the other.
+    pub wait: WaitStrategy,
+}
+
+impl Realtime {
+    /// The plant's part.
+    #[must_use]
+    pub const fn plant(&self) -> realtime::Settings {
+        self.side(self.plant_core, self.controller_core)
+    }
+
+    /// The controller's part.
+    #[must_use]
+    pub const fn controller(&self) -> realtime::Settings {
+        self.side(self.controller_core, self.plant_core)
+    }
+
+    const fn side(&self, core: Option<u32>, peer_core: Option<u32>) -> realtime::Settings {
+        realtime::Settings {
+            core,
+            peer_core,
+            priority: self.priority,
+            lock_memory: self.lock_memory,
+            prefault: self.prefault,
+            wait: self.wait,
         }
     }
 }

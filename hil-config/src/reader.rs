@@ -365,6 +365,22 @@ impl Reader {
         None
     }
 
+    /// True or false, or its default.
+    pub(crate) fn boolean(&mut self, section: &Section<'_>, name: &str) -> Option<bool> {
+        let key = section.key(name);
+        let Kind::Boolean { default } = key.kind else {
+            unreachable!("`{name}` is true or false")
+        };
+        let Some(node) = self.value(section, key) else {
+            return Some(default);
+        };
+        let Value::Boolean(value) = node.value else {
+            self.wrong_type(&section.path_of(name), node, describe(&key.kind));
+            return None;
+        };
+        Some(value)
+    }
+
     /// Text, or its default.
     pub(crate) fn text<'a>(&mut self, section: &Section<'a>, name: &str) -> Option<&'a str> {
         let key = section.key(name);
@@ -481,6 +497,7 @@ pub(crate) fn describe(kind: &Kind) -> String {
         Kind::Integer { min, max, .. } => format!("a whole number from {min} to {max}"),
         Kind::Text { choices: [], .. } => "text".into(),
         Kind::Text { choices, .. } => format!("one of {}", listed(choices.iter().copied())),
+        Kind::Boolean { .. } => "true or false".into(),
         Kind::Numbers => "a list of numbers".into(),
         Kind::Pair => "two numbers".into(),
         Kind::Pairs => "a list of pairs of numbers".into(),

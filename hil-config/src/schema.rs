@@ -114,6 +114,7 @@ fn property(key: &Key) -> Value {
             }
             value
         }
+        Kind::Boolean { default } => json!({"type": "boolean", "default": default}),
         Kind::Numbers => json!({"type": "array", "items": {"type": "number"}, "minItems": 1}),
         Kind::Pair => pair(),
         Kind::Pairs => json!({"type": "array", "items": pair(), "minItems": 1}),

@@ -14,7 +14,7 @@ use shared_types::time::{Rate, Step};
 use crate::check::law_for;
 use crate::keys::SCHEMA;
 use crate::plan::{
-    Clock, ControllerPlan, FaultEvent, Metric, Plan, PlantPlan, Run, Stimulus, Waveform,
+    Clock, ControllerPlan, FaultEvent, Metric, Plan, PlantPlan, Realtime, Run, Stimulus, Waveform,
 };
 use crate::quantity::{Quantity, toml_float};
 
@@ -112,6 +112,7 @@ fn write(
         writeln!(text, "description = {}", string(&plan.description))?;
     }
     run(text, &plan.run)?;
+    realtime(text, &plan.realtime)?;
     plant_tables(text, &plan.plant, plant)?;
     controller(text, &plan.controller, law, plan.run.rate)?;
     for one in &plan.stimuli {
@@ -154,6 +155,25 @@ fn run(text: &mut String, run: &Run) -> Written {
     }
     writeln!(text, "overrun = \"{}\"", run.overrun.name())?;
     writeln!(text, "deadline = {}", toml_float(run.deadline))?;
+    Ok(())
+}
+
+fn realtime(text: &mut String, realtime: &Realtime) -> Written {
+    writeln!(text, "\n[realtime]")?;
+    for (key, value) in [
+        ("plant_core", realtime.plant_core),
+        ("controller_core", realtime.controller_core),
+        ("recorder_core", realtime.recorder_core),
+        ("dma_latency_us", realtime.dma_latency_us),
+    ] {
+        if let Some(value) = value {
+            writeln!(text, "{key} = {value}")?;
+        }
+    }
+    writeln!(text, "priority = {}", realtime.priority)?;
+    writeln!(text, "lock_memory = {}", realtime.lock_memory)?;
+    writeln!(text, "prefault = {}", realtime.prefault)?;
+    writeln!(text, "wait = \"{}\"", realtime.wait.name())?;
     Ok(())
 }
 

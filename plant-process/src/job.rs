@@ -2,6 +2,7 @@
 
 use hil_config::plan::{FaultEvent, PlantPlan, Run, Stimulus};
 use serde::{Deserialize, Serialize};
+use shared_types::realtime;
 use shared_types::table::number;
 
 use crate::repeat::Missed;
@@ -34,6 +35,9 @@ pub struct Job {
     pub pause_at_s: Option<f64>,
     /// Whether a recorder must see every record: the loop then waits for it.
     pub observed: bool,
+    /// What its loop is to run with.
+    #[serde(default)]
+    pub realtime: realtime::Settings,
     /// How long the other side may take, in s.
     #[serde(with = "number")]
     pub wait_limit_s: f64,

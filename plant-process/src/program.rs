@@ -12,6 +12,7 @@ use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{Link, LinkError};
 use shared_types::lockstep::PlantEvent;
 use shared_types::program::{self, COMPLETED, DIVERGED, FAILED, Program};
+use shared_types::realtime;
 use shared_types::record::Outcome;
 use shared_types::session::SessionInfo;
 use shared_types::stream::iceoryx::IceoryxSink;
@@ -94,7 +95,7 @@ impl Program for PlantProgram {
 
     fn serve(&self, session: &SessionInfo, supervision: &Supervision) -> Result<u8, String> {
         let job: Job = program::read_job(&session.folder.join(JOB_FILE))?;
-        let limit = WaitLimit::from_seconds(job.wait_limit_s);
+        let (limit, settings) = (WaitLimit::from_seconds(job.wait_limit_s), job.realtime);
         let link = IceoryxLink::create(session).map_err(|e| e.to_string())?;
         let owed = match (job.observed, job.run.clock) {
             (false, _) => Owed::Nothing,
@@ -106,7 +107,11 @@ impl Program for PlantProgram {
         let engine = Engine::new(self.kind(&job)?, &self.faults, job, link, sink);
         let mut engine = engine.map_err(|e| e.to_string())?;
         live::serve(session, context, engine.desk(), engine.workshop())?;
-        drive(&mut engine, limit, supervision).map_err(|e| e.to_string())?;
+        // Threads that there are by now keep ordinary scheduling.
+        let report = settings.apply();
+        let told = session.write_file(realtime::PLANT_FILE, &report);
+        told.map_err(|e| e.to_string())?;
+        drive(&mut engine, report.waiter(limit), supervision).map_err(|e| e.to_string())?;
         let end = engine.end().ok_or("the run ended without saying how")?;
         if let Some(reason) = &end.reason {
             program::say(reason);
@@ -125,10 +130,9 @@ impl Program for PlantProgram {
 /// If the link or the record stream failed.
 pub fn drive<L: Link, S: RecordSink>(
     engine: &mut Engine<L, S>,
-    limit: WaitLimit,
+    mut waiter: Waiter,
     supervision: &Supervision,
 ) -> Result<(), LinkError> {
-    let mut waiter = Waiter::new(limit);
     let desk = engine.desk();
     loop {
         if supervision.wants_stop() {
@@ -149,18 +153,19 @@ pub fn drive<L: Link, S: RecordSink>(
                 if peer_gone {
                     engine.interrupt(&PlantEvent::PeerGone)?;
                 } else if waiter.pause_until(deadline_ns) {
-                    engine.interrupt(&PlantEvent::Deadline(limit.ms()))?;
+                    engine.interrupt(&PlantEvent::Deadline(waiter.limit().ms()))?;
                 }
             }
             Progress::Controller => {
                 if peer_gone {
                     engine.interrupt(&PlantEvent::PeerGone)?;
                 } else if waiter.pause() {
-                    engine.interrupt(&PlantEvent::Deadline(limit.ms()))?;
+                    engine.interrupt(&PlantEvent::Deadline(waiter.limit().ms()))?;
                 }
             }
+            // It gets a core even beside a loop of real-time priority, and its buffer outlasts a nap.
             Progress::Recorder => {
-                if waiter.pause() {
+                if waiter.nap() {
                     engine.recorder_late()?;
                 }
             }

@@ -4,7 +4,7 @@
 //! Links copy frames; the lockstep machines look at headers only.
 
 use iceoryx2::prelude::ZeroCopySend;
-use xxhash_rust::xxh3::{xxh3_64, xxh3_64_with_seed};
+use rapidhash::v3::rapidhash_v3;
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
 use crate::table::canonical;
@@ -87,13 +87,12 @@ pub struct Header {
     pub count: u16,
     /// Bit `i % 64` of word `i / 64` set: signal `i` is invalid.
     pub invalid: [u64; VALIDITY_WORDS],
-    /// xxh3-64 over the values, seeded with the xxh3-64 of all above.
+    /// rapidhash (version 3, 64 bits, standard seed) over the header, in which the same of the values
+    /// stands here.
     pub check_sum: u64,
 }
 
 impl Header {
-    const SUMMED: usize = size_of::<Self>() - size_of::<u64>();
-
     /// A header of a kind at a step, all else zero.
     #[must_use]
     pub const fn new(kind: FrameKind, step: Step) -> Self {
@@ -129,8 +128,11 @@ impl Header {
     }
 
     fn sum(&self, values: &[f64]) -> u64 {
-        let seed = xxh3_64(&self.as_bytes()[..Self::SUMMED]);
-        xxh3_64_with_seed(values.as_bytes(), seed)
+        let header = Self {
+            check_sum: rapidhash_v3(values.as_bytes()),
+            ..*self
+        };
+        rapidhash_v3(header.as_bytes())
     }
 }
 

@@ -15,7 +15,8 @@
 //! [`live`] is how another terminal talks to it while it runs, and [`directive`] what a fault of
 //! timing tells a runner. [`supervision`] is what its processes hear from the one that started them and [`program`] what
 //! they have in common; [`random`] gives
-//! each consumer of random numbers a stream of its own; [`clock`] is the meters' clock.
+//! each consumer of random numbers a stream of its own; [`clock`] is the meters' clock;
+//! [`realtime`] is what a process can ask of the system for its loop.
 
 extern crate self as shared_types; // the names that `table!` writes must hold in here too
 
@@ -33,6 +34,7 @@ pub mod pacer;
 pub mod process;
 pub mod program;
 pub mod random;
+pub mod realtime;
 pub mod record;
 pub mod session;
 pub mod stream;

@@ -5,6 +5,21 @@ use std::fs;
 use rustix::thread::{CpuSet, sched_getaffinity};
 use serde_json::{Value, json};
 
+/// Whether `HIL_BENCH_QUICK` is set: no measurement, only a look whether the bench works.
+fn is_quick() -> bool {
+    std::env::var_os("HIL_BENCH_QUICK").is_some()
+}
+
+/// Rounds, of which medians are taken.
+pub(crate) fn rounds() -> usize {
+    if is_quick() { 1 } else { 5 }
+}
+
+/// How often something is repeated in a round, or a fiftieth of it for a quick look.
+pub(crate) fn shortened(count: u64) -> u64 {
+    if is_quick() { count / 50 } else { count }
+}
+
 /// The middle of some values.
 ///
 /// # Panics

@@ -1,6 +1,6 @@
 //! The release programs, built where they are not up to date.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde_json::Value;
@@ -33,9 +33,14 @@ impl Programs {
     /// The summary of a run with these arguments.
     pub(crate) fn run(&self, arguments: &[&str]) -> Value {
         let folder = TempDir::new().expect("a folder");
+        self.run_in(&folder.path().join("run"), arguments)
+    }
+
+    /// The same, of a run that leaves its files in a folder.
+    pub(crate) fn run_in(&self, folder: &Path, arguments: &[&str]) -> Value {
         let output = Command::new(&self.hil)
             .args(["run", "--json", "--out"])
-            .arg(folder.path().join("run"))
+            .arg(folder)
             .args(arguments)
             .output()
             .expect("hil");

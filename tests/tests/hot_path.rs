@@ -212,6 +212,7 @@ fn jobs(session: u64) -> (plant_process::job::Job, controller_process::job::Job)
         missed: Vec::new(),
         pause_at_s: None,
         observed: true,
+        realtime: shared_types::realtime::Settings::default(),
         wait_limit_s: 5.0,
     };
     let controller = controller_process::job::Job {
@@ -224,6 +225,7 @@ fn jobs(session: u64) -> (plant_process::job::Job, controller_process::job::Job)
         rate: plan.run.rate,
         rate_divisor: plan.controller.rate_divisor,
         command_delay_steps: plan.controller.command_delay_steps,
+        realtime: shared_types::realtime::Settings::default(),
         wait_limit_s: 5.0,
     };
     (plant, controller)

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`architecture`] | packages, binaries and dependency arrows |
 //! | [`clocks`] | lockstep, paced and real time; what comes too late and how it is repeated |
+//! | [`audit`] | what depends on more than its samples is caught |
 //! | [`cli`] | bad input: a clear error, exit code 2, nothing started |
 //! | [`determinism`] | one digest, however and wherever a scenario runs |
 //! | [`doctor`] | every check once, and a verdict that follows |
@@ -15,6 +16,7 @@
 //! | [`live`] | faults and pauses from another terminal |
 //! | [`paper`] | the paper's experiment against its checked figures |
 //! | [`recording`] | what a recording holds, read without the recorder's code |
+//! | [`realtime_settings`] | what was asked of the system, and what it granted |
 //! | [`survival`] | every law with every kind of fault |
 //!
 //! [`programs`] builds what is run; [`harness`] gives each test a place of its own and a watchdog, and
@@ -25,6 +27,7 @@
 //! makes a Python environment, `HIL_TEST_STRACE=1` wants `strace`.
 
 mod architecture;
+mod audit;
 mod cli;
 mod clocks;
 mod determinism;
@@ -41,5 +44,6 @@ mod live;
 mod mcap_reader;
 mod paper;
 mod programs;
+mod realtime_settings;
 mod recording;
 mod survival;

@@ -78,11 +78,15 @@ pub(crate) fn program(name: &str) -> PathBuf {
 
 /// The controller that does everything wrong, from `tests/examples`.
 pub(crate) fn misbehaving_controller() -> PathBuf {
+    controller_of_tests("misbehaving-controller")
+}
+
+/// A controller from `tests/examples`.
+pub(crate) fn controller_of_tests(name: &str) -> PathBuf {
     static BUILT: OnceLock<()> = OnceLock::new();
-    const NAME: &str = "misbehaving-controller";
     let profile = Profile::own();
-    BUILT.get_or_init(|| finish(profile.build().args(["-p", "tests", "--example", NAME])));
-    profile.folder().join("examples").join(NAME)
+    BUILT.get_or_init(|| finish(profile.build().args(["-p", "tests", "--examples"])));
+    profile.folder().join("examples").join(name)
 }
 
 /// `hil` of the other profile, if `HIL_TEST_RELEASE` asks for the minutes that its build may take.

@@ -7,6 +7,7 @@ pub mod config;
 pub mod doctor;
 pub mod inject;
 pub mod latency;
+pub mod realtime;
 pub mod recordings;
 pub mod run;
 
@@ -102,7 +103,7 @@ impl CommandLine {
 }
 
 /// The binaries of a run.
-#[derive(Debug, Default, Args)]
+#[derive(Clone, Debug, Default, Args)]
 pub struct BinaryArguments {
     /// A plant process other than the one beside hil
     #[arg(long, value_name = "PATH")]

@@ -15,13 +15,16 @@
 //! finds where two runs differ, [`repetition`] makes the scenario that repeats one, live faults
 //! included, and [`rerun`] runs that.
 //!
-//! [`doctor`] judges the machine that it all runs on, [`latency`] measures the loop on it. [`config`] and [`sessions`] are the commands
-//! around it, [`folder`] is where a run is written,
-//! [`duration`] how times are typed, [`output`] and [`interruption`] are its ways to and from the
+//! `audit` repeats a run under conditions that must not matter, `missed` finds what came too late in
+//! a recorded one.
+//!
+//! [`doctor`] judges the machine that it all runs on, [`latency`] measures the loop on it. [`config`]
+//! and [`sessions`] are the commands around it, [`folder`] is where a run is written, [`duration`] how times are typed, [`output`] and [`interruption`] are its ways to and from the
 //! terminal. Nothing here runs on the loop but the plant and law of [`latency`] that do nothing.
 
 use std::io::IsTerminal;
 
+mod audit;
 pub mod binaries;
 pub mod cli;
 pub mod clock;

@@ -64,11 +64,16 @@ impl Progress {
         });
     }
 
+    /// Writes something beside the bar.
+    pub fn tell(&self, text: &str) {
+        self.bar.suspend(|| eprintln!("{text}"));
+    }
+
     /// All steps before this one are done.
     pub fn set(&mut self, next_step: u64) {
         self.bar.set_position(next_step);
         if let Some(pause) = self.pause.take_if(|pause| next_step >= pause.step.0) {
-            self.bar.suspend(|| eprintln!("{}", pause.notice));
+            self.tell(&pause.notice);
         }
     }
 }

@@ -17,6 +17,7 @@ use hil_config::plan::Plan;
 use shared_types::clock::monotonic_ns;
 use shared_types::digest::Digest;
 use shared_types::record::{Event, RecordLayout, RunEnd};
+use shared_types::session::SessionInfo;
 use shared_types::stream::{Item, RecordSource};
 use shared_types::time::Step;
 
@@ -24,9 +25,14 @@ use crate::cli::run::Compression;
 use crate::faults::{FaultLog, LiveFault};
 use crate::latency::{Latency, LatencySummary};
 use crate::recording::{Provenance, Recording};
+use crate::run::realtime;
 
-/// How long to sleep when nothing came: a fraction of what the stream's buffer holds.
-const IDLE: Duration = Duration::from_micros(500);
+/// How often it is looked whether the stream is there.
+const LOOK: Duration = Duration::from_micros(500);
+/// How long to sleep when nothing is left to take: well below the time in which the fastest loop
+/// fills the stream's buffer, so that it is not held back. Each waking takes a core from the loop for
+/// some microseconds more than its records cost.
+const NAP: Duration = Duration::from_millis(4);
 
 /// Where and how a recording is written.
 #[derive(Clone, Debug)]
@@ -37,6 +43,8 @@ pub struct RecordingPlan {
     pub compression: Compression,
     /// What it says of the run.
     pub provenance: Provenance,
+    /// Where both sides tell what they run with, before the first record.
+    pub session: SessionInfo,
 }
 
 /// What the recorder has at the end.
@@ -106,7 +114,7 @@ impl Recorder {
                         break;
                     }
                     Ok(None) if theirs.finish.load(Ordering::Acquire) => break,
-                    Ok(None) => std::thread::sleep(IDLE),
+                    Ok(None) => std::thread::sleep(LOOK),
                     Err(error) => {
                         work.fail(format!("cannot attach to the record stream: {error}"));
                         break;
@@ -204,6 +212,9 @@ impl Work {
             Ok(evaluation) => self.evaluation = Some(evaluation),
             Err(error) => self.fail(format!("cannot evaluate the scenario: {error}")),
         }
+        if let Some(plan) = &mut self.recording_plan {
+            (plan.provenance.facts).extend(realtime::facts(&plan.session));
+        }
         if let Some(plan) = &self.recording_plan {
             match Recording::create(&plan.path, plan.compression, &layout, &plan.provenance) {
                 Ok(recording) => self.recording = Some(recording),
@@ -227,7 +238,7 @@ impl Work {
             let finishing = self.shared.finish.load(Ordering::Acquire);
             match source.drain(&mut |item| self.take(item)) {
                 Ok(0) if finishing => break,
-                Ok(0) => std::thread::sleep(IDLE),
+                Ok(0) => std::thread::sleep(NAP),
                 Ok(_) => {}
                 Err(failed) => {
                     error = Some(format!("the record stream failed: {failed}"));
@@ -321,15 +332,16 @@ impl Work {
         }
     }
 
-    fn note(&mut self, written: mcap::McapResult<()>) {
+    fn note(&mut self, written: std::io::Result<()>) {
         if let Err(error) = written {
             self.recording = None;
             let path = self
                 .recording_plan
                 .as_ref()
                 .map(|plan| plan.path.display().to_string());
+            let step = self.shared.next_step.load(Ordering::Relaxed);
             self.fail(format!(
-                "cannot write {}: {}",
+                "cannot write {} before step {step}: {}",
                 path.unwrap_or_default(),
                 causes(&error)
             ));

@@ -6,30 +6,31 @@
 //! `publish_time` the monotonic clock. Chunks are closed on a time budget, so that what a killed
 //! process loses is bounded in time.
 
-use std::borrow::Cow;
-use std::collections::BTreeMap;
-use std::fmt::Write as _;
-use std::fs::File;
-use std::io::BufWriter;
-use std::path::Path;
-use std::time::{Duration, Instant};
+mod chunk;
+mod lz4;
+mod mcap_file;
+mod schema;
 
-use mcap::records::MessageHeader;
-use mcap::{Attachment, McapResult, WriteOptions, Writer};
-use shared_types::record::{Event, GROUPS, RECORD_VERSION, RecordLayout, RecordView, Timing};
-use shared_types::zerocopy::IntoBytes;
+use std::collections::BTreeMap;
+use std::io;
+use std::path::Path;
+use std::time::Duration;
+
+use mcap::records::{AttachmentHeader, MessageHeader, Metadata};
+use shared_types::record::{Event, RECORD_VERSION, RecordLayout, RecordView};
 
 use crate::cli::run::Compression;
+use chunk::Chunk;
+use mcap_file::McapFile;
+pub(crate) use schema::RULER;
 
 /// Longest time that a chunk stays open.
 const CHUNK_TIME: Duration = Duration::from_millis(100);
-/// Largest chunk in bytes.
-const CHUNK_BYTES: u64 = 1 << 20;
-/// CDR, little-endian, no options.
-const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
-/// Line between the parts of a `ros2msg` schema.
-pub(crate) const RULER: &str =
-    "================================================================================";
+/// A chunk of so many bytes is closed. With the message that makes it full it stays far below the
+/// 4 MiB of an LZ4 block.
+const CHUNK_BYTES: usize = 1 << 20;
+/// Channels: records and events.
+const CHANNELS: u16 = 2;
 
 /// A text file that travels in the recording.
 #[derive(Clone, Debug)]
@@ -53,11 +54,10 @@ pub struct Provenance {
 
 /// A recording being written.
 pub struct Recording {
-    writer: Writer<BufWriter<File>>,
+    file: McapFile,
     records: u16,
     events: u16,
-    message: Vec<u8>,
-    chunk_since: Instant,
+    chunk: Chunk,
     last_time_ns: u64,
     sequence: u32,
 }
@@ -72,44 +72,33 @@ impl Recording {
         compression: Compression,
         layout: &RecordLayout,
         provenance: &Provenance,
-    ) -> McapResult<Self> {
-        let compression = match compression {
-            Compression::None => None,
-            Compression::Lz4 => Some(mcap::Compression::Lz4),
-            Compression::Zstd => Some(mcap::Compression::Zstd),
-        };
-        let mut writer = WriteOptions::new()
-            .profile("ros2")
-            .library(concat!("hil ", env!("CARGO_PKG_VERSION")))
-            .compression(compression)
-            .chunk_size(Some(CHUNK_BYTES))
-            .create(BufWriter::with_capacity(1 << 16, File::create(path)?))?;
-        writer.write_metadata(&mcap::records::Metadata {
+    ) -> io::Result<Self> {
+        let library = concat!("hil ", env!("CARGO_PKG_VERSION"));
+        let mut file = McapFile::create(path, "ros2", library)?;
+        file.metadata(Metadata {
             name: "hil.run".into(),
             metadata: provenance.facts.clone(),
         })?;
         for enclosure in &provenance.enclosures {
-            writer.attach(&Attachment {
+            let header = AttachmentHeader {
                 log_time: 0,
                 create_time: 0,
                 name: enclosure.name.into(),
                 media_type: enclosure.media_type.into(),
-                data: Cow::Borrowed(enclosure.text.as_bytes()),
-            })?;
+            };
+            file.attachment(header, enclosure.text.as_bytes())?;
         }
-        let nothing = BTreeMap::new();
-        let schema =
-            writer.add_schema("hil_msgs/msg/Record", "ros2msg", schema(layout).as_bytes())?;
+        let schema = schema::record(layout);
+        let schema = file.schema("hil_msgs/msg/Record", "ros2msg", schema.as_bytes())?;
         let version = BTreeMap::from([("version".into(), RECORD_VERSION.to_string())]);
-        let records = writer.add_channel(schema, "/record", "cdr", &version)?;
-        let schema = writer.add_schema("hil.Event", "jsonschema", EVENT_SCHEMA.as_bytes())?;
-        let events = writer.add_channel(schema, "/events", "json", &nothing)?;
+        let records = file.channel(schema, "/record", "cdr", version)?;
+        let schema = file.schema("hil.Event", "jsonschema", schema::EVENT.as_bytes())?;
+        let events = file.channel(schema, "/events", "json", BTreeMap::new())?;
         Ok(Self {
-            writer,
+            file,
             records,
             events,
-            message: Vec::new(),
-            chunk_since: Instant::now(),
+            chunk: Chunk::new(compression, CHANNELS)?,
             last_time_ns: 0,
             sequence: 0,
         })
@@ -119,10 +108,7 @@ impl Recording {
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn record(&mut self, words: &[u64], view: &RecordView<'_>) -> McapResult<()> {
-        self.message.clear();
-        self.message.extend(ENCAPSULATION);
-        self.message.extend(words.as_bytes());
+    pub fn record(&mut self, words: &[u64], view: &RecordView<'_>) -> io::Result<()> {
         self.last_time_ns = view.timing.time_ns;
         let header = MessageHeader {
             channel_id: self.records,
@@ -130,14 +116,15 @@ impl Recording {
             log_time: view.timing.time_ns,
             publish_time: view.timing.published_ns,
         };
-        self.writer.write_to_known_channel(&header, &self.message)
+        self.chunk.record(&header, words);
+        self.close_if(self.chunk.bytes() >= CHUNK_BYTES)
     }
 
     /// Writes an event.
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn event(&mut self, event: &Event, time_ns: Option<u64>, now_ns: u64) -> McapResult<()> {
+    pub fn event(&mut self, event: &Event, time_ns: Option<u64>, now_ns: u64) -> io::Result<()> {
         self.sequence += 1;
         let header = MessageHeader {
             channel_id: self.events,
@@ -145,18 +132,21 @@ impl Recording {
             log_time: time_ns.unwrap_or(self.last_time_ns),
             publish_time: now_ns,
         };
-        let json = serde_json::to_vec(event).map_err(std::io::Error::from)?;
-        self.writer.write_to_known_channel(&header, &json)
+        self.chunk.message(&header, &serde_json::to_vec(event)?);
+        self.close_if(self.chunk.bytes() >= CHUNK_BYTES)
     }
 
     /// Closes the chunk if it was open for long enough.
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn keep_up(&mut self) -> McapResult<()> {
-        if self.chunk_since.elapsed() >= CHUNK_TIME {
-            self.writer.flush()?;
-            self.chunk_since = Instant::now();
+    pub fn keep_up(&mut self) -> io::Result<()> {
+        self.close_if(self.chunk.age() >= CHUNK_TIME)
+    }
+
+    fn close_if(&mut self, is_due: bool) -> io::Result<()> {
+        if is_due {
+            self.file.chunk(&mut self.chunk)?;
         }
         Ok(())
     }
@@ -165,98 +155,15 @@ impl Recording {
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn finish(mut self, result: BTreeMap<String, String>) -> McapResult<()> {
-        let metadata = mcap::records::Metadata {
+    pub fn finish(mut self, result: BTreeMap<String, String>) -> io::Result<()> {
+        self.file.chunk(&mut self.chunk)?;
+        self.file.metadata(Metadata {
             name: "hil.result".into(),
             metadata: result,
-        };
-        self.writer.write_metadata(&metadata)?;
-        self.writer.finish()?;
-        self.writer
-            .into_inner()
-            .into_inner()
-            .map_err(std::io::IntoInnerError::into_error)?
-            .sync_all()?;
-        Ok(())
+        })?;
+        self.file.finish()
     }
 }
-
-/// The schema of a record: a message of words with one nested message for each group of signals.
-/// An empty group has no message, because an empty message takes a byte in CDR.
-fn schema(layout: &RecordLayout) -> String {
-    let mut text = String::from("uint64 step\n");
-    let mut nested = String::new();
-    let sample_words = layout.sample_validity_words();
-    let command_words = layout.command_validity_words();
-    // Writing to a string cannot fail.
-    let _ = writeln!(text, "uint64[{sample_words}] sample_invalid");
-    let _ = writeln!(text, "uint64[{command_words}] command_invalid");
-    for (group, fields) in GROUPS.iter().zip(layout.groups()) {
-        if fields.is_empty() {
-            continue;
-        }
-        let (first, rest) = group.split_at(1);
-        let message = format!("{}{rest}", first.to_uppercase());
-        let _ = writeln!(text, "hil_msgs/{message} {group}");
-        let _ = writeln!(nested, "{RULER}\nMSG: hil_msgs/{message}");
-        for field in fields {
-            let told = field.description.replace('\n', " ");
-            // Groups of parameters have a dot, which the names of this language may not.
-            let name = field.name.replace('.', "_");
-            let _ = writeln!(nested, "float64 {name} # [{}] {told}", field.unit);
-        }
-    }
-    for name in Timing::NAMES {
-        let _ = writeln!(text, "uint64 {name}");
-    }
-    text + &nested
-}
-
-/// Events are few and differ in form; the schema says what all have.
-const EVENT_SCHEMA: &str = r#"{
-  "$schema": "https://json-schema.org/draft/2020-12/schema",
-  "title": "hil.Event",
-  "type": "object",
-  "properties": {
-    "event": {
-      "enum": ["accepted", "fault", "fault-ended", "end"],
-      "description": "accepted: a live fault was accepted; fault: one took hold of a target; fault-ended: it let go; end: the run ended"
-    },
-    "step": {"type": "integer", "description": "the next step, the first with the fault, the first without it"}
-  },
-  "required": ["event"]
-}"#;
 
 #[cfg(test)]
-mod tests {
-    use shared_types::table::Field;
-
-    use super::*;
-
-    #[test]
-    fn a_schema_has_a_message_for_each_group_that_has_signals() {
-        let angle = Field::signal("angle_rad", "rad", "The angle.");
-        let layout = RecordLayout {
-            truth: vec![angle.clone()],
-            command: vec![angle],
-            command_signals: 1,
-            ..RecordLayout::default()
-        };
-        let text = schema(&layout);
-        let (head, nested) = text.split_once(RULER).expect("nested messages");
-        let fields: Vec<&str> = head.lines().take(6).collect();
-        assert_eq!(
-            fields,
-            [
-                "uint64 step",
-                "uint64[1] sample_invalid",
-                "uint64[1] command_invalid",
-                "hil_msgs/Truth truth",
-                "hil_msgs/Command command",
-                "hil_msgs/Applied applied",
-            ]
-        );
-        assert!(nested.contains("MSG: hil_msgs/Truth\nfloat64 angle_rad # [rad] The angle.\n"));
-        assert!(!text.contains("Internal"));
-    }
-}
+mod tests;

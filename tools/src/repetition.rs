@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use hil_config::plan::{Condition, FaultEnd, FaultEvent, Plan, Trigger};
+use hil_config::plan::{Condition, FaultEnd, FaultEvent, Plan, Realtime, Trigger};
 use hil_config::scenario::Scenario;
 use hil_config::show;
 use plant_process::repeat::Missed;
@@ -135,6 +135,14 @@ impl RecordedRun {
             plant,
             controller,
         })
+    }
+
+    /// The same without what it asked of its machine: times are not repeated, and another machine
+    /// may not have those cores.
+    #[must_use]
+    pub fn for_any_machine(mut self) -> Self {
+        self.plan.realtime = Realtime::default();
+        self
     }
 
     /// The scenario that repeats it.

@@ -18,7 +18,7 @@ use crate::{config, output, run_reader};
 /// If the run cannot be read or repeated.
 pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
     let options = &arguments.options;
-    let recorded = RecordedRun::read(&arguments.run)?;
+    let recorded = RecordedRun::read(&arguments.run)?.for_any_machine();
     let shown = arguments.run.display();
     if recorded.lost > 0 {
         let lost = recorded.lost;

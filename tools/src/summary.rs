@@ -17,6 +17,7 @@ use crate::latency::Legs;
 use crate::latency::grade::Graded;
 use crate::latency::spikes::Spike;
 use crate::run::Ended;
+use crate::run::realtime::Realtime;
 
 /// Version of the summary.
 const SCHEMA: u32 = 1;
@@ -50,6 +51,7 @@ pub struct Summary {
     spikes: Vec<Spike>,
     /// What the loop is good for; null if nothing was exchanged.
     grade: Option<Graded>,
+    realtime: Realtime,
     recording: Recording,
     rejected_frames: u64,
     controller: Program,
@@ -134,6 +136,7 @@ impl Summary {
         session: &SessionInfo,
         evidence: &'static str,
         recorded_to: Option<&'static str>,
+        realtime: Realtime,
         ended: &Ended,
     ) -> Self {
         let recorded = &ended.recorded;
@@ -182,6 +185,7 @@ impl Summary {
             latency_ns: recorded.latency.legs,
             spikes: recorded.latency.spikes.clone(),
             grade: recorded.latency.grade,
+            realtime,
             recording: Recording {
                 file: recorded_to,
                 records: recorded.records,
@@ -230,6 +234,7 @@ impl Summary {
         }
         self.write_metrics(text, plan)?;
         self.write_latency(text)?;
+        writeln!(text, "  {}", self.realtime.told())?;
         if let Some(digest) = &self.digest {
             writeln!(text, "  digest {digest}")?;
         }

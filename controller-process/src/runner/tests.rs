@@ -84,6 +84,7 @@ fn job(rate_divisor: u32, command_delay_steps: u32) -> Job {
         rate: Rate::new(10.0).expect("legal"),
         rate_divisor,
         command_delay_steps,
+        realtime: shared_types::realtime::Settings::default(),
         wait_limit_s: 1.0,
     }
 }

@@ -56,6 +56,18 @@ const CASES: &[Case] = &[
     ("seed = 7", "seed = ^9223372036854775808", WrongType, &["a number that is too large"]),
     ("\"lockstep\"", "^\"walltime\"", UnknownName, &["`run.clock` is `walltime`", "`lockstep`, `paced`"]),
     ("pace = 1.0", "pace = ^0", OutOfRange, &["`run.pace` is 0"]),
+    // [realtime]
+    ("plant_core = 2", "^plant_cores = [2]", UnknownKey, &["unknown key `plant_cores` in `realtime`", "nearest: `plant_core`"]),
+    ("plant_core = 2", "plant_core = ^[2, 3]", WrongType, &["`realtime.plant_core` is a list", "a whole number from 0 to 1023"]),
+    ("controller_core = 3", "controller_core = ^-1", OutOfRange, &["`realtime.controller_core` is -1", "from 0 to 1023"]),
+    ("priority = 80", "priority = ^99", OutOfRange, &["`realtime.priority` is 99", "a whole number from 0 to 98"]),
+    ("lock_memory = true", "lock_memory = ^1", WrongType, &["`realtime.lock_memory` is a number", "expected: true or false"]),
+    ("prefault = false", "prefault = ^\"all\"", WrongType, &["`realtime.prefault` is text", "true or false"]),
+    ("dma_latency_us = 20", "dma_latency_us = ^-1", OutOfRange, &["`realtime.dma_latency_us` is -1", "from 0 to"]),
+    ("wait = \"spin\"", "wait = ^\"sleep\"", UnknownName, &["`realtime.wait` is `sleep`", "`hybrid`, `spin`, `yield`"]),
+    ("controller_core = 3\nrecorder_core = 0\npriority = 80\nlock_memory = true\nprefault = false\ndma_latency_us = 20\nwait = \"spin\"", "controller_core = 2\nwait = ^\"spin\"", Mismatch, &["plant and controller share core 2", "`yield` or `hybrid`"]),
+    ("recorder_core = 0", "recorder_core = ^3", Mismatch, &["core 3 belongs to a loop of priority 80", "a core without one"]),
+    ("[realtime]\nplant_core = 2\ncontroller_core = 3\nrecorder_core = 0\npriority = 80\nlock_memory = true\nprefault = false\ndma_latency_us = 20\nwait = \"spin\"", "^[[realtime]]\npriority = 80", WrongType, &["`realtime` is a list", "a table"]),
     // [plant]
     ("model = \"drhas\"", "^moddel = 1\nmodel = \"drhas\"", UnknownKey, &["`moddel` in `plant`", "nearest: `model`"]),
     ("model = \"drhas\"", "model = ^\"dhras\"", UnknownName, &["unknown plant `dhras`", "`drhas`, `spring-mass`", "nearest: `drhas`"]),

@@ -1,11 +1,13 @@
 //! Right scenarios and what they mean.
 
 use hil_config::plan::{
-    Clock, FaultAction, FaultEffect, FaultEnd, FaultSource, Move, Plan, Profile, Trigger, Waveform,
+    Clock, FaultAction, FaultEffect, FaultEnd, FaultSource, Move, Plan, Profile, Realtime, Trigger,
+    Waveform,
 };
 use proptest::prelude::*;
 use shared_types::describe::{Operation, Settings};
 use shared_types::time::{Rate, Step};
+use shared_types::wait::WaitStrategy;
 
 use crate::{BASE, base_with, check, descriptions, parse, plan};
 
@@ -19,6 +21,7 @@ fn the_base_means_what_it_says() {
         name,
         description,
         run,
+        realtime,
         plant,
         controller,
         stimuli,
@@ -32,6 +35,21 @@ fn the_base_means_what_it_says() {
     );
     assert_eq!((run.rate, run.steps, run.seed), (rate(1000.0), 2000, 7));
     assert_eq!(run.clock, Clock::Lockstep);
+
+    let wanted = Realtime {
+        plant_core: Some(2),
+        controller_core: Some(3),
+        recorder_core: Some(0),
+        priority: 80,
+        lock_memory: true,
+        prefault: false,
+        dma_latency_us: Some(20),
+        wait: WaitStrategy::Spin,
+    };
+    assert_eq!(realtime, wanted);
+    let (ours, theirs) = (realtime.plant(), realtime.controller());
+    assert_eq!((ours.core, ours.peer_core), (Some(2), Some(3)));
+    assert_eq!((theirs.core, theirs.peer_core), (Some(3), Some(2)));
 
     assert_eq!((plant.model.as_str(), plant.substeps), ("drhas", 2));
     assert_eq!(plant.parameters.0.len(), 7);

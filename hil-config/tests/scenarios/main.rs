@@ -32,6 +32,16 @@ seed = 7
 clock = "lockstep"
 pace = 1.0
 
+[realtime]
+plant_core = 2
+controller_core = 3
+recorder_core = 0
+priority = 80
+lock_memory = true
+prefault = false
+dma_latency_us = 20
+wait = "spin"
+
 [plant]
 model = "drhas"
 substeps = 2

@@ -106,6 +106,14 @@ fn the_schema_knows_ranges_defaults_and_names() {
         55.0
     );
     assert_eq!(at(&format!("{parameters}/piston_mass_kg/minimum")), 0.001);
+    let realtime = "/properties/realtime/properties";
+    assert_eq!(at(&format!("{realtime}/priority/maximum")), 98);
+    assert_eq!(at(&format!("{realtime}/prefault/type")), "boolean");
+    assert_eq!(at(&format!("{realtime}/prefault/default")), false);
+    assert_eq!(
+        at(&format!("{realtime}/wait/enum")),
+        json!(["hybrid", "spin", "yield"])
+    );
     // Both laws named pid.
     let pid = "/properties/controller/properties/pid/properties";
     assert_eq!(at(&format!("{pid}/gain_a_per_m/default")), 90.0);

@@ -21,6 +21,7 @@ fn what_is_shown_means_the_same() {
     let texts = [
         BASE.to_owned(),
         base_with("\"lockstep\"", "\"paced\""),
+        base_with("plant_core = 2\n", "").replace("dma_latency_us = 20\n", ""),
         base_with("law = \"ftsc\"", "law = \"hold\"")
             .replace("internal.fault_detected", "truth.force_fight_n"),
         base_with(

@@ -16,7 +16,7 @@ use shared_types::stream::{Item, RecordSource};
 use shared_types::supervision::Supervision;
 use shared_types::table::Table;
 use shared_types::time::Rate;
-use shared_types::wait::WaitLimit;
+use shared_types::wait::{WaitLimit, Waiter};
 
 use super::*;
 use crate::faults::kinds;
@@ -157,6 +157,7 @@ fn job(steps: u64) -> Job {
         missed: vec![],
         pause_at_s: None,
         observed: true,
+        realtime: shared_types::realtime::Settings::default(),
         wait_limit_s: 1.0,
     }
 }
@@ -480,7 +481,7 @@ fn what_a_controller_confirmed_before_it_ended_counts() {
     controller.borrow_mut().open_frames(&spec).expect("opens");
     say(Control::Ready { epoch: 1 });
     let limit = WaitLimit::from_seconds(60.0);
-    crate::program::drive(&mut engine, limit, &supervision).expect("drives");
+    crate::program::drive(&mut engine, Waiter::new(limit), &supervision).expect("drives");
     let end = engine.end().expect("over");
     assert_eq!(
         (end.outcome, end.reason.as_deref()),

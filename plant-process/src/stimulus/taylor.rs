@@ -9,6 +9,21 @@ use std::ops::{Add, Mul, Neg};
 /// Highest derivative.
 const ORDER: usize = 5;
 
+/// Does something for each order from 1 on, which is a constant there: the compiler does not unroll the
+/// triangle of a recurrence by itself.
+macro_rules! for_each_order {
+    ($k:ident => $body:block) => {
+        for_each_order!($k => $body, 1 2 3 4 5)
+    };
+    ($k:ident => $body:block, $($order:literal)*) => {
+        $({
+            let $k: usize = $order;
+            $body
+        })*
+        const { assert!([$($order),*].len() == ORDER) }
+    };
+}
+
 /// A function near an instant, as the coefficients of `c0 + c1 s + .. + c5 s^5` in the time `s`
 /// since then.
 #[derive(Clone, Copy, Debug)]
@@ -35,9 +50,9 @@ impl Taylor {
     #[inline]
     pub(super) fn sin(&self) -> Self {
         let u = &self.0;
-        let (mut s, mut c) = ([0.0; ORDER + 1], [0.0; ORDER + 1]);
+        let (mut s, c) = ([0.0; ORDER + 1], &mut [0.0; ORDER + 1]);
         (s[0], c[0]) = libm::sincos(u[0]);
-        for k in 1..=ORDER {
+        for_each_order!(k => {
             let (mut s_k, mut c_k) = (0.0, 0.0);
             for j in 1..=k {
                 let weight = j as f64 * u[j];
@@ -45,7 +60,7 @@ impl Taylor {
                 c_k -= weight * s[k - j];
             }
             (s[k], c[k]) = (s_k / k as f64, c_k / k as f64);
-        }
+        });
         Self(s)
     }
 
@@ -62,13 +77,13 @@ impl Taylor {
             (exp - 1.0, exp)
         };
         let mut e = [exp, 0.0, 0.0, 0.0, 0.0, 0.0];
-        for k in 1..=ORDER {
+        for_each_order!(k => {
             let mut e_k = 0.0;
             for j in 1..=k {
                 e_k += j as f64 * u[j] * e[k - j];
             }
             e[k] = e_k / k as f64;
-        }
+        });
         e[0] = less_one;
         Self(e)
     }
@@ -80,13 +95,13 @@ impl Taylor {
         let Self(mut g) = *self * *self;
         g[0] += 1.0;
         let mut y = [libm::atan(u[0]), 0.0, 0.0, 0.0, 0.0, 0.0];
-        for k in 1..=ORDER {
+        for_each_order!(k => {
             let mut y_k = k as f64 * u[k];
             for j in 1..k {
                 y_k -= j as f64 * y[j] * g[k - j];
             }
             y[k] = y_k / (k as f64 * g[0]);
-        }
+        });
         Self(y)
     }
 }

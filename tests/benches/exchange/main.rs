@@ -8,82 +8,34 @@
 //! - the project's link between two processes, with frames sealed, summed and checked.
 //!
 //! The plant's side reads the clock before it sends and when the answer is there, so that each trip
-//! contains one reading of the clock. All wait alike, with the project's `Waiter`: 64 polls, then
-//! yield after each, on one core yield at once. There is no time limit on any number.
+//! contains one reading of the clock. All wait alike, as the project's processes do. There is no
+//! time limit on any number. `HIL_BENCH_QUICK=1` only tries whether it works.
 
 #[path = "../measure.rs"]
 mod measure;
-mod patterns;
-mod peer;
-mod raw;
+#[path = "../round_trips/mod.rs"]
+mod round_trips;
 
 use serde_json::json;
 
-use self::measure::{Bystanders, cores, machine, median};
-use self::peer::Where;
+use self::measure::{Bystanders, cores, machine, median, rounds, shortened};
+use self::round_trips::{COMMAND_BYTES, Exchange, Place, Round, SAMPLE_BYTES, Wait};
 
-/// Rounds, of which medians are taken.
-const ROUNDS: usize = 5;
 /// Trips of a round, with both ends on cores of their own and with both on one.
-const TRIPS: usize = 100_000;
-const TRIPS_ON_ONE_CORE: usize = 10_000;
+const TRIPS: u64 = 100_000;
+const TRIPS_ON_ONE_CORE: u64 = 10_000;
 
 /// What is measured.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Exchange {
-    Raw,
-    Blackboard,
-    PublishSubscribe,
-    RequestResponse,
-    Link,
-}
-
-impl Exchange {
-    const ALL: [Self; 5] = [
-        Self::Raw,
-        Self::Blackboard,
-        Self::PublishSubscribe,
-        Self::RequestResponse,
-        Self::Link,
-    ];
-
-    const fn name(self) -> &'static str {
-        match self {
-            Self::Raw => "raw shared memory, two threads",
-            Self::Blackboard => "iceoryx2 blackboard",
-            Self::PublishSubscribe => "iceoryx2 publish-subscribe",
-            Self::RequestResponse => "iceoryx2 request-response",
-            Self::Link => "the project's link (on blackboard)",
-        }
-    }
-
-    fn named(name: &str) -> Option<Self> {
-        Self::ALL
-            .into_iter()
-            .find(|exchange| exchange.name() == name)
-    }
-}
-
-/// Percentiles of one round in ns.
-#[derive(Clone, Copy)]
-struct Round {
-    p50: f64,
-    p99: f64,
-}
-
-impl Round {
-    fn of(mut trips_ns: Vec<u64>) -> Self {
-        trips_ns.sort_unstable();
-        let at = |share: f64| trips_ns[(share * (trips_ns.len() - 1) as f64) as usize] as f64;
-        Self {
-            p50: at(0.5),
-            p99: at(0.99),
-        }
-    }
-}
+const EXCHANGES: [Exchange; 5] = [
+    Exchange::Raw,
+    Exchange::Blackboard,
+    Exchange::PublishSubscribe,
+    Exchange::RequestResponse,
+    Exchange::Link,
+];
 
 fn main() {
-    if peer::answered() {
+    if round_trips::answered() {
         return;
     }
     // `cargo test --all-targets` starts benches too, without this argument.
@@ -93,40 +45,41 @@ fn main() {
     }
     println!("machine: {}", machine());
     println!(
-        "payload: {} bytes there (frame of 32 signals), {} bytes back (frame of 16)\n",
-        8 * patterns::SAMPLE_WORDS,
-        8 * patterns::COMMAND_WORDS
+        "payload: {SAMPLE_BYTES} bytes there (frame of 32 signals), {COMMAND_BYTES} bytes back \
+         (frame of 16)\n"
     );
     let cores = cores();
-    if let [first, second, ..] = cores[..] {
-        compare(Where::new(&cores, first, second), TRIPS);
-    } else {
-        println!("only one core: no numbers for two\n");
+    match Place::apart(&cores) {
+        Some(place) => compare(place, shortened(TRIPS)),
+        None => println!("only one core: no numbers for two\n"),
     }
-    compare(Where::new(&cores, cores[0], cores[0]), TRIPS_ON_ONE_CORE);
+    compare(Place::together(&cores), shortened(TRIPS_ON_ONE_CORE));
 }
 
 /// Measures all exchanges in turns and prints them.
-fn compare(place: Where, trips: usize) {
+fn compare(place: Place<'_>, trips: u64) {
     let bystanders = Bystanders::watch();
-    let mut rounds: Vec<(Exchange, Vec<Round>)> = Exchange::ALL.map(|e| (e, Vec::new())).into();
-    for _ in 0..ROUNDS {
-        for (exchange, done) in &mut rounds {
-            done.push(Round::of(peer::measure(*exchange, place, trips)));
+    let mut done: Vec<(Exchange, Vec<Round>)> = EXCHANGES.map(|e| (e, Vec::new())).into();
+    for _ in 0..rounds() {
+        for (exchange, rounds) in &mut done {
+            rounds.push(round_trips::measure(*exchange, Wait::Hybrid, place, trips));
         }
     }
     let others = bystanders.share();
-    let p50_of = |exchange: Exchange| {
-        let (_, done) = &rounds[Exchange::ALL.iter().position(|e| *e == exchange)?];
-        Some(done.iter().map(|round| round.p50).collect::<Vec<f64>>())
-    };
-    let ratio = |to: Exchange, done: &[Round]| {
-        let base = p50_of(to).expect("every exchange was measured");
-        median(done.iter().zip(base).map(|(round, base)| round.p50 / base))
+    let ratio = |to: Exchange, rounds: &[Round]| {
+        let (_, base) = (done.iter().find(|(it, _)| *it == to)).expect("every one was measured");
+        median(
+            rounds
+                .iter()
+                .zip(base)
+                .map(|(own, base)| own.p50 / base.p50),
+        )
     };
 
     println!(
-        "{place}, {ROUNDS} rounds of {trips} trips, other programs took {:.0} % of the machine",
+        "{place}, {}, {} rounds of {trips} trips, other programs took {:.0} % of the machine",
+        Wait::Hybrid.at(place),
+        rounds(),
         100.0 * others
     );
     println!(
@@ -134,11 +87,11 @@ fn compare(place: Where, trips: usize) {
         "exchange", "p50 [ns]", "p99 [ns]", "to raw", "to blackboard"
     );
     let mut lines = Vec::new();
-    for (exchange, done) in &rounds {
-        let p50 = median(done.iter().map(|round| round.p50));
-        let p99 = median(done.iter().map(|round| round.p99));
-        let to_raw = ratio(Exchange::Raw, done);
-        let to_blackboard = ratio(Exchange::Blackboard, done);
+    for (exchange, rounds) in &done {
+        let p50 = median(rounds.iter().map(|round| round.p50));
+        let p99 = median(rounds.iter().map(|round| round.p99));
+        let to_raw = ratio(Exchange::Raw, rounds);
+        let to_blackboard = ratio(Exchange::Blackboard, rounds);
         let name = exchange.name();
         println!("{name:<36} {p50:>9.0} {p99:>9.0} {to_raw:>8.2} {to_blackboard:>14.2}");
         lines.push(json!({
@@ -152,9 +105,9 @@ fn compare(place: Where, trips: usize) {
     let line = json!({
         "bench": "exchange",
         "machine": machine(),
-        "cores": place.cores(),
-        "wait": place.wait(),
-        "rounds": ROUNDS,
+        "place": place.to_string(),
+        "wait": Wait::Hybrid.at(place),
+        "rounds": rounds(),
         "trips": trips,
         "others_share": others,
         "exchanges": lines,

@@ -12,16 +12,17 @@ use shared_types::record::RecordLayout;
 use shared_types::table::Field;
 use shared_types::time::{Rate, Step};
 
+use crate::ROUNDS;
+use crate::experiment::scenario_file;
 use crate::measure::median;
 use crate::programs::Programs;
-use crate::{ROUNDS, scenario};
 
 /// Steps of the layer alone.
 const STEPS: u64 = 1_000_000;
 
 /// Prints both tables.
 pub(crate) fn compare(programs: &Programs) {
-    let scenario = scenario();
+    let scenario = scenario_file();
     let scenario = scenario.to_str().expect("plain text");
     let folder = tempfile::TempDir::new().expect("a folder");
     let faulted = folder.path().join("ten.toml");

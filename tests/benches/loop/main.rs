@@ -12,6 +12,8 @@
 //! What is compared is measured in turns. There is no time limit on any number; how much of the
 //! machine other programs took meanwhile is printed beside them.
 
+#[path = "../experiment.rs"]
+mod experiment;
 mod faults;
 #[path = "../measure.rs"]
 mod measure;
@@ -21,16 +23,8 @@ mod programs;
 mod runs;
 mod steps;
 
-use std::path::Path;
-
 /// Rounds, of which medians are taken.
 const ROUNDS: usize = 5;
-
-/// The scenario of all but the null plant.
-fn scenario() -> std::path::PathBuf {
-    let tests = Path::new(env!("CARGO_MANIFEST_DIR"));
-    tests.join("../scenarios/severe-leakage.toml")
-}
 
 fn main() -> std::process::ExitCode {
     if let Some(code) = null::answered() {

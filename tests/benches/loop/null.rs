@@ -23,7 +23,7 @@ use shared_types::stream::RecordSink;
 use shared_types::supervision::Supervision;
 use shared_types::table::Field;
 use shared_types::time::{Interval, Rate};
-use shared_types::wait::WaitLimit;
+use shared_types::wait::{WaitLimit, Waiter};
 use tempfile::TempDir;
 
 use crate::ROUNDS;
@@ -167,6 +167,7 @@ fn unobserved(programs: &Path, size: usize) -> Figures {
         rate,
         rate_divisor: 1,
         command_delay_steps: 0,
+        realtime: shared_types::realtime::Settings::default(),
         wait_limit_s,
     };
     (info.write_file(controller_process::job::JOB_FILE, &controller_job)).expect("writes");
@@ -193,6 +194,7 @@ fn unobserved(programs: &Path, size: usize) -> Figures {
         missed: Vec::new(),
         pause_at_s: None,
         observed: false,
+        realtime: shared_types::realtime::Settings::default(),
         wait_limit_s,
     };
     let mut controller = Command::new(programs.join(CONTROLLER))
@@ -213,7 +215,7 @@ fn unobserved(programs: &Path, size: usize) -> Figures {
     let supervision = Supervision::new();
     let limit = WaitLimit::from_seconds(wait_limit_s);
     let since_ns = shared_types::clock::monotonic_ns();
-    plant_process::program::drive(&mut engine, limit, &supervision).expect("a run");
+    plant_process::program::drive(&mut engine, Waiter::new(limit), &supervision).expect("a run");
     let took_ns = (shared_types::clock::monotonic_ns() - since_ns) as f64;
     let reason = engine.end().and_then(|end| end.reason.clone());
     assert_eq!(reason, None, "the run ended early");

@@ -2,9 +2,10 @@
 
 use serde_json::{Value, json};
 
+use crate::ROUNDS;
+use crate::experiment::scenario_file;
 use crate::measure::{Bystanders, machine, median};
 use crate::programs::Programs;
-use crate::{ROUNDS, scenario};
 
 /// One way to run the scenario, and what came of it.
 struct Way {
@@ -36,7 +37,7 @@ impl Way {
 
 /// Runs the paper's scenario in every way and prints how fast it was.
 pub(crate) fn compare(programs: &Programs) {
-    let scenario = scenario();
+    let scenario = scenario_file();
     let scenario = scenario.to_str().expect("a path in UTF-8");
     let mut ways = [
         Way::new("two processes, lz4", &["--compression", "lz4"]),

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 
 use super::BinaryArguments;
+use super::realtime::RealtimeArguments;
 use crate::duration::seconds;
 use crate::exit::Failure;
 
@@ -15,6 +16,8 @@ Examples:
   hil run scenarios/severe-leakage.toml --set 'faults[0].effects[1].speed_per_s=2'
   hil run scenarios/spring-mass.toml --pace 1
   hil run scenarios/spring-mass.toml --clock realtime --set run.overrun=skip
+  hil run scenarios/spring-mass.toml --pace 1 --plant-core 2 --controller-core 3 --priority 80 --prefault
+  hil run my-scenario.toml --controller-bin target/release/my-controller --audit
   hil run scenarios/severe-leakage.toml --session demo --pause-at 7
   hil run scenarios/spring-mass.toml --controller-bin target/release/my-controller --json";
 
@@ -24,6 +27,10 @@ pub struct RunArguments {
     /// The scenario file
     #[arg(value_name = "SCENARIO.toml")]
     pub scenario: PathBuf,
+    /// Run it again under conditions that must not matter (other speeds, cores, busy cores, late
+    /// sides) and compare the digests
+    #[arg(long)]
+    pub audit: bool,
     /// How it is run
     #[command(flatten)]
     pub options: RunOptions,
@@ -41,7 +48,7 @@ pub struct RerunArguments {
 }
 
 /// How a scenario is run.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct RunOptions {
     /// What is changed in it
     #[command(flatten)]
@@ -81,7 +88,7 @@ pub struct RunOptions {
 }
 
 /// Changes to a scenario.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct Changes {
     /// Change a value of the scenario; may be given several times
     #[arg(long, value_name = "KEY=VALUE")]
@@ -92,6 +99,9 @@ pub struct Changes {
     /// Simulated seconds per second; implies --clock paced
     #[arg(long, value_name = "FACTOR", allow_negative_numbers = true)]
     pub pace: Option<f64>,
+    /// What is asked of the system
+    #[command(flatten)]
+    pub realtime: RealtimeArguments,
 }
 
 impl Changes {
@@ -118,6 +128,7 @@ impl Changes {
     #[must_use]
     pub fn as_set(&self) -> Vec<String> {
         let mut set = self.set.clone();
+        set.extend(self.realtime.as_set());
         let clock = match (self.clock, self.pace) {
             (None, None) => return set,
             (_, Some(_)) | (Some(ClockKind::Paced), None) => "paced",
@@ -164,6 +175,7 @@ pub enum Compression {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cli::realtime::WaitKind;
 
     #[test]
     fn a_pace_implies_the_paced_clock() {
@@ -172,6 +184,7 @@ mod tests {
                 set: vec!["a=1".into()],
                 clock,
                 pace,
+                realtime: RealtimeArguments::default(),
             }
             .as_set()
         };
@@ -183,6 +196,40 @@ mod tests {
         assert_eq!(
             changes(Some(ClockKind::Lockstep), None),
             ["a=1", "run.clock=lockstep"]
+        );
+    }
+
+    #[test]
+    fn each_real_time_flag_is_a_key_of_the_scenario() {
+        let changes = |realtime| Changes {
+            set: vec!["a=1".into()],
+            clock: None,
+            pace: None,
+            realtime,
+        };
+        let all = RealtimeArguments {
+            plant_core: Some(0),
+            controller_core: Some(1),
+            recorder_core: Some(2),
+            priority: Some(80),
+            lock_memory: true,
+            prefault: true,
+            dma_latency: Some(0),
+            wait: Some(WaitKind::Spin),
+        };
+        assert_eq!(
+            changes(all).as_set(),
+            [
+                "a=1",
+                "realtime.plant_core=0",
+                "realtime.controller_core=1",
+                "realtime.recorder_core=2",
+                "realtime.priority=80",
+                "realtime.lock_memory=true",
+                "realtime.prefault=true",
+                "realtime.dma_latency_us=0",
+                "realtime.wait=spin",
+            ]
         );
     }
 }

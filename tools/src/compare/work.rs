@@ -17,11 +17,30 @@ pub(super) struct Work {
     /// Whether signals were named; then nothing else counts.
     is_selected: bool,
     columns: Vec<Pair>,
+    /// The columns in the order in which a step makes them: what differs first has a cause there.
+    causal: Vec<usize>,
     only_in_a: Vec<String>,
     only_in_b: Vec<String>,
     first: Option<Difference>,
     /// Anything but the size of a signal differs.
     is_other: bool,
+}
+
+/// Where a word comes in a step: the sample, what the controller makes of it, what the plant makes of
+/// that, the truth that this meets, and what follows from these.
+fn rank(column: &str) -> usize {
+    let order = [
+        "sample_invalid",
+        "measured.",
+        "reference.",
+        "command_invalid",
+        "command.",
+        "internal.",
+        "applied.",
+        "truth.",
+    ];
+    let place = order.iter().position(|prefix| column.starts_with(prefix));
+    place.unwrap_or(order.len())
 }
 
 /// A word that both have.
@@ -100,9 +119,12 @@ impl Work {
         } else {
             (only(a, b), only(b, a))
         };
+        let mut causal: Vec<usize> = (0..columns.len()).collect();
+        causal.sort_by_key(|&index| rank(&columns[index].column.name));
         Ok(Self {
             rate,
             is_selected,
+            causal,
             columns,
             is_other: !only_in_a.is_empty() || !only_in_b.is_empty(),
             only_in_a,
@@ -127,8 +149,8 @@ impl Work {
                 self.note(step, "faults".into(), faults_a.into(), faults_b.into());
             }
         }
-        for index in 0..self.columns.len() {
-            let pair = &mut self.columns[index];
+        for place in 0..self.causal.len() {
+            let pair = &mut self.columns[self.causal[place]];
             let (word_a, word_b) = (a.words()[pair.a], b.words()[pair.b]);
             let is_signal = pair.column.is_signal();
             if is_signal {

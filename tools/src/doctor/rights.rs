@@ -18,7 +18,7 @@ const SYS_NICE: u32 = 23;
 const IPC_LOCK: u32 = 14;
 
 /// Both limits at once: whoever needs one needs the other.
-const LIMITS: &str = "printf '%s - rtprio 98\\n%s - memlock unlimited\\n' \"$USER\" \"$USER\" | \
+pub const LIMITS: &str = "printf '%s - rtprio 98\\n%s - memlock unlimited\\n' \"$USER\" \"$USER\" | \
     sudo tee /etc/security/limits.d/95-hil.conf # then log in again";
 
 /// Whether this user may run at real-time priority.

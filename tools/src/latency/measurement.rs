@@ -263,8 +263,7 @@ fn looped(
     let engine = Engine::new(&kind, &[], plant_job, link, meter);
     let mut engine = engine.map_err(Failure::infrastructure)?;
     let peer = Peer::start(&mut session, PeerWork::Controller { signals }, &supervision)?;
-    let limit = WaitLimit::from_seconds(WAIT_LIMIT_S);
-    let driven = plant_process::program::drive(&mut engine, limit, &supervision);
+    let driven = plant_process::program::drive(&mut engine, waiter(), &supervision);
     let end = engine.end().cloned();
     let ended = peer.end();
     if interruption.came() {

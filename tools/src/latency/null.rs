@@ -138,6 +138,7 @@ pub fn jobs(
         missed: Vec::new(),
         pause_at_s: None,
         observed: false,
+        realtime: shared_types::realtime::Settings::default(),
         wait_limit_s,
     };
     let controller = controller_process::job::Job {
@@ -150,6 +151,7 @@ pub fn jobs(
         rate,
         rate_divisor: 1,
         command_delay_steps: 0,
+        realtime: shared_types::realtime::Settings::default(),
         wait_limit_s: wait_limit_s + between_s,
     };
     (plant, controller)

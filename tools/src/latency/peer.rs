@@ -131,7 +131,7 @@ fn control(session: &SessionInfo, signals: usize, supervision: &Supervision) -> 
     let link = IceoryxLink::open(session).map_err(|e| e.to_string())?;
     let law = null::law(signals);
     let mut runner = Runner::new(&law, job, link).map_err(|e| e.to_string())?;
-    controller_process::program::drive(&mut runner, limit, supervision)
+    controller_process::program::drive(&mut runner, Waiter::new(limit), supervision)
         .map_err(|e| e.to_string())?;
     match runner.end() {
         Some(End::Completed { .. }) => Ok(()),

@@ -8,12 +8,14 @@ use plant_process::live::{self, LiveContext};
 use plant_process::program::HELD;
 use shared_types::link::{LinkError, in_process};
 use shared_types::lockstep::{ControllerEvent, PlantEvent};
+use shared_types::realtime::PLANT_FILE;
 use shared_types::record::{Outcome, RecordLayout, RunEnd};
 use shared_types::session::SessionInfo;
 use shared_types::stream::{self, RecordSink};
 use shared_types::supervision::Supervision;
 use shared_types::wait::{WaitLimit, Waiter};
 
+use super::realtime::Watched;
 use super::{Ended, Prepared};
 use crate::exit::Failure;
 use crate::recorder::Recorder;
@@ -43,11 +45,17 @@ impl RecordSink for TellingSink {
     }
 }
 
-pub(super) fn run(prepared: &Prepared, session: &SessionInfo) -> Result<Ended, Failure> {
+pub(super) fn run(
+    prepared: &Prepared,
+    session: &SessionInfo,
+    realtime: &mut Watched,
+) -> Result<Ended, Failure> {
     let (sink, source) = stream::in_process::pair();
     let (tell, told) = std::sync::mpsc::channel();
     let (plan, recording) = (prepared.plan.clone(), prepared.recording.clone());
-    let recorder = Recorder::start(plan, recording, prepared.partial, || {
+    let core = realtime.recorder_core();
+    let recorder = Recorder::start(plan, recording, prepared.partial, move || {
+        core.apply();
         let mut source = Some(source);
         move || {
             Ok(told
@@ -74,6 +82,9 @@ pub(super) fn run(prepared: &Prepared, session: &SessionInfo) -> Result<Ended, F
             supervision.stop("the recorder failed");
         }
         progress.set(recorder.next_step());
+        if let Some(refused) = realtime.look() {
+            progress.tell(&refused);
+        }
         std::thread::sleep(Duration::from_millis(2));
     }
     drop(progress);
@@ -105,7 +116,7 @@ fn take_turns(
     sink: TellingSink,
     supervision: &Supervision,
 ) -> Result<RunEnd, String> {
-    let limit = WaitLimit::from_seconds(plant.wait_limit_s);
+    let (limit, settings) = (WaitLimit::from_seconds(plant.wait_limit_s), plant.realtime);
     let plants = plant_process::models::all();
     let kind = plants
         .iter()
@@ -120,7 +131,12 @@ fn take_turns(
     let mut engine = engine.map_err(|e| e.to_string())?;
     live::serve(session, context, engine.desk(), engine.workshop())?;
     let mut runner = Runner::new(law, controller, controller_link).map_err(|e| e.to_string())?;
-    turns(&mut engine, &mut runner, limit, supervision).map_err(|e| e.to_string())?;
+    // Both sides run in this thread: the plant's settings are those of both.
+    let report = settings.apply();
+    let told = session.write_file(PLANT_FILE, &report);
+    told.map_err(|e| e.to_string())?;
+    turns(&mut engine, &mut runner, report.waiter(limit), supervision)
+        .map_err(|e| e.to_string())?;
     engine
         .end()
         .cloned()
@@ -130,10 +146,9 @@ fn take_turns(
 fn turns<S: RecordSink>(
     engine: &mut Engine<in_process::InProcessLink, S>,
     runner: &mut Runner<'_, in_process::InProcessLink>,
-    limit: WaitLimit,
+    mut waiter: Waiter,
     supervision: &Supervision,
 ) -> Result<(), LinkError> {
-    let mut waiter = Waiter::new(limit);
     let desk = engine.desk();
     runner.begin()?;
     loop {
@@ -156,14 +171,14 @@ fn turns<S: RecordSink>(
                 waiter.done();
             }
             engine::Progress::Recorder => {
-                if waiter.pause() {
+                if waiter.nap() {
                     engine.recorder_late()?;
                 }
             }
             engine::Progress::Controller | engine::Progress::ControllerUntil(_) => {
                 // It had its turn; if nothing comes all the same, one of them is broken.
                 if waiter.pause() {
-                    engine.interrupt(&PlantEvent::Deadline(limit.ms()))?;
+                    engine.interrupt(&PlantEvent::Deadline(waiter.limit().ms()))?;
                 }
             }
         }

@@ -3,6 +3,7 @@
 
 mod in_process;
 mod processes;
+pub(crate) mod realtime;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -23,7 +24,7 @@ use crate::recorder::{Recorded, RecordingPlan};
 use crate::recording::{Enclosure, Provenance};
 use crate::run_reader::RECORDING;
 use crate::summary::Summary;
-use crate::{config, doctor, folder, output};
+use crate::{audit, config, doctor, folder, output};
 
 /// What both ways of running need.
 struct Prepared {
@@ -58,6 +59,7 @@ pub(crate) struct Ended {
 }
 
 /// What a run needs before its scenario is looked at.
+#[derive(Clone)]
 pub(crate) struct Setup {
     pub(crate) binaries: Binaries,
     interruption: Interruption,
@@ -79,6 +81,8 @@ pub(crate) struct Ran {
     pub(crate) partial_digest: Option<String>,
     /// Its recording, if it was recorded.
     pub(crate) recording: Option<PathBuf>,
+    /// From the first to the last record, in s.
+    pub(crate) wall_time_s: f64,
     /// The summary as a machine reads it.
     pub(crate) summary: String,
     /// The summary as a person reads it.
@@ -93,6 +97,9 @@ pub(crate) struct Ran {
 /// # Errors
 /// If the run could not be started, or its results not be written.
 pub fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
+    if arguments.audit {
+        return audit::audit(arguments);
+    }
     let options = &arguments.options;
     let setup = Setup::find(options)?;
     let plan = config::read(
@@ -163,6 +170,7 @@ pub(crate) fn execute(
             "--clock realtime needs two processes: in one thread no side can be late for the other; leave out --link in-process",
         ));
     }
+    realtime::check(&plan.realtime, options.link)?;
     let effective = config::show(&plan, &binaries)?;
 
     let mut session = Session::create(options.session.as_deref()).map_err(|error| match error {
@@ -191,6 +199,7 @@ pub(crate) fn execute(
         path: run_dir.join(RECORDING),
         compression: options.compression,
         provenance: provenance(&plan, &info, &binaries, evidence, &effective),
+        session: info.clone(),
     });
     let prepared = Prepared {
         plan,
@@ -201,10 +210,12 @@ pub(crate) fn execute(
         partial,
         interruption,
     };
+    let mut realtime = realtime::Watched::begin(prepared.plan.realtime, options.link, &info);
     let ended = match options.link {
-        LinkKind::Iceoryx2 => processes::run(&prepared, &mut session, &run_dir)?,
-        LinkKind::InProcess => in_process::run(&prepared, &info)?,
+        LinkKind::Iceoryx2 => processes::run(&prepared, &mut session, &run_dir, &mut realtime)?,
+        LinkKind::InProcess => in_process::run(&prepared, &info, &mut realtime)?,
     };
+    let realtime = realtime.end();
     drop(session);
 
     let recorded_to = (!options.no_record).then_some(RECORDING);
@@ -214,6 +225,7 @@ pub(crate) fn execute(
         &info,
         evidence,
         recorded_to,
+        realtime,
         &ended,
     );
     let json = serde_json::to_string_pretty(&summary).map_err(Failure::infrastructure)?;
@@ -225,6 +237,7 @@ pub(crate) fn execute(
             Outcome::Stopped if prepared.interruption.came() => Exit::Interrupted,
             Outcome::Stopped | Outcome::Failed => Exit::Infrastructure,
         },
+        wall_time_s: ended.recorded.wall_time_s,
         digest: ended.recorded.digest,
         partial_digest: ended.recorded.partial_digest,
         recording: recorded_to.map(|name| run_dir.join(name)),
@@ -239,7 +252,7 @@ fn absolute(path: &Path) -> PathBuf {
 }
 
 /// Writes a file whole or not at all.
-fn write(path: &Path, text: &str) -> Result<(), Failure> {
+pub(crate) fn write(path: &Path, text: &str) -> Result<(), Failure> {
     let part = path.with_extension("part");
     let written = std::fs::write(&part, text).and_then(|()| std::fs::rename(&part, path));
     written.map_err(|error| {
@@ -274,6 +287,7 @@ fn jobs(
         missed: Vec::new(),
         pause_at_s: options.pause_at,
         observed: true,
+        realtime: plan.realtime.plant(),
         wait_limit_s,
     };
     let controller = controller_process::job::Job {
@@ -286,6 +300,7 @@ fn jobs(
         rate: plan.run.rate,
         rate_divisor: plan.controller.rate_divisor,
         command_delay_steps: plan.controller.command_delay_steps,
+        realtime: plan.realtime.controller(),
         wait_limit_s: wait_limit_s + between_s,
     };
     (plant, controller)

@@ -15,6 +15,7 @@ use shared_types::session::{Session, SessionInfo};
 use shared_types::stream::iceoryx::{IceoryxSource, LAYOUT_FILE};
 use shared_types::supervision::{PEER_GONE, STOP};
 
+use super::realtime::Watched;
 use super::{Ended, Prepared};
 use crate::binaries::end_group;
 use crate::exit::Failure;
@@ -157,6 +158,7 @@ pub(super) fn run(
     prepared: &Prepared,
     session: &mut Session,
     run_dir: &Path,
+    realtime: &mut Watched,
 ) -> Result<Ended, Failure> {
     let info = session.info().clone();
     let binaries = &prepared.binaries;
@@ -170,7 +172,9 @@ pub(super) fn run(
         .map_err(Failure::infrastructure)?;
 
     let (plan, recording) = (prepared.plan.clone(), prepared.recording.clone());
-    let recorder = Recorder::start(plan, recording, prepared.partial, || {
+    let core = realtime.recorder_core();
+    let recorder = Recorder::start(plan, recording, prepared.partial, move || {
+        core.apply();
         let mut source = None;
         move || attach(&info, &mut source)
     });
@@ -181,6 +185,7 @@ pub(super) fn run(
         &mut controller,
         &recorder,
         &mut progress,
+        realtime,
     );
     drop(progress);
     let recorded = recorder.finish().map_err(Failure::infrastructure)?;
@@ -225,6 +230,7 @@ fn watch(
     controller: &mut Side,
     recorder: &Recorder,
     progress: &mut Progress,
+    realtime: &mut Watched,
 ) -> &'static str {
     let mut first = None;
     let mut ending_since = None;
@@ -232,6 +238,9 @@ fn watch(
         let plant_ended = plant.has_ended();
         let controller_ended = controller.has_ended();
         progress.set(recorder.next_step());
+        if let Some(refused) = realtime.look() {
+            progress.tell(&refused);
+        }
         if plant_ended && controller_ended {
             return first.unwrap_or("plant");
         }

@@ -1,0 +1,81 @@
+//! `[realtime]`: what is asked of the system. Whether this machine has the cores is not looked at: a
+//! scenario may be checked on another one than it runs on.
+
+use shared_types::wait::WaitStrategy;
+
+use crate::plan::Realtime;
+use crate::problem::ProblemKind;
+use crate::reader::{Reader, Section};
+
+/// The settings; those of a scenario without the section ask for nothing.
+pub(super) fn check(reader: &mut Reader, root: &Section<'_>) -> Option<Realtime> {
+    let Some(section) = reader.section(root, "realtime") else {
+        return Some(Realtime::default());
+    };
+    reader.refuse_unknown(&section, &[]);
+    let mut optional = |name| {
+        let written = section.table.get(name).is_some();
+        let value = reader.integer(&section, name).map(as_u32);
+        (value.is_some() || !written).then_some(value)
+    };
+    let plant_core = optional("plant_core");
+    let controller_core = optional("controller_core");
+    let recorder_core = optional("recorder_core");
+    let dma_latency_us = optional("dma_latency_us");
+    let priority = reader.integer(&section, "priority").map(as_u32);
+    let lock_memory = reader.boolean(&section, "lock_memory");
+    let prefault = reader.boolean(&section, "prefault");
+    let wait = reader.text(&section, "wait").and_then(|name| {
+        let mut strategies = WaitStrategy::ALL.into_iter();
+        strategies.find(|strategy| strategy.name() == name)
+    });
+    let realtime = Realtime {
+        plant_core: plant_core?,
+        controller_core: controller_core?,
+        recorder_core: recorder_core?,
+        priority: priority?,
+        lock_memory: lock_memory?,
+        prefault: prefault?,
+        dma_latency_us: dma_latency_us?,
+        wait: wait?,
+    };
+    refuse_blocking(reader, &section, &realtime);
+    Some(realtime)
+}
+
+/// Their ranges begin at 0 and end far below.
+fn as_u32(value: i64) -> u32 {
+    u32::try_from(value).unwrap_or(u32::MAX)
+}
+
+/// Refuses settings with which one would keep the other from its core.
+fn refuse_blocking(reader: &mut Reader, section: &Section<'_>, realtime: &Realtime) {
+    let mut mismatch = |key, message: String, expected| {
+        let place = section.place_of(key);
+        (reader.report(ProblemKind::Mismatch, section.path_of(key), place, message))
+            .expected(expected);
+    };
+    if let (Some(core), WaitStrategy::Spin) = (realtime.plant_core, realtime.wait)
+        && realtime.controller_core == Some(core)
+    {
+        mismatch(
+            "wait",
+            format!("plant and controller share core {core} and neither would give it away"),
+            "`yield` or `hybrid`, or a core for each side",
+        );
+    }
+    let sides = [realtime.plant_core, realtime.controller_core];
+    if let Some(core) = realtime.recorder_core
+        && realtime.priority > 0
+        && sides.contains(&Some(core))
+    {
+        mismatch(
+            "recorder_core",
+            format!(
+                "core {core} belongs to a loop of priority {}",
+                realtime.priority
+            ),
+            "a core without one: the recorder has ordinary priority and would hardly ever run",
+        );
+    }
+}

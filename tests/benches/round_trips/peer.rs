@@ -1,0 +1,130 @@
+//! Both sides of a measurement: this program as the plant, and itself again as the controller.
+
+use std::io::{BufRead, BufReader, Read};
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+
+use shared_types::session::{Session, SessionInfo};
+use shared_types::wait::{WaitLimit, WaitStrategy, Waiter};
+use tools::latency::blackboard::Side;
+use tools::latency::exchange::{End, Trips, follow, lead};
+use tools::latency::raw;
+
+use super::place::pin;
+use super::{COMMAND_BYTES, Exchange, Place, Round, SAMPLE_BYTES, Wait, open};
+
+/// Trips before those that count.
+const WARM_UP: u64 = 2000;
+/// How long the other side may take; only a failure takes so long.
+pub(super) const WAIT_LIMIT_S: f64 = 30.0;
+
+/// Variables by which the controller's process is told what to do.
+const EXCHANGE: &str = "HIL_BENCH_EXCHANGE";
+const WAIT: &str = "HIL_BENCH_WAIT";
+const SESSION: &str = "HIL_BENCH_SESSION";
+const TRIPS: &str = "HIL_BENCH_TRIPS";
+const CORE: &str = "HIL_BENCH_CORE";
+const SHARED_CORE: &str = "HIL_BENCH_SHARED_CORE";
+
+/// A waiter for the calling thread, which is kept on a core from now on.
+fn waiter(wait: Wait, core: usize, shares_core: bool) -> Waiter {
+    pin(&[core]);
+    let strategy = match wait {
+        Wait::Hybrid => WaitStrategy::Hybrid,
+        Wait::Spin | Wait::Block => WaitStrategy::Spin,
+    };
+    Waiter::with(WaitLimit::from_seconds(WAIT_LIMIT_S), strategy, shares_core)
+}
+
+/// Measures one round of so many trips.
+pub(crate) fn measure(exchange: Exchange, wait: Wait, place: Place<'_>, trips: u64) -> Round {
+    let trips = Trips {
+        warm_up: WARM_UP,
+        measured: trips,
+    };
+    let round = if exchange == Exchange::Raw {
+        between_threads(wait, place, trips)
+    } else {
+        between_processes(exchange, wait, place, trips)
+    };
+    place.leave();
+    round
+}
+
+fn between_threads(wait: Wait, place: Place<'_>, trips: Trips) -> Round {
+    let (mut plant, mut controller) = raw::pair(SAMPLE_BYTES / 8, COMMAND_BYTES / 8);
+    std::thread::scope(|scope| {
+        scope.spawn(move || {
+            let waiter = waiter(wait, place.controller(), place.is_shared());
+            follow(&mut controller, trips, waiter, || false).expect("the plant leads");
+        });
+        led(
+            &mut plant,
+            trips,
+            waiter(wait, place.plant(), place.is_shared()),
+        )
+    })
+}
+
+fn between_processes(exchange: Exchange, wait: Wait, place: Place<'_>, trips: Trips) -> Round {
+    let session = Session::create(None).expect("a session");
+    let opened = open(exchange, session.info(), Side::Plant, wait);
+    let own = std::env::current_exe().expect("this program");
+    let mut controller = Command::new(own)
+        .env(EXCHANGE, exchange.name())
+        .env(WAIT, wait.name())
+        .env(SESSION, &session.info().folder)
+        .env(TRIPS, trips.all().to_string())
+        .env(CORE, place.controller().to_string())
+        .env(SHARED_CORE, place.is_shared().to_string())
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("this program once more");
+    let mut output = BufReader::new(controller.stdout.take().expect("is piped"));
+    let mut line = String::new();
+    output
+        .read_line(&mut line)
+        .expect("a word when it is ready");
+    assert_eq!(line, "ready\n");
+    let mut plant = opened();
+    let waiter = waiter(wait, place.plant(), place.is_shared());
+    let round = led(&mut plant, trips, waiter);
+    output.read_to_string(&mut line).expect("its end");
+    let status = controller.wait().expect("it was started");
+    assert!(status.success(), "the other side: {status}");
+    round
+}
+
+/// Sends and awaits the answer, again and again.
+fn led(end: &mut impl End, trips: Trips, waiter: Waiter) -> Round {
+    let trips_ns = lead(end, trips, waiter, || false).expect("the controller follows");
+    let at = |share| trips_ns.value_at_quantile(share) as f64;
+    Round {
+        p50: at(0.5),
+        p99: at(0.99),
+    }
+}
+
+/// Is the controller of a measurement if this process was started as one; false if it was not.
+pub(crate) fn answered() -> bool {
+    let told = |name: &str| std::env::var(name).ok();
+    let Some(exchange) = told(EXCHANGE) else {
+        return false;
+    };
+    let exchange = Exchange::named(&exchange).expect("an exchange");
+    let wait = told(WAIT).and_then(|name| Wait::named(&name));
+    let wait = wait.expect("a way to wait");
+    let folder = PathBuf::from(told(SESSION).expect("a session"));
+    let core = told(CORE).and_then(|text| text.parse().ok());
+    let shares_core = told(SHARED_CORE).is_some_and(|text| text == "true");
+    let trips = Trips {
+        warm_up: 0,
+        measured: (told(TRIPS).and_then(|text| text.parse().ok())).expect("a number"),
+    };
+    let session = SessionInfo::read(&folder).expect("a session");
+    let mut controller = open(exchange, &session, Side::Controller, wait)();
+    let waiter = waiter(wait, core.expect("a core"), shares_core);
+    println!("ready");
+    follow(&mut controller, trips, waiter, || false).expect("the plant leads");
+    true
+}

@@ -1,0 +1,74 @@
+//! On which cores the two sides of an exchange run.
+
+use rustix::thread::{CpuSet, sched_setaffinity};
+
+/// Two cores, or one for both.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Place<'a> {
+    all: &'a [usize],
+    plant: usize,
+    controller: usize,
+}
+
+impl<'a> Place<'a> {
+    /// A core for each side, if there are two.
+    pub(crate) fn apart(all: &'a [usize]) -> Option<Self> {
+        match *all {
+            [plant, controller, ..] => Some(Self {
+                all,
+                plant,
+                controller,
+            }),
+            _ => None,
+        }
+    }
+
+    /// Both sides on the first core.
+    ///
+    /// # Panics
+    /// If there is none.
+    pub(crate) const fn together(all: &'a [usize]) -> Self {
+        Self {
+            all,
+            plant: all[0],
+            controller: all[0],
+        }
+    }
+
+    /// The core of the plant.
+    pub(super) const fn plant(self) -> usize {
+        self.plant
+    }
+
+    /// The core of the controller.
+    pub(super) const fn controller(self) -> usize {
+        self.controller
+    }
+
+    /// Whether there is only one core for both.
+    pub(crate) const fn is_shared(self) -> bool {
+        self.plant == self.controller
+    }
+
+    /// Lets the calling thread run on all cores again.
+    pub(super) fn leave(self) {
+        pin(self.all);
+    }
+}
+
+impl std::fmt::Display for Place<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if self.is_shared() {
+            write!(f, "both sides on core {}", self.plant)
+        } else {
+            write!(f, "cores {} and {}", self.plant, self.controller)
+        }
+    }
+}
+
+/// Keeps the calling thread on these cores.
+pub(super) fn pin(cores: &[usize]) {
+    let mut set = CpuSet::new();
+    cores.iter().for_each(|&core| set.set(core));
+    sched_setaffinity(None, &set).expect("cores that this process may run on");
+}

@@ -1,0 +1,108 @@
+//! `hil run --audit`: a deterministic run passes, and what depends on more than its samples is caught
+//! with step and signal.
+
+use serde_json::Value;
+
+use crate::harness::{Rig, Run};
+use crate::programs::controller_of_tests;
+
+/// A quarter of a second of the teaching plant at 1 kHz under a law of the test's controller.
+fn audited(rig: &Rig, law: &str, arguments: &str) -> Run {
+    let text = format!(
+        "schema = 1\nname = \"audited\"\n[run]\nduration_s = 0.25\nrate_hz = 1000\n\
+         [plant]\nmodel = \"spring-mass\"\n[controller]\nlaw = \"{law}\"\n"
+    );
+    let scenario = rig.write("audited.toml", &text);
+    let controller = controller_of_tests("clock-reading-controller");
+    rig.run(&format!(
+        "{} --audit --controller-bin {} {arguments}",
+        scenario.display(),
+        controller.display()
+    ))
+}
+
+fn repetitions(summary: &Value) -> &[Value] {
+    let repetitions = summary["audit"]["repetitions"].as_array();
+    repetitions.expect("a list of repetitions")
+}
+
+#[test]
+fn a_law_that_sees_only_its_samples_has_one_digest_under_all_conditions() {
+    let rig = Rig::new();
+    let honest = audited(&rig, "honest", "--json").expect(0);
+    let summary = honest.summary();
+    assert_eq!(summary["audit"]["verdict"], "pass");
+    let told: Value = serde_json::from_str(&honest.stdout).expect("JSON");
+    assert_eq!(told, summary);
+    for one in repetitions(&summary) {
+        if one["skipped"].is_null() {
+            assert_eq!(one["digest"], summary["digest"], "{one}");
+        }
+    }
+    // One core may be all there is, so that one condition may be missing.
+    let ran = repetitions(&summary)
+        .iter()
+        .filter(|one| one["agrees"] == true);
+    assert!(ran.count() >= 5);
+    let kept = std::fs::read_dir(&honest.folder)
+        .expect("a folder")
+        .flatten();
+    let left: Vec<_> = kept
+        .map(|entry| entry.file_name())
+        .filter(|name| name.to_string_lossy().starts_with("audit"))
+        .collect();
+    assert!(left.is_empty(), "{left:?}");
+}
+
+#[test]
+fn a_law_that_reads_the_clock_is_caught_with_step_and_signal() {
+    let rig = Rig::new();
+    let caught = audited(&rig, "reads-clock", "").expect(1);
+    let summary = caught.summary();
+    assert_eq!(summary["audit"]["verdict"], "fail");
+    // Whatever the condition: no two runs have the same times.
+    for one in repetitions(&summary) {
+        if !one["skipped"].is_null() {
+            continue;
+        }
+        assert_eq!(one["agrees"], false, "{one}");
+        let difference = &one["first_difference"];
+        assert_eq!(difference["signal"], "command.force_n", "{one}");
+        // At step 0 the position is what it was: the first quotient that can differ is later.
+        assert!(difference["step"].as_u64() < Some(10), "{one}");
+        let run = one["run"].as_str().expect("a folder that is kept");
+        assert!(std::path::Path::new(run).join("run.mcap").exists());
+    }
+    assert!(caught.stdout.contains("first difference at step"));
+    assert!(caught.stdout.contains("command.force_n"));
+    assert!(caught.stdout.contains("reads a clock"));
+}
+
+#[test]
+fn a_law_that_counts_the_cores_is_caught_by_having_fewer() {
+    if std::thread::available_parallelism().is_ok_and(|cores| cores.get() < 2) {
+        return; // there are never fewer
+    }
+    let rig = Rig::new();
+    let caught = audited(&rig, "counts-cores", "").expect(1);
+    let summary = caught.summary();
+    let of = |told: &str| {
+        let mut all = repetitions(&summary).iter();
+        let found = all.find(|one| one["condition"].as_str().is_some_and(|c| c.contains(told)));
+        found.unwrap_or_else(|| panic!("no `{told}` in {summary}"))
+    };
+    assert_eq!(of("the same again")["agrees"], true);
+    assert_eq!(of("one core")["agrees"], false);
+}
+
+#[test]
+fn what_leaves_nothing_to_audit_is_refused() {
+    let rig = Rig::new();
+    for (arguments, why) in [
+        ("--no-record", "recordings"),
+        ("--clock realtime", "lockstep"),
+        ("--pause-at 0.1", "--pause-at"),
+    ] {
+        audited(&rig, "honest", arguments).expect(2).says(&[why]);
+    }
+}

@@ -1,0 +1,343 @@
+//! Real-time settings of whole runs: what was asked for, what the system granted as it says itself, and
+//! that none of it moves a number.
+//!
+//! Not every machine grants everything. Where something is refused, the test asks for the reason and
+//! for the command that mends it instead.
+
+use std::process::Command;
+
+use serde_json::Value;
+use shared_types::surroundings::Surroundings;
+
+use crate::harness::{Rig, Run, until};
+use crate::mcap_reader::Recording;
+use crate::programs::program;
+
+/// Two seconds under FTSC, 20,000 steps.
+const SCENARIO: &str = "tests/scenarios/leakage.toml";
+
+fn run(rig: &Rig, arguments: &str) -> Run {
+    rig.run(&format!("{SCENARIO} {arguments}")).expect(0)
+}
+
+/// A setting as the summary has it: asked for, granted, and why not.
+fn setting(run: &Run, pointer: &str) -> (Value, Value, Option<String>) {
+    let summary = run.summary();
+    let found = summary.pointer(&format!("/realtime/{pointer}"));
+    let found = found.unwrap_or_else(|| panic!("no {pointer} in {}", summary["realtime"]));
+    let reason = found["reason"].as_str().map(str::to_owned);
+    (found["asked"].clone(), found["granted"].clone(), reason)
+}
+
+/// Cores that this process may run on, from the kernel's own list.
+fn cores() -> Vec<u32> {
+    let status = std::fs::read_to_string("/proc/self/status").expect("reads");
+    let list = status
+        .lines()
+        .find_map(|line| line.strip_prefix("Cpus_allowed_list:"));
+    let mut cores = Vec::new();
+    for part in list.expect("a list").trim().split(',') {
+        let (first, last) = part.split_once('-').unwrap_or((part, part));
+        let number = |text: &str| text.parse::<u32>().expect("a number");
+        cores.extend(number(first)..=number(last));
+    }
+    cores
+}
+
+#[test]
+fn no_setting_moves_the_digest_and_each_figure_names_the_wait() {
+    let rig = Rig::new();
+    let wanted = run(&rig, "--no-record --link in-process").digest();
+    let cores = cores();
+    let (first, last) = (cores[0], cores[cores.len() - 1]);
+    let apart = format!("--plant-core {first} --controller-core {last}");
+    let together = format!("--plant-core {first} --controller-core {first}");
+    let alone = cores.len() == 1;
+    for (arguments, wait) in [
+        (String::new(), if alone { "yield" } else { "hybrid" }),
+        ("--wait yield".into(), "yield"),
+        ("--wait spin".into(), if alone { "yield" } else { "spin" }),
+        (together, "yield"),
+        (
+            format!("{apart} --wait hybrid --prefault"),
+            if alone { "yield" } else { "hybrid" },
+        ),
+        (
+            format!("--link in-process --plant-core {last} --recorder-core {first}"),
+            if alone { "yield" } else { "hybrid" },
+        ),
+        ("--pace 20 --wait yield".into(), "yield"),
+    ] {
+        let run = run(&rig, &format!("--no-record {arguments}"));
+        assert_eq!(run.digest(), wanted, "{arguments}");
+        assert_eq!(run.summary()["realtime"]["wait"], wait, "{arguments}");
+        assert!(
+            run.stdout.contains(&format!("{wait} waits")),
+            "{}",
+            run.stdout
+        );
+    }
+}
+
+#[test]
+fn each_process_runs_on_its_core() {
+    let rig = Rig::new();
+    let cores = cores();
+    let (first, last) = (cores[0], cores[cores.len() - 1]);
+    let run = run(
+        &rig,
+        &format!("--plant-core {first} --controller-core {last} --recorder-core {first}"),
+    );
+    for (side, core) in [("plant", first), ("controller", last), ("recorder", first)] {
+        let (asked, granted, reason) = setting(&run, &format!("{side}/core"));
+        assert_eq!((asked, granted, reason), (core.into(), core.into(), None));
+    }
+    // And not only by their own word: each sample says where its sides ran.
+    let recording = Recording::open(&run.recording());
+    for (column, core) in [
+        ("plant_surroundings", first),
+        ("controller_surroundings", last),
+    ] {
+        let place = recording.place(column);
+        for record in recording.records() {
+            let word = record.words[place];
+            // The last record has no command, and so nothing of the controller.
+            if word != 0 {
+                assert_eq!(
+                    u32::from(Surroundings::from_wire(word).core),
+                    core,
+                    "{column}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn a_core_that_is_not_there_is_refused_with_those_that_are() {
+    let rig = Rig::new();
+    let online = std::fs::read_to_string("/sys/devices/system/cpu/online").expect("reads");
+    let run = rig
+        .run(&format!("{SCENARIO} --controller-core 1023"))
+        .expect(2);
+    let run = run.says(&["realtime.controller_core is 1023", online.trim()]);
+    assert!(!run.folder.exists());
+}
+
+#[test]
+fn what_was_asked_for_is_granted_or_the_reason_and_the_mend_are_told() {
+    let rig = Rig::new();
+    let run = run(&rig, "--priority 3 --lock-memory --dma-latency 100");
+    let settings = [
+        "plant/priority",
+        "controller/priority",
+        "plant/lock_memory",
+        "controller/lock_memory",
+        "dma_latency_us",
+    ];
+    for name in settings {
+        let (asked, granted, reason) = setting(&run, name);
+        assert_ne!(asked, Value::Null, "{name}");
+        // The kernel keeps the shortest latency that anybody asked for.
+        let shorter = name == "dma_latency_us" && granted.as_u64() < asked.as_u64();
+        if granted == asked || shorter && !granted.is_null() {
+            assert_eq!(reason.is_some(), granted != asked, "{name}");
+            continue;
+        }
+        let reason = reason.unwrap_or_else(|| panic!("{name}: {asked} became {granted}"));
+        let (who, key) = name.split_once('/').unwrap_or(("hil", name));
+        let line = run.stderr.lines().find(|line| {
+            line.starts_with("warning: ")
+                && line.contains(&format!("{key} was not granted: {reason}"))
+        });
+        let line = line.unwrap_or_else(|| panic!("no {key} in:\n{}", run.stderr));
+        assert!(line.contains(who), "{line}");
+        assert!(run.stderr.contains("\n  mend: "), "{}", run.stderr);
+    }
+}
+
+/// `hil` without the right to raise priorities and to lock memory.
+fn without_rights() -> Option<Command> {
+    let mut hil = Command::new("setpriv");
+    hil.args(["--bounding-set", "-sys_nice,-ipc_lock"]);
+    hil.args([
+        "--inh-caps",
+        "-sys_nice,-ipc_lock",
+        "--ambient-caps",
+        "-all",
+    ]);
+    let tried = Command::new("setpriv")
+        .args(hil.get_args())
+        .arg("true")
+        .status();
+    hil.arg(program("hil"));
+    tried.is_ok_and(|tried| tried.success()).then_some(hil)
+}
+
+#[test]
+fn without_rights_a_run_goes_on_and_says_what_it_lacks_once() {
+    // Who is not root has none to give up.
+    let hil = without_rights().unwrap_or_else(|| Command::new(program("hil")));
+    let rig = Rig::new();
+    let wanted = run(&rig, "--no-record").digest();
+    let arguments = format!("{SCENARIO} --priority 50 --lock-memory --prefault");
+    let run = rig.start_with(hil, &arguments).finish().expect(0);
+    assert_eq!(run.digest(), wanted);
+    let limits = std::fs::read_to_string("/proc/self/limits").expect("reads");
+    let limit = |name: &str| {
+        let row = limits.lines().find_map(|line| line.strip_prefix(name));
+        let soft = row.and_then(|row| row.split_ascii_whitespace().next());
+        soft.expect("a limit").to_owned()
+    };
+    // Unless somebody has mended them, these limits leave no priority and little memory.
+    if limit("Max realtime priority") == "0" {
+        assert_refused(&run, "priority", 0.into(), "Operation not permitted");
+    }
+    if limit("Max locked memory") != "unlimited" {
+        assert_refused(&run, "lock_memory", false.into(), "bytes may be locked");
+        assert_refused(&run, "prefault", false.into(), "bytes may be locked");
+    }
+}
+
+/// Both sides were refused a setting, and it is told once for both, with one way to mend all.
+fn assert_refused(run: &Run, name: &str, left: Value, why: &str) {
+    for side in ["plant", "controller"] {
+        let (_, granted, reason) = setting(run, &format!("{side}/{name}"));
+        assert_eq!(granted, left, "{side} {name}");
+        assert!(reason.expect("a reason").contains(why));
+    }
+    let said = &run.stderr;
+    let warning = format!("warning: plant and controller: {name} was not granted: ");
+    assert_eq!(said.matches(&warning).count(), 1, "{said}");
+    assert_eq!(said.matches("/etc/security/limits.d/").count(), 1, "{said}");
+}
+
+/// Page faults of a side between its first look at itself, in step 0, and its last.
+fn faults(run: &Run, side: &str) -> u32 {
+    let recording = Recording::open(&run.recording());
+    let place = recording.place(&format!("{side}_surroundings"));
+    let looks: Vec<Surroundings> = (recording.records())
+        .map(|record| record.words[place])
+        .filter(|word| *word != 0)
+        .map(Surroundings::from_wire)
+        .collect();
+    let (first, last) = (looks[0], looks[looks.len() - 1]);
+    last.since(first).1
+}
+
+#[test]
+fn a_prefaulted_loop_meets_no_page_fault() {
+    let rig = Rig::new();
+    let without = run(&rig, "");
+    assert!(faults(&without, "plant") > 0, "records go to fresh memory");
+    let with = run(&rig, "--prefault");
+    for side in ["plant", "controller"] {
+        let (_, granted, reason) = setting(&with, &format!("{side}/prefault"));
+        if granted == true {
+            assert_eq!(faults(&with, side), 0, "{side}");
+        } else {
+            assert!(reason.is_some(), "{side}");
+        }
+    }
+}
+
+/// Scheduling policy and cores of each thread of a process: 0 is ordinary, 1 `SCHED_FIFO`.
+fn threads(pid: u32) -> Vec<(bool, u32, String)> {
+    let tasks = std::fs::read_dir(format!("/proc/{pid}/task")).expect("the process is there");
+    let of = |task: std::path::PathBuf| {
+        let read = |name| std::fs::read_to_string(task.join(name)).ok();
+        let (stat, status) = (read("stat")?, read("status")?);
+        let (_, after_name) = stat.rsplit_once(')')?;
+        let policy = after_name
+            .split_ascii_whitespace()
+            .nth(41 - 3)?
+            .parse()
+            .ok()?;
+        let cores = status
+            .lines()
+            .find_map(|line| line.strip_prefix("Cpus_allowed_list:"))?;
+        let is_main = task.ends_with(pid.to_string());
+        Some((is_main, policy, cores.trim().to_owned()))
+    };
+    tasks.flatten().filter_map(|task| of(task.path())).collect()
+}
+
+#[test]
+fn only_the_loop_leaves_ordinary_scheduling() {
+    let rig = Rig::new();
+    let cores = cores();
+    let core = cores[0];
+    let arguments = format!(
+        "{SCENARIO} --pace 0.5 --plant-core {core} --controller-core {core} --priority 3 --pause-at 0.01"
+    );
+    let hil = rig.start(&arguments);
+    let session = rig.session_folder();
+    until("both sides tell what they run with", || {
+        ["plant", "controller"]
+            .iter()
+            .all(|side| session.join(format!("{side}-realtime.json")).exists())
+    });
+    let info = shared_types::session::SessionInfo::read(&session).expect("the session is there");
+    let all = std::fs::read_to_string("/proc/self/status").expect("reads");
+    let all = all
+        .lines()
+        .find_map(|line| line.strip_prefix("Cpus_allowed_list:"));
+    let all = all.expect("a list").trim();
+    for (child, side) in info.children.iter().zip(["plant", "controller"]) {
+        let report: Value = info
+            .read_file(&format!("{side}-realtime.json"))
+            .expect("a report");
+        let granted = report["priority"]["granted"] == 3;
+        let found = threads(child.pid);
+        assert!(found.len() > 1, "{side}: {found:?}");
+        for (is_loop, policy, allowed) in found {
+            if is_loop {
+                assert_eq!(
+                    (policy, allowed),
+                    (u32::from(granted), core.to_string()),
+                    "{side}"
+                );
+            } else {
+                assert_eq!((policy, allowed.as_str()), (0, all), "{side}");
+            }
+        }
+    }
+    rig.beside(&["resume", "--session", rig.session()])
+        .expect(0);
+    hil.finish().expect(0);
+}
+
+#[test]
+fn a_rerun_asks_for_nothing_that_the_run_asked_for() {
+    let rig = Rig::new();
+    let core = cores()[0];
+    let before = run(&rig, &format!("--plant-core {core} --wait yield"));
+    let metadata = Recording::open(&before.recording()).metadata();
+    let kept: Vec<&String> = metadata
+        .values()
+        .filter_map(|facts| facts.get("realtime_plant"))
+        .collect();
+    let report: Value = serde_json::from_str(kept[0]).expect("JSON");
+    assert_eq!(report["core"]["granted"], core);
+    let folder = before.folder.display().to_string();
+    let out = rig.path("again");
+    let again = rig
+        .hil(&[
+            "rerun",
+            &folder,
+            "--json",
+            "--out",
+            out.to_str().expect("plain text"),
+        ])
+        .expect(0);
+    let said: Value = serde_json::from_str(&again.stdout).expect("JSON");
+    assert_eq!(said["same"], true);
+    assert_eq!(
+        said["summary"]["realtime"]["plant"]["core"]["asked"],
+        Value::Null
+    );
+    assert_eq!(
+        said["summary"]["realtime"]["plant"]["wait"]["asked"],
+        "hybrid"
+    );
+}

@@ -1,0 +1,75 @@
+//! The flags for `[realtime]`.
+
+use clap::{Args, ValueEnum};
+use shared_types::wait::WaitStrategy;
+
+/// What is asked of the system; each is a key of `[realtime]`.
+#[derive(Clone, Debug, Default, Args)]
+#[command(next_help_heading = "Real time")]
+pub struct RealtimeArguments {
+    /// Keep the plant's loop on this core
+    #[arg(long, value_name = "CORE")]
+    pub plant_core: Option<u32>,
+    /// Keep the controller's loop on this core
+    #[arg(long, value_name = "CORE")]
+    pub controller_core: Option<u32>,
+    /// Keep the recorder on this core
+    #[arg(long, value_name = "CORE")]
+    pub recorder_core: Option<u32>,
+    /// SCHED_FIFO priority of both loops, 1 to 98; 0 for ordinary scheduling
+    #[arg(long, value_name = "PRIORITY")]
+    pub priority: Option<u32>,
+    /// Keep the memory of plant and controller from being taken away
+    #[arg(long)]
+    pub lock_memory: bool,
+    /// Fetch all memory of plant and controller before step 0
+    #[arg(long)]
+    pub prefault: bool,
+    /// Longest time in us that a core may need to wake up during the run
+    #[arg(long, value_name = "US")]
+    pub dma_latency: Option<u32>,
+    /// How each side waits for the other
+    #[arg(long, value_enum, value_name = "HOW")]
+    pub wait: Option<WaitKind>,
+}
+
+/// How a side waits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum WaitKind {
+    /// Poll a little, then give the core away, then nap.
+    Hybrid,
+    /// Never give the core away.
+    Spin,
+    /// Give the core away after each poll.
+    Yield,
+}
+
+impl From<WaitKind> for WaitStrategy {
+    fn from(kind: WaitKind) -> Self {
+        match kind {
+            WaitKind::Hybrid => Self::Hybrid,
+            WaitKind::Spin => Self::Spin,
+            WaitKind::Yield => Self::Yield,
+        }
+    }
+}
+
+impl RealtimeArguments {
+    /// All that were given as `KEY=VALUE`.
+    pub(super) fn as_set(&self) -> impl Iterator<Item = String> {
+        let number = |value: Option<u32>| value.map(|value| value.to_string());
+        let flag = |given: bool| given.then(|| "true".to_owned());
+        let wait = self.wait.map(|wait| WaitStrategy::from(wait).name().into());
+        let all = [
+            ("plant_core", number(self.plant_core)),
+            ("controller_core", number(self.controller_core)),
+            ("recorder_core", number(self.recorder_core)),
+            ("priority", number(self.priority)),
+            ("lock_memory", flag(self.lock_memory)),
+            ("prefault", flag(self.prefault)),
+            ("dma_latency_us", number(self.dma_latency)),
+            ("wait", wait),
+        ];
+        (all.into_iter()).filter_map(|(key, value)| Some(format!("realtime.{key}={}", value?)))
+    }
+}

@@ -1,0 +1,274 @@
+//! What is in a file, read by the `mcap` crate.
+
+use std::path::PathBuf;
+
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use shared_types::record::{FaultEnded, Timing};
+use shared_types::table::Field;
+use tempfile::TempDir;
+
+use super::*;
+
+const COMPRESSIONS: [Compression; 3] = [Compression::None, Compression::Lz4, Compression::Zstd];
+
+fn layout() -> RecordLayout {
+    let field = |name: &str| Field::signal(name, "rad", "x");
+    RecordLayout {
+        truth: vec![field("a_rad"), field("b_rad")],
+        measured: vec![field("a_rad")],
+        command_signals: 1,
+        ..RecordLayout::default()
+    }
+}
+
+/// The words of a step: some change, some do not, one is there twice.
+fn words(step: u64) -> Vec<u64> {
+    let mut words = vec![0; layout().words()];
+    let start = layout().values_start();
+    words[0] = step;
+    words[start] = (0.1 * step as f64).sqrt().to_bits();
+    words[start + 2] = words[start];
+    let timing = words.len() - Timing::WORDS;
+    words[timing] = 1000 * step;
+    words[timing + 4] = 77_000 + 13 * step;
+    words
+}
+
+fn event(id: u32) -> Event {
+    Event::FaultEnded(FaultEnded {
+        id,
+        effect: 0,
+        step: id.into(),
+        cleared: false,
+    })
+}
+
+struct File {
+    _folder: TempDir,
+    path: PathBuf,
+}
+
+/// Records in chunks of a hundred, with an event before each fiftieth.
+fn written(compression: Compression, records: u64) -> File {
+    let folder = TempDir::new().expect("a folder");
+    let path = folder.path().join("run.mcap");
+    let provenance = Provenance {
+        facts: BTreeMap::from([("fact".into(), "true".into())]),
+        enclosures: vec![Enclosure {
+            name: "scenario.toml",
+            media_type: "text/plain",
+            text: "content".into(),
+        }],
+    };
+    let layout = layout();
+    let mut recording =
+        Recording::create(&path, compression, &layout, &provenance).expect("creates");
+    for step in 0..records {
+        if step % 50 == 0 {
+            recording
+                .event(&event(step as u32), None, step)
+                .expect("writes");
+        }
+        let words = words(step);
+        recording
+            .record(&words, &layout.view(&words))
+            .expect("writes");
+        recording.close_if(step % 100 == 99).expect("writes");
+    }
+    let result = BTreeMap::from([("outcome".into(), "completed".into())]);
+    recording.finish(result).expect("finishes");
+    File {
+        _folder: folder,
+        path,
+    }
+}
+
+/// Topic, time and content of each message of a file or of its beginning.
+fn messages(bytes: &[u8]) -> Vec<(String, u64, Vec<u8>)> {
+    let whatever_the_end = mcap::read::Options::IgnoreEndMagic.into();
+    let stream = mcap::MessageStream::new_with_options(bytes, whatever_the_end);
+    stream
+        .expect("an MCAP file")
+        .map_while(Result::ok)
+        .map(|m| (m.channel.topic.clone(), m.log_time, m.data.into_owned()))
+        .collect()
+}
+
+fn expected(records: u64) -> Vec<(String, u64, Vec<u8>)> {
+    let mut messages = Vec::new();
+    for step in 0..records {
+        if step % 50 == 0 {
+            let json = serde_json::to_vec(&event(step as u32)).expect("JSON");
+            let last_ns = 1000 * step.saturating_sub(1);
+            messages.push(("/events".into(), last_ns, json));
+        }
+        let words = words(step).into_iter().flat_map(u64::to_le_bytes);
+        let data = [0, 1, 0, 0].into_iter().chain(words).collect();
+        messages.push(("/record".into(), 1000 * step, data));
+    }
+    messages
+}
+
+#[test]
+fn every_compression_keeps_every_message_in_order() {
+    for compression in COMPRESSIONS {
+        let file = written(compression, 1234);
+        let bytes = std::fs::read(&file.path).expect("a file");
+        assert!(messages(&bytes) == expected(1234), "{compression:?}");
+    }
+}
+
+#[test]
+fn the_summary_tells_what_is_where() {
+    for compression in COMPRESSIONS {
+        let file = written(compression, 1234);
+        let bytes = std::fs::read(&file.path).expect("a file");
+        let summary = mcap::Summary::read(&bytes).expect("whole").expect("there");
+        let statistics = summary.stats.as_ref().expect("statistics");
+        let counts = &statistics.channel_message_counts;
+        assert_eq!(counts, &BTreeMap::from([(1, 1234), (2, 25)]));
+        assert_eq!(statistics.message_count, 1259);
+        assert_eq!(
+            (statistics.message_start_time, statistics.message_end_time),
+            (0, 1_233_000)
+        );
+        assert_eq!((statistics.schema_count, statistics.channel_count), (2, 2));
+        assert_eq!(
+            (statistics.attachment_count, statistics.metadata_count),
+            (1, 2)
+        );
+        assert_eq!(
+            (statistics.chunk_count, summary.chunk_indexes.len()),
+            (13, 13)
+        );
+        let mut found = 0;
+        for chunk in &summary.chunk_indexes {
+            for (channel, entries) in summary.read_message_indexes(&bytes, chunk).expect("read") {
+                for entry in entries {
+                    let message = summary.seek_message(&bytes, chunk, &entry).expect("there");
+                    assert_eq!(message.log_time, entry.log_time);
+                    assert_eq!(message.channel.topic, channel.topic);
+                    found += 1;
+                }
+            }
+        }
+        assert_eq!(found, 1259);
+        let names = summary.metadata_indexes.iter().map(|index| {
+            let metadata = mcap::read::metadata(&bytes, index).expect("metadata");
+            (metadata.name, metadata.metadata.len())
+        });
+        assert!(names.eq([("hil.run".into(), 1), ("hil.result".into(), 1)]));
+        let file = &summary.attachment_indexes[0];
+        let attachment = mcap::read::attachment(&bytes, file).expect("an attachment");
+        assert_eq!(attachment.data.as_ref(), b"content");
+    }
+}
+
+#[test]
+fn a_reader_that_checks_every_sum_has_no_complaint() {
+    let file = written(Compression::Lz4, 1000);
+    let mut bytes = std::fs::read(&file.path).expect("a file");
+    let whole = |bytes: &[u8]| {
+        let options = LinearReaderOptions::default()
+            .with_validate_chunk_crcs(true)
+            .with_validate_data_section_crc(true)
+            .with_validate_summary_section_crc(true);
+        let mut reader = LinearReader::new_with_options(options);
+        let mut rest = bytes;
+        while let Some(event) = reader.next_event() {
+            match event? {
+                LinearReadEvent::ReadRequest(wanted) => {
+                    let count = wanted.min(rest.len());
+                    reader.insert(wanted)[..count].copy_from_slice(&rest[..count]);
+                    reader.notify_read(count);
+                    rest = &rest[count..];
+                }
+                LinearReadEvent::Record { opcode, data } => {
+                    mcap::parse_record(opcode, data)?;
+                }
+            }
+        }
+        mcap::McapResult::Ok(())
+    };
+    whole(&bytes).expect("every sum is right");
+    let place = bytes.len() / 3;
+    bytes[place] ^= 1;
+    assert!(whole(&bytes).is_err(), "a flipped bit shows");
+}
+
+#[test]
+fn a_file_that_was_cut_holds_all_up_to_its_last_whole_chunk() {
+    for compression in COMPRESSIONS {
+        let file = written(compression, 500);
+        let bytes = std::fs::read(&file.path).expect("a file");
+        let summary = mcap::Summary::read(&bytes).expect("whole").expect("there");
+        let expected = expected(500);
+        let ends = summary.chunk_indexes.iter().map(|chunk| {
+            let end = chunk.chunk_start_offset + chunk.chunk_length;
+            (end as usize, chunk.message_end_time)
+        });
+        let ends: Vec<_> = ends.collect();
+        for cut in (ends[0].0..bytes.len()).step_by(311) {
+            let read = messages(&bytes[..cut]);
+            let whole = ends
+                .iter()
+                .rfind(|(end, _)| *end <= cut)
+                .expect("the first");
+            let count = expected
+                .iter()
+                .take_while(|(_, ns, _)| *ns <= whole.1)
+                .count();
+            // The event before the next record has the time of the last.
+            assert!(read.len() + 1 >= count, "{compression:?} cut at {cut}");
+            assert!(
+                read[..] == expected[..read.len()],
+                "{compression:?} cut at {cut}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_chunk_is_closed_when_it_is_old_or_full() {
+    let folder = TempDir::new().expect("a folder");
+    let path = folder.path().join("run.mcap");
+    let layout = layout();
+    let compression = Compression::Lz4;
+    let recording = Recording::create(&path, compression, &layout, &Provenance::default());
+    let mut recording = recording.expect("creates");
+    let on_disk = || {
+        let bytes = std::fs::read(&path).expect("a file");
+        messages(&bytes).len()
+    };
+    let mut step = 0;
+    let mut put = |recording: &mut Recording| {
+        let words = words(step);
+        recording
+            .record(&words, &layout.view(&words))
+            .expect("writes");
+        step += 1;
+    };
+    put(&mut recording);
+    assert_eq!(on_disk(), 0);
+    std::thread::sleep(CHUNK_TIME);
+    recording.keep_up().expect("writes");
+    assert_eq!(on_disk(), 1);
+    let bytes = HEAD_AND_ENCAPSULATION_BYTES + 8 * layout.words();
+    for _ in 0..CHUNK_BYTES.div_ceil(bytes) {
+        assert_eq!(on_disk(), 1);
+        put(&mut recording);
+    }
+    assert_eq!(on_disk(), 1 + CHUNK_BYTES.div_ceil(bytes));
+}
+
+/// Opcode, length, channel, sequence, two times; CDR.
+const HEAD_AND_ENCAPSULATION_BYTES: usize = 1 + 8 + 2 + 4 + 8 + 8 + 4;
+
+#[test]
+fn a_full_disk_is_an_error_that_says_so() {
+    let path = Path::new("/dev/full");
+    let provenance = Provenance::default();
+    let created = Recording::create(path, Compression::Lz4, &layout(), &provenance);
+    let error = created.err().expect("no room");
+    assert_eq!(error.kind(), io::ErrorKind::StorageFull);
+}

@@ -1,0 +1,275 @@
+//! The real-time settings of a run: looked at before it, applied to what is `hil`'s own, and told as
+//! asked for and as granted.
+//!
+//! Plant and controller apply theirs themselves and leave a [`Report`] in the session's folder. What
+//! was not granted is said once on standard error, with the command that mends it; the run goes on.
+
+mod refusals;
+
+use std::fs::File;
+use std::io::{Read, Write};
+use std::sync::{Arc, OnceLock};
+
+use hil_config::plan;
+use serde::Serialize;
+use shared_types::realtime::{CONTROLLER_FILE, Granted, PLANT_FILE, Report, only_core, pin};
+use shared_types::session::SessionInfo;
+use shared_types::wait::WaitStrategy;
+
+use crate::cli::run::LinkKind;
+use crate::doctor::cores::{CoreList, Cores};
+use crate::doctor::tree::Root;
+use crate::exit::Failure;
+use refusals::Refusals;
+
+const DMA_LATENCY: &str = "/dev/cpu_dma_latency";
+
+/// What a run asked of the system and what it got, as `summary.json` has it.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Realtime {
+    /// How the sides waited for each other.
+    pub(crate) wait: WaitStrategy,
+    /// The plant's loop; of a run in one process that of both sides. Null if it never began.
+    pub(crate) plant: Option<Report>,
+    /// The controller's loop; null if it never began or has none of its own.
+    pub(crate) controller: Option<Report>,
+    /// The recorder.
+    pub(crate) recorder: Recorder,
+    /// How long a core may need to wake up, in us; null for no limit of ours.
+    pub(crate) dma_latency_us: Granted<Option<u32>>,
+}
+
+/// What the recorder runs with.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Recorder {
+    /// The only core that it may run on; null for several.
+    pub(crate) core: Granted<Option<u32>>,
+}
+
+/// The settings of one run while it goes on.
+pub(super) struct Watched {
+    asked: plan::Realtime,
+    session: SessionInfo,
+    plant: Option<Report>,
+    controller: Option<Report>,
+    awaits_controller: bool,
+    refusals: Refusals,
+    recorder: RecorderCore,
+    dma_latency_us: Granted<Option<u32>>,
+    /// Holds the latency down as long as it is open.
+    _dma_latency: Option<File>,
+}
+
+/// The core of the recorder's thread, which moves there by itself.
+#[derive(Clone)]
+pub(super) struct RecorderCore {
+    asked: Option<u32>,
+    granted: Arc<OnceLock<Granted<Option<u32>>>>,
+}
+
+impl RecorderCore {
+    /// Moves the calling thread there.
+    pub(super) fn apply(&self) {
+        let pinned = self.asked.map_or(Ok(()), pin);
+        let refused = pinned.err().map(|error| error.to_string());
+        let core = only_core();
+        let asked = self.asked.or(core);
+        let _ = self.granted.set(Granted::new(asked, core, refused)); // applied once
+    }
+}
+
+/// Refuses cores that this machine does not have, and warns of settings that leave nothing to
+/// anybody else.
+///
+/// # Errors
+/// Which setting, and the cores that there are.
+pub(super) fn check(asked: &plan::Realtime, link: LinkKind) -> Result<(), Failure> {
+    let cores = Cores::choose(&Root::machine(), None)?;
+    for (key, core) in [
+        ("plant_core", asked.plant_core),
+        ("controller_core", asked.controller_core),
+        ("recorder_core", asked.recorder_core),
+    ] {
+        let Some(core) = core else { continue };
+        // Asking is the only way to know: a container may have fewer cores than the machine.
+        let usable = std::thread::spawn(move || pin(core)).join();
+        if !matches!(usable, Ok(Ok(()))) {
+            let there = &cores.online;
+            return Err(Failure::usage(format!(
+                "realtime.{key} is {core}, which cannot be used; the cores of this machine are {there}"
+            )));
+        }
+    }
+    let loops = match link {
+        LinkKind::Iceoryx2 => vec![asked.plant_core, asked.controller_core],
+        // One thread for both sides, with the settings of the plant.
+        LinkKind::InProcess => vec![asked.plant_core],
+    };
+    if asked.priority > 0 && may_take_all(&loops, &cores.allowed) {
+        let cores = &cores.allowed;
+        let priority = asked.priority;
+        eprintln!(
+            "warning: at priority {priority} plant and controller may take all cores ({cores}); hil and its recorder then run \
+             only where the loops sleep or the kernel steps in. Leave them a core, or take --priority 0"
+        );
+    }
+    Ok(())
+}
+
+/// Whether loops on these cores, or on any, may leave none to others.
+fn may_take_all(loops: &[Option<u32>], allowed: &CoreList) -> bool {
+    let kept: CoreList = loops.iter().copied().flatten().collect();
+    let anywhere = loops.iter().filter(|core| core.is_none()).count();
+    allowed.without(&kept).len() <= anywhere
+}
+
+impl Watched {
+    /// Begins to hold what `hil` itself holds.
+    pub(super) fn begin(asked: plan::Realtime, link: LinkKind, session: &SessionInfo) -> Self {
+        let mut refusals = Refusals::default();
+        let (granted, reason, held) = match asked.dma_latency_us.map(hold_latency) {
+            None => (None, None, None),
+            // It may be shorter than asked for, if somebody else needs it so.
+            Some(Ok((granted, held))) => (Some(granted), None, Some(held)),
+            Some(Err(error)) => {
+                let reason = format!("{DMA_LATENCY}: {error}");
+                let mend = format!("sudo chmod o+rw {DMA_LATENCY}");
+                refusals.add("hil", "dma_latency_us", &reason, Some(&mend));
+                (None, Some(reason), None)
+            }
+        };
+        Self {
+            asked,
+            session: session.clone(),
+            plant: None,
+            controller: None,
+            awaits_controller: link == LinkKind::Iceoryx2,
+            refusals,
+            recorder: RecorderCore {
+                asked: asked.recorder_core,
+                granted: Arc::default(),
+            },
+            dma_latency_us: Granted::new(asked.dma_latency_us, granted, reason),
+            _dma_latency: held,
+        }
+    }
+
+    /// For the recorder's thread.
+    pub(super) fn recorder_core(&self) -> RecorderCore {
+        self.recorder.clone()
+    }
+
+    /// Looks whether the sides have told what they run with; once all have, what was refused.
+    pub(super) fn look(&mut self) -> Option<String> {
+        for (side, file, report) in [
+            ("plant", PLANT_FILE, &mut self.plant),
+            ("controller", CONTROLLER_FILE, &mut self.controller),
+        ] {
+            if report.is_none() && (side == "plant" || self.awaits_controller) {
+                *report = self.session.read_file(file).ok();
+                if let Some(report) = report {
+                    self.refusals.add_side(side, report);
+                }
+            }
+        }
+        let all = self.plant.is_some() && (self.controller.is_some() || !self.awaits_controller);
+        if all { self.refused() } else { None }
+    }
+
+    /// What was refused and not told yet.
+    fn refused(&mut self) -> Option<String> {
+        let refusals = std::mem::take(&mut self.refusals);
+        (!refusals.is_empty()).then(|| refusals.to_string())
+    }
+
+    /// What came of it.
+    pub(super) fn end(mut self) -> Realtime {
+        let asked = self.asked.recorder_core;
+        let core = self.recorder.granted.get().cloned();
+        let core = core.unwrap_or_else(|| Granted::new(asked, None, None));
+        if let Some(reason) = core.refusal(&None) {
+            self.refusals.add("recorder", "core", reason, None);
+        }
+        if let Some(refused) = self.look().or_else(|| self.refused()) {
+            eprintln!("{refused}");
+        }
+        Realtime {
+            wait: (self.plant.as_ref()).map_or(self.asked.wait, |plant| plant.wait.granted),
+            plant: self.plant,
+            controller: self.controller,
+            recorder: Recorder { core },
+            dma_latency_us: self.dma_latency_us,
+        }
+    }
+}
+
+/// What a recording keeps of the settings: the reports of both sides, which are there when their
+/// stream begins.
+pub(crate) fn facts(session: &SessionInfo) -> impl Iterator<Item = (String, String)> {
+    let files = [
+        ("realtime_plant", PLANT_FILE),
+        ("realtime_controller", CONTROLLER_FILE),
+    ];
+    files.into_iter().filter_map(|(name, file)| {
+        let report: Report = session.read_file(file).ok()?;
+        let json = serde_json::to_string(&report).ok()?;
+        Some((name.to_owned(), json))
+    })
+}
+
+/// Opens the kernel's file, which holds the latency down while it is open; what it says then.
+fn hold_latency(us: u32) -> std::io::Result<(u32, File)> {
+    let mut file = File::options().read(true).write(true).open(DMA_LATENCY)?;
+    file.write_all(&us.to_ne_bytes())?;
+    let mut granted = [0; 4];
+    file.read_exact(&mut granted)?;
+    Ok((u32::from_ne_bytes(granted), file))
+}
+
+impl Realtime {
+    /// As a person reads it.
+    #[must_use]
+    pub(crate) fn told(&self) -> String {
+        let mut text = format!("{} waits", self.wait.name());
+        for (side, report) in [("plant", &self.plant), ("controller", &self.controller)] {
+            let Some(report) = report else { continue };
+            let core = report.core.granted.map(|core| format!("core {core}"));
+            let priority = report.priority.granted;
+            let fifo = (priority > 0).then(|| format!("FIFO {priority}"));
+            let locked = (report.lock_memory.granted).then(|| "memory locked".to_owned());
+            let fetched = report.prefault.granted.then(|| "prefaulted".to_owned());
+            let all: Vec<String> = [core, fifo, locked, fetched]
+                .into_iter()
+                .flatten()
+                .collect();
+            if !all.is_empty() {
+                text += &format!("; {side}: {}", all.join(", "));
+            }
+        }
+        text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn loops_take_all_cores_unless_one_is_left() {
+        for (loops, allowed, all) in [
+            (&[None, None][..], "0", true),
+            (&[None, None], "0-1", true),
+            (&[None, None], "0-2", false),
+            (&[Some(0), Some(1)], "0-1", true),
+            (&[Some(0), Some(0)], "0-1", false),
+            (&[Some(0), None], "0-1", true),
+            (&[Some(0), None], "0-2", false),
+            (&[Some(2), Some(3)], "0-1", false),
+            (&[None], "0-1", false),
+            (&[Some(0)], "0", true),
+        ] {
+            let taken = may_take_all(loops, &CoreList::parse(allowed));
+            assert_eq!(taken, all, "{loops:?} {allowed}");
+        }
+    }
+}
