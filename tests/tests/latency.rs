@@ -99,10 +99,11 @@ fn every_figure_counts_the_steps_after_the_warm_up_and_no_other() {
         assert_eq!(percentiles(&each["raw_limit_ns"]).0, 300);
         assert_eq!(percentiles(&each["bare_exchange_ns"]).0, 300);
         assert_eq!(each["warm_up_steps"], 50);
-        assert!(
-            paced || each["release_ns"].is_null(),
-            "nothing is due in lockstep"
-        );
+        if paced {
+            assert_eq!(percentiles(&each["release_ns"]).0, 100);
+        } else {
+            assert!(each["release_ns"].is_null(), "nothing is due in lockstep");
+        }
         // A header of 152 bytes, then room for 16, 32, 64 numbers.
         let (there, back) = match each["signals"].as_u64() {
             Some(8) => (152 + 8 * 16, 152 + 8 * 16),

@@ -8,6 +8,7 @@ use std::path::Path;
 use hdrhistogram::Histogram;
 use rustix::thread::{CpuSet, sched_getaffinity};
 use serde::Serialize;
+use shared_types::wait::WaitStrategy;
 
 use super::bars::bars;
 use super::exchange::frame_words;
@@ -312,9 +313,13 @@ impl Report {
     }
 }
 
-/// The name of how the project's waiter waits where it may use so many cores.
+/// The strategy of a waiter that may use so many cores: on one nobody spins.
 const fn wait(cores: usize) -> &'static str {
-    if cores > 1 { "hybrid" } else { "yield" }
+    if cores > 1 {
+        WaitStrategy::Hybrid.name()
+    } else {
+        WaitStrategy::Yield.name()
+    }
 }
 
 /// The cores that this process may run on.
