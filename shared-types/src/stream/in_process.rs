@@ -48,8 +48,8 @@ impl InProcessSink {
         }
         self.sent += 1;
         let head = [words.len() as u64, self.sent, kind as u64, bytes as u64];
-        let pushed = (self.ring.push_entire_slice(&head))
-            .and_then(|()| self.ring.push_entire_slice(words));
+        let pushed =
+            (self.ring.push_entire_slice(&head)).and_then(|()| self.ring.push_entire_slice(words));
         pushed.map_err(|_: ChunkError| full())
     }
 }

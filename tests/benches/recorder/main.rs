@@ -91,6 +91,7 @@ fn compare() {
         }
     };
     let mut bytes = Vec::new();
+    let session = Session::create(None).expect("a session");
     for _ in 0..ROUNDS {
         note("drain, shared memory".into(), drain_iceoryx_ns(&tape));
         note("drain, in process".into(), {
@@ -115,6 +116,7 @@ fn compare() {
                 path: file.clone(),
                 compression,
                 provenance: Provenance::default(),
+                session: session.info().clone(),
             };
             note(format!("thread, {name}"), thread_ns(&tape, Some(plan)));
         }
