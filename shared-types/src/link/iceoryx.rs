@@ -10,7 +10,7 @@
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::reader::{BlackboardValue, EntryHandle};
 use iceoryx2::port::subscriber::Subscriber;
-use iceoryx2::port::writer::EntryHandleMut;
+use iceoryx2::port::writer::EntryValueUninit;
 use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::blackboard::PortFactory as Blackboard;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as Topic;
@@ -156,7 +156,7 @@ fn topic(node: &Node<Ipc>, side: Side, name: &str) -> Result<Topic<Ipc, [u8], ()
 
 /// A frame channel's sending end, whatever its size class.
 trait Outgoing {
-    fn send(&self, header: &Header, values: &[f64], seal: Seal);
+    fn send(&mut self, header: &Header, values: &[f64], seal: Seal);
 }
 
 /// A frame channel's receiving end, whatever its size class.
@@ -164,11 +164,16 @@ trait Incoming {
     fn receive(&mut self, values: &mut [f64], seal: Seal) -> Option<Result<Header, FrameError>>;
 }
 
-struct Writer<const N: usize>(EntryHandleMut<Ipc, u8, Frame<N>>);
+/// Holds the cell of the next frame: asking for one looks at a line of memory that the reader writes
+/// to, which is done best right after a frame was sent, while the reader is busy.
+struct Writer<const N: usize>(Option<EntryValueUninit<Ipc, u8, Frame<N>>>);
 
 impl<const N: usize> Outgoing for Writer<N> {
-    fn send(&self, header: &Header, values: &[f64], seal: Seal) {
-        self.0.update_with_copy(Frame::sealed(header, values, seal));
+    fn send(&mut self, header: &Header, values: &[f64], seal: Seal) {
+        if let Some(next) = self.0.take() {
+            let entry = next.update_with_copy(Frame::sealed(header, values, seal));
+            self.0 = Some(entry.loan_uninit());
+        }
     }
 }
 
@@ -250,7 +255,7 @@ fn outgoing<const N: usize>(
     let entry = writer
         .entry::<Frame<N>>(&0)
         .map_err(|e| transport(name, e))?;
-    Ok(Box::new(Writer(entry)))
+    Ok(Box::new(Writer(Some(entry.loan_uninit()))))
 }
 
 fn incoming<const N: usize>(
