@@ -32,6 +32,13 @@ fn assert_within(ns: u64, limit_ns: u64) {
     );
 }
 
+/// The cores that this process, and what it starts, may run on.
+fn cores() -> Vec<usize> {
+    let allowed = sched_getaffinity(None).expect("told");
+    let all = 0..CpuSet::MAX_CPU;
+    all.filter(|core| allowed.is_set(*core)).collect()
+}
+
 /// What must hold for any case; gives its steps.
 #[track_caller]
 fn case(case: &Value) -> u64 {
@@ -115,12 +122,12 @@ fn every_figure_counts_the_steps_after_the_warm_up_and_no_other() {
     for (key, value) in cases[0].as_object().expect("figures") {
         assert_eq!(report[key], *value, "{key}");
     }
-    let allowed = sched_getaffinity(None).expect("told");
-    let cores: Vec<usize> = (0..CpuSet::MAX_CPU)
-        .filter(|core| allowed.is_set(*core))
-        .collect();
-    assert_eq!(report["cores"], serde_json::json!(cores));
-    assert!(report["wait"].is_string() && report["class"].is_string());
+    assert_eq!(report["cores"], serde_json::json!(cores()));
+    assert_eq!(report["realtime"]["plant"]["wait"]["asked"], "hybrid");
+    assert_eq!(
+        report["wait"],
+        report["realtime"]["controller"]["wait"]["granted"]
+    );
 
     let csv = std::fs::read_to_string(csv).expect("written");
     let mut lines = csv.lines();
@@ -153,16 +160,19 @@ fn every_figure_counts_the_steps_after_the_warm_up_and_no_other() {
 #[test]
 fn a_person_reads_table_bars_and_spikes_in_80_columns() {
     let rig = Rig::new();
-    let arguments = [
-        "latency",
-        "--signals",
-        "32",
-        "--rates",
-        "max",
-        "--steps",
-        "2000",
-    ];
+    // Both sides on one core, where nobody can spin.
+    let core = cores().pop().expect("a core").to_string();
+    let arguments = "latency --signals 32 --rates max --steps 200 --warm-up 20 --wait spin";
+    let mut arguments: Vec<&str> = arguments.split_ascii_whitespace().collect();
+    arguments.extend(["--plant-core", &core, "--controller-core", &core]);
     let text = rig.hil(&arguments).expect(0).stdout;
+    for told in [
+        format!("\nwait: yield; cores: {core}; class: "),
+        "\nplant's wait was not granted: ".into(),
+        "\ncontroller's wait was not granted: ".into(),
+    ] {
+        assert!(text.contains(&told), "no `{told}` in:\n{text}");
+    }
     let (_, table) = text.split_once("\n32 signals").expect("a table");
     let too_wide = table.lines().find(|line| line.chars().count() > 80);
     assert_eq!(too_wide, None, "{text}");
@@ -177,7 +187,7 @@ fn a_person_reads_table_bars_and_spikes_in_80_columns() {
     }
     let bars = table.lines().filter(|line| line.ends_with('#'));
     let count = |line: &str| line.split_ascii_whitespace().nth(5)?.parse::<u64>().ok();
-    assert_eq!(bars.filter_map(count).sum::<u64>(), 2000, "{text}");
+    assert_eq!(bars.filter_map(count).sum::<u64>(), 200, "{text}");
 }
 
 #[test]
@@ -218,13 +228,11 @@ fn a_recording_tells_what_its_summary_told() {
     for key in ["spikes", "grade"] {
         assert_eq!(report[key], summary[key], "{key}");
     }
-    for unknown in [
-        "raw_limit_ns",
-        "bare_exchange_ns",
-        "ratio_p50",
-        "wait",
-        "cores",
-    ] {
+    assert_eq!(report["wait"], summary["realtime"]["wait"]);
+    for side in ["plant", "controller"] {
+        assert_eq!(report["realtime"][side], summary["realtime"][side]);
+    }
+    for unknown in ["raw_limit_ns", "bare_exchange_ns", "ratio_p50", "cores"] {
         assert!(report[unknown].is_null(), "{unknown}");
     }
     let later = read(&["--warm-up", "10"]);
@@ -272,6 +280,8 @@ fn what_cannot_be_measured_is_refused_at_once() {
         ("--rates fast", "max, or a rate"),
         ("--duration 0", "a time above 0"),
         ("--steps 0", "--steps"),
+        ("--plant-core 1000", "cannot be used"),
+        ("--wait long", "--wait"),
         ("--csv no/such/folder.csv", "its folder is not there"),
         ("scenarios", "no recording"),
         ("scenarios --signals 8", "cannot be used with"),

@@ -4,9 +4,11 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::{Args, Subcommand};
+use hil_config::plan::Realtime;
 use shared_types::frame::MAX_SIGNALS;
 use shared_types::time::Rate;
 
+use super::realtime::WaitKind;
 use crate::duration::seconds;
 
 pub(super) const EXAMPLES: &str = "\
@@ -14,6 +16,7 @@ Examples:
   hil latency
   hil latency --signals 32 --rates max --steps 1000000
   hil latency --signals 8,32,128,512 --rates max,1000 --csv latency.csv --json
+  hil latency --plant-core 2 --controller-core 3 --wait spin
   hil latency runs/demo";
 
 /// Arguments of `hil latency`.
@@ -48,12 +51,59 @@ pub struct LatencyArguments {
     /// How long each other rate is measured
     #[arg(long, value_name = "TIME", default_value = "5s", value_parser = seconds)]
     pub duration: f64,
+    /// What both sides run with
+    #[command(flatten)]
+    pub sides: SideArguments,
     /// Write all histograms to this file
     #[arg(long, value_name = "FILE")]
     pub csv: Option<PathBuf>,
     /// Print as JSON
     #[arg(long)]
     pub json: bool,
+}
+
+/// What both sides of a measurement run with; of `hil run` the same flags and more.
+#[derive(Clone, Copy, Debug, Args)]
+#[command(next_help_heading = "Real time")]
+pub struct SideArguments {
+    /// Keep the plant's loop on this core
+    #[arg(long, value_name = "CORE", conflicts_with = "run")]
+    pub plant_core: Option<u32>,
+    /// Keep the controller's loop on this core
+    #[arg(long, value_name = "CORE", conflicts_with = "run")]
+    pub controller_core: Option<u32>,
+    /// SCHED_FIFO priority of both loops, 1 to 98; 0 for ordinary scheduling
+    #[arg(
+        long,
+        value_name = "PRIORITY",
+        default_value = "0",
+        value_parser = clap::value_parser!(u32).range(0..=98),
+        conflicts_with = "run"
+    )]
+    pub priority: u32,
+    /// How each side waits for the other
+    #[arg(
+        long,
+        value_enum,
+        value_name = "HOW",
+        default_value = "hybrid",
+        conflicts_with = "run"
+    )]
+    pub wait: WaitKind,
+}
+
+impl SideArguments {
+    /// As a scenario's `[realtime]` says it.
+    #[must_use]
+    pub fn realtime(&self) -> Realtime {
+        Realtime {
+            plant_core: self.plant_core,
+            controller_core: self.controller_core,
+            priority: self.priority,
+            wait: self.wait.into(),
+            ..Realtime::default()
+        }
+    }
 }
 
 /// What releases the steps of a measurement.

@@ -3,16 +3,20 @@
 //! One after the other and never two at once. While steps are exchanged this process has one thread
 //! awake, the plant's; nobody observes or records.
 
+use controller_process::job::JOB_FILE;
 use hdrhistogram::Histogram;
+use hil_config::plan::Realtime;
 use plant_process::engine::Engine;
+use serde::Serialize;
 use shared_types::link::LinkError;
 use shared_types::link::iceoryx::IceoryxLink;
+use shared_types::realtime::{CONTROLLER_FILE, Report};
 use shared_types::record::{Event, Outcome, RecordLayout, Timing};
 use shared_types::session::{Session, SessionError};
 use shared_types::stream::RecordSink;
 use shared_types::supervision::Supervision;
 use shared_types::time::Rate;
-use shared_types::wait::{WaitLimit, Waiter};
+use shared_types::wait::WaitLimit;
 use shared_types::zerocopy::{FromBytes, IntoBytes};
 
 use super::blackboard::{Blackboard, Side};
@@ -21,8 +25,10 @@ use super::legs::Latency;
 use super::peer::{Peer, WAIT_LIMIT_S};
 use super::{histogram, null, raw};
 use crate::cli::latency::{LatencyArguments, PeerWork};
+use crate::cli::run::LinkKind;
 use crate::exit::Failure;
 use crate::interruption::Interruption;
+use crate::run::realtime;
 
 /// Steps that are left out at the begin if nothing else is said.
 const WARM_UP: u64 = 20_000;
@@ -53,6 +59,17 @@ pub struct Looped {
     pub ways: Option<Ways>,
     /// When the first and the last step had its command.
     pub span_ns: Option<(u64, u64)>,
+    /// What both sides ran with; `None` of a recorded run.
+    pub sides: Option<Sides>,
+}
+
+/// What both sides ran with, as asked for and as granted.
+#[derive(Clone, Debug, Serialize)]
+pub struct Sides {
+    /// The plant's loop.
+    pub plant: Report,
+    /// The controller's.
+    pub controller: Report,
 }
 
 /// The round trip, split where the law is called.
@@ -104,10 +121,15 @@ impl Looped {
 /// Measures every payload at every rate.
 ///
 /// # Errors
-/// If a measurement did not come to its end.
+/// If a core is not there, or a measurement did not come to its end.
 pub fn matrix(arguments: &LatencyArguments) -> Result<Vec<Case>, Failure> {
     let plans = plans(arguments)?;
-    let interruption = Interruption::listen()?;
+    let realtime = arguments.sides.realtime();
+    realtime::check(&realtime, LinkKind::Iceoryx2)?;
+    let bench = Bench {
+        realtime,
+        interruption: Interruption::listen()?,
+    };
     let mut cases: Vec<Case> = Vec::new();
     for (signals, rate, trips) in plans {
         let known = cases.iter().find(|case| case.signals == signals);
@@ -120,8 +142,8 @@ pub fn matrix(arguments: &LatencyArguments) -> Result<Vec<Case>, Failure> {
                 };
                 announce(&format!("{signals} signals, the machine's limits"));
                 Limits {
-                    raw: raw_limit(signals, trips, &interruption)?,
-                    bare: bare_exchange(signals, trips, &interruption)?,
+                    raw: apart(|| bench.raw_limit(signals, trips))?,
+                    bare: apart(|| bench.bare_exchange(signals, trips))?,
                 }
             }
         };
@@ -136,7 +158,7 @@ pub fn matrix(arguments: &LatencyArguments) -> Result<Vec<Case>, Failure> {
             signals,
             rate,
             warm_up: trips.warm_up,
-            looped: looped(signals, rate, trips, &interruption)?,
+            looped: apart(|| bench.looped(signals, rate, trips))?,
             limits: Some(limits),
         });
     }
@@ -169,119 +191,137 @@ fn announce(what: &str) {
     eprintln!("measuring {what}");
 }
 
-fn waiter() -> Waiter {
-    Waiter::new(WaitLimit::from_seconds(WAIT_LIMIT_S))
+/// On a thread of its own: what a side asks of the system for its thread ends with that.
+fn apart<T: Send>(measure: impl FnOnce() -> T + Send) -> T {
+    let measured = std::thread::scope(|scope| scope.spawn(measure).join());
+    measured.unwrap_or_else(|panic| std::panic::resume_unwind(panic))
 }
 
-/// The raw limit for frames of so many signals.
-fn raw_limit(
-    signals: usize,
-    trips: Trips,
-    interruption: &Interruption,
-) -> Result<Histogram<u64>, Failure> {
-    let there = frame_words(signals);
-    let back = frame_words(null::answered_with(signals));
-    let (mut plant, mut controller) = raw::pair(there, back);
-    let led = std::thread::scope(|scope| {
-        scope.spawn(|| follow(&mut controller, trips, waiter(), || interruption.came()));
-        lead(&mut plant, trips, waiter(), || interruption.came())
-    });
-    led.map_err(|error| gone(error, interruption, None))
-}
-
-/// The bare exchange of frames of so many signals.
-fn bare_exchange(
-    signals: usize,
-    trips: Trips,
-    interruption: &Interruption,
-) -> Result<Histogram<u64>, Failure> {
-    let mut session = session()?;
-    let back = null::answered_with(signals);
-    let mut plant = Blackboard::open(session.info(), Side::Plant, signals, back)
-        .map_err(Failure::infrastructure)?;
-    let supervision = Supervision::new();
-    let work = PeerWork::Answer {
-        signals,
-        trips: trips.all(),
-    };
-    let peer = Peer::start(&mut session, work, &supervision)?;
-    let stop = || interruption.came() || supervision.is_peer_gone();
-    match lead(&mut plant, trips, waiter(), stop) {
-        Ok(trips_ns) => {
-            peer.end().map_err(Failure::infrastructure)?;
-            Ok(trips_ns)
-        }
-        Err(error) => Err(gone(error, interruption, peer.stop().err())),
-    }
-}
-
-fn gone(error: NoAnswer, interruption: &Interruption, why: Option<String>) -> Failure {
-    if interruption.came() {
-        return Failure::Interrupted;
-    }
-    Failure::infrastructure(match why {
-        Some(why) => format!("{error}: {why}"),
-        None => error.to_string(),
-    })
+fn limit() -> WaitLimit {
+    WaitLimit::from_seconds(WAIT_LIMIT_S)
 }
 
 fn session() -> Result<Session, Failure> {
     Session::create(None).map_err(|error: SessionError| Failure::infrastructure(error))
 }
 
-/// The loop with so many signals: the engine in this thread, the runner in another process.
-fn looped(
-    signals: usize,
-    rate: Option<Rate>,
-    trips: Trips,
-    interruption: &Interruption,
-) -> Result<Looped, Failure> {
-    let mut session = session()?;
-    let info = session.info().clone();
-    let (plant_job, controller_job) = null::jobs(&info, rate, trips.all(), WAIT_LIMIT_S);
-    (info.write_file(controller_process::job::JOB_FILE, &controller_job))
-        .map_err(Failure::infrastructure)?;
-    let supervision = Supervision::new();
-    let mut looped = Looped {
-        ways: Some(Ways {
-            sample: histogram(),
-            command: histogram(),
-        }),
-        ..Looped::default()
-    };
-    let meter = Meter {
-        looped: &mut looped,
-        warm_up: trips.warm_up,
-        timing_place: 0,
-        called_place: 0,
-        interruption,
-        supervision: &supervision,
-    };
-    // Before the peer, which opens what is there.
-    let link = IceoryxLink::create(&info).map_err(Failure::infrastructure)?;
-    let kind = null::plant(signals);
-    let engine = Engine::new(&kind, &[], plant_job, link, meter);
-    let mut engine = engine.map_err(Failure::infrastructure)?;
-    let peer = Peer::start(&mut session, PeerWork::Controller { signals }, &supervision)?;
-    let driven = plant_process::program::drive(&mut engine, waiter(), &supervision);
-    let end = engine.end().cloned();
-    let ended = peer.end();
-    if interruption.came() {
-        return Err(Failure::Interrupted);
+/// What all measurements have in common.
+struct Bench {
+    realtime: Realtime,
+    interruption: Interruption,
+}
+
+impl Bench {
+    /// The raw limit for frames of so many signals.
+    fn raw_limit(&self, signals: usize, trips: Trips) -> Result<Histogram<u64>, Failure> {
+        let there = frame_words(signals);
+        let back = frame_words(null::answered_with(signals));
+        let (mut plant, mut controller) = raw::pair(there, back);
+        let stop = || self.interruption.came();
+        let led = std::thread::scope(|scope| {
+            scope.spawn(move || {
+                let waiter = self.realtime.controller().apply().waiter(limit());
+                follow(&mut controller, trips, waiter, stop)
+            });
+            let waiter = self.realtime.plant().apply().waiter(limit());
+            lead(&mut plant, trips, waiter, stop)
+        });
+        led.map_err(|error| self.gone(error, None))
     }
-    driven.map_err(Failure::infrastructure)?;
-    match end {
-        Some(end) if end.outcome == Outcome::Completed => {
-            ended.map_err(Failure::infrastructure)?;
-        }
-        end => {
-            let reasons = [end.and_then(|end| end.reason), ended.err()];
-            let reasons: Vec<String> = reasons.into_iter().flatten().collect();
-            return Err(Failure::infrastructure(reasons.join("; ")));
+
+    /// The bare exchange of frames of so many signals.
+    fn bare_exchange(&self, signals: usize, trips: Trips) -> Result<Histogram<u64>, Failure> {
+        let mut session = session()?;
+        let (_, job) = null::jobs(session.info(), None, 0, &self.realtime, WAIT_LIMIT_S);
+        (session.info().write_file(JOB_FILE, &job)).map_err(Failure::infrastructure)?;
+        let back = null::answered_with(signals);
+        let mut plant = Blackboard::open(session.info(), Side::Plant, signals, back)
+            .map_err(Failure::infrastructure)?;
+        let supervision = Supervision::new();
+        let work = PeerWork::Answer {
+            signals,
+            trips: trips.all(),
+        };
+        // A process starts with what its parent's thread has: first the peer, then the settings.
+        let peer = Peer::start(&mut session, work, &supervision)?;
+        let waiter = self.realtime.plant().apply().waiter(limit());
+        let stop = || self.interruption.came() || supervision.is_peer_gone();
+        match lead(&mut plant, trips, waiter, stop) {
+            Ok(trips_ns) => {
+                peer.end().map_err(Failure::infrastructure)?;
+                Ok(trips_ns)
+            }
+            Err(error) => Err(self.gone(error, peer.stop().err())),
         }
     }
-    drop(engine);
-    Ok(looped)
+
+    fn gone(&self, error: NoAnswer, why: Option<String>) -> Failure {
+        if self.interruption.came() {
+            return Failure::Interrupted;
+        }
+        Failure::infrastructure(match why {
+            Some(why) => format!("{error}: {why}"),
+            None => error.to_string(),
+        })
+    }
+
+    /// The loop with so many signals: the engine in this thread, the runner in another process.
+    fn looped(&self, signals: usize, rate: Option<Rate>, trips: Trips) -> Result<Looped, Failure> {
+        let mut session = session()?;
+        let info = session.info().clone();
+        let (plant_job, controller_job) =
+            null::jobs(&info, rate, trips.all(), &self.realtime, WAIT_LIMIT_S);
+        (info.write_file(JOB_FILE, &controller_job)).map_err(Failure::infrastructure)?;
+        let supervision = Supervision::new();
+        let mut looped = Looped {
+            ways: Some(Ways {
+                sample: histogram(),
+                command: histogram(),
+            }),
+            ..Looped::default()
+        };
+        let meter = Meter {
+            looped: &mut looped,
+            warm_up: trips.warm_up,
+            timing_place: 0,
+            called_place: 0,
+            interruption: &self.interruption,
+            supervision: &supervision,
+        };
+        // Before the peer, which opens what is there.
+        let link = IceoryxLink::create(&info).map_err(Failure::infrastructure)?;
+        let kind = null::plant(signals);
+        let engine = Engine::new(&kind, &[], plant_job, link, meter);
+        let mut engine = engine.map_err(Failure::infrastructure)?;
+        let peer = Peer::start(&mut session, PeerWork::Controller { signals }, &supervision)?;
+        let plant = self.realtime.plant().apply();
+        let driven =
+            plant_process::program::drive(&mut engine, plant.waiter(limit()), &supervision);
+        let end = engine.end().cloned();
+        let ended = peer.end();
+        if self.interruption.came() {
+            return Err(Failure::Interrupted);
+        }
+        driven.map_err(Failure::infrastructure)?;
+        match end {
+            Some(end) if end.outcome == Outcome::Completed => {
+                ended.map_err(Failure::infrastructure)?;
+            }
+            end => {
+                let reasons = [end.and_then(|end| end.reason), ended.err()];
+                let reasons: Vec<String> = reasons.into_iter().flatten().collect();
+                return Err(Failure::infrastructure(reasons.join("; ")));
+            }
+        }
+        drop(engine);
+        looped.sides = Some(Sides {
+            plant,
+            controller: info
+                .read_file(CONTROLLER_FILE)
+                .map_err(Failure::infrastructure)?,
+        });
+        Ok(looped)
+    }
 }
 
 /// Takes the timing of records, and passes Ctrl-C on.
@@ -329,7 +369,8 @@ impl RecordSink for Meter<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::latency::Pace;
+    use crate::cli::latency::{Pace, SideArguments};
+    use crate::cli::realtime::WaitKind;
 
     fn arguments(warm_up: Option<u64>, duration: f64) -> LatencyArguments {
         LatencyArguments {
@@ -343,6 +384,12 @@ mod tests {
             warm_up,
             steps: 777,
             duration,
+            sides: SideArguments {
+                plant_core: None,
+                controller_core: None,
+                priority: 0,
+                wait: WaitKind::Hybrid,
+            },
             csv: None,
             json: false,
         }

@@ -4,7 +4,7 @@
 //! splits the round trip into its way there and its way back. No other law reads a clock.
 
 use controller_process::controller::{Law, LawKind, Row};
-use hil_config::plan::{Clock, PlantPlan, Run};
+use hil_config::plan::{Clock, PlantPlan, Realtime, Run};
 use plant_process::plant::{Model, PlantKind};
 use shared_types::clock::monotonic_ns;
 use shared_types::describe::{LawDescription, PROTOCOL, PlantDescription, Settings};
@@ -104,6 +104,7 @@ pub fn jobs(
     session: &SessionInfo,
     rate: Option<Rate>,
     steps: u64,
+    realtime: &Realtime,
     wait_limit_s: f64,
 ) -> (plant_process::job::Job, controller_process::job::Job) {
     // In lockstep the rate is a number in the frames and nothing else.
@@ -138,7 +139,7 @@ pub fn jobs(
         missed: Vec::new(),
         pause_at_s: None,
         observed: false,
-        realtime: shared_types::realtime::Settings::default(),
+        realtime: realtime.plant(),
         wait_limit_s,
     };
     let controller = controller_process::job::Job {
@@ -151,7 +152,7 @@ pub fn jobs(
         rate,
         rate_divisor: 1,
         command_delay_steps: 0,
-        realtime: shared_types::realtime::Settings::default(),
+        realtime: realtime.controller(),
         wait_limit_s: wait_limit_s + between_s,
     };
     (plant, controller)

@@ -12,9 +12,10 @@ use std::time::{Duration, Instant};
 use controller_process::job::{JOB_FILE, Job};
 use controller_process::runner::{End, Runner};
 use shared_types::link::iceoryx::IceoryxLink;
+use shared_types::realtime::CONTROLLER_FILE;
 use shared_types::session::{Session, SessionInfo};
 use shared_types::supervision::Supervision;
-use shared_types::wait::{WaitLimit, Waiter};
+use shared_types::wait::WaitLimit;
 
 use super::blackboard::{Blackboard, Side};
 use super::exchange::{Trips, follow};
@@ -127,11 +128,13 @@ pub fn peer(arguments: &LatencyPeerArguments) -> Result<Exit, Failure> {
 
 fn control(session: &SessionInfo, signals: usize, supervision: &Supervision) -> Result<(), String> {
     let job: Job = session.read_file(JOB_FILE).map_err(|e| e.to_string())?;
-    let limit = WaitLimit::from_seconds(job.wait_limit_s);
+    let (limit, settings) = (WaitLimit::from_seconds(job.wait_limit_s), job.realtime);
     let link = IceoryxLink::open(session).map_err(|e| e.to_string())?;
     let law = null::law(signals);
     let mut runner = Runner::new(&law, job, link).map_err(|e| e.to_string())?;
-    controller_process::program::drive(&mut runner, Waiter::new(limit), supervision)
+    let report = settings.apply();
+    (session.write_file(CONTROLLER_FILE, &report)).map_err(|e| e.to_string())?;
+    controller_process::program::drive(&mut runner, report.waiter(limit), supervision)
         .map_err(|e| e.to_string())?;
     match runner.end() {
         Some(End::Completed { .. }) => Ok(()),
@@ -149,7 +152,9 @@ fn answer(
     let back = null::answered_with(signals);
     let mut end = Blackboard::open(session, Side::Controller, signals, back)
         .map_err(|error| error.to_string())?;
-    let waiter = Waiter::new(WaitLimit::from_seconds(WAIT_LIMIT_S));
+    let job: Job = session.read_file(JOB_FILE).map_err(|e| e.to_string())?;
+    let limit = WaitLimit::from_seconds(job.wait_limit_s);
+    let waiter = job.realtime.apply().waiter(limit);
     let trips = Trips {
         warm_up: 0,
         measured: trips,

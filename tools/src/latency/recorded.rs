@@ -5,7 +5,7 @@ use std::path::Path;
 use shared_types::record::Timing;
 use shared_types::zerocopy::{FromBytes, IntoBytes};
 
-use super::measurement::{Case, Looped};
+use super::measurement::{Case, Looped, Sides};
 use crate::exit::Failure;
 use crate::run_reader::RunReader;
 
@@ -35,7 +35,10 @@ pub fn case(run: &Path, warm_up: u64) -> Result<Case, Failure> {
         .filter(|column| is_sample(&column.name))
         .count();
     let rate = reader.rate().map_err(Failure::usage)?;
-    let mut looped = Looped::default();
+    let mut looped = Looped {
+        sides: sides(&reader),
+        ..Looped::default()
+    };
     while reader.advance().map_err(Failure::usage)? {
         let word = |place: Option<usize>| place.map_or(0, |place| reader.words()[place]);
         let words = places.map(word);
@@ -50,5 +53,14 @@ pub fn case(run: &Path, warm_up: u64) -> Result<Case, Failure> {
         warm_up,
         looped,
         limits: None,
+    })
+}
+
+/// What both sides ran with, as they reported it.
+fn sides(reader: &RunReader) -> Option<Sides> {
+    let report = |name| serde_json::from_str(reader.fact(name)?).ok();
+    Some(Sides {
+        plant: report("realtime_plant")?,
+        controller: report("realtime_controller")?,
     })
 }

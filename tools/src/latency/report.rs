@@ -8,19 +8,19 @@ use std::path::Path;
 use hdrhistogram::Histogram;
 use rustix::thread::{CpuSet, sched_getaffinity};
 use serde::Serialize;
+use shared_types::realtime;
 use shared_types::wait::WaitStrategy;
 
 use super::bars::bars;
 use super::exchange::frame_words;
 use super::grade::Graded;
 use super::legs::LatencySummary;
-use super::measurement::Case;
+use super::measurement::{Case, Sides};
 use super::null::answered_with;
 use super::percentiles::Percentiles;
 use super::spikes::Spike;
 use crate::doctor;
-use crate::doctor::measure::{Class, shown_ns};
-use crate::doctor::tree::Root;
+use crate::doctor::measure::shown_ns;
 
 /// Version of the report.
 const SCHEMA: u32 = 1;
@@ -38,11 +38,14 @@ pub struct Report {
     /// The recorded run; null if this was measured now.
     run: Option<String>,
     /// How both sides wait; null if a recording does not say.
-    wait: Option<&'static str>,
-    /// The cores that both sides may run on; null if a recording does not say.
+    wait: Option<WaitStrategy>,
+    /// The cores that both sides may run on; null if a recording does not say, as its sides could
+    /// run on any.
     cores: Option<Vec<usize>>,
-    /// How the kernel schedules both sides.
+    /// How the kernel schedules the plant's side.
     class: Option<String>,
+    /// Everything that was asked of the system for both sides, and what it granted.
+    realtime: Option<Sides>,
     /// What `hil doctor` reads of the machine, without measuring.
     machine: BTreeMap<String, String>,
     #[serde(flatten)]
@@ -209,21 +212,16 @@ impl Report {
         let stands_for_all =
             |figures: &Figures| figures.signals == HEADLINE_SIGNALS && figures.rate_hz.is_none();
         let headline_case = figures.iter().position(stands_for_all).unwrap_or(0);
-        let is_measured = run.is_none();
-        let cores = is_measured.then(cores);
+        let sides = cases[headline_case].looped.sides.clone();
+        let machine = run.is_none().then(doctor::facts);
         Self {
             schema: SCHEMA,
             run: run.map(|run| run.display().to_string()),
-            wait: cores.as_ref().map(|cores| wait(cores.len())),
-            cores,
-            class: (is_measured.then(|| Class::of_this_thread(&Root::machine()).ok()))
-                .flatten()
-                .map(|class| class.to_string()),
-            machine: if is_measured {
-                doctor::facts().into_iter().collect()
-            } else {
-                BTreeMap::new()
-            },
+            wait: sides.as_ref().map(|sides| sides.plant.wait.granted),
+            cores: (sides.as_ref()).and_then(|sides| cores(sides, run.is_none())),
+            class: sides.as_ref().map(|sides| class(&sides.plant)),
+            realtime: sides,
+            machine: machine.into_iter().flatten().collect(),
             headline: figures[headline_case].clone(),
             cases: figures,
             headline_case,
@@ -246,10 +244,24 @@ impl Report {
                 "a plant and a law that do nothing, in two processes over iceoryx2"
             )?,
         }
-        if let (Some(wait), Some(cores)) = (self.wait, &self.cores) {
-            let cores: Vec<String> = cores.iter().map(ToString::to_string).collect();
+        if let Some(wait) = self.wait {
+            let cores = (self.cores.as_deref()).map_or_else(
+                || vec!["any".into()],
+                |cores| cores.iter().map(ToString::to_string).collect(),
+            );
             let (cores, class) = (cores.join(", "), self.class.as_deref().unwrap_or("unknown"));
+            let wait = wait.name();
             writeln!(text, "wait: {wait}; cores: {cores}; class: {class}")?;
+        }
+        if let Some(Sides {
+            plant, controller, ..
+        }) = &self.realtime
+        {
+            for (side, report) in [("plant", plant), ("controller", controller)] {
+                for refusal in refusals(side, report) {
+                    writeln!(text, "{refusal}")?;
+                }
+            }
         }
         for check in ["virtualisation", "load"] {
             if let Some(found) = self.machine.get(&format!("doctor_{check}")) {
@@ -313,21 +325,44 @@ impl Report {
     }
 }
 
-/// The strategy of a waiter that may use so many cores: on one nobody spins.
-const fn wait(cores: usize) -> &'static str {
-    if cores > 1 {
-        WaitStrategy::Hybrid.name()
-    } else {
-        WaitStrategy::Yield.name()
+/// The cores that both sides may run on: those that they were kept on, and for one that was not
+/// all that this process may use. `None` if they ran elsewhere and one was not kept.
+fn cores(sides: &Sides, ran_here: bool) -> Option<Vec<usize>> {
+    let allowed = sched_getaffinity(None).unwrap_or_default();
+    let kept = [sides.plant.core.granted, sides.controller.core.granted];
+    if !ran_here && kept.contains(&None) {
+        return None;
+    }
+    let may_run_on = |core: &usize| {
+        kept.iter().any(|kept| match kept {
+            Some(kept) => *kept as usize == *core,
+            None => allowed.is_set(*core),
+        })
+    };
+    Some((0..CpuSet::MAX_CPU).filter(may_run_on).collect())
+}
+
+/// How the kernel schedules a side.
+fn class(report: &realtime::Report) -> String {
+    match report.priority.granted {
+        0 => "ordinary".into(),
+        priority => format!("SCHED_FIFO {priority}"),
     }
 }
 
-/// The cores that this process may run on.
-fn cores() -> Vec<usize> {
-    let allowed = sched_getaffinity(None).unwrap_or_default();
-    (0..CpuSet::MAX_CPU)
-        .filter(|&core| allowed.is_set(core))
-        .collect()
+/// What was asked for one side and not granted.
+fn refusals(side: &str, report: &realtime::Report) -> Vec<String> {
+    let told = |what: &str, reason: Option<&str>| {
+        reason.map(|reason| format!("{side}'s {what} was not granted: {reason}"))
+    };
+    [
+        told("core", report.core.refusal(&None)),
+        told("priority", report.priority.refusal(&0)),
+        told("wait", report.wait.refusal(&WaitStrategy::default())),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
 }
 
 /// Every histogram of every case, a row for each time that occurred: `from_ns <= t < to_ns`.

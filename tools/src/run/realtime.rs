@@ -83,7 +83,7 @@ impl RecorderCore {
 ///
 /// # Errors
 /// Which setting, and the cores that there are.
-pub(super) fn check(asked: &plan::Realtime, link: LinkKind) -> Result<(), Failure> {
+pub(crate) fn check(asked: &plan::Realtime, link: LinkKind) -> Result<(), Failure> {
     let cores = Cores::choose(&Root::machine(), None)?;
     for (key, core) in [
         ("plant_core", asked.plant_core),
