@@ -315,7 +315,7 @@ impl Link for IceoryxLink {
     }
 
     fn send(&mut self, header: &Header, values: &[f64]) -> Result<(), LinkError> {
-        let frames = self.frames.as_ref().ok_or(LinkError::NotOpen)?;
+        let frames = self.frames.as_mut().ok_or(LinkError::NotOpen)?;
         self.sequence += 1;
         let header = Header {
             sequence: self.sequence,
