@@ -136,11 +136,9 @@ impl Header {
     }
 }
 
-/// A frame with room for `N` values. `N` is one of [`SizeClass`]'s. It begins with a cache line of its
-/// own, so that reading it takes no line from whoever waits for something else.
+/// A frame with room for `N` values. `N` is one of [`SizeClass`]'s.
 #[derive(Clone, Copy, Debug, ZeroCopySend)]
 #[repr(C)]
-#[repr(align(64))]
 pub struct Frame<const N: usize> {
     header: Header,
     values: [f64; N],
