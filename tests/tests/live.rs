@@ -307,14 +307,18 @@ fn refused(run: Run, fragments: &[&str]) {
 }
 
 #[test]
-fn what_cannot_be_injected_is_told_with_what_can() {
-    let rig = Rig::new();
-    let session = ["--session", rig.session()];
+fn without_a_session_there_is_nobody_to_inject_into() {
+    let rig = Rig::alone();
     refused(
         rig.hil(&["inject", "bias", "measured.x", "1"]),
         &["no session", "hil run"],
     );
+}
 
+#[test]
+fn what_cannot_be_injected_is_told_with_what_can() {
+    let rig = Rig::new();
+    let session = ["--session", rig.session()];
     let run = rig.start(&format!("{SHORT} --pause-at 0.5"));
     until_paused_at(&rig, 5000);
     let inject = |arguments: &str| {
