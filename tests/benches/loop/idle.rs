@@ -38,7 +38,16 @@ pub(crate) fn compare(programs: &Programs) {
         ("held", vec!["--pause-at", "0"]),
         (
             "paced, 10 steps a second",
-            vec!["--pace", "1", "--set", "controller.law=hold", "--set", "run.rate_hz=10", "--set", &longer],
+            vec![
+                "--pace",
+                "1",
+                "--set",
+                "controller.law=hold",
+                "--set",
+                "run.rate_hz=10",
+                "--set",
+                &longer,
+            ],
         ),
     ] {
         let mut watched = Watched::start(programs, scenario, &arguments);
