@@ -114,3 +114,24 @@ fn wrong_points_in_the_scenario_are_refused() {
         assert!(found[0].to_string().contains(piece), "{}", found[0]);
     }
 }
+
+#[test]
+fn a_profile_that_the_record_stream_has_no_room_for_is_refused() {
+    let with_points = |count: usize| {
+        let times: Vec<String> = (0..count).map(|i| format!("{}.0", i)).collect();
+        let fault = format!(
+            "{}\n[[faults]]\nkind = \"bias\"\nat_s = 0.5\n[[faults.effects]]\n\
+             target = \"measured.surface_angle_rad\"\nbias = 1.0\n\
+             profile = {{ kind = \"table\", time_s = [{times}], values = [{times}] }}\n",
+            crate::BASE,
+            times = times.join(", ")
+        );
+        crate::check(&fault)
+    };
+    assert!(with_points(10_000).is_ok());
+    let found = with_points(10_001).expect_err("too many");
+    assert!(
+        found.to_string().contains("at most 10000 points"),
+        "{found}"
+    );
+}

@@ -25,8 +25,9 @@ pub const BUFFER: usize = 8192;
 const OBSERVERS: usize = 4;
 /// The credit is looked at when so many items may be under way.
 const LOOK_AT: u64 = BUFFER as u64 / 4;
-/// The loop is held back when fewer free places than this may be left; a step takes far fewer.
-const RESERVE: u64 = 64;
+/// The loop is held back when fewer free places than this may be left: an event may take thousands, as
+/// that of a fault with a long table does.
+const RESERVE: u64 = BUFFER as u64 / 4;
 
 /// Header of an item.
 #[derive(Clone, Copy, Debug, Default, ZeroCopySend)]

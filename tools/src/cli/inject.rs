@@ -154,7 +154,7 @@ pub struct InjectArguments {
         long = "kind",
         value_name = "KIND",
         requires = "list",
-        conflicts_with = "kind",
+        conflicts_with_all = ["kind", "active", "clear"],
         help_heading = "Instead of a fault"
     )]
     pub list_kind: Option<String>,
@@ -163,7 +163,7 @@ pub struct InjectArguments {
         long,
         value_name = "TARGET",
         requires = "list",
-        conflicts_with = "kind",
+        conflicts_with_all = ["kind", "active", "clear"],
         help_heading = "Instead of a fault"
     )]
     pub target: Option<String>,
@@ -171,7 +171,7 @@ pub struct InjectArguments {
     #[arg(
         long,
         value_name = "PATH",
-        requires = "list", conflicts_with_all = ["kind", "session"],
+        requires = "list", conflicts_with_all = ["kind", "session", "active", "clear"],
         help_heading = "Instead of a fault"
     )]
     pub plant_bin: Option<PathBuf>,
@@ -179,7 +179,7 @@ pub struct InjectArguments {
     #[arg(
         long,
         value_name = "NAME",
-        requires = "list", conflicts_with_all = ["kind", "session"],
+        requires = "list", conflicts_with_all = ["kind", "session", "active", "clear"],
         help_heading = "Instead of a fault"
     )]
     pub model: Option<String>,

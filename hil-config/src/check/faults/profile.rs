@@ -11,6 +11,10 @@ use crate::problem::{ProblemKind, listed};
 use crate::quantity::Quantity;
 use crate::reader::{Reader, Section};
 
+/// A fault travels whole in the record stream, at the step at which it takes hold, and the stream
+/// keeps room for one of this size.
+const MOST_POINTS: usize = 10_000;
+
 /// The profile that an effect asks for, else the one that its kind of fault has: `own`, or all at
 /// once.
 pub(super) fn check(
@@ -84,6 +88,20 @@ fn asked_for(reader: &mut Reader, section: &Section<'_>, folder: Option<&Path>) 
         }
         "table" => {
             let (time_s, values) = points::check(reader, section, folder, "a profile")?;
+            if time_s.len() > MOST_POINTS {
+                let message = format!("a profile of {} points", time_s.len());
+                let place = section.place_of("kind");
+                reader
+                    .report(
+                        ProblemKind::OutOfRange,
+                        section.path.clone(),
+                        place,
+                        message,
+                    )
+                    .expected(format!("at most {MOST_POINTS} points"))
+                    .help("a stimulus of kind `table` takes more");
+                return None;
+            }
             Profile::Table { time_s, values }
         }
         _ => unreachable!("every kind is read"),
