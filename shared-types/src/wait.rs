@@ -25,8 +25,8 @@ use crate::clock::monotonic_ns;
 const SPINS: u32 = 512;
 /// The same where somebody does.
 const FEW_SPINS: u32 = 16;
-/// A yield that takes so long gave the core to somebody.
-const TAKEN_NS: u64 = 5_000;
+/// A yield that takes so long gave the core to somebody, were it only the other side.
+const TAKEN_NS: u64 = 1_000;
 /// How long a hybrid wait yields before it naps.
 const YIELD_NS: u64 = 2_000_000;
 /// Length of a nap.
@@ -154,12 +154,24 @@ impl Waiter {
     }
 
     /// What was awaited came; the next wait begins.
-    pub const fn done(&mut self) {
+    pub fn done(&mut self) {
         self.polls = 0;
         self.since_ns = 0;
-        self.yielded_ns = 0;
+        if self.yielded_ns > 0 {
+            // What is awaited may have come while somebody had the core, be it the other side.
+            self.back_from_yield(monotonic_ns());
+        }
         if self.spins >= FEW_SPINS && self.spins < SPINS {
             self.spins += 1;
+        }
+    }
+
+    /// Notes when a core that was given away came back, if it was.
+    fn back_from_yield(&mut self, now_ns: u64) {
+        let yielded_ns = std::mem::take(&mut self.yielded_ns);
+        if self.strategy == WaitStrategy::Hybrid && yielded_ns > 0 && now_ns - yielded_ns > TAKEN_NS
+        {
+            self.spins = FEW_SPINS;
         }
     }
 
@@ -186,14 +198,8 @@ impl Waiter {
         if now_ns - self.limited_ns >= self.limit.ns {
             return true;
         }
-        if self.yielded_ns > 0
-            && now_ns - self.yielded_ns > TAKEN_NS
-            && self.strategy == WaitStrategy::Hybrid
-        {
-            self.spins = FEW_SPINS;
-        }
+        self.back_from_yield(now_ns);
         let nap_ns = self.nap_ns(now_ns, deadline_ns);
-        self.yielded_ns = 0;
         if nap_ns > 0 {
             std::thread::sleep(Duration::from_nanos(nap_ns));
         } else if self.strategy == WaitStrategy::Spin {
