@@ -8,7 +8,7 @@
 //! | `spin` | poll, never give the core away | the same | naps of 1 ms |
 //!
 //! When a core that was given away comes back late, somebody else needs it: then a hybrid wait polls
-//! 16 times only, and one time more after each wait, until it happens again.
+//! 64 times only, and twice as often after each wait, until it happens again.
 //!
 //! Where both sides share their only core, the other can answer only once this one gives the core
 //! away: then nobody spins, whatever the strategy, as pure spinning costs two scheduler slices a step.
@@ -24,8 +24,9 @@ use crate::clock::monotonic_ns;
 /// Polls in a row that read no clock, as long as nobody else needs the core.
 const SPINS: u32 = 512;
 /// The same where somebody does.
-const FEW_SPINS: u32 = 16;
-/// A yield that takes so long gave the core to somebody, were it only the other side.
+const FEW_SPINS: u32 = 64;
+/// A yield that takes so long gave the core to somebody, were it only the other side; one that
+/// gave it to nobody takes half of it.
 const TAKEN_NS: u64 = 1_000;
 /// How long a hybrid wait yields before it naps.
 const YIELD_NS: u64 = 2_000_000;
@@ -157,12 +158,12 @@ impl Waiter {
     pub fn done(&mut self) {
         self.polls = 0;
         self.since_ns = 0;
+        if self.spins >= FEW_SPINS && self.spins < SPINS {
+            self.spins *= 2;
+        }
         if self.yielded_ns > 0 {
             // What is awaited may have come while somebody had the core, be it the other side.
             self.back_from_yield(monotonic_ns());
-        }
-        if self.spins >= FEW_SPINS && self.spins < SPINS {
-            self.spins += 1;
         }
     }
 
@@ -294,11 +295,10 @@ mod tests {
         std::thread::sleep(Duration::from_millis(1)); // as if the core had come back late
         assert!(!waiter.pause());
         assert_eq!(waiter.spins, FEW_SPINS);
-        for _ in 0..3 {
-            waiter.done();
-        }
-        assert_eq!(waiter.spins, FEW_SPINS + 3);
-        for _ in 0..SPINS {
+        waiter.yielded_ns = 0; // the next wait ends while it spins
+        waiter.done();
+        assert_eq!(waiter.spins, 2 * FEW_SPINS);
+        for _ in 0..10 {
             waiter.done();
         }
         assert_eq!(waiter.spins, SPINS);
