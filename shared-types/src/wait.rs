@@ -25,9 +25,9 @@ use crate::clock::monotonic_ns;
 const SPINS: u32 = 512;
 /// The same where somebody does.
 const FEW_SPINS: u32 = 64;
-/// A yield that takes so long gave the core to somebody, were it only the other side; one that
-/// gave it to nobody takes half of it.
-const TAKEN_NS: u64 = 1_000;
+/// A yield that takes so long gave the core to somebody else: to nobody it takes half a microsecond,
+/// to the other side a step.
+const TAKEN_NS: u64 = 20_000;
 /// How long a hybrid wait yields before it naps.
 const YIELD_NS: u64 = 2_000_000;
 /// Length of a nap.
