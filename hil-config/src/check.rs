@@ -6,6 +6,7 @@
 //! expressions, faults. The faults that a running run is asked for ([`live`]) are checked by the
 //! same code.
 
+mod analyses;
 mod binding;
 mod controller;
 mod csv;
@@ -150,7 +151,7 @@ fn parts(
         }
         _ => None,
     };
-    let (derived, metrics) = signals::check(reader, root, &mut columns, grid);
+    let (derived, metrics, analysed) = signals::check(reader, root, &mut columns, grid);
     let reference: Option<Vec<Field>> =
         (stimuli.as_deref()).map(|stimuli| stimuli.iter().flat_map(Stimulus::fields).collect());
     let ground = Ground {
@@ -162,7 +163,15 @@ fn parts(
         grid,
         origin: Origin::Scenario { folder },
     };
+    let problems = reader.problems.len();
     let faults = faults::check(reader, root, &ground);
+    let ground = analyses::Ground {
+        columns: columns.as_ref(),
+        grid,
+        stimuli: stimuli.as_deref(),
+        faults: (reader.problems.len() == problems).then_some(&faults),
+    };
+    let analyses = analyses::check(reader, &analysed, &ground);
     Some(Plan {
         name,
         description: description.into(),
@@ -174,6 +183,7 @@ fn parts(
         faults,
         derived,
         metrics,
+        analyses,
     })
 }
 

@@ -8,6 +8,7 @@ use serde::Serialize;
 use shared_types::table::canonical;
 use shared_types::time::{Rate, Step};
 
+use crate::analysis::RunningAnalysis;
 use crate::expression::{Accumulator, Columns, ExpressionError, Group, Program, Reduction};
 use crate::plan::{Metric, Plan, Window};
 
@@ -20,6 +21,9 @@ pub struct Evaluation {
     signals: usize,
     derived: Vec<Program>,
     metrics: Vec<RunningMetric>,
+    analyses: Vec<RunningAnalysis>,
+    /// The whole run.
+    whole_s: [f64; 2],
 }
 
 #[derive(Clone, Debug)]
@@ -78,12 +82,17 @@ impl Evaluation {
             .iter()
             .map(|metric| RunningMetric::new(metric, whole, &all))
             .collect::<Result<_, _>>()?;
+        let analyses = (plan.analyses.iter())
+            .map(|analysis| RunningAnalysis::new(analysis, plan.run.rate, &all))
+            .collect::<Result<_, _>>()?;
         Ok(Self {
             rate: plan.run.rate,
             row: vec![f64::NAN; all.len()],
             signals: columns.len(),
             derived,
             metrics,
+            analyses,
+            whole_s: [whole.start_s, whole.end_s],
         })
     }
 
@@ -99,6 +108,16 @@ impl Evaluation {
         for metric in &mut self.metrics {
             metric.observe(step, self.rate, &self.row);
         }
+        for analysis in &mut self.analyses {
+            analysis.observe(step, self.rate, &self.row);
+        }
+    }
+
+    /// A fault event takes hold at a step, whose row is still to come.
+    pub fn fault(&mut self, event: u32, step: Step) {
+        for analysis in &mut self.analyses {
+            analysis.fault(event, step);
+        }
     }
 
     /// The derived signals of the last row, in the plan's order.
@@ -107,13 +126,22 @@ impl Evaluation {
         &self.row[self.signals..]
     }
 
-    /// Every metric over every window, in the plan's order, from the rows so far.
+    /// Every metric over every window, then the figures of every analysis, in the plan's order, from
+    /// the rows so far.
     #[must_use]
     pub fn results(&self) -> Vec<MetricValue> {
-        self.metrics
-            .iter()
-            .flat_map(RunningMetric::results)
-            .collect()
+        let figures = self.analyses.iter().flat_map(|analysis| {
+            let figures = analysis.figures().into_iter();
+            figures.map(|figure| MetricValue {
+                name: format!("{}.{}", analysis.name(), figure.name),
+                unit: figure.unit,
+                window_s: self.whole_s,
+                value: canonical(figure.value),
+                skipped: 0,
+            })
+        });
+        let metrics = self.metrics.iter().flat_map(RunningMetric::results);
+        metrics.chain(figures).collect()
     }
 }
 

@@ -5,6 +5,7 @@
 //! from the descriptions that the binaries give of themselves.
 
 mod faults;
+mod metrics;
 mod realtime;
 mod stimuli;
 
@@ -12,6 +13,7 @@ use shared_types::time::Rate;
 
 use faults::FAULT;
 pub(crate) use faults::{EFFECT, PROFILE, PROFILES, REQUEST, TARGET, TRIGGERS};
+pub(crate) use metrics::{METRIC, METRICS};
 pub(crate) use realtime::REALTIME;
 pub(crate) use stimuli::{STIMULUS, WAVEFORMS};
 
@@ -187,7 +189,7 @@ pub(crate) const SCENARIO: &[Key] = &[
     Key::new(
         "metrics",
         Kind::List(METRIC),
-        "Numbers computed over windows of time.",
+        "Numbers computed from the records: reductions over windows of time, or ready-made analyses.",
     ),
 ];
 
@@ -292,53 +294,4 @@ pub(crate) const DERIVED: &[Key] = &[
         TEXT,
         "Unit. Default: the unit that the name's ending stands for, else 1.",
     ),
-];
-
-/// `[[metrics]]`.
-pub(crate) const METRIC: &[Key] = &[
-    Key::new("name", TEXT, "Name, its unit at the end.").required(),
-    Key::new(
-        "expression",
-        TEXT,
-        "Reductions of signals over a window (max_abs, max, min, mean, rms, initial, final, integral) and arithmetic of them.",
-    )
-    .required(),
-    Key::new(
-        "unit",
-        TEXT,
-        "Unit. Default: the unit that the name's ending stands for, else 1.",
-    ),
-    Key::new(
-        "windows_s",
-        Kind::Pairs,
-        "Windows [begin, end], both ends included. Default: the whole run.",
-    ),
-    Key::new(
-        "published",
-        Kind::List(PUBLISHED),
-        "Values that others published, shown beside the run's own.",
-    ),
-    Key::new(
-        "published_note",
-        TEXT,
-        "What a reader of the comparison should know.",
-    ),
-];
-
-/// `published` of a metric.
-const PUBLISHED: &[Key] = &[
-    Key::new("law", TEXT, "The law that it was found with.").required(),
-    Key::new(
-        "window_s",
-        Kind::Pair,
-        "The window [begin, end], one of the metric's.",
-    )
-    .required(),
-    Key::new(
-        "value",
-        number("", f64::MIN, f64::MAX),
-        "The value in the metric's unit.",
-    )
-    .required(),
-    Key::new("source", TEXT, "Where it stands, for example Table 3.").required(),
 ];

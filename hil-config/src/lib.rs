@@ -15,6 +15,7 @@
 //! 5. [`Evaluation`](evaluation::Evaluation) computes the plan's derived signals and metrics while
 //!    records arrive, from its [expressions](expression).
 
+mod analysis;
 mod check;
 mod document;
 mod flag;

@@ -3,6 +3,8 @@
 //! Made by [`Scenario::check`](crate::scenario::Scenario::check); read by the launcher and, in parts, by the plant. Nothing here
 //! can be out of range, unknown or unbound any more.
 
+mod analysis;
+
 use serde::{Deserialize, Serialize};
 use shared_types::describe::{Operation, Settings};
 use shared_types::pacer::OverrunPolicy;
@@ -12,6 +14,10 @@ use shared_types::time::{Rate, Step};
 use shared_types::wait::WaitStrategy;
 
 use crate::expression::Expression;
+
+pub use analysis::{
+    Analysis, AnalysisKind, DetectionPlan, FrequencyResponsePlan, StepResponsePlan,
+};
 
 /// A checked scenario.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,6 +42,8 @@ pub struct Plan {
     pub derived: Vec<Derived>,
     /// Metrics.
     pub metrics: Vec<Metric>,
+    /// Analyses, whose figures are metrics too.
+    pub analyses: Vec<Analysis>,
 }
 
 /// Duration, rate and clock of a run.

@@ -9,7 +9,7 @@ use serde_json::{Map, Value, json};
 use shared_types::describe::{FaultKindDescription, LawDescription, PlantDescription};
 use shared_types::table::Field;
 
-use crate::keys::{self, Key, Kind, WAVEFORMS};
+use crate::keys::{self, Key, Kind, METRICS, WAVEFORMS};
 use crate::quantity::Quantity;
 use crate::reader::describe;
 
@@ -54,6 +54,7 @@ pub fn schema(
         }
     }
     properties["stimuli"]["items"] = stimulus();
+    properties["metrics"]["items"] = metric();
     faults::complete(&mut properties["faults"]["items"], plants, kinds);
     root
 }
@@ -225,6 +226,23 @@ fn stimulus() -> Value {
         keys::STIMULUS,
         kinds.map(|kind| (kind.name, kind.text, kind.keys)),
     )
+}
+
+/// A metric: the common keys, and for each kind its own. Without a kind it is an expression.
+fn metric() -> Value {
+    let kinds = METRICS.iter();
+    let mut metric = of_kinds(
+        keys::METRIC,
+        kinds.map(|kind| (kind.name, kind.text, kind.keys)),
+    );
+    for (one, kind) in (metric["oneOf"].as_array_mut().into_iter().flatten()).zip(METRICS) {
+        if kind.name != "expression"
+            && let Some(required) = one["required"].as_array_mut()
+        {
+            required.push(json!("kind"));
+        }
+    }
+    metric
 }
 
 /// A table whose keys depend on its `kind`: name, text and keys of each.

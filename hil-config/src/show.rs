@@ -3,6 +3,7 @@
 //! Behind `hil config show` and the `scenario.toml` of every run. The text can be run, and checks
 //! to the plan that it was made from. Needs the descriptions that the plan was checked against.
 
+mod analyses;
 mod faults;
 
 use std::fmt::{self, Write};
@@ -139,6 +140,9 @@ fn write(
     }
     for one in &plan.metrics {
         metric(text, one)?;
+    }
+    for analysis in &plan.analyses {
+        analyses::analysis(text, analysis, plan)?;
     }
     Ok(())
 }

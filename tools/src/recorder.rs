@@ -310,6 +310,9 @@ impl Work {
             }
             Event::Fault(taken) => {
                 self.digest.fault(taken);
+                if let Some(evaluation) = &mut self.evaluation {
+                    evaluation.fault(taken.id, Step(taken.step));
+                }
                 faults.taken.push(taken.clone());
                 Some(taken.step)
             }

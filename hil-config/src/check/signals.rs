@@ -7,20 +7,29 @@ use super::is_signal_name;
 use super::run::Grid;
 use crate::document::{Node, Value};
 use crate::expression::{Columns, Expression, ExpressionError, Group, is_reserved};
+use crate::keys::METRICS;
 use crate::plan::{Derived, Metric, Published, Window};
 use crate::problem::ProblemKind;
 use crate::quantity::number;
 use crate::reader::{Reader, Section};
 
+/// A metric whose kind is an analysis, to be checked when stimuli and faults are.
+pub(super) struct Analysed<'a> {
+    pub(super) name: &'a str,
+    pub(super) kind: &'a str,
+    /// Read by the keys of its kind.
+    pub(super) section: Section<'a>,
+}
+
 /// The derived signals and metrics that are right; the others are reported. Without columns,
 /// because plant, law or stimuli are not right themselves, names are not looked up. Every derived
 /// signal with a name becomes a column.
-pub(super) fn check(
+pub(super) fn check<'a>(
     reader: &mut Reader,
-    root: &Section<'_>,
+    root: &Section<'a>,
     columns: &mut Option<Columns>,
     grid: Option<Grid>,
-) -> (Vec<Derived>, Vec<Metric>) {
+) -> (Vec<Derived>, Vec<Metric>, Vec<Analysed<'a>>) {
     let derived_sections = reader.list(root, "derived");
     let metric_sections = reader.list(root, "metrics");
     let mut names: Vec<&str> = Vec::new();
@@ -57,10 +66,22 @@ pub(super) fn check(
         }
     }
 
-    let mut metrics = Vec::new();
+    let (mut metrics, mut analysed) = (Vec::new(), Vec::new());
     for section in &metric_sections {
-        reader.refuse_unknown(section, &[]);
         let name = name(reader, section, &mut names);
+        let kinds = METRICS.iter().map(|kind| (kind.name, kind.keys));
+        let Some((kind, section)) = reader.of_kind(section, "metric", kinds) else {
+            continue;
+        };
+        if kind != "expression" {
+            analysed.extend(name.map(|name| Analysed {
+                name,
+                kind,
+                section,
+            }));
+            continue;
+        }
+        let section = &section;
         let unit = unit(reader, section, name);
         let expression = expression(
             reader,
@@ -86,18 +107,17 @@ pub(super) fn check(
             });
         }
     }
-    (derived, metrics)
+    (derived, metrics, analysed)
 }
 
-/// The condition under a key of a section: an expression over signals.
-pub(super) fn condition(
+/// The expression over signals under a key of a section.
+pub(super) fn signal(
     reader: &mut Reader,
     section: &Section<'_>,
     key: &'static str,
     columns: Option<&Columns>,
-) -> Option<String> {
-    let found = expression(reader, section, key, columns, &[], Use::Signal)?;
-    Some(found.to_string())
+) -> Option<Expression> {
+    expression(reader, section, key, columns, &[], Use::Signal)
 }
 
 /// A name that is one and that nothing before has.

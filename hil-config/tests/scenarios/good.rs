@@ -28,7 +28,9 @@ fn the_base_means_what_it_says() {
         faults,
         derived,
         metrics,
+        analyses,
     } = plan(BASE);
+    assert!(analyses.is_empty());
     assert_eq!(
         (name.as_str(), description.as_str()),
         ("base", "every part of the format")

@@ -1,5 +1,6 @@
 //! Scenarios through the public interface: right ones, wrong ones, and what is made of them.
 
+mod analyses;
 mod bad;
 mod bad_faults;
 mod conditions;

@@ -10,10 +10,18 @@ fn unknown_keys(schema: &Value, value: &toml::Value, path: &str, unknown: &mut V
     match value {
         toml::Value::Table(table) => {
             if let Some(kinds) = schema["oneOf"].as_array() {
-                let kind = table["kind"].as_str();
+                // An alternative that does not need its kind stands for those without.
+                let kind = table.get("kind").and_then(toml::Value::as_str);
+                let needs_kind = |one: &Value| {
+                    let needed = one["required"].as_array().into_iter().flatten();
+                    needed.into_iter().any(|key| key == "kind")
+                };
                 let fitting = kinds
                     .iter()
-                    .find(|one| one["properties"]["kind"]["const"].as_str() == kind)
+                    .find(|one| match kind {
+                        Some(kind) => one["properties"]["kind"]["const"] == kind,
+                        None => !needs_kind(one),
+                    })
                     .expect("a kind");
                 return unknown_keys(fitting, value, path, unknown);
             }

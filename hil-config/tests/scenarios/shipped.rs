@@ -69,6 +69,18 @@ fn the_papers_faults_strike_together_at_7_s() {
 }
 
 #[test]
+fn the_chirp_of_the_surface_is_right_with_every_law() {
+    for law in ["ftsc", "nrsc", "pid"] {
+        let plan = shipped(
+            "frequency-response.toml",
+            &[&format!("controller.law={law}")],
+        )
+        .unwrap_or_else(|problems| panic!("{law}:\n{problems}"));
+        assert_eq!(plan.analyses.len(), 1);
+    }
+}
+
+#[test]
 fn the_teaching_scenario_is_right_with_its_laws() {
     for law in ["pid", "hold"] {
         let plan = shipped("spring-mass.toml", &[&format!("controller.law={law}")])

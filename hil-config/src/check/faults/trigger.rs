@@ -92,7 +92,7 @@ pub(super) fn condition(
     if section.table.get(key).is_none() {
         return Ok(None);
     }
-    let expression = signals::condition(reader, section, key, ground.columns);
+    let expression = signals::signal(reader, section, key, ground.columns);
     let for_s = reader.number(section, length_key).ok_or(Reported)?;
     let grid = ground.grid.ok_or(Reported)?;
     let records = super::span::steps_of(grid.rate, for_s).max(1);
@@ -119,7 +119,7 @@ pub(super) fn condition(
         return Err(Reported);
     }
     Ok(Some(Condition {
-        expression: expression.ok_or(Reported)?,
+        expression: expression.ok_or(Reported)?.to_string(),
         records,
     }))
 }

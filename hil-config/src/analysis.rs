@@ -1,0 +1,161 @@
+//! The analyses of a run while its records arrive: how a signal answers a step or follows a chirp,
+//! how soon a fault is found and overcome.
+//!
+//! Used by an [`Evaluation`](crate::evaluation::Evaluation). Taking a row allocates nothing, and
+//! memory does not grow with the run.
+
+mod detection;
+mod frequency_response;
+mod step_response;
+
+use shared_types::time::{Rate, Step};
+
+use crate::expression::{Columns, Expression, ExpressionError, Program};
+use crate::plan::{Analysis, AnalysisKind};
+use detection::Detection;
+use frequency_response::FrequencyResponse;
+use step_response::StepResponse;
+
+/// An analysis going on.
+#[derive(Clone, Debug)]
+pub(crate) struct RunningAnalysis {
+    name: String,
+    work: Work,
+}
+
+#[derive(Clone, Debug)]
+enum Work {
+    Step {
+        signal: Program,
+        last: Step,
+        response: StepResponse,
+    },
+    Frequency {
+        input: Program,
+        output: Program,
+        response: FrequencyResponse,
+    },
+    Detection {
+        alarm: Program,
+        recovered: Option<Program>,
+        effect: Option<Program>,
+        detection: Detection,
+    },
+}
+
+/// One number of an analysis.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Figure {
+    /// Its name, with the unit where it has one of its own.
+    pub name: &'static str,
+    /// Its unit.
+    pub unit: String,
+    /// The value; NaN if it does not exist.
+    pub value: f64,
+}
+
+impl Figure {
+    fn new(name: &'static str, unit: impl Into<String>, value: f64) -> Self {
+        Self {
+            name,
+            unit: unit.into(),
+            value,
+        }
+    }
+}
+
+impl RunningAnalysis {
+    /// An analysis before the first row.
+    ///
+    /// # Errors
+    /// If an expression names a signal that no column has.
+    pub(crate) fn new(
+        analysis: &Analysis,
+        rate: Rate,
+        columns: &Columns,
+    ) -> Result<Self, ExpressionError> {
+        let bind = |expression: &Expression| expression.compile_signal(columns);
+        let work = match &analysis.kind {
+            AnalysisKind::StepResponse(plan) => Work::Step {
+                signal: bind(&plan.signal)?,
+                last: plan.last,
+                response: StepResponse::new(plan),
+            },
+            AnalysisKind::FrequencyResponse(plan) => Work::Frequency {
+                input: bind(&plan.input)?,
+                output: bind(&plan.output)?,
+                response: FrequencyResponse::new(plan),
+            },
+            AnalysisKind::Detection(plan) => Work::Detection {
+                alarm: bind(&plan.alarm)?,
+                recovered: plan.recovered.as_ref().map(bind).transpose()?,
+                effect: (plan.effect.as_ref())
+                    .map(|(effect, _)| bind(effect))
+                    .transpose()?,
+                detection: Detection::new(plan, rate),
+            },
+        };
+        Ok(Self {
+            name: analysis.name.clone(),
+            work,
+        })
+    }
+
+    /// Takes the row of a step. Steps must rise.
+    pub(crate) fn observe(&mut self, step: Step, rate: Rate, row: &[f64]) {
+        match &mut self.work {
+            Work::Step {
+                signal,
+                last,
+                response,
+            } => {
+                if step <= *last {
+                    response.take(rate.seconds(step), signal.evaluate(row));
+                }
+            }
+            Work::Frequency {
+                input,
+                output,
+                response,
+            } => {
+                let time_s = rate.seconds(step);
+                if response.wants(time_s) {
+                    response.take(time_s, input.evaluate(row), output.evaluate(row));
+                }
+            }
+            Work::Detection {
+                alarm,
+                recovered,
+                effect,
+                detection,
+            } => {
+                let value = |program: &Option<Program>| {
+                    (program.as_ref()).map_or(f64::NAN, |program| program.evaluate(row))
+                };
+                let (recovered, effect) = (value(recovered), value(effect));
+                detection.take(step, alarm.evaluate(row), recovered, effect);
+            }
+        }
+    }
+
+    /// A fault takes hold at a step, whose row is still to come.
+    pub(crate) fn fault(&mut self, event: u32, step: Step) {
+        if let Work::Detection { detection, .. } = &mut self.work {
+            detection.fault(event, step);
+        }
+    }
+
+    /// Its name.
+    pub(crate) fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Its figures from the rows so far.
+    pub(crate) fn figures(&self) -> Vec<Figure> {
+        match &self.work {
+            Work::Step { response, .. } => response.figures(),
+            Work::Frequency { response, .. } => response.figures(),
+            Work::Detection { detection, .. } => detection.figures(),
+        }
+    }
+}

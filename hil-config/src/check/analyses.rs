@@ -1,0 +1,341 @@
+//! `[[metrics]]` of the kinds that analyse: what they look at, and the stimulus or fault they need.
+
+use shared_types::table::unit_of_name;
+use shared_types::time::{Rate, Step};
+
+use super::run::Grid;
+use super::signals::{self, Analysed};
+use crate::document::Value;
+use crate::expression::{Columns, Expression};
+use crate::plan::{
+    Analysis, AnalysisKind, DetectionPlan, FaultEvent, FrequencyResponsePlan, StepResponsePlan,
+    Stimulus, Waveform,
+};
+use crate::problem::{ProblemKind, listed};
+use crate::quantity::number;
+use crate::reader::{Reader, Section};
+
+/// Samples that a turn of a chirp must have, so that sine and cosine can be told apart with noise.
+const SAMPLES_PER_TURN: f64 = 8.0;
+
+/// What analyses stand on; nothing where it is not right itself.
+pub(super) struct Ground<'a> {
+    pub(super) columns: Option<&'a Columns>,
+    pub(super) grid: Option<Grid>,
+    pub(super) stimuli: Option<&'a [Stimulus]>,
+    pub(super) faults: Option<&'a [FaultEvent]>,
+}
+
+/// The analyses that are right; the others are reported.
+pub(super) fn check(
+    reader: &mut Reader,
+    analysed: &[Analysed<'_>],
+    ground: &Ground<'_>,
+) -> Vec<Analysis> {
+    let one = |analysed: &Analysed<'_>| {
+        let section = &analysed.section;
+        let kind = match analysed.kind {
+            "step-response" => AnalysisKind::StepResponse(ground.step_response(reader, section)?),
+            "frequency-response" => {
+                AnalysisKind::FrequencyResponse(ground.frequency_response(reader, section)?)
+            }
+            "detection" => AnalysisKind::Detection(ground.detection(reader, section)?),
+            _ => unreachable!("every kind is read"),
+        };
+        Some(Analysis {
+            name: analysed.name.into(),
+            kind,
+        })
+    };
+    analysed.iter().filter_map(one).collect()
+}
+
+impl Ground<'_> {
+    fn step_response(
+        &self,
+        reader: &mut Reader,
+        section: &Section<'_>,
+    ) -> Option<StepResponsePlan> {
+        let signal = self.expression(reader, section, "signal");
+        let unit = signal
+            .as_ref()
+            .and_then(|signal| unit(reader, section, signal));
+        let optional = |reader: &mut Reader, key| match section.table.get(key) {
+            Some(_) => reader.number(section, key).map(Some),
+            None => Some(None),
+        };
+        let initial = optional(reader, "initial");
+        let wanted = optional(reader, "wanted");
+        let band = reader.number(section, "band");
+        let until_s = optional(reader, "until_s");
+        let stimulus = self.stimulus(reader, section, "step", |waveform| {
+            matches!(waveform, Waveform::Step { .. })
+        });
+        let (stimulus, grid) = (stimulus?, self.grid?);
+        let Waveform::Step {
+            at_s,
+            before,
+            after,
+        } = stimulus.waveform
+        else {
+            return None;
+        };
+        let (initial, wanted) = (initial?.unwrap_or(before), wanted?.unwrap_or(after));
+        if initial == wanted {
+            let message = format!("the step of `{}` has no height", section.path);
+            reader
+                .report(
+                    ProblemKind::OutOfRange,
+                    &section.path,
+                    section.place,
+                    message,
+                )
+                .expected("`initial` and `wanted` that differ");
+            return None;
+        }
+        let end_s = grid.end_s();
+        let until_s = until_s?.unwrap_or(end_s);
+        if !(until_s > at_s && until_s <= end_s) {
+            let path = section.path_of("until_s");
+            let message = format!("`{path}` is {}", number(until_s));
+            reader
+                .report(
+                    ProblemKind::OutOfRange,
+                    path,
+                    section.place_of("until_s"),
+                    message,
+                )
+                .expected(format!(
+                    "a time after the step at {} and up to {} in s",
+                    number(at_s),
+                    number(end_s)
+                ));
+            return None;
+        }
+        Some(StepResponsePlan {
+            signal: signal?,
+            unit: unit?,
+            stimulus: stimulus.target.clone(),
+            at_s,
+            initial,
+            wanted,
+            band: band?,
+            last: last_at(grid.rate, until_s),
+        })
+    }
+
+    fn frequency_response(
+        &self,
+        reader: &mut Reader,
+        section: &Section<'_>,
+    ) -> Option<FrequencyResponsePlan> {
+        let output = self.expression(reader, section, "output");
+        let given = match section.table.get("input") {
+            Some(_) => self.expression(reader, section, "input").map(Some),
+            None => Some(None),
+        };
+        let stimulus = self.stimulus(reader, section, "chirp", |waveform| {
+            matches!(waveform, Waveform::Chirp { .. })
+        });
+        let (stimulus, grid) = (stimulus?, self.grid?);
+        let Waveform::Chirp {
+            start_hz,
+            end_hz,
+            duration_s,
+            ..
+        } = stimulus.waveform
+        else {
+            return None;
+        };
+        let target = &stimulus.target;
+        let highest_hz = grid.rate.hz() / SAMPLES_PER_TURN;
+        let wrong = if end_hz <= start_hz {
+            Some(format!("the chirp `{target}` does not rise"))
+        } else if end_hz > highest_hz {
+            Some(format!(
+                "the chirp `{target}` ends at {} Hz; with this rate of exchange no more than {} Hz can be told",
+                number(end_hz),
+                number(highest_hz)
+            ))
+        } else if duration_s > grid.end_s() {
+            Some(format!(
+                "the chirp `{target}` goes on after the end of the run"
+            ))
+        } else if 0.5 * (start_hz + end_hz) * duration_s < 2.0 {
+            Some(format!("the chirp `{target}` makes less than two turns"))
+        } else {
+            None
+        };
+        if let Some(message) = wrong {
+            let place = section.place_of("stimulus");
+            reader
+                .report(
+                    ProblemKind::Mismatch,
+                    section.path_of("stimulus"),
+                    place,
+                    message,
+                )
+                .expected("a chirp from a low to a high frequency, within the run");
+            return None;
+        }
+        let input = match given? {
+            Some(input) => input,
+            None => Expression::parse(&format!("reference.{target}")).ok()?,
+        };
+        Some(FrequencyResponsePlan {
+            input,
+            output: output?,
+            stimulus: target.clone(),
+            start_hz,
+            end_hz,
+            duration_s,
+        })
+    }
+
+    fn detection(&self, reader: &mut Reader, section: &Section<'_>) -> Option<DetectionPlan> {
+        let alarm = self.expression(reader, section, "alarm");
+        let held_s = reader.number(section, "held_s");
+        let fault = self.fault(reader, section);
+        let optional = |reader: &mut Reader, key| match section.table.get(key) {
+            Some(_) => self.expression(reader, section, key).map(Some),
+            None => Some(None),
+        };
+        let recovered = optional(reader, "recovered");
+        let effect = match optional(reader, "effect") {
+            Some(Some(effect)) => unit(reader, section, &effect).map(|unit| Some((effect, unit))),
+            Some(None) => Some(None),
+            None => None,
+        };
+        let records = self.grid?.rate.step_at_or_after(held_s?).0;
+        Some(DetectionPlan {
+            alarm: alarm?,
+            records: records.max(1),
+            fault: fault?,
+            recovered: recovered?,
+            effect: effect?,
+        })
+    }
+
+    fn expression(
+        &self,
+        reader: &mut Reader,
+        section: &Section<'_>,
+        key: &'static str,
+    ) -> Option<Expression> {
+        signals::signal(reader, section, key, self.columns)
+    }
+
+    /// The stimulus that is named, or the only one of its kind.
+    fn stimulus(
+        &self,
+        reader: &mut Reader,
+        section: &Section<'_>,
+        kind: &str,
+        is_of_kind: impl Fn(&Waveform) -> bool,
+    ) -> Option<&Stimulus> {
+        let stimuli = self.stimuli?;
+        let fitting: Vec<&Stimulus> = (stimuli.iter())
+            .filter(|stimulus| is_of_kind(&stimulus.waveform))
+            .collect();
+        let names = || fitting.iter().map(|stimulus| stimulus.target.as_str());
+        let named = match section.table.get("stimulus") {
+            Some(_) => Some(reader.text(section, "stimulus")?),
+            None => None,
+        };
+        let found = match (named, &fitting[..]) {
+            (Some(name), _) => fitting.iter().find(|stimulus| stimulus.target == name),
+            (None, [only]) => Some(only),
+            (None, _) => None,
+        };
+        if found.is_none() {
+            let path = section.path_of("stimulus");
+            let (problem, message) = match named {
+                Some(name) => (
+                    ProblemKind::UnknownName,
+                    format!("there is no stimulus `{name}` of kind {kind}"),
+                ),
+                None => (
+                    ProblemKind::MissingKey,
+                    format!("`{path}` does not say which stimulus is meant"),
+                ),
+            };
+            let expected = match fitting.len() {
+                0 => format!("a scenario with a stimulus of kind {kind}"),
+                _ => format!("one of {}", listed(names())),
+            };
+            let place = section.place_of("stimulus");
+            let report = reader.report(problem, path, place, message);
+            let report = report.expected(expected);
+            if let Some(name) = named {
+                report.nearest(name, names());
+            }
+        }
+        found.copied()
+    }
+
+    /// The number of the fault event that is meant; `Some(None)` if none is named.
+    fn fault(&self, reader: &mut Reader, section: &Section<'_>) -> Option<Option<u32>> {
+        let Some(entry) = section.table.get("fault") else {
+            return Some(None);
+        };
+        let faults = self.faults?;
+        let found = match &entry.node.value {
+            Value::Text(name) => (faults.iter())
+                .find(|event| event.name.as_ref() == Some(name))
+                .ok_or_else(|| format!("there is no fault event `{name}`")),
+            Value::Integer(number) => (faults.iter())
+                .find(|event| i64::from(event.id) == *number)
+                .ok_or_else(|| format!("there is no fault event {number}")),
+            _ => {
+                let path = section.path_of("fault");
+                reader.wrong_type(&path, &entry.node, "the name or number of a fault event");
+                return None;
+            }
+        };
+        match found {
+            Ok(event) => Some(Some(event.id)),
+            Err(message) => {
+                let names = faults.iter().filter_map(|event| event.name.as_deref());
+                let expected = match (faults.len(), names.clone().count()) {
+                    (0, _) => "an event of this scenario, which has none".into(),
+                    (last, 0) => format!("a number from 1 to {last}"),
+                    (last, _) => format!(
+                        "one of {}, or a number from 1 to {last}",
+                        listed(names.clone())
+                    ),
+                };
+                let path = section.path_of("fault");
+                let report =
+                    reader.report(ProblemKind::UnknownName, path, &entry.node.place, message);
+                let report = report.expected(expected);
+                if let Value::Text(name) = &entry.node.value {
+                    report.nearest(name, names);
+                }
+                None
+            }
+        }
+    }
+}
+
+/// The unit under the key `unit`, or that of the only signal that the expression names, or none.
+fn unit(reader: &mut Reader, section: &Section<'_>, expression: &Expression) -> Option<String> {
+    if section.table.get("unit").is_some() {
+        return reader.text(section, "unit").map(Into::into);
+    }
+    let mut names = expression.signals();
+    let unit = match (names.next(), names.next()) {
+        (Some(only), None) => unit_of_name(only),
+        _ => None,
+    };
+    Some(unit.unwrap_or("1").into())
+}
+
+/// The last step that is not after a time.
+fn last_at(rate: Rate, time_s: f64) -> Step {
+    let after = rate.step_at_or_after(time_s);
+    if rate.seconds(after) > time_s {
+        Step(after.0 - 1) // not before step 0, whose time no end is below
+    } else {
+        after
+    }
+}

@@ -1,0 +1,178 @@
+//! `[[metrics]]`: the keys of a metric and of each kind.
+
+use super::{Key, Kind, MAX_S, TEXT, number, number_or};
+
+/// `[[metrics]]`; besides these the keys of the kind in [`METRICS`].
+pub(crate) const METRIC: &[Key] = &[
+    Key::new(
+        "name",
+        TEXT,
+        "Name, its unit at the end; the figures of an analysis are named `name.figure`.",
+    )
+    .required(),
+    Key::new(
+        "kind",
+        Kind::Text {
+            choices: &[],
+            default: Some("expression"),
+        },
+        "What is computed.",
+    ),
+];
+
+/// A kind of metric.
+#[derive(Debug)]
+pub(crate) struct MetricKind {
+    /// The metric's `kind`.
+    pub name: &'static str,
+    /// What it is.
+    pub text: &'static str,
+    /// Its keys.
+    pub keys: &'static [Key],
+}
+
+const ANY: Kind = number("", f64::MIN, f64::MAX);
+
+/// The kinds of metrics.
+pub(crate) const METRICS: &[MetricKind] = &[
+    MetricKind {
+        name: "expression",
+        text: "Reductions of signals over windows.",
+        keys: EXPRESSION,
+    },
+    MetricKind {
+        name: "step-response",
+        text: "How a signal answers a step: rise_time_s from 10 to 90 %, overshoot as a part of the step, peak_time_s, settling_time_s, steady_state_error.",
+        keys: &[
+            Key::new("signal", TEXT, "The signal, an expression.").required(),
+            Key::new(
+                "unit",
+                TEXT,
+                "Unit of the signal. Default: the unit that its name's ending stands for, else 1.",
+            ),
+            Key::new(
+                "stimulus",
+                TEXT,
+                "The stimulus of kind step that is answered. Default: the only one.",
+            ),
+            Key::new(
+                "initial",
+                ANY,
+                "The signal before the step. Default: the stimulus before it.",
+            ),
+            Key::new(
+                "wanted",
+                ANY,
+                "The signal long after the step. Default: the stimulus after it.",
+            ),
+            Key::new(
+                "band",
+                number_or("1", 1e-9, 1.0, 0.02),
+                "The signal counts as settled while it is no farther from `wanted` than this part of the step.",
+            ),
+            Key::new(
+                "until_s",
+                number("s", 0.0, MAX_S),
+                "Where to stop looking. Default: the end of the run.",
+            ),
+        ],
+    },
+    MetricKind {
+        name: "frequency-response",
+        text: "How a signal follows a chirp: low_frequency_gain, bandwidth_hz at -3 dB, peak_gain over the low-frequency gain and peak_frequency_hz, phase_lag_90_frequency_hz.",
+        keys: &[
+            Key::new("output", TEXT, "The signal that follows, an expression.").required(),
+            Key::new(
+                "input",
+                TEXT,
+                "The signal that is followed, an expression. Default: the chirp as the controller gets it.",
+            ),
+            Key::new(
+                "stimulus",
+                TEXT,
+                "The stimulus of kind chirp. Default: the only one.",
+            ),
+        ],
+    },
+    MetricKind {
+        name: "detection",
+        text: "How soon a fault is found and overcome: time_to_detect_s, missed, false_alarms, with `recovered` time_to_recover_s, with `effect` peak_effect and rms_effect.",
+        keys: &[
+            Key::new(
+                "alarm",
+                TEXT,
+                "What holds while the law sees a fault, an expression.",
+            )
+            .required(),
+            Key::new(
+                "held_s",
+                number_or("s", 0.0, MAX_S, 0.01),
+                "How long it must hold to count.",
+            ),
+            Key::new(
+                "fault",
+                Kind::Event,
+                "Name or number of the fault event that is to be found. Default: the first that takes hold.",
+            ),
+            Key::new(
+                "recovered",
+                TEXT,
+                "What holds while the fault is overcome, an expression.",
+            ),
+            Key::new("effect", TEXT, "What the fault does, an expression."),
+            Key::new(
+                "unit",
+                TEXT,
+                "Unit of the effect. Default: the unit that its name's ending stands for, else 1.",
+            ),
+        ],
+    },
+];
+
+/// A metric of kind `expression`.
+const EXPRESSION: &[Key] = &[
+    Key::new(
+        "expression",
+        TEXT,
+        "Reductions of signals over a window (max_abs, max, min, mean, rms, initial, final, integral) and arithmetic of them.",
+    )
+    .required(),
+    Key::new(
+        "unit",
+        TEXT,
+        "Unit. Default: the unit that the name's ending stands for, else 1.",
+    ),
+    Key::new(
+        "windows_s",
+        Kind::Pairs,
+        "Windows [begin, end], both ends included. Default: the whole run.",
+    ),
+    Key::new(
+        "published",
+        Kind::List(PUBLISHED),
+        "Values that others published, shown beside the run's own.",
+    ),
+    Key::new(
+        "published_note",
+        TEXT,
+        "What a reader of the comparison should know.",
+    ),
+];
+
+/// `published` of a metric.
+const PUBLISHED: &[Key] = &[
+    Key::new("law", TEXT, "The law that it was found with.").required(),
+    Key::new(
+        "window_s",
+        Kind::Pair,
+        "The window [begin, end], one of the metric's.",
+    )
+    .required(),
+    Key::new(
+        "value",
+        number("", f64::MIN, f64::MAX),
+        "The value in the metric's unit.",
+    )
+    .required(),
+    Key::new("source", TEXT, "Where it stands, for example Table 3.").required(),
+];
