@@ -47,12 +47,15 @@ struct Repetition {
 pub(crate) fn audit(arguments: &RunArguments) -> Result<Exit, Failure> {
     let options = &arguments.options;
     let setup = Setup::find(options)?;
-    let plan = config::read(
-        &arguments.scenario,
-        &options.changes,
-        &setup.binaries,
-        options.json,
-    )?;
+    let [scenario] = &arguments.scenarios[..] else {
+        return Err(Failure::usage("--audit takes one scenario"));
+    };
+    if arguments.repeat > 1 || arguments.junit.is_some() || arguments.markdown.is_some() {
+        return Err(Failure::usage(
+            "--audit repeats the scenario itself and tells of it in summary.json; leave out --repeat, --junit and --markdown",
+        ));
+    }
+    let plan = config::read(scenario, &options.changes, &setup.binaries, options.json)?;
     refuse(&plan, options)?;
 
     let reference = run::execute(plan.clone(), setup.clone(), options, None)?;

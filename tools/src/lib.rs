@@ -15,7 +15,7 @@
 //! finds where two runs differ, [`repetition`] makes the scenario that repeats one, live faults
 //! included, and [`rerun`] runs that.
 //!
-//! `audit` repeats a run under conditions that must not matter, `missed` finds what came too late in
+//! `suite` makes one verdict table of several runs. `audit` repeats a run under conditions that must not matter, `missed` finds what came too late in
 //! a recorded one.
 //!
 //! [`doctor`] judges the machine that it all runs on, [`latency`] measures the loop on it. [`config`]
@@ -49,6 +49,7 @@ pub mod rerun;
 pub mod run;
 pub mod run_reader;
 pub mod sessions;
+mod suite;
 pub mod summary;
 
 use cli::recordings::ScenarioAction;

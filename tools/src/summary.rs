@@ -26,11 +26,11 @@ const SCHEMA: u32 = 1;
 #[derive(Clone, Debug, Serialize)]
 pub struct Summary {
     schema: u32,
-    scenario: String,
-    session: String,
+    pub(crate) scenario: String,
+    pub(crate) session: String,
     evidence: &'static str,
-    verdict: &'static str,
-    reason: Option<String>,
+    pub(crate) verdict: &'static str,
+    pub(crate) reason: Option<String>,
     clock: &'static str,
     /// Null in lockstep.
     overruns: Option<Overruns>,
@@ -39,12 +39,11 @@ pub struct Summary {
     rate_hz: f64,
     steps: u64,
     sim_time_s: f64,
-    wall_time_s: f64,
-    realtime_factor: f64,
-    digest: Option<String>,
-    metrics: Vec<Metric>,
-    /// Requirements are not part of scenarios; the list is there for readers of the format.
-    requirements: [(); 0],
+    pub(crate) wall_time_s: f64,
+    pub(crate) realtime_factor: f64,
+    pub(crate) digest: Option<String>,
+    pub(crate) metrics: Vec<Metric>,
+    pub(crate) requirements: Vec<Requirement>,
     faults: Vec<Fault>,
     latency_ns: Legs,
     /// The worst round trips, the longest first.
@@ -97,12 +96,28 @@ impl Missed {
 }
 
 #[derive(Clone, Debug, Serialize)]
-struct Metric {
-    name: String,
-    window_s: [f64; 2],
+pub(crate) struct Metric {
+    pub(crate) name: String,
+    pub(crate) window_s: [f64; 2],
     /// Null if no record of the window had the value.
-    value: Option<f64>,
-    unit: String,
+    pub(crate) value: Option<f64>,
+    pub(crate) unit: String,
+}
+
+/// How a requirement came out.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Requirement {
+    pub(crate) name: String,
+    pub(crate) formula: String,
+    /// `pass`, `fail` or `undecided`.
+    pub(crate) verdict: &'static str,
+    /// The margin in the unit, negative where it fails; null if there is none.
+    pub(crate) robustness: Option<f64>,
+    pub(crate) unit: String,
+    /// When the margin was smallest.
+    pub(crate) at_s: Option<f64>,
+    /// When the verdict was certain.
+    pub(crate) decided_at_s: Option<f64>,
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -180,7 +195,7 @@ impl Summary {
                     unit: metric.unit.clone(),
                 })
                 .collect(),
-            requirements: [],
+            requirements: Vec::new(),
             faults: recorded.faults.faults(&plan.faults, plan.run.rate),
             latency_ns: recorded.latency.legs,
             spikes: recorded.latency.spikes.clone(),
@@ -343,7 +358,7 @@ fn of_law<'a>(plan: &'a Plan, metric: &Metric) -> Option<(&'a Published, &'a Opt
 }
 
 /// A number with five significant digits, plain where that reads well.
-fn short(value: f64) -> String {
+pub(crate) fn short(value: f64) -> String {
     let size = value.abs();
     if value == 0.0 || (0.01..1e6).contains(&size) {
         let digits = if value == 0.0 {

@@ -24,7 +24,7 @@ use crate::recorder::{Recorded, RecordingPlan};
 use crate::recording::{Enclosure, Provenance};
 use crate::run_reader::RECORDING;
 use crate::summary::Summary;
-use crate::{audit, config, doctor, folder, output};
+use crate::{audit, config, doctor, folder, suite};
 
 /// What both ways of running need.
 struct Prepared {
@@ -36,12 +36,15 @@ struct Prepared {
     /// After how many records the digest is wanted besides.
     partial: Option<u64>,
     interruption: Interruption,
+    /// Several runs share the terminal.
+    is_one_of_many: bool,
 }
 
 impl Prepared {
     /// The progress of the run, with the hold that was asked for.
     fn progress(&self, session: &str) -> Progress {
-        let mut progress = Progress::new(self.plan.run.steps, self.plan.run.rate);
+        let shown = !self.is_one_of_many;
+        let mut progress = Progress::new(self.plan.run.steps, self.plan.run.rate, shown);
         if let Some(pause_at_s) = self.plant.pause_at_s {
             progress.announce_pause(pause_at_s, session);
         }
@@ -62,7 +65,9 @@ pub(crate) struct Ended {
 #[derive(Clone)]
 pub(crate) struct Setup {
     pub(crate) binaries: Binaries,
-    interruption: Interruption,
+    pub(crate) interruption: Interruption,
+    /// Several runs share the terminal.
+    pub(crate) is_one_of_many: bool,
 }
 
 /// What a run is to repeat of a recorded one.
@@ -83,6 +88,9 @@ pub(crate) struct Ran {
     pub(crate) recording: Option<PathBuf>,
     /// From the first to the last record, in s.
     pub(crate) wall_time_s: f64,
+    /// Its folder.
+    pub(crate) folder: PathBuf,
+    pub(crate) summarised: Summary,
     /// The summary as a machine reads it.
     pub(crate) summary: String,
     /// The summary as a person reads it.
@@ -100,23 +108,7 @@ pub fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
     if arguments.audit {
         return audit::audit(arguments);
     }
-    let options = &arguments.options;
-    let setup = Setup::find(options)?;
-    let plan = config::read(
-        &arguments.scenario,
-        &options.changes,
-        &setup.binaries,
-        options.json,
-    )?;
-    let ran = execute(plan, setup, options, None)?;
-    let told = output::write(&if options.json {
-        format!("{}\n", ran.summary)
-    } else {
-        ran.table
-    });
-    ran.written?;
-    told?;
-    Ok(ran.exit)
+    suite::run(arguments)
 }
 
 impl Setup {
@@ -141,6 +133,7 @@ impl Setup {
         Ok(Self {
             binaries: Binaries::find(others, &interruption)?,
             interruption,
+            is_one_of_many: false,
         })
     }
 }
@@ -158,6 +151,7 @@ pub(crate) fn execute(
     let Setup {
         binaries,
         interruption,
+        is_one_of_many,
     } = setup;
     let end_s = plan.run.rate.seconds(Step(plan.run.steps));
     if let Some(pause_at_s) = options.pause_at.filter(|pause_at_s| *pause_at_s >= end_s) {
@@ -209,6 +203,7 @@ pub(crate) fn execute(
         recording,
         partial,
         interruption,
+        is_one_of_many,
     };
     let mut realtime = realtime::Watched::begin(prepared.plan.realtime, options.link, &info);
     let ended = match options.link {
@@ -244,6 +239,8 @@ pub(crate) fn execute(
         table: summary.table(&prepared.plan, &run_dir),
         written: write(&run_dir.join("summary.json"), &json),
         summary: json,
+        summarised: summary,
+        folder: run_dir,
     })
 }
 
