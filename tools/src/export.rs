@@ -26,7 +26,7 @@ use crate::progress::Progress;
 use crate::run_reader::RunReader;
 use destination::Destination;
 use selection::{Offer, Selection};
-use table::{Cell, Column, Table};
+use table::{Column, Table};
 
 /// After how many records it is looked for Ctrl-C, and progress is told.
 const LOOK_RECORDS: u64 = 1024;

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, Callable, Dict, Iterator, List, NamedTuple, Tuple, Union
 
 import numpy as np
+import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
@@ -71,6 +72,7 @@ class Recording:
         #: Whether its writer finished it.
         self.is_whole = False
         self._chunks: List[ChunkPlace] = []
+        self._schemas: Dict[int, str] = {}
         self._records_channel = -1
         self._events_channel = -1
         with open(path, "rb") as file:
@@ -81,7 +83,6 @@ class Recording:
             raise RecordingError(f"{path} is no recording of a run: it has no channel `/record`")
 
     def _index(self, file: BinaryIO, size: int) -> None:
-        schemas: Dict[int, str] = {}
         while len(head := file.read(HEAD.size)) == HEAD.size:
             opcode, length = HEAD.unpack(head)
             offset = file.tell()
@@ -93,14 +94,27 @@ class Recording:
             if opcode == Opcode.CHUNK:
                 start_ns, end_ns = struct.unpack("<QQ", file.read(16))
                 self._chunks.append(ChunkPlace(offset, length, start_ns, end_ns))
+                if not self.columns:
+                    # Other programs that write such files put channels in front of their messages.
+                    self._take_channels(self._content(file, self._chunks[-1]))
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA, Opcode.ATTACHMENT):
-                self._take(opcode, ReadDataStream(BytesIO(file.read(length))), schemas)
+                self._take(opcode, file.read(length))
             file.seek(offset + length)
 
-    def _take(self, opcode: int, stream: ReadDataStream, schemas: Dict[int, str]) -> None:
+    def _take_channels(self, data: bytes) -> None:
+        offset = 0
+        while offset < len(data):
+            opcode, length = HEAD.unpack_from(data, offset)
+            offset += HEAD.size
+            if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                self._take(opcode, data[offset : offset + length])
+            offset += length
+
+    def _take(self, opcode: int, body: bytes) -> None:
+        stream = ReadDataStream(BytesIO(body))
         if opcode == Opcode.SCHEMA:
             schema = Schema.read(stream)
-            schemas[schema.id] = schema.data.decode()
+            self._schemas[schema.id] = schema.data.decode()
         elif opcode == Opcode.METADATA:
             metadata = Metadata.read(stream)
             self.metadata[metadata.name] = dict(metadata.metadata)
@@ -111,7 +125,7 @@ class Recording:
             channel = Channel.read(stream)
             if channel.topic == "/record":
                 self._records_channel = channel.id
-                self.columns = columns_of(schemas.get(channel.schema_id, ""))
+                self.columns = columns_of(self._schemas.get(channel.schema_id, ""))
             elif channel.topic == "/events":
                 self._events_channel = channel.id
 
@@ -141,14 +155,17 @@ class Recording:
         """Blocks of records, and events between them."""
         with open(self.path, "rb") as file:
             for place in filter(wanted, self._chunks):
-                file.seek(place.offset)
-                body = ReadDataStream(BytesIO(file.read(place.length)))
-                try:
-                    stream, length = get_chunk_data_stream(Chunk.read(body), validate_crc=True)
-                except (McapError, ValueError, RuntimeError) as error:
-                    at_s = place.start_ns / 1e9
-                    raise RecordingError(f"{self.path} is damaged after {at_s} s: {error}") from error
-                yield from self._messages(stream.read(length))
+                yield from self._messages(self._content(file, place))
+
+    def _content(self, file: BinaryIO, place: ChunkPlace) -> bytes:
+        file.seek(place.offset)
+        body = ReadDataStream(BytesIO(file.read(place.length)))
+        try:
+            stream, length = get_chunk_data_stream(Chunk.read(body), validate_crc=True)
+            return stream.read(length)
+        except (McapError, ValueError, RuntimeError, zstandard.ZstdError) as error:
+            at_s = place.start_ns / 1e9
+            raise RecordingError(f"{self.path} is damaged after {at_s} s: {error}") from error
 
     def _messages(self, data: bytes) -> Iterator[Union[Words, bytes]]:
         offset, size = 0, HEAD.size + MESSAGE.size + ENCAPSULATION_BYTES + 8 * len(self.columns)

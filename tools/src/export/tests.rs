@@ -1,8 +1,8 @@
 use std::path::PathBuf;
 
+use ::parquet::file::reader::{FileReader, SerializedFileReader};
+use ::parquet::record::Field as Value;
 use clap::Parser;
-use parquet::file::reader::{FileReader, SerializedFileReader};
-use parquet::record::Field as Value;
 use tempfile::TempDir;
 
 use super::*;
