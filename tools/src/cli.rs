@@ -5,6 +5,7 @@
 pub mod clock;
 pub mod config;
 pub mod doctor;
+pub mod export;
 pub mod inject;
 pub mod latency;
 pub mod realtime;
@@ -19,6 +20,7 @@ use clap_complete::Shell;
 use clock::{ClockArguments, StepArguments};
 use config::{ConfigArguments, SessionsArguments};
 use doctor::DoctorArguments;
+use export::ExportArguments;
 use inject::InjectArguments;
 use latency::{LatencyArguments, LatencyPeerArguments};
 use recordings::{CompareArguments, ScenarioCommand};
@@ -68,6 +70,9 @@ Examples:
   hil compare runs/a runs/b
   hil compare runs/a runs/b --signal truth.surface_angle_rad --tolerance 1e-9")]
     Compare(CompareArguments),
+    /// Write signals of a recorded run to a CSV or Parquet file
+    #[command(after_help = export::EXAMPLES)]
+    Export(ExportArguments),
     /// Make scenarios from runs
     Scenario(ScenarioCommand),
     /// Check a scenario, show it complete, or print its schema

@@ -13,7 +13,7 @@
 //! While it runs, another terminal asks its plant over [`live`]: [`inject`] puts faults into it,
 //! [`clock`] holds it and lets it go on. Afterwards [`run_reader`] reads the recording: [`compare`]
 //! finds where two runs differ, [`repetition`] makes the scenario that repeats one, live faults
-//! included, and [`rerun`] runs that.
+//! included, and [`rerun`] runs that; [`export`] makes a table of it for other programs.
 //!
 //! `suite` makes one verdict table of several runs. `audit` repeats a run under conditions that must not matter, `missed` finds what came too late in
 //! a recorded one.
@@ -33,6 +33,7 @@ pub mod config;
 pub mod doctor;
 pub mod duration;
 pub mod exit;
+pub mod export;
 pub mod faults;
 pub mod folder;
 pub mod inject;
@@ -75,6 +76,7 @@ pub fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
         }
         Command::Rerun(arguments) => rerun::rerun(arguments),
         Command::Compare(arguments) => compare::command(arguments),
+        Command::Export(arguments) => export::export(arguments),
         Command::Scenario(arguments) => match &arguments.action {
             ScenarioAction::From(arguments) => repetition::scenario_from(arguments),
         },

@@ -200,7 +200,8 @@ impl RecordedRun {
     }
 }
 
-fn checked(
+/// Checks the scenario of a recording against what that says of its plant and controller.
+pub(crate) fn checked(
     text: &str,
     origin: &Path,
     plant: &Description,
