@@ -76,6 +76,8 @@ pub struct Engine<L, S> {
     ending: Option<Step>,
     timing: Timing,
     sample_age_steps: u32,
+    /// What the controller's runner was told with the sample.
+    directive: u64,
     lookout: Lookout,
     sent_ns: u64,
     /// How much later than due the sample was sent.
@@ -180,6 +182,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             ending: None,
             timing: Timing::default(),
             sample_age_steps: 0,
+            directive: 0,
             lookout: Lookout::default(),
             sent_ns: 0,
             late_ns: 0,
@@ -353,10 +356,11 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                 if let Some(repetition) = &mut self.repetition {
                     directive.unseen = !repetition.is_seen(step);
                 }
+                self.directive = directive.to_wire();
                 let header = Header {
                     time_ns: run.rate.nanoseconds(step),
                     work_ns: self.timing.plant_ns,
-                    directive: directive.to_wire(),
+                    directive: self.directive,
                     age_steps: self.sample_age_steps,
                     surroundings: self.timing.plant_surroundings,
                     held_steps: self.newest.held_steps,
@@ -720,6 +724,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             answered: header.directive,
             plant_surroundings: self.lookout.after(took_ns),
             controller_surroundings: header.surroundings,
+            directive: self.directive,
         };
         self.rows.write_record(step, header, &self.timing);
         self.pending = true;

@@ -14,6 +14,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use crate::cli::run::{LinkKind, RunArguments, RunOptions};
+use crate::compare::tolerance::Tolerances;
 use crate::compare::{self, Difference};
 use crate::exit::{Exit, Failure};
 use crate::run::{self, Ran, Setup};
@@ -149,7 +150,7 @@ fn compared(
     let agrees = again.digest.as_deref() == Some(digest);
     let first_difference = match &again.recording {
         Some(other) if !agrees => {
-            let comparison = compare::compare(recording, other, &[], 0.0)?;
+            let comparison = compare::compare(recording, other, &[], &Tolerances::default())?;
             comparison.first_difference().cloned()
         }
         _ => None,

@@ -10,6 +10,7 @@ pub mod inject;
 pub mod latency;
 pub mod realtime;
 pub mod recordings;
+pub mod replay;
 pub mod run;
 
 use std::path::PathBuf;
@@ -24,6 +25,7 @@ use export::ExportArguments;
 use inject::InjectArguments;
 use latency::{LatencyArguments, LatencyPeerArguments};
 use recordings::{CompareArguments, ScenarioCommand};
+use replay::ReplayArguments;
 use run::{RerunArguments, RunArguments};
 
 /// Hardware-in-the-loop runs of a plant and a controller in deterministic lockstep
@@ -62,6 +64,9 @@ pub enum Command {
         after_help = "Exit codes: 0 the same digest; 1 another.\n\nExample:\n  hil rerun runs/demo"
     )]
     Rerun(RerunArguments),
+    /// Give recorded samples to a controller and compare its answers with the recorded ones
+    #[command(after_help = replay::HELP)]
+    Replay(ReplayArguments),
     /// Compare two recorded runs step by step
     #[command(after_help = "\
 Exit codes: 0 the same, or within the tolerance; 1 different; 2 not comparable.

@@ -46,6 +46,7 @@ pub mod progress;
 pub mod recorder;
 pub mod recording;
 pub mod repetition;
+pub mod replay;
 pub mod rerun;
 pub mod run;
 pub mod run_reader;
@@ -75,6 +76,7 @@ pub fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
             clock::clock(&arguments.session, &request)
         }
         Command::Rerun(arguments) => rerun::rerun(arguments),
+        Command::Replay(arguments) => replay::replay(arguments),
         Command::Compare(arguments) => compare::command(arguments),
         Command::Export(arguments) => export::export(arguments),
         Command::Scenario(arguments) => match &arguments.action {

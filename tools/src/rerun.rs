@@ -6,6 +6,7 @@ use hil_config::scenario::Scenario;
 use serde_json::json;
 
 use crate::cli::run::{ClockKind, RerunArguments};
+use crate::compare::tolerance::Tolerances;
 use crate::compare::{self, Difference};
 use crate::exit::{Exit, Failure};
 use crate::repetition::RecordedRun;
@@ -77,7 +78,8 @@ pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
     let is_same = found.as_ref() == Some(&expected);
     let difference: Option<Difference> = match &ran.recording {
         Some(recording) if !is_same => {
-            let comparison = compare::compare(&arguments.run, recording, &[], 0.0);
+            let comparison =
+                compare::compare(&arguments.run, recording, &[], &Tolerances::default());
             comparison
                 .ok()
                 .and_then(|comparison| comparison.first_difference().cloned())

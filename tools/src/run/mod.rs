@@ -2,7 +2,7 @@
 //! way.
 
 mod in_process;
-mod processes;
+pub(crate) mod processes;
 pub(crate) mod realtime;
 
 use std::collections::BTreeMap;
