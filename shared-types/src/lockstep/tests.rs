@@ -26,6 +26,7 @@ fn offer<'a>(measured: &'a [Field], steps: u64) -> Offer<'a> {
         epoch: 1,
         rate,
         steps,
+        first: Step(0),
         against_clock: false,
         measured,
         reference: &[],

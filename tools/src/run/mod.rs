@@ -287,6 +287,7 @@ fn jobs(
         missed: Vec::new(),
         pause_at_s: options.pause_at,
         observed: true,
+        checkpoints: Checkpoints::default(),
         realtime: plan.realtime.plant(),
         wait_limit_s,
     };
@@ -300,6 +301,7 @@ fn jobs(
         rate: plan.run.rate,
         rate_divisor: plan.controller.rate_divisor,
         command_delay_steps: plan.controller.command_delay_steps,
+        checkpoints: Checkpoints::default(),
         realtime: plan.realtime.controller(),
         wait_limit_s: wait_limit_s + between_s,
     };
