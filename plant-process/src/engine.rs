@@ -7,7 +7,7 @@
 use std::sync::Arc;
 
 use hil_config::plan::Clock;
-use shared_types::checkpoint::{Checkpoints, Saves, Side};
+use shared_types::checkpoint::{Saves, Side};
 use shared_types::clock::monotonic_ns;
 use shared_types::describe::{Invalid, PlantDescription};
 use shared_types::frame::{FrameKind, Header};
@@ -162,7 +162,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         let mut model = (kind.start)(parameters)?;
         let checkpoints = &job.checkpoints;
         let (first, name) = (checkpoints.first_step(), description.name.clone());
-        if job.run.clock == Clock::Realtime && *checkpoints != Checkpoints::default() {
+        if job.run.clock == Clock::Realtime && checkpoints.any() {
             return Err(Invalid(
                 "against the clock a state depends on what came too late: it cannot be saved or gone on from".into(),
             ));

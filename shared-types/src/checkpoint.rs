@@ -64,6 +64,12 @@ pub struct Checkpoints {
 }
 
 impl Checkpoints {
+    /// Whether there is anything to save or to go on from.
+    #[must_use]
+    pub const fn any(&self) -> bool {
+        !self.steps.is_empty() || self.resume.is_some()
+    }
+
     /// The first step that is exchanged.
     #[must_use]
     pub fn first_step(&self) -> Step {

@@ -16,7 +16,7 @@ use serde::Serialize;
 use crate::cli::run::{LinkKind, RunArguments, RunOptions};
 use crate::compare::{self, Difference};
 use crate::exit::{Exit, Failure};
-use crate::run::{self, Ran, Setup};
+use crate::run::{self, Basis, Ran, Setup};
 use crate::{config, output};
 use conditions::{Condition, Conditions};
 use hil_config::plan::{Clock, Plan};
@@ -48,14 +48,14 @@ pub(crate) fn audit(arguments: &RunArguments) -> Result<Exit, Failure> {
     let options = &arguments.options;
     let setup = Setup::find(options)?;
     let plan = config::read(
-        &arguments.scenario,
+        arguments.scenario()?,
         &options.changes,
         &setup.binaries,
         options.json,
     )?;
     refuse(&plan, options)?;
 
-    let reference = run::execute(plan.clone(), setup.clone(), options, None)?;
+    let reference = run::execute(plan.clone(), setup.clone(), options, Basis::Scenario)?;
     let is_over = matches!(reference.exit, Exit::Pass | Exit::Failed);
     let (Some(digest), Some(recording), true) = (&reference.digest, &reference.recording, is_over)
     else {
@@ -109,6 +109,8 @@ fn refuse(plan: &Plan, options: &RunOptions) -> Result<(), Failure> {
         "--audit changes how two processes are scheduled, and --link in-process has one; leave it out"
     } else if options.pause_at.is_some() {
         "--audit runs by itself; leave out --pause-at"
+    } else if !options.checkpoints.checkpoint_at.is_empty() {
+        "--audit keeps nothing to go on from; leave out --checkpoint-at"
     } else if plan.run.clock == Clock::Realtime {
         "in real time a run depends on what comes too late; audit it with --clock lockstep"
     } else {
@@ -130,7 +132,7 @@ fn repeat(
         ..options.clone()
     };
     let noise = condition.noise.then(Noise::begin);
-    let ran = run::execute(condition.plan.clone(), setup, &options, None);
+    let ran = run::execute(condition.plan.clone(), setup, &options, Basis::Scenario);
     drop(noise);
     ran
 }

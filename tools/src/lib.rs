@@ -15,6 +15,8 @@
 //! finds where two runs differ, [`repetition`] makes the scenario that repeats one, live faults
 //! included, and [`rerun`] runs that.
 //!
+//! A [`checkpoint`] keeps the state of both sides before a step, for another run to go on from.
+//!
 //! `audit` repeats a run under conditions that must not matter, `missed` finds what came too late in
 //! a recorded one.
 //!
@@ -26,6 +28,7 @@ use std::io::IsTerminal;
 
 mod audit;
 pub mod binaries;
+pub mod checkpoint;
 pub mod cli;
 pub mod clock;
 pub mod compare;

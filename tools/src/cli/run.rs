@@ -1,10 +1,11 @@
 //! The command lines of `hil run` and `hil rerun`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
 use super::BinaryArguments;
+use super::checkpoint::{CheckpointArguments, FromArguments};
 use super::realtime::RealtimeArguments;
 use crate::duration::seconds;
 use crate::exit::Failure;
@@ -19,14 +20,19 @@ Examples:
   hil run scenarios/spring-mass.toml --pace 1 --plant-core 2 --controller-core 3 --priority 80 --prefault
   hil run my-scenario.toml --controller-bin target/release/my-controller --audit
   hil run scenarios/severe-leakage.toml --session demo --pause-at 7
+  hil run scenarios/severe-leakage.toml --checkpoint-at 6.9 --out runs/severe
+  hil run --from runs/severe/checkpoint-69000 --set 'faults[0].effects[0].coefficient_m3ps_per_sqrt_pa=2e-7'
   hil run scenarios/spring-mass.toml --controller-bin target/release/my-controller --json";
 
 /// Arguments of `hil run`.
 #[derive(Debug, Args)]
 pub struct RunArguments {
     /// The scenario file
-    #[arg(value_name = "SCENARIO.toml")]
-    pub scenario: PathBuf,
+    #[arg(value_name = "SCENARIO.toml", required_unless_present = "from")]
+    pub scenario: Option<PathBuf>,
+    /// The checkpoint in its place
+    #[command(flatten)]
+    pub from: FromArguments,
     /// Run it again under conditions that must not matter (other speeds, cores, busy cores, late
     /// sides) and compare the digests
     #[arg(long)]
@@ -34,6 +40,17 @@ pub struct RunArguments {
     /// How it is run
     #[command(flatten)]
     pub options: RunOptions,
+}
+
+impl RunArguments {
+    /// The scenario.
+    ///
+    /// # Errors
+    /// If a checkpoint was given in its place.
+    pub fn scenario(&self) -> Result<&Path, Failure> {
+        let scenario = self.scenario.as_deref();
+        scenario.ok_or_else(|| Failure::usage("a scenario is needed, not a checkpoint"))
+    }
 }
 
 /// Arguments of `hil rerun`.
@@ -82,6 +99,9 @@ pub struct RunOptions {
     /// Hold before the first step at or after this simulated time; go on with hil resume
     #[arg(long, value_name = "TIME", value_parser = seconds)]
     pub pause_at: Option<f64>,
+    /// Where it can be gone on from
+    #[command(flatten)]
+    pub checkpoints: CheckpointArguments,
     /// Print the summary as JSON
     #[arg(long)]
     pub json: bool,
