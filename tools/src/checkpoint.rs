@@ -207,7 +207,8 @@ pub(crate) fn collect(
             states.iter().all(|state| state.exists()),
             digests.get(&step.0),
         ) else {
-            continue; // the run ended before, or lost records
+            eprintln!("note: there is no checkpoint before step {step}: the run ended before, or lost records");
+            continue;
         };
         let folder = format!("checkpoint-{step}");
         let whole = run_dir.join(&folder);
@@ -255,7 +256,7 @@ pub(crate) fn collect(
             },
         };
         let json = serde_json::to_string_pretty(&checkpoint).map_err(Failure::infrastructure)?;
-        fs::write(part.join(FILE), json).map_err(cannot)?;
+        fs::write(part.join(FILE), json + "\n").map_err(cannot)?;
         fs::rename(&part, &whole).map_err(cannot)?;
         made.push(Made {
             step: step.0,

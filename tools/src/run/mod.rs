@@ -217,6 +217,11 @@ pub(crate) fn execute(
     match basis {
         Basis::Scenario => {}
         Basis::Repeated(repeated) => {
+            if !steps.is_empty() && !repeated.missed.is_empty() {
+                return Err(Failure::usage(
+                    "--checkpoint-at: the run that is repeated was against the clock; what its controller missed cannot be saved",
+                ));
+            }
             marks.push(repeated.records);
             plant.missed = repeated.missed;
         }
