@@ -17,7 +17,7 @@ use crate::cli::run::{LinkKind, RunArguments, RunOptions};
 use crate::compare::tolerance::Tolerances;
 use crate::compare::{self, Difference};
 use crate::exit::{Exit, Failure};
-use crate::run::{self, Ran, Setup};
+use crate::run::{self, Basis, Ran, Setup};
 use crate::{config, output};
 use conditions::{Condition, Conditions};
 use hil_config::plan::{Clock, Plan};
@@ -59,7 +59,7 @@ pub(crate) fn audit(arguments: &RunArguments) -> Result<Exit, Failure> {
     let plan = config::read(scenario, &options.changes, &setup.binaries, options.json)?;
     refuse(&plan, options)?;
 
-    let reference = run::execute(plan.clone(), setup.clone(), options, None)?;
+    let reference = run::execute(plan.clone(), setup.clone(), options, Basis::Scenario)?;
     let is_over = matches!(reference.exit, Exit::Pass | Exit::Failed);
     let (Some(digest), Some(recording), true) = (&reference.digest, &reference.recording, is_over)
     else {
@@ -113,6 +113,8 @@ fn refuse(plan: &Plan, options: &RunOptions) -> Result<(), Failure> {
         "--audit changes how two processes are scheduled, and --link in-process has one; leave it out"
     } else if options.pause_at.is_some() {
         "--audit runs by itself; leave out --pause-at"
+    } else if !options.checkpoints.checkpoint_at.is_empty() {
+        "--audit keeps nothing to go on from; leave out --checkpoint-at"
     } else if plan.run.clock == Clock::Realtime {
         "in real time a run depends on what comes too late; audit it with --clock lockstep"
     } else {
@@ -134,7 +136,7 @@ fn repeat(
         ..options.clone()
     };
     let noise = condition.noise.then(Noise::begin);
-    let ran = run::execute(condition.plan.clone(), setup, &options, None);
+    let ran = run::execute(condition.plan.clone(), setup, &options, Basis::Scenario);
     drop(noise);
     ran
 }

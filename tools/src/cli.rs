@@ -2,6 +2,7 @@
 //!
 //! One file for each group of commands, and here what they share.
 
+pub mod checkpoint;
 pub mod clock;
 pub mod config;
 pub mod doctor;

@@ -274,7 +274,7 @@ impl Work {
         // A bar among the lines of a table would be no help.
         let is_in_the_way = exported.file.is_none() && std::io::stdout().is_terminal();
         let mut progress =
-            (!is_in_the_way).then(|| Progress::new(steps.unwrap_or(0), self.picking.rate));
+            (!is_in_the_way).then(|| Progress::new(steps.unwrap_or(0), self.picking.rate, true));
         let mut cells = Vec::with_capacity(self.selection.columns.len());
         while self.reader.advance().map_err(Failure::usage)? {
             let step = self.reader.step();

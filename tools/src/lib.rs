@@ -15,7 +15,9 @@
 //! finds where two runs differ, [`repetition`] makes the scenario that repeats one, live faults
 //! included, and [`rerun`] runs that; [`export`] makes a table of it for other programs.
 //!
-//! `suite` makes one verdict table of several runs. `audit` repeats a run under conditions that must not matter, `missed` finds what came too late in
+//! A [`checkpoint`] keeps the state of both sides before a step, for another run to go on from.
+//!
+//! `suite` makes one verdict table of several runs, `audit` repeats a run under conditions that must not matter, `missed` finds what came too late in
 //! a recorded one.
 //!
 //! [`doctor`] judges the machine that it all runs on, [`latency`] measures the loop on it. [`config`]
@@ -26,6 +28,7 @@ use std::io::IsTerminal;
 
 mod audit;
 pub mod binaries;
+pub mod checkpoint;
 pub mod cli;
 pub mod clock;
 pub mod compare;

@@ -24,6 +24,7 @@ use std::time::Instant;
 use controller_process::job::{JOB_FILE, Job};
 use controller_process::runner::{Runner, choose};
 use hil_config::plan::Plan;
+use shared_types::checkpoint::Checkpoints;
 use shared_types::describe::{LawDescription, PROTOCOL};
 use shared_types::hello::{Hello, agree};
 use shared_types::link::iceoryx::IceoryxLink;
@@ -139,6 +140,7 @@ impl Prepared {
             rate: plan.run.rate,
             rate_divisor: plan.controller.rate_divisor,
             command_delay_steps: plan.controller.command_delay_steps,
+            checkpoints: Checkpoints::default(),
             realtime: Settings::default(),
             wait_limit_s: self.wait_limit_s,
         }
@@ -179,7 +181,7 @@ impl Prepared {
             }
         };
         let run = &self.plan.run;
-        let mut progress = Progress::new(run.steps, run.rate);
+        let mut progress = Progress::new(run.steps, run.rate, true);
         self.watch(&host, child.as_mut(), &supervision, || {
             progress.set(answered.load(Ordering::Relaxed));
         });

@@ -330,7 +330,8 @@ impl RunReader {
                     self.channels.insert(channel.id, false);
                 }
                 Record::Metadata(metadata) => {
-                    self.metadata.insert(metadata.name, metadata.metadata);
+                    let facts = self.metadata.entry(metadata.name).or_default();
+                    facts.extend(metadata.metadata);
                 }
                 Record::Attachment { header, data, .. } => {
                     let text = String::from_utf8_lossy(&data).into_owned();

@@ -15,10 +15,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use hil_config::plan::{Clock, Plan};
 use serde_json::json;
 
+use crate::checkpoint::past::Past;
 use crate::cli::run::{RunArguments, RunOptions};
-use crate::compare;
+use crate::compare::{self, tolerance::Tolerances};
 use crate::exit::{Exit, Failure};
-use crate::run::{self, Ran, Setup};
+use crate::run::{self, Basis, Ran, Setup};
 use crate::summary::Summary;
 use crate::{config, output};
 
@@ -111,9 +112,24 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
         refuse_unwritable(path)?;
     }
     let setup = Setup::find(options)?;
-    let mut cases = cases(arguments, &setup)?;
-    let rows = if let [case] = &mut cases[..] {
-        let ran = run::execute(case.plan.clone(), setup, options, None)?;
+    let mut cases = Vec::new();
+    let mut basis = Basis::Scenario;
+    if let Some(from) = &arguments.from.from {
+        refuse_several(arguments)?;
+        let past = Past::open(from, &setup.binaries)?;
+        let (plan, branch) = past.plan(&options.changes, &setup.binaries, options.json)?;
+        basis = Basis::Checkpoint(Box::new(past), branch);
+        cases.push(Case {
+            label: plan.name.clone(),
+            law: plan.controller.law.clone(),
+            first: 0,
+            plan,
+        });
+    } else {
+        cases = self::cases(arguments, &setup)?;
+    }
+    let rows = if let [case] = &cases[..] {
+        let ran = run::execute(case.plan.clone(), setup, options, basis)?;
         let told = output::write(&if options.json {
             format!("{}\n", ran.summary)
         } else {
@@ -202,6 +218,16 @@ fn jobs(arguments: &RunArguments, cases: &[Case]) -> Result<usize, Failure> {
     }
 }
 
+/// Refuses what cannot go with a checkpoint.
+fn refuse_several(arguments: &RunArguments) -> Result<(), Failure> {
+    if arguments.repeat > 1 {
+        return Err(Failure::usage(
+            "--repeat is for scenarios; --from goes on once",
+        ));
+    }
+    Ok(())
+}
+
 /// Refuses what can be meant for one run only.
 fn refuse(options: &RunOptions) -> Result<(), Failure> {
     if options.pause_at.is_some() {
@@ -269,7 +295,7 @@ fn one(case: &Case, index: usize, setup: &Setup, options: &RunOptions) -> Row {
         session: (options.session.as_ref()).map(|name| format!("{name}-{number}")),
         ..options.clone()
     };
-    match run::execute(case.plan.clone(), setup.clone(), &options, None) {
+    match run::execute(case.plan.clone(), setup.clone(), &options, Basis::Scenario) {
         Ok(ran) => Row::of(case, ran),
         Err(failure) => Row::not_run(case, failure.exit(), failure.to_string()),
     }
@@ -318,7 +344,7 @@ fn another_digest(first: &Row, other: &Row) -> Option<String> {
         return None;
     }
     let difference = (a.recording.as_ref().zip(b.recording.as_ref()))
-        .and_then(|(a, b)| compare::compare(a, b, &[], 0.0).ok());
+        .and_then(|(a, b)| compare::compare(a, b, &[], &Tolerances::default()).ok());
     let difference = (difference.as_ref())
         .and_then(compare::Comparison::first_difference)
         .map_or_else(String::new, |found| format!(": {found}"));

@@ -11,6 +11,9 @@ use shared_types::session::SessionInfo;
 use shared_types::time::Step;
 
 use crate::binaries::{Binaries, Binary};
+use crate::checkpoint::Made;
+use crate::checkpoint::branch::Branch;
+use crate::checkpoint::past::Past;
 use crate::doctor::measure::shown_ns;
 use crate::faults::Fault;
 use crate::latency::Legs;
@@ -56,7 +59,69 @@ pub struct Summary {
     controller: Program,
     plant: Program,
     seed: u64,
+    /// What the run went on from; null if it began at step 0.
+    resumed: Option<Resumed>,
+    /// What it can be gone on from.
+    checkpoints: Vec<Made>,
 }
+
+/// The checkpoint that a run went on from.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Resumed {
+    /// Its folder.
+    checkpoint: String,
+    /// The session that made it.
+    session: String,
+    /// The first step of this run; the records before it are those of the other.
+    step: u64,
+    time_s: f64,
+    /// Digest of the records before it.
+    digest: String,
+    /// Faults that had begun and went on with other sizes.
+    changed_faults: Vec<u32>,
+}
+
+impl Resumed {
+    pub(crate) fn new(past: &Past, branch: Branch) -> Self {
+        let checkpoint = past.checkpoint();
+        Self {
+            checkpoint: past.folder().display().to_string(),
+            session: checkpoint.session.clone(),
+            step: checkpoint.step,
+            time_s: checkpoint.time_s,
+            digest: past.digest().to_owned(),
+            changed_faults: branch.changed_faults,
+        }
+    }
+
+    /// What the recording says of it.
+    pub(crate) fn facts(&self) -> impl Iterator<Item = (String, String)> {
+        let changed: Vec<String> = self.changed_faults.iter().map(u32::to_string).collect();
+        let facts = [
+            ("resumed_from", self.checkpoint.clone()),
+            ("resumed_session", self.session.clone()),
+            ("resumed_step", self.step.to_string()),
+            ("resumed_digest", self.digest.clone()),
+            (CHANGED_FAULTS, changed.join(", ")),
+        ];
+        let told = facts.into_iter().filter(|(_, value)| !value.is_empty());
+        told.map(|(name, value)| (name.to_owned(), value))
+    }
+
+    /// As a person reads it.
+    fn told(&self) -> String {
+        let Self {
+            checkpoint,
+            step,
+            time_s,
+            ..
+        } = self;
+        format!("went on from step {step} ({time_s} s), {checkpoint}")
+    }
+}
+
+/// The fact that names faults which had begun before a checkpoint and went on with other sizes.
+pub(crate) const CHANGED_FAULTS: &str = "changed_faults";
 
 /// Steps that were due before the step before them was done.
 #[derive(Clone, Debug, Serialize)]
@@ -158,6 +223,7 @@ impl Summary {
         let end = recorded.end.as_ref();
         let steps = end.map_or(recorded.records, |end| end.steps);
         let sim_time_s = plan.run.rate.seconds(Step(steps));
+        let past_s = plan.run.rate.seconds(Step(recorded.past_records));
         let wall_time_s = recorded.wall_time_s;
         Self {
             schema: SCHEMA,
@@ -182,7 +248,7 @@ impl Summary {
             sim_time_s,
             wall_time_s,
             realtime_factor: if wall_time_s > 0.0 {
-                sim_time_s / wall_time_s
+                (sim_time_s - past_s) / wall_time_s
             } else {
                 0.0
             },
@@ -210,6 +276,18 @@ impl Summary {
             controller: Program::of(&binaries.controller),
             plant: Program::of(&binaries.plant),
             seed: plan.run.seed,
+            resumed: None,
+            checkpoints: Vec::new(),
+        }
+    }
+
+    /// The same of a run that went on from a checkpoint, or that can be gone on from.
+    #[must_use]
+    pub(crate) fn with_checkpoints(self, resumed: Option<Resumed>, made: Vec<Made>) -> Self {
+        Self {
+            resumed,
+            checkpoints: made,
+            ..self
         }
     }
 
@@ -237,6 +315,9 @@ impl Summary {
             "  {} steps, {} s in {:.2} s, {:.1}x real time",
             self.steps, self.sim_time_s, self.wall_time_s, self.realtime_factor
         )?;
+        if let Some(resumed) = &self.resumed {
+            writeln!(text, "  {}", resumed.told())?;
+        }
         let overruns = self.overruns.as_ref();
         let overran = overruns.and_then(|overruns| overruns.steps.told("steps overran"));
         let missed = (self.missed_commands.as_ref())
@@ -263,6 +344,9 @@ impl Summary {
         } else {
             String::new()
         };
+        for checkpoint in &self.checkpoints {
+            writeln!(text, "  {}", checkpoint.told(run_dir))?;
+        }
         let run_dir = run_dir.display();
         match file {
             Some(file) => writeln!(text, "  {records} records{lost} in {run_dir}/{file}"),

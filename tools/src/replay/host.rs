@@ -294,6 +294,7 @@ impl Original {
             epoch: 1,
             rate: self.plan.run.rate,
             steps: self.plan.run.steps,
+            first: Step(0),
             // Samples that came too late for its controller are marked as unseen.
             against_clock: false,
             measured: &self.plant.measured,

@@ -176,6 +176,16 @@ pub(super) fn run(
     realtime: &mut Watched,
 ) -> Result<Ended, Failure> {
     let info = session.info().clone();
+    let (plan, recording) = (prepared.plan.clone(), prepared.recording.clone());
+    let marks = prepared.marks.clone();
+    let attached = info.clone();
+    let core = realtime.recorder_core();
+    let recorder = Recorder::start(plan, recording, marks, prepared.past.clone(), move || {
+        core.apply();
+        let mut source = None;
+        move || attach(&attached, &mut source)
+    });
+    recorder.recall(&prepared.interruption)?;
     let binaries = &prepared.binaries;
     let mut plant = Side::start("plant", &binaries.plant.path, &info, run_dir)?;
     session
@@ -186,13 +196,6 @@ pub(super) fn run(
         .add_child(controller.process.id())
         .map_err(Failure::infrastructure)?;
 
-    let (plan, recording) = (prepared.plan.clone(), prepared.recording.clone());
-    let core = realtime.recorder_core();
-    let recorder = Recorder::start(plan, recording, prepared.partial, move || {
-        core.apply();
-        let mut source = None;
-        move || attach(&info, &mut source)
-    });
     let mut progress = prepared.progress(&session.info().name);
     let first = watch(
         prepared,
