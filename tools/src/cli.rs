@@ -21,7 +21,7 @@ use config::{ConfigArguments, SessionsArguments};
 use doctor::DoctorArguments;
 use inject::InjectArguments;
 use latency::{LatencyArguments, LatencyPeerArguments};
-use recordings::{CompareArguments, ScenarioCommand};
+use recordings::{CompareArguments, JudgeArguments, ScenarioCommand};
 use run::{RerunArguments, RunArguments};
 
 /// Hardware-in-the-loop runs of a plant and a controller in deterministic lockstep
@@ -68,6 +68,9 @@ Examples:
   hil compare runs/a runs/b
   hil compare runs/a runs/b --signal truth.surface_angle_rad --tolerance 1e-9")]
     Compare(CompareArguments),
+    /// Judge a recorded run by its own requirements, or by those of another scenario
+    #[command(after_help = recordings::JUDGE_EXAMPLES)]
+    Judge(JudgeArguments),
     /// Make scenarios from runs
     Scenario(ScenarioCommand),
     /// Check a scenario, show it complete, or print its schema

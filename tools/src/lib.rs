@@ -13,7 +13,7 @@
 //! While it runs, another terminal asks its plant over [`live`]: [`inject`] puts faults into it,
 //! [`clock`] holds it and lets it go on. Afterwards [`run_reader`] reads the recording: [`compare`]
 //! finds where two runs differ, [`repetition`] makes the scenario that repeats one, live faults
-//! included, and [`rerun`] runs that.
+//! included, and [`rerun`] runs that; [`judge`] evaluates metrics and [`requirements`] once more, or others.
 //!
 //! `audit` repeats a run under conditions that must not matter, `missed` finds what came too late in
 //! a recorded one.
@@ -37,6 +37,7 @@ pub mod faults;
 pub mod folder;
 pub mod inject;
 pub mod interruption;
+pub mod judge;
 pub mod latency;
 pub mod live;
 mod missed;
@@ -45,6 +46,7 @@ pub mod progress;
 pub mod recorder;
 pub mod recording;
 pub mod repetition;
+pub mod requirements;
 pub mod rerun;
 pub mod run;
 pub mod run_reader;
@@ -74,6 +76,7 @@ pub fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
         }
         Command::Rerun(arguments) => rerun::rerun(arguments),
         Command::Compare(arguments) => compare::command(arguments),
+        Command::Judge(arguments) => judge::judge(arguments),
         Command::Scenario(arguments) => match &arguments.action {
             ScenarioAction::From(arguments) => repetition::scenario_from(arguments),
         },

@@ -200,7 +200,11 @@ impl RecordedRun {
     }
 }
 
-fn checked(
+/// A scenario's plan, by what plant and controller said of themselves.
+///
+/// # Errors
+/// Everything that is wrong with it.
+pub(crate) fn checked(
     text: &str,
     origin: &Path,
     plant: &Description,

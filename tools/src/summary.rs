@@ -3,7 +3,9 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use hil_config::evaluation::MetricValue;
 use hil_config::plan::{Clock, Plan, Published};
+use hil_config::requirements::RequirementValue;
 use serde::Serialize;
 use shared_types::pacer::Streaks;
 use shared_types::record::Outcome;
@@ -17,6 +19,7 @@ use crate::latency::Legs;
 use crate::latency::grade::Graded;
 use crate::latency::spikes::Spike;
 use crate::run::Ended;
+use crate::requirements;
 use crate::run::realtime::Realtime;
 
 /// Version of the summary.
@@ -43,8 +46,7 @@ pub struct Summary {
     realtime_factor: f64,
     digest: Option<String>,
     metrics: Vec<Metric>,
-    /// Requirements are not part of scenarios; the list is there for readers of the format.
-    requirements: [(); 0],
+    requirements: Vec<RequirementValue>,
     faults: Vec<Fault>,
     latency_ns: Legs,
     /// The worst round trips, the longest first.
@@ -96,13 +98,25 @@ impl Missed {
     }
 }
 
+/// A metric over a window.
 #[derive(Clone, Debug, Serialize)]
-struct Metric {
+pub(crate) struct Metric {
     name: String,
     window_s: [f64; 2],
     /// Null if no record of the window had the value.
     value: Option<f64>,
     unit: String,
+}
+
+impl From<&MetricValue> for Metric {
+    fn from(metric: &MetricValue) -> Self {
+        Self {
+            name: metric.name.clone(),
+            window_s: metric.window_s,
+            value: metric.value.is_finite().then_some(metric.value),
+            unit: metric.unit.clone(),
+        }
+    }
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -150,7 +164,9 @@ impl Summary {
             session: session.name.clone(),
             evidence,
             verdict: match ended.outcome {
-                Outcome::Completed if recorded.error.is_none() => "pass",
+                Outcome::Completed if recorded.error.is_none() => {
+                    requirements::verdict(&recorded.requirements)
+                }
                 _ => "aborted",
             },
             reason: ended.reason.clone(),
@@ -172,15 +188,8 @@ impl Summary {
                 0.0
             },
             digest: recorded.digest.clone(),
-            metrics: (recorded.metrics.iter())
-                .map(|metric| Metric {
-                    name: metric.name.clone(),
-                    window_s: metric.window_s,
-                    value: metric.value.is_finite().then_some(metric.value),
-                    unit: metric.unit.clone(),
-                })
-                .collect(),
-            requirements: [],
+            metrics: recorded.metrics.iter().map(Metric::from).collect(),
+            requirements: recorded.requirements.clone(),
             faults: recorded.faults.faults(&plan.faults, plan.run.rate),
             latency_ns: recorded.latency.legs,
             spikes: recorded.latency.spikes.clone(),
@@ -232,7 +241,8 @@ impl Summary {
         for fault in &self.faults {
             writeln!(text, "  {}", fault.told())?;
         }
-        self.write_metrics(text, plan)?;
+        write_metrics(text, &self.metrics, plan, self.steps)?;
+        requirements::write(text, &self.requirements)?;
         self.write_latency(text)?;
         writeln!(text, "  {}", self.realtime.told())?;
         if let Some(digest) = &self.digest {
@@ -274,57 +284,63 @@ impl Summary {
             None => Ok(()),
         }
     }
+}
 
-    fn write_metrics(&self, text: &mut String, plan: &Plan) -> std::fmt::Result {
-        if self.metrics.iter().all(|metric| metric.value.is_none()) {
-            return Ok(());
+/// The table of metrics after so many steps, with what others published beside it.
+pub(crate) fn write_metrics(
+    text: &mut String,
+    metrics: &[Metric],
+    plan: &Plan,
+    steps: u64,
+) -> std::fmt::Result {
+    if metrics.iter().all(|metric| metric.value.is_none()) {
+        return Ok(());
+    }
+    let width = metrics.iter().map(|metric| metric.name.len()).max();
+    let width = width.unwrap_or(0);
+    let published: Vec<_> = self
+        .metrics
+        .iter()
+        .map(|metric| of_law(plan, metric))
+        .collect();
+    let any = published.iter().any(Option::is_some);
+    let column = if any { "  published" } else { "" };
+    writeln!(
+        text,
+        "\n  {:<width$}  {:>10}  {:>11}{column}",
+        "metric", "window [s]", "value"
+    )?;
+    let mut notes = Vec::new();
+    for (metric, published) in metrics.iter().zip(published) {
+        let [start_s, end_s] = metric.window_s;
+        let window = format!("{start_s} to {end_s}");
+        let value = metric.value.map_or_else(|| "-".into(), short);
+        let (name, unit) = (&metric.name, &metric.unit);
+        write!(text, "  {name:<width$}  {window:>10}  {value:>11} {unit}")?;
+        if let Some((published, note)) = published {
+            let gap = 4_usize.saturating_sub(unit.len());
+            write!(
+                text,
+                "{:gap$}{:>11} ({})",
+                "",
+                short(published.value),
+                published.source
+            )?;
+            notes.extend(note);
         }
-        let width = self.metrics.iter().map(|metric| metric.name.len()).max();
-        let width = width.unwrap_or(0);
-        let published: Vec<_> = self
-            .metrics
-            .iter()
-            .map(|metric| of_law(plan, metric))
-            .collect();
-        let any = published.iter().any(Option::is_some);
-        let column = if any { "  published" } else { "" };
+        writeln!(text)?;
+    }
+    if steps < plan.run.steps {
         writeln!(
             text,
-            "\n  {:<width$}  {:>10}  {:>11}{column}",
-            "metric", "window [s]", "value"
+            "  the run ended early: windows beyond its end are not complete"
         )?;
-        let mut notes = Vec::new();
-        for (metric, published) in self.metrics.iter().zip(published) {
-            let [start_s, end_s] = metric.window_s;
-            let window = format!("{start_s} to {end_s}");
-            let value = metric.value.map_or_else(|| "-".into(), short);
-            let (name, unit) = (&metric.name, &metric.unit);
-            write!(text, "  {name:<width$}  {window:>10}  {value:>11} {unit}")?;
-            if let Some((published, note)) = published {
-                let gap = 4_usize.saturating_sub(unit.len());
-                write!(
-                    text,
-                    "{:gap$}{:>11} ({})",
-                    "",
-                    short(published.value),
-                    published.source
-                )?;
-                notes.extend(note);
-            }
-            writeln!(text)?;
-        }
-        if self.steps < plan.run.steps {
-            writeln!(
-                text,
-                "  the run ended early: windows beyond its end are not complete"
-            )?;
-        }
-        notes.dedup();
-        for note in notes {
-            writeln!(text, "  note: {note}")?;
-        }
-        writeln!(text)
     }
+    notes.dedup();
+    for note in notes {
+        writeln!(text, "  note: {note}")?;
+    }
+    writeln!(text)
 }
 
 /// The published value of a metric's window for the law of the run, and the note to it.
@@ -343,7 +359,7 @@ fn of_law<'a>(plan: &'a Plan, metric: &Metric) -> Option<(&'a Published, &'a Opt
 }
 
 /// A number with five significant digits, plain where that reads well.
-fn short(value: f64) -> String {
+pub(crate) fn short(value: f64) -> String {
     let size = value.abs();
     if value == 0.0 || (0.01..1e6).contains(&size) {
         let digits = if value == 0.0 {

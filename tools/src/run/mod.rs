@@ -24,7 +24,7 @@ use crate::recorder::{Recorded, RecordingPlan};
 use crate::recording::{Enclosure, Provenance};
 use crate::run_reader::RECORDING;
 use crate::summary::Summary;
-use crate::{audit, config, doctor, folder, output};
+use crate::{audit, config, doctor, folder, output, requirements};
 
 /// What both ways of running need.
 struct Prepared {
@@ -232,7 +232,7 @@ pub(crate) fn execute(
     Ok(Ran {
         exit: match ended.outcome {
             _ if ended.recorded.error.is_some() => Exit::Infrastructure,
-            Outcome::Completed => Exit::Pass,
+            Outcome::Completed => requirements::exit(&ended.recorded.requirements),
             Outcome::Diverged => Exit::Failed,
             Outcome::Stopped if prepared.interruption.came() => Exit::Interrupted,
             Outcome::Stopped | Outcome::Failed => Exit::Infrastructure,
