@@ -15,6 +15,7 @@ mod parameters;
 mod plant;
 mod points;
 mod realtime;
+mod requirements;
 mod run;
 mod signals;
 mod stimuli;
@@ -152,6 +153,7 @@ fn parts(
         _ => None,
     };
     let (derived, metrics, analysed) = signals::check(reader, root, &mut columns, grid);
+    let requirements = requirements::check(reader, root, columns.as_ref(), &derived, grid);
     let reference: Option<Vec<Field>> =
         (stimuli.as_deref()).map(|stimuli| stimuli.iter().flat_map(Stimulus::fields).collect());
     let ground = Ground {
@@ -184,6 +186,7 @@ fn parts(
         derived,
         metrics,
         analyses,
+        requirements,
     })
 }
 

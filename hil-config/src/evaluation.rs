@@ -1,4 +1,4 @@
-//! Derived signals and metrics while records arrive.
+//! Derived signals, metrics and requirements while records arrive.
 //!
 //! Used by whoever reads the records of a run, live or from a file: made once from the plan and
 //! the columns of a record, then fed one row per step. Feeding allocates nothing, and memory does
@@ -11,8 +11,9 @@ use shared_types::time::{Rate, Step};
 use crate::analysis::RunningAnalysis;
 use crate::expression::{Accumulator, Columns, ExpressionError, Group, Program, Reduction};
 use crate::plan::{Metric, Plan, Window};
+use crate::requirements::{RequirementValue, Requirements};
 
-/// The derived signals and metrics of a run.
+/// The derived signals, metrics and requirements of a run.
 #[derive(Clone, Debug)]
 pub struct Evaluation {
     rate: Rate,
@@ -22,6 +23,7 @@ pub struct Evaluation {
     derived: Vec<Program>,
     metrics: Vec<RunningMetric>,
     analyses: Vec<RunningAnalysis>,
+    requirements: Requirements,
     /// The whole run.
     whole_s: [f64; 2],
 }
@@ -60,10 +62,10 @@ pub struct MetricValue {
 }
 
 impl Evaluation {
-    /// Derived signals and metrics before the first row; `columns` are those of the rows to come.
+    /// All of it before the first row; `columns` are those of the rows to come.
     ///
     /// # Errors
-    /// If an expression names a signal that no column has.
+    /// If an expression names a signal that no column has, or a requirement looks beyond the run.
     pub fn new(plan: &Plan, columns: &Columns) -> Result<Self, ExpressionError> {
         let mut all = columns.clone();
         let mut derived = Vec::new();
@@ -92,6 +94,7 @@ impl Evaluation {
             derived,
             metrics,
             analyses,
+            requirements: Requirements::new(plan, &all)?,
             whole_s: [whole.start_s, whole.end_s],
         })
     }
@@ -111,6 +114,7 @@ impl Evaluation {
         for analysis in &mut self.analyses {
             analysis.observe(step, self.rate, &self.row);
         }
+        self.requirements.observe(step, &self.row);
     }
 
     /// A fault event takes hold at a step, whose row is still to come.
@@ -118,6 +122,12 @@ impl Evaluation {
         for analysis in &mut self.analyses {
             analysis.fault(event, step);
         }
+    }
+
+    /// What came of each requirement, in the plan's order, from the rows so far.
+    #[must_use]
+    pub fn requirements(&self) -> Vec<RequirementValue> {
+        self.requirements.values()
     }
 
     /// The derived signals of the last row, in the plan's order.

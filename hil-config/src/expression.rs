@@ -37,18 +37,20 @@
 //! least one and may compute with them, as in `max(x) - min(x)`; a derived signal has none.
 
 mod columns;
-mod lexer;
+pub(crate) mod lexer;
 mod parser;
 mod program;
 mod reduction;
 
 use std::ops::Range;
 
+use shared_types::table::unit_of_name;
+
 pub use columns::{Columns, Group};
 pub use program::Program;
 pub use reduction::{Accumulator, Reduction, ReductionKind};
 
-pub(crate) use parser::is_reserved;
+pub(crate) use parser::{functions, is_reserved};
 use program::Op;
 
 /// An expression, read but not yet bound to columns.
@@ -94,12 +96,21 @@ pub struct ExpressionError {
 }
 
 impl ExpressionError {
-    fn new(text: &str, span: Range<usize>, message: impl Into<String>) -> Self {
+    pub(crate) fn new(text: &str, span: Range<usize>, message: impl Into<String>) -> Self {
         Self {
             message: message.into(),
             column: text[..span.start].chars().count() + 1,
             span,
             nearest: Vec::new(),
+        }
+    }
+
+    /// The same error where the expression is a part of a longer text, from byte `start` on.
+    pub(crate) fn inside(self, text: &str, start: usize) -> Self {
+        let span = self.span.start + start..self.span.end + start;
+        Self {
+            nearest: self.nearest,
+            ..Self::new(text, span, self.message)
         }
     }
 }
@@ -122,6 +133,14 @@ impl Expression {
     /// The names of the signals in it.
     pub fn signals(&self) -> impl Iterator<Item = &str> {
         self.names.iter().map(|name| name.path.as_str())
+    }
+
+    /// The units of its signals as far as their names tell them; `None` of one that its name does not
+    /// tell, or if its value has none of its signals' units.
+    pub(crate) fn units(&self) -> impl Iterator<Item = Option<&'static str>> {
+        let known = program::keeps_unit(&self.ops);
+        self.signals()
+            .map(move |name| unit_of_name(name).filter(|_| known))
     }
 
     /// Every name that no column has.

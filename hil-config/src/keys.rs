@@ -7,6 +7,7 @@
 mod faults;
 mod metrics;
 mod realtime;
+mod requirements;
 mod stimuli;
 
 use shared_types::time::Rate;
@@ -15,6 +16,7 @@ use faults::FAULT;
 pub(crate) use faults::{EFFECT, PROFILE, PROFILES, REQUEST, TARGET, TRIGGERS};
 pub(crate) use metrics::{METRIC, METRICS};
 pub(crate) use realtime::REALTIME;
+use requirements::REQUIREMENT;
 pub(crate) use stimuli::{STIMULUS, WAVEFORMS};
 
 /// Version of the scenario format that is understood.
@@ -190,6 +192,11 @@ pub(crate) const SCENARIO: &[Key] = &[
         "metrics",
         Kind::List(METRIC),
         "Numbers computed from the records: reductions over windows of time, or ready-made analyses.",
+    ),
+    Key::new(
+        "requirements",
+        Kind::List(REQUIREMENT),
+        "What the run must do to pass.",
     ),
 ];
 

@@ -13,7 +13,8 @@
 //! 4. [`check_faults`](live_faults::check_faults) checks the faults that a running plant is asked
 //!    for, by the same code; a [`Watch`](condition::Watch) tells when the condition of one is met.
 //! 5. [`Evaluation`](evaluation::Evaluation) computes the plan's derived signals and metrics while
-//!    records arrive, from its [expressions](expression).
+//!    records arrive, from its [expressions](expression), and judges its [requirements] by a
+//!    [`Monitor`](monitor::Monitor) of each [`Formula`](formula::Formula).
 
 mod analysis;
 mod check;
@@ -27,9 +28,12 @@ mod source;
 pub mod condition;
 pub mod evaluation;
 pub mod expression;
+pub mod formula;
 pub mod live_faults;
+pub mod monitor;
 pub mod plan;
 pub mod problem;
+pub mod requirements;
 pub mod scenario;
 pub mod schema;
 pub mod show;

@@ -4,6 +4,7 @@
 //! can be out of range, unknown or unbound any more.
 
 mod analysis;
+mod requirement;
 
 use serde::{Deserialize, Serialize};
 use shared_types::describe::{Operation, Settings};
@@ -18,6 +19,7 @@ use crate::expression::Expression;
 pub use analysis::{
     Analysis, AnalysisKind, DetectionPlan, FrequencyResponsePlan, StepResponsePlan,
 };
+pub use requirement::Requirement;
 
 /// A checked scenario.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,6 +46,8 @@ pub struct Plan {
     pub metrics: Vec<Metric>,
     /// Analyses, whose figures are metrics too.
     pub analyses: Vec<Analysis>,
+    /// What it must do to pass.
+    pub requirements: Vec<Requirement>,
 }
 
 /// Duration, rate and clock of a run.

@@ -5,6 +5,7 @@
 
 mod analyses;
 mod faults;
+mod requirements;
 
 use std::fmt::{self, Write};
 
@@ -143,6 +144,9 @@ fn write(
     }
     for analysis in &plan.analyses {
         analyses::analysis(text, analysis, plan)?;
+    }
+    for one in &plan.requirements {
+        requirements::requirement(text, one)?;
     }
     Ok(())
 }

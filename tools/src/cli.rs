@@ -25,7 +25,7 @@ use doctor::DoctorArguments;
 use export::ExportArguments;
 use inject::InjectArguments;
 use latency::{LatencyArguments, LatencyPeerArguments};
-use recordings::{CompareArguments, ScenarioCommand};
+use recordings::{CompareArguments, JudgeArguments, ScenarioCommand};
 use replay::ReplayArguments;
 use run::{RerunArguments, RunArguments};
 
@@ -79,6 +79,9 @@ Examples:
     /// Write signals of a recorded run to a CSV or Parquet file
     #[command(after_help = export::EXAMPLES)]
     Export(ExportArguments),
+    /// Judge a recorded run by its own requirements, or by those of another scenario
+    #[command(after_help = recordings::JUDGE_EXAMPLES)]
+    Judge(JudgeArguments),
     /// Make scenarios from runs
     Scenario(ScenarioCommand),
     /// Check a scenario, show it complete, or print its schema

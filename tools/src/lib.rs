@@ -13,7 +13,8 @@
 //! While it runs, another terminal asks its plant over [`live`]: [`inject`] puts faults into it,
 //! [`clock`] holds it and lets it go on. Afterwards [`run_reader`] reads the recording: [`compare`]
 //! finds where two runs differ, [`repetition`] makes the scenario that repeats one, live faults
-//! included, and [`rerun`] runs that; [`export`] makes a table of it for other programs.
+//! included, and [`rerun`] runs that; [`judge`] evaluates metrics and [`requirements`] once more, or others, and
+//! [`export`] makes a table of it for other programs.
 //!
 //! A [`checkpoint`] keeps the state of both sides before a step, for another run to go on from.
 //!
@@ -41,6 +42,7 @@ pub mod faults;
 pub mod folder;
 pub mod inject;
 pub mod interruption;
+pub mod judge;
 pub mod latency;
 pub mod live;
 mod missed;
@@ -50,6 +52,7 @@ pub mod recorder;
 pub mod recording;
 pub mod repetition;
 pub mod replay;
+pub mod requirements;
 pub mod rerun;
 pub mod run;
 pub mod run_reader;
@@ -82,6 +85,7 @@ pub fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
         Command::Replay(arguments) => replay::replay(arguments),
         Command::Compare(arguments) => compare::command(arguments),
         Command::Export(arguments) => export::export(arguments),
+        Command::Judge(arguments) => judge::judge(arguments),
         Command::Scenario(arguments) => match &arguments.action {
             ScenarioAction::From(arguments) => repetition::scenario_from(arguments),
         },

@@ -1,6 +1,7 @@
 //! The recorder: drains the record stream on a thread of its own.
 //!
-//! It makes the digest, the metrics and the latency figures, and writes the recording. The loop
+//! It makes the digest, the metrics and the latency figures, judges the requirements and writes the
+//! recording. The loop
 //! never waits for any of this, except that the stream's credit holds it back before a record would
 //! be lost.
 
@@ -14,6 +15,7 @@ use std::time::Duration;
 use hil_config::evaluation::{Evaluation, MetricValue};
 use hil_config::expression::{Columns, Group};
 use hil_config::plan::Plan;
+use hil_config::requirements::RequirementValue;
 use shared_types::clock::monotonic_ns;
 use shared_types::digest::Digest;
 use shared_types::record::{Event, Outcome, RecordLayout, RunEnd};
@@ -71,6 +73,8 @@ pub struct Recorded {
     pub partial_digests: BTreeMap<u64, String>,
     /// Metrics.
     pub metrics: Vec<MetricValue>,
+    /// Requirements.
+    pub requirements: Vec<RequirementValue>,
     /// Latency of the steps.
     pub latency: LatencySummary,
     /// From the first to the last record, in s.
@@ -230,6 +234,7 @@ impl Work {
             digest: None,
             partial_digests: BTreeMap::new(),
             metrics: Vec::new(),
+            requirements: Vec::new(),
             latency: latency.summary(),
             wall_time_s: 0.0,
             error: None,
@@ -463,6 +468,7 @@ impl Work {
         self.recorded.latency = self.latency.summary();
         if let Some(evaluation) = &self.evaluation {
             self.recorded.metrics = evaluation.results();
+            self.recorded.requirements = evaluation.requirements();
         }
         if let Some(first_ns) = self.first_ns {
             self.recorded.wall_time_s = (self.last_ns - first_ns) as f64 / 1e9;

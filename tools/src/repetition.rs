@@ -210,7 +210,10 @@ impl RecordedRun {
     }
 }
 
-/// Checks the scenario of a recording against what that says of its plant and controller.
+/// A scenario's plan, by what plant and controller said of themselves.
+///
+/// # Errors
+/// Everything that is wrong with it.
 pub(crate) fn checked(
     text: &str,
     origin: &Path,

@@ -3,7 +3,9 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use hil_config::evaluation::MetricValue;
 use hil_config::plan::{Clock, Plan, Published};
+use hil_config::requirements::RequirementValue;
 use serde::Serialize;
 use shared_types::pacer::Streaks;
 use shared_types::record::Outcome;
@@ -19,6 +21,7 @@ use crate::faults::Fault;
 use crate::latency::Legs;
 use crate::latency::grade::Graded;
 use crate::latency::spikes::Spike;
+use crate::requirements;
 use crate::run::Ended;
 use crate::run::realtime::Realtime;
 
@@ -46,7 +49,7 @@ pub struct Summary {
     pub(crate) realtime_factor: f64,
     pub(crate) digest: Option<String>,
     pub(crate) metrics: Vec<Metric>,
-    pub(crate) requirements: Vec<Requirement>,
+    pub(crate) requirements: Vec<RequirementValue>,
     faults: Vec<Fault>,
     latency_ns: Legs,
     /// The worst round trips, the longest first.
@@ -160,6 +163,7 @@ impl Missed {
     }
 }
 
+/// A metric over a window.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Metric {
     pub(crate) name: String,
@@ -169,20 +173,15 @@ pub(crate) struct Metric {
     pub(crate) unit: String,
 }
 
-/// How a requirement came out.
-#[derive(Clone, Debug, Serialize)]
-pub(crate) struct Requirement {
-    pub(crate) name: String,
-    pub(crate) formula: String,
-    /// `pass`, `fail` or `undecided`.
-    pub(crate) verdict: &'static str,
-    /// The margin in the unit, negative where it fails; null if there is none.
-    pub(crate) robustness: Option<f64>,
-    pub(crate) unit: String,
-    /// When the margin was smallest.
-    pub(crate) at_s: Option<f64>,
-    /// When the verdict was certain.
-    pub(crate) decided_at_s: Option<f64>,
+impl From<&MetricValue> for Metric {
+    fn from(metric: &MetricValue) -> Self {
+        Self {
+            name: metric.name.clone(),
+            window_s: metric.window_s,
+            value: metric.value.is_finite().then_some(metric.value),
+            unit: metric.unit.clone(),
+        }
+    }
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -231,7 +230,9 @@ impl Summary {
             session: session.name.clone(),
             evidence,
             verdict: match ended.outcome {
-                Outcome::Completed if recorded.error.is_none() => "pass",
+                Outcome::Completed if recorded.error.is_none() => {
+                    requirements::verdict(&recorded.requirements)
+                }
                 _ => "aborted",
             },
             reason: ended.reason.clone(),
@@ -253,15 +254,8 @@ impl Summary {
                 0.0
             },
             digest: recorded.digest.clone(),
-            metrics: (recorded.metrics.iter())
-                .map(|metric| Metric {
-                    name: metric.name.clone(),
-                    window_s: metric.window_s,
-                    value: metric.value.is_finite().then_some(metric.value),
-                    unit: metric.unit.clone(),
-                })
-                .collect(),
-            requirements: Vec::new(),
+            metrics: recorded.metrics.iter().map(Metric::from).collect(),
+            requirements: recorded.requirements.clone(),
             faults: recorded.faults.faults(&plan.faults, plan.run.rate),
             latency_ns: recorded.latency.legs,
             spikes: recorded.latency.spikes.clone(),
@@ -328,7 +322,8 @@ impl Summary {
         for fault in &self.faults {
             writeln!(text, "  {}", fault.told())?;
         }
-        self.write_metrics(text, plan)?;
+        write_metrics(text, &self.metrics, plan, self.steps)?;
+        requirements::write(text, &self.requirements)?;
         self.write_latency(text)?;
         writeln!(text, "  {}", self.realtime.told())?;
         if let Some(digest) = &self.digest {
@@ -373,57 +368,61 @@ impl Summary {
             None => Ok(()),
         }
     }
+}
 
-    fn write_metrics(&self, text: &mut String, plan: &Plan) -> std::fmt::Result {
-        if self.metrics.iter().all(|metric| metric.value.is_none()) {
-            return Ok(());
+/// The table of metrics after so many steps, with what others published beside it.
+pub(crate) fn write_metrics(
+    text: &mut String,
+    metrics: &[Metric],
+    plan: &Plan,
+    steps: u64,
+) -> std::fmt::Result {
+    if metrics.iter().all(|metric| metric.value.is_none()) {
+        return Ok(());
+    }
+    let width = metrics.iter().map(|metric| metric.name.len()).max();
+    let width = width.unwrap_or(0);
+    let published: Vec<_> = (metrics.iter())
+        .map(|metric| of_law(plan, metric))
+        .collect();
+    let any = published.iter().any(Option::is_some);
+    let column = if any { "  published" } else { "" };
+    writeln!(
+        text,
+        "\n  {:<width$}  {:>10}  {:>11}{column}",
+        "metric", "window [s]", "value"
+    )?;
+    let mut notes = Vec::new();
+    for (metric, published) in metrics.iter().zip(published) {
+        let [start_s, end_s] = metric.window_s;
+        let window = format!("{start_s} to {end_s}");
+        let value = metric.value.map_or_else(|| "-".into(), short);
+        let (name, unit) = (&metric.name, &metric.unit);
+        write!(text, "  {name:<width$}  {window:>10}  {value:>11} {unit}")?;
+        if let Some((published, note)) = published {
+            let gap = 4_usize.saturating_sub(unit.len());
+            write!(
+                text,
+                "{:gap$}{:>11} ({})",
+                "",
+                short(published.value),
+                published.source
+            )?;
+            notes.extend(note);
         }
-        let width = self.metrics.iter().map(|metric| metric.name.len()).max();
-        let width = width.unwrap_or(0);
-        let published: Vec<_> = self
-            .metrics
-            .iter()
-            .map(|metric| of_law(plan, metric))
-            .collect();
-        let any = published.iter().any(Option::is_some);
-        let column = if any { "  published" } else { "" };
+        writeln!(text)?;
+    }
+    if steps < plan.run.steps {
         writeln!(
             text,
-            "\n  {:<width$}  {:>10}  {:>11}{column}",
-            "metric", "window [s]", "value"
+            "  the run ended early: windows beyond its end are not complete"
         )?;
-        let mut notes = Vec::new();
-        for (metric, published) in self.metrics.iter().zip(published) {
-            let [start_s, end_s] = metric.window_s;
-            let window = format!("{start_s} to {end_s}");
-            let value = metric.value.map_or_else(|| "-".into(), short);
-            let (name, unit) = (&metric.name, &metric.unit);
-            write!(text, "  {name:<width$}  {window:>10}  {value:>11} {unit}")?;
-            if let Some((published, note)) = published {
-                let gap = 4_usize.saturating_sub(unit.len());
-                write!(
-                    text,
-                    "{:gap$}{:>11} ({})",
-                    "",
-                    short(published.value),
-                    published.source
-                )?;
-                notes.extend(note);
-            }
-            writeln!(text)?;
-        }
-        if self.steps < plan.run.steps {
-            writeln!(
-                text,
-                "  the run ended early: windows beyond its end are not complete"
-            )?;
-        }
-        notes.dedup();
-        for note in notes {
-            writeln!(text, "  note: {note}")?;
-        }
-        writeln!(text)
     }
+    notes.dedup();
+    for note in notes {
+        writeln!(text, "  note: {note}")?;
+    }
+    writeln!(text)
 }
 
 /// The published value of a metric's window for the law of the run, and the note to it.

@@ -7,6 +7,7 @@ use super::is_signal_name;
 use super::run::Grid;
 use crate::document::{Node, Value};
 use crate::expression::{Columns, Expression, ExpressionError, Group, is_reserved};
+use crate::formula::is_operator;
 use crate::keys::METRICS;
 use crate::plan::{Derived, Metric, Published, Window};
 use crate::problem::ProblemKind;
@@ -129,7 +130,7 @@ fn name<'a>(
     let name = reader.text(section, "name")?;
     let path = section.path_of("name");
     let place = section.place_of("name");
-    if !is_signal_name(name) || is_reserved(name) {
+    if !is_signal_name(name) || is_reserved(name) || is_operator(name) {
         let message = format!("`{path}` is `{name}`");
         reader
             .report(ProblemKind::OutOfRange, path, place, message)
@@ -200,7 +201,7 @@ fn expression(
 }
 
 /// Reports an error of an expression at its place in the file.
-fn report(
+pub(super) fn report(
     reader: &mut Reader,
     section: &Section<'_>,
     key: &str,

@@ -14,17 +14,22 @@ pub(crate) struct Token {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum TokenKind {
     Number(f64),
+    /// A number with a unit of time, in s.
+    Time(f64),
     /// A name, with dots if it has parts.
     Name(String),
-    /// An operator, a parenthesis or a comma.
+    /// An operator, a parenthesis, a bracket or a comma.
     Symbol(&'static str),
     End,
 }
 
 /// Longer ones first, so that `<=` is not read as `<`.
-const SYMBOLS: [&str; 13] = [
-    "<=", ">=", "==", "!=", "<", ">", "+", "-", "*", "/", "(", ")", ",",
+const SYMBOLS: [&str; 15] = [
+    "<=", ">=", "==", "!=", "<", ">", "+", "-", "*", "/", "(", ")", "[", "]", ",",
 ];
+
+/// Units of time, longer ones first, and how many of them are a second.
+const TIMES: [(&str, f64); 4] = [("ms", 1e3), ("us", 1e6), ("ns", 1e9), ("s", 1.0)];
 
 /// Splits an expression into words; the last one is [`TokenKind::End`].
 pub(crate) fn tokens(text: &str) -> Result<Vec<Token>, ExpressionError> {
@@ -37,9 +42,9 @@ pub(crate) fn tokens(text: &str) -> Result<Vec<Token>, ExpressionError> {
             continue;
         } else if first.is_ascii_digit() || first == '.' {
             let length = number_length(rest);
-            match rest[..length].parse::<f64>() {
-                Ok(value) if value.is_finite() => (TokenKind::Number(value), length),
-                _ => {
+            match number(&rest[..length]) {
+                Some(kind) => (kind, length),
+                None => {
                     let message = format!("`{}` is not a number", &rest[..length]);
                     return Err(ExpressionError::new(text, at..at + length, message));
                 }
@@ -79,6 +84,19 @@ fn starts_name(c: char) -> bool {
     c.is_ascii_alphabetic() || c == '_'
 }
 
+/// A number or a time.
+fn number(text: &str) -> Option<TokenKind> {
+    let finite = |text: &str| text.parse::<f64>().ok().filter(|value| value.is_finite());
+    if let Some(value) = finite(text) {
+        return Some(TokenKind::Number(value));
+    }
+    let (value, per_s) = TIMES
+        .iter()
+        .find_map(|(unit, per_s)| Some((text.strip_suffix(unit)?, per_s)))?;
+    // Divided, not multiplied by a part of a second: 200 ms are the same number as 0.2 s.
+    Some(TokenKind::Time(finite(value)? / per_s))
+}
+
 /// Length of what was meant as a number: digits, points, and an exponent with its sign.
 fn number_length(text: &str) -> usize {
     let mut last = ' ';
@@ -114,6 +132,20 @@ mod tests {
                 TokenKind::End,
             ]
         );
+    }
+
+    #[test]
+    fn times_are_in_seconds_and_the_same_numbers_as_written_in_seconds() {
+        for (text, time_s) in [
+            ("7s", 7.0),
+            ("200ms", 0.2),
+            ("1.5us", 1.5e-6),
+            ("3ns", 3e-9),
+            ("1e-1s", 0.1),
+        ] {
+            let words = tokens(text).expect(text);
+            assert_eq!(words[0].kind, TokenKind::Time(time_s), "{text}");
+        }
     }
 
     #[test]

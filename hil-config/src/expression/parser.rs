@@ -22,6 +22,12 @@ const COMPARISONS: [(&str, Binary); 6] = [
     ("!=", Binary::NotEqual),
 ];
 
+/// The functions of expressions.
+pub(crate) fn functions() -> impl Iterator<Item = &'static str> {
+    let reductions = ReductionKind::ALL.iter().map(|kind| kind.name());
+    ["abs", "sqrt"].into_iter().chain(reductions)
+}
+
 /// Whether a name means something in an expression and so cannot be a derived signal's.
 pub(crate) fn is_reserved(name: &str) -> bool {
     WORDS.contains(&name)
@@ -245,11 +251,8 @@ impl Parser<'_> {
             let message = format!("`{name}` takes {takes}, not {arguments}");
             return self.error(span, message);
         }
-        let functions = ["abs", "sqrt"]
-            .into_iter()
-            .chain(ReductionKind::ALL.iter().map(|kind| kind.name()));
         let mut error = self.error(span, format!("unknown function `{name}`"));
-        error.nearest = shared_types::table::nearest(name, functions)
+        error.nearest = shared_types::table::nearest(name, functions())
             .into_iter()
             .map(Into::into)
             .collect();
@@ -309,6 +312,7 @@ impl Parser<'_> {
     fn unexpected(&self, token: &Token, wanted: &str) -> ExpressionError {
         let found = match &token.kind {
             TokenKind::End => "the end".into(),
+            TokenKind::Time(_) => format!("the time `{}`", &self.text[token.span.clone()]),
             _ => format!("`{}`", &self.text[token.span.clone()]),
         };
         let message = format!("expected {wanted}, found {found}");

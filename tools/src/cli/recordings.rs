@@ -27,6 +27,30 @@ pub struct CompareArguments {
     pub json: bool,
 }
 
+/// The examples of `hil judge`.
+pub const JUDGE_EXAMPLES: &str = "\
+Exit codes: 0 every requirement holds; 1 one does not, or the run did not end by itself; 2 the run or
+the scenario cannot be used.
+
+Examples:
+  hil judge runs/demo
+  hil judge runs/demo --requirements scenarios/severe-leakage.toml
+  hil judge runs/demo/run.mcap --json";
+
+/// Arguments of `hil judge`.
+#[derive(Debug, Args)]
+pub struct JudgeArguments {
+    /// A run's folder or its run.mcap
+    #[arg(value_name = "RUN")]
+    pub run: PathBuf,
+    /// Take derived signals, metrics and requirements from this scenario [default: the run's own]
+    #[arg(long, value_name = "SCENARIO.toml")]
+    pub requirements: Option<PathBuf>,
+    /// Print as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
 /// Arguments of `hil scenario`.
 #[derive(Debug, Args)]
 pub struct ScenarioCommand {

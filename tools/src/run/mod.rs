@@ -27,7 +27,7 @@ use crate::recorder::{Recorded, RecordingPlan};
 use crate::recording::{Enclosure, Provenance};
 use crate::run_reader::RECORDING;
 use crate::summary::{Resumed, Summary};
-use crate::{audit, checkpoint, config, doctor, folder, suite};
+use crate::{audit, checkpoint, config, doctor, folder, requirements, suite};
 
 /// What both ways of running need.
 struct Prepared {
@@ -295,7 +295,7 @@ pub(crate) fn execute(
     Ok(Ran {
         exit: match ended.outcome {
             _ if ended.recorded.error.is_some() => Exit::Infrastructure,
-            Outcome::Completed => Exit::Pass,
+            Outcome::Completed => requirements::exit(&ended.recorded.requirements),
             Outcome::Diverged => Exit::Failed,
             Outcome::Stopped if prepared.interruption.came() => Exit::Interrupted,
             Outcome::Stopped | Outcome::Failed => Exit::Infrastructure,

@@ -3,11 +3,12 @@
 
 use std::time::Duration;
 
+use hil_config::monitor::Verdict;
+use hil_config::requirements::RequirementValue;
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
 
 use super::Row;
 use crate::exit::{Exit, Failure};
-use crate::summary::Requirement;
 
 /// # Errors
 /// If a text cannot stand in XML.
@@ -44,7 +45,9 @@ pub(super) fn of(rows: &[Row]) -> Result<String, Failure> {
 /// Whether the run itself went as it should: to its end, with the digest of its like.
 fn status_of(row: &Row) -> TestCaseStatus {
     let requirements = row.ran.iter().flat_map(|ran| &ran.summary.requirements);
-    let is_missed = requirements.into_iter().any(|one| one.verdict != "pass");
+    let is_missed = requirements
+        .into_iter()
+        .any(|one| one.verdict != Verdict::Pass);
     let kind = match row.exit {
         Exit::Pass => return TestCaseStatus::success(),
         // Its requirements say so themselves.
@@ -62,8 +65,8 @@ fn status_of(row: &Row) -> TestCaseStatus {
     status
 }
 
-fn case_of(row: &Row, requirement: &Requirement) -> TestCase {
-    let Requirement {
+fn case_of(row: &Row, requirement: &RequirementValue) -> TestCase {
+    let RequirementValue {
         name,
         formula,
         verdict,
@@ -72,13 +75,13 @@ fn case_of(row: &Row, requirement: &Requirement) -> TestCase {
         at_s,
         ..
     } = requirement;
-    let status = if *verdict == "pass" {
+    let status = if *verdict == Verdict::Pass {
         TestCaseStatus::success()
     } else {
         let margin = robustness.map_or_else(|| "none".into(), |margin| format!("{margin} {unit}"));
         let at = at_s.map_or_else(String::new, |at_s| format!(" at {at_s} s"));
         let mut status = TestCaseStatus::non_success(NonSuccessKind::Failure);
-        let message = format!("{verdict}: margin {margin}{at}");
+        let message = format!("{}: margin {margin}{at}", verdict.name());
         status.set_message(message).set_type("requirement");
         status.set_description(formula.as_str());
         status

@@ -2,6 +2,8 @@
 
 use std::fmt::Write;
 
+use hil_config::monitor::Verdict;
+
 use super::Row;
 use crate::summary::short;
 
@@ -35,7 +37,7 @@ fn write(text: &mut String, rows: &[Row]) -> std::fmt::Result {
         let passed = summary
             .requirements
             .iter()
-            .filter(|one| one.verdict == "pass");
+            .filter(|one| one.verdict == Verdict::Pass);
         let met = match summary.requirements.len() {
             0 => "-".into(),
             all => format!("{} of {all}", passed.count()),
@@ -51,7 +53,7 @@ fn write(text: &mut String, rows: &[Row]) -> std::fmt::Result {
             writeln!(text, "  {}: {reason}", row.label)?;
         }
         for one in row.ran.iter().flat_map(|ran| &ran.summary.requirements) {
-            if one.verdict != "pass" {
+            if one.verdict != Verdict::Pass {
                 let margin = one.robustness.map_or_else(String::new, |margin| {
                     format!(", margin {} {}", short(margin), one.unit)
                 });
@@ -61,7 +63,9 @@ fn write(text: &mut String, rows: &[Row]) -> std::fmt::Result {
                 writeln!(
                     text,
                     "  {}: {} {}{margin}{at}",
-                    row.label, one.name, one.verdict
+                    row.label,
+                    one.name,
+                    one.verdict.name()
                 )?;
             }
         }

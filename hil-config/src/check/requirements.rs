@@ -1,0 +1,98 @@
+//! `[[requirements]]`: names and formulas.
+
+use super::run::Grid;
+use super::signals::report;
+use crate::expression::Columns;
+use crate::formula::Formula;
+use crate::monitor::{Ground, Monitor};
+use crate::plan::{Derived, Requirement};
+use crate::problem::ProblemKind;
+use crate::reader::{Reader, Section};
+
+/// The requirements that are right; the others are reported. Without columns, because plant, law or
+/// stimuli are not right themselves, names are not looked up, and without a grid windows are not.
+pub(super) fn check(
+    reader: &mut Reader,
+    root: &Section<'_>,
+    columns: Option<&Columns>,
+    derived: &[Derived],
+    grid: Option<Grid>,
+) -> Vec<Requirement> {
+    let sections = reader.list(root, "requirements");
+    let mut names: Vec<&str> = Vec::new();
+    let mut requirements = Vec::new();
+    for section in &sections {
+        reader.refuse_unknown(section, &[]);
+        let name = name(reader, section, &mut names);
+        let description = reader.text(section, "description").unwrap_or_default();
+        let unit = reader.text(section, "unit");
+        let formula = formula(reader, section, columns, derived, grid);
+        if let (Some(name), Some(formula)) = (name, formula) {
+            let told = formula.unit().unwrap_or_default();
+            requirements.push(Requirement {
+                name: name.into(),
+                description: description.into(),
+                unit: unit.unwrap_or(told).into(),
+                formula,
+            });
+        }
+    }
+    requirements
+}
+
+/// A name that is one and that no requirement before has.
+fn name<'a>(
+    reader: &mut Reader,
+    section: &Section<'a>,
+    names: &mut Vec<&'a str>,
+) -> Option<&'a str> {
+    let name = reader.text(section, "name")?;
+    let (path, place) = (section.path_of("name"), section.place_of("name"));
+    let legal = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
+    if !(1..=64).contains(&name.len()) || !name.chars().all(legal) {
+        let message = format!("`{path}` is `{name}`");
+        reader
+            .report(ProblemKind::OutOfRange, path, place, message)
+            .expected("1 to 64 letters, digits, - and _");
+        return None;
+    }
+    if names.contains(&name) {
+        let message = format!("a requirement is already named `{name}`");
+        reader.report(ProblemKind::Duplicate, path, place, message);
+        return None;
+    }
+    names.push(name);
+    Some(name)
+}
+
+fn formula(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    columns: Option<&Columns>,
+    derived: &[Derived],
+    grid: Option<Grid>,
+) -> Option<Formula> {
+    let text = reader.text(section, "formula")?;
+    let (formula, errors) = match Formula::parse(text) {
+        Ok(formula) => {
+            let mut errors = columns.map_or_else(Vec::new, |known| formula.unknown_names(known));
+            if let (Some(columns), Some(Grid { rate, steps }), true) =
+                (columns, grid, errors.is_empty())
+            {
+                let ground = Ground {
+                    columns,
+                    derived,
+                    rate,
+                    steps,
+                };
+                errors.extend(Monitor::new(&formula, &ground).err());
+            }
+            (Some(formula), errors)
+        }
+        Err(error) => (None, vec![error]),
+    };
+    for error in &errors {
+        report(reader, section, "formula", text, error, None);
+    }
+    formula.filter(|_| errors.is_empty())
+}

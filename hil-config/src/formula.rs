@@ -1,0 +1,231 @@
+//! Formulas of requirements: comparisons of expressions, joined by logic and by time.
+//!
+//! Read by the check; a [`Monitor`](crate::monitor::Monitor) judges one while records arrive. Never
+//! computes anything itself. `docs/requirements.md` tells a user the same with examples.
+//!
+//! ```text
+//! formula     = disjunction [ "implies" formula ]
+//! disjunction = conjunction { "or" conjunction }
+//! conjunction = pair { "and" pair }
+//! pair        = operand [ ("until" | "since") [ bounds ] operand ]
+//! operand     = "not" operand
+//!             | ("always" | "eventually" | "historically" | "once") [ bounds ] operand
+//!             | ("rise" | "fall") operand
+//!             | comparison | "(" formula ")"
+//! comparison  = sum ("<" | "<=" | ">" | ">=" | "==" | "!=") sum
+//! bounds      = "[" time "," time "]"
+//! time        = number [ "s" | "ms" | "us" | "ns" ]
+//! ```
+//!
+//! A `sum` is one of the [expressions](crate::expression), without reductions.
+//!
+//! **Meaning** (Maler and Nickovic 2004, in discrete time). A formula holds or not at each step `k`;
+//! that of a requirement is judged at step 0.
+//!
+//! | formula | holds at step `k` if |
+//! |---|---|
+//! | `always[a,b] f` | `f` holds at each step of `k + a ..= k + b` |
+//! | `eventually[a,b] f` | it does at one of them |
+//! | `f until[a,b] g` | `g` holds at one step `j` of them and `f` at each of `k .. j` |
+//! | `historically[a,b] f` | `f` holds at each step of `k - b ..= k - a` that the run has |
+//! | `once[a,b] f` | it does at one of them |
+//! | `f since[a,b] g` | `g` holds at one step `j` of them and `f` at each after `j`, up to `k` |
+//! | `rise f` | `f` holds at `k` and did not at `k - 1`; not at step 0 |
+//! | `fall f` | the other way round |
+//!
+//! **Robustness** (Donze and Maler 2010): a comparison has the distance of its two sides, with the
+//! sign that says whether it holds; `and` and `always` take the least, `or` and `eventually` the
+//! greatest, `not` turns the sign. Zero has a sign too: -0 where `x < 1` just fails at 1, +0 where
+//! `x <= 1` just holds. So the sign bit of the robustness *is* the verdict.
+//!
+//! **Time** is steps: the begin of bounds rounds up, the end down. Without bounds `always`,
+//! `eventually` and `until` go as far as the run lets their operands be judged, and stand only where
+//! they are judged at step 0; the operators of the past begin at step 0. A formula that would look
+//! beyond the end of the run is refused, so no window is ever cut off there.
+//!
+//! **What does not exist** (NaN) counts against the requirement: `not` is taken to the comparisons
+//! first (`not x < 1` is `x >= 1`), and a comparison without a value then fails by minus infinity.
+//! There is no formula that such a value could make hold.
+
+mod parser;
+
+use std::ops::Range;
+
+use crate::expression::{Columns, Expression, ExpressionError};
+
+pub(crate) use parser::is_operator;
+
+/// A formula, read but not yet bound to columns.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Formula {
+    text: String,
+    /// Operands before what is made of them; the last is the whole.
+    nodes: Vec<Node>,
+}
+
+/// A part of a formula; operands are places in its list.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Node {
+    Comparison(Comparison),
+    Not(usize),
+    And(usize, usize),
+    Or(usize, usize),
+    Implies(usize, usize),
+    /// `always`, `eventually`, `historically`, `once`.
+    Over {
+        is_past: bool,
+        /// Whether it must hold at every step of the window.
+        every: bool,
+        window: Window,
+        operand: usize,
+    },
+    /// `until`, `since`.
+    Chain {
+        is_past: bool,
+        window: Window,
+        hold: usize,
+        reach: usize,
+    },
+    /// `rise`, `fall`.
+    Edge {
+        rises: bool,
+        operand: usize,
+    },
+}
+
+/// Two expressions, compared.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Comparison {
+    pub relation: Relation,
+    pub left: Side,
+    pub right: Side,
+}
+
+/// An expression and where it begins in the formula.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Side {
+    pub expression: Expression,
+    pub start: usize,
+}
+
+/// How two numbers are compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Relation {
+    Less,
+    LessOrEqual,
+    Greater,
+    GreaterOrEqual,
+    Equal,
+    NotEqual,
+}
+
+/// The window of a temporal operator.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Window {
+    /// Begin and end in s; none: as far as the run goes.
+    pub bounds_s: Option<(f64, f64)>,
+    /// The operator with its bounds.
+    pub span: Range<usize>,
+}
+
+impl Relation {
+    const ALL: [Self; 6] = [
+        Self::Less,
+        Self::LessOrEqual,
+        Self::Greater,
+        Self::GreaterOrEqual,
+        Self::Equal,
+        Self::NotEqual,
+    ];
+
+    const fn symbol(self) -> &'static str {
+        match self {
+            Self::Less => "<",
+            Self::LessOrEqual => "<=",
+            Self::Greater => ">",
+            Self::GreaterOrEqual => ">=",
+            Self::Equal => "==",
+            Self::NotEqual => "!=",
+        }
+    }
+
+    /// The relation of all pairs of numbers that do not have this one.
+    pub(crate) const fn negated(self) -> Self {
+        match self {
+            Self::Less => Self::GreaterOrEqual,
+            Self::LessOrEqual => Self::Greater,
+            Self::Greater => Self::LessOrEqual,
+            Self::GreaterOrEqual => Self::Less,
+            Self::Equal => Self::NotEqual,
+            Self::NotEqual => Self::Equal,
+        }
+    }
+
+    #[inline]
+    pub(crate) fn holds(self, a: f64, b: f64) -> bool {
+        match self {
+            Self::Less => a < b,
+            Self::LessOrEqual => a <= b,
+            Self::Greater => a > b,
+            Self::GreaterOrEqual => a >= b,
+            Self::Equal => a == b,
+            Self::NotEqual => a != b,
+        }
+    }
+}
+
+impl std::fmt::Display for Formula {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        self.text.fmt(f)
+    }
+}
+
+impl Formula {
+    /// Reads a formula.
+    ///
+    /// # Errors
+    /// If it does not follow the grammar, or bounds are out of order.
+    pub fn parse(text: &str) -> Result<Self, ExpressionError> {
+        parser::parse(text)
+    }
+
+    /// Every name that no column has.
+    #[must_use]
+    pub fn unknown_names(&self, columns: &Columns) -> Vec<ExpressionError> {
+        let errors = self.sides().flat_map(|side| {
+            let errors = side.expression.unknown_names(columns).into_iter();
+            errors.map(|error| self.inside(error, side.start))
+        });
+        errors.collect()
+    }
+
+    /// The unit that all its comparisons have, if the names of their signals tell one.
+    #[must_use]
+    pub fn unit(&self) -> Option<&'static str> {
+        let mut units = self.sides().flat_map(|side| side.expression.units());
+        let first = units.next()??;
+        units.all(|unit| unit == Some(first)).then_some(first)
+    }
+
+    /// Its parts, operands before what is made of them.
+    pub(crate) fn nodes(&self) -> &[Node] {
+        &self.nodes
+    }
+
+    pub(crate) fn error(&self, span: Range<usize>, message: impl Into<String>) -> ExpressionError {
+        ExpressionError::new(&self.text, span, message)
+    }
+
+    /// An error of an expression that begins at byte `start`.
+    pub(crate) fn inside(&self, error: ExpressionError, start: usize) -> ExpressionError {
+        error.inside(&self.text, start)
+    }
+
+    fn sides(&self) -> impl Iterator<Item = &Side> {
+        let comparisons = self.nodes.iter().filter_map(|node| match node {
+            Node::Comparison(comparison) => Some(comparison),
+            _ => None,
+        });
+        comparisons.flat_map(|Comparison { left, right, .. }| [left, right])
+    }
+}

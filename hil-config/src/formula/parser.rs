@@ -1,0 +1,380 @@
+//! From words to the parts of a formula, by recursive descent: one function per rule of the grammar.
+//!
+//! What stands on the sides of a comparison is read by the parser of expressions.
+
+use std::ops::Range;
+
+use shared_types::table::nearest;
+
+use super::{Comparison, Formula, Node, Relation, Side, Window};
+use crate::expression::lexer::{Token, TokenKind, tokens};
+use crate::expression::{Expression, ExpressionError, functions, is_reserved};
+
+/// Deepest nesting of parentheses and operators.
+const NESTING: usize = 64;
+
+/// Operators in front of their operand.
+const PREFIXES: [&str; 6] = [
+    "always",
+    "eventually",
+    "historically",
+    "once",
+    "rise",
+    "fall",
+];
+/// Words that end a comparison.
+const JOINTS: [&str; 5] = ["and", "or", "implies", "until", "since"];
+
+/// Whether a name is an operator of formulas and so cannot be a signal's.
+pub(crate) fn is_operator(name: &str) -> bool {
+    PREFIXES.contains(&name) || JOINTS.contains(&name)
+}
+
+pub(super) fn parse(text: &str) -> Result<Formula, ExpressionError> {
+    let mut parser = Parser {
+        text,
+        tokens: tokens(text)?,
+        at: 0,
+        nesting: 0,
+        nodes: Vec::new(),
+    };
+    parser.formula()?;
+    let last = parser.peek().clone();
+    if last.kind != TokenKind::End {
+        return Err(parser.unexpected(&last, "an operator or the end"));
+    }
+    Ok(Formula {
+        text: text.into(),
+        nodes: parser.nodes,
+    })
+}
+
+struct Parser<'a> {
+    text: &'a str,
+    tokens: Vec<Token>,
+    at: usize,
+    nesting: usize,
+    nodes: Vec<Node>,
+}
+
+/// The place of what was read among the parts.
+type Parsed = Result<usize, ExpressionError>;
+
+impl Parser<'_> {
+    fn formula(&mut self) -> Parsed {
+        let left = self.disjunction()?;
+        if !self.accept_word("implies") {
+            return Ok(left);
+        }
+        let right = self.nested(Self::formula)?;
+        Ok(self.push(Node::Implies(left, right)))
+    }
+
+    fn disjunction(&mut self) -> Parsed {
+        let mut left = self.conjunction()?;
+        while self.accept_word("or") {
+            let right = self.conjunction()?;
+            left = self.push(Node::Or(left, right));
+        }
+        Ok(left)
+    }
+
+    fn conjunction(&mut self) -> Parsed {
+        let mut left = self.pair()?;
+        while self.accept_word("and") {
+            let right = self.pair()?;
+            left = self.push(Node::And(left, right));
+        }
+        Ok(left)
+    }
+
+    fn pair(&mut self) -> Parsed {
+        let hold = self.operand()?;
+        let Some((is_past, word)) = self.accept_chain() else {
+            return Ok(hold);
+        };
+        let window = self.window(word)?;
+        let reach = self.operand()?;
+        let next = self.peek().span.clone();
+        if self.accept_chain().is_some() {
+            let message =
+                "two of `until` and `since` in a row; say by parentheses what belongs together";
+            return Err(self.error(next, message));
+        }
+        Ok(self.push(Node::Chain {
+            is_past,
+            window,
+            hold,
+            reach,
+        }))
+    }
+
+    /// Whether `since` comes, not `until`, and its place.
+    fn accept_chain(&mut self) -> Option<(bool, Range<usize>)> {
+        let span = self.peek().span.clone();
+        if self.accept_word("until") {
+            Some((false, span))
+        } else if self.accept_word("since") {
+            Some((true, span))
+        } else {
+            None
+        }
+    }
+
+    fn operand(&mut self) -> Parsed {
+        let token = self.peek().clone();
+        let TokenKind::Name(word) = &token.kind else {
+            return self.primary();
+        };
+        let over = match word.as_str() {
+            "not" => {
+                self.at += 1;
+                let operand = self.nested(Self::operand)?;
+                return Ok(self.push(Node::Not(operand)));
+            }
+            "rise" | "fall" => {
+                self.at += 1;
+                let rises = word == "rise";
+                let operand = self.nested(Self::operand)?;
+                return Ok(self.push(Node::Edge { rises, operand }));
+            }
+            "always" => (false, true),
+            "eventually" => (false, false),
+            "historically" => (true, true),
+            "once" => (true, false),
+            _ => return self.primary(),
+        };
+        self.at += 1;
+        let window = self.window(token.span)?;
+        let operand = self.nested(Self::operand)?;
+        let (is_past, every) = over;
+        Ok(self.push(Node::Over {
+            is_past,
+            every,
+            window,
+            operand,
+        }))
+    }
+
+    fn primary(&mut self) -> Parsed {
+        if self.peek().kind != TokenKind::Symbol("(") || self.opens_expression() {
+            return self.comparison();
+        }
+        self.at += 1;
+        let inner = self.nested(Self::formula)?;
+        if !self.accept(")") {
+            let token = self.peek().clone();
+            return Err(self.unexpected(&token, "an operator or `)`"));
+        }
+        Ok(inner)
+    }
+
+    /// Whether the parenthesis here belongs to an expression: what follows its end goes on with one.
+    fn opens_expression(&self) -> bool {
+        let mut depth = 0_usize;
+        for (at, token) in self.tokens.iter().enumerate().skip(self.at) {
+            match token.kind {
+                TokenKind::Symbol("(") => depth += 1,
+                TokenKind::Symbol(")") => depth -= 1,
+                _ => {}
+            }
+            if depth == 0 {
+                let next = &self.tokens[at + 1].kind;
+                return matches!(next, TokenKind::Symbol(symbol)
+                    if !matches!(*symbol, "(" | ")" | "[" | "]" | ","));
+            }
+        }
+        false
+    }
+
+    fn comparison(&mut self) -> Parsed {
+        let begin = self.at;
+        let end = self.end_of_comparison();
+        let words = &self.tokens[begin..end];
+        let (Some(first), Some(last)) = (words.first(), words.last()) else {
+            let token = self.peek().clone();
+            return Err(self.unexpected(&token, "a comparison"));
+        };
+        let span = first.span.start..last.span.end;
+        let relations = relations(words);
+        let (relation, sign) = match relations.as_slice() {
+            [] => return Err(self.no_comparison(begin..end, span)),
+            [one] => one.clone(),
+            [_, (_, second), ..] => {
+                let message = "two comparisons in a row; join them by `and`";
+                return Err(self.error(second.clone(), message));
+            }
+        };
+        let left = self.side(span.start..sign.start)?;
+        let right = self.side(sign.end..span.end)?;
+        self.at = end;
+        let node = Node::Comparison(Comparison {
+            relation,
+            left,
+            right,
+        });
+        Ok(self.push(node))
+    }
+
+    /// The first word behind the comparison that begins here.
+    fn end_of_comparison(&self) -> usize {
+        let mut depth = 0_usize;
+        for (at, token) in self.tokens.iter().enumerate().skip(self.at) {
+            match &token.kind {
+                TokenKind::End | TokenKind::Symbol("[" | "]") => return at,
+                TokenKind::Symbol(")" | ",") if depth == 0 => return at,
+                TokenKind::Name(name) if depth == 0 && JOINTS.contains(&name.as_str()) => {
+                    return at;
+                }
+                TokenKind::Symbol("(") => depth += 1,
+                TokenKind::Symbol(")") => depth -= 1,
+                _ => {}
+            }
+        }
+        self.tokens.len()
+    }
+
+    fn side(&self, span: Range<usize>) -> Result<Side, ExpressionError> {
+        let start = span.start;
+        let expression = Expression::parse(&self.text[span])
+            .and_then(|expression| expression.refuse_reduction().map(|()| expression))
+            .map_err(|error| error.inside(self.text, start))?;
+        Ok(Side { expression, start })
+    }
+
+    /// What is wrong with words that compare nothing.
+    fn no_comparison(&self, words: Range<usize>, span: Range<usize>) -> ExpressionError {
+        let first = &self.tokens[words.start];
+        let follows = &self.tokens[words.start + 1].kind;
+        let misspelt = match &first.kind {
+            TokenKind::Name(name) if *follows == TokenKind::Symbol("[") => Some(name),
+            TokenKind::Name(name) if *follows == TokenKind::Symbol("(") => {
+                Some(name).filter(|name| !is_reserved(name))
+            }
+            _ => None,
+        };
+        if let Some(name) = misspelt {
+            let message = format!("unknown operator `{name}`");
+            let mut error = self.error(first.span.clone(), message);
+            let known = PREFIXES.into_iter().chain(["not"]).chain(functions());
+            error.nearest = nearest(name, known).into_iter().map(Into::into).collect();
+            return error;
+        }
+        let message = "a requirement is made of comparisons, such as `abs(error_m) < 0.01`";
+        self.error(span, message)
+    }
+
+    /// Bounds, if they come; `word` is the operator that they belong to.
+    fn window(&mut self, word: Range<usize>) -> Result<Window, ExpressionError> {
+        let open = self.peek().span.clone();
+        if !self.accept("[") {
+            return Ok(Window {
+                bounds_s: None,
+                span: word,
+            });
+        }
+        let begin_s = self.time()?;
+        self.expect(",", "`,` and the end of the window")?;
+        let end_s = self.time()?;
+        let close = self.peek().span.clone();
+        self.expect("]", "`]`")?;
+        if begin_s > end_s {
+            let message = "the window ends before it begins";
+            return Err(self.error(open.start..close.end, message));
+        }
+        Ok(Window {
+            bounds_s: Some((begin_s, end_s)),
+            span: word.start..close.end,
+        })
+    }
+
+    fn time(&mut self) -> Result<f64, ExpressionError> {
+        let token = self.peek().clone();
+        self.at += 1;
+        match token.kind {
+            TokenKind::Number(time_s) | TokenKind::Time(time_s) => Ok(time_s),
+            _ => Err(self.unexpected(&token, "a time of at least 0, such as 2s or 200ms")),
+        }
+    }
+
+    fn push(&mut self, node: Node) -> usize {
+        self.nodes.push(node);
+        self.nodes.len() - 1
+    }
+
+    /// Runs a rule one level deeper; deep nesting must not exhaust the stack.
+    fn nested(&mut self, rule: impl FnOnce(&mut Self) -> Parsed) -> Parsed {
+        if self.nesting == NESTING {
+            let span = self.peek().span.clone();
+            let message = format!("nesting deeper than {NESTING} levels");
+            return Err(self.error(span, message));
+        }
+        self.nesting += 1;
+        let parsed = rule(self)?;
+        self.nesting -= 1;
+        Ok(parsed)
+    }
+
+    fn peek(&self) -> &Token {
+        &self.tokens[self.at]
+    }
+
+    fn accept(&mut self, symbol: &str) -> bool {
+        let found = matches!(self.peek().kind, TokenKind::Symbol(found) if found == symbol);
+        if found {
+            self.at += 1;
+        }
+        found
+    }
+
+    fn accept_word(&mut self, word: &str) -> bool {
+        let found = matches!(&self.peek().kind, TokenKind::Name(name) if name == word);
+        if found {
+            self.at += 1;
+        }
+        found
+    }
+
+    fn expect(&mut self, symbol: &str, wanted: &str) -> Result<(), ExpressionError> {
+        if self.accept(symbol) {
+            return Ok(());
+        }
+        let token = self.peek().clone();
+        Err(self.unexpected(&token, wanted))
+    }
+
+    fn unexpected(&self, token: &Token, wanted: &str) -> ExpressionError {
+        let found = match &token.kind {
+            TokenKind::End => "the end".into(),
+            _ => format!("`{}`", &self.text[token.span.clone()]),
+        };
+        let message = format!("expected {wanted}, found {found}");
+        self.error(token.span.clone(), message)
+    }
+
+    fn error(&self, span: Range<usize>, message: impl Into<String>) -> ExpressionError {
+        ExpressionError::new(self.text, span, message)
+    }
+}
+
+/// The comparisons among words that stand in no parentheses.
+fn relations(words: &[Token]) -> Vec<(Relation, Range<usize>)> {
+    let mut found = Vec::new();
+    let mut depth = 0_usize;
+    for word in words {
+        let TokenKind::Symbol(symbol) = word.kind else {
+            continue;
+        };
+        match symbol {
+            "(" => depth += 1,
+            ")" => depth -= 1,
+            _ if depth == 0 => {
+                let mut all = Relation::ALL.into_iter();
+                let relation = all.find(|relation| relation.symbol() == symbol);
+                found.extend(relation.map(|relation| (relation, word.span.clone())));
+            }
+            _ => {}
+        }
+    }
+    found
+}

@@ -1,0 +1,20 @@
+//! `[[requirements]]`.
+
+use super::{Key, TEXT};
+
+/// `[[requirements]]`.
+pub(crate) const REQUIREMENT: &[Key] = &[
+    Key::new("name", TEXT, "Name: letters, digits, - and _.").required(),
+    Key::new(
+        "formula",
+        TEXT,
+        "What must hold at the begin of the run: comparisons of expressions, joined by and, or, not, implies, always[a,b], eventually[a,b], until[a,b], historically[a,b], once[a,b], since[a,b], rise and fall; times such as 2s or 200ms.",
+    )
+    .required(),
+    Key::new("description", TEXT, "What it is about."),
+    Key::new(
+        "unit",
+        TEXT,
+        "Unit of the robustness. Default: the unit that all signals of the formula have by their names, else none.",
+    ),
+];

@@ -1,0 +1,170 @@
+//! A requirement while records arrive: whether its formula holds at step 0, by how much, and which
+//! step says so.
+//!
+//! Made from a [`Formula`] and the columns of a record by an
+//! [`Evaluation`](crate::evaluation::Evaluation), live or from a recording, then fed one row per
+//! step. Feeding allocates nothing; memory is fixed when a monitor is made. Never looks back at a row.
+//!
+//! 1. [`build`](Monitor::new) takes every `not` to the comparisons, turns bounds into steps, and finds
+//!    for each part of the formula at which steps its margin is wanted and how many steps later it
+//!    is known. Parts that are known at different times are joined through delays.
+//! 2. At each row every part that has something to do computes the margin of one step, operands
+//!    first. A window of which only one result is wanted keeps one number, others keep their steps.
+//! 3. As soon as no row to come can change it the [`Verdict`] is certain; when the last step that the
+//!    formula looks at has come, the robustness is known and nothing is computed any more.
+
+mod build;
+mod margin;
+mod part;
+mod window;
+
+use serde::Serialize;
+use shared_types::time::{Rate, Step};
+
+use crate::expression::{Columns, ExpressionError};
+use crate::formula::Formula;
+use crate::plan::Derived;
+use margin::Margin;
+use part::Part;
+
+/// Whether a requirement holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// It holds.
+    Pass,
+    /// It does not.
+    Fail,
+    /// The run ended before that could be said.
+    Undecided,
+}
+
+impl Verdict {
+    /// In one word, as it is written in summaries.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Pass => "pass",
+            Self::Fail => "fail",
+            Self::Undecided => "undecided",
+        }
+    }
+}
+
+/// What a formula is bound to.
+#[derive(Clone, Copy, Debug)]
+pub struct Ground<'a> {
+    /// The columns of a row, derived signals included.
+    pub columns: &'a Columns,
+    /// The derived signals among them.
+    pub derived: &'a [Derived],
+    /// Steps per second.
+    pub rate: Rate,
+    /// The last step of the run, whose row has no command.
+    pub steps: u64,
+}
+
+/// A formula that is being judged.
+#[derive(Clone, Debug)]
+pub struct Monitor {
+    /// Operands before what is made of them; the last is the whole formula.
+    parts: Vec<Part>,
+    /// The newest margin of each part.
+    margins: Vec<Margin>,
+    decided: Option<(bool, Step)>,
+    judged: Option<Margin>,
+}
+
+impl Monitor {
+    /// A formula before the first row.
+    ///
+    /// # Errors
+    /// If a name is unknown, the formula looks beyond the end of the run, has a window without a
+    /// step, or would keep too many steps.
+    pub fn new(formula: &Formula, ground: &Ground<'_>) -> Result<Self, ExpressionError> {
+        let parts = build::parts(formula, ground)?;
+        Ok(Self {
+            margins: vec![Margin::BOTTOM; parts.len()],
+            parts,
+            decided: None,
+            judged: None,
+        })
+    }
+
+    /// Takes the row of a step. Steps must follow each other from 0; a row that was lost is all NaN.
+    ///
+    /// # Panics
+    /// If the row is shorter than the columns.
+    pub fn observe(&mut self, step: Step, row: &[f64]) {
+        if self.judged.is_some() {
+            return;
+        }
+        for at in 0..self.parts.len() {
+            let (before, own) = self.margins.split_at_mut(at);
+            self.parts[at].observe(step.0, row, before, &mut own[0]);
+        }
+        let whole = self.parts.len() - 1;
+        if self.decided.is_none() {
+            let certain = self.certain(whole, step.0);
+            self.decided = certain.map(|holds| (holds, step));
+        }
+        if self.parts[whole].is_done(step.0) {
+            self.judged = Some(self.margins[whole]);
+        }
+    }
+
+    /// What is certain of the only margin of a part after the row of a step.
+    fn certain(&self, at: usize, row: u64) -> Option<bool> {
+        let part = &self.parts[at];
+        if !part.is_single() {
+            return None;
+        }
+        if part.is_done(row) {
+            return Some(self.margins[at].holds());
+        }
+        part.certain(&|operand| self.certain(operand, row))
+    }
+
+    /// The verdict so far.
+    #[must_use]
+    pub const fn verdict(&self) -> Verdict {
+        match self.decided {
+            Some((true, _)) => Verdict::Pass,
+            Some((false, _)) => Verdict::Fail,
+            None => Verdict::Undecided,
+        }
+    }
+
+    /// The step whose row made the verdict certain.
+    #[must_use]
+    pub const fn decided_at(&self) -> Option<Step> {
+        match self.decided {
+            Some((_, step)) => Some(step),
+            None => None,
+        }
+    }
+
+    /// The robustness, when everything that the formula looks at has come; infinite if it hangs on a
+    /// value that does not exist. Its sign bit is the verdict.
+    #[must_use]
+    pub const fn robustness(&self) -> Option<f64> {
+        match self.judged {
+            Some(margin) => Some(margin.size),
+            None => None,
+        }
+    }
+
+    /// The step whose comparison the robustness comes from: the worst for `always`, the best for
+    /// `eventually`.
+    #[must_use]
+    pub fn judged_by(&self) -> Option<Step> {
+        let margin = self.judged.filter(|margin| margin.step != u64::MAX)?;
+        Some(Step(margin.step))
+    }
+
+    /// Bytes that it keeps beside itself, whatever comes.
+    #[must_use]
+    pub fn kept_bytes(&self) -> usize {
+        self.parts.iter().map(Part::kept_bytes).sum()
+    }
+}

@@ -1,0 +1,553 @@
+//! From a formula to the parts that judge it.
+//!
+//! Called once, by [`Monitor::new`](super::Monitor::new). Works from the operands up: what each part
+//! computes and how many rows later; then from the whole down: which of its steps are wanted.
+
+use std::ops::Range;
+
+use shared_types::time::{Rate, Step};
+
+use super::Ground;
+use super::margin::Margin;
+use super::part::{Chained, Delay, Part, Window, Work};
+use super::window::{Greatest, Least, Since, Steps, Stretch, Until};
+use crate::expression::{ExpressionError, Program};
+use crate::formula::{self, Comparison, Formula, Node, Relation, Side};
+use crate::quantity::number;
+
+/// Most margins that a formula may keep: 64 MiB of them.
+const MOST_KEPT: u64 = 1 << 22;
+
+/// The parts of a formula, operands before what is made of them.
+pub(super) fn parts(formula: &Formula, ground: &Ground<'_>) -> Result<Vec<Part>, ExpressionError> {
+    let nodes = formula.nodes();
+    let mut builder = Builder {
+        formula,
+        ground,
+        without_end: without_end(ground),
+        drafts: Vec::new(),
+        known: vec![[None; 2]; nodes.len()],
+    };
+    let whole = nodes.len() - 1;
+    let whole = builder.draft(whole, true, true)?;
+    builder.want(whole);
+    builder.refuse_too_many()?;
+    Ok(builder.drafts.into_iter().map(Draft::part).collect())
+}
+
+/// The derived signals that do not exist in the last row, because they use a command.
+fn without_end<'a>(ground: &Ground<'a>) -> Vec<&'a str> {
+    let mut names = Vec::new();
+    for derived in ground.derived {
+        let mut signals = derived.expression.signals();
+        if signals.any(|signal| is_without_end(signal, &names)) {
+            names.push(derived.name.as_str());
+        }
+    }
+    names
+}
+
+fn is_without_end(signal: &str, derived: &[&str]) -> bool {
+    match signal.split_once('.') {
+        Some((group, _)) => matches!(group, "command" | "applied" | "internal"),
+        None => derived.contains(&signal),
+    }
+}
+
+struct Builder<'a> {
+    formula: &'a Formula,
+    ground: &'a Ground<'a>,
+    without_end: Vec<&'a str>,
+    drafts: Vec<Draft>,
+    /// The drafts of each node and of its opposite: what `rise` and `until` need twice is made once.
+    known: Vec<[Option<usize>; 2]>,
+}
+
+/// A part to be.
+#[derive(Debug)]
+struct Draft {
+    task: Task,
+    delay: u64,
+    /// The last step at which it can be judged.
+    until: u64,
+    /// First and last step at which it is wanted.
+    wanted: Option<(u64, u64)>,
+}
+
+#[derive(Debug)]
+enum Task {
+    Comparison {
+        relation: Relation,
+        left: Program,
+        right: Program,
+    },
+    And(usize, usize),
+    Or(usize, usize),
+    Delay {
+        operand: usize,
+        by: u64,
+    },
+    Window {
+        kind: Kind,
+        /// Begin and end from the step that is judged.
+        begin: i64,
+        end: i64,
+        /// How many rows after its own a step of the operands is taken.
+        delay: u64,
+    },
+}
+
+/// What a window does with its operands.
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    Every(usize),
+    Any(usize),
+    /// `until`, `since`, or with `falls` the opposite of one.
+    Chain {
+        is_past: bool,
+        falls: bool,
+        of: Chained,
+    },
+}
+
+type Drafted = Result<usize, ExpressionError>;
+
+impl Builder<'_> {
+    /// The part of a node, or with `holds` false that of its opposite. `at_start` is whether it is
+    /// judged at step 0 only.
+    fn draft(&mut self, node: usize, holds: bool, at_start: bool) -> Drafted {
+        if let Some(known) = self.known[node][usize::from(holds)] {
+            return Ok(known);
+        }
+        let formula = self.formula;
+        let drafted = match &formula.nodes()[node] {
+            Node::Comparison(comparison) => self.comparison(comparison, holds)?,
+            Node::Not(operand) => self.draft(*operand, !holds, at_start)?,
+            Node::And(a, b) => {
+                let a = self.draft(*a, holds, at_start)?;
+                let b = self.draft(*b, holds, at_start)?;
+                self.join(a, b, holds)
+            }
+            Node::Or(a, b) => {
+                let a = self.draft(*a, holds, at_start)?;
+                let b = self.draft(*b, holds, at_start)?;
+                self.join(a, b, !holds)
+            }
+            Node::Implies(a, b) => {
+                let a = self.draft(*a, !holds, at_start)?;
+                let b = self.draft(*b, holds, at_start)?;
+                self.join(a, b, !holds)
+            }
+            Node::Over {
+                is_past,
+                every,
+                window,
+                operand,
+            } => {
+                let operand = self.draft(*operand, holds, false)?;
+                let until = self.drafts[operand].until;
+                let (begin, end) = self.offsets(window, *is_past, at_start, until)?;
+                self.over(*every == holds, operand, begin, end, &window.span)?
+            }
+            Node::Chain {
+                is_past,
+                window,
+                hold,
+                reach,
+            } => {
+                let hold = self.draft(*hold, holds, false)?;
+                let reach = self.draft(*reach, holds, false)?;
+                self.chain(*is_past, window, hold, reach, holds, at_start)?
+            }
+            Node::Edge { rises, operand } => {
+                // `rise f` is `f and once[1 step] not f`, whose opposite turns all of it.
+                let now = self.draft(*operand, *rises == holds, false)?;
+                let before = self.draft(*operand, *rises != holds, false)?;
+                let nowhere = 0..0; // a step earlier is always inside the run
+                let before = self.over(!holds, before, -1, -1, &nowhere)?;
+                self.join(now, before, holds)
+            }
+        };
+        self.known[node][usize::from(holds)] = Some(drafted);
+        Ok(drafted)
+    }
+
+    fn comparison(&mut self, comparison: &Comparison, holds: bool) -> Drafted {
+        let Comparison {
+            relation,
+            left,
+            right,
+        } = comparison;
+        let ends_early = [left, right].into_iter().any(|side| {
+            let mut signals = side.expression.signals();
+            signals.any(|signal| is_without_end(signal, &self.without_end))
+        });
+        let task = Task::Comparison {
+            relation: if holds { *relation } else { relation.negated() },
+            left: self.program(left)?,
+            right: self.program(right)?,
+        };
+        let until = self.ground.steps - u64::from(ends_early);
+        Ok(self.push(task, 0, until))
+    }
+
+    fn program(&self, side: &Side) -> Result<Program, ExpressionError> {
+        let program = side.expression.compile_signal(self.ground.columns);
+        program.map_err(|error| self.formula.inside(error, side.start))
+    }
+
+    /// `and`, or else `or`.
+    fn join(&mut self, a: usize, b: usize, and: bool) -> usize {
+        let delay = larger(self.drafts[a].delay, self.drafts[b].delay);
+        let (a, b) = (self.delayed(a, delay), self.delayed(b, delay));
+        let until = smaller(self.drafts[a].until, self.drafts[b].until);
+        let task = if and { Task::And(a, b) } else { Task::Or(a, b) };
+        self.push(task, delay, until)
+    }
+
+    fn over(
+        &mut self,
+        every: bool,
+        operand: usize,
+        begin: i64,
+        end: i64,
+        span: &Range<usize>,
+    ) -> Drafted {
+        let kind = if every { Kind::Every } else { Kind::Any };
+        let delay = larger(self.drafts[operand].delay, end.min(0).unsigned_abs());
+        let until = self.drafts[operand].until;
+        let operand = self.delayed(operand, delay);
+        self.window(kind(operand), (begin, end), delay, until, span)
+    }
+
+    /// `until` and `since` over a window that does not begin at the step itself need what holds to
+    /// hold over the gap.
+    fn chain(
+        &mut self,
+        is_past: bool,
+        window: &formula::Window,
+        hold: usize,
+        reach: usize,
+        holds: bool,
+        at_start: bool,
+    ) -> Drafted {
+        let until = smaller(self.drafts[hold].until, self.drafts[reach].until);
+        let (begin, end) = self.offsets(window, is_past, at_start, until)?;
+        let gap = match (is_past, begin, end) {
+            (false, 1.., _) => Some((0, begin - 1)),
+            (true, _, ..=-1) => Some((end + 1, 0)),
+            _ => None,
+        };
+        let longest = larger(self.drafts[hold].delay, self.drafts[reach].delay);
+        let delay = larger(longest, end.min(0).unsigned_abs());
+        let of = Chained {
+            hold: self.delayed(hold, delay),
+            reach: self.delayed(reach, delay),
+        };
+        let kind = Kind::Chain {
+            is_past,
+            falls: !holds,
+            of,
+        };
+        let chain = self.window(kind, (begin, end), delay, until, &window.span)?;
+        let Some((begin, end)) = gap else {
+            return Ok(chain);
+        };
+        let gap = self.over(holds, hold, begin, end, &window.span)?;
+        Ok(self.join(gap, chain, holds))
+    }
+
+    fn window(
+        &mut self,
+        kind: Kind,
+        (begin, end): (i64, i64),
+        delay: u64,
+        operand_until: u64,
+        span: &Range<usize>,
+    ) -> Drafted {
+        let Some(until) = operand_until.checked_add_signed(-end) else {
+            return Err(self.beyond_the_run(operand_until, span));
+        };
+        let task = Task::Window {
+            kind,
+            begin,
+            end,
+            delay,
+        };
+        let until = smaller(until, self.ground.steps);
+        Ok(self.push(task, delay.saturating_add_signed(end), until))
+    }
+
+    fn beyond_the_run(&self, until: u64, span: &Range<usize>) -> ExpressionError {
+        let Ground { rate, steps, .. } = self.ground;
+        let last_s = number(rate.seconds(Step(until)));
+        let why = if until == *steps {
+            format!("the run ends at {last_s} s")
+        } else if until + 1 == *steps {
+            format!("there is a command for the last time at {last_s} s, a step before the end")
+        } else {
+            format!("what is inside looks ahead itself and can be judged until {last_s} s only")
+        };
+        let message = format!(
+            "the window reaches too far: {why}; shorten it, or leave out the bounds of an outermost operator to go as far as the run does"
+        );
+        self.formula.error(span.clone(), message)
+    }
+
+    /// The same part, known so many rows after each step.
+    fn delayed(&mut self, operand: usize, delay: u64) -> usize {
+        let Draft {
+            delay: own, until, ..
+        } = self.drafts[operand];
+        if own == delay {
+            return operand;
+        }
+        let task = Task::Delay {
+            operand,
+            by: delay - own,
+        };
+        self.push(task, delay, until)
+    }
+
+    fn push(&mut self, task: Task, delay: u64, until: u64) -> usize {
+        self.drafts.push(Draft {
+            task,
+            delay,
+            until,
+            wanted: None,
+        });
+        self.drafts.len() - 1
+    }
+
+    /// Begin and end of a window from the step that is judged, in steps.
+    fn offsets(
+        &self,
+        window: &formula::Window,
+        is_past: bool,
+        at_start: bool,
+        until: u64,
+    ) -> Result<(i64, i64), ExpressionError> {
+        let span = &window.span;
+        let Some((begin_s, end_s)) = window.bounds_s else {
+            if is_past {
+                return Ok((-(self.ground.steps as i64), 0));
+            }
+            if at_start {
+                return Ok((0, until as i64));
+            }
+            let message = "without bounds it goes as far as the run does, which only an outermost operator can; give it bounds, such as [0s,1s]";
+            return Err(self.formula.error(span.clone(), message));
+        };
+        let rate = self.ground.rate;
+        let first = rate.step_at_or_after(begin_s);
+        let Some(last) = last_step(rate, end_s).filter(|last| *last >= first) else {
+            let period_s = number(rate.period_s());
+            let message = format!("no step lies in this window; steps are {period_s} s apart");
+            return Err(self.formula.error(span.clone(), message));
+        };
+        // Longer than any run: kept from overflowing, and refused where it matters.
+        let steps = |step: Step| smaller(step.0, 1 << 41) as i64;
+        let (first, last) = (steps(first), steps(last));
+        if is_past {
+            Ok((-last, -first))
+        } else {
+            Ok((first, last))
+        }
+    }
+
+    /// Finds which steps of each part are wanted, from step 0 of the whole down.
+    fn want(&mut self, whole: usize) {
+        self.drafts[whole].wanted = Some((0, 0));
+        for at in (0..=whole).rev() {
+            let Some(wanted) = self.drafts[at].wanted else {
+                continue;
+            };
+            match self.drafts[at].task {
+                Task::Comparison { .. } => {}
+                Task::And(a, b) | Task::Or(a, b) => {
+                    self.drafts[a].want(wanted);
+                    self.drafts[b].want(wanted);
+                }
+                Task::Delay { operand, .. } => self.drafts[operand].want(wanted),
+                Task::Window {
+                    kind, begin, end, ..
+                } => {
+                    let Some(wanted) = taken(wanted, begin, end) else {
+                        continue;
+                    };
+                    for operand in kind.operands() {
+                        self.drafts[operand].want(wanted);
+                    }
+                }
+            }
+        }
+    }
+
+    fn refuse_too_many(&self) -> Result<(), ExpressionError> {
+        let kept: u64 = self.drafts.iter().map(Draft::kept).sum();
+        if kept <= MOST_KEPT {
+            return Ok(());
+        }
+        let message = format!(
+            "it would keep {kept} numbers at a time, more than {MOST_KEPT}: shorten the windows inside other operators"
+        );
+        let whole = 0..self.formula.to_string().len();
+        Err(self.formula.error(whole, message))
+    }
+}
+
+/// The steps of its operands that a window takes for these of its own.
+fn taken((first, last): (u64, u64), begin: i64, end: i64) -> Option<(u64, u64)> {
+    Some((
+        first.saturating_add_signed(begin),
+        last.checked_add_signed(end)?,
+    ))
+}
+
+/// The last step that is not after a time.
+fn last_step(rate: Rate, at_s: f64) -> Option<Step> {
+    let after = rate.step_at_or_after(at_s);
+    if rate.seconds(after) > at_s {
+        after.0.checked_sub(1).map(Step)
+    } else {
+        Some(after)
+    }
+}
+
+const fn larger(a: u64, b: u64) -> u64 {
+    if a > b { a } else { b }
+}
+
+const fn smaller(a: u64, b: u64) -> u64 {
+    if a < b { a } else { b }
+}
+
+impl Kind {
+    fn operands(self) -> impl Iterator<Item = usize> {
+        let (one, other) = match self {
+            Self::Every(operand) | Self::Any(operand) => (operand, None),
+            Self::Chain { of, .. } => (of.hold, Some(of.reach)),
+        };
+        [one].into_iter().chain(other)
+    }
+}
+
+impl Draft {
+    fn want(&mut self, (first, last): (u64, u64)) {
+        self.wanted = Some(match self.wanted {
+            Some((least, most)) => (smaller(least, first), larger(most, last)),
+            None => (first, last),
+        });
+    }
+
+    /// Whether steps ever leave its window, and how many are in it then.
+    fn slides(&self) -> Option<u64> {
+        let Task::Window { begin, end, .. } = self.task else {
+            return None;
+        };
+        let (first, last) = self.wanted?;
+        let oldest = first.saturating_add_signed(begin);
+        let slides = last.saturating_add_signed(begin) > oldest;
+        slides.then(|| (end - begin).unsigned_abs() + 1)
+    }
+
+    /// How many margins it keeps.
+    fn kept(&self) -> u64 {
+        match (&self.task, self.wanted) {
+            (Task::Delay { by, .. }, Some((first, last))) => smaller(by + 1, last - first + 1),
+            (Task::Window { kind, .. }, _) => {
+                // Two stacks, of one or two margins for each step.
+                let each = 2 * kind.operands().count() as u64;
+                self.slides().unwrap_or(0).saturating_mul(each)
+            }
+            _ => 0,
+        }
+    }
+
+    fn part(self) -> Part {
+        let kept = self.kept();
+        let slides = self.slides();
+        // What is not wanted has no step: its last is before its first.
+        let (first, last) = self.wanted.unwrap_or((u64::MAX, 0));
+        let mut from_row = first.saturating_add(self.delay);
+        let work = match self.task {
+            Task::Comparison {
+                relation,
+                left,
+                right,
+            } => Work::Comparison {
+                relation,
+                left,
+                right,
+            },
+            Task::And(a, b) => Work::And(a, b),
+            Task::Or(a, b) => Work::Or(a, b),
+            Task::Delay { operand, by } => {
+                from_row = from_row.saturating_sub(by);
+                Work::Delay(Delay {
+                    operand,
+                    by,
+                    kept: vec![Margin::BOTTOM; kept as usize],
+                })
+            }
+            Task::Window {
+                kind,
+                begin,
+                end,
+                delay,
+            } => {
+                let taken = self.wanted.and_then(|wanted| taken(wanted, begin, end));
+                let (oldest, newest) = taken.unwrap_or((u64::MAX, 0));
+                from_row = smaller(from_row, oldest.saturating_add(delay));
+                let frame = Frame {
+                    delay,
+                    first: oldest,
+                    last: newest,
+                    begin,
+                    slides,
+                };
+                match kind {
+                    Kind::Every(operand) => Work::Every(operand, frame.window::<Least>()),
+                    Kind::Any(operand) => Work::Any(operand, frame.window::<Greatest>()),
+                    Kind::Chain { is_past, falls, of } => match (is_past, falls) {
+                        (false, false) => Work::Until(of, frame.window::<Until<false>>()),
+                        (false, true) => Work::NotUntil(of, frame.window::<Until<true>>()),
+                        (true, false) => Work::Since(of, frame.window::<Since<false>>()),
+                        (true, true) => Work::NotSince(of, frame.window::<Since<true>>()),
+                    },
+                }
+            }
+        };
+        Part {
+            work,
+            first,
+            last,
+            delay: self.delay,
+            from_row,
+        }
+    }
+}
+
+/// A window before its steps.
+struct Frame {
+    delay: u64,
+    first: u64,
+    last: u64,
+    begin: i64,
+    slides: Option<u64>,
+}
+
+impl Frame {
+    fn window<S: Stretch>(&self) -> Window<S> {
+        Window {
+            delay: self.delay,
+            first: self.first,
+            last: self.last,
+            begin: self.begin,
+            steps: match self.slides {
+                Some(steps) => Steps::sliding(self.first, steps as usize),
+                None => Steps::Growing(S::NONE),
+            },
+        }
+    }
+}

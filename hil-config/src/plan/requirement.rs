@@ -1,0 +1,17 @@
+//! What a run must do to pass.
+
+use crate::formula::Formula;
+
+/// A requirement.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Requirement {
+    /// Name.
+    pub name: String,
+    /// What it is about; may be empty.
+    pub description: String,
+    /// What must hold at step 0.
+    pub formula: Formula,
+    /// Unit of the robustness: the one given, else the one that all signals have by their names,
+    /// else empty.
+    pub unit: String,
+}

@@ -1,0 +1,111 @@
+//! All requirements of a run while records arrive.
+//!
+//! Part of an [`Evaluation`](crate::evaluation::Evaluation). A record that never came is a row without
+//! values, which no requirement passes by.
+
+use serde::Serialize;
+use shared_types::time::{Rate, Step};
+
+use crate::expression::{Columns, ExpressionError};
+use crate::monitor::{Ground, Monitor, Verdict};
+use crate::plan::Plan;
+
+/// The requirements of a run.
+#[derive(Clone, Debug)]
+pub(crate) struct Requirements {
+    rate: Rate,
+    /// The step of the next row.
+    next: u64,
+    missing: Vec<f64>,
+    monitors: Vec<(Stated, Monitor)>,
+}
+
+/// What a requirement is called.
+#[derive(Clone, Debug)]
+struct Stated {
+    name: String,
+    formula: String,
+    unit: String,
+}
+
+/// What came of a requirement.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RequirementValue {
+    /// Name.
+    pub name: String,
+    /// Its formula.
+    pub formula: String,
+    /// Whether it holds.
+    pub verdict: Verdict,
+    /// By how much, in `unit`; its sign bit is the verdict. None if the run ended before all that
+    /// the formula looks at had come; infinite if it hangs on a value that does not exist.
+    pub robustness: Option<f64>,
+    /// Unit of the robustness.
+    pub unit: String,
+    /// The time in s of the step that the robustness comes from.
+    pub at_s: Option<f64>,
+    /// The time in s of the step that made the verdict certain.
+    pub decided_at_s: Option<f64>,
+}
+
+impl Requirements {
+    /// The requirements of a plan before the first row, whose columns include the derived signals.
+    pub(crate) fn new(plan: &Plan, columns: &Columns) -> Result<Self, ExpressionError> {
+        let ground = Ground {
+            columns,
+            derived: &plan.derived,
+            rate: plan.run.rate,
+            steps: plan.run.steps,
+        };
+        let monitors = plan.requirements.iter().map(|requirement| {
+            let stated = Stated {
+                name: requirement.name.clone(),
+                formula: requirement.formula.to_string(),
+                unit: requirement.unit.clone(),
+            };
+            Ok((stated, Monitor::new(&requirement.formula, &ground)?))
+        });
+        Ok(Self {
+            rate: plan.run.rate,
+            next: 0,
+            missing: vec![f64::NAN; columns.len()],
+            monitors: monitors.collect::<Result<_, _>>()?,
+        })
+    }
+
+    /// Takes the row of a step. Steps must rise.
+    pub(crate) fn observe(&mut self, step: Step, row: &[f64]) {
+        while self.next < step.0 {
+            for (_, monitor) in &mut self.monitors {
+                monitor.observe(Step(self.next), &self.missing);
+            }
+            self.next += 1;
+        }
+        for (_, monitor) in &mut self.monitors {
+            monitor.observe(step, row);
+        }
+        self.next = step.0 + 1;
+    }
+
+    /// What came of each, in the plan's order.
+    pub(crate) fn values(&self) -> Vec<RequirementValue> {
+        let seconds = |step: Option<Step>| step.map(|step| self.rate.seconds(step));
+        let values = self.monitors.iter().map(|(stated, monitor)| {
+            let Stated {
+                name,
+                formula,
+                unit,
+            } = stated.clone();
+            RequirementValue {
+                name,
+                formula,
+                verdict: monitor.verdict(),
+                robustness: monitor.robustness(),
+                unit,
+                at_s: seconds(monitor.judged_by()),
+                decided_at_s: seconds(monitor.decided_at()),
+            }
+        });
+        values.collect()
+    }
+}

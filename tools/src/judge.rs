@@ -1,0 +1,172 @@
+//! `hil judge`: metrics and requirements of a recorded run, by its own scenario or by another.
+//!
+//! Feeds the recorded rows to the same evaluation that the recorder fed while the run went on, so its
+//! own requirements come out to the last bit as they did then. Runs nothing: what a scenario is
+//! checked against travels in the recording.
+
+use std::path::Path;
+
+use hil_config::evaluation::Evaluation;
+use hil_config::expression::{Columns, Group};
+use hil_config::plan::Plan;
+use hil_config::requirements::RequirementValue;
+use serde::Serialize;
+use shared_types::describe::Description;
+use shared_types::record::Event;
+use shared_types::time::Step;
+
+use crate::cli::recordings::JudgeArguments;
+use crate::exit::{Exit, Failure};
+use crate::repetition;
+use crate::run_reader::{ReadError, RunReader};
+use crate::summary::{Metric, write_metrics};
+use crate::{output, requirements};
+
+/// What came of a recorded run.
+#[derive(Clone, Debug, Serialize)]
+pub struct Judgement {
+    run: String,
+    scenario: String,
+    /// `aborted` if the run did not end by itself.
+    verdict: &'static str,
+    /// How the run ended, in one word; null if its plant or its writer died.
+    outcome: Option<String>,
+    records: u64,
+    metrics: Vec<Metric>,
+    requirements: Vec<RequirementValue>,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// If the run cannot be read, or the scenario does not fit it.
+pub fn judge(arguments: &JudgeArguments) -> Result<Exit, Failure> {
+    let (judgement, plan) = judged(&arguments.run, arguments.requirements.as_deref())?;
+    output::write(&if arguments.json {
+        let json = serde_json::to_string_pretty(&judgement).map_err(Failure::infrastructure)?;
+        json + "\n"
+    } else {
+        judgement.told(&plan)
+    })?;
+    Ok(match judgement.verdict {
+        "pass" => Exit::Pass,
+        _ => Exit::Failed,
+    })
+}
+
+/// Judges a run by its own scenario or by another, and the plan that it was judged by.
+fn judged(run: &Path, by: Option<&Path>) -> Result<(Judgement, Plan), Failure> {
+    let refused = |error: ReadError| Failure::usage(error);
+    let mut reader = RunReader::open(run).map_err(refused)?;
+    let plan = plan(&reader, run, by)?;
+    let (columns, values) = columns(&reader)?;
+    let origin = by.unwrap_or(run).display();
+    let mut evaluation = Evaluation::new(&plan, &columns)
+        .map_err(|error| Failure::usage(format!("{origin} does not fit the run: {error}")))?;
+    let mut outcome = None;
+    let mut row = vec![f64::NAN; columns.len()];
+    loop {
+        let goes_on = reader.advance().map_err(refused)?;
+        for event in reader.events() {
+            match event {
+                Event::Fault(taken) => evaluation.fault(taken.id, Step(taken.step)),
+                Event::End(end) => outcome = Some(format!("{:?}", end.outcome).to_lowercase()),
+                Event::Accepted(_) | Event::FaultEnded(_) => {}
+            }
+        }
+        if !goes_on {
+            break;
+        }
+        for (value, word) in row.iter_mut().zip(&reader.words()[values.clone()]) {
+            *value = f64::from_bits(*word);
+        }
+        evaluation.observe(Step(reader.step()), &row);
+    }
+    let requirements = evaluation.requirements();
+    let verdict = match outcome.as_deref() {
+        Some("completed") => requirements::verdict(&requirements),
+        _ => "aborted",
+    };
+    let judgement = Judgement {
+        run: run.display().to_string(),
+        scenario: plan.name.clone(),
+        verdict,
+        outcome,
+        records: reader.records(),
+        metrics: evaluation.results().iter().map(Metric::from).collect(),
+        requirements,
+    };
+    Ok((judgement, plan))
+}
+
+/// The plan of the run, with what is computed and judged by another scenario if one is given.
+fn plan(reader: &RunReader, run: &Path, by: Option<&Path>) -> Result<Plan, Failure> {
+    let refused = |error: ReadError| Failure::usage(error);
+    let enclosed = |name| reader.enclosed::<Description>(name).map_err(refused);
+    let plant = enclosed("plant-description.json")?;
+    let controller = enclosed("controller-description.json")?;
+    let text = reader.enclosure("scenario.toml").map_err(refused)?;
+    let own = repetition::checked(text, run, &plant, &controller)?;
+    let Some(by) = by else {
+        return Ok(own);
+    };
+    let shown = by.display();
+    let text = std::fs::read_to_string(by)
+        .map_err(|error| Failure::usage(format!("cannot read {shown}: {error}")))?;
+    let other = repetition::checked(&text, by, &plant, &controller)?;
+    let (rate, others) = (own.run.rate, other.run.rate);
+    if rate != others {
+        let (rate, others) = (rate.hz(), others.hz());
+        return Err(Failure::usage(format!(
+            "{shown} is at {others} Hz and the run at {rate} Hz: their steps are not the same times"
+        )));
+    }
+    Ok(Plan {
+        name: other.name,
+        derived: other.derived,
+        metrics: other.metrics,
+        analyses: other.analyses,
+        requirements: other.requirements,
+        ..own
+    })
+}
+
+/// The columns of a recording that are signals, and where they are among the words of a record.
+fn columns(reader: &RunReader) -> Result<(Columns, std::ops::Range<usize>), Failure> {
+    let mut columns = Columns::default();
+    let words = reader.columns();
+    let first = words.iter().position(|word| word.is_signal()).unwrap_or(0);
+    for word in words[first..].iter().take_while(|word| word.is_signal()) {
+        let (prefix, name) = word.name.split_once('.').unwrap_or_default();
+        let group = (Group::ALL
+            .into_iter()
+            .find(|group| group.prefix() == prefix))
+        .ok_or_else(|| Failure::usage(format!("the recording has a group `{prefix}`")))?;
+        columns.push(group, name);
+    }
+    let values = first..first + columns.len();
+    Ok((columns, values))
+}
+
+impl Judgement {
+    /// The judgement as a person reads it.
+    fn told(&self, plan: &Plan) -> String {
+        let mut text = String::new();
+        // Writing to a string cannot fail.
+        let _ = self.write(&mut text, plan);
+        text
+    }
+
+    fn write(&self, text: &mut String, plan: &Plan) -> std::fmt::Result {
+        use std::fmt::Write as _;
+        let (scenario, verdict, run) = (&self.scenario, self.verdict, &self.run);
+        writeln!(text, "{scenario}: {verdict}  ({run}, recorded)")?;
+        match self.outcome.as_deref() {
+            Some("completed") => {}
+            Some(outcome) => writeln!(text, "  the run has {outcome}: no verdict can be pass")?,
+            None => writeln!(text, "  the run was cut off: no verdict can be pass")?,
+        }
+        write_metrics(text, &self.metrics, plan, self.records.saturating_sub(1))?;
+        requirements::write(text, &self.requirements)
+    }
+}
