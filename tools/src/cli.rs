@@ -10,6 +10,7 @@ pub mod export;
 pub mod inject;
 pub mod latency;
 pub mod realtime;
+pub mod recording;
 pub mod recordings;
 pub mod replay;
 pub mod run;

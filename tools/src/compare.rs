@@ -145,14 +145,23 @@ pub fn compare(
         );
         return Err(CompareError::NotComparable(what));
     }
+    let is_excerpt = reader_a.is_excerpt() || reader_b.is_excerpt();
     let mut work = Work::new(&reader_a, &reader_b, rate, signals, tolerances)?;
     loop {
-        let (in_a, in_b) = (reader_a.advance()?, reader_b.advance()?);
+        let (mut in_a, mut in_b) = (reader_a.advance()?, reader_b.advance()?);
+        // An excerpt has not every step.
+        while is_excerpt && in_a && in_b && reader_a.step() != reader_b.step() {
+            if reader_a.step() < reader_b.step() {
+                in_a = reader_a.advance()?;
+            } else {
+                in_b = reader_b.advance()?;
+            }
+        }
         if in_a && in_b {
             work.step(&reader_a, &reader_b)?;
             continue;
         }
-        if in_a || in_b {
+        if (in_a || in_b) && !is_excerpt {
             work.ended(if in_a { &reader_a } else { &reader_b }, in_a);
         }
         // To their ends: their digests are those of all they have.

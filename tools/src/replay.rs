@@ -79,6 +79,7 @@ pub fn replay(arguments: &ReplayArguments) -> Result<Exit, Failure> {
     }
     let interruption = Interruption::listen()?;
     let reader = RunReader::open(&arguments.run).map_err(Failure::usage)?;
+    reader.refuse_excerpt().map_err(Failure::usage)?;
     let original = Original::of(&reader, &arguments.run)?;
     let controller = Binary::controller(arguments.controller_bin.as_deref(), &interruption)?;
     let plan = original.plan_for(&controller.description.laws)?;

@@ -188,6 +188,8 @@ impl From<&MetricValue> for Metric {
 struct Recording {
     file: Option<&'static str>,
     records: u64,
+    /// Records in the file: fewer if not all was to be kept.
+    kept: u64,
     lost: u64,
 }
 
@@ -264,6 +266,7 @@ impl Summary {
             recording: Recording {
                 file: recorded_to,
                 records: recorded.records,
+                kept: recorded.written,
                 lost: recorded.lost,
             },
             rejected_frames: end.map_or(0, |end| end.rejected_frames),
@@ -332,6 +335,7 @@ impl Summary {
         let Recording {
             file,
             records,
+            kept,
             lost,
         } = &self.recording;
         let lost = if *lost > 0 {
@@ -344,6 +348,10 @@ impl Summary {
         }
         let run_dir = run_dir.display();
         match file {
+            Some(file) if kept < records => writeln!(
+                text,
+                "  {kept} of {records} records{lost} in {run_dir}/{file}"
+            ),
             Some(file) => writeln!(text, "  {records} records{lost} in {run_dir}/{file}"),
             None => writeln!(
                 text,

@@ -25,6 +25,8 @@ pub(super) struct Work {
     only_in_a: Vec<String>,
     only_in_b: Vec<String>,
     first: Option<Difference>,
+    /// Whether one of them is only an excerpt: what is not in both says nothing.
+    is_excerpt: bool,
     /// Anything but the size of a signal differs.
     is_other: bool,
 }
@@ -121,7 +123,8 @@ impl Work {
         }
         let names = columns.iter().map(|pair| pair.column.name.as_str());
         (tolerances.check(names)).map_err(CompareError::NotComparable)?;
-        let (only_in_a, only_in_b) = if is_selected {
+        let is_excerpt = a.is_excerpt() || b.is_excerpt();
+        let (only_in_a, only_in_b) = if is_selected || is_excerpt {
             Default::default()
         } else {
             (only(a, b), only(b, a))
@@ -131,6 +134,7 @@ impl Work {
         Ok(Self {
             rate,
             is_selected,
+            is_excerpt,
             causal,
             columns,
             is_other: !only_in_a.is_empty() || !only_in_b.is_empty(),
@@ -149,7 +153,7 @@ impl Work {
             );
             return Err(CompareError::NotComparable(what));
         }
-        if !self.is_selected {
+        if !self.is_selected && !self.is_excerpt {
             let (faults_a, faults_b) = (faults(a), faults(b));
             if faults_a != faults_b {
                 self.is_other = true;
