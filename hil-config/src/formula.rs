@@ -87,7 +87,10 @@ pub(crate) enum Node {
         reach: usize,
     },
     /// `rise`, `fall`.
-    Edge { rises: bool, operand: usize },
+    Edge {
+        rises: bool,
+        operand: usize,
+    },
 }
 
 /// Two expressions, compared.

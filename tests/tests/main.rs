@@ -17,6 +17,7 @@
 //! | [`paper`] | the paper's experiment against its checked figures |
 //! | [`recording`] | what a recording holds, read without the recorder's code |
 //! | [`realtime_settings`] | what was asked of the system, and what it granted |
+//! | [`requirements`] | verdicts live and from the recording, and exit codes |
 //! | [`survival`] | every law with every kind of fault |
 //!
 //! [`programs`] builds what is run; [`harness`] gives each test a place of its own and a watchdog, and
@@ -46,4 +47,5 @@ mod paper;
 mod programs;
 mod realtime_settings;
 mod recording;
+mod requirements;
 mod survival;

@@ -18,8 +18,8 @@ use crate::faults::Fault;
 use crate::latency::Legs;
 use crate::latency::grade::Graded;
 use crate::latency::spikes::Spike;
-use crate::run::Ended;
 use crate::requirements;
+use crate::run::Ended;
 use crate::run::realtime::Realtime;
 
 /// Version of the summary.

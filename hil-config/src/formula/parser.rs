@@ -97,7 +97,8 @@ impl Parser<'_> {
         let reach = self.operand()?;
         let next = self.peek().span.clone();
         if self.accept_chain().is_some() {
-            let message = "two of `until` and `since` in a row; say by parentheses what belongs together";
+            let message =
+                "two of `until` and `since` in a row; say by parentheses what belongs together";
             return Err(self.error(next, message));
         }
         Ok(self.push(Node::Chain {
@@ -222,7 +223,9 @@ impl Parser<'_> {
             match &token.kind {
                 TokenKind::End | TokenKind::Symbol("[" | "]") => return at,
                 TokenKind::Symbol(")" | ",") if depth == 0 => return at,
-                TokenKind::Name(name) if depth == 0 && JOINTS.contains(&name.as_str()) => return at,
+                TokenKind::Name(name) if depth == 0 && JOINTS.contains(&name.as_str()) => {
+                    return at;
+                }
                 TokenKind::Symbol("(") => depth += 1,
                 TokenKind::Symbol(")") => depth -= 1,
                 _ => {}

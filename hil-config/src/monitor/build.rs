@@ -19,10 +19,7 @@ use crate::quantity::number;
 const MOST_KEPT: u64 = 1 << 22;
 
 /// The parts of a formula, operands before what is made of them.
-pub(super) fn parts(
-    formula: &Formula,
-    ground: &Ground<'_>,
-) -> Result<Vec<Part>, ExpressionError> {
+pub(super) fn parts(formula: &Formula, ground: &Ground<'_>) -> Result<Vec<Part>, ExpressionError> {
     let nodes = formula.nodes();
     let mut builder = Builder {
         formula,
