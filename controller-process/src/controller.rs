@@ -4,12 +4,16 @@
 //! That is what lets the same binary answer a simulated plant today and a real one tomorrow.
 
 use shared_types::describe::{Invalid, LawDescription, Settings};
+use shared_types::state::{State, StateOf};
 use shared_types::table::{Field, Table};
 
 /// A control law, called in this order:
 ///
 /// 1. [`start`](Controller::start), once.
 /// 2. [`step`](Controller::step) with every sample, one period apart.
+///
+/// At a checkpoint what [`state`](Controller::state) tells is saved between two samples. A run that
+/// goes on from there starts the law, puts the state back and goes on with 2.
 ///
 /// It must be deterministic; use `libm` for sines and exponentials.
 pub trait Controller: Sized + 'static {
@@ -31,6 +35,12 @@ pub trait Controller: Sized + 'static {
     type Command: Table;
     /// Inner quantities it shows, recorded beside the commands.
     type Internals: Table;
+
+    /// What of it a checkpoint keeps; `None`: a run of it cannot be saved.
+    #[must_use]
+    fn state() -> Option<StateOf<Self>> {
+        None
+    }
 
     /// The law before its first sample.
     ///
@@ -73,6 +83,26 @@ pub struct Sample<C: Controller> {
 pub trait Law {
     /// Answers a sample: writes the command row and the row of internals.
     fn step(&mut self, sample: &Row<'_>, command: &mut [f64], internals: &mut [f64]);
+
+    /// Its state as it is now.
+    ///
+    /// # Errors
+    /// If it cannot be saved.
+    fn save(&self) -> Result<State, Invalid> {
+        Err(cannot_save())
+    }
+
+    /// Puts a state back.
+    ///
+    /// # Errors
+    /// If it is not one of this law.
+    fn restore(&mut self, _state: &State) -> Result<(), Invalid> {
+        Err(cannot_save())
+    }
+}
+
+fn cannot_save() -> Invalid {
+    Invalid("the law cannot save its state; it needs `Controller::state`".into())
 }
 
 /// A sample as rows.
@@ -103,6 +133,14 @@ impl<C: Controller> Law for C {
         let (commanded, shown) = Controller::step(self, &sample);
         command.copy_from_slice(commanded.row());
         internals.copy_from_slice(shown.row());
+    }
+
+    fn save(&self) -> Result<State, Invalid> {
+        C::state().ok_or_else(cannot_save)?.save(self)
+    }
+
+    fn restore(&mut self, state: &State) -> Result<(), Invalid> {
+        C::state().ok_or_else(cannot_save)?.restore(self, state)
     }
 }
 
@@ -142,6 +180,7 @@ impl LawKind {
                 reference: C::Reference::fields(),
                 commands: Some(C::Command::fields()),
                 internals: C::Internals::fields(),
+                saves: C::state().is_some(),
             },
             start: |start| {
                 let missing = |e: shared_types::describe::MissingSetting| Invalid(e.to_string());

@@ -1,6 +1,7 @@
 //! The job: what a launcher tells a controller process to do. A JSON file in the session's folder.
 
 use serde::{Deserialize, Serialize};
+use shared_types::checkpoint::Checkpoints;
 use shared_types::describe::Settings;
 use shared_types::realtime;
 use shared_types::table::number;
@@ -30,6 +31,9 @@ pub struct Job {
     pub rate_divisor: u32,
     /// Steps between a sample and the command that answers it: 0 or 1.
     pub command_delay_steps: u32,
+    /// When it saves its state, and where it begins.
+    #[serde(default)]
+    pub checkpoints: Checkpoints,
     /// What its loop is to run with.
     #[serde(default)]
     pub realtime: realtime::Settings,

@@ -4,6 +4,8 @@
 //! the sample's by name, runs the law at its own rate, delays its command by a step if that is
 //! asked for, and answers every sample. Like the plant's engine it never blocks.
 
+use serde::{Deserialize, Serialize};
+use shared_types::checkpoint::{Saves, Side};
 use shared_types::clock::monotonic_ns;
 use shared_types::describe::{Invalid, LawDescription, PROTOCOL};
 use shared_types::directive::{Answered, Directive};
@@ -18,6 +20,7 @@ use shared_types::time::Step;
 
 use crate::controller::{Law, LawKind, Row, Start};
 use crate::job::Job;
+use saved::SavedController;
 
 /// What the runner waits for, if it does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,6 +55,9 @@ pub struct Runner<'a, L> {
     job: Job,
     hello: Hello,
     bound: Option<Bound>,
+    saves: Saves,
+    /// What the run goes on from, if it does.
+    saved: Option<SavedController>,
     end: Option<End>,
 }
 
@@ -86,7 +92,7 @@ struct Bound {
 
 /// The steps whose samples the command was made of: of the last answer, of the one before, of the
 /// frame that was sent last and of the late one.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct Made {
     answer: i64,
     previous: i64,
@@ -128,8 +134,16 @@ impl<'a, L: Link> Runner<'a, L> {
     /// If the job does not fit the law.
     pub fn new(kind: &'a LawKind, job: Job, link: L) -> Result<Self, Invalid> {
         let law = &kind.description;
+        let checkpoints = &job.checkpoints;
+        let saved: Option<SavedController> = match &checkpoints.resume {
+            Some(resume) => Some(resume.read(&law.name)?),
+            None => None,
+        };
         // Started once more when the plant's commands are known; here only to refuse early.
-        start(kind, &job, law.commands.as_deref().unwrap_or_default())?;
+        let mut started = start(kind, &job, law.commands.as_deref().unwrap_or_default())?;
+        if let Some(saved) = &saved {
+            started.restore(&saved.law)?;
+        }
         let hello = Hello {
             protocol: PROTOCOL,
             session: job.session,
@@ -143,6 +157,8 @@ impl<'a, L: Link> Runner<'a, L> {
             link,
             side: ControllerSide::new(),
             kind,
+            saves: Saves::new(Side::Controller, &law.name, checkpoints.clone()),
+            saved,
             job,
             hello,
             bound: None,
@@ -181,8 +197,8 @@ impl<'a, L: Link> Runner<'a, L> {
                     }
                     done
                 }
-                // Once frames flow, a refusal is the plant giving up before step 0.
-                None if self.side.at() == Step(0) => self.greet()?,
+                // Once frames flow, a refusal is the plant giving up before the first step.
+                None if self.side.at() == self.job.checkpoints.first_step() => self.greet()?,
                 None => false,
             },
         };
@@ -210,7 +226,7 @@ impl<'a, L: Link> Runner<'a, L> {
         self.end.as_ref()
     }
 
-    /// Before step 0: agree with the plant on what the frames carry.
+    /// Before the first step: agree with the plant on what the frames carry.
     fn greet(&mut self) -> Result<bool, LinkError> {
         let Some(bytes) = self.link.receive_control()? else {
             return Ok(false);
@@ -252,6 +268,12 @@ impl<'a, L: Link> Runner<'a, L> {
                 "the plant runs at {theirs} Hz, this controller's job at {ours} Hz"
             ));
         }
+        let (theirs, ours) = (welcome.first, self.job.checkpoints.first_step());
+        if theirs != ours {
+            return Err(format!(
+                "the plant begins at step {theirs}, this controller's job at step {ours}"
+            ));
+        }
         let law = &self.kind.description;
         let places = |kind, wanted: &[Field]| {
             (welcome.sample.bind(kind, wanted))
@@ -259,7 +281,7 @@ impl<'a, L: Link> Runner<'a, L> {
                 .map_err(|unbound| unbound.join("; "))
         };
         let commands = welcome.command.fields(SignalKind::Command);
-        Ok(Bound {
+        let mut bound = Bound {
             law: start(self.kind, &self.job, &commands).map_err(|e| e.to_string())?,
             measured_places: places(SignalKind::Measured, &law.measured)?,
             reference_places: places(SignalKind::Reference, &law.reference)?,
@@ -284,7 +306,11 @@ impl<'a, L: Link> Runner<'a, L> {
             answered: Answered::default(),
             lookout: Lookout::default(),
             sent_ns: monotonic_ns(),
-        })
+        };
+        if let Some(saved) = self.saved.clone() {
+            bound.restore(saved).map_err(|e| e.to_string())?;
+        }
+        Ok(bound)
     }
 
     fn take(&mut self, header: &Header) -> Result<bool, LinkError> {
@@ -306,6 +332,14 @@ impl<'a, L: Link> Runner<'a, L> {
                     ..Header::new(FrameKind::Command, step)
                 };
                 self.link.send(&answer, &bound.frame)?;
+                let next = step.next();
+                if self.saves.are_due(next)
+                    && let Err(reason) = save(bound, &mut self.saves, next)
+                {
+                    let reason = format!("no checkpoint before step {next}: {reason}");
+                    self.side.on(&ControllerEvent::Stop);
+                    self.abort(Abort::Failed(reason))?;
+                }
             }
             (ControllerAction::ConfirmEnd(step), _) => {
                 self.link
@@ -330,6 +364,12 @@ impl<'a, L: Link> Runner<'a, L> {
             other => other,
         }
     }
+}
+
+/// Saves the state before a sample; called while the plant makes it.
+fn save(bound: &Bound, saves: &mut Saves, step: Step) -> Result<(), String> {
+    let saved = bound.save().map_err(|e| e.to_string())?;
+    saves.write(step, &saved)
 }
 
 impl Bound {
@@ -424,6 +464,8 @@ impl Bound {
         self.law.step(&row, command, internals);
     }
 }
+
+mod saved;
 
 #[cfg(test)]
 mod tests;

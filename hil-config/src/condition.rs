@@ -86,6 +86,17 @@ impl Watch {
         self.held >= self.records
     }
 
+    /// For how many records in a row it has held.
+    #[must_use]
+    pub const fn held(&self) -> u64 {
+        self.held
+    }
+
+    /// Goes on as if it had held for so many records.
+    pub const fn go_on_from(&mut self, held: u64) {
+        self.held = held;
+    }
+
     /// Forgets for how long it has held.
     pub fn reset(&mut self) {
         self.held = 0;

@@ -7,6 +7,7 @@
 use std::sync::Arc;
 
 use hil_config::plan::Clock;
+use shared_types::checkpoint::{Saves, Side};
 use shared_types::clock::monotonic_ns;
 use shared_types::describe::{Invalid, PlantDescription};
 use shared_types::frame::{FrameKind, Header};
@@ -22,6 +23,7 @@ use shared_types::table::Field;
 use shared_types::time::{Interval, Step};
 use shared_types::wait::WaitLimit;
 
+use crate::checkpoint::SavedPlant;
 use crate::desk::{Desk, Order};
 use crate::faults::{FaultKindEntry, FaultLayer, FaultWorkshop};
 use crate::guard::{Guard, first_bad};
@@ -76,6 +78,8 @@ pub struct Engine<L, S> {
     ending: Option<Step>,
     timing: Timing,
     sample_age_steps: u32,
+    /// What the controller's runner was told with the sample.
+    directive: u64,
     lookout: Lookout,
     sent_ns: u64,
     /// How much later than due the sample was sent.
@@ -89,6 +93,11 @@ pub struct Engine<L, S> {
     missed: Streaks,
     /// What is repeated, if a run against the clock is.
     repetition: Option<Repetition>,
+    /// The first step that is exchanged.
+    first: Step,
+    saves: Saves,
+    /// What the run goes on from, until hello.
+    saved: Option<SavedPlant>,
     executed: u64,
     end: Option<RunEnd>,
 }
@@ -128,10 +137,10 @@ struct Plant {
 }
 
 impl<L: Link, S: RecordSink> Engine<L, S> {
-    /// A plant at step 0 that waits for hello, with the kinds of faults that it may have.
+    /// A plant at its first step that waits for hello, with the kinds of faults that it may have.
     ///
     /// # Errors
-    /// If the job does not fit the plant.
+    /// If the job does not fit the plant, or the state that it is to go on from does not.
     pub fn new(
         kind: &PlantKind,
         faults: &[FaultKindEntry],
@@ -152,8 +161,24 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             (job.run.rate, job.run.seed),
             &job.derived,
         )?;
+        let mut model = (kind.start)(parameters)?;
+        let checkpoints = &job.checkpoints;
+        let (first, name) = (checkpoints.first_step(), description.name.clone());
+        if job.run.clock == Clock::Realtime && checkpoints.any() {
+            return Err(Invalid(
+                "against the clock a state depends on what came too late: it cannot be saved or gone on from".into(),
+            ));
+        }
+        let saved: Option<SavedPlant> = match &checkpoints.resume {
+            Some(resume) => Some(resume.read(&name)?),
+            None => None,
+        };
+        if let Some(saved) = &saved {
+            saved.restore_model(model.as_mut())?;
+            FaultLayer::check(&workshop, &job.faults, &saved.faults)?;
+        }
         let plant = Plant {
-            model: (kind.start)(parameters)?,
+            model,
             guard: Guard::new(&description.truth, &job.plant.limits)?,
             faults: FaultLayer::new(&workshop, &job.faults)?,
             workshop: Arc::new(workshop),
@@ -167,7 +192,8 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             side: match job.run.clock {
                 Clock::Realtime => PlantSide::new(job.run.steps).against_clock(),
                 Clock::Lockstep | Clock::Paced { .. } => PlantSide::new(job.run.steps),
-            },
+            }
+            .beginning_at(first),
             plant,
             epoch: 1,
             pacer: None,
@@ -180,6 +206,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             ending: None,
             timing: Timing::default(),
             sample_age_steps: 0,
+            directive: 0,
             lookout: Lookout::default(),
             sent_ns: 0,
             late_ns: 0,
@@ -188,7 +215,10 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             heard_ns: 0,
             missed: Streaks::default(),
             repetition: None,
-            executed: 0,
+            first,
+            saves: Saves::new(Side::Plant, &name, job.checkpoints.clone()),
+            saved,
+            executed: first.0,
             end: None,
             job,
         })
@@ -248,7 +278,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         self.end.as_ref()
     }
 
-    /// Before step 0: agree with a controller on what the frames carry.
+    /// Before the first step: agree with a controller on what the frames carry.
     fn greet(&mut self) -> Result<Progress, LinkError> {
         let Some(bytes) = self.link.receive_control()? else {
             return Ok(Progress::Controller);
@@ -258,6 +288,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             epoch: self.epoch,
             rate: self.job.run.rate,
             steps: self.job.run.steps,
+            first: self.first,
             against_clock: self.job.run.clock == Clock::Realtime,
             measured: &self.plant.description.measured,
             reference: &self.plant.reference,
@@ -309,6 +340,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         self.desk.opened(&layout);
         let opened = self.plant.faults.open(&self.plant.workshop, &layout);
         self.rows = Rows::new(layout, &welcome);
+        let opened = opened.and_then(|()| self.restore());
         let missed = std::mem::take(&mut self.job.missed);
         self.repetition =
             (!missed.is_empty()).then(|| Repetition::new(missed, welcome.command.len()));
@@ -321,8 +353,41 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         }
     }
 
+    /// Puts back what the run goes on from; the model has its state since the start.
+    fn restore(&mut self) -> Result<(), Invalid> {
+        let Some(saved) = self.saved.take() else {
+            return Ok(());
+        };
+        self.plant.faults.restore(saved.faults)?;
+        self.rows.restore_record(&saved.record)
+    }
+
+    /// Saves the state before a step, of which nothing was done yet; every record before it was
+    /// published.
+    fn save(&mut self, step: Step) -> Result<(), String> {
+        let Plant { model, faults, .. } = &mut self.plant;
+        let saved = model.save().and_then(|model| {
+            Ok(SavedPlant {
+                model,
+                faults: faults.save()?,
+                record: self.rows.record.clone(),
+            })
+        });
+        self.saves.write(step, &saved.map_err(|e| e.to_string())?)
+    }
+
     /// Between two steps: wait for the clock, then send the sample of the next one.
     fn release(&mut self, step: Step) -> Result<Progress, LinkError> {
+        if self.saves.are_due(step) {
+            if !self.tell()? {
+                return Ok(Progress::Recorder);
+            }
+            if let Err(reason) = self.save(step) {
+                let reason = format!("no checkpoint before step {step}: {reason}");
+                self.give_up(Outcome::Failed, AbortCode::Other, reason)?;
+                return Ok(Progress::Over);
+            }
+        }
         if !self.desk.is_open_for(step) && self.attend(step)? {
             return Ok(Progress::Held);
         }
@@ -333,7 +398,12 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         let mut release_ns = 0;
         if let Some(factor) = self.pace() {
             let now_ns = monotonic_ns();
-            let start = || Pacer::paced(run.rate, now_ns, factor, run.overrun);
+            let first = self.first;
+            let start = || {
+                let mut pacer = Pacer::paced(run.rate, now_ns, factor, run.overrun);
+                pacer.anchor(first, now_ns);
+                pacer
+            };
             let released = (self.pacer.get_or_insert_with(start)).release_ns(step, now_ns);
             release_ns = match released {
                 Ok(release_ns) => release_ns,
@@ -353,10 +423,11 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                 if let Some(repetition) = &mut self.repetition {
                     directive.unseen = !repetition.is_seen(step);
                 }
+                self.directive = directive.to_wire();
                 let header = Header {
                     time_ns: run.rate.nanoseconds(step),
                     work_ns: self.timing.plant_ns,
-                    directive: directive.to_wire(),
+                    directive: self.directive,
                     age_steps: self.sample_age_steps,
                     surroundings: self.timing.plant_surroundings,
                     held_steps: self.newest.held_steps,
@@ -485,11 +556,11 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         }
     }
 
-    /// Until when the command of a step is awaited. Step 0 waits for the controller: time has not
+    /// Until when the command of a step is awaited. The first waits for the controller: time has not
     /// begun.
     fn deadline_of(&self, step: Step) -> u64 {
         match (&self.pacer, self.job.run.clock) {
-            (Some(pacer), Clock::Realtime) if step > Step(0) => {
+            (Some(pacer), Clock::Realtime) if step > self.first => {
                 pacer.deadline_ns(step, self.job.run.deadline)
             }
             _ => u64::MAX,
@@ -592,7 +663,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     fn take(&mut self, step: Step, header: Header) -> Result<(), LinkError> {
         let received_ns = monotonic_ns();
         self.heard_ns = received_ns;
-        if step == Step(0)
+        if step == self.first
             && let Some(pacer) = &mut self.pacer
         {
             // Time begins when the controller has answered once.
@@ -720,6 +791,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             answered: header.directive,
             plant_surroundings: self.lookout.after(took_ns),
             controller_surroundings: header.surroundings,
+            directive: self.directive,
         };
         self.rows.write_record(step, header, &self.timing);
         self.pending = true;

@@ -2,6 +2,7 @@
 
 use hil_config::plan::{FaultEvent, PlantPlan, Run, Stimulus};
 use serde::{Deserialize, Serialize};
+use shared_types::checkpoint::Checkpoints;
 use shared_types::realtime;
 use shared_types::table::number;
 
@@ -35,6 +36,9 @@ pub struct Job {
     pub pause_at_s: Option<f64>,
     /// Whether a recorder must see every record: the loop then waits for it.
     pub observed: bool,
+    /// When it saves its state, and where it begins.
+    #[serde(default)]
+    pub checkpoints: Checkpoints,
     /// What its loop is to run with.
     #[serde(default)]
     pub realtime: realtime::Settings,

@@ -8,9 +8,12 @@
 //! 4. The command of step `k` comes; [`guard`] checks the truth that it meets.
 //! 5. The model in [`models`] is carried to step `k + 1` by [`integrate`]; [`rows`] notes the record.
 //!
+//! `checkpoint` is what is kept of all this when a run is to go on from a step another time.
+//!
 //! [`program`] is the process around it; a user's own plant binary is a `main` of one line that
 //! calls [`program::run`]. Nothing here knows a control law.
 
+mod checkpoint;
 pub mod desk;
 pub mod engine;
 pub mod faults;

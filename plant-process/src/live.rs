@@ -44,6 +44,8 @@ pub struct LiveContext {
     derived: Vec<(String, String)>,
     rate: Rate,
     steps: u64,
+    /// Whether every fault must be one that can be saved.
+    saves: bool,
     /// Names of the events that there are.
     names: Vec<(String, u32)>,
     next_id: u32,
@@ -61,6 +63,7 @@ impl LiveContext {
             derived: job.derived.clone(),
             rate: job.run.rate,
             steps: job.run.steps,
+            saves: !job.checkpoints.steps.is_empty(),
             names: Vec::new(),
             next_id: 1,
         };
@@ -171,6 +174,12 @@ impl Service {
                 };
             }
         };
+        if let Some(kind) = self.unsaveable(&events) {
+            let message = format!(
+                "fault `{kind}` cannot save its state, and this run makes checkpoints; it needs `FaultKind::state`"
+            );
+            return refused(Refusal::new(message));
+        }
         let columns = columns(layout);
         if events.is_empty() || events.len() > MOST_FAULTS {
             let count = events.len();
@@ -223,6 +232,18 @@ impl Service {
             first_id: context.next_id,
         };
         check_faults(toml, &context)
+    }
+
+    /// A kind of fault that cannot be saved, in a run that makes checkpoints.
+    fn unsaveable<'a>(&self, events: &'a [FaultEvent]) -> Option<&'a str> {
+        let saves = |event: &FaultEvent| {
+            let kind = (self.context.kinds.iter()).find(|kind| kind.kind == event.kind);
+            kind.is_none_or(|kind| kind.saves) // one of the plant's own moves parameters
+        };
+        let unsaveable = events.iter().find(|event| !saves(event));
+        unsaveable
+            .filter(|_| self.context.saves)
+            .map(|event| event.kind.as_str())
     }
 
     fn clear(&self, id: Option<u32>) -> Result<Response, Unanswered> {

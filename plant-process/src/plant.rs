@@ -4,6 +4,7 @@
 //! scenario, the link, the clock or a fault: a fault changes a parameter from outside.
 
 use shared_types::describe::{FaultDescription, Invalid, PlantDescription, Settings};
+use shared_types::state::{State, StateOf};
 use shared_types::table::Table;
 use shared_types::time::Interval;
 
@@ -15,6 +16,10 @@ use shared_types::time::Interval;
 ///    [`truth`](Plant::truth), both of the state at step `k`.
 /// 3. [`advance`](Plant::advance) with that command to step `k + 1`.
 /// 4. After the last step `measure` and `truth` once more.
+///
+/// At a checkpoint what [`state`](Plant::state) tells is saved before step `k`. A run that goes on
+/// from there starts the plant, retunes it to the parameters of that step, puts the state back and
+/// goes on with 2.
 ///
 /// It must be deterministic: no clock, no file, no random number, no hash-map order. Use `libm`
 /// for sines and exponentials, whose last bit otherwise depends on the machine.
@@ -37,6 +42,12 @@ pub trait Plant: Sized + 'static {
     #[must_use]
     fn faults() -> Vec<FaultDescription> {
         Vec::new()
+    }
+
+    /// What of it a checkpoint keeps; `None`: a run of it cannot be saved.
+    #[must_use]
+    fn state() -> Option<StateOf<Self>> {
+        None
     }
 
     /// The plant at step 0.
@@ -68,6 +79,26 @@ pub trait Model {
     fn truth(&self, time_s: f64, command: &[f64], truth: &mut [f64]);
     /// Integrates over one interval.
     fn advance(&mut self, interval: &Interval, command: &[f64]);
+
+    /// Its state as it is now.
+    ///
+    /// # Errors
+    /// If it cannot be saved.
+    fn save(&self) -> Result<State, Invalid> {
+        Err(cannot_save())
+    }
+
+    /// Puts a state back.
+    ///
+    /// # Errors
+    /// If it is not one of this plant.
+    fn restore(&mut self, _state: &State) -> Result<(), Invalid> {
+        Err(cannot_save())
+    }
+}
+
+fn cannot_save() -> Invalid {
+    Invalid("the plant cannot save its state; it needs `Plant::state`".into())
 }
 
 impl<P: Plant> Model for P {
@@ -86,6 +117,14 @@ impl<P: Plant> Model for P {
 
     fn advance(&mut self, interval: &Interval, command: &[f64]) {
         Plant::advance(self, interval, &P::Command::from_row(command));
+    }
+
+    fn save(&self) -> Result<State, Invalid> {
+        P::state().ok_or_else(cannot_save)?.save(self)
+    }
+
+    fn restore(&mut self, state: &State) -> Result<(), Invalid> {
+        P::state().ok_or_else(cannot_save)?.restore(self, state)
     }
 }
 
@@ -110,6 +149,7 @@ impl PlantKind {
                 measured: P::Measured::fields(),
                 commands: P::Command::fields(),
                 faults: P::faults(),
+                saves: P::state().is_some(),
             },
             start: |settings| {
                 let parameters: P::Parameters =

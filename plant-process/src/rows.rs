@@ -2,6 +2,7 @@
 //!
 //! Owned by the engine; all space is taken once, at hello.
 
+use shared_types::describe::Invalid;
 use shared_types::frame::{Header, VALIDITY_WORDS};
 use shared_types::hello::Welcome;
 use shared_types::layout::SignalKind;
@@ -67,6 +68,21 @@ impl Rows {
             internals: welcome.command.len() - layout.internal.len(),
             layout,
         }
+    }
+
+    /// Puts back the last record of a run that goes on.
+    ///
+    /// # Errors
+    /// If it is not one of this layout.
+    pub fn restore_record(&mut self, record: &[u64]) -> Result<(), Invalid> {
+        if record.len() != self.record.len() {
+            let (theirs, ours) = (record.len(), self.record.len());
+            return Err(Invalid(format!(
+                "records had {theirs} words when the state was saved and have {ours} now"
+            )));
+        }
+        self.record.copy_from_slice(record);
+        Ok(())
     }
 
     /// All signals of the record before a step; `None` at step 0.

@@ -11,7 +11,7 @@ use crate::table::{Field, Table, number};
 
 /// Version of the protocol between launcher, plant and controller: description, job file, control
 /// messages, frames and records. Two sides with different versions refuse each other.
-pub const PROTOCOL: u32 = 3;
+pub const PROTOCOL: u32 = 4;
 
 /// A binary's answer to `--describe`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -67,6 +67,9 @@ pub struct PlantDescription {
     /// Named faults, besides those on single parameters.
     #[serde(default)]
     pub faults: Vec<FaultDescription>,
+    /// Whether its state can be saved, so that a run can go on from a checkpoint.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub saves: bool,
 }
 
 /// A named fault of a plant: which faultable parameters it moves, and how.
@@ -153,6 +156,9 @@ pub struct FaultKindDescription {
     /// A list of numbers that an effect may or must give besides.
     #[serde(default)]
     pub list: Option<ListDescription>,
+    /// Whether its state can be saved, so that a run can go on from a checkpoint.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub saves: bool,
 }
 
 /// What a kind of fault acts on, and so which targets its effects may have.
@@ -219,6 +225,9 @@ pub struct LawDescription {
     /// Inner quantities it shows.
     #[serde(default)]
     pub internals: Vec<Field>,
+    /// Whether its state can be saved, so that a run can go on from a checkpoint.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub saves: bool,
 }
 
 /// Values by name, as a job file carries them.

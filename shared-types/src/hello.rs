@@ -10,7 +10,7 @@ use crate::describe::PROTOCOL;
 use crate::frame::Seal;
 use crate::layout::{SignalKind, SignalTable, Unbound, layout_hash};
 use crate::table::Field;
-use crate::time::Rate;
+use crate::time::{Rate, Step};
 
 /// A control message, JSON on the wire.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -85,6 +85,9 @@ pub struct Welcome {
     pub rate: Rate,
     /// Number of steps.
     pub steps: u64,
+    /// The first of them that is exchanged: not 0 in a run that goes on from a checkpoint.
+    #[serde(default, skip_serializing_if = "is_start")]
+    pub first: Step,
     /// The plant does not wait for commands: samples may be replaced before they are received.
     pub against_clock: bool,
     /// What a sample frame carries, in order.
@@ -150,6 +153,11 @@ pub enum Refused {
     },
 }
 
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's contract")]
+fn is_start(first: &Step) -> bool {
+    *first == Step(0)
+}
+
 fn list(signals: &[String]) -> String {
     signals.join("; ")
 }
@@ -165,6 +173,8 @@ pub struct Offer<'a> {
     pub rate: Rate,
     /// Number of steps.
     pub steps: u64,
+    /// The first of them that is exchanged.
+    pub first: Step,
     /// Whether the plant does not wait for commands.
     pub against_clock: bool,
     /// Measured signals.
@@ -228,6 +238,7 @@ pub fn agree(hello: &Hello, offer: &Offer<'_>) -> Result<Welcome, Refused> {
         layout: layout_hash(&sample, &command),
         rate: offer.rate,
         steps: offer.steps,
+        first: offer.first,
         against_clock: offer.against_clock,
         sample,
         command,
@@ -262,6 +273,7 @@ mod tests {
                 epoch: 1,
                 rate: Rate::new(10.0).expect("legal"),
                 steps: 3,
+                first: Step(0),
                 against_clock: false,
                 measured: &[field("extra_rad"), field("angle_rad")],
                 reference: &[field("angle_rad")],

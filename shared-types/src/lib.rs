@@ -14,12 +14,14 @@
 //! each [`process`] in it known by more than its number;
 //! [`live`] is how another terminal talks to it while it runs, and [`directive`] what a fault of
 //! timing tells a runner. [`supervision`] is what its processes hear from the one that started them and [`program`] what
-//! they have in common; [`random`] gives
+//! they have in common. A [`checkpoint`] keeps the [`state`] of both sides before a step, so that a run
+//! can go on from there; [`random`] gives
 //! each consumer of random numbers a stream of its own; [`clock`] is the meters' clock;
 //! [`realtime`] is what a process can ask of the system for its loop.
 
 extern crate self as shared_types; // the names that `table!` writes must hold in here too
 
+pub mod checkpoint;
 pub mod clock;
 pub mod describe;
 pub mod digest;
@@ -37,6 +39,7 @@ pub mod random;
 pub mod realtime;
 pub mod record;
 pub mod session;
+pub mod state;
 pub mod stream;
 pub mod supervision;
 pub mod surroundings;

@@ -11,7 +11,7 @@
 //! | one for each 64 command signals, at least 1 | invalid bits of commands and internals |
 //! | truth, measured, reference, command, applied, internal | `f64` each |
 //! | sensed, stimulus, parameter | `f64` each, outside the digest |
-//! | 13 | [`Timing`], outside the digest |
+//! | 14 | [`Timing`], outside the digest |
 //!
 //! `measured` and `reference` are what the controller got, faults of signals and of the link
 //! included; `sensed` and `stimulus` are the same signals before any fault. `command` is what the
@@ -26,7 +26,7 @@ use crate::pacer::Streaks;
 use crate::table::Field;
 
 /// Version of records and of the recording made of them.
-pub const RECORD_VERSION: u32 = 3;
+pub const RECORD_VERSION: u32 = 4;
 
 /// The groups of signals in a record, in order; also the prefixes in expressions. The digest covers
 /// the first [`HASHED_GROUPS`].
@@ -98,6 +98,9 @@ pub struct Timing {
     pub plant_surroundings: u64,
     /// What happened to the controller's thread.
     pub controller_surroundings: u64,
+    /// What the controller's runner was told with the sample
+    /// ([`Directive`](crate::directive::Directive)).
+    pub directive: u64,
 }
 
 impl Timing {
@@ -116,6 +119,7 @@ impl Timing {
         "answered",
         "plant_surroundings",
         "controller_surroundings",
+        "directive",
     ];
     /// Number of words.
     pub const WORDS: usize = size_of::<Self>() / size_of::<u64>();
@@ -356,7 +360,7 @@ mod tests {
         assert_eq!(layout.values_start(), 1 + 2 + 1);
         assert_eq!(layout.values(), 3 + 60 + 5 + 2 + 2 + 1 + 60 + 5 + 4);
         assert_eq!(layout.hashed_words(), 4 + 73);
-        assert_eq!(layout.words(), 4 + 142 + 13);
+        assert_eq!(layout.words(), 4 + 142 + 14);
     }
 
     #[test]
@@ -368,11 +372,7 @@ mod tests {
         *words.last_mut().expect("long enough") = 99;
         let view = layout.view(&words);
         assert_eq!(
-            (
-                view.step,
-                view.values[0],
-                view.timing.controller_surroundings
-            ),
+            (view.step, view.values[0], view.timing.directive),
             (42, 1.5, 99)
         );
         assert_eq!(view.hashed.len(), layout.hashed_words());

@@ -341,6 +341,33 @@ pub fn nearest<'a>(wanted: &str, known: impl IntoIterator<Item = &'a str>) -> Ve
     scored.into_iter().take(3).map(|(_, name)| name).collect()
 }
 
+/// A table's row inside something that serde writes.
+pub mod row {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
+
+    use super::Table;
+
+    /// Writes the row.
+    #[expect(clippy::missing_errors_doc, reason = "serde's contract")]
+    pub fn serialize<T: Table, S: Serializer>(table: &T, serializer: S) -> Result<S::Ok, S::Error> {
+        table.row().serialize(serializer)
+    }
+
+    /// Reads the row.
+    #[expect(clippy::missing_errors_doc, reason = "serde's contract")]
+    pub fn deserialize<'de, T: Table, D: Deserializer<'de>>(d: D) -> Result<T, D::Error> {
+        let row = Vec::<f64>::deserialize(d)?;
+        if row.len() == T::LEN {
+            Ok(T::from_row(&row))
+        } else {
+            Err(D::Error::invalid_length(
+                row.len(),
+                &"a number for each column",
+            ))
+        }
+    }
+}
+
 /// Numbers in JSON, where `inf`, `-inf` and `nan` travel as text.
 pub mod number {
     use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};

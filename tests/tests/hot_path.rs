@@ -10,6 +10,7 @@ use hil_config::scenario::Scenario;
 use plant_process::engine::{Engine, Progress};
 use plant_process::faults::kinds;
 use plant_process::models;
+use shared_types::checkpoint::Checkpoints;
 use shared_types::clock::monotonic_ns;
 use shared_types::describe::PROTOCOL;
 use shared_types::link::iceoryx::IceoryxLink;
@@ -212,6 +213,7 @@ fn jobs(session: u64) -> (plant_process::job::Job, controller_process::job::Job)
         missed: Vec::new(),
         pause_at_s: None,
         observed: true,
+        checkpoints: Checkpoints::default(),
         realtime: shared_types::realtime::Settings::default(),
         wait_limit_s: 5.0,
     };
@@ -225,6 +227,7 @@ fn jobs(session: u64) -> (plant_process::job::Job, controller_process::job::Job)
         rate: plan.run.rate,
         rate_divisor: plan.controller.rate_divisor,
         command_delay_steps: plan.controller.command_delay_steps,
+        checkpoints: Checkpoints::default(),
         realtime: shared_types::realtime::Settings::default(),
         wait_limit_s: 5.0,
     };

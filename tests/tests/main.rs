@@ -5,6 +5,7 @@
 //! | [`architecture`] | packages, binaries and dependency arrows |
 //! | [`clocks`] | lockstep, paced and real time; what comes too late and how it is repeated |
 //! | [`audit`] | what depends on more than its samples is caught |
+//! | [`checkpoints`] | a run that goes on is the straight run, and what cannot go on is refused |
 //! | [`cli`] | bad input: a clear error, exit code 2, nothing started |
 //! | [`determinism`] | one digest, however and wherever a scenario runs |
 //! | [`doctor`] | every check once, and a verdict that follows |
@@ -18,6 +19,7 @@
 //! | [`recording`] | what a recording holds, read without the recorder's code |
 //! | [`realtime_settings`] | what was asked of the system, and what it granted |
 //! | [`requirements`] | verdicts live and from the recording, and exit codes |
+//! | [`suite`] | several runs by one command |
 //! | [`survival`] | every law with every kind of fault |
 //!
 //! [`programs`] builds what is run; [`harness`] gives each test a place of its own and a watchdog, and
@@ -29,6 +31,7 @@
 
 mod architecture;
 mod audit;
+mod checkpoints;
 mod cli;
 mod clocks;
 mod determinism;
@@ -48,4 +51,5 @@ mod programs;
 mod realtime_settings;
 mod recording;
 mod requirements;
+mod suite;
 mod survival;

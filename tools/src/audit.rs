@@ -14,9 +14,10 @@ use std::path::Path;
 use serde::Serialize;
 
 use crate::cli::run::{LinkKind, RunArguments, RunOptions};
+use crate::compare::tolerance::Tolerances;
 use crate::compare::{self, Difference};
 use crate::exit::{Exit, Failure};
-use crate::run::{self, Ran, Setup};
+use crate::run::{self, Basis, Ran, Setup};
 use crate::{config, output};
 use conditions::{Condition, Conditions};
 use hil_config::plan::{Clock, Plan};
@@ -47,15 +48,18 @@ struct Repetition {
 pub(crate) fn audit(arguments: &RunArguments) -> Result<Exit, Failure> {
     let options = &arguments.options;
     let setup = Setup::find(options)?;
-    let plan = config::read(
-        &arguments.scenario,
-        &options.changes,
-        &setup.binaries,
-        options.json,
-    )?;
+    let [scenario] = &arguments.scenarios[..] else {
+        return Err(Failure::usage("--audit takes one scenario"));
+    };
+    if arguments.repeat > 1 || arguments.junit.is_some() || arguments.markdown.is_some() {
+        return Err(Failure::usage(
+            "--audit repeats the scenario itself and tells of it in summary.json; leave out --repeat, --junit and --markdown",
+        ));
+    }
+    let plan = config::read(scenario, &options.changes, &setup.binaries, options.json)?;
     refuse(&plan, options)?;
 
-    let reference = run::execute(plan.clone(), setup.clone(), options, None)?;
+    let reference = run::execute(plan.clone(), setup.clone(), options, Basis::Scenario)?;
     let is_over = matches!(reference.exit, Exit::Pass | Exit::Failed);
     let (Some(digest), Some(recording), true) = (&reference.digest, &reference.recording, is_over)
     else {
@@ -109,6 +113,8 @@ fn refuse(plan: &Plan, options: &RunOptions) -> Result<(), Failure> {
         "--audit changes how two processes are scheduled, and --link in-process has one; leave it out"
     } else if options.pause_at.is_some() {
         "--audit runs by itself; leave out --pause-at"
+    } else if !options.checkpoints.checkpoint_at.is_empty() {
+        "--audit keeps nothing to go on from; leave out --checkpoint-at"
     } else if plan.run.clock == Clock::Realtime {
         "in real time a run depends on what comes too late; audit it with --clock lockstep"
     } else {
@@ -130,7 +136,7 @@ fn repeat(
         ..options.clone()
     };
     let noise = condition.noise.then(Noise::begin);
-    let ran = run::execute(condition.plan.clone(), setup, &options, None);
+    let ran = run::execute(condition.plan.clone(), setup, &options, Basis::Scenario);
     drop(noise);
     ran
 }
@@ -146,7 +152,7 @@ fn compared(
     let agrees = again.digest.as_deref() == Some(digest);
     let first_difference = match &again.recording {
         Some(other) if !agrees => {
-            let comparison = compare::compare(recording, other, &[], 0.0)?;
+            let comparison = compare::compare(recording, other, &[], &Tolerances::default())?;
             comparison.first_difference().cloned()
         }
         _ => None,

@@ -45,13 +45,7 @@ impl Binaries {
     /// If one is missing, cannot be executed or does not speak the protocol.
     pub fn find(arguments: &BinaryArguments, interruption: &Interruption) -> Result<Self, Failure> {
         let plant = Binary::plant(arguments.plant_bin.as_deref(), interruption)?;
-        let path = arguments.controller_bin.as_deref();
-        let controller =
-            Binary::find(path, "controller-process", "--controller-bin", interruption)?;
-        if controller.description.laws.is_empty() {
-            let path = controller.path.display();
-            return Err(Failure::usage(format!("{path} describes no control law")));
-        }
+        let controller = Binary::controller(arguments.controller_bin.as_deref(), interruption)?;
         Ok(Self { plant, controller })
     }
 
@@ -87,6 +81,20 @@ impl Binary {
             )));
         }
         Ok(plant)
+    }
+
+    /// Finds a controller and asks what it is.
+    ///
+    /// # Errors
+    /// If it is missing, cannot be executed or does not speak the protocol.
+    pub fn controller(given: Option<&Path>, interruption: &Interruption) -> Result<Self, Failure> {
+        let name = "controller-process";
+        let controller = Self::find(given, name, "--controller-bin", interruption)?;
+        if controller.description.laws.is_empty() {
+            let path = controller.path.display();
+            return Err(Failure::usage(format!("{path} describes no control law")));
+        }
+        Ok(controller)
     }
 
     fn find(

@@ -2,13 +2,16 @@
 //!
 //! One file for each group of commands, and here what they share.
 
+pub mod checkpoint;
 pub mod clock;
 pub mod config;
 pub mod doctor;
+pub mod export;
 pub mod inject;
 pub mod latency;
 pub mod realtime;
 pub mod recordings;
+pub mod replay;
 pub mod run;
 
 use std::path::PathBuf;
@@ -19,9 +22,11 @@ use clap_complete::Shell;
 use clock::{ClockArguments, StepArguments};
 use config::{ConfigArguments, SessionsArguments};
 use doctor::DoctorArguments;
+use export::ExportArguments;
 use inject::InjectArguments;
 use latency::{LatencyArguments, LatencyPeerArguments};
 use recordings::{CompareArguments, JudgeArguments, ScenarioCommand};
+use replay::ReplayArguments;
 use run::{RerunArguments, RunArguments};
 
 /// Hardware-in-the-loop runs of a plant and a controller in deterministic lockstep
@@ -60,6 +65,9 @@ pub enum Command {
         after_help = "Exit codes: 0 the same digest; 1 another.\n\nExample:\n  hil rerun runs/demo"
     )]
     Rerun(RerunArguments),
+    /// Give recorded samples to a controller and compare its answers with the recorded ones
+    #[command(after_help = replay::HELP)]
+    Replay(ReplayArguments),
     /// Compare two recorded runs step by step
     #[command(after_help = "\
 Exit codes: 0 the same, or within the tolerance; 1 different; 2 not comparable.
@@ -71,6 +79,9 @@ Examples:
     /// Judge a recorded run by its own requirements, or by those of another scenario
     #[command(after_help = recordings::JUDGE_EXAMPLES)]
     Judge(JudgeArguments),
+    /// Write signals of a recorded run to a CSV or Parquet file
+    #[command(after_help = export::EXAMPLES)]
+    Export(ExportArguments),
     /// Make scenarios from runs
     Scenario(ScenarioCommand),
     /// Check a scenario, show it complete, or print its schema

@@ -4,6 +4,8 @@
 //! covers: a fault event, a validity bit or a signal; sizes of differences are per signal and over
 //! the steps that both have. `hil rerun` uses the same comparison.
 
+mod deviation;
+pub mod tolerance;
 mod work;
 
 use std::fmt::Write as _;
@@ -16,6 +18,9 @@ use crate::cli::recordings::CompareArguments;
 use crate::exit::{Exit, Failure};
 use crate::output;
 use crate::run_reader::{ReadError, RunReader};
+pub use deviation::SignalDifference;
+pub(crate) use deviation::{Deviation, is_near, write_table};
+use tolerance::Tolerances;
 use work::Work;
 
 /// Two runs, compared.
@@ -85,19 +90,6 @@ impl std::fmt::Display for Difference {
     }
 }
 
-/// By how much a signal differs.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-struct SignalDifference {
-    name: String,
-    unit: String,
-    max_abs_difference: f64,
-    /// Where that is; null if the signal is nowhere a number in both.
-    at_step: Option<u64>,
-    rms_difference: f64,
-    /// Steps at which it is a finite number in at most one of them and not the same in both.
-    incomparable_steps: u64,
-}
-
 /// Two runs cannot be compared.
 #[derive(Debug, thiserror::Error)]
 pub enum CompareError {
@@ -120,13 +112,8 @@ impl From<CompareError> for Failure {
 /// # Errors
 /// If the runs cannot be read or compared.
 pub fn command(arguments: &CompareArguments) -> Result<Exit, Failure> {
-    let tolerance = arguments.tolerance;
-    if tolerance.is_nan() || tolerance < 0.0 {
-        return Err(Failure::usage(format!(
-            "--tolerance takes a number of at least 0, not {tolerance}"
-        )));
-    }
-    let comparison = compare(&arguments.a, &arguments.b, &arguments.signal, tolerance)?;
+    let tolerances = Tolerances::typed(&arguments.tolerance);
+    let comparison = compare(&arguments.a, &arguments.b, &arguments.signal, &tolerances)?;
     output::write(&if arguments.json {
         let json = serde_json::to_string_pretty(&comparison).map_err(Failure::infrastructure)?;
         json + "\n"
@@ -147,7 +134,7 @@ pub fn compare(
     a: &Path,
     b: &Path,
     signals: &[String],
-    tolerance: f64,
+    tolerances: &Tolerances,
 ) -> Result<Comparison, CompareError> {
     let (mut reader_a, mut reader_b) = (RunReader::open(a)?, RunReader::open(b)?);
     let (rate, rate_b) = (reader_a.rate()?, reader_b.rate()?);
@@ -158,7 +145,7 @@ pub fn compare(
         );
         return Err(CompareError::NotComparable(what));
     }
-    let mut work = Work::new(&reader_a, &reader_b, rate, signals)?;
+    let mut work = Work::new(&reader_a, &reader_b, rate, signals, tolerances)?;
     loop {
         let (in_a, in_b) = (reader_a.advance()?, reader_b.advance()?);
         if in_a && in_b {
@@ -171,7 +158,7 @@ pub fn compare(
         // To their ends: their digests are those of all they have.
         while reader_a.advance()? {}
         while reader_b.advance()? {}
-        return Ok(work.finish(&reader_a, &reader_b, (a, b), tolerance));
+        return Ok(work.finish(&reader_a, &reader_b, (a, b)));
     }
 }
 
@@ -240,41 +227,14 @@ impl Comparison {
         if self.signals.is_empty() {
             return Ok(());
         }
-        let width = self
-            .signals
-            .iter()
-            .map(|signal| signal.name.len())
-            .max()
-            .unwrap_or(0)
-            .max(6);
-        writeln!(
-            text,
-            "\n  {:<width$}  {:>12}  {:>9}  {:>12}",
-            "signal", "max |a - b|", "at step", "rms"
-        )?;
-        for signal in &self.signals {
-            let SignalDifference {
-                name,
-                unit,
-                max_abs_difference: max,
-                rms_difference: rms,
-                incomparable_steps,
-                ..
-            } = signal;
-            let at_step = signal
-                .at_step
-                .map_or_else(|| "-".into(), |step| step.to_string());
-            write!(
-                text,
-                "  {name:<width$}  {max:>12.5e}  {at_step:>9}  {rms:>12.5e} {unit}"
-            )?;
-            if *incomparable_steps > 0 {
-                write!(text, ", not both numbers at {incomparable_steps} steps")?;
-            }
-            writeln!(text)?;
-        }
-        Ok(())
+        write_table(text, &self.signals, "max |a - b|")
     }
+}
+
+/// A signal's value in JSON; what that has no number for, as text.
+pub(crate) fn number(value: f64) -> Value {
+    serde_json::Number::from_f64(value)
+        .map_or_else(|| Value::from(value.to_string()), Value::Number)
 }
 
 #[cfg(test)]

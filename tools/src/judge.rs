@@ -10,7 +10,6 @@ use std::path::Path;
 use hil_config::evaluation::Evaluation;
 use hil_config::expression::{Columns, Group};
 use hil_config::plan::Plan;
-use hil_config::requirements::RequirementValue;
 use serde::Serialize;
 use shared_types::describe::Description;
 use shared_types::record::Event;
@@ -19,10 +18,11 @@ use shared_types::time::Step;
 
 use crate::cli::recordings::JudgeArguments;
 use crate::exit::{Exit, Failure};
+use crate::output;
 use crate::repetition;
+use crate::requirements::{self, Requirement};
 use crate::run_reader::{ReadError, RunReader};
 use crate::summary::{Metric, write_metrics};
-use crate::{output, requirements};
 
 /// What came of a recorded run.
 #[derive(Clone, Debug, Serialize)]
@@ -35,7 +35,7 @@ pub struct Judgement {
     outcome: Option<String>,
     records: u64,
     metrics: Vec<Metric>,
-    requirements: Vec<RequirementValue>,
+    requirements: Vec<Requirement>,
 }
 
 /// Runs the command.
@@ -85,7 +85,9 @@ fn judged(run: &Path, by: Option<&Path>) -> Result<(Judgement, Plan), Failure> {
         }
         evaluation.observe(Step(reader.step()), &row);
     }
-    let requirements = evaluation.requirements();
+    let requirements: Vec<Requirement> = (evaluation.requirements().iter())
+        .map(Requirement::from)
+        .collect();
     let verdict = match outcome.as_deref() {
         Some("completed") => requirements::verdict(&requirements),
         _ => "aborted",

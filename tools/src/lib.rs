@@ -13,9 +13,12 @@
 //! While it runs, another terminal asks its plant over [`live`]: [`inject`] puts faults into it,
 //! [`clock`] holds it and lets it go on. Afterwards [`run_reader`] reads the recording: [`compare`]
 //! finds where two runs differ, [`repetition`] makes the scenario that repeats one, live faults
-//! included, and [`rerun`] runs that; [`judge`] evaluates metrics and [`requirements`] once more, or others.
+//! included, and [`rerun`] runs that; [`judge`] evaluates metrics and [`requirements`] once more, or
+//! others; [`export`] makes a table of it for other programs.
 //!
-//! `audit` repeats a run under conditions that must not matter, `missed` finds what came too late in
+//! A [`checkpoint`] keeps the state of both sides before a step, for another run to go on from.
+//!
+//! `suite` makes one verdict table of several runs, `audit` repeats a run under conditions that must not matter, `missed` finds what came too late in
 //! a recorded one.
 //!
 //! [`doctor`] judges the machine that it all runs on, [`latency`] measures the loop on it. [`config`]
@@ -26,6 +29,7 @@ use std::io::IsTerminal;
 
 mod audit;
 pub mod binaries;
+pub mod checkpoint;
 pub mod cli;
 pub mod clock;
 pub mod compare;
@@ -33,6 +37,7 @@ pub mod config;
 pub mod doctor;
 pub mod duration;
 pub mod exit;
+pub mod export;
 pub mod faults;
 pub mod folder;
 pub mod inject;
@@ -46,11 +51,13 @@ pub mod progress;
 pub mod recorder;
 pub mod recording;
 pub mod repetition;
+pub mod replay;
 pub mod requirements;
 pub mod rerun;
 pub mod run;
 pub mod run_reader;
 pub mod sessions;
+mod suite;
 pub mod summary;
 
 use cli::recordings::ScenarioAction;
@@ -75,8 +82,10 @@ pub fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
             clock::clock(&arguments.session, &request)
         }
         Command::Rerun(arguments) => rerun::rerun(arguments),
+        Command::Replay(arguments) => replay::replay(arguments),
         Command::Compare(arguments) => compare::command(arguments),
         Command::Judge(arguments) => judge::judge(arguments),
+        Command::Export(arguments) => export::export(arguments),
         Command::Scenario(arguments) => match &arguments.action {
             ScenarioAction::From(arguments) => repetition::scenario_from(arguments),
         },

@@ -10,6 +10,7 @@ pub struct Progress {
     bar: ProgressBar,
     rate: Rate,
     pause: Option<Pause>,
+    shown: bool,
 }
 
 /// A hold that was asked for before the run.
@@ -19,11 +20,11 @@ struct Pause {
 }
 
 impl Progress {
-    /// A bar for so many steps.
+    /// A bar for so many steps; not shown if several share the terminal.
     #[must_use]
-    pub fn new(steps: u64, rate: Rate) -> Self {
+    pub fn new(steps: u64, rate: Rate, shown: bool) -> Self {
         let bar = ProgressBar::new(steps);
-        if !crate::person_watches() {
+        if !shown || !crate::person_watches() {
             bar.set_draw_target(ProgressDrawTarget::hidden());
         }
         let total_s = rate.seconds(Step(steps));
@@ -51,6 +52,7 @@ impl Progress {
             bar,
             rate,
             pause: None,
+            shown,
         }
     }
 
@@ -81,7 +83,7 @@ impl Progress {
 impl Drop for Progress {
     fn drop(&mut self) {
         self.bar.finish_and_clear();
-        if crate::person_watches() {
+        if self.shown && crate::person_watches() {
             // Ctrl-C shows as `^C` in the bar's line, which the bar does not know of.
             eprint!("\r\x1b[2K");
         }

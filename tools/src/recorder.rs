@@ -23,11 +23,15 @@ use shared_types::session::SessionInfo;
 use shared_types::stream::{Item, RecordSource};
 use shared_types::time::Step;
 
+use crate::checkpoint::past::PastRecords;
 use crate::cli::run::Compression;
+use crate::exit::Failure;
 use crate::faults::{FaultLog, LiveFault};
+use crate::interruption::Interruption;
 use crate::latency::{Latency, LatencySummary};
 use crate::recording::{Provenance, Recording};
 use crate::run::realtime;
+use crate::run_reader::{ReadError, RunReader};
 
 /// How often it is looked whether the stream is there.
 const LOOK: Duration = Duration::from_micros(500);
@@ -56,14 +60,17 @@ pub struct Recorded {
     pub end: Option<RunEnd>,
     /// What happened to faults.
     pub faults: FaultLog,
-    /// Records taken.
+    /// Records taken, those of the past included.
     pub records: u64,
+    /// How many of them are those that the run went on from.
+    pub past_records: u64,
     /// Items lost on the way.
     pub lost: u64,
     /// The digest; `None` if something was lost.
     pub digest: Option<String>,
-    /// The digest after the first records, if it was asked for and there were so many.
-    pub partial_digest: Option<String>,
+    /// The digests after the first records, by how many, as far as they were asked for and there
+    /// were so many.
+    pub partial_digests: BTreeMap<u64, String>,
     /// Metrics.
     pub metrics: Vec<MetricValue>,
     /// Requirements.
@@ -79,26 +86,29 @@ pub struct Recorded {
 /// The recorder thread as its owner sees it.
 pub struct Recorder {
     shared: Arc<Shared>,
-    thread: JoinHandle<Recorded>,
+    thread: Option<JoinHandle<Recorded>>,
 }
 
 #[derive(Default)]
 struct Shared {
     /// The stream will get no more items than are in it.
     finish: AtomicBool,
+    /// The records that the run goes on from are taken.
+    recalled: AtomicBool,
     /// Something went wrong; the run makes no sense any more.
     failed: AtomicBool,
     next_step: AtomicU64,
 }
 
 impl Recorder {
-    /// Starts the thread. `partial` is after how many records the digest is wanted besides. What
-    /// `prepare` returns is called there, again and again, until it gives
+    /// Starts the thread. `marks` are after how many records the digest is wanted besides, `past` the
+    /// records that the run goes on from, which are taken first. What `prepare` returns is called there, again and again, until it gives
     /// the stream and its layout.
     pub fn start<S, A>(
         plan: Plan,
         recording: Option<RecordingPlan>,
-        partial: Option<u64>,
+        marks: Vec<u64>,
+        past: Option<PastRecords>,
         prepare: impl FnOnce() -> A + Send + 'static,
     ) -> Self
     where
@@ -109,11 +119,15 @@ impl Recorder {
         let theirs = Arc::clone(&shared);
         let thread = std::thread::spawn(move || {
             let mut attach = prepare();
-            let mut work = Work::new(plan, recording, partial, Arc::clone(&theirs));
+            let mut work = Work::new(plan, recording, marks, Arc::clone(&theirs));
+            if let Some(past) = &past {
+                work.recall(past);
+            }
+            theirs.recalled.store(true, Ordering::Release);
             loop {
                 match attach() {
                     Ok(Some((mut source, layout))) => {
-                        work.open(layout);
+                        work.attach(layout);
                         work.drain(&mut source);
                         break;
                     }
@@ -127,7 +141,25 @@ impl Recorder {
             }
             work.finish()
         });
-        Self { shared, thread }
+        Self {
+            shared,
+            thread: Some(thread),
+        }
+    }
+
+    /// Waits until the records that the run goes on from are taken: before it begins, so that no side
+    /// has to wait for them.
+    ///
+    /// # Errors
+    /// If the user does not want it any more.
+    pub fn recall(&self, interruption: &Interruption) -> Result<(), Failure> {
+        while !self.shared.recalled.load(Ordering::Acquire) {
+            if interruption.came() {
+                return Err(Failure::Interrupted);
+            }
+            std::thread::sleep(LOOK);
+        }
+        Ok(())
     }
 
     /// The step after the last one recorded.
@@ -146,11 +178,23 @@ impl Recorder {
     ///
     /// # Errors
     /// If the thread panicked.
-    pub fn finish(self) -> Result<Recorded, String> {
+    pub fn finish(mut self) -> Result<Recorded, String> {
         self.shared.finish.store(true, Ordering::Release);
-        self.thread
-            .join()
-            .map_err(|_| "the recorder panicked".into())
+        let recorded = self.thread.take().map(JoinHandle::join);
+        match recorded {
+            Some(Ok(recorded)) => Ok(recorded),
+            Some(Err(_)) | None => Err("the recorder panicked".into()),
+        }
+    }
+}
+
+impl Drop for Recorder {
+    fn drop(&mut self) {
+        // Of a run that could not be started nothing will come.
+        self.shared.finish.store(true, Ordering::Release);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join(); // whatever it has, nobody asks for it
+        }
     }
 }
 
@@ -159,8 +203,10 @@ struct Work {
     plan: Plan,
     recording_plan: Option<RecordingPlan>,
     /// After how many records the digest is wanted besides.
-    partial: Option<u64>,
+    marks: Vec<u64>,
     shared: Arc<Shared>,
+    /// The records that come are those of this run, not those that it goes on from.
+    is_live: bool,
     layout: RecordLayout,
     recording: Option<Recording>,
     evaluation: Option<Evaluation>,
@@ -175,7 +221,7 @@ impl Work {
     fn new(
         plan: Plan,
         recording_plan: Option<RecordingPlan>,
-        partial: Option<u64>,
+        marks: Vec<u64>,
         shared: Arc<Shared>,
     ) -> Self {
         let latency = Latency::default();
@@ -183,9 +229,10 @@ impl Work {
             end: None,
             faults: FaultLog::default(),
             records: 0,
+            past_records: 0,
             lost: 0,
             digest: None,
-            partial_digest: None,
+            partial_digests: BTreeMap::new(),
             metrics: Vec::new(),
             requirements: Vec::new(),
             latency: latency.summary(),
@@ -195,8 +242,9 @@ impl Work {
         Self {
             plan,
             recording_plan,
-            partial,
+            marks,
             shared,
+            is_live: true,
             layout: RecordLayout::default(),
             recording: None,
             evaluation: None,
@@ -208,6 +256,60 @@ impl Work {
         }
     }
 
+    /// Takes the records that the run goes on from, with what happened between them.
+    fn recall(&mut self, past: &PastRecords) {
+        self.open(past.layout.clone());
+        self.is_live = false;
+        let from = past.recording.display();
+        if let Err(error) = self.recall_records(past) {
+            self.fail(format!("cannot go on from {from}: {error}"));
+        } else if self.recorded.records != past.count || self.digest.clone().finish() != past.digest
+        {
+            self.fail(format!(
+                "cannot go on from {from}: it changed since it was looked at"
+            ));
+        }
+        self.is_live = true;
+        self.recorded.past_records = self.recorded.records;
+    }
+
+    fn recall_records(&mut self, past: &PastRecords) -> Result<(), ReadError> {
+        let mut reader = RunReader::open(&past.recording)?;
+        while reader.records() < past.count
+            && !self.shared.finish.load(Ordering::Acquire)
+            && reader.advance()?
+        {
+            for event in reader.events() {
+                self.take(Item::Event(event.clone()));
+            }
+            self.take(Item::Record(reader.words()));
+        }
+        Ok(())
+    }
+
+    /// What the records of this run will hold is known, and what both sides run with.
+    fn attach(&mut self, layout: RecordLayout) {
+        let facts: BTreeMap<String, String> = match &self.recording_plan {
+            Some(plan) => realtime::facts(&plan.session).collect(),
+            None => BTreeMap::new(),
+        };
+        if self.recorded.records == 0 {
+            if let Some(plan) = &mut self.recording_plan {
+                plan.provenance.facts.extend(facts);
+            }
+            self.open(layout);
+            return;
+        }
+        if layout != self.layout {
+            self.fail("the records have other signals than those that the run goes on from".into());
+        }
+        let written = match &mut self.recording {
+            Some(recording) => recording.facts(facts),
+            None => Ok(()),
+        };
+        self.note(written);
+    }
+
     fn open(&mut self, layout: RecordLayout) {
         let mut columns = Columns::default();
         for (group, fields) in Group::ALL.into_iter().zip(layout.groups()) {
@@ -216,9 +318,6 @@ impl Work {
         match Evaluation::new(&self.plan, &columns) {
             Ok(evaluation) => self.evaluation = Some(evaluation),
             Err(error) => self.fail(format!("cannot evaluate the scenario: {error}")),
-        }
-        if let Some(plan) = &mut self.recording_plan {
-            (plan.provenance.facts).extend(realtime::facts(&plan.session));
         }
         if let Some(plan) = &self.recording_plan {
             match Recording::create(&plan.path, plan.compression, &layout, &plan.provenance) {
@@ -262,15 +361,19 @@ impl Work {
             Item::Record(words) if words.len() == self.layout.words() => {
                 let view = self.layout.view(words);
                 self.digest.record(view.hashed);
-                self.latency.take(view.step, &view.timing);
                 if let Some(evaluation) = &mut self.evaluation {
                     evaluation.observe(Step(view.step), view.values);
                 }
-                self.first_ns.get_or_insert(view.timing.published_ns);
-                self.last_ns = view.timing.published_ns;
+                if self.is_live {
+                    self.latency.take(view.step, &view.timing);
+                    self.first_ns.get_or_insert(view.timing.published_ns);
+                    self.last_ns = view.timing.published_ns;
+                }
                 self.recorded.records += 1;
-                if self.partial == Some(self.recorded.records) && self.recorded.lost == 0 {
-                    self.recorded.partial_digest = Some(self.digest.clone().finish());
+                let records = self.recorded.records;
+                if self.marks.contains(&records) && self.recorded.lost == 0 {
+                    let digest = self.digest.clone().finish();
+                    self.recorded.partial_digests.insert(records, digest);
                 }
                 (self.shared.next_step).store(view.step + 1, Ordering::Relaxed);
                 let written = match &mut self.recording {

@@ -29,6 +29,8 @@ const CHUNK_TIME: Duration = Duration::from_millis(100);
 /// A chunk of so many bytes is closed. With the message that makes it full it stays far below the
 /// 4 MiB of an LZ4 block.
 const CHUNK_BYTES: usize = 1 << 20;
+/// The facts of a run; there may be several lists of them, one after another.
+const FACTS: &str = "hil.run";
 /// Channels: records and events.
 const CHANNELS: u16 = 2;
 
@@ -76,7 +78,7 @@ impl Recording {
         let library = concat!("hil ", env!("CARGO_PKG_VERSION"));
         let mut file = McapFile::create(path, "ros2", library)?;
         file.metadata(Metadata {
-            name: "hil.run".into(),
+            name: FACTS.into(),
             metadata: provenance.facts.clone(),
         })?;
         for enclosure in &provenance.enclosures {
@@ -101,6 +103,17 @@ impl Recording {
             chunk: Chunk::new(compression, CHANNELS)?,
             last_time_ns: 0,
             sequence: 0,
+        })
+    }
+
+    /// Writes down more facts of the run.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn facts(&mut self, facts: BTreeMap<String, String>) -> io::Result<()> {
+        self.file.metadata(Metadata {
+            name: FACTS.into(),
+            metadata: facts,
         })
     }
 

@@ -23,6 +23,7 @@ use crate::faults::{FaultLog, LiveFault};
 use crate::missed::Collector;
 use crate::output;
 use crate::run_reader::{ReadError, RunReader};
+use crate::summary::CHANGED_FAULTS;
 
 /// A recorded run, read to its end.
 pub struct RecordedRun {
@@ -76,6 +77,15 @@ impl RecordedRun {
     pub fn read(run: &Path) -> Result<Self, Failure> {
         let refused = |error: ReadError| Failure::usage(error);
         let mut reader = RunReader::open(run).map_err(refused)?;
+        if let Some(faults) = reader.fact(CHANGED_FAULTS) {
+            let (run, from) = (
+                run.display(),
+                reader.fact("resumed_from").unwrap_or_default(),
+            );
+            return Err(Failure::usage(format!(
+                "{run} went on from a checkpoint with other sizes of fault {faults}, which had begun: no scenario repeats that; `hil run --from {from}` with the same --set does"
+            )));
+        }
         let plant: Description = reader.enclosed("plant-description.json").map_err(refused)?;
         let controller: Description = reader
             .enclosed("controller-description.json")
@@ -200,10 +210,7 @@ impl RecordedRun {
     }
 }
 
-/// A scenario's plan, by what plant and controller said of themselves.
-///
-/// # Errors
-/// Everything that is wrong with it.
+/// Checks the scenario of a recording against what that says of its plant and controller.
 pub(crate) fn checked(
     text: &str,
     origin: &Path,

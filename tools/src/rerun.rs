@@ -6,10 +6,11 @@ use hil_config::scenario::Scenario;
 use serde_json::json;
 
 use crate::cli::run::{ClockKind, RerunArguments};
+use crate::compare::tolerance::Tolerances;
 use crate::compare::{self, Difference};
 use crate::exit::{Exit, Failure};
 use crate::repetition::RecordedRun;
-use crate::run::{self, Repeated, Setup};
+use crate::run::{self, Basis, Repeated, Setup};
 use crate::{config, output, run_reader};
 
 /// Runs the command.
@@ -68,16 +69,17 @@ pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
         records,
         missed: recorded.missed,
     };
-    let ran = run::execute(plan, setup, options, Some(repeated))?;
+    let ran = run::execute(plan, setup, options, Basis::Repeated(repeated))?;
     let found = if is_whole {
         &ran.digest
     } else {
-        &ran.partial_digest
+        &ran.partial_digests.get(&records).cloned()
     };
     let is_same = found.as_ref() == Some(&expected);
     let difference: Option<Difference> = match &ran.recording {
         Some(recording) if !is_same => {
-            let comparison = compare::compare(&arguments.run, recording, &[], 0.0);
+            let comparison =
+                compare::compare(&arguments.run, recording, &[], &Tolerances::default());
             comparison
                 .ok()
                 .and_then(|comparison| comparison.first_difference().cloned())

@@ -1,6 +1,6 @@
 //! Reads a recorded run: its records one by one, its events, and the files that travel with it.
 //!
-//! Used by `hil compare`, `hil rerun` and `hil scenario from`. Goes through the file once and keeps
+//! Used by `hil compare`, `hil export`, `hil rerun` and `hil scenario from`. Goes through the file once and keeps
 //! no record, so the length of a run does not matter. Takes what a file says of itself: the names
 //! of signals come from its schema, so the recording of a plant that is not here can be read. A file
 //! whose writer was killed is read as far as it goes.
@@ -69,6 +69,7 @@ pub struct RunReader {
     events: Vec<Event>,
     records: u64,
     digest: Digest,
+    is_hashing: bool,
     is_whole: bool,
 }
 
@@ -118,6 +119,7 @@ impl RunReader {
             events: Vec::new(),
             records: 0,
             digest: Digest::default(),
+            is_hashing: true,
             is_whole: false,
         };
         // All that is known before a run stands before its channels.
@@ -127,6 +129,13 @@ impl RunReader {
             }
         }
         Ok(reader)
+    }
+
+    /// The same for who does not ask for the digest, which takes longer than all else.
+    #[must_use]
+    pub fn without_digest(mut self) -> Self {
+        self.is_hashing = false;
+        self
     }
 
     fn foreign(&self, what: impl Into<String>) -> ReadError {
@@ -208,13 +217,17 @@ impl RunReader {
                 Next::Other => {}
                 Next::End => return Ok(false),
                 Next::Event(event) => {
-                    if let Event::Fault(taken) = &event {
+                    if let Event::Fault(taken) = &event
+                        && self.is_hashing
+                    {
                         self.digest.fault(taken);
                     }
                     self.events.push(event);
                 }
                 Next::Record => {
-                    self.digest.record(&self.words[..self.hashed_words]);
+                    if self.is_hashing {
+                        self.digest.record(&self.words[..self.hashed_words]);
+                    }
                     self.records += 1;
                     return Ok(true);
                 }
@@ -317,7 +330,8 @@ impl RunReader {
                     self.channels.insert(channel.id, false);
                 }
                 Record::Metadata(metadata) => {
-                    self.metadata.insert(metadata.name, metadata.metadata);
+                    let facts = self.metadata.entry(metadata.name).or_default();
+                    facts.extend(metadata.metadata);
                 }
                 Record::Attachment { header, data, .. } => {
                     let text = String::from_utf8_lossy(&data).into_owned();

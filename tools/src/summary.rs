@@ -5,7 +5,6 @@ use std::path::Path;
 
 use hil_config::evaluation::MetricValue;
 use hil_config::plan::{Clock, Plan, Published};
-use hil_config::requirements::RequirementValue;
 use serde::Serialize;
 use shared_types::pacer::Streaks;
 use shared_types::record::Outcome;
@@ -13,12 +12,15 @@ use shared_types::session::SessionInfo;
 use shared_types::time::Step;
 
 use crate::binaries::{Binaries, Binary};
+use crate::checkpoint::Made;
+use crate::checkpoint::branch::Branch;
+use crate::checkpoint::past::Past;
 use crate::doctor::measure::shown_ns;
 use crate::faults::Fault;
 use crate::latency::Legs;
 use crate::latency::grade::Graded;
 use crate::latency::spikes::Spike;
-use crate::requirements;
+use crate::requirements::{self, Requirement};
 use crate::run::Ended;
 use crate::run::realtime::Realtime;
 
@@ -29,11 +31,11 @@ const SCHEMA: u32 = 1;
 #[derive(Clone, Debug, Serialize)]
 pub struct Summary {
     schema: u32,
-    scenario: String,
-    session: String,
+    pub(crate) scenario: String,
+    pub(crate) session: String,
     evidence: &'static str,
-    verdict: &'static str,
-    reason: Option<String>,
+    pub(crate) verdict: &'static str,
+    pub(crate) reason: Option<String>,
     clock: &'static str,
     /// Null in lockstep.
     overruns: Option<Overruns>,
@@ -42,11 +44,11 @@ pub struct Summary {
     rate_hz: f64,
     steps: u64,
     sim_time_s: f64,
-    wall_time_s: f64,
-    realtime_factor: f64,
-    digest: Option<String>,
-    metrics: Vec<Metric>,
-    requirements: Vec<RequirementValue>,
+    pub(crate) wall_time_s: f64,
+    pub(crate) realtime_factor: f64,
+    pub(crate) digest: Option<String>,
+    pub(crate) metrics: Vec<Metric>,
+    pub(crate) requirements: Vec<Requirement>,
     faults: Vec<Fault>,
     latency_ns: Legs,
     /// The worst round trips, the longest first.
@@ -59,7 +61,69 @@ pub struct Summary {
     controller: Program,
     plant: Program,
     seed: u64,
+    /// What the run went on from; null if it began at step 0.
+    resumed: Option<Resumed>,
+    /// What it can be gone on from.
+    checkpoints: Vec<Made>,
 }
+
+/// The checkpoint that a run went on from.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Resumed {
+    /// Its folder.
+    checkpoint: String,
+    /// The session that made it.
+    session: String,
+    /// The first step of this run; the records before it are those of the other.
+    step: u64,
+    time_s: f64,
+    /// Digest of the records before it.
+    digest: String,
+    /// Faults that had begun and went on with other sizes.
+    changed_faults: Vec<u32>,
+}
+
+impl Resumed {
+    pub(crate) fn new(past: &Past, branch: Branch) -> Self {
+        let checkpoint = past.checkpoint();
+        Self {
+            checkpoint: past.folder().display().to_string(),
+            session: checkpoint.session.clone(),
+            step: checkpoint.step,
+            time_s: checkpoint.time_s,
+            digest: past.digest().to_owned(),
+            changed_faults: branch.changed_faults,
+        }
+    }
+
+    /// What the recording says of it.
+    pub(crate) fn facts(&self) -> impl Iterator<Item = (String, String)> {
+        let changed: Vec<String> = self.changed_faults.iter().map(u32::to_string).collect();
+        let facts = [
+            ("resumed_from", self.checkpoint.clone()),
+            ("resumed_session", self.session.clone()),
+            ("resumed_step", self.step.to_string()),
+            ("resumed_digest", self.digest.clone()),
+            (CHANGED_FAULTS, changed.join(", ")),
+        ];
+        let told = facts.into_iter().filter(|(_, value)| !value.is_empty());
+        told.map(|(name, value)| (name.to_owned(), value))
+    }
+
+    /// As a person reads it.
+    fn told(&self) -> String {
+        let Self {
+            checkpoint,
+            step,
+            time_s,
+            ..
+        } = self;
+        format!("went on from step {step} ({time_s} s), {checkpoint}")
+    }
+}
+
+/// The fact that names faults which had begun before a checkpoint and went on with other sizes.
+pub(crate) const CHANGED_FAULTS: &str = "changed_faults";
 
 /// Steps that were due before the step before them was done.
 #[derive(Clone, Debug, Serialize)]
@@ -101,11 +165,11 @@ impl Missed {
 /// A metric over a window.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Metric {
-    name: String,
-    window_s: [f64; 2],
+    pub(crate) name: String,
+    pub(crate) window_s: [f64; 2],
     /// Null if no record of the window had the value.
-    value: Option<f64>,
-    unit: String,
+    pub(crate) value: Option<f64>,
+    pub(crate) unit: String,
 }
 
 impl From<&MetricValue> for Metric {
@@ -157,7 +221,11 @@ impl Summary {
         let end = recorded.end.as_ref();
         let steps = end.map_or(recorded.records, |end| end.steps);
         let sim_time_s = plan.run.rate.seconds(Step(steps));
+        let past_s = plan.run.rate.seconds(Step(recorded.past_records));
         let wall_time_s = recorded.wall_time_s;
+        let requirements: Vec<Requirement> = (recorded.requirements.iter())
+            .map(Requirement::from)
+            .collect();
         Self {
             schema: SCHEMA,
             scenario: plan.name.clone(),
@@ -165,7 +233,7 @@ impl Summary {
             evidence,
             verdict: match ended.outcome {
                 Outcome::Completed if recorded.error.is_none() => {
-                    requirements::verdict(&recorded.requirements)
+                    requirements::verdict(&requirements)
                 }
                 _ => "aborted",
             },
@@ -183,13 +251,13 @@ impl Summary {
             sim_time_s,
             wall_time_s,
             realtime_factor: if wall_time_s > 0.0 {
-                sim_time_s / wall_time_s
+                (sim_time_s - past_s) / wall_time_s
             } else {
                 0.0
             },
             digest: recorded.digest.clone(),
             metrics: recorded.metrics.iter().map(Metric::from).collect(),
-            requirements: recorded.requirements.clone(),
+            requirements,
             faults: recorded.faults.faults(&plan.faults, plan.run.rate),
             latency_ns: recorded.latency.legs,
             spikes: recorded.latency.spikes.clone(),
@@ -204,6 +272,18 @@ impl Summary {
             controller: Program::of(&binaries.controller),
             plant: Program::of(&binaries.plant),
             seed: plan.run.seed,
+            resumed: None,
+            checkpoints: Vec::new(),
+        }
+    }
+
+    /// The same of a run that went on from a checkpoint, or that can be gone on from.
+    #[must_use]
+    pub(crate) fn with_checkpoints(self, resumed: Option<Resumed>, made: Vec<Made>) -> Self {
+        Self {
+            resumed,
+            checkpoints: made,
+            ..self
         }
     }
 
@@ -231,6 +311,9 @@ impl Summary {
             "  {} steps, {} s in {:.2} s, {:.1}x real time",
             self.steps, self.sim_time_s, self.wall_time_s, self.realtime_factor
         )?;
+        if let Some(resumed) = &self.resumed {
+            writeln!(text, "  {}", resumed.told())?;
+        }
         let overruns = self.overruns.as_ref();
         let overran = overruns.and_then(|overruns| overruns.steps.told("steps overran"));
         let missed = (self.missed_commands.as_ref())
@@ -258,6 +341,9 @@ impl Summary {
         } else {
             String::new()
         };
+        for checkpoint in &self.checkpoints {
+            writeln!(text, "  {}", checkpoint.told(run_dir))?;
+        }
         let run_dir = run_dir.display();
         match file {
             Some(file) => writeln!(text, "  {records} records{lost} in {run_dir}/{file}"),

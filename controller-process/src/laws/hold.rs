@@ -5,6 +5,7 @@
 //! command table of its own.
 
 use shared_types::describe::{Invalid, LawDescription};
+use shared_types::state::State;
 use shared_types::table::Table;
 
 use crate::controller::{Law, LawKind, Row, Start};
@@ -27,6 +28,14 @@ impl Law for Hold {
     fn step(&mut self, _sample: &Row<'_>, command: &mut [f64], _internals: &mut [f64]) {
         command.fill(self.value);
     }
+
+    fn save(&self) -> Result<State, Invalid> {
+        Ok(State::default()) // it has none
+    }
+
+    fn restore(&mut self, state: &State) -> Result<(), Invalid> {
+        state.read::<()>()
+    }
 }
 
 /// The entry of `hold` in the list of laws.
@@ -43,6 +52,7 @@ pub fn kind() -> LawKind {
             reference: Vec::new(),
             commands: None,
             internals: Vec::new(),
+            saves: true,
         },
         start,
     }

@@ -6,6 +6,8 @@
 pub mod drhas;
 pub mod spring_mass;
 
+use serde::{Deserialize, Serialize};
+
 use super::limit::limited;
 
 /// Gains, in units of the command per unit of the error (and per second or times second).
@@ -31,6 +33,12 @@ pub struct Gains {
 pub struct Pid {
     gains: Gains,
     period_s: f64,
+    state: PidState,
+}
+
+/// What a loop remembers from sample to sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PidState {
     integral: f64,
     last_error: Option<f64>,
     /// Samples without a valid error since the last valid one.
@@ -45,22 +53,31 @@ impl Pid {
         Self {
             gains,
             period_s,
-            integral: 0.0,
-            last_error: None,
-            missed: 0,
-            command: 0.0,
+            state: PidState::default(),
         }
+    }
+
+    /// What it remembers.
+    #[must_use]
+    pub const fn state(&self) -> PidState {
+        self.state
+    }
+
+    /// Goes on with what it remembered.
+    pub const fn restore(&mut self, state: PidState) {
+        self.state = state;
     }
 
     /// The command that answers an error.
     pub fn update(&mut self, error: f64) -> f64 {
-        let elapsed_s = f64::from(self.missed.saturating_add(1)) * self.period_s;
-        let (area, rate) = match self.last_error {
+        let state = &mut self.state;
+        let elapsed_s = f64::from(state.missed.saturating_add(1)) * self.period_s;
+        let (area, rate) = match state.last_error {
             Some(last) => (0.5 * (last + error) * elapsed_s, (error - last) / elapsed_s),
             None => (0.0, 0.0),
         };
-        self.last_error = Some(error);
-        self.missed = 0;
+        state.last_error = Some(error);
+        state.missed = 0;
 
         let Gains {
             proportional: k_p,
@@ -69,21 +86,21 @@ impl Pid {
             limit,
         } = self.gains;
         let rest = k_p * error + k_d * rate;
-        let wanted = rest + k_i * (self.integral + area);
+        let wanted = rest + k_i * (state.integral + area);
         let pushes_further = wanted * k_i * area > 0.0;
         if !(wanted.abs() > limit && pushes_further) {
-            self.integral += area;
+            state.integral += area;
         }
-        let command = rest + k_i * self.integral;
-        self.command = limited(command, limit);
-        self.command
+        let command = rest + k_i * state.integral;
+        state.command = limited(command, limit);
+        state.command
     }
 
     /// The command when the sample is not valid: the last one. Integral and derivative bridge the
     /// gap at the next valid sample.
     pub fn hold(&mut self) -> f64 {
-        self.missed = self.missed.saturating_add(1);
-        self.command
+        self.state.missed = self.state.missed.saturating_add(1);
+        self.state.command
     }
 }
 

@@ -1,5 +1,6 @@
 //! The runner against a plant's end of a link that the test holds in its own hands.
 
+use shared_types::checkpoint::Checkpoints;
 use shared_types::describe::Settings;
 use shared_types::hello::{Offer, agree};
 use shared_types::link::in_process::{InProcessLink, pair};
@@ -84,6 +85,7 @@ fn job(rate_divisor: u32, command_delay_steps: u32) -> Job {
         rate: Rate::new(10.0).expect("legal"),
         rate_divisor,
         command_delay_steps,
+        checkpoints: Checkpoints::default(),
         realtime: shared_types::realtime::Settings::default(),
         wait_limit_s: 1.0,
     }
@@ -105,6 +107,7 @@ fn greet(runner: &mut Runner<'_, InProcessLink>, plant: &mut InProcessLink, rate
         epoch: 1,
         rate: Rate::new(rate_hz).expect("legal"),
         steps: 9,
+        first: Step(0),
         against_clock: false,
         measured: &measured,
         reference: &[],

@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use plant_process::integrate::integrate;
 use plant_process::plant::{Plant, PlantKind};
 use shared_types::describe::Invalid;
+use shared_types::state::StateOf;
 use shared_types::table;
 use shared_types::time::Interval;
 
@@ -54,6 +55,12 @@ impl Plant for Pendulum {
     type Truth = Motion;
     type Measured = Motion;
     type Command = Command;
+
+    // What a checkpoint keeps, so that `hil run --from` can go on; a plant without it runs all the same.
+    fn state() -> Option<StateOf<Self>> {
+        let state = StateOf::new(|plant: &Self| plant.state, |plant, x| plant.state = x);
+        Some(state)
+    }
 
     fn start(parameters: &Parameters) -> Result<Self, Invalid> {
         let (parameters, state) = (*parameters, [parameters.initial_angle_rad, 0.0]);

@@ -68,6 +68,7 @@ pub(crate) fn plants() -> Vec<PlantDescription> {
             ("actuator1_valve_current_a", "A"),
             ("actuator2_valve_current_a", "A"),
         ]),
+        saves: false,
         faults: vec![
             FaultDescription {
                 kind: "leakage".into(),
@@ -112,6 +113,7 @@ pub(crate) fn plants() -> Vec<PlantDescription> {
         truth: signals(&[("position_m", "m"), ("velocity_mps", "m/s")]),
         measured: signals(&[("position_m", "m"), ("velocity_mps", "m/s")]),
         commands: signals(&[("force_n", "N")]),
+        saves: false,
         faults: vec![FaultDescription {
             kind: "softening".into(),
             summary: "The spring softens.".into(),
@@ -141,6 +143,7 @@ fn kind(name: &str, acts_on: ActsOn, parameters: Vec<Field>) -> FaultKindDescrip
         acts_on,
         parameters,
         list: None,
+        saves: false,
     }
 }
 
@@ -211,6 +214,7 @@ fn law(name: &str, plants: &[&str]) -> LawDescription {
         reference: Vec::new(),
         commands: None,
         internals: Vec::new(),
+        saves: false,
     }
 }
 

@@ -7,6 +7,7 @@ use hil_config::plan::{
     FaultAction, FaultEffect, FaultEnd, FaultEvent, FaultSource, Limit, Move, PlantPlan, Profile,
     Run, Stimulus, Trigger, Waveform,
 };
+use shared_types::checkpoint::Checkpoints;
 use shared_types::describe::{Operation, PROTOCOL, Settings};
 use shared_types::hello::Hello;
 use shared_types::link::Rejected;
@@ -157,6 +158,7 @@ fn job(steps: u64) -> Job {
         missed: vec![],
         pause_at_s: None,
         observed: true,
+        checkpoints: Checkpoints::default(),
         realtime: shared_types::realtime::Settings::default(),
         wait_limit_s: 1.0,
     }

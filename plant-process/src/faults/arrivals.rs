@@ -4,6 +4,9 @@
 //! for what would arrive if it were the last: the difference between two of them is what a fault
 //! alone did. Knows nothing of why a message is late.
 
+use serde::{Deserialize, Serialize};
+use shared_types::describe::Invalid;
+
 use super::kind::Passage;
 
 /// Messages that can be under way: one that would come later than this never comes.
@@ -12,7 +15,7 @@ pub(super) const DEPTH: usize = Passage::LATEST_STEPS as usize + 1;
 const NEVER: u64 = u64::MAX;
 
 /// Messages under way and the one that was received last.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Arrivals {
     /// By the step of the arrival, modulo [`DEPTH`].
     slots: Vec<Slot>,
@@ -23,7 +26,7 @@ pub(super) struct Arrivals {
 }
 
 /// The messages that matter of those that arrive at one step: each the last of its sort.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Slot {
     /// The step of the arrival; any other has nothing to do with this slot any more.
     at: u64,
@@ -60,6 +63,15 @@ impl Arrivals {
         self.slots.copy_from_slice(&other.slots);
         self.received = other.received;
         self.overruled = other.overruled;
+    }
+
+    /// Stands as another that was saved.
+    pub(super) fn restore(&mut self, saved: &Self) -> Result<(), Invalid> {
+        if saved.slots.len() != DEPTH {
+            return Err(Invalid("the state of the link is not one".into()));
+        }
+        self.continue_from(saved);
+        Ok(())
     }
 
     /// A fault of the link ended: what is late because of it does not replace newer messages.

@@ -5,6 +5,8 @@
 //! is what is received, and the channel only takes note of it. The frames of the lockstep never pass
 //! through it: it decides what content they carry.
 
+use serde::{Deserialize, Serialize};
+use shared_types::describe::Invalid;
 use shared_types::frame::{Frame, FrameKind, Header, MAX_SIGNALS, Seal, VALIDITY_WORDS};
 use shared_types::time::Step;
 
@@ -40,7 +42,7 @@ pub(super) struct Channel {
 }
 
 /// What is known of a message besides its values.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct About {
     /// The step at which it was sent.
     pub(super) step: u64,
@@ -48,6 +50,24 @@ pub(super) struct About {
     pub(super) age_steps: u32,
     /// Which of its values are invalid.
     pub(super) invalid: [u64; VALIDITY_WORDS],
+}
+
+/// The state of a medium.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct SavedChannel {
+    /// Nothing while no fault of the link acts: the next one begins with nothing under way.
+    under_way: Option<UnderWay>,
+    received: Vec<f64>,
+    received_about: About,
+    silent: bool,
+    rejected: u64,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+struct UnderWay {
+    values: Vec<f64>,
+    about: Vec<About>,
+    arrivals: Arrivals,
 }
 
 impl Channel {
@@ -66,6 +86,41 @@ impl Channel {
             opened: vec![0.0; width],
             rejected: 0,
         }
+    }
+
+    /// Its state.
+    pub(super) fn save(&self) -> SavedChannel {
+        SavedChannel {
+            under_way: (!self.bypassed).then(|| UnderWay {
+                values: self.values.clone(),
+                about: self.about.clone(),
+                arrivals: self.arrivals.clone(),
+            }),
+            received: self.received.clone(),
+            received_about: self.received_about,
+            silent: self.silent,
+            rejected: self.rejected,
+        }
+    }
+
+    /// Puts a state back.
+    pub(super) fn restore(&mut self, saved: SavedChannel) -> Result<(), Invalid> {
+        let not_one = || Invalid("the state of the link is not one of this plant".into());
+        if saved.received.len() != self.width {
+            return Err(not_one());
+        }
+        self.bypassed = saved.under_way.is_none();
+        if let Some(under_way) = saved.under_way {
+            let lengths = (under_way.values.len(), under_way.about.len());
+            if lengths != (self.values.len(), self.about.len()) {
+                return Err(not_one());
+            }
+            (self.values, self.about) = (under_way.values, under_way.about);
+            self.arrivals.restore(&under_way.arrivals)?;
+        }
+        (self.received, self.received_about) = (saved.received, saved.received_about);
+        (self.silent, self.rejected) = (saved.silent, saved.rejected);
+        Ok(())
     }
 
     /// Bits of a message's frame.

@@ -6,9 +6,11 @@
 use std::fmt::Write;
 
 use hil_config::plan::{FaultEffect, FaultEnd, Profile};
-use shared_types::describe::Operation;
+use serde::{Deserialize, Serialize};
+use shared_types::describe::{Invalid, Operation};
 use shared_types::random::RandomStream;
 use shared_types::record::{FaultEffectSize, FaultTaken};
+use shared_types::state::State;
 use shared_types::time::{Rate, Step};
 
 use super::arrivals::Arrivals;
@@ -51,7 +53,7 @@ pub(super) enum Action {
 }
 
 /// Where an effect is in its life.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Life {
     /// It has not taken hold.
     Waits,
@@ -78,6 +80,32 @@ pub(super) struct Effect {
     /// Whether it did something at the last step, and how often it began to.
     acting: bool,
     runs: u64,
+}
+
+/// The state of an effect.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct SavedEffect {
+    life: Life,
+    size: FaultEffectSize,
+    acting: bool,
+    runs: u64,
+    /// Of what it does, while it acts.
+    fault: Option<State>,
+    arrivals: Option<Arrivals>,
+}
+
+impl Action {
+    /// The fault of a kind, if it is one.
+    fn fault(&mut self) -> Option<&mut dyn Fault> {
+        match self {
+            Self::Move(_) => None,
+            Self::Parameter(_, fault)
+            | Self::Signal(_, _, fault)
+            | Self::Link(_, fault, _)
+            | Self::Skip(fault, _)
+            | Self::Busy(_, fault, _) => Some(fault.as_mut()),
+        }
+    }
 }
 
 impl Effect {
@@ -114,6 +142,52 @@ impl Effect {
         }
     }
 
+    /// Its state.
+    pub(super) fn save(&mut self) -> Result<SavedEffect, Invalid> {
+        let acts = matches!(self.life, Life::Acts(_));
+        let fault = self.action.fault().filter(|_| acts);
+        Ok(SavedEffect {
+            life: self.life,
+            size: self.size.clone(),
+            acting: self.acting,
+            runs: self.runs,
+            fault: fault.map(|fault| fault.save()).transpose()?,
+            arrivals: match &self.action {
+                Action::Link(_, _, arrivals) if acts => Some(Arrivals::clone(arrivals)),
+                _ => None,
+            },
+        })
+    }
+
+    /// Puts a state back, if it is one of an effect of this fault on this target.
+    pub(super) fn restore(&mut self, saved: &SavedEffect) -> Result<(), Invalid> {
+        let what = |size: &FaultEffectSize| {
+            format!("fault {} `{}` on {}", size.id, size.kind, size.target)
+        };
+        let (theirs, ours) = (what(&saved.size), what(&self.size));
+        if theirs != ours {
+            return Err(Invalid(format!("{theirs} was saved, not {ours}")));
+        }
+        self.life = saved.life;
+        self.size = FaultEffectSize {
+            parameter: std::mem::take(&mut self.size.parameter),
+            unit: std::mem::take(&mut self.size.unit),
+            ..saved.size.clone()
+        };
+        (self.acting, self.runs) = (saved.acting, saved.runs);
+        if self.size.step.is_some() {
+            self.taken = None; // told in the run that was saved
+        }
+        if let (Some(fault), Some(state)) = (self.action.fault(), &saved.fault) {
+            let named = |Invalid(why)| Invalid(format!("{ours}: {why}"));
+            fault.restore(state).map_err(named)?;
+        }
+        if let (Action::Link(_, _, arrivals), Some(saved)) = (&mut self.action, &saved.arrivals) {
+            arrivals.restore(saved)?;
+        }
+        Ok(())
+    }
+
     /// What became of it so far.
     pub(super) const fn size(&self) -> &FaultEffectSize {
         &self.size
@@ -131,13 +205,8 @@ impl Effect {
         let FaultEffectSize {
             kind, target, step, ..
         } = &self.size;
-        let fault = match &mut self.action {
-            Action::Move(_) => return,
-            Action::Parameter(_, fault)
-            | Action::Signal(_, _, fault)
-            | Action::Link(_, fault, _)
-            | Action::Skip(fault, _)
-            | Action::Busy(_, fault, _) => fault,
+        let Some(fault) = self.action.fault() else {
+            return;
         };
         let step = step.unwrap_or_default();
         path.clear();

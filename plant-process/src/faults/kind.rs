@@ -4,9 +4,11 @@
 //! no file, no other fault. So the same fault gives the same numbers whether it comes from a
 //! scenario, from a command line or from a repeated run.
 
+use serde::{Deserialize, Serialize};
 use shared_types::describe::{ActsOn, FaultKindDescription, Invalid, ListDescription, Settings};
 use shared_types::directive::Directive;
 use shared_types::random::RandomStream;
+use shared_types::state::{State, StateOf};
 use shared_types::table::Table;
 use shared_types::time::Rate;
 
@@ -38,6 +40,12 @@ pub trait FaultKind: Sized + Send + 'static {
     /// The list of numbers that it takes besides, if it does.
     #[must_use]
     fn list() -> Option<ListDescription> {
+        None
+    }
+
+    /// What of it a checkpoint keeps; `None`: a run with it cannot be saved.
+    #[must_use]
+    fn state() -> Option<StateOf<Self>> {
         None
     }
 
@@ -94,7 +102,7 @@ pub struct Moment {
 }
 
 /// A signal's value and whether it is marked valid.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Reading {
     /// Value in the signal's unit.
     pub value: f64,
@@ -150,6 +158,26 @@ pub trait Fault: Send {
     fn message(&mut self, at: &Moment, passage: &mut Passage);
     /// What a side does with its time.
     fn timing(&mut self, at: &Moment, directive: &mut Directive);
+    /// Its state as it is now.
+    ///
+    /// # Errors
+    /// If it cannot be saved.
+    fn save(&self) -> Result<State, Invalid>;
+    /// Puts a state back.
+    ///
+    /// # Errors
+    /// If it is not one of a fault of this kind, with these parameters.
+    fn restore(&mut self, state: &State) -> Result<(), Invalid>;
+}
+
+/// What of a fault of a kind is its state.
+fn state_of<K: FaultKind>() -> Result<StateOf<K>, Invalid> {
+    let kind = K::NAME;
+    K::state().ok_or_else(|| {
+        Invalid(format!(
+            "fault `{kind}` cannot save its state; it needs `FaultKind::state`"
+        ))
+    })
 }
 
 impl<K: FaultKind> Fault for K {
@@ -167,6 +195,14 @@ impl<K: FaultKind> Fault for K {
 
     fn timing(&mut self, at: &Moment, directive: &mut Directive) {
         FaultKind::timing(self, at, directive);
+    }
+
+    fn save(&self) -> Result<State, Invalid> {
+        state_of()?.save(self)
+    }
+
+    fn restore(&mut self, state: &State) -> Result<(), Invalid> {
+        state_of()?.restore(self, state)
     }
 }
 
@@ -200,6 +236,7 @@ impl FaultKindEntry {
                 acts_on: K::ACTS_ON,
                 parameters,
                 list: K::list(),
+                saves: K::state().is_some(),
             },
             start: |setup| {
                 let parameters = setup.parameters.to_table();

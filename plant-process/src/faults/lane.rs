@@ -5,10 +5,12 @@
 //! are struck before it is sent, a command's after it has come. Without faults a lane only remembers
 //! the row, which is what a later fault falls back on.
 
+use serde::{Deserialize, Serialize};
+use shared_types::describe::Invalid;
 use shared_types::frame::{FrameKind, VALIDITY_WORDS};
 use shared_types::time::{Rate, Step};
 
-use super::channel::{About, Channel};
+use super::channel::{About, Channel, SavedChannel};
 use super::effect::{Action, Effect};
 use super::kind::{Passage, Reading};
 
@@ -29,6 +31,15 @@ pub(super) struct Lane {
     channel: Channel,
 }
 
+/// The state of a direction.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct SavedLane {
+    signals: Vec<usize>,
+    link: Vec<usize>,
+    kept: Vec<f64>,
+    channel: SavedChannel,
+}
+
 impl Lane {
     /// A direction with so many signals in frames of this kind.
     pub(super) fn new(width: usize, kind: FrameKind) -> Self {
@@ -38,6 +49,28 @@ impl Lane {
             kept: vec![0.0; width],
             channel: Channel::new(width, kind),
         }
+    }
+
+    /// Its state.
+    pub(super) fn save(&self) -> SavedLane {
+        SavedLane {
+            signals: self.signals.clone(),
+            link: self.link.clone(),
+            kept: self.kept.clone(),
+            channel: self.channel.save(),
+        }
+    }
+
+    /// Puts a state back.
+    pub(super) fn restore(&mut self, saved: SavedLane) -> Result<(), Invalid> {
+        if saved.kept.len() != self.kept.len() {
+            return Err(Invalid("its signals are not those of this plant".into()));
+        }
+        // Not replaced: they have room for every effect that is armed.
+        self.signals.clone_from(&saved.signals);
+        self.link.clone_from(&saved.link);
+        self.kept = saved.kept;
+        self.channel.restore(saved.channel)
     }
 
     /// Frames that the check sum refused.

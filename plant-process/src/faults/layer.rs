@@ -14,6 +14,7 @@ use std::collections::VecDeque;
 
 use hil_config::expression::{Columns, Group};
 use hil_config::plan::FaultEvent;
+use serde::{Deserialize, Serialize};
 use shared_types::describe::Invalid;
 use shared_types::directive::Directive;
 use shared_types::frame::{FrameKind, Header, VALIDITY_WORDS};
@@ -21,10 +22,10 @@ use shared_types::live::FaultState;
 use shared_types::record::{Event, FaultEffectSize, FaultEnded, RecordLayout};
 use shared_types::time::{Rate, Step};
 
-use super::effect::{Action, Direction, Effect};
-use super::lane::Lane;
-use super::parameters::Parameters;
-use super::schedule::{Change, Schedule, waits_for};
+use super::effect::{Action, Direction, Effect, SavedEffect};
+use super::lane::{Lane, SavedLane};
+use super::parameters::{Parameters, SavedParameters};
+use super::schedule::{Change, SavedEvent, Schedule, waits_for};
 use super::timing::Timing;
 use super::workshop::{FaultWorkshop, Prepared};
 
@@ -41,6 +42,26 @@ pub struct FaultLayer {
     told: VecDeque<Event>,
     /// Room for the path of a random stream.
     path: String,
+}
+
+/// The state of all faults between two steps.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct SavedFaults {
+    events: Vec<SavedEvent>,
+    /// In the order in which their events were armed.
+    effects: Vec<SavedEffect>,
+    parameters: SavedParameters,
+    sample: SavedLane,
+    command: SavedLane,
+    timing: Vec<usize>,
+}
+
+impl SavedFaults {
+    /// The plant's parameters as they acted.
+    #[must_use]
+    pub fn parameters(&self) -> &[f64] {
+        self.parameters.row()
+    }
 }
 
 /// What effects act on, each with those that do.
@@ -88,6 +109,53 @@ impl FaultLayer {
             told: VecDeque::new(),
             path: String::new(),
         })
+    }
+
+    /// The state of all faults. Call it between two steps, when observers have been told everything.
+    ///
+    /// # Errors
+    /// If a fault that acts cannot save its state.
+    pub fn save(&mut self) -> Result<SavedFaults, Invalid> {
+        Ok(SavedFaults {
+            events: self.schedule.save(),
+            effects: (self.effects.iter_mut().map(Effect::save)).collect::<Result<_, _>>()?,
+            parameters: self.targets.parameters.save(),
+            sample: self.targets.sample.save(),
+            command: self.targets.command.save(),
+            timing: self.targets.timing.stack().clone(),
+        })
+    }
+
+    /// Puts a state back; the events that it is of are armed, in the order in which they were.
+    ///
+    /// # Errors
+    /// If it is not one of these faults.
+    pub fn restore(&mut self, saved: SavedFaults) -> Result<(), Invalid> {
+        restore_effects(&mut self.effects, &saved.effects)?;
+        self.schedule.restore(&saved.events, &self.effects)?;
+        let targets = &mut self.targets;
+        targets.parameters.restore(saved.parameters)?;
+        targets.sample.restore(saved.sample)?;
+        targets.command.restore(saved.command)?;
+        targets.timing.restore(&saved.timing);
+        Ok(())
+    }
+
+    /// Looks whether a state is one of these faults, before there is a layer of them.
+    ///
+    /// # Errors
+    /// Why it is not.
+    pub fn check(
+        workshop: &FaultWorkshop,
+        events: &[FaultEvent],
+        saved: &SavedFaults,
+    ) -> Result<(), Invalid> {
+        let mut effects = Vec::new();
+        for event in events {
+            effects.extend(workshop.effects(event)?);
+        }
+        restore_effects(&mut effects, &saved.effects)?;
+        Parameters::new(&workshop.parameters, &workshop.healthy).check(&saved.parameters)
     }
 
     /// Arms the scenario's faults, now that it is known what a record holds.
@@ -349,6 +417,17 @@ impl Targets {
             _ => {}
         }
     }
+}
+
+fn restore_effects(effects: &mut [Effect], saved: &[SavedEffect]) -> Result<(), Invalid> {
+    if saved.len() != effects.len() {
+        let (theirs, ours) = (saved.len(), effects.len());
+        return Err(Invalid(format!(
+            "{theirs} effects of faults were saved, and there are {ours} here"
+        )));
+    }
+    let mut pairs = effects.iter_mut().zip(saved);
+    pairs.try_for_each(|(effect, saved)| effect.restore(saved))
 }
 
 /// The columns of a record.

@@ -24,7 +24,7 @@ mod timing;
 pub mod workshop;
 
 pub use kind::{Fault, FaultKind, FaultKindEntry};
-pub use layer::{Admitted, FaultLayer};
+pub use layer::{Admitted, FaultLayer, SavedFaults};
 pub use workshop::{FaultWorkshop, Prepared};
 
 #[cfg(test)]

@@ -5,7 +5,8 @@
 //! out of the range in which the plant is valid: it stays at the bound, and a value that is no
 //! number changes nothing. What counts as the fault's effect is what is left then.
 
-use shared_types::describe::Operation;
+use serde::{Deserialize, Serialize};
+use shared_types::describe::{Invalid, Operation};
 use shared_types::table::Field;
 use shared_types::time::{Rate, Step};
 
@@ -26,6 +27,21 @@ pub(super) struct Parameters {
     stale: bool,
 }
 
+/// The state of the parameters.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct SavedParameters {
+    present: Vec<f64>,
+    stack: Vec<usize>,
+    stale: bool,
+}
+
+impl SavedParameters {
+    /// All parameters, as they acted.
+    pub(super) fn row(&self) -> &[f64] {
+        &self.present
+    }
+}
+
 impl Parameters {
     pub(super) fn new(fields: &[Field], healthy: &[f64]) -> Self {
         let faultable = |index: &usize| fields[*index].faultable;
@@ -38,6 +54,33 @@ impl Parameters {
             stack: Vec::new(),
             stale: false,
         }
+    }
+
+    /// Their state.
+    pub(super) fn save(&self) -> SavedParameters {
+        SavedParameters {
+            present: self.present.clone(),
+            stack: self.stack.clone(),
+            stale: self.stale,
+        }
+    }
+
+    /// Looks whether a state is one of these.
+    pub(super) fn check(&self, saved: &SavedParameters) -> Result<(), Invalid> {
+        if saved.present.len() == self.present.len() {
+            Ok(())
+        } else {
+            Err(Invalid("its parameters are not those of this plant".into()))
+        }
+    }
+
+    /// Puts a state back.
+    pub(super) fn restore(&mut self, saved: SavedParameters) -> Result<(), Invalid> {
+        self.check(&saved)?;
+        // Not replaced: it has room for every effect that is armed.
+        self.stack.clone_from(&saved.stack);
+        (self.present, self.stale) = (saved.present, saved.stale);
+        Ok(())
     }
 
     /// All, as they act.

@@ -11,6 +11,8 @@ use std::ops::Range;
 
 use hil_config::condition::Watch;
 use hil_config::plan::{Condition, FaultEvent, FaultSource, Trigger};
+use serde::{Deserialize, Serialize};
+use shared_types::describe::Invalid;
 use shared_types::live::FaultState;
 use shared_types::time::Step;
 
@@ -60,7 +62,64 @@ struct Scheduled {
     over: bool,
 }
 
+/// The state of an event.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct SavedEvent {
+    id: u32,
+    /// The step at which it took hold, if it has.
+    held: Option<u64>,
+    over: bool,
+    /// For how many records the conditions of its begin and its end have held.
+    conditions_held: [u64; 2],
+}
+
 impl Schedule {
+    /// The state of every event.
+    pub(super) fn save(&self) -> Vec<SavedEvent> {
+        let held = |watch: &Option<Watch>| watch.as_ref().map_or(0, Watch::held);
+        let save = |scheduled: &Scheduled| SavedEvent {
+            id: scheduled.event.id,
+            held: scheduled.hold.filter(|_| scheduled.held),
+            over: scheduled.over,
+            conditions_held: [&scheduled.when, &scheduled.until].map(held),
+        };
+        self.events.iter().map(save).collect()
+    }
+
+    /// Puts the states back; the effects have theirs. For what has not taken hold and what has not
+    /// ended the event alone tells when it will.
+    pub(super) fn restore(
+        &mut self,
+        saved: &[SavedEvent],
+        effects: &[Effect],
+    ) -> Result<(), Invalid> {
+        let same = |(scheduled, saved): (&Scheduled, &SavedEvent)| scheduled.event.id == saved.id;
+        if saved.len() != self.events.len() || !self.events.iter().zip(saved).all(same) {
+            let (theirs, ours) = (saved.len(), self.events.len());
+            return Err(Invalid(format!(
+                "{theirs} faults were saved, and there are {ours} here, or others"
+            )));
+        }
+        for (scheduled, saved) in self.events.iter_mut().zip(saved) {
+            if saved.held.is_some() {
+                (scheduled.hold, scheduled.held) = (saved.held, true);
+            }
+            scheduled.over = saved.over;
+            for (watch, held) in [&mut scheduled.when, &mut scheduled.until]
+                .into_iter()
+                .zip(saved.conditions_held)
+            {
+                if let Some(watch) = watch {
+                    watch.go_on_from(held);
+                }
+            }
+        }
+        self.look_ahead(effects);
+        // What may end at the next step for having acted often enough is found by looking.
+        self.due = 0;
+        Ok(())
+    }
+
     /// Takes an event whose effects were put at `effects`; it waits from step `next` on. Gives the
     /// step at which it takes hold, if that is known.
     pub(super) fn arm(

@@ -18,6 +18,12 @@ pub(super) struct Timing {
 }
 
 impl Timing {
+    /// Puts back which effects acted.
+    pub(super) fn restore(&mut self, stack: &[usize]) {
+        self.stack.clear();
+        self.stack.extend(stack);
+    }
+
     /// The effects that act.
     pub(super) const fn stack(&mut self) -> &mut Vec<usize> {
         &mut self.stack

@@ -16,3 +16,102 @@ pub fn all() -> Vec<PlantKind> {
         PlantKind::of::<spring_mass::SpringMass>(),
     ]
 }
+
+#[cfg(test)]
+mod tests {
+    use shared_types::describe::Settings;
+    use shared_types::random::RandomStream;
+    use shared_types::time::Interval;
+
+    use super::*;
+    use crate::plant::Model;
+
+    /// Every parameter at its default, except that the spools are slow and sticky: what else would
+    /// a spool remember?
+    fn parameters(kind: &PlantKind) -> Settings {
+        let mut settings = Settings::default();
+        for field in &kind.description.parameters {
+            let value = match field.name.rsplit('.').next() {
+                Some("valve_lag_s") => Some(2e-3),
+                _ => field.default,
+            };
+            settings.set(&field.name, value.expect("a default"));
+        }
+        settings
+    }
+
+    /// The parameters of a step: now and then the first spool sticks a little, or the spring is soft.
+    fn row(kind: &PlantKind, settings: &Settings, random: &mut RandomStream) -> Vec<f64> {
+        let faulty = random.uniform() < 0.5;
+        let fields = kind.description.parameters.iter();
+        let value = |name: &str| match name {
+            "actuator1.valve_stuck" if faulty => 0.3,
+            "stiffness_n_per_m" if faulty => 40.0,
+            name => settings.get(name).expect("set"),
+        };
+        fields.map(|field| value(&field.name)).collect()
+    }
+
+    /// Goes one step further under a random command; what the sensors and the truth then are.
+    fn step(
+        kind: &PlantKind,
+        model: &mut dyn Model,
+        step: u64,
+        random: &mut RandomStream,
+    ) -> Vec<u64> {
+        let description = &kind.description;
+        let interval = Interval {
+            start_s: step as f64 * 1e-4,
+            length_s: 1e-4,
+            substeps: 4,
+        };
+        let commands = description.commands.len();
+        let command: Vec<f64> = (0..commands)
+            .map(|_| 1e-2 * (random.uniform() - 0.5))
+            .collect();
+        model.advance(&interval, &command);
+        let mut measured = vec![0.0; description.measured.len()];
+        let mut truth = vec![0.0; description.truth.len()];
+        model.measure(&mut measured);
+        model.truth(interval.start_s + interval.length_s, &command, &mut truth);
+        measured
+            .iter()
+            .chain(&truth)
+            .map(|value| value.to_bits())
+            .collect()
+    }
+
+    #[test]
+    fn every_plant_goes_on_from_any_step_bit_by_bit() {
+        for kind in all() {
+            let settings = parameters(&kind);
+            let name = &kind.description.name;
+            assert!(kind.description.saves, "{name}");
+            for trial in 0..20 {
+                let mut random = RandomStream::new(trial, name);
+                let mut straight = (kind.start)(&settings).expect("starts");
+                let steps = (random.uniform() * 300.0) as u64;
+                let mut present = row(&kind, &settings, &mut random);
+                straight.retune(&present);
+                for k in 0..steps {
+                    if random.uniform() < 0.05 {
+                        present = row(&kind, &settings, &mut random);
+                        straight.retune(&present);
+                    }
+                    step(&kind, straight.as_mut(), k, &mut random);
+                }
+                let mut resumed = (kind.start)(&settings).expect("starts");
+                resumed.retune(&present);
+                resumed
+                    .restore(&straight.save().expect("saves"))
+                    .expect("restores");
+                let mut twin = random.clone();
+                for k in steps..steps + 100 {
+                    let found = step(&kind, resumed.as_mut(), k, &mut twin);
+                    let expected = step(&kind, straight.as_mut(), k, &mut random);
+                    assert_eq!(found, expected, "{name}, saved before step {steps}, at {k}");
+                }
+            }
+        }
+    }
+}

@@ -7,6 +7,7 @@
 use shared_types::describe::{
     FaultDescription, Invalid, MoveBy, Operation, ParameterMove, ProfileDescription,
 };
+use shared_types::state::StateOf;
 use shared_types::table;
 use shared_types::table::Field;
 use shared_types::time::Interval;
@@ -126,6 +127,11 @@ impl Plant for SpringMass {
                 profile: ProfileDescription::Step,
             },
         ]
+    }
+
+    fn state() -> Option<StateOf<Self>> {
+        let state = StateOf::new(|plant: &Self| plant.state, |plant, x| plant.state = x);
+        Some(state)
     }
 
     fn start(parameters: &Parameters) -> Result<Self, Invalid> {

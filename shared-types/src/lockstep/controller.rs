@@ -49,7 +49,7 @@ pub enum ControllerAction {
 enum State {
     Start,
     AwaitWelcome(Box<Hello>),
-    Opening { epoch: u32 },
+    Opening { epoch: u32, first: Step },
     AwaitSample(Step),
     Over,
 }
@@ -126,6 +126,7 @@ impl ControllerSide {
                         self.against_clock = welcome.against_clock;
                         self.state = State::Opening {
                             epoch: welcome.epoch,
+                            first: welcome.first,
                         };
                         ControllerAction::OpenFrames(welcome.clone())
                     }
@@ -135,9 +136,9 @@ impl ControllerSide {
             (State::AwaitWelcome(_), ControllerEvent::Control(Control::Refusal { reason })) => {
                 self.abort(Abort::Refused(reason.clone()))
             }
-            (State::Opening { epoch }, ControllerEvent::Opened) => {
-                let epoch = *epoch;
-                self.state = State::AwaitSample(Step(0));
+            (State::Opening { epoch, first }, ControllerEvent::Opened) => {
+                let (epoch, first) = (*epoch, *first);
+                self.state = State::AwaitSample(first);
                 ControllerAction::SendReady(epoch)
             }
 

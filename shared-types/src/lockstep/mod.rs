@@ -110,6 +110,9 @@ pub enum Abort {
     /// The two sides do not come together.
     #[error("refused: {0}")]
     Refused(String),
+    /// This side cannot go on, for a reason of its own.
+    #[error("{0}")]
+    Failed(String),
     /// The other side gave up.
     #[error("{peer} gave up at step {at}: {}", told(*code))]
     ByPeer {
@@ -145,7 +148,7 @@ impl Abort {
             Self::Late { .. } => AbortCode::Late,
             Self::Gone { .. } => AbortCode::Gone,
             Self::Protocol { .. } => AbortCode::Protocol,
-            Self::Refused(_) | Self::ByPeer { .. } => AbortCode::Other,
+            Self::Refused(_) | Self::Failed(_) | Self::ByPeer { .. } => AbortCode::Other,
         }
     }
 }

@@ -71,6 +71,7 @@ enum State {
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct PlantSide {
     state: State,
+    first: Step,
     steps: u64,
     against_clock: bool,
     ignored: u64,
@@ -82,6 +83,7 @@ impl PlantSide {
     pub const fn new(steps: u64) -> Self {
         Self {
             state: State::AwaitHello,
+            first: Step(0),
             steps,
             against_clock: false,
             ignored: 0,
@@ -92,6 +94,14 @@ impl PlantSide {
     #[must_use]
     pub const fn against_clock(mut self) -> Self {
         self.against_clock = true;
+        self
+    }
+
+    /// The same in a run that goes on from a checkpoint: the steps before this one were exchanged
+    /// in another.
+    #[must_use]
+    pub const fn beginning_at(mut self, first: Step) -> Self {
+        self.first = first;
         self
     }
 
@@ -127,7 +137,7 @@ impl PlantSide {
     pub const fn at(&self) -> Step {
         match self.state {
             State::Between(step) | State::AwaitCommand(step) => step,
-            State::AwaitHello | State::AwaitReady { .. } => Step(0),
+            State::AwaitHello | State::AwaitReady { .. } => self.first,
             State::AwaitConfirmation | State::Over => Step(self.steps),
         }
     }
@@ -155,7 +165,7 @@ impl PlantSide {
                 }
             },
             (State::AwaitReady { epoch }, PlantEvent::Ready(ready)) if ready == epoch => {
-                self.state = State::Between(Step(0));
+                self.state = State::Between(self.first);
                 PlantAction::Ignore
             }
 

@@ -26,6 +26,7 @@ fn offer<'a>(measured: &'a [Field], steps: u64) -> Offer<'a> {
         epoch: 1,
         rate,
         steps,
+        first: Step(0),
         against_clock: false,
         measured,
         reference: &[],
@@ -107,6 +108,36 @@ fn both_sides_execute_the_same_steps_and_confirm_the_end() {
         PlantAction::Finish
     );
     assert!(plant.is_over() && controller.is_over());
+}
+
+#[test]
+fn a_run_that_goes_on_begins_at_its_step_on_both_sides() {
+    let hello = hello();
+    let offer = Offer {
+        first: Step(2),
+        ..offer(&hello.measured, 3)
+    };
+    let mut plant = PlantSide::new(3).beginning_at(Step(2));
+    let welcome = match plant.on(&PlantEvent::Hello(&hello, &offer)) {
+        PlantAction::Welcome(welcome) => welcome,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(plant.at(), Step(2));
+    plant.on(&PlantEvent::Ready(1));
+    assert_eq!(plant.unreleased(), Some(Step(2)));
+
+    let mut controller = ControllerSide::new();
+    controller.on(&ControllerEvent::Begin(&hello));
+    // As it comes over the wire.
+    let message = Control::from_bytes(&Control::Welcome(welcome).to_bytes()).expect("a welcome");
+    controller.on(&ControllerEvent::Control(&message));
+    controller.on(&ControllerEvent::Opened);
+    assert_eq!(controller.at(), Step(2));
+    let sample = header(FrameKind::Sample, 2);
+    let answer = controller.on(&ControllerEvent::Frame(&sample));
+    assert_eq!(answer, ControllerAction::Answer(Step(2)));
+    let end = controller.on(&ControllerEvent::Frame(&header(FrameKind::End, 3)));
+    assert_eq!(end, ControllerAction::ConfirmEnd(Step(3)));
 }
 
 #[test]

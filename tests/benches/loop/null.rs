@@ -15,6 +15,7 @@ use controller_process::controller::{Law, LawKind, Row};
 use hil_config::plan::{Clock, PlantPlan, Run};
 use plant_process::engine::Engine;
 use plant_process::plant::{Model, PlantKind};
+use shared_types::checkpoint::Checkpoints;
 use shared_types::clock::monotonic_ns;
 use shared_types::describe::{LawDescription, PROTOCOL, PlantDescription, Settings};
 use shared_types::link::LinkError;
@@ -86,6 +87,7 @@ fn plant(size: usize) -> PlantKind {
             measured: fields("measured", size),
             commands: fields("command", size / 2),
             faults: Vec::new(),
+            saves: false,
         },
         start: |_| Ok(Box::new(NullPlant)),
     }
@@ -103,6 +105,7 @@ fn law(size: usize) -> LawKind {
             reference: Vec::new(),
             commands: Some(fields("command", size / 2)),
             internals: Vec::new(),
+            saves: false,
         },
         start: |_| Ok(Box::new(NullLaw)),
     }
@@ -218,6 +221,7 @@ pub(crate) fn watched(names: &Names, size: usize, observers: usize) -> Figures {
         rate,
         rate_divisor: 1,
         command_delay_steps: 0,
+        checkpoints: Checkpoints::default(),
         realtime: shared_types::realtime::Settings::default(),
         wait_limit_s,
     };
@@ -245,6 +249,7 @@ pub(crate) fn watched(names: &Names, size: usize, observers: usize) -> Figures {
         missed: Vec::new(),
         pause_at_s: None,
         observed: false,
+        checkpoints: Checkpoints::default(),
         realtime: shared_types::realtime::Settings::default(),
         wait_limit_s,
     };

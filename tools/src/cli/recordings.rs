@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
+use crate::compare::tolerance::Tolerance;
+
 /// Arguments of `hil compare`.
 #[derive(Debug, Args)]
 pub struct CompareArguments {
@@ -13,9 +15,10 @@ pub struct CompareArguments {
     /// Another
     #[arg(value_name = "B")]
     pub b: PathBuf,
-    /// Signals that differ by no more than this, in their own unit, count as the same
-    #[arg(long, value_name = "X", default_value_t = 0.0)]
-    pub tolerance: f64,
+    /// Signals that differ by no more than this, in their own unit, count as the same: all of them,
+    /// or one; may be given several times
+    #[arg(long, value_name = "[SIGNAL=]X", allow_hyphen_values = true)]
+    pub tolerance: Vec<Tolerance>,
     /// Look at this signal only; may be given several times
     #[arg(long, value_name = "GROUP.NAME")]
     pub signal: Vec<String>,

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 
 use super::BinaryArguments;
+use super::checkpoint::{CheckpointArguments, FromArguments};
 use super::realtime::RealtimeArguments;
 use crate::duration::seconds;
 use crate::exit::Failure;
@@ -19,14 +20,33 @@ Examples:
   hil run scenarios/spring-mass.toml --pace 1 --plant-core 2 --controller-core 3 --priority 80 --prefault
   hil run my-scenario.toml --controller-bin target/release/my-controller --audit
   hil run scenarios/severe-leakage.toml --session demo --pause-at 7
-  hil run scenarios/spring-mass.toml --controller-bin target/release/my-controller --json";
+  hil run scenarios/severe-leakage.toml --checkpoint-at 6.9 --out runs/severe
+  hil run --from runs/severe/checkpoint-69000 --set 'faults[0].effects[0].coefficient_m3ps_per_sqrt_pa=2e-7'
+  hil run scenarios/spring-mass.toml --controller-bin target/release/my-controller --json
+  hil run scenarios/*.toml --repeat 3 --junit verdicts.xml --markdown verdicts.md";
 
 /// Arguments of `hil run`.
 #[derive(Debug, Args)]
 pub struct RunArguments {
-    /// The scenario file
-    #[arg(value_name = "SCENARIO.toml")]
-    pub scenario: PathBuf,
+    /// The scenario file; several give one verdict table
+    #[arg(value_name = "SCENARIO.toml", required_unless_present = "from")]
+    pub scenarios: Vec<PathBuf>,
+    /// Run each scenario so often; all runs of one must have the same digest, except in real time
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub repeat: u32,
+    /// So many runs at a time, at most as many as there are cores [default: half the cores, as each
+    /// run wants two; in real time and paced 1]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub jobs: Option<u32>,
+    /// Write the verdicts as JUnit XML, for CI servers
+    #[arg(long, value_name = "FILE")]
+    pub junit: Option<PathBuf>,
+    /// Write the verdicts as Markdown, for people
+    #[arg(long, value_name = "FILE")]
+    pub markdown: Option<PathBuf>,
+    /// The checkpoint in their place
+    #[command(flatten)]
+    pub from: FromArguments,
     /// Run it again under conditions that must not matter (other speeds, cores, busy cores, late
     /// sides) and compare the digests
     #[arg(long)]
@@ -82,6 +102,9 @@ pub struct RunOptions {
     /// Hold before the first step at or after this simulated time; go on with hil resume
     #[arg(long, value_name = "TIME", value_parser = seconds)]
     pub pause_at: Option<f64>,
+    /// Where it can be gone on from
+    #[command(flatten)]
+    pub checkpoints: CheckpointArguments,
     /// Print the summary as JSON
     #[arg(long)]
     pub json: bool,

@@ -17,6 +17,11 @@ fn run(name: &str, change: impl Fn(u64, &mut Vec<u64>)) -> PathBuf {
     recorded(name, &layout(), &contents, vec![], true)
 }
 
+/// The same tolerance for all signals.
+fn all(tolerance: f64) -> Tolerances {
+    Tolerances::typed(&[tolerance.to_string().parse().expect("a tolerance")])
+}
+
 fn first(comparison: &Comparison) -> String {
     comparison
         .first_difference
@@ -42,7 +47,7 @@ fn the_first_difference_and_the_size_of_each_are_found() {
     let bits = run("compare-bits", |step, words| {
         words[1] = u64::from(step == 2)
     });
-    let with = |b: &PathBuf, tolerance| compare(&a, b, &[], tolerance).expect("comparable");
+    let with = |b: &PathBuf, tolerance| compare(&a, b, &[], &all(tolerance)).expect("comparable");
 
     let comparison = with(&same, 0.0);
     assert_eq!(
@@ -63,12 +68,15 @@ fn the_first_difference_and_the_size_of_each_are_found() {
         max_abs_difference: 4.0,
         at_step: Some(2),
         rms_difference: 2.5, // sqrt((9 + 16) / 4)
+        first_step: Some(1),
+        differing_steps: 2,
         incomparable_steps: 0,
+        tolerance: 0.0,
     };
     assert_eq!(comparison.signals, [expected]);
     assert_eq!(with(&b, 4.0).verdict, Verdict::WithinTolerance);
     assert_eq!(with(&b, 3.9).verdict, Verdict::Different);
-    let others = compare(&a, &b, &["command.u_n".into()], 0.0).expect("comparable");
+    let others = compare(&a, &b, &["command.u_n".into()], &all(0.0)).expect("comparable");
     assert_eq!((others.verdict, others.signals.len()), (Verdict::Same, 0));
 
     let comparison = with(&nan, 10.0);
@@ -86,6 +94,46 @@ fn the_first_difference_and_the_size_of_each_are_found() {
         "first difference at step 2 (0.002 s): validity of measured.x_m is valid and invalid"
     );
     for folder in [a, same, b, nan, bits] {
+        std::fs::remove_dir_all(folder).expect("removed");
+    }
+}
+
+#[test]
+fn each_signal_may_have_a_tolerance_of_its_own() {
+    let a = run("tolerance-a", |_, _| ());
+    // truth.x_m by 3 and command.u_n by 0.5, both at step 1
+    let b = run("tolerance-b", |step, words| {
+        if step == 1 {
+            (words[3], words[5]) = (4.0_f64.to_bits(), (-0.5_f64).to_bits());
+        }
+    });
+    let with = |typed: &[&str]| {
+        let typed: Vec<_> = typed
+            .iter()
+            .map(|t| t.parse().expect("a tolerance"))
+            .collect();
+        compare(&a, &b, &[], &Tolerances::typed(&typed))
+    };
+    for (typed, verdict) in [
+        (
+            &["truth.x_m=3", "command.u_n=0.5"][..],
+            Verdict::WithinTolerance,
+        ),
+        (&["truth.x_m=3"], Verdict::Different),
+        (&["3", "command.u_n=0.25"], Verdict::Different),
+        (&["3"], Verdict::WithinTolerance),
+    ] {
+        assert_eq!(
+            with(typed).expect("comparable").verdict,
+            verdict,
+            "{typed:?}"
+        );
+    }
+    let told = with(&["truth.y_m=1"])
+        .expect_err("no such signal")
+        .to_string();
+    assert!(told.contains("nearest: `truth.x_m`"), "{told}");
+    for folder in [a, b] {
         std::fs::remove_dir_all(folder).expect("removed");
     }
 }
@@ -110,13 +158,13 @@ fn faults_and_ends_differ_too() {
     let mut contents: Vec<Content> = records(3).collect();
     contents.insert(2, Content::Event(taken(2)));
     let faulty = recorded("compare-faulty", &layout(), &contents, vec![], true);
-    let comparison = compare(&plain, &faulty, &[], 1.0).expect("comparable");
+    let comparison = compare(&plain, &faulty, &[], &all(1.0)).expect("comparable");
     assert_eq!(comparison.verdict, Verdict::Different);
     assert_eq!(
         first(&comparison),
         "first difference at step 2 (0.002 s): faults is none and bias measured.x_m x_m bias=0 step"
     );
-    let comparison = compare(&plain, &longer, &[], 1.0).expect("comparable");
+    let comparison = compare(&plain, &longer, &[], &all(1.0)).expect("comparable");
     assert_eq!(comparison.verdict, Verdict::Different);
     assert_eq!(
         first(&comparison),
@@ -142,7 +190,7 @@ fn other_layouts_are_told_by_name() {
         true,
     );
     let b = recorded("layout-b", &other, &[Content::Record(words)], vec![], true);
-    let comparison = compare(&a, &b, &[], 0.0).expect("comparable");
+    let comparison = compare(&a, &b, &[], &all(0.0)).expect("comparable");
     assert_eq!(
         (comparison.verdict, comparison.first_difference),
         (Verdict::Different, None)
@@ -151,9 +199,9 @@ fn other_layouts_are_told_by_name() {
         (comparison.only_in_a.len(), comparison.only_in_b),
         (0, vec!["internal.gain_1".to_owned()])
     );
-    let selected = compare(&a, &b, &["truth.x_m".into()], 0.0).expect("comparable");
+    let selected = compare(&a, &b, &["truth.x_m".into()], &all(0.0)).expect("comparable");
     assert_eq!(selected.verdict, Verdict::Same);
-    let error = compare(&a, &b, &["truth.x".into()], 0.0)
+    let error = compare(&a, &b, &["truth.x".into()], &all(0.0))
         .expect_err("no such signal")
         .to_string();
     assert!(

@@ -7,7 +7,10 @@ use shared_types::record::Event;
 use shared_types::table::nearest;
 use shared_types::time::{Rate, Step};
 
-use super::{CompareError, Comparison, Difference, Side, SignalDifference, Verdict};
+use super::tolerance::Tolerances;
+use super::{
+    CompareError, Comparison, Deviation, Difference, Side, SignalDifference, Verdict, number,
+};
 use crate::live::listed;
 use crate::run_reader::{Column, RunReader};
 
@@ -48,13 +51,8 @@ struct Pair {
     column: Column,
     a: usize,
     b: usize,
-    /// Records at which it was a finite number in both.
-    compared: u64,
-    differs: bool,
-    max: f64,
-    at_step: Option<u64>,
-    squares: f64,
-    incomparable: u64,
+    tolerance: f64,
+    deviation: Deviation,
 }
 
 impl Work {
@@ -63,6 +61,7 @@ impl Work {
         b: &RunReader,
         rate: Rate,
         signals: &[String],
+        tolerances: &Tolerances,
     ) -> Result<Self, CompareError> {
         let is_selected = !signals.is_empty();
         let place = |reader: &RunReader, name: &str| {
@@ -106,7 +105,13 @@ impl Work {
                 } else {
                     index < a.hashed_words()
                 };
-                counts.then(|| Pair::new(column.clone(), index, in_b))
+                counts.then(|| Pair {
+                    a: index,
+                    b: in_b,
+                    tolerance: tolerances.of(&column.name),
+                    deviation: Deviation::default(),
+                    column: column.clone(),
+                })
             });
         let columns: Vec<Pair> = pairs.collect();
         if !columns.iter().any(|pair| pair.column.is_signal()) {
@@ -114,6 +119,8 @@ impl Work {
                 "the runs have no signal in common".into(),
             ));
         }
+        let names = columns.iter().map(|pair| pair.column.name.as_str());
+        (tolerances.check(names)).map_err(CompareError::NotComparable)?;
         let (only_in_a, only_in_b) = if is_selected {
             Default::default()
         } else {
@@ -154,14 +161,20 @@ impl Work {
             let (word_a, word_b) = (a.words()[pair.a], b.words()[pair.b]);
             let is_signal = pair.column.is_signal();
             if is_signal {
-                pair.take(step, f64::from_bits(word_a), f64::from_bits(word_b));
+                let (a, b) = (f64::from_bits(word_a), f64::from_bits(word_b));
+                pair.deviation.take(step, a, b);
             }
             if word_a == word_b {
                 continue;
             }
             if is_signal {
                 let name = pair.column.name.clone();
-                self.note(step, name, number(word_a), number(word_b));
+                self.note(
+                    step,
+                    name,
+                    number(f64::from_bits(word_a)),
+                    number(f64::from_bits(word_b)),
+                );
             } else {
                 self.is_other = true;
                 let (name, bit) = validity(&pair.column.name, word_a ^ word_b, a.columns());
@@ -199,27 +212,20 @@ impl Work {
         }
     }
 
-    pub(super) fn finish(
-        self,
-        a: &RunReader,
-        b: &RunReader,
-        names: (&Path, &Path),
-        tolerance: f64,
-    ) -> Comparison {
+    pub(super) fn finish(self, a: &RunReader, b: &RunReader, names: (&Path, &Path)) -> Comparison {
         let side = |reader: &RunReader, run: &Path| Side {
             run: run.display().to_string(),
             records: reader.records(),
             digest: reader.digest(),
             whole: reader.is_whole(),
         };
-        let differing = self.columns.iter().filter(|pair| pair.differs);
+        let is_near = |pair: &Pair| pair.deviation.is_within(pair.tolerance);
+        let are_near = self.columns.iter().all(is_near);
+        let differing = self.columns.iter().filter(|pair| pair.deviation.is_any());
         let signals: Vec<SignalDifference> = differing.map(Pair::difference).collect();
-        let is_small = |signal: &SignalDifference| {
-            signal.incomparable_steps == 0 && signal.max_abs_difference <= tolerance
-        };
         let verdict = if self.first.is_none() && !self.is_other {
             Verdict::Same
-        } else if tolerance > 0.0 && !self.is_other && signals.iter().all(is_small) {
+        } else if !self.is_other && are_near {
             Verdict::WithinTolerance
         } else {
             Verdict::Different
@@ -237,49 +243,9 @@ impl Work {
 }
 
 impl Pair {
-    const fn new(column: Column, a: usize, b: usize) -> Self {
-        Self {
-            column,
-            a,
-            b,
-            compared: 0,
-            differs: false,
-            max: 0.0,
-            at_step: None,
-            squares: 0.0,
-            incomparable: 0,
-        }
-    }
-
-    fn take(&mut self, step: u64, a: f64, b: f64) {
-        let is_same = a.to_bits() == b.to_bits();
-        self.differs |= !is_same;
-        if a.is_finite() && b.is_finite() {
-            let difference = (a - b).abs();
-            self.compared += 1;
-            self.squares += difference * difference;
-            if difference > self.max || (!is_same && self.at_step.is_none()) {
-                (self.max, self.at_step) = (difference, Some(step));
-            }
-        } else if !is_same {
-            self.incomparable += 1;
-        }
-    }
-
     fn difference(&self) -> SignalDifference {
-        let rms = if self.compared > 0 {
-            (self.squares / self.compared as f64).sqrt()
-        } else {
-            0.0
-        };
-        SignalDifference {
-            name: self.column.name.clone(),
-            unit: self.column.unit.clone(),
-            max_abs_difference: self.max,
-            at_step: self.at_step,
-            rms_difference: rms,
-            incomparable_steps: self.incomparable,
-        }
+        let Column { name, unit } = &self.column;
+        self.deviation.of(name, unit, self.tolerance)
     }
 }
 
@@ -298,13 +264,6 @@ fn faults(reader: &RunReader) -> String {
     } else {
         taken.join("; ")
     }
-}
-
-/// A signal's value; what JSON has no number for, as text.
-fn number(word: u64) -> Value {
-    let value = f64::from_bits(word);
-    serde_json::Number::from_f64(value)
-        .map_or_else(|| Value::from(value.to_string()), Value::Number)
 }
 
 /// Whose validity the lowest of these bits is, and the bit.

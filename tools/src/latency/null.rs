@@ -6,6 +6,7 @@
 use controller_process::controller::{Law, LawKind, Row};
 use hil_config::plan::{Clock, PlantPlan, Realtime, Run};
 use plant_process::plant::{Model, PlantKind};
+use shared_types::checkpoint::Checkpoints;
 use shared_types::clock::monotonic_ns;
 use shared_types::describe::{LawDescription, PROTOCOL, PlantDescription, Settings};
 use shared_types::pacer::OverrunPolicy;
@@ -66,6 +67,7 @@ pub fn plant(signals: usize) -> PlantKind {
             measured: fields("measured", signals),
             commands: fields("command", answered_with(signals) - 1),
             faults: Vec::new(),
+            saves: false,
         },
         start: |_| Ok(Box::new(NullPlant)),
     }
@@ -85,6 +87,7 @@ pub fn law(signals: usize) -> LawKind {
             reference: Vec::new(),
             commands: Some(fields("command", answered_with(signals) - 1)),
             internals: vec![Field::signal(CALLED, "ns", "When the law was called.")],
+            saves: false,
         },
         start: |_| Ok(Box::new(NullLaw)),
     }
@@ -139,6 +142,7 @@ pub fn jobs(
         missed: Vec::new(),
         pause_at_s: None,
         observed: false,
+        checkpoints: Checkpoints::default(),
         realtime: realtime.plant(),
         wait_limit_s,
     };
@@ -152,6 +156,7 @@ pub fn jobs(
         rate,
         rate_divisor: 1,
         command_delay_steps: 0,
+        checkpoints: Checkpoints::default(),
         realtime: realtime.controller(),
         wait_limit_s: wait_limit_s + between_s,
     };

@@ -135,6 +135,7 @@ fn run(name: &str, events: Vec<Event>) -> Result<RecordedRun, Failure> {
         reference: vec![],
         commands: None,
         internals: vec![],
+        saves: false,
     }];
     let enclose = |name, text| Enclosure {
         name,

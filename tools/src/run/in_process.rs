@@ -53,8 +53,9 @@ pub(super) fn run(
     let (sink, source) = stream::in_process::pair();
     let (tell, told) = std::sync::mpsc::channel();
     let (plan, recording) = (prepared.plan.clone(), prepared.recording.clone());
+    let marks = prepared.marks.clone();
     let core = realtime.recorder_core();
-    let recorder = Recorder::start(plan, recording, prepared.partial, move || {
+    let recorder = Recorder::start(plan, recording, marks, prepared.past.clone(), move || {
         core.apply();
         let mut source = Some(source);
         move || {
@@ -64,6 +65,7 @@ pub(super) fn run(
                 .and_then(|layout| Some((source.take()?, layout))))
         }
     });
+    recorder.recall(&prepared.interruption)?;
     let supervision = Supervision::new();
 
     let (plant, controller) = (prepared.plant.clone(), prepared.controller.clone());

@@ -2,7 +2,7 @@
 //! way.
 
 mod in_process;
-mod processes;
+pub(crate) mod processes;
 pub(crate) mod realtime;
 
 use std::collections::BTreeMap;
@@ -10,12 +10,15 @@ use std::path::{Path, PathBuf};
 
 use hil_config::plan::{Clock, Plan};
 use plant_process::repeat::Missed;
+use shared_types::checkpoint::{Checkpoints, Side};
 use shared_types::describe::PROTOCOL;
 use shared_types::record::Outcome;
 use shared_types::session::{Session, SessionError, SessionInfo};
 use shared_types::time::Step;
 
 use crate::binaries::Binaries;
+use crate::checkpoint::branch::Branch;
+use crate::checkpoint::past::{Past, PastRecords};
 use crate::cli::run::{LinkKind, RunArguments, RunOptions};
 use crate::exit::{Exit, Failure};
 use crate::interruption::Interruption;
@@ -23,8 +26,8 @@ use crate::progress::Progress;
 use crate::recorder::{Recorded, RecordingPlan};
 use crate::recording::{Enclosure, Provenance};
 use crate::run_reader::RECORDING;
-use crate::summary::Summary;
-use crate::{audit, config, doctor, folder, output, requirements};
+use crate::summary::{Resumed, Summary};
+use crate::{audit, checkpoint, config, doctor, folder, requirements, suite};
 
 /// What both ways of running need.
 struct Prepared {
@@ -34,14 +37,19 @@ struct Prepared {
     controller: controller_process::job::Job,
     recording: Option<RecordingPlan>,
     /// After how many records the digest is wanted besides.
-    partial: Option<u64>,
+    marks: Vec<u64>,
+    /// The records that the run goes on from.
+    past: Option<PastRecords>,
     interruption: Interruption,
+    /// Several runs share the terminal.
+    is_one_of_many: bool,
 }
 
 impl Prepared {
     /// The progress of the run, with the hold that was asked for.
     fn progress(&self, session: &str) -> Progress {
-        let mut progress = Progress::new(self.plan.run.steps, self.plan.run.rate);
+        let shown = !self.is_one_of_many;
+        let mut progress = Progress::new(self.plan.run.steps, self.plan.run.rate, shown);
         if let Some(pause_at_s) = self.plant.pause_at_s {
             progress.announce_pause(pause_at_s, session);
         }
@@ -62,7 +70,19 @@ pub(crate) struct Ended {
 #[derive(Clone)]
 pub(crate) struct Setup {
     pub(crate) binaries: Binaries,
-    interruption: Interruption,
+    pub(crate) interruption: Interruption,
+    /// Several runs share the terminal.
+    pub(crate) is_one_of_many: bool,
+}
+
+/// What a run has besides its scenario.
+pub(crate) enum Basis {
+    /// Nothing.
+    Scenario,
+    /// A recorded run that it repeats.
+    Repeated(Repeated),
+    /// A checkpoint that it goes on from.
+    Checkpoint(Box<Past>, Branch),
 }
 
 /// What a run is to repeat of a recorded one.
@@ -77,12 +97,16 @@ pub(crate) struct Repeated {
 pub(crate) struct Ran {
     pub(crate) exit: Exit,
     pub(crate) digest: Option<String>,
-    /// The digest after the first records, if it was asked for and there were so many.
-    pub(crate) partial_digest: Option<String>,
+    /// The digests after the first records, by how many, as far as they were asked for and there
+    /// were so many.
+    pub(crate) partial_digests: BTreeMap<u64, String>,
     /// Its recording, if it was recorded.
     pub(crate) recording: Option<PathBuf>,
     /// From the first to the last record, in s.
     pub(crate) wall_time_s: f64,
+    /// Its folder.
+    pub(crate) folder: PathBuf,
+    pub(crate) summarised: Summary,
     /// The summary as a machine reads it.
     pub(crate) summary: String,
     /// The summary as a person reads it.
@@ -100,23 +124,7 @@ pub fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
     if arguments.audit {
         return audit::audit(arguments);
     }
-    let options = &arguments.options;
-    let setup = Setup::find(options)?;
-    let plan = config::read(
-        &arguments.scenario,
-        &options.changes,
-        &setup.binaries,
-        options.json,
-    )?;
-    let ran = execute(plan, setup, options, None)?;
-    let told = output::write(&if options.json {
-        format!("{}\n", ran.summary)
-    } else {
-        ran.table
-    });
-    ran.written?;
-    told?;
-    Ok(ran.exit)
+    suite::run(arguments)
 }
 
 impl Setup {
@@ -141,11 +149,12 @@ impl Setup {
         Ok(Self {
             binaries: Binaries::find(others, &interruption)?,
             interruption,
+            is_one_of_many: false,
         })
     }
 }
 
-/// Runs a checked scenario, perhaps to repeat a recorded run.
+/// Runs a checked scenario, perhaps to repeat a recorded run or to go on from a checkpoint.
 ///
 /// # Errors
 /// If the run could not be started.
@@ -153,11 +162,12 @@ pub(crate) fn execute(
     plan: Plan,
     setup: Setup,
     options: &RunOptions,
-    repeated: Option<Repeated>,
+    basis: Basis,
 ) -> Result<Ran, Failure> {
     let Setup {
         binaries,
         interruption,
+        is_one_of_many,
     } = setup;
     let end_s = plan.run.rate.seconds(Step(plan.run.steps));
     if let Some(pause_at_s) = options.pause_at.filter(|pause_at_s| *pause_at_s >= end_s) {
@@ -171,6 +181,14 @@ pub(crate) fn execute(
         ));
     }
     realtime::check(&plan.realtime, options.link)?;
+    let first = match &basis {
+        Basis::Checkpoint(past, _) => past.first(),
+        Basis::Scenario | Basis::Repeated(_) => Step(0),
+    };
+    let steps = checkpoint::steps(options, &plan, first)?;
+    if !steps.is_empty() || first > Step(0) {
+        checkpoint::refuse_unsaveable(&plan, &binaries)?;
+    }
     let effective = config::show(&plan, &binaries)?;
 
     let mut session = Session::create(options.session.as_deref()).map_err(|error| match error {
@@ -178,9 +196,31 @@ pub(crate) fn execute(
         other => Failure::infrastructure(other),
     })?;
     let info = session.info().clone();
-    let (mut plant, controller) = jobs(&plan, &info, options);
-    let partial = repeated.as_ref().map(|repeated| repeated.records);
-    plant.missed = repeated.map_or_else(Vec::new, |repeated| repeated.missed);
+    let (mut plant, mut controller) = jobs(&plan, &info, options);
+    plant.checkpoints.steps.clone_from(&steps);
+    controller.checkpoints.steps.clone_from(&steps);
+    let mut marks: Vec<u64> = steps.iter().map(|step| step.0).collect();
+    let mut past = None;
+    let mut resumed = None;
+    match basis {
+        Basis::Scenario => {}
+        Basis::Repeated(repeated) => {
+            if !steps.is_empty() && !repeated.missed.is_empty() {
+                return Err(Failure::usage(
+                    "--checkpoint-at: the run that is repeated was against the clock; what its controller missed cannot be saved",
+                ));
+            }
+            marks.push(repeated.records);
+            plant.missed = repeated.missed;
+        }
+        Basis::Checkpoint(from, branch) => {
+            plant.faults.extend(from.live_faults());
+            plant.checkpoints = from.resume(Side::Plant, &plant.checkpoints);
+            controller.checkpoints = from.resume(Side::Controller, &controller.checkpoints);
+            past = from.records(&plan, &binaries);
+            resumed = Some(Resumed::new(&from, branch));
+        }
+    }
     check(&binaries, &info, &plant, &controller, &interruption)?;
     let run_dir = folder::create(options.out.as_deref(), &plan.name, &info.name)?;
     session
@@ -198,7 +238,13 @@ pub(crate) fn execute(
     let recording = (!options.no_record).then(|| RecordingPlan {
         path: run_dir.join(RECORDING),
         compression: options.compression,
-        provenance: provenance(&plan, &info, &binaries, evidence, &effective),
+        provenance: {
+            let mut provenance = provenance(&plan, &info, &binaries, evidence, &effective);
+            if let Some(resumed) = &resumed {
+                provenance.facts.extend(resumed.facts());
+            }
+            provenance
+        },
         session: info.clone(),
     });
     let prepared = Prepared {
@@ -207,8 +253,10 @@ pub(crate) fn execute(
         plant,
         controller,
         recording,
-        partial,
+        marks,
+        past,
         interruption,
+        is_one_of_many,
     };
     let mut realtime = realtime::Watched::begin(prepared.plan.realtime, options.link, &info);
     let ended = match options.link {
@@ -216,7 +264,21 @@ pub(crate) fn execute(
         LinkKind::InProcess => in_process::run(&prepared, &info, &mut realtime)?,
     };
     let realtime = realtime.end();
+    let collected = match &ended.recorded.error {
+        None => checkpoint::collect(
+            &steps,
+            &prepared.plan,
+            (&prepared.binaries, &info),
+            (&run_dir, &effective),
+            &ended.recorded.partial_digests,
+        ),
+        Some(_) => Ok(Vec::new()),
+    };
     drop(session);
+    let (checkpoints, collected) = match collected {
+        Ok(made) => (made, Ok(())),
+        Err(failure) => (Vec::new(), Err(failure)),
+    };
 
     let recorded_to = (!options.no_record).then_some(RECORDING);
     let summary = Summary::new(
@@ -227,23 +289,26 @@ pub(crate) fn execute(
         recorded_to,
         realtime,
         &ended,
-    );
+    )
+    .with_checkpoints(resumed, checkpoints);
     let json = serde_json::to_string_pretty(&summary).map_err(Failure::infrastructure)?;
     Ok(Ran {
         exit: match ended.outcome {
             _ if ended.recorded.error.is_some() => Exit::Infrastructure,
-            Outcome::Completed => requirements::exit(&ended.recorded.requirements),
+            Outcome::Completed => requirements::exit(&summary.requirements),
             Outcome::Diverged => Exit::Failed,
             Outcome::Stopped if prepared.interruption.came() => Exit::Interrupted,
             Outcome::Stopped | Outcome::Failed => Exit::Infrastructure,
         },
         wall_time_s: ended.recorded.wall_time_s,
         digest: ended.recorded.digest,
-        partial_digest: ended.recorded.partial_digest,
+        partial_digests: ended.recorded.partial_digests,
         recording: recorded_to.map(|name| run_dir.join(name)),
         table: summary.table(&prepared.plan, &run_dir),
-        written: write(&run_dir.join("summary.json"), &json),
+        written: write(&run_dir.join("summary.json"), &json).and(collected),
         summary: json,
+        summarised: summary,
+        folder: run_dir,
     })
 }
 
@@ -287,6 +352,11 @@ fn jobs(
         missed: Vec::new(),
         pause_at_s: options.pause_at,
         observed: true,
+        checkpoints: Checkpoints {
+            steps: Vec::new(),
+            folder: session.folder.clone(),
+            resume: None,
+        },
         realtime: plan.realtime.plant(),
         wait_limit_s,
     };
@@ -300,6 +370,7 @@ fn jobs(
         rate: plan.run.rate,
         rate_divisor: plan.controller.rate_divisor,
         command_delay_steps: plan.controller.command_delay_steps,
+        checkpoints: plant.checkpoints.clone(),
         realtime: plan.realtime.controller(),
         wait_limit_s: wait_limit_s + between_s,
     };

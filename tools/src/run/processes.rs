@@ -23,16 +23,16 @@ use crate::progress::Progress;
 use crate::recorder::{Recorded, Recorder};
 
 /// How often the processes are looked at.
-const LOOK: Duration = Duration::from_millis(2);
+pub(crate) const LOOK: Duration = Duration::from_millis(2);
 /// How long a process may take to end once it was told to.
-const GRACE: Duration = Duration::from_secs(2);
+pub(crate) const GRACE: Duration = Duration::from_secs(2);
 /// Exit code of a Rust program that panicked.
 const PANIC: i32 = 101;
 /// Lines at each end of a log that are shown when a run failed.
 const EXCERPT: usize = 6;
 
 /// One side of the run.
-struct Side {
+pub(crate) struct Side {
     name: &'static str,
     process: Child,
     id: Option<ProcessId>,
@@ -44,13 +44,17 @@ struct Side {
 }
 
 impl Side {
-    fn start(
+    /// Starts it; its output goes to a log in a folder.
+    ///
+    /// # Errors
+    /// If it cannot be started.
+    pub(crate) fn start(
         name: &'static str,
         binary: &Path,
         session: &SessionInfo,
-        run_dir: &Path,
+        folder: &Path,
     ) -> Result<Self, Failure> {
-        let log = run_dir.join(format!("{name}.log"));
+        let log = folder.join(format!("{name}.log"));
         let cannot = |error: std::io::Error| {
             Failure::infrastructure(format!("cannot start {}: {error}", binary.display()))
         };
@@ -77,7 +81,11 @@ impl Side {
         })
     }
 
-    fn has_ended(&mut self) -> bool {
+    pub(crate) fn process_id(&self) -> u32 {
+        self.process.id()
+    }
+
+    pub(crate) fn has_ended(&mut self) -> bool {
         if self.status.is_none() {
             // An error here means that there is no such process, which is an end too.
             self.status = match self.process.try_wait() {
@@ -96,26 +104,33 @@ impl Side {
         }
     }
 
-    fn kill(&mut self) {
+    pub(crate) fn kill(&mut self) {
         let stopped = self.id.is_some_and(ProcessId::is_stopped);
         self.killed = Some(if stopped { "stopped" } else { "stuck" });
         end_group(&self.process);
         self.status = self.process.wait().ok();
     }
 
-    /// How it ended, if there is something to say about it.
+    /// How it ended, if there is something to say about it, and where to read more.
     fn fate(&self) -> Option<String> {
+        let death = self.death()?;
+        let panicked = self.status.and_then(|status| status.code()) == Some(PANIC);
+        Some(if panicked && self.killed.is_none() {
+            format!("{death}, see {}", self.log.display())
+        } else {
+            death
+        })
+    }
+
+    /// How it ended, if not in order.
+    pub(crate) fn death(&self) -> Option<String> {
         if let Some(state) = self.killed {
             return Some(format!("{} was {state} and had to be killed", self.name));
         }
         let status = self.status?;
         match (status.code(), status.signal()) {
             (Some(0), _) => None,
-            (Some(PANIC), _) => Some(format!(
-                "{} panicked, see {}",
-                self.name,
-                self.log.display()
-            )),
+            (Some(PANIC), _) => Some(format!("{} panicked", self.name)),
             (Some(code), _) => Some(format!("{} ended with exit code {code}", self.name)),
             (None, Some(signal)) => {
                 let name = signal_hook::low_level::signal_name(signal).unwrap_or("a signal");
@@ -134,7 +149,7 @@ impl Side {
     }
 
     /// The first and last lines of its output: a panic's message comes before its backtrace.
-    fn excerpt(&self) -> String {
+    pub(crate) fn excerpt(&self) -> String {
         let text = std::fs::read(&self.log).unwrap_or_default();
         let text = String::from_utf8_lossy(&text);
         let lines: Vec<&str> = text.lines().collect();
@@ -161,6 +176,16 @@ pub(super) fn run(
     realtime: &mut Watched,
 ) -> Result<Ended, Failure> {
     let info = session.info().clone();
+    let (plan, recording) = (prepared.plan.clone(), prepared.recording.clone());
+    let marks = prepared.marks.clone();
+    let attached = info.clone();
+    let core = realtime.recorder_core();
+    let recorder = Recorder::start(plan, recording, marks, prepared.past.clone(), move || {
+        core.apply();
+        let mut source = None;
+        move || attach(&attached, &mut source)
+    });
+    recorder.recall(&prepared.interruption)?;
     let binaries = &prepared.binaries;
     let mut plant = Side::start("plant", &binaries.plant.path, &info, run_dir)?;
     session
@@ -171,13 +196,6 @@ pub(super) fn run(
         .add_child(controller.process.id())
         .map_err(Failure::infrastructure)?;
 
-    let (plan, recording) = (prepared.plan.clone(), prepared.recording.clone());
-    let core = realtime.recorder_core();
-    let recorder = Recorder::start(plan, recording, prepared.partial, move || {
-        core.apply();
-        let mut source = None;
-        move || attach(&info, &mut source)
-    });
     let mut progress = prepared.progress(&session.info().name);
     let first = watch(
         prepared,

@@ -57,6 +57,11 @@ impl LeakageEstimate {
         self.theta_hat
     }
 
+    /// Goes on from estimates, in m3/s/sqrt(Pa).
+    pub fn restore(&mut self, theta_hat: Vector2<f64>) {
+        self.theta_hat = theta_hat;
+    }
+
     /// One explicit Euler step of the estimate.
     ///
     /// `sigma = -Gamma F_3^T M_3^T z_3` (eq. 67), taken while V_3 is above V_r; the projection of

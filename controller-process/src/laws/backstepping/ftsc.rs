@@ -2,6 +2,7 @@
 //! while the performance indicator is above its bound (eqs. 52, 67).
 
 use shared_types::describe::Invalid;
+use shared_types::state::StateOf;
 
 use super::adaptation::{AdaptationGains, LeakageEstimate};
 use super::gains::{ComponentGains, Gains, Output, Performance, TrajectoryGains};
@@ -48,6 +49,13 @@ impl Controller for Ftsc {
     type Reference = Reference;
     type Command = Command;
     type Internals = Internals;
+
+    fn state() -> Option<StateOf<Self>> {
+        Some(StateOf::new(
+            |law: &Self| law.0.state(),
+            |law, state| law.0.restore(state),
+        ))
+    }
 
     fn start(setup: &Setup<Self>) -> Result<Self, Invalid> {
         let own = &setup.parameters;

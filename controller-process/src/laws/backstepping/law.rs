@@ -4,13 +4,15 @@
 //! estimate of the leakage.
 
 use nalgebra::Vector2;
+use serde::{Deserialize, Serialize};
 use shared_types::describe::Invalid;
+use shared_types::table::row;
 
 use super::adaptation::LeakageEstimate;
 use super::gains::Gains;
 use super::hydraulics::{Hydraulics, hydraulic_force_n};
 use super::model::{ActuatorModel, Model};
-use super::performance::Indicator;
+use super::performance::{Indicator, IndicatorState};
 use super::signals::{Internals, Measured, PistonState, Reference};
 use super::steps::Steps;
 use super::trajectory::Trajectory;
@@ -32,6 +34,20 @@ pub struct Backstepping {
     indicator: Indicator,
     estimate: Option<LeakageEstimate>,
     answer: (Command, Internals),
+}
+
+/// What the law remembers from sample to sample.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LawState {
+    last_velocities_mps: Option<[f64; 2]>,
+    missed: u32,
+    indicator: IndicatorState,
+    /// The estimates of the leakage, in m3/s/sqrt(Pa); none for NRSC.
+    theta_hat: Option<[f64; 2]>,
+    #[serde(with = "row")]
+    command: Command,
+    #[serde(with = "row")]
+    internals: Internals,
 }
 
 impl Backstepping {
@@ -58,6 +74,33 @@ impl Backstepping {
             estimate,
             answer: (Command::default(), Internals::default()),
         })
+    }
+
+    /// What it remembers.
+    #[must_use]
+    pub fn state(&self) -> LawState {
+        let (command, internals) = self.answer;
+        LawState {
+            last_velocities_mps: self.velocity.last_mps.map(Into::into),
+            missed: self.velocity.missed,
+            indicator: self.indicator.state(),
+            theta_hat: (self.estimate.as_ref()).map(|estimate| estimate.theta_hat().into()),
+            command,
+            internals,
+        }
+    }
+
+    /// Goes on with what it remembered.
+    pub fn restore(&mut self, state: LawState) {
+        self.velocity = VelocityHistory {
+            last_mps: state.last_velocities_mps.map(Into::into),
+            missed: state.missed,
+        };
+        self.indicator.restore(state.indicator);
+        if let (Some(estimate), Some(theta_hat)) = (&mut self.estimate, state.theta_hat) {
+            estimate.restore(theta_hat.into());
+        }
+        self.answer = (state.command, state.internals);
     }
 
     /// Answers a valid sample.

@@ -1,6 +1,7 @@
 //! `nrsc`: nonlinear robust synchronization control, the FTSC law without adaptation (Remark 10).
 
 use shared_types::describe::Invalid;
+use shared_types::state::StateOf;
 
 use super::gains::{ComponentGains, Gains, Output, Performance, TrajectoryGains};
 use super::law::Backstepping;
@@ -42,6 +43,13 @@ impl Controller for Nrsc {
     type Reference = Reference;
     type Command = Command;
     type Internals = Internals;
+
+    fn state() -> Option<StateOf<Self>> {
+        Some(StateOf::new(
+            |law: &Self| law.0.state(),
+            |law, state| law.0.restore(state),
+        ))
+    }
 
     fn start(setup: &Setup<Self>) -> Result<Self, Invalid> {
         let own = &setup.parameters;

@@ -3,6 +3,7 @@
 //! Called by the law at every valid sample. Time is counted in samples from the first one.
 
 use libm::{ceil, exp};
+use serde::{Deserialize, Serialize};
 
 use super::gains::Gains;
 use super::steps::Errors;
@@ -14,6 +15,12 @@ pub struct Indicator {
     mu_per_s: f64,
     period_s: f64,
     hold_samples: u64,
+    state: IndicatorState,
+}
+
+/// What the indicator remembers from sample to sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct IndicatorState {
     initial_v3: Option<f64>,
     /// Samples since the first one.
     sample: u64,
@@ -68,35 +75,44 @@ impl Indicator {
             mu_per_s,
             period_s,
             hold_samples: hold_samples as u64,
-            initial_v3: None,
-            sample: 0,
-            above_since: None,
+            state: IndicatorState::default(),
         }
+    }
+
+    /// What it remembers.
+    #[must_use]
+    pub const fn state(&self) -> IndicatorState {
+        self.state
+    }
+
+    /// Goes on with what it remembered.
+    pub const fn restore(&mut self, state: IndicatorState) {
+        self.state = state;
     }
 
     /// The bound at a sample.
     ///
     /// `V_r(t) = exp(-lambda t) V_3(0) + mu / lambda [1 - exp(-lambda t)]` (eq. 60).
     fn bound(&self, initial_v3: f64) -> f64 {
-        let decay = exp(-self.lambda_per_s * (self.sample as f64 * self.period_s));
+        let decay = exp(-self.lambda_per_s * (self.state.sample as f64 * self.period_s));
         decay * initial_v3 + self.mu_per_s / self.lambda_per_s * (1.0 - decay)
     }
 
     /// Judges the errors of a sample (eq. 59).
     pub fn judge(&mut self, errors: &Errors) -> Verdict {
         let v3 = lyapunov_v3(errors);
-        let initial_v3 = *self.initial_v3.get_or_insert(v3);
+        let initial_v3 = *self.state.initial_v3.get_or_insert(v3);
         let bound = self.bound(initial_v3);
         let degraded = v3 > bound;
-        self.above_since = if degraded {
-            self.above_since.or(Some(self.sample))
+        self.state.above_since = if degraded {
+            self.state.above_since.or(Some(self.state.sample))
         } else {
             None
         };
-        let detected = self
-            .above_since
-            .is_some_and(|first| self.sample - first >= self.hold_samples);
-        self.sample += 1;
+        let above_since = self.state.above_since;
+        let detected =
+            above_since.is_some_and(|first| self.state.sample - first >= self.hold_samples);
+        self.state.sample += 1;
         Verdict {
             v3,
             bound,
@@ -107,8 +123,8 @@ impl Indicator {
 
     /// Lets a sample pass that cannot be judged.
     pub fn skip(&mut self) {
-        if self.initial_v3.is_some() {
-            self.sample += 1;
+        if self.state.initial_v3.is_some() {
+            self.state.sample += 1;
         }
     }
 }

@@ -4,6 +4,7 @@
 //! is why they fight. The paper's gains (Table 2) are proportional only.
 
 use shared_types::describe::Invalid;
+use shared_types::state::StateOf;
 use shared_types::table::Empty;
 
 use super::{Gains, Pid};
@@ -87,6 +88,17 @@ impl Controller for ActuatorPid {
     type Reference = Reference;
     type Command = Command;
     type Internals = Empty;
+
+    fn state() -> Option<StateOf<Self>> {
+        Some(StateOf::new(
+            |law: &Self| law.loops.map(|pid| pid.state()),
+            |law, states| {
+                for (pid, state) in law.loops.iter_mut().zip(states) {
+                    pid.restore(state);
+                }
+            },
+        ))
+    }
 
     fn start(setup: &Setup<Self>) -> Result<Self, Invalid> {
         let Parameters {

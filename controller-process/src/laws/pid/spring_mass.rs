@@ -4,6 +4,7 @@
 //! poles near -13 and -9.5 +- 8i rad/s, and no steady error.
 
 use shared_types::describe::Invalid;
+use shared_types::state::StateOf;
 use shared_types::table::Empty;
 
 use super::{Gains, Pid};
@@ -64,6 +65,13 @@ impl Controller for ForcePid {
     type Reference = Reference;
     type Command = Command;
     type Internals = Empty;
+
+    fn state() -> Option<StateOf<Self>> {
+        Some(StateOf::new(
+            |law: &Self| law.pid.state(),
+            |law, state| law.pid.restore(state),
+        ))
+    }
 
     fn start(setup: &Setup<Self>) -> Result<Self, Invalid> {
         let gains = Gains {

@@ -1,6 +1,7 @@
 //! Faults that show the past, or nothing: a number stands still, comes late or does not come.
 
 use shared_types::describe::{ActsOn, Invalid};
+use shared_types::state::StateOf;
 use shared_types::table::Empty;
 
 use super::{LARGEST, towards, whole};
@@ -16,6 +17,13 @@ impl FaultKind for Stuck {
         "y = x(t0) where g is not 0, t0 the first step of that; else y = x";
     const ACTS_ON: ActsOn = ActsOn::Numbers;
     type Parameters = Empty;
+
+    fn state() -> Option<StateOf<Self>> {
+        Some(StateOf::new(
+            |fault: &Self| fault.0,
+            |fault, value| fault.0 = value,
+        ))
+    }
 
     fn start(_: &Setup<'_, Empty>) -> Result<Self, Invalid> {
         Ok(Self(None))
@@ -48,6 +56,10 @@ impl FaultKind for StuckAt {
     const EQUATION: &'static str = "y = x + (v - x) g";
     const ACTS_ON: ActsOn = ActsOn::Numbers;
     type Parameters = StuckAtParameters;
+
+    fn state() -> Option<StateOf<Self>> {
+        Some(StateOf::none())
+    }
 
     fn start(setup: &Setup<'_, StuckAtParameters>) -> Result<Self, Invalid> {
         Ok(Self(setup.parameters))
@@ -83,6 +95,22 @@ impl FaultKind for Delay {
     const ACTS_ON: ActsOn = ActsOn::Numbers;
     type Parameters = DelayParameters;
 
+    fn state() -> Option<StateOf<Self>> {
+        Some(StateOf::checked(
+            |fault: &Self| fault.past.clone(),
+            |fault, past| {
+                if past.len() != fault.past.len() {
+                    let (saved, now) = (past.len().saturating_sub(1), fault.steps);
+                    return Err(Invalid(format!(
+                        "the delay has acted with {saved} steps and cannot go on with {now}"
+                    )));
+                }
+                fault.past = past;
+                Ok(())
+            },
+        ))
+    }
+
     fn start(setup: &Setup<'_, DelayParameters>) -> Result<Self, Invalid> {
         let steps = whole("steps", setup.parameters.steps)?;
         let empty = Reading {
@@ -115,6 +143,10 @@ impl FaultKind for Dropout {
     const EQUATION: &'static str = "y = last valid y, marked invalid, where g is not 0; else y = x";
     const ACTS_ON: ActsOn = ActsOn::Signals;
     type Parameters = Empty;
+
+    fn state() -> Option<StateOf<Self>> {
+        Some(StateOf::none())
+    }
 
     fn start(_: &Setup<'_, Empty>) -> Result<Self, Invalid> {
         Ok(Self)

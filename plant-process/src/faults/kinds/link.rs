@@ -4,6 +4,7 @@
 
 use shared_types::describe::{ActsOn, Invalid, ListDescription};
 use shared_types::random::RandomStream;
+use shared_types::state::StateOf;
 
 use super::whole;
 use crate::faults::kind::{FaultKind, Moment, Passage, Setup};
@@ -73,6 +74,13 @@ impl FaultKind for Loss {
         })
     }
 
+    fn state() -> Option<StateOf<Self>> {
+        Some(StateOf::new(
+            |fault: &Self| fault.chance.random.clone(),
+            |fault, random| fault.chance.random = random,
+        ))
+    }
+
     fn start(setup: &Setup<'_, LossParameters>) -> Result<Self, Invalid> {
         if setup.parameters.probability < 1.0 && !setup.list.is_empty() {
             return Err(Invalid(
@@ -127,6 +135,10 @@ impl FaultKind for Delay {
     const ACTS_ON: ActsOn = ActsOn::Links;
     type Parameters = DelayParameters;
 
+    fn state() -> Option<StateOf<Self>> {
+        Some(StateOf::none())
+    }
+
     fn start(setup: &Setup<'_, DelayParameters>) -> Result<Self, Invalid> {
         Ok(Self(whole("steps", setup.parameters.steps)?))
     }
@@ -156,6 +168,13 @@ impl FaultKind for Jitter {
     const EQUATION: &'static str = "message k arrives at step k + d, d uniform in 0 .. round(n g)";
     const ACTS_ON: ActsOn = ActsOn::Links;
     type Parameters = JitterParameters;
+
+    fn state() -> Option<StateOf<Self>> {
+        Some(StateOf::new(
+            |fault: &Self| fault.random.clone(),
+            |fault, random| fault.random = random,
+        ))
+    }
 
     fn start(setup: &Setup<'_, JitterParameters>) -> Result<Self, Invalid> {
         Ok(Self {
@@ -199,6 +218,13 @@ impl FaultKind for Duplication {
     const ACTS_ON: ActsOn = ActsOn::Links;
     type Parameters = DuplicationParameters;
     const OPTIONAL: &'static [&'static str] = &["probability", "lag_steps"];
+
+    fn state() -> Option<StateOf<Self>> {
+        Some(StateOf::new(
+            |fault: &Self| fault.chance.random.clone(),
+            |fault, random| fault.chance.random = random,
+        ))
+    }
 
     fn start(setup: &Setup<'_, DuplicationParameters>) -> Result<Self, Invalid> {
         Ok(Self {
@@ -248,6 +274,13 @@ impl FaultKind for Reordering {
     type Parameters = ReorderingParameters;
     const OPTIONAL: &'static [&'static str] = &["probability"];
 
+    fn state() -> Option<StateOf<Self>> {
+        Some(StateOf::new(
+            |fault: &Self| (fault.chance.random.clone(), fault.swapped),
+            |fault, (random, swapped)| (fault.chance.random, fault.swapped) = (random, swapped),
+        ))
+    }
+
     fn start(setup: &Setup<'_, ReorderingParameters>) -> Result<Self, Invalid> {
         Ok(Self {
             chance: Chance::new(setup.parameters.probability),
@@ -293,6 +326,13 @@ impl FaultKind for Corruption {
     const ACTS_ON: ActsOn = ActsOn::Links;
     type Parameters = CorruptionParameters;
     const OPTIONAL: &'static [&'static str] = &["probability", "bits"];
+
+    fn state() -> Option<StateOf<Self>> {
+        Some(StateOf::new(
+            |fault: &Self| fault.chance.random.clone(),
+            |fault, random| fault.chance.random = random,
+        ))
+    }
 
     fn start(setup: &Setup<'_, CorruptionParameters>) -> Result<Self, Invalid> {
         Ok(Self {

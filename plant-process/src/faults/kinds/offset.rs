@@ -2,6 +2,7 @@
 
 use shared_types::describe::{ActsOn, Invalid};
 use shared_types::random::RandomStream;
+use shared_types::state::StateOf;
 
 use super::LARGEST;
 use crate::faults::kind::{FaultKind, Moment, Reading, Setup};
@@ -28,6 +29,10 @@ impl FaultKind for Bias {
     const EQUATION: &'static str = "y = x + b g";
     const ACTS_ON: ActsOn = ActsOn::Numbers;
     type Parameters = BiasParameters;
+
+    fn state() -> Option<StateOf<Self>> {
+        Some(StateOf::none())
+    }
 
     fn start(setup: &Setup<'_, BiasParameters>) -> Result<Self, Invalid> {
         Ok(Self(setup.parameters))
@@ -56,6 +61,10 @@ impl FaultKind for Scale {
     const ACTS_ON: ActsOn = ActsOn::Numbers;
     type Parameters = ScaleParameters;
 
+    fn state() -> Option<StateOf<Self>> {
+        Some(StateOf::none())
+    }
+
     fn start(setup: &Setup<'_, ScaleParameters>) -> Result<Self, Invalid> {
         Ok(Self(setup.parameters))
     }
@@ -82,6 +91,10 @@ impl FaultKind for Drift {
     const EQUATION: &'static str = "y = x + r t g";
     const ACTS_ON: ActsOn = ActsOn::Numbers;
     type Parameters = DriftParameters;
+
+    fn state() -> Option<StateOf<Self>> {
+        Some(StateOf::none())
+    }
 
     fn start(setup: &Setup<'_, DriftParameters>) -> Result<Self, Invalid> {
         Ok(Self(setup.parameters))
@@ -113,6 +126,13 @@ impl FaultKind for Noise {
         "y = x + s n g, n normal with mean 0 and variance 1, a new one each step";
     const ACTS_ON: ActsOn = ActsOn::Numbers;
     type Parameters = NoiseParameters;
+
+    fn state() -> Option<StateOf<Self>> {
+        Some(StateOf::new(
+            |fault: &Self| fault.random.clone(),
+            |fault, random| fault.random = random,
+        ))
+    }
 
     fn start(setup: &Setup<'_, NoiseParameters>) -> Result<Self, Invalid> {
         Ok(Self {
@@ -160,6 +180,10 @@ impl FaultKind for Spike {
     const ACTS_ON: ActsOn = ActsOn::Numbers;
     type Parameters = SpikeParameters;
     const OPTIONAL: &'static [&'static str] = &["period_s", "width_s"];
+
+    fn state() -> Option<StateOf<Self>> {
+        Some(StateOf::none())
+    }
 
     fn start(setup: &Setup<'_, SpikeParameters>) -> Result<Self, Invalid> {
         let steps = |time_s| setup.rate.step_at_or_after(time_s).0;

@@ -4,6 +4,7 @@
 use std::f64::consts::TAU;
 
 use shared_types::describe::{ActsOn, Invalid};
+use shared_types::state::StateOf;
 
 use super::{LARGEST, towards};
 use crate::faults::kind::{FaultKind, Moment, Reading, Setup};
@@ -39,6 +40,10 @@ impl FaultKind for Additive {
     const ACTS_ON: ActsOn = ActsOn::Numbers;
     type Parameters = AdditiveParameters;
     const OPTIONAL: &'static [&'static str] = &["phase_rad"];
+
+    fn state() -> Option<StateOf<Self>> {
+        Some(StateOf::none())
+    }
 
     fn start(setup: &Setup<'_, AdditiveParameters>) -> Result<Self, Invalid> {
         Ok(Self(setup.parameters))
@@ -79,6 +84,10 @@ impl FaultKind for Replacing {
     const ACTS_ON: ActsOn = ActsOn::Numbers;
     type Parameters = ReplacingParameters;
     const OPTIONAL: &'static [&'static str] = &["phase_rad", "offset"];
+
+    fn state() -> Option<StateOf<Self>> {
+        Some(StateOf::none())
+    }
 
     fn start(setup: &Setup<'_, ReplacingParameters>) -> Result<Self, Invalid> {
         Ok(Self(setup.parameters))

@@ -1,6 +1,7 @@
 //! Faults that bend a number: coarse converters and hard limits.
 
 use shared_types::describe::{ActsOn, Invalid};
+use shared_types::state::StateOf;
 
 use crate::faults::kind::{FaultKind, Moment, Reading, Setup};
 
@@ -22,6 +23,10 @@ impl FaultKind for Quantisation {
     const EQUATION: &'static str = "y = q round(x / q) where g is not 0, else y = x";
     const ACTS_ON: ActsOn = ActsOn::Numbers;
     type Parameters = QuantisationParameters;
+
+    fn state() -> Option<StateOf<Self>> {
+        Some(StateOf::none())
+    }
 
     fn start(setup: &Setup<'_, QuantisationParameters>) -> Result<Self, Invalid> {
         Ok(Self(setup.parameters))
@@ -58,6 +63,10 @@ impl FaultKind for Saturation {
     const EQUATION: &'static str = "y = min(max(x, min), max) where g is not 0, else y = x";
     const ACTS_ON: ActsOn = ActsOn::Numbers;
     type Parameters = SaturationParameters;
+
+    fn state() -> Option<StateOf<Self>> {
+        Some(StateOf::none())
+    }
 
     fn start(setup: &Setup<'_, SaturationParameters>) -> Result<Self, Invalid> {
         let SaturationParameters { min, max } = setup.parameters;

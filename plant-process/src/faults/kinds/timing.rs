@@ -3,6 +3,7 @@
 use shared_types::describe::{ActsOn, Invalid, ListDescription};
 use shared_types::directive::Directive;
 use shared_types::random::RandomStream;
+use shared_types::state::StateOf;
 
 use super::whole;
 use crate::faults::kind::{FaultKind, Moment, Setup};
@@ -40,6 +41,13 @@ impl FaultKind for Late {
             description: "Pairs of a length in us and its weight, for example as recorded; a length is drawn anew each step.".into(),
             columns: 2,
         })
+    }
+
+    fn state() -> Option<StateOf<Self>> {
+        Some(StateOf::new(
+            |fault: &Self| fault.random.clone(),
+            |fault, random| fault.random = random,
+        ))
     }
 
     fn start(setup: &Setup<'_, LateParameters>) -> Result<Self, Invalid> {
@@ -126,6 +134,10 @@ impl FaultKind for Skip {
     const ACTS_ON: ActsOn = ActsOn::Controller;
     type Parameters = SkipParameters;
     const OPTIONAL: &'static [&'static str] = &["burst", "period_steps"];
+
+    fn state() -> Option<StateOf<Self>> {
+        Some(StateOf::none())
+    }
 
     fn start(setup: &Setup<'_, SkipParameters>) -> Result<Self, Invalid> {
         let p = setup.parameters;

@@ -38,6 +38,7 @@ pub(super) fn workshop() -> FaultWorkshop {
         measured: signals(&[("a_m", "m"), ("b_m", "m")]),
         commands: signals(&[("u_n", "N"), ("v_n", "N")]),
         faults: Vec::new(),
+        saves: false,
     };
     FaultWorkshop::new(
         &plant,

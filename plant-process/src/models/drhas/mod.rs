@@ -40,7 +40,9 @@ pub mod valve;
 #[cfg(test)]
 mod tests;
 
+use serde::{Deserialize, Serialize};
 use shared_types::describe::{FaultDescription, Invalid};
+use shared_types::state::StateOf;
 use shared_types::time::Interval;
 use zerocopy::{FromBytes, Immutable, IntoBytes, transmute};
 
@@ -56,7 +58,9 @@ use crate::integrate::rk4_step;
 use crate::plant::Plant;
 
 /// State of one actuator.
-#[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable, Serialize, Deserialize,
+)]
 #[repr(C)]
 pub struct ActuatorState {
     /// Position x_h of the piston.
@@ -70,7 +74,9 @@ pub struct ActuatorState {
 }
 
 /// State of the system.
-#[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable, Serialize, Deserialize,
+)]
 #[repr(C)]
 pub struct State {
     /// Angle theta_d of the surface.
@@ -279,6 +285,13 @@ impl Plant for Drhas {
 
     fn faults() -> Vec<FaultDescription> {
         faults::all()
+    }
+
+    fn state() -> Option<StateOf<Self>> {
+        Some(StateOf::new(
+            |plant: &Self| (plant.state, plant.spools),
+            |plant, (state, spools)| (plant.state, plant.spools) = (state, spools),
+        ))
     }
 
     fn start(parameters: &Parameters) -> Result<Self, Invalid> {

@@ -7,10 +7,12 @@
 //! stops are far beyond what a sound system needs; they are there because a law that has lost its
 //! plant may ask for any current, and no equation of the valve holds for a spool of a kilometre.
 
+use serde::{Deserialize, Serialize};
+
 use super::tables::ActuatorParameters;
 
 /// Where the spool is and where dirt would hold it.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Spool {
     /// Position x_v, positive towards a flow that extends the rod.
     pub position_m: f64,

@@ -51,6 +51,7 @@ pub(crate) fn possible() -> Possible {
                 .iter()
                 .map(|(name, unit)| Field::signal(name, unit, "x"))
                 .collect(),
+            saves: false,
             list: list.map(|(key, columns)| ListDescription {
                 key: key.into(),
                 description: "Rows.".into(),
@@ -67,6 +68,7 @@ pub(crate) fn possible() -> Possible {
             truth: vec![],
             measured: vec![angle.clone()],
             commands: vec![Field::signal("valve1_current_a", "A", "The current.")],
+            saves: false,
             faults: vec![
                 own(
                     "leakage",

@@ -1,0 +1,68 @@
+//! What a checkpoint keeps of the controller: the law and the commands that are still to be sent.
+//!
+//! The runner saves it between two samples and begins with it in a run that goes on. What is not
+//! here follows from the job or is written by every sample before it is read.
+
+use serde::{Deserialize, Serialize};
+use shared_types::describe::Invalid;
+use shared_types::directive::Answered;
+use shared_types::state::State;
+use shared_types::time::Step;
+
+use super::{Bound, Made};
+
+/// The controller's state between two samples.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct SavedController {
+    pub(super) law: State,
+    answer: Vec<f64>,
+    previous: Vec<f64>,
+    frame: Vec<f64>,
+    late: Vec<f64>,
+    made: Made,
+    late_until: Option<Step>,
+    last: Option<Step>,
+    /// As on the wire.
+    answered: u64,
+}
+
+impl Bound {
+    /// Its state.
+    pub(super) fn save(&self) -> Result<SavedController, Invalid> {
+        Ok(SavedController {
+            law: self.law.save()?,
+            answer: self.answer.clone(),
+            previous: self.previous.clone(),
+            frame: self.frame.clone(),
+            late: self.late.clone(),
+            made: self.made,
+            late_until: self.late_until,
+            last: self.last,
+            answered: self.answered.to_wire(),
+        })
+    }
+
+    /// Puts a state back.
+    pub(super) fn restore(&mut self, saved: SavedController) -> Result<(), Invalid> {
+        let rows = [
+            (&mut self.answer, saved.answer),
+            (&mut self.previous, saved.previous),
+            (&mut self.frame, saved.frame),
+            (&mut self.late, saved.late),
+        ];
+        for (row, saved) in rows {
+            if row.len() != saved.len() {
+                let (theirs, ours) = (saved.len(), row.len());
+                return Err(Invalid(format!(
+                    "commands had {theirs} signals when the state was saved and have {ours} now"
+                )));
+            }
+            *row = saved;
+        }
+        self.made = saved.made;
+        self.late_until = saved.late_until;
+        self.last = saved.last;
+        self.answered = Answered::from_wire(saved.answered);
+        self.law.restore(&saved.law)
+    }
+}

@@ -1,0 +1,32 @@
+//! What a checkpoint keeps of the plant's process: the model, its faults and the last record.
+//!
+//! The engine saves it before a step, when everything of the steps before was told to observers, and
+//! begins with it in a run that goes on. What is not here follows from the job and the step: the
+//! reference signals, and every row that a step writes before it reads it.
+
+use serde::{Deserialize, Serialize};
+use shared_types::describe::Invalid;
+use shared_types::state::State;
+
+use crate::faults::SavedFaults;
+use crate::plant::Model;
+
+/// The plant's state before a step.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct SavedPlant {
+    pub(crate) model: State,
+    pub(crate) faults: SavedFaults,
+    /// The words of the record of the step before, which conditions are asked of.
+    pub(crate) record: Vec<u64>,
+}
+
+impl SavedPlant {
+    /// Brings a model that was just started to where it was.
+    ///
+    /// # Errors
+    /// If this is not a state of it.
+    pub(crate) fn restore_model(&self, model: &mut dyn Model) -> Result<(), Invalid> {
+        model.retune(self.faults.parameters());
+        model.restore(&self.model)
+    }
+}

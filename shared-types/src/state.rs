@@ -1,0 +1,165 @@
+//! State as bytes: what a checkpoint keeps of a plant, a law or a fault.
+//!
+//! A model says once what of it is its state, with [`StateOf`]; engine and runner save and restore it
+//! without knowing what it is. The form is postcard's: every number keeps its bits, also those of a NaN.
+//! The bytes do not say what they mean: only the binary that wrote them can read them, which the launcher
+//! makes sure of. Nothing here is called in an ordinary step.
+
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+
+use crate::describe::Invalid;
+
+/// A state as bytes.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct State(Vec<u8>);
+
+impl State {
+    /// The bytes of a value.
+    ///
+    /// # Errors
+    /// If the value is of a kind that has no such form, for example a list of unknown length.
+    pub fn of<T: Serialize>(value: &T) -> Result<Self, Invalid> {
+        let bytes = postcard::to_allocvec(value);
+        (bytes.map(Self)).map_err(|error| Invalid(format!("the state cannot be written: {error}")))
+    }
+
+    /// The value of the bytes, all of them.
+    ///
+    /// # Errors
+    /// If they are not those of such a value.
+    pub fn read<T: DeserializeOwned>(&self) -> Result<T, Invalid> {
+        let (value, rest) = postcard::take_from_bytes(&self.0)
+            .map_err(|error| Invalid(format!("the state cannot be read: {error}")))?;
+        if rest.is_empty() {
+            Ok(value)
+        } else {
+            let bytes = rest.len();
+            Err(Invalid(format!(
+                "the state has {bytes} bytes more than it should"
+            )))
+        }
+    }
+
+    /// The bytes.
+    #[must_use]
+    pub fn as_bytes(&self) -> &[u8] {
+        &self.0
+    }
+}
+
+impl From<Vec<u8>> for State {
+    fn from(bytes: Vec<u8>) -> Self {
+        Self(bytes)
+    }
+}
+
+type Save<T> = Box<dyn Fn(&T) -> Result<State, Invalid>>;
+type Restore<T> = Box<dyn Fn(&mut T, &State) -> Result<(), Invalid>>;
+
+/// What of a `T` is its state, and how it is put back.
+///
+/// State is what the next step depends on and what neither the parameters nor the step tell. What
+/// follows from parameters is no state: a restored `T` was started with them, and told those that
+/// faults have moved, before its state is put back.
+///
+/// ```
+/// use shared_types::state::StateOf;
+///
+/// struct Tank { area_m2: f64, level_m: f64 }
+///
+/// let state = StateOf::new(|tank: &Tank| tank.level_m, |tank, level_m| tank.level_m = level_m);
+/// let full = Tank { area_m2: 2.0, level_m: 3.5 };
+/// let mut other = Tank { area_m2: 2.0, level_m: 0.0 };
+/// state.restore(&mut other, &state.save(&full)?)?;
+/// assert_eq!(other.level_m, 3.5);
+/// # Ok::<(), shared_types::describe::Invalid>(())
+/// ```
+pub struct StateOf<T> {
+    save: Save<T>,
+    restore: Restore<T>,
+}
+
+impl<T: 'static> StateOf<T> {
+    /// A state of one value, which may be a tuple of several.
+    #[must_use]
+    pub fn new<S>(save: fn(&T) -> S, restore: fn(&mut T, S)) -> Self
+    where
+        S: Serialize + DeserializeOwned + 'static,
+    {
+        Self {
+            save: Box::new(move |whole| State::of(&save(whole))),
+            restore: Box::new(move |whole, state| {
+                restore(whole, state.read()?);
+                Ok(())
+            }),
+        }
+    }
+
+    /// The same, where not every value fits what it is put back into.
+    #[must_use]
+    pub fn checked<S>(save: fn(&T) -> S, restore: fn(&mut T, S) -> Result<(), Invalid>) -> Self
+    where
+        S: Serialize + DeserializeOwned + 'static,
+    {
+        Self {
+            save: Box::new(move |whole| State::of(&save(whole))),
+            restore: Box::new(move |whole, state| restore(whole, state.read()?)),
+        }
+    }
+
+    /// No state: all that it does follows from parameters and the step.
+    #[must_use]
+    pub fn none() -> Self {
+        Self::new(|_| (), |_, ()| ())
+    }
+
+    /// The state as it is now.
+    ///
+    /// # Errors
+    /// As [`State::of`].
+    pub fn save(&self, whole: &T) -> Result<State, Invalid> {
+        (self.save)(whole)
+    }
+
+    /// Puts a state back.
+    ///
+    /// # Errors
+    /// If it is not one of this `T`, with these parameters.
+    pub fn restore(&self, whole: &mut T, state: &State) -> Result<(), Invalid> {
+        (self.restore)(whole, state)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_number_keeps_its_bits() {
+        let signalling = f64::from_bits(0x7ff0_0000_0000_0001);
+        let quiet = f64::from_bits(0xfff8_0000_dead_beef);
+        let numbers = [
+            -0.0,
+            f64::MIN_POSITIVE / 2.0,
+            f64::INFINITY,
+            signalling,
+            quiet,
+            0.1,
+        ];
+        let state = State::of(&(numbers, u64::MAX)).expect("a form");
+        let (read, most): ([f64; 6], u64) = state.read().expect("the same type");
+        assert_eq!(read.map(f64::to_bits), numbers.map(f64::to_bits));
+        assert_eq!(most, u64::MAX);
+    }
+
+    #[test]
+    fn a_state_too_short_or_too_long_is_refused() {
+        let state = State::of(&[1.5, 2.5]).expect("a form");
+        let cut = State::from(state.as_bytes()[..15].to_vec());
+        assert!(cut.read::<[f64; 2]>().is_err());
+        let told = state.read::<[f64; 1]>().expect_err("8 bytes are left");
+        assert!(told.0.contains("8 bytes more"), "{told}");
+    }
+}

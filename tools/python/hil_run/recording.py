@@ -1,0 +1,228 @@
+"""The file of a run: what is where in it, and its records as blocks of words.
+
+Used by `run`. Knows what a recording says of itself and nothing of plants or controllers. A file whose
+writer was killed is read as far as it goes; one that is damaged is refused.
+
+A record is a message of 4 bytes of CDR encapsulation and 64-bit words, which the `ros2msg` schema names
+one by one. All records of a run are of one length, so the records of a chunk are a table already: they
+are viewed through one array, not taken apart one by one.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import struct
+from io import BytesIO
+from pathlib import Path
+from typing import Any, BinaryIO, Callable, Dict, Iterator, List, NamedTuple, Tuple, Union
+
+import numpy as np
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
+from mcap.stream_reader import get_chunk_data_stream
+from numpy.typing import NDArray
+
+MAGIC = b"\x89MCAP0\r\n"
+# Opcode and length of a record of the file.
+HEAD = struct.Struct("<BQ")
+# Channel, sequence, log time and publish time of a message.
+MESSAGE = struct.Struct("<HIQQ")
+ENCAPSULATION_BYTES = 4
+RULER = "=" * 80
+
+Words = NDArray[np.uint64]
+
+
+class RecordingError(Exception):
+    """A file is no recording of a run, or a damaged one."""
+
+
+class Column(NamedTuple):
+    """A word of a record; the unit is empty for what is no signal."""
+
+    name: str
+    unit: str
+
+    @property
+    def is_signal(self) -> bool:
+        return "." in self.name
+
+
+class ChunkPlace(NamedTuple):
+    """Where a chunk stands, and the simulated time of its first and last message."""
+
+    offset: int
+    length: int
+    start_ns: int
+    end_ns: int
+
+
+class Recording:
+    """A recording, of which everything but the records and events is in memory."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.metadata: Dict[str, Dict[str, str]] = {}
+        self.attachments: Dict[str, str] = {}
+        self.columns: List[Column] = []
+        #: Whether its writer finished it.
+        self.is_whole = False
+        self._chunks: List[ChunkPlace] = []
+        self._schemas: Dict[int, str] = {}
+        self._records_channel = -1
+        self._events_channel = -1
+        with open(path, "rb") as file:
+            if file.read(len(MAGIC)) != MAGIC:
+                raise RecordingError(f"{path} is no MCAP file")
+            self._index(file, os.fstat(file.fileno()).st_size)
+        if not self.columns:
+            raise RecordingError(f"{path} is no recording of a run: it has no channel `/record`")
+
+    def _index(self, file: BinaryIO, size: int) -> None:
+        while len(head := file.read(HEAD.size)) == HEAD.size:
+            opcode, length = HEAD.unpack(head)
+            offset = file.tell()
+            if offset + length > size:
+                return  # its writer was killed here
+            if opcode == Opcode.DATA_END:
+                self.is_whole = True
+                return
+            if opcode == Opcode.CHUNK:
+                start_ns, end_ns = struct.unpack("<QQ", file.read(16))
+                self._chunks.append(ChunkPlace(offset, length, start_ns, end_ns))
+                if not self.columns:
+                    # Other programs that write such files put channels in front of their messages.
+                    self._take_channels(self._content(file, self._chunks[-1]))
+            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA, Opcode.ATTACHMENT):
+                self._take(opcode, file.read(length))
+            file.seek(offset + length)
+
+    def _take_channels(self, data: bytes) -> None:
+        offset = 0
+        while offset < len(data):
+            opcode, length = HEAD.unpack_from(data, offset)
+            offset += HEAD.size
+            if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                self._take(opcode, data[offset : offset + length])
+            offset += length
+
+    def _take(self, opcode: int, body: bytes) -> None:
+        stream = ReadDataStream(BytesIO(body))
+        if opcode == Opcode.SCHEMA:
+            schema = Schema.read(stream)
+            self._schemas[schema.id] = schema.data.decode()
+        elif opcode == Opcode.METADATA:
+            metadata = Metadata.read(stream)
+            self.metadata[metadata.name] = dict(metadata.metadata)
+        elif opcode == Opcode.ATTACHMENT:
+            attachment = Attachment.read(stream)
+            self.attachments[attachment.name] = attachment.data.decode()
+        else:
+            channel = Channel.read(stream)
+            if channel.topic == "/record":
+                self._records_channel = channel.id
+                self.columns = columns_of(self._schemas.get(channel.schema_id, ""))
+            elif channel.topic == "/events":
+                self._events_channel = channel.id
+
+    @property
+    def rate_hz(self) -> float:
+        try:
+            return float(self.metadata["hil.run"]["rate_hz"])
+        except (KeyError, ValueError):
+            raise RecordingError(f"{self.path} does not say its rate") from None
+
+    def blocks(self, wanted: Callable[[ChunkPlace], bool]) -> Iterator[Words]:
+        """The records of those chunks, in order: arrays with a row for each record.
+
+        The arrays are views of the file's own bytes; what is to last has to be copied.
+        """
+        for content in self._contents(wanted):
+            if not isinstance(content, bytes):
+                yield content
+
+    def events(self) -> Iterator[Dict[str, Any]]:
+        """What happened, in order."""
+        for content in self._contents(lambda place: True):
+            if isinstance(content, bytes):
+                yield json.loads(content)
+
+    def _contents(self, wanted: Callable[[ChunkPlace], bool]) -> Iterator[Union[Words, bytes]]:
+        """Blocks of records, and events between them."""
+        with open(self.path, "rb") as file:
+            for place in filter(wanted, self._chunks):
+                yield from self._messages(self._content(file, place))
+
+    def _content(self, file: BinaryIO, place: ChunkPlace) -> bytes:
+        file.seek(place.offset)
+        body = ReadDataStream(BytesIO(file.read(place.length)))
+        try:
+            stream, length = get_chunk_data_stream(Chunk.read(body), validate_crc=True)
+            return stream.read(length)
+        except (McapError, ValueError, RuntimeError, zstandard.ZstdError) as error:
+            at_s = place.start_ns / 1e9
+            raise RecordingError(f"{self.path} is damaged after {at_s} s: {error}") from error
+
+    def _messages(self, data: bytes) -> Iterator[Union[Words, bytes]]:
+        offset, size = 0, HEAD.size + MESSAGE.size + ENCAPSULATION_BYTES + 8 * len(self.columns)
+        record = np.dtype(
+            {
+                "names": ["opcode", "length", "channel", "words"],
+                "formats": ["u1", "<u8", "<u2", ("<u8", (len(self.columns),))],
+                "offsets": [0, 1, HEAD.size, HEAD.size + MESSAGE.size + ENCAPSULATION_BYTES],
+                "itemsize": size,
+            }
+        )
+        while offset < len(data):
+            # As if nothing but records followed; what is another message ends the block.
+            rows = np.frombuffer(data, record, count=(len(data) - offset) // size, offset=offset)
+            is_record = rows["opcode"] == Opcode.MESSAGE
+            is_record &= rows["length"] == size - HEAD.size
+            is_record &= rows["channel"] == self._records_channel
+            count = len(rows) if is_record.all() else int(is_record.argmin())
+            if count:
+                yield rows["words"][:count]
+                offset += count * size
+                continue
+            opcode, length = HEAD.unpack_from(data, offset)
+            body = offset + HEAD.size
+            if opcode == Opcode.MESSAGE:
+                (channel, *_) = MESSAGE.unpack_from(data, body)
+                if channel == self._records_channel:
+                    raise RecordingError(f"{self.path}: a record of {length} bytes does not fit its schema")
+                if channel == self._events_channel:
+                    yield data[body + MESSAGE.size : body + length]
+            offset = body + length
+
+
+def columns_of(schema: str) -> List[Column]:
+    """The words of a record: `uint64`, arrays of it, and one level of messages of `float64`."""
+    top, *parts = schema.split(RULER)
+    messages: Dict[str, List[Column]] = {}
+    for part in parts:
+        title, *lines = part.strip().splitlines()
+        fields = (field_of(line) for line in lines if line.strip())
+        messages[title.removeprefix("MSG: ")] = [Column(name, unit) for _, name, unit in fields]
+    columns: List[Column] = []
+    for line in filter(str.strip, top.splitlines()):
+        kind, name, _ = field_of(line)
+        if kind in messages:
+            columns += [Column(f"{name}.{field.name}", field.unit) for field in messages[kind]]
+        elif kind.startswith("uint64["):
+            columns += [Column(f"{name}[{index}]", "") for index in range(int(kind[7:-1]))]
+        else:
+            columns.append(Column(name, ""))
+    return columns
+
+
+def field_of(line: str) -> Tuple[str, str, str]:
+    """Type, name and unit of a field: `float64 angle_rad # [rad] The angle.`"""
+    field, _, comment = line.partition("#")
+    kind, name = field.split()
+    comment = comment.strip()
+    unit = comment[1:].partition("]")[0] if comment.startswith("[") else ""
+    return kind, name, unit

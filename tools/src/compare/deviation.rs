@@ -1,0 +1,206 @@
+//! By how much one signal differs between two runs, step by step.
+//!
+//! Used by `hil compare` and `hil replay`, which hand it both values of each step. Two values are the
+//! same if their bits are. It keeps sums and no step, so the length of a run does not matter.
+
+use serde::Serialize;
+
+/// A deviation in the making.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Deviation {
+    /// Steps at which both were finite numbers.
+    compared: u64,
+    differing: u64,
+    first_step: Option<u64>,
+    max: f64,
+    at_step: Option<u64>,
+    squares: f64,
+    incomparable: u64,
+}
+
+/// By how much a signal differs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SignalDifference {
+    pub(crate) name: String,
+    pub(crate) unit: String,
+    pub(crate) max_abs_difference: f64,
+    /// Where that is; null if the signal is nowhere a number in both.
+    pub(crate) at_step: Option<u64>,
+    pub(crate) rms_difference: f64,
+    /// The first step at which it differs.
+    pub(crate) first_step: Option<u64>,
+    /// At how many it does.
+    pub(crate) differing_steps: u64,
+    /// Steps at which it is a finite number in at most one of them and not the same in both.
+    pub(crate) incomparable_steps: u64,
+    /// By how much it may differ.
+    pub(crate) tolerance: f64,
+}
+
+/// Whether two values are no further apart than that. What is no number is near only to the same.
+pub(crate) fn is_near(a: f64, b: f64, tolerance: f64) -> bool {
+    a.to_bits() == b.to_bits()
+        || (tolerance > 0.0 && a.is_finite() && b.is_finite() && (a - b).abs() <= tolerance)
+}
+
+impl Deviation {
+    /// Takes in both values of a step.
+    pub(crate) fn take(&mut self, step: u64, a: f64, b: f64) {
+        if a.to_bits() == b.to_bits() {
+            self.compared += u64::from(a.is_finite());
+            return;
+        }
+        self.differing += 1;
+        self.first_step.get_or_insert(step);
+        if a.is_finite() && b.is_finite() {
+            let difference = (a - b).abs();
+            self.compared += 1;
+            self.squares += difference * difference;
+            if difference > self.max || self.at_step.is_none() {
+                (self.max, self.at_step) = (difference, Some(step));
+            }
+        } else {
+            self.incomparable += 1;
+        }
+    }
+
+    /// Whether the signal differs anywhere.
+    pub(crate) const fn is_any(&self) -> bool {
+        self.differing > 0
+    }
+
+    /// Whether it differs nowhere by more than that.
+    pub(crate) fn is_within(&self, tolerance: f64) -> bool {
+        !self.is_any() || (tolerance > 0.0 && self.incomparable == 0 && self.max <= tolerance)
+    }
+
+    /// The whole of it.
+    pub(crate) fn of(&self, name: &str, unit: &str, tolerance: f64) -> SignalDifference {
+        let rms = if self.compared > 0 {
+            (self.squares / self.compared as f64).sqrt()
+        } else {
+            0.0
+        };
+        SignalDifference {
+            name: name.into(),
+            unit: unit.into(),
+            max_abs_difference: self.max,
+            at_step: self.at_step,
+            rms_difference: rms,
+            first_step: self.first_step,
+            differing_steps: self.differing,
+            incomparable_steps: self.incomparable,
+            tolerance,
+        }
+    }
+}
+
+/// The differences as a table, a line for each signal.
+///
+/// # Errors
+/// If the text cannot be written to.
+pub(crate) fn write_table(
+    text: &mut impl std::fmt::Write,
+    signals: &[SignalDifference],
+    heading: &str,
+) -> std::fmt::Result {
+    let widths = signals.iter().map(|signal| signal.name.len());
+    let width = widths.max().unwrap_or(0).max(6);
+    let any_tolerance = signals.iter().any(|signal| signal.tolerance > 0.0);
+    write!(
+        text,
+        "\n  {:<width$}  {heading:>12}  {:>9}  {:>12}  {:>9}  {:>9}",
+        "signal", "at step", "rms", "first", "steps"
+    )?;
+    writeln!(
+        text,
+        "{}",
+        if any_tolerance { "  of tolerance" } else { "" }
+    )?;
+    let step = |step: Option<u64>| step.map_or_else(|| "-".into(), |step| step.to_string());
+    for signal in signals {
+        let (name, unit) = (&signal.name, &signal.unit);
+        let (max, rms) = (signal.max_abs_difference, signal.rms_difference);
+        let (at, first) = (step(signal.at_step), step(signal.first_step));
+        let count = signal.differing_steps;
+        write!(
+            text,
+            "  {name:<width$}  {max:>12.5e}  {at:>9}  {rms:>12.5e}  {first:>9}  {count:>9}"
+        )?;
+        if any_tolerance {
+            write!(text, "  {:>12}", share(max, signal.tolerance))?;
+        }
+        write!(text, "  {unit}")?;
+        if signal.incomparable_steps > 0 {
+            let steps = signal.incomparable_steps;
+            write!(text, ", not both numbers at {steps} steps")?;
+        }
+        writeln!(text)?;
+    }
+    Ok(())
+}
+
+/// A difference as a share of what is allowed.
+pub(crate) fn share(difference: f64, tolerance: f64) -> String {
+    if tolerance > 0.0 {
+        format!("{:.3} %", 100.0 * difference / tolerance)
+    } else {
+        "-".into()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(pairs: &[(f64, f64)]) -> SignalDifference {
+        let mut deviation = Deviation::default();
+        for (step, (a, b)) in (0..).zip(pairs) {
+            deviation.take(step, *a, *b);
+        }
+        deviation.of("x_m", "m", 0.0)
+    }
+
+    #[test]
+    fn the_largest_the_first_and_the_mean_are_found() {
+        let found = of(&[(1.0, 1.0), (1.0, 4.0), (5.0, 1.0), (2.0, 2.0)]);
+        assert_eq!((found.max_abs_difference, found.at_step), (4.0, Some(2)));
+        assert_eq!((found.first_step, found.differing_steps), (Some(1), 2));
+        assert_eq!(found.rms_difference, 2.5); // sqrt((9 + 16) / 4)
+    }
+
+    #[test]
+    fn what_is_no_number_is_only_near_to_itself() {
+        let nan = f64::NAN;
+        let infinite = f64::INFINITY;
+        let found = of(&[
+            (nan, nan),
+            (nan, 1.0),
+            (infinite, 1.0),
+            (infinite, infinite),
+        ]);
+        assert_eq!((found.incomparable_steps, found.differing_steps), (2, 2));
+        assert_eq!((found.at_step, found.rms_difference), (None, 0.0));
+        for (a, b, tolerance, near) in [
+            (nan, nan, 0.0, true),
+            (nan, 1.0, infinite, false),
+            (infinite, 1.0, infinite, false),
+            (0.0, -0.0, 0.0, false),
+            (0.0, -0.0, 1e-300, true),
+            (1.0, 1.5, 0.5, true),
+            (1.0, 1.5, 0.4999, false),
+        ] {
+            assert_eq!(is_near(a, b, tolerance), near, "{a} {b} {tolerance}");
+            let mut deviation = Deviation::default();
+            deviation.take(0, a, b);
+            assert_eq!(deviation.is_within(tolerance), near, "{a} {b} {tolerance}");
+        }
+    }
+
+    #[test]
+    fn a_flipped_sign_of_zero_is_a_difference_of_nothing() {
+        let found = of(&[(0.0, -0.0)]);
+        assert_eq!((found.differing_steps, found.max_abs_difference), (1, 0.0));
+        assert_eq!(found.at_step, Some(0));
+    }
+}

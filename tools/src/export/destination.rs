@@ -1,0 +1,183 @@
+//! Where a table goes: a file that appears whole or not at all, a device, or standard output.
+
+use std::fs::{self, File, Permissions};
+use std::io::{self, BufWriter, ErrorKind, Write};
+use std::os::fd::AsFd;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+
+use tempfile::TempPath;
+
+use crate::exit::Failure;
+
+/// What is written to.
+pub(super) struct Destination {
+    file: BufWriter<File>,
+    /// `None`: every byte is out at once, as on a pipe.
+    whole: Option<Whole>,
+}
+
+/// A file that is not there yet. Dropped before it is complete, nothing of it is left.
+struct Whole {
+    temporary: TempPath,
+    path: PathBuf,
+    may_replace: bool,
+}
+
+impl Destination {
+    pub(super) fn standard_output() -> Result<Self, Failure> {
+        // Not `Stdout`, which looks for the ends of lines in everything.
+        let descriptor = io::stdout().as_fd().try_clone_to_owned();
+        let descriptor = descriptor.map_err(Failure::infrastructure)?;
+        Ok(Self {
+            file: BufWriter::new(descriptor.into()),
+            whole: None,
+        })
+    }
+
+    /// Begins a file under another name beside it.
+    pub(super) fn create(path: &Path, may_replace: bool) -> Result<Self, Failure> {
+        let shown = path.display();
+        let cannot = |error: io::Error| Failure::usage(format!("cannot write {shown}: {error}"));
+        let (mut path, mut file) = (path.to_owned(), None);
+        match fs::metadata(&path) {
+            Err(error) if error.kind() == ErrorKind::NotFound => {}
+            Err(error) => return Err(cannot(error)),
+            Ok(found) if found.is_dir() => {
+                return Err(Failure::usage(format!(
+                    "{shown} is a folder; name a file in it"
+                )));
+            }
+            Ok(found) if !found.is_file() => {
+                // A device or a pipe must not be replaced by a file.
+                file = Some(File::options().write(true).open(&path).map_err(cannot)?);
+            }
+            Ok(_) if !may_replace => return Err(Failure::usage(there_already(&path))),
+            // What a link leads to, not the link.
+            Ok(_) => path = path.canonicalize().map_err(cannot)?,
+        }
+        if let Some(file) = file {
+            return Ok(Self {
+                file: BufWriter::new(file),
+                whole: None,
+            });
+        }
+        let folder = (path.parent()).filter(|folder| !folder.as_os_str().is_empty());
+        let (file, temporary) = tempfile::Builder::new()
+            .prefix(".hil-export-")
+            // Less what the process's mask takes away, as of any new file.
+            .permissions(Permissions::from_mode(0o666))
+            .tempfile_in(folder.unwrap_or(Path::new(".")))
+            .map_err(cannot)?
+            .into_parts();
+        let whole = Whole {
+            temporary,
+            path,
+            may_replace,
+        };
+        Ok(Self {
+            file: BufWriter::new(file),
+            whole: Some(whole),
+        })
+    }
+
+    /// All is written: the file gets its name.
+    pub(super) fn complete(mut self) -> io::Result<()> {
+        self.file.flush()?;
+        let Some(whole) = self.whole else {
+            return Ok(());
+        };
+        // A disk may say only now that it is full.
+        self.file.get_ref().sync_all()?;
+        let Whole {
+            temporary, path, ..
+        } = whole;
+        let named = if whole.may_replace {
+            temporary.persist(&path)
+        } else {
+            temporary.persist_noclobber(&path)
+        };
+        named.map_err(|error| match error.error.kind() {
+            ErrorKind::AlreadyExists => {
+                io::Error::new(ErrorKind::AlreadyExists, there_already(&path))
+            }
+            _ => error.error,
+        })
+    }
+}
+
+fn there_already(path: &Path) -> String {
+    format!(
+        "{} is there already; --force writes over it",
+        path.display()
+    )
+}
+
+impl Write for Destination {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.file.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refused(destination: Result<Destination, Failure>) -> String {
+        destination.err().expect("refused").to_string()
+    }
+
+    #[test]
+    fn a_file_appears_only_when_it_is_complete() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("table.csv");
+        let entries = || fs::read_dir(folder.path()).expect("a folder").count();
+
+        let mut given_up = Destination::create(&path, false).expect("begun");
+        given_up.write_all(b"half").expect("written");
+        assert!(!path.exists());
+        drop(given_up);
+        assert_eq!(entries(), 0, "nothing is left");
+
+        let mut whole = Destination::create(&path, false).expect("begun");
+        whole.write_all(b"whole").expect("written");
+        whole.complete().expect("complete");
+        assert_eq!(fs::read(&path).expect("there"), b"whole");
+        assert_eq!(entries(), 1);
+    }
+
+    #[test]
+    fn a_file_that_is_there_is_replaced_only_if_that_is_meant() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (path, link) = (
+            folder.path().join("old.csv"),
+            folder.path().join("link.csv"),
+        );
+        let late = Destination::create(&path, false).expect("begun");
+        fs::write(&path, "old").expect("written");
+        std::os::unix::fs::symlink(&path, &link).expect("linked");
+        assert!(refused(Destination::create(&path, false)).contains("--force"));
+        // It came while the other one was written.
+        let error = late.complete().expect_err("refused");
+        assert_eq!(error.kind(), ErrorKind::AlreadyExists);
+        assert_eq!(fs::read(&path).expect("there"), b"old");
+
+        let mut forced = Destination::create(&link, true).expect("begun");
+        forced.write_all(b"new").expect("written");
+        forced.complete().expect("complete");
+        assert_eq!(fs::read(&path).expect("there"), b"new");
+        assert!(link.is_symlink());
+    }
+
+    #[test]
+    fn a_place_that_cannot_be_a_file_is_named() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let nowhere = folder.path().join("nowhere/table.csv");
+        assert!(refused(Destination::create(folder.path(), true)).contains("is a folder"));
+        assert!(refused(Destination::create(&nowhere, true)).contains("nowhere/table.csv"));
+    }
+}

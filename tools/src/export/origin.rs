@@ -1,0 +1,119 @@
+//! What travels in a recording and tells more of its signals than their names: the scenario and
+//! what plant and controller said of themselves.
+
+use std::collections::BTreeMap;
+
+use hil_config::evaluation::Evaluation;
+use hil_config::expression::Columns;
+use hil_config::plan::{self, Plan};
+use shared_types::describe::{Description, LawDescription, PlantDescription};
+use shared_types::table::Field;
+use shared_types::time::Step;
+
+use super::table::Column;
+use crate::repetition::checked;
+use crate::run_reader::RunReader;
+
+/// The scenario of a run with its plant and its law.
+pub(super) struct Origin {
+    plan: Plan,
+    plant: PlantDescription,
+    law: LawDescription,
+}
+
+impl Origin {
+    /// Takes them from a recording; the error says why that cannot be.
+    pub(super) fn of(reader: &RunReader) -> Result<Self, String> {
+        let read = || -> Result<_, crate::run_reader::ReadError> {
+            let plant: Description = reader.enclosed("plant-description.json")?;
+            let controller: Description = reader.enclosed("controller-description.json")?;
+            Ok((reader.enclosure("scenario.toml")?, plant, controller))
+        };
+        let (text, plant, controller) = read().map_err(|error| error.to_string())?;
+        let plan = checked(text, reader.path(), &plant, &controller);
+        let plan = plan.map_err(|failure| failure.to_string())?;
+        let mut plants = plant.plants.into_iter();
+        let mut laws = controller.laws.into_iter();
+        // A scenario is checked only if both are there.
+        let plant = plants.find(|plant| plant.name == plan.plant.model);
+        let law = laws.find(|law| law.name == plan.controller.law);
+        let (Some(plant), Some(law)) = (plant, law) else {
+            return Err("the recording does not describe its plant and law".into());
+        };
+        Ok(Self { plan, plant, law })
+    }
+
+    /// The commands of a command frame, in order: those of the law, of which the plant may take
+    /// only some and in another order.
+    pub(super) fn sent_commands(&self) -> &[Field] {
+        self.law.commands.as_ref().unwrap_or(&self.plant.commands)
+    }
+
+    /// The derived signals of the scenario, in its order.
+    pub(super) fn derived(mut self, reader: &RunReader) -> Result<Derived, String> {
+        let columns = Columns::of(&self.plant, &self.plan.stimuli, &self.law.internals);
+        let mut recorded = (reader.columns().iter().enumerate())
+            .filter(|(_, column)| column.is_signal())
+            .map(|(place, _)| place);
+        let first = recorded.next().unwrap_or(0);
+        if 1 + recorded.count() != columns.len() {
+            return Err("its signals are not those of its scenario".into());
+        }
+        self.plan.metrics.clear();
+        let evaluation =
+            Evaluation::new(&self.plan, &columns).map_err(|error| error.to_string())?;
+        Ok(Derived {
+            signals: self.plan.derived,
+            first,
+            row: vec![f64::NAN; columns.len()],
+            evaluation,
+        })
+    }
+}
+
+/// The derived signals of a run, computed again from its records.
+pub(super) struct Derived {
+    pub(super) signals: Vec<plan::Derived>,
+    /// Where a record has its first signal.
+    first: usize,
+    row: Vec<f64>,
+    evaluation: Evaluation,
+}
+
+impl Derived {
+    /// Their values at the step of a record.
+    pub(super) fn of(&mut self, step: Step, words: &[u64]) -> &[f64] {
+        for (value, word) in self.row.iter_mut().zip(&words[self.first..]) {
+            *value = f64::from_bits(*word);
+        }
+        self.evaluation.observe(step, &self.row);
+        self.evaluation.derived()
+    }
+}
+
+/// Where a table comes from and the units of its columns, for the metadata of a file.
+pub(super) fn metadata(reader: &RunReader, columns: &[Column]) -> Vec<(String, String)> {
+    let with_unit = columns.iter().filter(|column| !column.unit.is_empty());
+    let units: BTreeMap<&str, &str> = with_unit
+        .map(|column| (column.name.as_str(), column.unit.as_str()))
+        .collect();
+    let facts = [
+        ("scenario", "hil.scenario"),
+        ("session", "hil.session"),
+        ("started_utc", "hil.started_utc"),
+        ("evidence", "hil.evidence"),
+        ("rate_hz", "hil.rate_hz"),
+        ("seed", "hil.seed"),
+        ("hil_commit", "hil.commit"),
+        ("plant_blake3", "hil.plant_blake3"),
+        ("controller_blake3", "hil.controller_blake3"),
+    ];
+    let facts = facts
+        .into_iter()
+        .filter_map(|(fact, key)| Some((key.to_owned(), reader.fact(fact)?.to_owned())));
+    let mut metadata: Vec<(String, String)> = facts.collect();
+    metadata.push(("hil.digest".into(), reader.digest()));
+    metadata.push(("hil.whole".into(), reader.is_whole().to_string()));
+    metadata.push(("units".into(), serde_json::json!(units).to_string()));
+    metadata
+}

@@ -1,0 +1,88 @@
+//! The verdicts as Markdown, for a pull request or a wiki.
+
+use std::fmt::Write;
+
+use super::Row;
+use crate::summary::short;
+
+pub(super) fn of(rows: &[Row]) -> String {
+    let mut text = String::new();
+    // Writing to a string cannot fail.
+    let _ = write(&mut text, rows);
+    text
+}
+
+fn write(text: &mut String, rows: &[Row]) -> std::fmt::Result {
+    let passed = rows.iter().filter(|row| row.verdict() == "pass").count();
+    writeln!(text, "## hil: {passed} of {} runs pass\n", rows.len())?;
+    writeln!(
+        text,
+        "| run | law | verdict | requirements | digest | why |"
+    )?;
+    writeln!(text, "|---|---|---|---|---|---|")?;
+    for row in rows {
+        let summary = row.ran.as_ref().map(|ran| &ran.summary);
+        let met = summary.map_or_else(String::new, |summary| {
+            let all = &summary.requirements;
+            let met = all.iter().filter(|one| one.verdict == "pass").count();
+            format!("{met} of {}", all.len())
+        });
+        let digest = summary.and_then(|summary| summary.digest.as_deref());
+        let digest = digest.map_or_else(String::new, |digest| format!("`{}`", &digest[..8]));
+        let why: Vec<String> = row.reasons().map(cell).collect();
+        writeln!(
+            text,
+            "| {} | {} | **{}** | {met} | {digest} | {} |",
+            cell(&row.label),
+            cell(&row.law),
+            row.verdict(),
+            why.join("; ")
+        )?;
+    }
+    for row in rows {
+        let Some(ran) = &row.ran else { continue };
+        let summary = &ran.summary;
+        if summary.requirements.is_empty() && summary.metrics.is_empty() {
+            continue;
+        }
+        writeln!(text, "\n### {}\n", cell(&row.label))?;
+        if !summary.requirements.is_empty() {
+            writeln!(
+                text,
+                "| requirement | verdict | margin | at [s] | formula |"
+            )?;
+            writeln!(text, "|---|---|---|---|---|")?;
+        }
+        for one in &summary.requirements {
+            let margin = one.robustness.map_or_else(|| "-".into(), short);
+            let at_s = one.at_s.map_or_else(|| "-".into(), |at_s| at_s.to_string());
+            writeln!(
+                text,
+                "| {} | **{}** | {margin} {} | {at_s} | `{}` |",
+                cell(&one.name),
+                one.verdict,
+                cell(&one.unit),
+                cell(&one.formula)
+            )?;
+        }
+        if !summary.metrics.is_empty() {
+            if !summary.requirements.is_empty() {
+                writeln!(text)?;
+            }
+            writeln!(text, "| metric | window [s] | value |")?;
+            writeln!(text, "|---|---|---|")?;
+        }
+        for metric in &summary.metrics {
+            let [start_s, end_s] = metric.window_s;
+            let value = metric.value.map_or_else(|| "-".into(), short);
+            let (name, unit) = (cell(&metric.name), cell(&metric.unit));
+            writeln!(text, "| {name} | {start_s} to {end_s} | {value} {unit} |")?;
+        }
+    }
+    Ok(())
+}
+
+/// Text that stays in its cell.
+fn cell(text: &str) -> String {
+    text.replace('|', "\\|").replace(['\n', '\r'], " ")
+}
