@@ -18,6 +18,7 @@
 //! | [`paper`] | the paper's experiment against its checked figures |
 //! | [`recording`] | what a recording holds, read without the recorder's code |
 //! | [`realtime_settings`] | what was asked of the system, and what it granted |
+//! | [`requirements`] | verdicts live and from the recording, and exit codes |
 //! | [`suite`] | several runs by one command |
 //! | [`survival`] | every law with every kind of fault |
 //!
@@ -49,5 +50,6 @@ mod paper;
 mod programs;
 mod realtime_settings;
 mod recording;
+mod requirements;
 mod suite;
 mod survival;

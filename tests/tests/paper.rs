@@ -19,16 +19,35 @@ struct Case {
     tracking_error_rad: Windows,
     /// Largest |Delta F| in N.
     force_fight_n: Windows,
+    /// The requirements that the paper's tables say it fails.
+    fails: &'static [&'static str],
 }
+
+/// What the scenarios require, taken from Tables 3 and 4.
+const SEVERE: [&str; 7] = [
+    "healthy_tracking",
+    "healthy_force_fight",
+    "transient_tracking",
+    "transient_force_fight",
+    "adapted_tracking",
+    "adapted_force_fight",
+    "recovers",
+];
+const SLIGHT: [&str; 4] = [
+    "tracking",
+    "healthy_force_fight",
+    "transient_force_fight",
+    "steady_force_fight",
+];
 
 #[rustfmt::skip] // a table
 const CASES: [Case; 6] = [
-    Case { law: "pid", scenario: "S1", tracking_error_rad: [2.49715e-2, 3.42275e-2, 5.55432e-2], force_fight_n: [560.80, 25401.0, 17942.0] },
-    Case { law: "pid", scenario: "S2", tracking_error_rad: [2.49715e-2, 2.49933e-2, 2.50675e-2], force_fight_n: [560.80, 1210.78, 1244.87] },
-    Case { law: "nrsc", scenario: "S1", tracking_error_rad: [2.11656e-5, 1.42402e-3, 1.77916e-3], force_fight_n: [133.970, 9801.7, 8249.3] },
-    Case { law: "nrsc", scenario: "S2", tracking_error_rad: [2.11656e-5, 2.50093e-5, 2.60994e-5], force_fight_n: [133.970, 147.069, 147.700] },
-    Case { law: "ftsc", scenario: "S1", tracking_error_rad: [2.11655e-5, 6.6527e-4, 3.41e-5], force_fight_n: [133.970, 5023.8, 97.6] },
-    Case { law: "ftsc", scenario: "S2", tracking_error_rad: [2.11655e-5, 2.50092e-5, 2.60993e-5], force_fight_n: [133.970, 147.070, 147.700] },
+    Case { law: "pid", scenario: "S1", tracking_error_rad: [2.49715e-2, 3.42275e-2, 5.55432e-2], force_fight_n: [560.80, 25401.0, 17942.0], fails: &SEVERE },
+    Case { law: "pid", scenario: "S2", tracking_error_rad: [2.49715e-2, 2.49933e-2, 2.50675e-2], force_fight_n: [560.80, 1210.78, 1244.87], fails: &SLIGHT },
+    Case { law: "nrsc", scenario: "S1", tracking_error_rad: [2.11656e-5, 1.42402e-3, 1.77916e-3], force_fight_n: [133.970, 9801.7, 8249.3], fails: SEVERE.split_at(2).1 },
+    Case { law: "nrsc", scenario: "S2", tracking_error_rad: [2.11656e-5, 2.50093e-5, 2.60994e-5], force_fight_n: [133.970, 147.069, 147.700], fails: &[] },
+    Case { law: "ftsc", scenario: "S1", tracking_error_rad: [2.11655e-5, 6.6527e-4, 3.41e-5], force_fight_n: [133.970, 5023.8, 97.6], fails: &[] },
+    Case { law: "ftsc", scenario: "S2", tracking_error_rad: [2.11655e-5, 2.50092e-5, 2.60993e-5], force_fight_n: [133.970, 147.070, 147.700], fails: &[] },
 ];
 
 /// What FTSC believes of both leakage coefficients at 20 s of S1, in m3/s/sqrt(Pa).
@@ -63,7 +82,8 @@ fn run(rig: &Rig, case: &Case, arguments: &str) -> Run {
     };
     let law = case.law;
     let arguments = format!("{scenario} --set controller.law={law} --link in-process {arguments}");
-    rig.run(&arguments).expect(0)
+    rig.run(&arguments)
+        .expect(i32::from(!case.fails.is_empty()))
 }
 
 /// The three windows of a metric.
@@ -114,6 +134,32 @@ fn assert_case(case: &Case, summary: &Value) {
             }
         }
     }
+    assert_requirements(case, summary);
+}
+
+/// Every requirement of the scenario was judged, and those failed that should.
+fn assert_requirements(case: &Case, summary: &Value) {
+    let requirements = summary["requirements"].as_array().expect("a list");
+    let name = |requirement: &Value| requirement["name"].as_str().expect("a name").to_owned();
+    let names: Vec<String> = requirements.iter().map(name).collect();
+    let wanted: &[&str] = match case.scenario {
+        "S1" => &SEVERE,
+        _ => &SLIGHT,
+    };
+    assert_eq!(names, wanted);
+    let fails = requirements.iter().filter(|one| one["verdict"] == "fail");
+    let fails: Vec<String> = fails.map(name).collect();
+    assert_eq!(fails, case.fails, "{} {}", case.law, case.scenario);
+    for one in requirements {
+        let robustness = one["robustness"].as_f64().expect("a number");
+        assert_eq!(robustness > 0.0, one["verdict"] == "pass", "{one}");
+    }
+    let verdict = if case.fails.is_empty() {
+        "pass"
+    } else {
+        "fail"
+    };
+    assert_eq!(summary["verdict"], verdict);
 }
 
 fn case(law: &str, scenario: &str) -> &'static Case {

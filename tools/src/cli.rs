@@ -77,12 +77,12 @@ Examples:
   hil compare runs/a runs/b
   hil compare runs/a runs/b --signal truth.surface_angle_rad --tolerance 1e-9")]
     Compare(CompareArguments),
-    /// Write signals of a recorded run to a CSV or Parquet file
-    #[command(after_help = export::EXAMPLES)]
-    Export(ExportArguments),
     /// Judge a recorded run by its own requirements, or by those of another scenario
     #[command(after_help = recordings::JUDGE_EXAMPLES)]
     Judge(JudgeArguments),
+    /// Write signals of a recorded run to a CSV or Parquet file
+    #[command(after_help = export::EXAMPLES)]
+    Export(ExportArguments),
     /// Make scenarios from runs
     Scenario(ScenarioCommand),
     /// Check a scenario, show it complete, or print its schema

@@ -4,23 +4,25 @@
 //! own requirements come out to the last bit as they did then. Runs nothing: what a scenario is
 //! checked against travels in the recording.
 
+use std::ops::Range;
 use std::path::Path;
 
 use hil_config::evaluation::Evaluation;
 use hil_config::expression::{Columns, Group};
 use hil_config::plan::Plan;
-use hil_config::requirements::RequirementValue;
 use serde::Serialize;
 use shared_types::describe::Description;
 use shared_types::record::Event;
+use shared_types::table::Field;
 use shared_types::time::Step;
 
 use crate::cli::recordings::JudgeArguments;
 use crate::exit::{Exit, Failure};
+use crate::output;
 use crate::repetition;
+use crate::requirements::{self, Requirement};
 use crate::run_reader::{ReadError, RunReader};
 use crate::summary::{Metric, write_metrics};
-use crate::{output, requirements};
 
 /// What came of a recorded run.
 #[derive(Clone, Debug, Serialize)]
@@ -33,7 +35,7 @@ pub struct Judgement {
     outcome: Option<String>,
     records: u64,
     metrics: Vec<Metric>,
-    requirements: Vec<RequirementValue>,
+    requirements: Vec<Requirement>,
 }
 
 /// Runs the command.
@@ -59,8 +61,9 @@ fn judged(run: &Path, by: Option<&Path>) -> Result<(Judgement, Plan), Failure> {
     let refused = |error: ReadError| Failure::usage(error);
     let mut reader = RunReader::open(run).map_err(refused)?;
     reader.refuse_excerpt().map_err(refused)?;
-    let plan = plan(&reader, run, by)?;
-    let (columns, values) = columns(&reader)?;
+    let plant = reader.enclosed("plant-description.json").map_err(refused)?;
+    let plan = plan(&reader, &plant, run, by)?;
+    let (columns, values) = columns(&reader, &plant)?;
     let origin = by.unwrap_or(run).display();
     let mut evaluation = Evaluation::new(&plan, &columns)
         .map_err(|error| Failure::usage(format!("{origin} does not fit the run: {error}")))?;
@@ -83,7 +86,9 @@ fn judged(run: &Path, by: Option<&Path>) -> Result<(Judgement, Plan), Failure> {
         }
         evaluation.observe(Step(reader.step()), &row);
     }
-    let requirements = evaluation.requirements();
+    let requirements: Vec<Requirement> = (evaluation.requirements().iter())
+        .map(Requirement::from)
+        .collect();
     let verdict = match outcome.as_deref() {
         Some("completed") => requirements::verdict(&requirements),
         _ => "aborted",
@@ -101,20 +106,25 @@ fn judged(run: &Path, by: Option<&Path>) -> Result<(Judgement, Plan), Failure> {
 }
 
 /// The plan of the run, with what is computed and judged by another scenario if one is given.
-fn plan(reader: &RunReader, run: &Path, by: Option<&Path>) -> Result<Plan, Failure> {
+fn plan(
+    reader: &RunReader,
+    plant: &Description,
+    run: &Path,
+    by: Option<&Path>,
+) -> Result<Plan, Failure> {
     let refused = |error: ReadError| Failure::usage(error);
-    let enclosed = |name| reader.enclosed::<Description>(name).map_err(refused);
-    let plant = enclosed("plant-description.json")?;
-    let controller = enclosed("controller-description.json")?;
+    let controller: Description = reader
+        .enclosed("controller-description.json")
+        .map_err(refused)?;
     let text = reader.enclosure("scenario.toml").map_err(refused)?;
-    let own = repetition::checked(text, run, &plant, &controller)?;
+    let own = repetition::checked(text, run, plant, &controller)?;
     let Some(by) = by else {
         return Ok(own);
     };
     let shown = by.display();
     let text = std::fs::read_to_string(by)
         .map_err(|error| Failure::usage(format!("cannot read {shown}: {error}")))?;
-    let other = repetition::checked(&text, by, &plant, &controller)?;
+    let other = repetition::checked(&text, by, plant, &controller)?;
     let (rate, others) = (own.run.rate, other.run.rate);
     if rate != others {
         let (rate, others) = (rate.hz(), others.hz());
@@ -133,7 +143,8 @@ fn plan(reader: &RunReader, run: &Path, by: Option<&Path>) -> Result<Plan, Failu
 }
 
 /// The columns of a recording that are signals, and where they are among the words of a record.
-fn columns(reader: &RunReader) -> Result<(Columns, std::ops::Range<usize>), Failure> {
+fn columns(reader: &RunReader, plant: &Description) -> Result<(Columns, Range<usize>), Failure> {
+    let parameters = || plant.plants.iter().flat_map(|plant| &plant.parameters);
     let mut columns = Columns::default();
     let words = reader.columns();
     let first = words.iter().position(|word| word.is_signal()).unwrap_or(0);
@@ -143,7 +154,13 @@ fn columns(reader: &RunReader) -> Result<(Columns, std::ops::Range<usize>), Fail
             .into_iter()
             .find(|group| group.prefix() == prefix))
         .ok_or_else(|| Failure::usage(format!("the recording has a group `{prefix}`")))?;
-        columns.push(group, name);
+        // The schema of a recording has no word for the dots of parameters.
+        let is_it =
+            |field: &&Field| group == Group::Parameter && field.name.replace('.', "_") == name;
+        columns.push(
+            group,
+            parameters().find(is_it).map_or(name, |field| &field.name),
+        );
     }
     let values = first..first + columns.len();
     Ok((columns, values))

@@ -13,8 +13,8 @@
 //! While it runs, another terminal asks its plant over [`live`]: [`inject`] puts faults into it,
 //! [`clock`] holds it and lets it go on. Afterwards [`run_reader`] reads the recording: [`compare`]
 //! finds where two runs differ, [`repetition`] makes the scenario that repeats one, live faults
-//! included, and [`rerun`] runs that; [`judge`] evaluates metrics and [`requirements`] once more, or others, and
-//! [`export`] makes a table of it for other programs.
+//! included, and [`rerun`] runs that; [`judge`] evaluates metrics and [`requirements`] once more, or
+//! others; [`export`] makes a table of it for other programs.
 //!
 //! A [`checkpoint`] keeps the state of both sides before a step, for another run to go on from.
 //!
@@ -84,8 +84,8 @@ pub fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
         Command::Rerun(arguments) => rerun::rerun(arguments),
         Command::Replay(arguments) => replay::replay(arguments),
         Command::Compare(arguments) => compare::command(arguments),
-        Command::Export(arguments) => export::export(arguments),
         Command::Judge(arguments) => judge::judge(arguments),
+        Command::Export(arguments) => export::export(arguments),
         Command::Scenario(arguments) => match &arguments.action {
             ScenarioAction::From(arguments) => repetition::scenario_from(arguments),
         },

@@ -7,15 +7,48 @@ use std::fmt::Write as _;
 
 use hil_config::monitor::Verdict;
 use hil_config::requirements::RequirementValue;
+use serde::Serialize;
 
 use crate::exit::Exit;
 use crate::summary::short;
 
+/// How a requirement came out.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Requirement {
+    pub(crate) name: String,
+    pub(crate) formula: String,
+    /// `pass`, `fail` or `undecided`.
+    pub(crate) verdict: &'static str,
+    /// The margin in the unit, negative where it fails; null if there is none.
+    pub(crate) robustness: Option<f64>,
+    pub(crate) unit: String,
+    /// The time that the margin comes from.
+    pub(crate) at_s: Option<f64>,
+    /// When the verdict was certain.
+    pub(crate) decided_at_s: Option<f64>,
+}
+
+impl From<&RequirementValue> for Requirement {
+    fn from(value: &RequirementValue) -> Self {
+        Self {
+            name: value.name.clone(),
+            formula: value.formula.clone(),
+            verdict: match value.verdict {
+                Verdict::Pass => "pass",
+                Verdict::Fail => "fail",
+                Verdict::Undecided => "undecided",
+            },
+            robustness: value.robustness.filter(|size| size.is_finite()),
+            unit: value.unit.clone(),
+            at_s: value.at_s,
+            decided_at_s: value.decided_at_s,
+        }
+    }
+}
+
 /// The verdict of a run that ended by itself: one requirement that does not hold is enough.
-#[must_use]
-pub fn verdict(requirements: &[RequirementValue]) -> &'static str {
-    let holds = |requirement: &RequirementValue| requirement.verdict == Verdict::Pass;
-    if requirements.iter().all(holds) {
+pub(crate) fn verdict(requirements: &[Requirement]) -> &'static str {
+    if requirements.iter().all(|one| one.verdict == "pass") {
         "pass"
     } else {
         "fail"
@@ -23,8 +56,7 @@ pub fn verdict(requirements: &[RequirementValue]) -> &'static str {
 }
 
 /// Its exit code.
-#[must_use]
-pub fn exit(requirements: &[RequirementValue]) -> Exit {
+pub(crate) fn exit(requirements: &[Requirement]) -> Exit {
     match verdict(requirements) {
         "pass" => Exit::Pass,
         _ => Exit::Failed,
@@ -32,7 +64,7 @@ pub fn exit(requirements: &[RequirementValue]) -> Exit {
 }
 
 /// Writes the table of requirements, and the formulas of those that do not hold.
-pub(crate) fn write(text: &mut String, requirements: &[RequirementValue]) -> std::fmt::Result {
+pub(crate) fn write(text: &mut String, requirements: &[Requirement]) -> std::fmt::Result {
     let Some(width) = requirements.iter().map(|one| one.name.len()).max() else {
         return Ok(());
     };
@@ -44,15 +76,10 @@ pub(crate) fn write(text: &mut String, requirements: &[RequirementValue]) -> std
     )?;
     for one in requirements {
         let verdict = match one.verdict {
-            Verdict::Pass => "pass",
-            Verdict::Fail => "FAIL",
-            Verdict::Undecided => "undecided",
+            "fail" => "FAIL",
+            other => other,
         };
-        let robustness = match one.robustness {
-            None => "-".into(),
-            Some(size) if size.is_finite() => short(size),
-            Some(size) => size.to_string(),
-        };
+        let robustness = one.robustness.map_or_else(|| "-".into(), short);
         let time = |time_s: Option<f64>| time_s.map_or_else(|| "-".into(), |s| s.to_string());
         let (name, unit) = (&one.name, &one.unit);
         let (at_s, decided_at_s) = (time(one.at_s), time(one.decided_at_s));
@@ -60,7 +87,7 @@ pub(crate) fn write(text: &mut String, requirements: &[RequirementValue]) -> std
             text,
             "  {name:<width$}  {verdict:<9}  {robustness:>11} {unit:<5}  {at_s:>9}  {decided_at_s:>11}"
         )?;
-        if one.verdict != Verdict::Pass {
+        if one.verdict != "pass" {
             writeln!(text, "    {}", one.formula)?;
         }
     }

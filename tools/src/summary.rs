@@ -5,7 +5,6 @@ use std::path::Path;
 
 use hil_config::evaluation::MetricValue;
 use hil_config::plan::{Clock, Plan, Published};
-use hil_config::requirements::RequirementValue;
 use serde::Serialize;
 use shared_types::pacer::Streaks;
 use shared_types::record::Outcome;
@@ -21,7 +20,7 @@ use crate::faults::Fault;
 use crate::latency::Legs;
 use crate::latency::grade::Graded;
 use crate::latency::spikes::Spike;
-use crate::requirements;
+use crate::requirements::{self, Requirement};
 use crate::run::Ended;
 use crate::run::realtime::Realtime;
 
@@ -49,7 +48,7 @@ pub struct Summary {
     pub(crate) realtime_factor: f64,
     pub(crate) digest: Option<String>,
     pub(crate) metrics: Vec<Metric>,
-    pub(crate) requirements: Vec<RequirementValue>,
+    pub(crate) requirements: Vec<Requirement>,
     faults: Vec<Fault>,
     latency_ns: Legs,
     /// The worst round trips, the longest first.
@@ -226,6 +225,9 @@ impl Summary {
         let sim_time_s = plan.run.rate.seconds(Step(steps));
         let past_s = plan.run.rate.seconds(Step(recorded.past_records));
         let wall_time_s = recorded.wall_time_s;
+        let requirements: Vec<Requirement> = (recorded.requirements.iter())
+            .map(Requirement::from)
+            .collect();
         Self {
             schema: SCHEMA,
             scenario: plan.name.clone(),
@@ -233,7 +235,7 @@ impl Summary {
             evidence,
             verdict: match ended.outcome {
                 Outcome::Completed if recorded.error.is_none() => {
-                    requirements::verdict(&recorded.requirements)
+                    requirements::verdict(&requirements)
                 }
                 _ => "aborted",
             },
@@ -257,7 +259,7 @@ impl Summary {
             },
             digest: recorded.digest.clone(),
             metrics: recorded.metrics.iter().map(Metric::from).collect(),
-            requirements: recorded.requirements.clone(),
+            requirements,
             faults: recorded.faults.faults(&plan.faults, plan.run.rate),
             latency_ns: recorded.latency.legs,
             spikes: recorded.latency.spikes.clone(),

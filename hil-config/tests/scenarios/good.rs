@@ -1,8 +1,9 @@
 //! Right scenarios and what they mean.
 
+use hil_config::formula::Formula;
 use hil_config::plan::{
-    Clock, FaultAction, FaultEffect, FaultEnd, FaultSource, Move, Plan, Profile, Realtime, Trigger,
-    Waveform,
+    Clock, FaultAction, FaultEffect, FaultEnd, FaultSource, Move, Plan, Profile, Realtime,
+    Requirement, Trigger, Waveform,
 };
 use proptest::prelude::*;
 use shared_types::describe::{Operation, Settings};
@@ -29,8 +30,16 @@ fn the_base_means_what_it_says() {
         derived,
         metrics,
         analyses,
+        requirements,
     } = plan(BASE);
     assert!(analyses.is_empty());
+    let wanted = Requirement {
+        name: "stays-small".into(),
+        description: "the surface stays near its middle".into(),
+        formula: Formula::parse("always(abs(truth.surface_angle_rad) < 0.2)").expect("right"),
+        unit: "rad".into(),
+    };
+    assert_eq!(requirements, [wanted]);
     assert_eq!(
         (name.as_str(), description.as_str()),
         ("base", "every part of the format")

@@ -3,6 +3,7 @@
 mod analyses;
 mod bad;
 mod bad_faults;
+mod bad_requirements;
 mod conditions;
 mod descriptions;
 mod evaluation;
@@ -12,6 +13,7 @@ mod faults_shown;
 mod flags;
 mod good;
 mod live_faults;
+mod monitors;
 mod points;
 mod schema;
 mod shipped;
@@ -111,6 +113,12 @@ windows_s = [[0, 1], [1.0, 2]]
 [[metrics]]
 name = "share_large"
 expression = "mean(large) / 1"
+
+[[requirements]]
+name = "stays-small"
+description = "the surface stays near its middle"
+formula = "always(abs(truth.surface_angle_rad) < 0.2)"
+unit = "rad"
 "#;
 
 fn parse(text: &str) -> Result<Scenario, Problems> {

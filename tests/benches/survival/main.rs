@@ -61,7 +61,7 @@ fn print_row(programs: &Programs, name: &str, scenario: &str) {
 fn cell(summary: &Value) -> String {
     let time_s = summary["sim_time_s"].as_f64().expect("a number");
     match summary["verdict"].as_str() {
-        Some("pass") => {
+        Some("pass" | "fail") => {
             let metrics = summary["metrics"].as_array().expect("a list");
             let error = metrics.iter().find(|metric| metric["name"] == "error_rad");
             let error_rad = error.and_then(|metric| metric["value"].as_f64());

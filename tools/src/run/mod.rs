@@ -301,7 +301,7 @@ pub(crate) fn execute(
     Ok(Ran {
         exit: match ended.outcome {
             _ if ended.recorded.error.is_some() => Exit::Infrastructure,
-            Outcome::Completed => requirements::exit(&ended.recorded.requirements),
+            Outcome::Completed => requirements::exit(&summary.requirements),
             Outcome::Diverged => Exit::Failed,
             Outcome::Stopped if prepared.interruption.came() => Exit::Interrupted,
             Outcome::Stopped | Outcome::Failed => Exit::Infrastructure,

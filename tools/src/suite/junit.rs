@@ -3,12 +3,11 @@
 
 use std::time::Duration;
 
-use hil_config::monitor::Verdict;
-use hil_config::requirements::RequirementValue;
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
 
 use super::Row;
 use crate::exit::{Exit, Failure};
+use crate::requirements::Requirement;
 
 /// # Errors
 /// If a text cannot stand in XML.
@@ -45,9 +44,7 @@ pub(super) fn of(rows: &[Row]) -> Result<String, Failure> {
 /// Whether the run itself went as it should: to its end, with the digest of its like.
 fn status_of(row: &Row) -> TestCaseStatus {
     let requirements = row.ran.iter().flat_map(|ran| &ran.summary.requirements);
-    let is_missed = requirements
-        .into_iter()
-        .any(|one| one.verdict != Verdict::Pass);
+    let is_missed = requirements.into_iter().any(|one| one.verdict != "pass");
     let kind = match row.exit {
         Exit::Pass => return TestCaseStatus::success(),
         // Its requirements say so themselves.
@@ -65,8 +62,8 @@ fn status_of(row: &Row) -> TestCaseStatus {
     status
 }
 
-fn case_of(row: &Row, requirement: &RequirementValue) -> TestCase {
-    let RequirementValue {
+fn case_of(row: &Row, requirement: &Requirement) -> TestCase {
+    let Requirement {
         name,
         formula,
         verdict,
@@ -75,13 +72,13 @@ fn case_of(row: &Row, requirement: &RequirementValue) -> TestCase {
         at_s,
         ..
     } = requirement;
-    let status = if *verdict == Verdict::Pass {
+    let status = if *verdict == "pass" {
         TestCaseStatus::success()
     } else {
         let margin = robustness.map_or_else(|| "none".into(), |margin| format!("{margin} {unit}"));
         let at = at_s.map_or_else(String::new, |at_s| format!(" at {at_s} s"));
         let mut status = TestCaseStatus::non_success(NonSuccessKind::Failure);
-        let message = format!("{}: margin {margin}{at}", verdict.name());
+        let message = format!("{verdict}: margin {margin}{at}");
         status.set_message(message).set_type("requirement");
         status.set_description(formula.as_str());
         status

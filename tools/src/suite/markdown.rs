@@ -2,8 +2,6 @@
 
 use std::fmt::Write;
 
-use hil_config::monitor::Verdict;
-
 use super::Row;
 use crate::summary::short;
 
@@ -26,10 +24,7 @@ fn write(text: &mut String, rows: &[Row]) -> std::fmt::Result {
         let summary = row.ran.as_ref().map(|ran| &ran.summary);
         let met = summary.map_or_else(String::new, |summary| {
             let all = &summary.requirements;
-            let met = all
-                .iter()
-                .filter(|one| one.verdict == Verdict::Pass)
-                .count();
+            let met = all.iter().filter(|one| one.verdict == "pass").count();
             format!("{met} of {}", all.len())
         });
         let digest = summary.and_then(|summary| summary.digest.as_deref());
@@ -65,7 +60,7 @@ fn write(text: &mut String, rows: &[Row]) -> std::fmt::Result {
                 text,
                 "| {} | **{}** | {margin} {} | {at_s} | `{}` |",
                 cell(&one.name),
-                one.verdict.name(),
+                one.verdict,
                 cell(&one.unit),
                 cell(&one.formula)
             )?;

@@ -1,0 +1,127 @@
+//! Requirements that cannot be: what is wrong, where, and what would be right.
+
+use hil_config::formula::Formula;
+use hil_config::problem::ProblemKind;
+
+use crate::bad::assert_one_problem;
+use crate::{base_with, plan};
+
+const FORMULA: &str = "always(abs(truth.surface_angle_rad) < 0.2)";
+
+/// A formula with `^` before its first wrong byte, and what is said of it.
+type Case = (&'static str, &'static [&'static str]);
+
+/// The base runs for 2 s at 1 kHz.
+#[rustfmt::skip] // a table reads best with a case on a line
+const CASES: &[Case] = &[
+    // Words
+    ("always(abs(^truth.surface_angel_rad) < 0.2)", &["column 12 of the expression: unknown signal `truth.surface_angel_rad`", "nearest: `truth.surface_angle_rad`"]),
+    ("1 < 2 and 3 < ^eror_rad", &["unknown derived signal `eror_rad`", "nearest: `error_rad`"]),
+    ("^alway[0s,1s](error_rad < 1)", &["unknown operator `alway`", "nearest: `always`"]),
+    ("1 < 2 or ^eventualy(error_rad < 1)", &["unknown operator `eventualy`", "nearest: `eventually`"]),
+    ("^sign(error_rad) < 1", &["unknown function `sign`"]),
+    ("always(error_rad ^$ 1)", &["unexpected '$'"]),
+    ("always[0s,^1h](error_rad < 1)", &["`1h` is not a number"]),
+    ("^max_abs(error_rad) < 1", &["belongs into [[metrics]]"]),
+    // Grammar
+    (" ^", &["expected a comparison, found the end"]),
+    ("always ^", &["expected a comparison, found the end"]),
+    ("always(error_rad < 1^", &["expected an operator or `)`, found the end"]),
+    ("error_rad < 1^)", &["expected an operator or the end, found `)`"]),
+    ("error_rad < 1 and ^", &["expected a comparison, found the end"]),
+    ("error_rad <^", &["expected a number, a signal or `(`, found the end"]),
+    ("^error_rad", &["made of comparisons"]),
+    ("always(^abs(error_rad))", &["made of comparisons"]),
+    ("1 < 2 ^< 3", &["two comparisons in a row; join them by `and`"]),
+    ("error_rad < 1 until[0,1] error_rad < 2 ^until[0,1] error_rad < 3", &["say by parentheses"]),
+    ("not ^and 1 < 2", &["expected a comparison, found `and`"]),
+    ("error_rad < ^2s", &["found the time `2s`"]),
+    // Bounds
+    ("always[^-1s,1s](error_rad < 1)", &["expected a time of at least 0", "found `-`"]),
+    ("always[0s^](error_rad < 1)", &["expected `,` and the end of the window, found `]`"]),
+    ("always[0s,1s^(error_rad < 1)", &["expected `]`, found `(`"]),
+    ("always^[1s,500ms](error_rad < 1)", &["the window ends before it begins"]),
+    ("^always[100us,900us](error_rad < 1)", &["no step lies in this window", "0.001 s apart"]),
+    ("^always[0s,2.001s](error_rad < 1)", &["reaches too far", "the run ends at 2 s", "leave out the bounds"]),
+    ("^always[0s,2s](abs(command.actuator1_valve_current_a) < 1)", &["a command for the last time at 1.999 s"]),
+    ("^eventually[0s,2s](large > 0)", &["a command for the last time at 1.999 s"]),
+    ("^always[0s,1.5s] eventually[0s,1s](error_rad < 1)", &["what is inside looks ahead itself and can be judged until 1 s only"]),
+    ("error_rad < 1 ^until[1s,3s] error_rad > 0", &["the run ends at 2 s"]),
+    ("always[0s,1s] ^eventually(error_rad < 1)", &["only an outermost operator can", "[0s,1s]"]),
+    ("once(^always(error_rad < 1))", &["only an outermost operator can"]),
+];
+
+#[test]
+fn each_wrong_formula_is_told_with_its_place_and_what_would_be_right() {
+    for (formula, pieces) in CASES {
+        let text = base_with(FORMULA, formula);
+        assert_one_problem(&text, ProblemKind::Expression, pieces);
+    }
+}
+
+#[test]
+fn names_are_told_apart_and_can_be_those_of_files() {
+    for (from, to, kind, pieces) in [
+        (
+            "\"stays-small\"",
+            "^\"stays small\"",
+            ProblemKind::OutOfRange,
+            "`requirements[0].name` is `stays small`",
+        ),
+        (
+            "\"stays-small\"",
+            "\"a\"\nformula = \"1 < 2\"\n[[requirements]]\nname = ^\"a\"",
+            ProblemKind::Duplicate,
+            "already named `a`",
+        ),
+        (
+            "name = \"stays-small\"\n",
+            "name = \"b\"\n^laws = [\"pid\"]\n",
+            ProblemKind::UnknownKey,
+            "unknown key `laws` in `requirements[0]`",
+        ),
+        (
+            "name = \"error_rad\"",
+            "name = \"error_rad\"\nexpression = \"1\"\n[[derived]]\nname = ^\"until\"",
+            ProblemKind::OutOfRange,
+            "`derived[1].name` is `until`",
+        ),
+    ] {
+        assert_one_problem(&base_with(from, to), kind, &[pieces]);
+    }
+}
+
+#[test]
+fn a_formula_that_would_keep_millions_of_numbers_is_refused() {
+    // 100,000 s at 1 kHz.
+    let text = base_with("duration_s = 2.0", "duration_s = 100000.0");
+    let formula = "^always[0s,10000s] eventually[0s,10000s](error_rad < 1)";
+    let text = text.replace(FORMULA, formula);
+    let pieces = ["would keep 20000002 numbers at a time"];
+    assert_one_problem(&text, ProblemKind::Expression, &pieces);
+}
+
+#[test]
+fn the_unit_is_that_of_all_names_or_none() {
+    for (formula, unit) in [
+        ("abs(truth.x_n) < 5", Some("N")),
+        (
+            "always(a_rad - b_rad < 1 and max(c_rad, 2) > 0)",
+            Some("rad"),
+        ),
+        ("a_rad < 1 or truth.b_n < 1", None),
+        ("a_rad * 2 < 1", None),
+        ("a_rad / b_rad < 1", None),
+        ("sqrt(a_rad) < 1", None),
+        ("truth.pressed > 0", None),
+        ("a_rad < 1 and pressed > 0", None),
+        ("1 < 2", None),
+    ] {
+        let formula = Formula::parse(formula).expect(formula);
+        assert_eq!(formula.unit(), unit, "{formula}");
+    }
+    let given = plan(&base_with("unit = \"rad\"", "unit = \"turns\""));
+    assert_eq!(given.requirements[0].unit, "turns");
+    let found = plan(&base_with("unit = \"rad\"", ""));
+    assert_eq!(found.requirements[0].unit, "rad");
+}

@@ -1,0 +1,604 @@
+//! Monitors against the definitions: every formula judged by recursion over its windows.
+//!
+//! The judge below knows nothing of delays, windows that slide or shared parts. It takes a formula as
+//! the tables of `docs/requirements.md` define it, at any step, and looks at whole traces.
+
+use std::fmt::Write as _;
+
+use hil_config::expression::{Columns, Group};
+use hil_config::formula::Formula;
+use hil_config::monitor::{Ground, Monitor, Verdict};
+use shared_types::time::{Rate, Step};
+
+/// Numbers at random, always the same ones (SplitMix64, Steele, Lea and Flood 2014).
+struct Draws(u64);
+
+impl Draws {
+    fn below(&mut self, end: u64) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        (z ^ (z >> 31)) % end
+    }
+
+    fn of<T: Copy>(&mut self, all: &[T]) -> T {
+        all[self.below(all.len() as u64) as usize]
+    }
+}
+
+const SIGNALS: [&str; 3] = ["truth.a", "truth.b", "command.c"];
+const COMMAND: usize = 2;
+
+#[derive(Clone, Debug)]
+enum Tree {
+    /// A signal and a number.
+    Compare(usize, &'static str, f64),
+    Not(Box<Tree>),
+    Two(&'static str, Box<Tree>, Box<Tree>),
+    Over(&'static str, Option<(u64, u64)>, Box<Tree>),
+    Chain(&'static str, Option<(u64, u64)>, Box<Tree>, Box<Tree>),
+    Edge(&'static str, Box<Tree>),
+}
+
+/// Size and step, ordered by size, then step; -0 is below +0.
+type Judged = (f64, u64);
+
+fn is_below(a: Judged, b: Judged) -> bool {
+    a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)).is_lt()
+}
+
+/// The least, or the greatest.
+fn pick(least: bool, all: impl IntoIterator<Item = Judged>) -> Judged {
+    let none = if least {
+        (f64::INFINITY, u64::MAX)
+    } else {
+        (f64::NEG_INFINITY, 0)
+    };
+    all.into_iter().fold(none, |best, one| {
+        if is_below(one, best) == least {
+            one
+        } else {
+            best
+        }
+    })
+}
+
+/// What a run of the last step `end` was.
+struct Trace {
+    rows: Vec<[f64; 3]>,
+}
+
+impl Trace {
+    fn end(&self) -> u64 {
+        self.rows.len() as u64 - 1
+    }
+}
+
+impl Tree {
+    fn random(draws: &mut Draws, depth: u64, outermost: bool) -> Self {
+        let inner = |draws: &mut Draws| Box::new(Self::random(draws, depth - 1, false));
+        let level = |draws: &mut Draws| Box::new(Self::random(draws, depth - 1, outermost));
+        let bounds = |draws: &mut Draws, may_lack: bool| {
+            if may_lack && draws.below(4) == 0 {
+                return None;
+            }
+            let first = draws.below(4);
+            Some((first, first + draws.below(6)))
+        };
+        match if depth == 0 { 0 } else { draws.below(12) } {
+            0..=1 => {
+                let sign = draws.of(&["<", "<=", ">", ">=", "==", "!="]);
+                Self::Compare(draws.below(3) as usize, sign, draws.below(5) as f64 - 2.0)
+            }
+            2 => Self::Not(level(draws)),
+            3..=4 => {
+                let word = draws.of(&["and", "or", "implies"]);
+                Self::Two(word, level(draws), level(draws))
+            }
+            5..=6 => {
+                let word = draws.of(&["always", "eventually"]);
+                Self::Over(word, bounds(draws, outermost), inner(draws))
+            }
+            7..=8 => {
+                let word = draws.of(&["historically", "once"]);
+                Self::Over(word, bounds(draws, true), inner(draws))
+            }
+            9 => Self::Chain(
+                "until",
+                bounds(draws, outermost),
+                inner(draws),
+                inner(draws),
+            ),
+            10 => Self::Chain("since", bounds(draws, true), inner(draws), inner(draws)),
+            _ => Self::Edge(draws.of(&["rise", "fall"]), inner(draws)),
+        }
+    }
+
+    /// As text, everything in parentheses. At 10 Hz a step is 100 ms.
+    fn text(&self) -> String {
+        let window = |bounds: &Option<(u64, u64)>| {
+            let mut text = String::new();
+            if let Some((first, last)) = bounds {
+                write!(text, "[{}ms,{}ms]", first * 100, last * 100).expect("a string");
+            }
+            text
+        };
+        match self {
+            Self::Compare(signal, sign, value) => format!("{} {sign} {value:?}", SIGNALS[*signal]),
+            Self::Not(f) => format!("not ({})", f.text()),
+            Self::Two(word, f, g) => format!("({}) {word} ({})", f.text(), g.text()),
+            Self::Over(word, bounds, f) => format!("{word}{} ({})", window(bounds), f.text()),
+            Self::Chain(word, bounds, f, g) => {
+                format!("({}) {word}{} ({})", f.text(), window(bounds), g.text())
+            }
+            Self::Edge(word, f) => format!("{word} ({})", f.text()),
+        }
+    }
+
+    /// The last step at which a run with the last step `end` lets it be judged; below 0 if none.
+    fn until(&self, end: i64) -> i64 {
+        let limited = |step: i64| step.min(end);
+        match self {
+            Self::Compare(COMMAND, ..) => end - 1,
+            Self::Compare(..) => end,
+            Self::Not(f) | Self::Edge(_, f) => f.until(end),
+            Self::Two(_, f, g) => f.until(end).min(g.until(end)),
+            Self::Over("always" | "eventually", bounds, f) => {
+                let inner = f.until(end);
+                bounds.map_or(0.min(inner), |(_, last)| inner - last as i64)
+            }
+            Self::Over(_, bounds, f) => {
+                limited(f.until(end) + bounds.map_or(0, |(first, _)| first as i64))
+            }
+            Self::Chain("until", bounds, f, g) => {
+                let inner = f.until(end).min(g.until(end));
+                bounds.map_or(0.min(inner), |(_, last)| inner - last as i64)
+            }
+            Self::Chain(_, bounds, f, g) => {
+                let inner = f.until(end).min(g.until(end));
+                limited(inner + bounds.map_or(0, |(first, _)| first as i64))
+            }
+        }
+    }
+
+    /// Whether a part of it looks beyond the end wherever it is judged.
+    fn is_too_long(&self, end: i64) -> bool {
+        let inner = match self {
+            Self::Compare(..) => false,
+            Self::Not(f) | Self::Edge(_, f) | Self::Over(_, _, f) => f.is_too_long(end),
+            Self::Two(_, f, g) | Self::Chain(_, _, f, g) => {
+                f.is_too_long(end) || g.is_too_long(end)
+            }
+        };
+        inner || self.until(end) < 0
+    }
+
+    /// Steps of the window of a future operator at `k`.
+    fn ahead(
+        &self,
+        bounds: &Option<(u64, u64)>,
+        k: u64,
+        trace: &Trace,
+    ) -> std::ops::RangeInclusive<u64> {
+        match (bounds, self) {
+            (Some((first, last)), _) => k + first..=k + last,
+            (None, Self::Over(_, _, f)) => 0..=f.until(trace.end() as i64) as u64,
+            (None, Self::Chain(_, _, f, g)) => {
+                let end = trace.end() as i64;
+                0..=f.until(end).min(g.until(end)) as u64
+            }
+            _ => panic!("no window"),
+        }
+    }
+
+    /// Steps of the window of an operator of the past at `k`.
+    fn behind(bounds: &Option<(u64, u64)>, k: u64) -> std::ops::Range<u64> {
+        let (first, last) = bounds.unwrap_or((0, k));
+        k.saturating_sub(last)..(k + 1).saturating_sub(first)
+    }
+
+    /// Its margin at step `k`, or with `holds` false that of its opposite.
+    fn judge(&self, k: u64, holds: bool, trace: &Trace) -> Judged {
+        let at = |tree: &Self, step: u64| tree.judge(step, holds, trace);
+        match self {
+            Self::Compare(signal, sign, value) => {
+                let x = trace.rows[k as usize][*signal];
+                if x.is_nan() {
+                    return (f64::NEG_INFINITY, k);
+                }
+                // As Donze and Maler have it, then the sign that a zero needs.
+                let (size, is_true) = match *sign {
+                    "<" => (value - x, x < *value),
+                    "<=" => (value - x, x <= *value),
+                    ">" => (x - value, x > *value),
+                    ">=" => (x - value, x >= *value),
+                    "==" => (-(x - value).abs(), x == *value),
+                    "!=" => ((x - value).abs(), x != *value),
+                    other => panic!("{other}"),
+                };
+                let (size, is_true) = if holds {
+                    (size, is_true)
+                } else {
+                    (-size, !is_true)
+                };
+                let zero = if is_true { 0.0 } else { -0.0 };
+                (if size == 0.0 { zero } else { size }, k)
+            }
+            Self::Not(f) => f.judge(k, !holds, trace),
+            Self::Two("and", f, g) => pick(holds, [at(f, k), at(g, k)]),
+            Self::Two("or", f, g) => pick(!holds, [at(f, k), at(g, k)]),
+            Self::Two(_, f, g) => pick(!holds, [f.judge(k, !holds, trace), at(g, k)]),
+            Self::Over("always", bounds, f) => {
+                pick(holds, self.ahead(bounds, k, trace).map(|j| at(f, j)))
+            }
+            Self::Over("eventually", bounds, f) => {
+                pick(!holds, self.ahead(bounds, k, trace).map(|j| at(f, j)))
+            }
+            Self::Over(word, bounds, f) => {
+                let steps = Self::behind(bounds, k).map(|j| at(f, j));
+                pick((*word == "historically") == holds, steps)
+            }
+            Self::Chain("until", bounds, f, g) => {
+                let reached = self.ahead(bounds, k, trace).map(|j| {
+                    let held = (k..j).map(|i| at(f, i));
+                    pick(holds, held.chain([at(g, j)]))
+                });
+                pick(!holds, reached)
+            }
+            Self::Chain(_, bounds, f, g) => {
+                let reached = Self::behind(bounds, k).map(|j| {
+                    let held = (j + 1..=k).map(|i| at(f, i));
+                    pick(holds, held.chain([at(g, j)]))
+                });
+                pick(!holds, reached)
+            }
+            Self::Edge(word, f) => {
+                let rises = *word == "rise";
+                let now = f.judge(k, rises == holds, trace);
+                let before = k.checked_sub(1).map(|j| f.judge(j, rises != holds, trace));
+                // At step 0 there was no step before, and so no edge.
+                let none = pick(!holds, []);
+                pick(holds, [now, before.unwrap_or(none)])
+            }
+        }
+    }
+
+    /// Whether it holds at step `k`, or with `holds` false its opposite, in Boolean logic alone.
+    fn is_true(&self, k: u64, holds: bool, trace: &Trace) -> bool {
+        let at = |tree: &Self, step: u64| tree.is_true(step, holds, trace);
+        let quantified = |every: bool, mut steps: Vec<bool>| {
+            if every == holds {
+                steps.iter().all(|one| *one)
+            } else {
+                steps.drain(..).any(|one| one)
+            }
+        };
+        match self {
+            Self::Compare(signal, sign, value) => {
+                let x = trace.rows[k as usize][*signal];
+                let is_true = match *sign {
+                    "<" => x < *value,
+                    "<=" => x <= *value,
+                    ">" => x > *value,
+                    ">=" => x >= *value,
+                    "==" => x == *value,
+                    _ => x != *value,
+                };
+                !x.is_nan() && is_true == holds
+            }
+            Self::Not(f) => f.is_true(k, !holds, trace),
+            Self::Two("and", f, g) => quantified(true, vec![at(f, k), at(g, k)]),
+            Self::Two("or", f, g) => quantified(false, vec![at(f, k), at(g, k)]),
+            Self::Two(_, f, g) => quantified(false, vec![f.is_true(k, !holds, trace), at(g, k)]),
+            Self::Over(word @ ("always" | "eventually"), bounds, f) => {
+                let steps = self.ahead(bounds, k, trace).map(|j| at(f, j)).collect();
+                quantified(*word == "always", steps)
+            }
+            Self::Over(word, bounds, f) => {
+                let steps = Self::behind(bounds, k).map(|j| at(f, j)).collect();
+                quantified(*word == "historically", steps)
+            }
+            Self::Chain("until", bounds, f, g) => {
+                let reached = self.ahead(bounds, k, trace).map(|j| {
+                    let held = (k..j).map(|i| at(f, i));
+                    quantified(true, held.chain([at(g, j)]).collect())
+                });
+                quantified(false, reached.collect())
+            }
+            Self::Chain(_, bounds, f, g) => {
+                let reached = Self::behind(bounds, k).map(|j| {
+                    let held = (j + 1..=k).map(|i| at(f, i));
+                    quantified(true, held.chain([at(g, j)]).collect())
+                });
+                quantified(false, reached.collect())
+            }
+            Self::Edge(word, f) => {
+                let rises = *word == "rise";
+                let now = f.is_true(k, rises == holds, trace);
+                let before = k
+                    .checked_sub(1)
+                    .map(|j| f.is_true(j, rises != holds, trace));
+                quantified(true, vec![now, before.unwrap_or(!holds)])
+            }
+        }
+    }
+}
+
+fn columns() -> Columns {
+    let mut columns = Columns::default();
+    columns.push(Group::Truth, "a");
+    columns.push(Group::Truth, "b");
+    columns.push(Group::Command, "c");
+    columns
+}
+
+fn monitor(text: &str, end: u64) -> Result<Monitor, String> {
+    let formula = Formula::parse(text).map_err(|error| error.to_string())?;
+    let ground = Ground {
+        columns: &columns(),
+        derived: &[],
+        rate: Rate::new(10.0).expect("a rate"),
+        steps: end,
+    };
+    Monitor::new(&formula, &ground).map_err(|error| error.to_string())
+}
+
+fn random_trace(draws: &mut Draws) -> Trace {
+    let end = 5 + draws.below(36);
+    let (missing, smooth) = (draws.below(2) == 0, draws.below(2) == 0);
+    let mut last = [0.0; 3];
+    let rows = (0..=end).map(|k| {
+        let mut row = last.map(|x: f64| {
+            if smooth && draws.below(3) > 0 {
+                return x;
+            }
+            // Few values: that sides are equal, and steps equally bad, must come often.
+            draws.of(&[-2.0, -1.0, -0.5, 0.0, 0.25, 1.0, 2.0, 2.0])
+        });
+        last = row;
+        if missing && draws.below(12) == 0 {
+            row[draws.below(3) as usize] = f64::NAN;
+        }
+        if k == end {
+            row[COMMAND] = f64::NAN;
+        }
+        row
+    });
+    Trace {
+        rows: rows.collect(),
+    }
+}
+
+#[test]
+fn ten_thousand_random_formulas_are_judged_as_the_definitions_say() {
+    let mut draws = Draws(2010);
+    let mut judged = 0;
+    let (mut passed, mut early, mut without_value, mut too_long) = (0, 0, 0, 0);
+    while judged < 10_000 {
+        let depth = 1 + draws.below(4);
+        let tree = Tree::random(&mut draws, depth, true);
+        let trace = random_trace(&mut draws);
+        let (text, end) = (tree.text(), trace.end());
+        let monitor = monitor(&text, end);
+        if tree.is_too_long(end as i64) {
+            let error = monitor.expect_err(&text);
+            assert!(error.contains("reaches too far"), "{text}: {error}");
+            too_long += 1;
+            continue;
+        }
+        let mut monitor = monitor.unwrap_or_else(|error| panic!("{text}: {error}"));
+        let (size, step) = tree.judge(0, true, &trace);
+        let is_true = tree.is_true(0, true, &trace);
+        let wanted = if is_true {
+            Verdict::Pass
+        } else {
+            Verdict::Fail
+        };
+        for (k, row) in (0..).zip(&trace.rows) {
+            monitor.observe(Step(k), row);
+            // Once certain it is the verdict that the whole run gives.
+            if monitor.verdict() != Verdict::Undecided {
+                assert_eq!(monitor.verdict(), wanted, "{text} at {k}: {:?}", trace.rows);
+                early += u32::from(monitor.robustness().is_none());
+            }
+        }
+        let found = monitor.robustness().expect("the run is over");
+        let told = || format!("{text}: {found} not {size}, {:?}", trace.rows);
+        assert_eq!(monitor.verdict(), wanted, "{}", told());
+        assert_eq!(found.to_bits(), size.to_bits(), "{}", told());
+        let expected = (step != u64::MAX).then_some(Step(step));
+        assert_eq!(monitor.judged_by(), expected, "{}", told());
+        assert_eq!(found.is_sign_positive(), is_true, "{}", told());
+        judged += 1;
+        passed += u32::from(is_true);
+        without_value += u32::from(size == f64::NEG_INFINITY);
+    }
+    // The cases are not all of one sort.
+    assert!((2_000..8_000).contains(&passed), "{passed} pass");
+    assert!(early > 5_000, "{early} rows between certainty and the end");
+    assert!(without_value > 200, "{without_value} hang on NaN");
+    assert!(too_long > 500, "{too_long} do not fit their run");
+}
+
+/// Feeds one signal and gives the monitor at the end.
+fn watched(text: &str, values: &[f64]) -> Monitor {
+    let end = values.len() as u64 - 1;
+    let mut monitor = monitor(text, end).unwrap_or_else(|error| panic!("{text}: {error}"));
+    for (k, a) in (0..).zip(values) {
+        monitor.observe(Step(k), &[*a, 0.0, f64::NAN]);
+    }
+    monitor
+}
+
+#[test]
+fn a_formula_has_the_robustness_of_a_calculation_by_hand() {
+    // a = 0, 1, 3, 2, 5, 4 at 10 Hz.
+    let a = [0.0, 1.0, 3.0, 2.0, 5.0, 4.0];
+    let cases: [(&str, f64, u64); 14] = [
+        ("truth.a < 2", 2.0, 0),
+        ("always[0s,0.3s](truth.a < 4)", 1.0, 2),
+        ("always(truth.a < 4)", -1.0, 4),
+        ("always[0.05s,0.29s] truth.a >= 1", 0.0, 1), // steps 1 and 2
+        ("always[100ms,200ms] truth.a > 1", -0.0, 1),
+        ("eventually[0,0.2](truth.a >= 4)", -1.0, 2),
+        (
+            "eventually[100ms,300ms] always[0ms,200ms](truth.a > 1.5)",
+            0.5,
+            3,
+        ),
+        ("not eventually (truth.a == 2)", -0.0, 3),
+        ("truth.a < 4 until[0s,0.4s] truth.a > 2.5", 0.5, 2),
+        ("truth.a < 2 until[0s,0.4s] truth.a > 4.5", -1.0, 2),
+        (
+            "always(rise(truth.a > 2.5) implies eventually[0s,100ms](truth.a < 2.5))",
+            -0.5,
+            2,
+        ),
+        ("eventually[0.5s,0.5s] once[0.2s,0.3s] truth.a > 2", 1.0, 2),
+        (
+            "eventually[0.5s,0.5s] (truth.a > 1 since[0s,0.5s] truth.a >= 3)",
+            1.0,
+            3,
+        ),
+        ("eventually[0.5s,0.5s] historically truth.a < 7", 2.0, 4),
+    ];
+    for (text, robustness, step) in cases {
+        // The rise at step 4 answers too late: its step 5 is the end.
+        let monitor = watched(text, &a);
+        let found = monitor.robustness().expect(text);
+        assert_eq!(found.to_bits(), f64::to_bits(robustness), "{text}: {found}");
+        assert_eq!(monitor.judged_by(), Some(Step(step)), "{text}");
+    }
+}
+
+#[test]
+fn operators_bind_as_the_grammar_says() {
+    let [a, b, c] = ["truth.a < 1", "truth.b < 1", "command.c < 1"];
+    let mut draws = Draws(7);
+    for (bare, grouped) in [
+        (
+            format!("{a} and {b} or {c}"),
+            format!("(({a}) and ({b})) or ({c})"),
+        ),
+        (
+            format!("{a} or {b} and {c}"),
+            format!("({a}) or (({b}) and ({c}))"),
+        ),
+        (
+            format!("{a} or {b} implies {c}"),
+            format!("(({a}) or ({b})) implies ({c})"),
+        ),
+        (
+            format!("{a} implies {b} implies {c}"),
+            format!("({a}) implies (({b}) implies ({c}))"),
+        ),
+        (format!("not {a} and {b}"), format!("(not ({a})) and ({b})")),
+        (
+            format!("not {a} until[0,0.3] {b} and {c}"),
+            format!("((not ({a})) until[0,0.3] ({b})) and ({c})"),
+        ),
+        (
+            format!("eventually[0,0.3] {a} and {b}"),
+            format!("(eventually[0,0.3] ({a})) and ({b})"),
+        ),
+        (
+            format!("always[0,0.2] once[0,0.1] {a}"),
+            format!("always[0,0.2] (once[0,0.1] ({a}))"),
+        ),
+        (
+            "(truth.a + 1) * 2 < (truth.b)".into(),
+            "((truth.a + 1) * 2) < truth.b".into(),
+        ),
+        ("always(truth.a) < 1".into(), "always((truth.a) < 1)".into()),
+    ] {
+        for _ in 0..200 {
+            let trace = random_trace(&mut draws);
+            let judged = [&bare, &grouped].map(|text| {
+                let mut monitor = monitor(text, trace.end()).expect(text);
+                for (k, row) in (0..).zip(&trace.rows) {
+                    monitor.observe(Step(k), row);
+                }
+                let size = monitor.robustness().expect("the run is over");
+                (size.to_bits(), monitor.judged_by())
+            });
+            assert_eq!(judged[0], judged[1], "{bare}: {:?}", trace.rows);
+        }
+    }
+}
+
+#[test]
+fn a_verdict_comes_as_soon_as_it_is_certain_and_the_robustness_with_the_last_step() {
+    let a = [0.0, 1.0, 3.0, 2.0, 5.0, 4.0];
+    let (pass, fail) = (Verdict::Pass, Verdict::Fail);
+    for (text, verdict, decided_at) in [
+        ("always(truth.a < 3)", fail, 2),
+        ("always(truth.a < 6)", pass, 5),
+        ("eventually[0s,0.4s](truth.a > 2)", pass, 2),
+        ("eventually[0s,0.4s](truth.a > 7)", fail, 4),
+        ("always(truth.a < 6) or truth.a < 1", pass, 0),
+        ("always(truth.a < 6) and truth.a > 0", fail, 0),
+        ("truth.a < 1 until[0s,0.4s] truth.a > 4", fail, 1),
+        ("not (truth.a < 1 until[0s,0.4s] truth.a > 4)", pass, 1),
+        ("truth.a < 4 until[0s,0.4s] truth.a > 2", pass, 2),
+    ] {
+        let monitor = watched(text, &a);
+        assert_eq!(monitor.verdict(), verdict, "{text}");
+        assert_eq!(monitor.decided_at(), Some(Step(decided_at)), "{text}");
+    }
+}
+
+#[test]
+fn a_run_that_ends_early_leaves_undecided_what_was_not_certain() {
+    let mut passing = monitor("always[0s,1s](truth.a < 3)", 20).expect("right");
+    let mut failing = monitor("always[0s,1s](truth.a < 0)", 20).expect("right");
+    for k in 0..5 {
+        passing.observe(Step(k), &[1.0, 0.0, 0.0]);
+        failing.observe(Step(k), &[1.0, 0.0, 0.0]);
+    }
+    assert_eq!(passing.verdict(), Verdict::Undecided);
+    assert_eq!(failing.verdict(), Verdict::Fail);
+    assert_eq!((passing.robustness(), failing.robustness()), (None, None));
+}
+
+#[test]
+fn no_formula_passes_on_a_value_that_does_not_exist() {
+    let a = [1.0, f64::NAN, 1.0, 1.0];
+    for text in [
+        "always(truth.a > 0)",
+        "always(not truth.a < 0)",
+        "not eventually(truth.a < 0)",
+        "eventually[100ms,100ms](truth.a > 0 or truth.a <= 0)",
+        "eventually[100ms,100ms](truth.a > 9 implies truth.a > 9)",
+        "always(truth.a < 0 implies truth.a > 9)",
+        "always(truth.a == 1)",
+        "always(truth.a != 7)",
+    ] {
+        let monitor = watched(text, &a);
+        assert_eq!(monitor.verdict(), Verdict::Fail, "{text}");
+        assert_eq!(monitor.robustness(), Some(f64::NEG_INFINITY), "{text}");
+        assert_eq!(monitor.judged_by(), Some(Step(1)), "{text}");
+    }
+    // What does exist may still carry an alternative.
+    assert_eq!(
+        watched("always(truth.a > 0 or truth.b < 1)", &a).verdict(),
+        Verdict::Pass
+    );
+}
+
+#[test]
+fn memory_does_not_grow_with_the_run() {
+    let rows = 1_000_000;
+    let text = "always((truth.a > 0 until[0.5s,30s] truth.b < 1) or once[1s,90s](truth.a < truth.b) \
+         or eventually[3s,100s] truth.a < 2 and (truth.b > 0 since[1s,20s] truth.a > 1))";
+    let mut monitor = monitor(text, rows).expect("right");
+    let before = monitor.kept_bytes();
+    for k in 0..=rows {
+        let a = (k % 977) as f64;
+        monitor.observe(Step(k), &[a, 500.0 - a, 0.0]);
+    }
+    assert!(monitor.robustness().is_some());
+    assert_eq!(monitor.kept_bytes(), before);
+    // Windows of up to 1000 steps, not of a million.
+    assert!((1_000 * 16..300_000).contains(&before), "{before} bytes");
+}

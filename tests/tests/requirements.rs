@@ -1,0 +1,219 @@
+//! Requirements in whole runs: verdict, exit code, and the same from the recording.
+
+use controller_process::laws;
+use hil_config::evaluation::Evaluation;
+use hil_config::expression::Columns;
+use hil_config::plan::Plan;
+use hil_config::scenario::Scenario;
+use plant_process::faults::kinds;
+use plant_process::models;
+use serde_json::{Value, json};
+use shared_types::time::Step;
+
+use crate::harness::{Rig, Run};
+use crate::programs::workspace;
+
+const SHORT: &str = "tests/scenarios/leakage.toml";
+const SPRING_MASS: &str = "scenarios/spring-mass.toml";
+
+/// Something of every operator, over signals of every group. The leakage begins at 1 s.
+const REQUIREMENTS: &str = r#"
+[[requirements]]
+name = "no-angle-beyond-its-stop"
+formula = "always(abs(truth.surface_angle_rad) < 0.5)"
+
+[[requirements]]
+name = "healthy_force_fight"
+formula = "always[0s,999ms](abs(truth.force_fight_n) < 150)"
+
+[[requirements]]
+name = "never-a-force-fight"
+formula = "always(abs(truth.force_fight_n) < 1000)"
+
+[[requirements]]
+name = "commands"
+formula = "always(abs(command.actuator1_valve_current_a) < 5 and internal.leakage_estimate1_m3ps_per_sqrt_pa >= 0)"
+
+[[requirements]]
+name = "calm-half"
+formula = "eventually[0s,1.5s] always[0s,500ms](abs(tracking_error_rad) < 3e-4)"
+
+[[requirements]]
+name = "until-it-leaks"
+formula = "abs(truth.force_fight_n) < 500 until[500ms,1.5s] parameter.actuator1.leakage_coefficient_m3ps_per_sqrt_pa > 1e-9"
+
+[[requirements]]
+name = "aftermath"
+formula = "always(once[0s,100ms](rise(parameter.actuator1.leakage_coefficient_m3ps_per_sqrt_pa > 1e-9)) implies abs(truth.force_fight_n) < 20000)"
+
+[[requirements]]
+name = "since"
+formula = "eventually[1.5s,1.5s](truth.force_fight_n < 1e6 since[0s,1s] sensed.surface_angle_rad > -1)"
+"#;
+
+fn with_requirements(rig: &Rig) -> String {
+    let text = std::fs::read_to_string(workspace().join(SHORT)).expect("the scenario");
+    let path = rig.write("required.toml", &(text + REQUIREMENTS));
+    path.to_str().expect("plain").into()
+}
+
+/// What `hil judge --json` says, and its exit code.
+fn judge(rig: &Rig, run: &Run, more: &[&str]) -> (Value, Option<i32>) {
+    let folder = run.folder.to_str().expect("plain");
+    let judged = rig.hil(&[&["judge", folder, "--json"], more].concat());
+    let said = &judged.stderr;
+    let value = serde_json::from_str(&judged.stdout).unwrap_or_else(|_| panic!("{said}"));
+    (value, judged.code)
+}
+
+#[test]
+fn a_recording_is_judged_to_the_last_bit_as_the_run_was() {
+    let rig = Rig::new();
+    let scenario = with_requirements(&rig);
+    for link in ["iceoryx2", "in-process"] {
+        let run = rig.run(&format!("{scenario} --link {link}")).expect(1);
+        let summary = run.summary();
+        assert_eq!(summary["verdict"], "fail");
+        let (judged, code) = judge(&rig, &run, &[]);
+        assert_eq!(code, Some(1));
+        // Numbers in both are written with all their digits.
+        for key in ["metrics", "requirements", "verdict", "scenario"] {
+            assert_eq!(judged[key], summary[key], "{key}");
+        }
+        let requirements = summary["requirements"].as_array().expect("a list");
+        assert_eq!(requirements.len(), 8);
+        for one in requirements {
+            let fails = one["name"] == "never-a-force-fight";
+            let wanted = if fails { "fail" } else { "pass" };
+            assert_eq!(one["verdict"], wanted, "{one}");
+            assert!(one["robustness"].is_f64(), "{one}");
+            assert!(
+                one["decided_at_s"].is_f64() && one["at_s"].is_f64(),
+                "{one}"
+            );
+        }
+        // The leak of 1 s shows at once and decides; what holds always is known at the end.
+        let decided_at_s = |at: usize| requirements[at]["decided_at_s"].as_f64();
+        assert_eq!(decided_at_s(0), Some(2.0));
+        assert!(decided_at_s(2).is_some_and(|at_s| at_s > 1.0 && at_s < 1.5));
+        let units: Vec<&str> = (requirements.iter().take(5))
+            .map(|one| one["unit"].as_str().expect("text"))
+            .collect();
+        assert_eq!(units, ["rad", "N", "N", "", "rad"]);
+    }
+}
+
+#[test]
+fn a_recording_is_judged_by_the_requirements_of_another_scenario() {
+    let rig = Rig::new();
+    let scenario = with_requirements(&rig);
+    let run = rig.run(&format!("{SHORT} --link in-process")).expect(0);
+    assert_eq!(run.summary()["requirements"], json!([]));
+    let (own, code) = judge(&rig, &run, &[]);
+    assert_eq!((&own["verdict"], code), (&json!("pass"), Some(0)));
+    let (other, code) = judge(&rig, &run, &["--requirements", &scenario]);
+    assert_eq!((&other["verdict"], code), (&json!("fail"), Some(1)));
+    assert_eq!(other["requirements"].as_array().map(Vec::len), Some(8));
+
+    let folder = run.folder.to_str().expect("plain");
+    let refuse = |scenario: &str, fragments: &[&str]| {
+        let judged = rig.hil(&["judge", folder, "--requirements", scenario]);
+        judged.expect(2).says(fragments);
+    };
+    refuse("no/such.toml", &["cannot read no/such.toml"]);
+    // That one runs for 20 s, this run for 2 s.
+    refuse(
+        "scenarios/severe-leakage.toml",
+        &["does not fit the run", "the run ends at 2 s"],
+    );
+    refuse(SPRING_MASS, &["spring-mass"]);
+    let text = std::fs::read_to_string(&scenario).expect("it was written");
+    let slower = rig.write("slower.toml", &text.replace("= 10000", "= 5000"));
+    refuse(
+        slower.to_str().expect("plain"),
+        &["at 5000 Hz and the run at 10000 Hz"],
+    );
+}
+
+#[test]
+fn a_failed_requirement_is_told_with_its_formula_and_ends_with_exit_code_1() {
+    let rig = Rig::new();
+    let run = rig.run(&format!("{SPRING_MASS} --set controller.law=hold"));
+    let run = run.expect(1);
+    for fragment in [
+        "spring-mass: fail",
+        "settles           FAIL",
+        "always[4s,5s](abs(tracking_error_m) < 2e-4)",
+    ] {
+        assert!(run.stdout.contains(fragment), "{}", run.stdout);
+    }
+    // The mass stays where it is, 0.01 m from where it should be.
+    let settles = &run.summary()["requirements"][0];
+    let robustness = settles["robustness"].as_f64().expect("a number");
+    assert!((robustness - (2e-4 - 0.01)).abs() < 1e-12, "{settles}");
+    assert_eq!(settles["decided_at_s"], 4.0);
+    let judged = rig.hil(&["judge", run.folder.to_str().expect("plain")]);
+    assert!(judged.expect(1).stdout.contains("settles           FAIL"));
+}
+
+#[test]
+fn a_run_that_diverges_leaves_undecided_what_was_not_certain() {
+    let rig = Rig::new();
+    let limited = format!("{SPRING_MASS} --set plant.limits.position_m=[-1.0,0.009]");
+    let run = rig.run(&limited).expect(1);
+    let summary = run.summary();
+    assert_eq!(summary["verdict"], "aborted");
+    let settles = &summary["requirements"][0];
+    assert_eq!(settles["verdict"], "undecided");
+    assert_eq!(settles["robustness"], Value::Null);
+    let (judged, code) = judge(&rig, &run, &[]);
+    assert_eq!(code, Some(1));
+    assert_eq!(judged["verdict"], "aborted");
+    assert_eq!(judged["outcome"], "diverged");
+    assert_eq!(judged["requirements"], summary["requirements"]);
+}
+
+/// The plan of a scenario with the laws and plants that are built in.
+fn plan(text: &str) -> Plan {
+    let plants: Vec<_> = models::all()
+        .iter()
+        .map(|plant| plant.description.clone())
+        .collect();
+    let kinds: Vec<_> = kinds::all()
+        .iter()
+        .map(|kind| kind.description.clone())
+        .collect();
+    let laws: Vec<_> = laws::all()
+        .iter()
+        .map(|law| law.description.clone())
+        .collect();
+    let scenario = Scenario::parse(text, "required.toml").expect("TOML");
+    let checked = scenario.check(&plants, &laws, &kinds);
+    checked.unwrap_or_else(|problems| panic!("{problems}"))
+}
+
+#[test]
+fn judging_allocates_nothing() {
+    let text = std::fs::read_to_string(workspace().join(SHORT)).expect("the scenario");
+    let plan = plan(&(text + REQUIREMENTS));
+    let plants = models::all();
+    let plant = plants
+        .iter()
+        .find(|plant| plant.description.name == "drhas");
+    let laws = laws::all();
+    let law = laws.iter().find(|law| law.description.name == "ftsc");
+    let law = &law.expect("built in").description;
+    let plant = &plant.expect("built in").description;
+    let columns = Columns::of(plant, &plan.stimuli, &law.internals);
+    let mut evaluation = Evaluation::new(&plan, &columns).expect("known names");
+    let mut row = vec![0.0; columns.len()];
+    let allocated = allocation_counter::measure(|| {
+        for step in 0..=plan.run.steps {
+            row.fill(1e-5 * (step % 777) as f64);
+            evaluation.observe(Step(step), &row);
+        }
+    });
+    assert_eq!(allocated.count_total, 0);
+    let values = evaluation.requirements();
+    assert!(values.iter().all(|value| value.robustness.is_some()));
+}
