@@ -207,7 +207,9 @@ pub(crate) fn collect(
             states.iter().all(|state| state.exists()),
             digests.get(&step.0),
         ) else {
-            eprintln!("note: there is no checkpoint before step {step}: the run ended before, or lost records");
+            eprintln!(
+                "note: there is no checkpoint before step {step}: the run ended before, or lost records"
+            );
             continue;
         };
         let folder = format!("checkpoint-{step}");
