@@ -695,8 +695,10 @@ fn a_fault_from_outside_that_cannot_be_saved_is_refused_in_a_scenario_and_live()
 fn a_plant_of_ones_own_goes_on() {
     let rig = Rig::new();
     let plant = example("own-plant");
-    let shipped = shortened(&rig, "examples/own-plant/pendulum.toml", 0.2);
-    let scenario = format!("{shipped} --set controller.law=hold");
+    let shipped = shortened(&rig, "examples/own-plant/pendulum.toml", 1.0);
+    let scenario = format!(
+        "{shipped} --set controller.law=hold --set plant.parameters.initial_angle_rad=1e-3"
+    );
     let scenario = format!("{scenario} --plant-bin {}", plant.display());
     let straight = rig
         .run(&format!("{scenario} --checkpoint-at 0.1"))
