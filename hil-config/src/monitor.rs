@@ -39,18 +39,6 @@ pub enum Verdict {
     Undecided,
 }
 
-impl Verdict {
-    /// In one word, as it is written in summaries.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Pass => "pass",
-            Self::Fail => "fail",
-            Self::Undecided => "undecided",
-        }
-    }
-}
-
 /// What a formula is bound to.
 #[derive(Clone, Copy, Debug)]
 pub struct Ground<'a> {
