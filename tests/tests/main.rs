@@ -16,6 +16,7 @@
 //! | [`live`] | faults and pauses from another terminal |
 //! | [`paper`] | the paper's experiment against its checked figures |
 //! | [`recording`] | what a recording holds, read without the recorder's code |
+//! | [`replay`] | recorded samples against controllers: the same, rebuilt, broken |
 //! | [`realtime_settings`] | what was asked of the system, and what it granted |
 //! | [`survival`] | every law with every kind of fault |
 //!
@@ -46,4 +47,5 @@ mod paper;
 mod programs;
 mod realtime_settings;
 mod recording;
+mod replay;
 mod survival;

@@ -13,7 +13,8 @@
 //! While it runs, another terminal asks its plant over [`live`]: [`inject`] puts faults into it,
 //! [`clock`] holds it and lets it go on. Afterwards [`run_reader`] reads the recording: [`compare`]
 //! finds where two runs differ, [`repetition`] makes the scenario that repeats one, live faults
-//! included, and [`rerun`] runs that.
+//! included, and [`rerun`] runs that. [`replay`] gives what was recorded to a controller once more,
+//! [`baseline`] keeps named runs to compare with.
 //!
 //! `audit` repeats a run under conditions that must not matter, `missed` finds what came too late in
 //! a recorded one.
@@ -25,6 +26,7 @@
 use std::io::IsTerminal;
 
 mod audit;
+pub mod baseline;
 pub mod binaries;
 pub mod cli;
 pub mod clock;

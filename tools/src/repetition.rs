@@ -200,7 +200,11 @@ impl RecordedRun {
     }
 }
 
-fn checked(
+/// Checks the scenario of a recording against what its plant and controller said of themselves.
+///
+/// # Errors
+/// Everything that is wrong with it.
+pub(crate) fn checked(
     text: &str,
     origin: &Path,
     plant: &Description,

@@ -80,7 +80,7 @@ pub fn replay(arguments: &ReplayArguments) -> Result<Exit, Failure> {
     let reader = RunReader::open(&arguments.run).map_err(Failure::usage)?;
     let original = Original::of(&reader, &arguments.run)?;
     let controller = Binary::controller(arguments.controller_bin.as_deref(), &interruption)?;
-    let plan = original.plan_for(&controller.description.laws)?;
+    let plan = original.plan_for(&controller.description)?;
     let prepared = Prepared {
         original: Arc::new(original),
         plan,
@@ -154,7 +154,8 @@ impl Prepared {
 
         let answered = Arc::new(AtomicU64::new(0));
         let supervision = Supervision::new();
-        let tape = Tape::start(reader, &self.original);
+        let (places, run) = (self.original.places.clone(), self.original.plan.run);
+        let tape = Tape::start(reader, places, run.steps, run.clock);
         let loops = Loop {
             session: info.clone(),
             original: Arc::clone(&self.original),
@@ -178,7 +179,6 @@ impl Prepared {
                 )
             }
         };
-        let run = &self.plan.run;
         let mut progress = Progress::new(run.steps, run.rate);
         self.watch(&host, child.as_mut(), &supervision, || {
             progress.set(answered.load(Ordering::Relaxed));
