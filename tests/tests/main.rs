@@ -17,6 +17,7 @@
 //! | [`live`] | faults and pauses from another terminal |
 //! | [`paper`] | the paper's experiment against its checked figures |
 //! | [`recording`] | what a recording holds, read without the recorder's code |
+//! | [`replay`] | recorded samples against controllers: the same, rebuilt, broken |
 //! | [`realtime_settings`] | what was asked of the system, and what it granted |
 //! | [`requirements`] | verdicts live and from the recording, and exit codes |
 //! | [`suite`] | several runs by one command |
@@ -50,6 +51,7 @@ mod paper;
 mod programs;
 mod realtime_settings;
 mod recording;
+mod replay;
 mod requirements;
 mod suite;
 mod survival;

@@ -53,7 +53,6 @@ struct Pair {
     column: Column,
     a: usize,
     b: usize,
-    tolerance: f64,
     deviation: Deviation,
 }
 
@@ -110,8 +109,7 @@ impl Work {
                 counts.then(|| Pair {
                     a: index,
                     b: in_b,
-                    tolerance: tolerances.of(&column.name),
-                    deviation: Deviation::default(),
+                    deviation: Deviation::new(tolerances.of(&column.name)),
                     column: column.clone(),
                 })
             });
@@ -223,7 +221,7 @@ impl Work {
             digest: reader.digest(),
             whole: reader.is_whole(),
         };
-        let is_near = |pair: &Pair| pair.deviation.is_within(pair.tolerance);
+        let is_near = |pair: &Pair| pair.deviation.is_within();
         let are_near = self.columns.iter().all(is_near);
         let differing = self.columns.iter().filter(|pair| pair.deviation.is_any());
         let signals: Vec<SignalDifference> = differing.map(Pair::difference).collect();
@@ -249,7 +247,7 @@ impl Work {
 impl Pair {
     fn difference(&self) -> SignalDifference {
         let Column { name, unit } = &self.column;
-        self.deviation.of(name, unit, self.tolerance)
+        self.deviation.of(name, unit)
     }
 }
 

@@ -17,10 +17,19 @@ const BESIDES: u64 = 31 + 4 + 16;
 /// If the choice names no signal of this run.
 pub fn largest(
     plan: &Plan,
-    plant: &PlantDescription,
-    law: &LawDescription,
+    plants: &[PlantDescription],
+    laws: &[LawDescription],
     choice: &Choice,
 ) -> Result<u64, String> {
+    let model = &plan.plant.model;
+    let plant = plants.iter().find(|plant| plant.name == *model);
+    let plant = plant.ok_or_else(|| format!("there is no plant `{model}`"))?;
+    let name = &plan.controller.law;
+    let suits = |law: &&LawDescription| {
+        law.name == *name && (law.plants.is_empty() || law.plants.contains(model))
+    };
+    let law = laws.iter().find(suits);
+    let law = law.ok_or_else(|| format!("there is no law `{name}` for `{model}`"))?;
     let columns = Columns::of(plant, &plan.stimuli, &law.internals);
     // As recordings name them.
     let name = |path: &str| match path.split_once('.') {

@@ -327,12 +327,7 @@ fn tell_size(
     is_one_of_many: bool,
 ) -> Result<(), Failure> {
     let (plants, laws, _) = binaries.described();
-    let plant = plants.iter().find(|plant| plant.name == plan.plant.model);
-    let law = laws.iter().find(|law| law.name == plan.controller.law);
-    let (Some(plant), Some(law)) = (plant, law) else {
-        return Ok(()); // the check of the jobs says so
-    };
-    let largest = size::largest(plan, plant, law, choice).map_err(Failure::usage)?;
+    let largest = size::largest(plan, plants, laws, choice).map_err(Failure::usage)?;
     if options.no_record {
         return Ok(());
     }
