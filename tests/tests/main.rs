@@ -10,6 +10,7 @@
 //! | [`determinism`] | one digest, however and wherever a scenario runs |
 //! | [`doctor`] | every check once, and a verdict that follows |
 //! | [`examples`] | a plant and a controller from outside the workspace |
+//! | [`export`] | tables made of a recording, read by others |
 //! | [`failures`] | deaths, stops and divergence: who, what, which step, and what is left |
 //! | [`faults`] | faults of scenarios in whole runs |
 //! | [`hot_path`] | no system call and no allocation in a step |
@@ -26,6 +27,8 @@
 //! [`programs`] builds what is run; [`harness`] gives each test a place of its own and a watchdog, and
 //! looks after every run that nothing of it is left. [`mcap_reader`] reads recordings.
 //!
+//! [`python`] finds an interpreter with what a test imports.
+//!
 //! Three parts need more than Rust; a test that lacks its part says so and passes, unless the
 //! environment demands it: `HIL_TEST_RELEASE=1` builds the binaries of the other profile, `HIL_TEST_PYTHON=1`
 //! makes a Python environment, `HIL_TEST_STRACE=1` wants `strace`.
@@ -40,6 +43,7 @@ mod doctor;
 #[path = "../every_fault.rs"]
 mod every_fault;
 mod examples;
+mod export;
 mod failures;
 mod faults;
 mod harness;
@@ -49,6 +53,7 @@ mod live;
 mod mcap_reader;
 mod paper;
 mod programs;
+mod python;
 mod realtime_settings;
 mod recording;
 mod replay;
