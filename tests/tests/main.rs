@@ -11,6 +11,7 @@
 //! | [`doctor`] | every check once, and a verdict that follows |
 //! | [`examples`] | a plant and a controller from outside the workspace |
 //! | [`export`] | tables made of a recording, read by others |
+//! | [`excerpts`] | recordings of which not all is kept |
 //! | [`failures`] | deaths, stops and divergence: who, what, which step, and what is left |
 //! | [`faults`] | faults of scenarios in whole runs |
 //! | [`hot_path`] | no system call and no allocation in a step |
@@ -43,6 +44,7 @@ mod doctor;
 #[path = "../every_fault.rs"]
 mod every_fault;
 mod examples;
+mod excerpts;
 mod export;
 mod failures;
 mod faults;
