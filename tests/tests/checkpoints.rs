@@ -113,12 +113,13 @@ fn a_paced_run_goes_on_where_it_was() {
     assert_eq!(resumed.summary()["clock"], "paced");
 }
 
-/// A scenario of another duration, without the metrics whose windows may be beyond it and without
+/// A scenario of another duration, without the metrics and requirements whose windows may be beyond it and without
 /// the parameters of laws that other binaries may not have.
 fn shortened(rig: &Rig, scenario: &str, duration_s: f64) -> String {
     let text = std::fs::read_to_string(workspace().join(scenario)).expect("it is there");
     let mut table: toml::Table = text.parse().expect("TOML");
     table.remove("metrics");
+    table.remove("requirements");
     let controller = table["controller"].as_table_mut().expect("a table");
     controller.retain(|_, value| !value.is_table());
     let run = table["run"].as_table_mut().expect("a table");

@@ -23,7 +23,7 @@ after = 0.01
 [[faults]]
 kind = "bias"
 at_s = 0.2
-for_s = 0.1
+duration_s = 0.1
 [[faults.effects]]
 target = "measured.position_m"
 bias = 1e-3

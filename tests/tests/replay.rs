@@ -324,7 +324,8 @@ impl Copy {
     }
 
     fn write(&self, path: &Path, change: impl Fn(&mut Vec<u64>, &[String])) {
-        let recording = Recording::create(path, Compression::Lz4, &self.layout, &self.provenance);
+        let recording =
+            Recording::create(path, Compression::Lz4, &self.layout, &self.provenance, None);
         let mut recording = recording.expect("created");
         for words in &self.records {
             let mut words = words.clone();
