@@ -384,11 +384,7 @@ pub(crate) fn write_metrics(
     }
     let width = metrics.iter().map(|metric| metric.name.len()).max();
     let width = width.unwrap_or(0);
-    let published: Vec<_> = self
-        .metrics
-        .iter()
-        .map(|metric| of_law(plan, metric))
-        .collect();
+    let published: Vec<_> = metrics.iter().map(|metric| of_law(plan, metric)).collect();
     let any = published.iter().any(Option::is_some);
     let column = if any { "  published" } else { "" };
     writeln!(
