@@ -10,6 +10,8 @@
 //! | [`determinism`] | one digest, however and wherever a scenario runs |
 //! | [`doctor`] | every check once, and a verdict that follows |
 //! | [`examples`] | a plant and a controller from outside the workspace |
+//! | [`export`] | tables made of a recording, read by others |
+//! | [`excerpts`] | recordings of which not all is kept |
 //! | [`failures`] | deaths, stops and divergence: who, what, which step, and what is left |
 //! | [`faults`] | faults of scenarios in whole runs |
 //! | [`hot_path`] | no system call and no allocation in a step |
@@ -17,6 +19,7 @@
 //! | [`live`] | faults and pauses from another terminal |
 //! | [`paper`] | the paper's experiment against its checked figures |
 //! | [`recording`] | what a recording holds, read without the recorder's code |
+//! | [`replay`] | recorded samples against controllers: the same, rebuilt, broken |
 //! | [`realtime_settings`] | what was asked of the system, and what it granted |
 //! | [`requirements`] | verdicts live and from the recording, and exit codes |
 //! | [`suite`] | several runs by one command |
@@ -24,6 +27,8 @@
 //!
 //! [`programs`] builds what is run; [`harness`] gives each test a place of its own and a watchdog, and
 //! looks after every run that nothing of it is left. [`mcap_reader`] reads recordings.
+//!
+//! [`python`] finds an interpreter with what a test imports.
 //!
 //! Three parts need more than Rust; a test that lacks its part says so and passes, unless the
 //! environment demands it: `HIL_TEST_RELEASE=1` builds the binaries of the other profile, `HIL_TEST_PYTHON=1`
@@ -39,6 +44,8 @@ mod doctor;
 #[path = "../every_fault.rs"]
 mod every_fault;
 mod examples;
+mod excerpts;
+mod export;
 mod failures;
 mod faults;
 mod harness;
@@ -48,8 +55,10 @@ mod live;
 mod mcap_reader;
 mod paper;
 mod programs;
+mod python;
 mod realtime_settings;
 mod recording;
+mod replay;
 mod requirements;
 mod suite;
 mod survival;

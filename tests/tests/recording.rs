@@ -1,11 +1,11 @@
 //! What a recording holds, read by code that shares nothing with the recorder, in Rust and in Python.
 
-use std::path::PathBuf;
-use std::process::{Command, Output};
+use std::process::Command;
 
 use crate::harness::Rig;
 use crate::mcap_reader::Recording;
-use crate::programs::{demanded, skip, target, workspace};
+use crate::programs::{skip, workspace};
+use crate::python::python;
 
 const SCENARIO: &str = "tests/scenarios/leakage.toml";
 const SHORT: &str = "--set run.duration_s=0.2 --set faults[0].at_s=0.1";
@@ -178,39 +178,9 @@ fn without_recording_there_is_no_file_but_the_same_digest_and_metrics() {
     );
 }
 
-/// A Python with the public MCAP libraries: the machine's, or if that is demanded one made for it.
-fn python() -> Option<PathBuf> {
-    let reads_mcap = |python: &PathBuf| {
-        let imported = Command::new(python)
-            .args(["-c", "import mcap, mcap_ros2"])
-            .output();
-        imported.is_ok_and(|output| output.status.success())
-    };
-    let own = PathBuf::from("python3");
-    let environment = target().join("python");
-    let made = environment.join("bin/python");
-    if let Some(python) = [own, made.clone()].into_iter().find(reads_mcap) {
-        return Some(python);
-    }
-    if !demanded("HIL_TEST_PYTHON") {
-        return None;
-    }
-    let succeeds = |command: &mut Command| {
-        let Output { status, stderr, .. } = command.output().expect("python3 can be run");
-        let said = String::from_utf8_lossy(&stderr);
-        assert!(status.success(), "{command:?}:\n{said}");
-    };
-    let mut venv = Command::new("python3");
-    succeeds(venv.args(["-m", "venv"]).arg(&environment));
-    let requirements = workspace().join("tests/python/requirements.txt");
-    let mut pip = Command::new(&made);
-    succeeds(pip.args(["-m", "pip", "install", "-r"]).arg(requirements));
-    Some(made)
-}
-
 #[test]
 fn public_libraries_of_python_read_a_recording() {
-    let Some(python) = python() else {
+    let Some(python) = python("mcap, mcap_ros2") else {
         let why = "python3 with mcap and mcap-ros2-support is missing";
         return skip(
             "public_libraries_of_python_read_a_recording",

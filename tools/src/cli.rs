@@ -10,6 +10,7 @@ pub mod export;
 pub mod inject;
 pub mod latency;
 pub mod realtime;
+pub mod recording;
 pub mod recordings;
 pub mod replay;
 pub mod run;
@@ -68,13 +69,16 @@ pub enum Command {
     /// Give recorded samples to a controller and compare its answers with the recorded ones
     #[command(after_help = replay::HELP)]
     Replay(ReplayArguments),
-    /// Compare two recorded runs step by step
+    /// Compare two recorded runs step by step, or one with a baseline
     #[command(after_help = "\
-Exit codes: 0 the same, or within the tolerance; 1 different; 2 not comparable.
+Exit codes: 0 the same, or within the tolerance; 1 different; 2 not comparable, or no such baseline.
 
 Examples:
   hil compare runs/a runs/b
-  hil compare runs/a runs/b --signal truth.surface_angle_rad --tolerance 1e-9")]
+  hil compare runs/a runs/b --signal truth.surface_angle_rad --tolerance 1e-9
+  hil compare runs/a runs/b --tolerance truth.surface_angle_rad=1e-9
+  hil compare runs/demo --baseline severe-leakage-ftsc
+  hil compare runs/demo --baseline severe-leakage-ftsc --update --dry-run")]
     Compare(CompareArguments),
     /// Judge a recorded run by its own requirements, or by those of another scenario
     #[command(after_help = recordings::JUDGE_EXAMPLES)]

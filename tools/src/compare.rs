@@ -14,12 +14,13 @@ use std::path::Path;
 use serde::Serialize;
 use serde_json::Value;
 
+use crate::baseline;
 use crate::cli::recordings::CompareArguments;
 use crate::exit::{Exit, Failure};
 use crate::output;
 use crate::run_reader::{ReadError, RunReader};
 pub use deviation::SignalDifference;
-pub(crate) use deviation::{Deviation, is_near, write_table};
+pub(crate) use deviation::{Deviation, is_near, share, write_table};
 use tolerance::Tolerances;
 use work::Work;
 
@@ -112,8 +113,16 @@ impl From<CompareError> for Failure {
 /// # Errors
 /// If the runs cannot be read or compared.
 pub fn command(arguments: &CompareArguments) -> Result<Exit, Failure> {
+    if let Some(name) = &arguments.baseline {
+        return baseline::command(arguments, name);
+    }
+    let Some(b) = &arguments.b else {
+        return Err(Failure::usage(
+            "two runs are compared, or one with a --baseline",
+        ));
+    };
     let tolerances = Tolerances::typed(&arguments.tolerance);
-    let comparison = compare(&arguments.a, &arguments.b, &arguments.signal, &tolerances)?;
+    let comparison = compare(&arguments.a, b, &arguments.signal, &tolerances)?;
     output::write(&if arguments.json {
         let json = serde_json::to_string_pretty(&comparison).map_err(Failure::infrastructure)?;
         json + "\n"
@@ -145,14 +154,23 @@ pub fn compare(
         );
         return Err(CompareError::NotComparable(what));
     }
+    let is_excerpt = reader_a.is_excerpt() || reader_b.is_excerpt();
     let mut work = Work::new(&reader_a, &reader_b, rate, signals, tolerances)?;
     loop {
-        let (in_a, in_b) = (reader_a.advance()?, reader_b.advance()?);
+        let (mut in_a, mut in_b) = (reader_a.advance()?, reader_b.advance()?);
+        // An excerpt has not every step.
+        while is_excerpt && in_a && in_b && reader_a.step() != reader_b.step() {
+            if reader_a.step() < reader_b.step() {
+                in_a = reader_a.advance()?;
+            } else {
+                in_b = reader_b.advance()?;
+            }
+        }
         if in_a && in_b {
             work.step(&reader_a, &reader_b)?;
             continue;
         }
-        if in_a || in_b {
+        if (in_a || in_b) && !is_excerpt {
             work.ended(if in_a { &reader_a } else { &reader_b }, in_a);
         }
         // To their ends: their digests are those of all they have.
@@ -167,6 +185,12 @@ impl Comparison {
     #[must_use]
     pub const fn verdict(&self) -> Verdict {
         self.verdict
+    }
+
+    /// The digest of the first of both.
+    #[must_use]
+    pub fn digest_of_a(&self) -> &str {
+        &self.a.digest
     }
 
     /// The first thing that differs.

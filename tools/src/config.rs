@@ -10,6 +10,7 @@ use crate::cli::run::Changes;
 use crate::exit::{Exit, Failure};
 use crate::interruption::Interruption;
 use crate::output;
+use crate::recording::{Choice, size};
 
 /// Runs the command.
 ///
@@ -18,7 +19,7 @@ use crate::output;
 pub fn config(arguments: &ConfigArguments) -> Result<Exit, Failure> {
     match &arguments.action {
         ConfigAction::Check(scenario) => {
-            let (plan, _) = checked(scenario)?;
+            let (plan, binaries) = checked(scenario)?;
             let seconds = plan
                 .run
                 .rate
@@ -30,8 +31,11 @@ pub fn config(arguments: &ConfigArguments) -> Result<Exit, Failure> {
 "
                 .to_owned()
             } else {
+                let (plants, laws, _) = binaries.described();
+                let largest = size::largest(&plan, plants, laws, &Choice::default());
+                let largest = size::shown(largest.map_err(Failure::usage)?);
                 format!(
-                    "{name}: {model} under {law}, {steps} steps in {seconds} s
+                    "{name}: {model} under {law}, {steps} steps in {seconds} s; the recording takes up to {largest} before compression
 "
                 )
             })?;

@@ -148,7 +148,7 @@ fn cannot_write(path: Option<&Path>, error: &std::io::Error) -> Failure {
         |path| path.display().to_string(),
     );
     let hint = match (error.kind(), path) {
-        (ErrorKind::StorageFull, Some(_)) => "; no part of it is left behind",
+        (ErrorKind::StorageFull, Some(path)) if !path.exists() => "; no part of it is left behind",
         _ => "",
     };
     Failure::infrastructure(format!("cannot write {what}: {error}{hint}"))

@@ -60,6 +60,7 @@ pub fn judge(arguments: &JudgeArguments) -> Result<Exit, Failure> {
 fn judged(run: &Path, by: Option<&Path>) -> Result<(Judgement, Plan), Failure> {
     let refused = |error: ReadError| Failure::usage(error);
     let mut reader = RunReader::open(run).map_err(refused)?;
+    reader.refuse_excerpt().map_err(refused)?;
     let plant = reader.enclosed("plant-description.json").map_err(refused)?;
     let plan = plan(&reader, &plant, run, by)?;
     let (columns, values) = columns(&reader, &plant)?;

@@ -14,7 +14,8 @@
 //! [`clock`] holds it and lets it go on. Afterwards [`run_reader`] reads the recording: [`compare`]
 //! finds where two runs differ, [`repetition`] makes the scenario that repeats one, live faults
 //! included, and [`rerun`] runs that; [`judge`] evaluates metrics and [`requirements`] once more, or
-//! others; [`export`] makes a table of it for other programs.
+//! others; [`replay`] gives what was recorded to a controller once more, [`baseline`] keeps named runs to
+//! compare with; [`export`] makes a table of a run for other programs.
 //!
 //! A [`checkpoint`] keeps the state of both sides before a step, for another run to go on from.
 //!
@@ -28,6 +29,7 @@
 use std::io::IsTerminal;
 
 mod audit;
+pub mod baseline;
 pub mod binaries;
 pub mod checkpoint;
 pub mod cli;

@@ -29,7 +29,7 @@ use crate::exit::Failure;
 use crate::faults::{FaultLog, LiveFault};
 use crate::interruption::Interruption;
 use crate::latency::{Latency, LatencySummary};
-use crate::recording::{Provenance, Recording};
+use crate::recording::{Choice, Part, Provenance, Recording};
 use crate::run::realtime;
 use crate::run_reader::{ReadError, RunReader};
 
@@ -47,6 +47,8 @@ pub struct RecordingPlan {
     pub path: PathBuf,
     /// Its compression.
     pub compression: Compression,
+    /// What of the run is kept.
+    pub choice: Choice,
     /// What it says of the run.
     pub provenance: Provenance,
     /// Where both sides tell what they run with, before the first record.
@@ -62,6 +64,8 @@ pub struct Recorded {
     pub faults: FaultLog,
     /// Records taken, those of the past included.
     pub records: u64,
+    /// How many of them are in the recording.
+    pub written: u64,
     /// How many of them are those that the run went on from.
     pub past_records: u64,
     /// Items lost on the way.
@@ -229,6 +233,7 @@ impl Work {
             end: None,
             faults: FaultLog::default(),
             records: 0,
+            written: 0,
             past_records: 0,
             lost: 0,
             digest: None,
@@ -320,7 +325,13 @@ impl Work {
             Err(error) => self.fail(format!("cannot evaluate the scenario: {error}")),
         }
         if let Some(plan) = &self.recording_plan {
-            match Recording::create(&plan.path, plan.compression, &layout, &plan.provenance) {
+            let part = (!plan.choice.is_all()).then_some(Part {
+                choice: &plan.choice,
+                rate: self.plan.run.rate,
+                last: Step(self.plan.run.steps),
+            });
+            let (path, how) = (&plan.path, plan.compression);
+            match Recording::create(path, how, &layout, &plan.provenance, part) {
                 Ok(recording) => self.recording = Some(recording),
                 Err(error) => {
                     self.fail(format!(
@@ -483,6 +494,7 @@ impl Work {
             self.recorded.digest = Some(std::mem::take(&mut self.digest).finish());
         }
         if let Some(recording) = self.recording.take() {
+            self.recorded.written = recording.written();
             let mut result = BTreeMap::new();
             let recorded = &self.recorded;
             let mut fact = |name: &str, value: String| result.insert(name.to_owned(), value);

@@ -7,9 +7,11 @@
 //! process loses is bounded in time.
 
 mod chunk;
+mod excerpt;
 mod lz4;
 mod mcap_file;
 mod schema;
+pub mod size;
 
 use std::collections::BTreeMap;
 use std::io;
@@ -17,10 +19,15 @@ use std::path::Path;
 use std::time::Duration;
 
 use mcap::records::{AttachmentHeader, MessageHeader, Metadata};
-use shared_types::record::{Event, RECORD_VERSION, RecordLayout, RecordView};
+use shared_types::record::{
+    Event, FaultAccepted, FaultEnded, FaultTaken, RECORD_VERSION, RecordLayout, RecordView,
+};
+use shared_types::time::{Rate, Step};
 
 use crate::cli::run::Compression;
 use chunk::Chunk;
+pub use excerpt::Choice;
+use excerpt::Excerpt;
 use mcap_file::McapFile;
 pub(crate) use schema::RULER;
 
@@ -54,18 +61,51 @@ pub struct Provenance {
     pub enclosures: Vec<Enclosure>,
 }
 
+/// What stands before the words of a record.
+#[derive(Clone, Copy, Debug)]
+struct Head {
+    step: u64,
+    time_ns: u64,
+    published_ns: u64,
+}
+
+impl Head {
+    fn of(view: &RecordView<'_>) -> Self {
+        Self {
+            step: view.step,
+            time_ns: view.timing.time_ns,
+            published_ns: view.timing.published_ns,
+        }
+    }
+}
+
+/// A part of a run.
+#[derive(Clone, Copy, Debug)]
+pub struct Part<'a> {
+    /// What is kept.
+    pub choice: &'a Choice,
+    /// The rate of the run.
+    pub rate: Rate,
+    /// Its last record.
+    pub last: Step,
+}
+
 /// A recording being written.
 pub struct Recording {
     file: McapFile,
     records: u16,
     events: u16,
     chunk: Chunk,
+    /// If not all is kept.
+    excerpt: Option<Excerpt>,
+    written: u64,
     last_time_ns: u64,
     sequence: u32,
 }
 
 impl Recording {
-    /// Creates the file and writes down what is known before the first record.
+    /// Creates the file and writes down what is known before the first record. Without a part all is
+    /// kept.
     ///
     /// # Errors
     /// If the file cannot be written.
@@ -74,7 +114,10 @@ impl Recording {
         compression: Compression,
         layout: &RecordLayout,
         provenance: &Provenance,
+        part: Option<Part<'_>>,
     ) -> io::Result<Self> {
+        let excerpt = part.map(|part| Excerpt::new(layout, part.choice, part.rate, part.last));
+        let excerpt = excerpt.transpose().map_err(io::Error::other)?;
         let library = concat!("hil ", env!("CARGO_PKG_VERSION"));
         let mut file = McapFile::create(path, "ros2", library)?;
         file.metadata(Metadata {
@@ -90,7 +133,13 @@ impl Recording {
             };
             file.attachment(header, enclosure.text.as_bytes())?;
         }
-        let schema = schema::record(layout);
+        let schema = match &excerpt {
+            None => schema::record(layout),
+            Some(excerpt) => {
+                let (sample, command, groups) = excerpt.form();
+                schema::of(sample, command, groups)
+            }
+        };
         let schema = file.schema("hil_msgs/msg/Record", "ros2msg", schema.as_bytes())?;
         let version = BTreeMap::from([("version".into(), RECORD_VERSION.to_string())]);
         let records = file.channel(schema, "/record", "cdr", version)?;
@@ -101,6 +150,8 @@ impl Recording {
             records,
             events,
             chunk: Chunk::new(compression, CHANNELS)?,
+            excerpt,
+            written: 0,
             last_time_ns: 0,
             sequence: 0,
         })
@@ -123,14 +174,34 @@ impl Recording {
     /// If the file cannot be written.
     pub fn record(&mut self, words: &[u64], view: &RecordView<'_>) -> io::Result<()> {
         self.last_time_ns = view.timing.time_ns;
-        let header = MessageHeader {
-            channel_id: self.records,
-            sequence: view.step as u32,
-            log_time: view.timing.time_ns,
-            publish_time: view.timing.published_ns,
-        };
-        self.chunk.record(&header, words);
+        if let Some(excerpt) = &mut self.excerpt {
+            excerpt.take(words, view);
+            return self.settle(false);
+        }
+        self.written += 1;
+        self.chunk
+            .record(&header(self.records, Head::of(view)), words);
         self.close_if(self.chunk.bytes() >= CHUNK_BYTES)
+    }
+
+    /// Writes the rows of an excerpt that need not wait any longer; all of them at the end.
+    fn settle(&mut self, is_over: bool) -> io::Result<()> {
+        while let Some((head, row)) =
+            (self.excerpt.as_mut()).and_then(|excerpt| excerpt.next(is_over))
+        {
+            self.written += 1;
+            self.chunk.record(&header(self.records, head), row);
+            if self.chunk.bytes() >= CHUNK_BYTES {
+                self.file.chunk(&mut self.chunk)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Records in the file.
+    #[must_use]
+    pub const fn written(&self) -> u64 {
+        self.written
     }
 
     /// Writes an event.
@@ -138,6 +209,16 @@ impl Recording {
     /// # Errors
     /// If the file cannot be written.
     pub fn event(&mut self, event: &Event, time_ns: Option<u64>, now_ns: u64) -> io::Result<()> {
+        if let Some(excerpt) = &mut self.excerpt {
+            match event {
+                Event::Accepted(FaultAccepted { step, .. })
+                | Event::Fault(FaultTaken { step, .. })
+                | Event::FaultEnded(FaultEnded { step, .. }) => excerpt.fault(*step),
+                Event::End(_) => {}
+            }
+            // Records stand before what comes after them.
+            self.settle(matches!(event, Event::End(_)))?;
+        }
         self.sequence += 1;
         let header = MessageHeader {
             channel_id: self.events,
@@ -169,12 +250,23 @@ impl Recording {
     /// # Errors
     /// If the file cannot be written.
     pub fn finish(mut self, result: BTreeMap<String, String>) -> io::Result<()> {
+        self.settle(true)?;
         self.file.chunk(&mut self.chunk)?;
         self.file.metadata(Metadata {
             name: "hil.result".into(),
             metadata: result,
         })?;
         self.file.finish()
+    }
+}
+
+/// The head of a record's message.
+const fn header(channel_id: u16, head: Head) -> MessageHeader {
+    MessageHeader {
+        channel_id,
+        sequence: head.step as u32,
+        log_time: head.time_ns,
+        publish_time: head.published_ns,
     }
 }
 

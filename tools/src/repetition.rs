@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use hil_config::plan::{Condition, FaultEnd, FaultEvent, Plan, Realtime, Trigger};
+use hil_config::plan::{Clock, Condition, FaultEnd, FaultEvent, Plan, Realtime, Trigger};
 use hil_config::scenario::Scenario;
 use hil_config::show;
 use plant_process::repeat::Missed;
@@ -127,6 +127,12 @@ impl RecordedRun {
                 break;
             }
         }
+        let needs_all =
+            plan.run.clock == Clock::Realtime || outcome.as_deref() != Some("completed");
+        if needs_all {
+            // What it was has to be found in its steps.
+            reader.refuse_excerpt().map_err(refused)?;
+        }
         let fact = |name| reader.fact(name).map(str::to_owned);
         Ok(Self {
             plan,
@@ -210,7 +216,10 @@ impl RecordedRun {
     }
 }
 
-/// Checks the scenario of a recording against what that says of its plant and controller.
+/// A scenario's plan, by what plant and controller said of themselves.
+///
+/// # Errors
+/// Everything that is wrong with it.
 pub(crate) fn checked(
     text: &str,
     origin: &Path,

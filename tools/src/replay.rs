@@ -79,9 +79,10 @@ pub fn replay(arguments: &ReplayArguments) -> Result<Exit, Failure> {
     }
     let interruption = Interruption::listen()?;
     let reader = RunReader::open(&arguments.run).map_err(Failure::usage)?;
+    reader.refuse_excerpt().map_err(Failure::usage)?;
     let original = Original::of(&reader, &arguments.run)?;
     let controller = Binary::controller(arguments.controller_bin.as_deref(), &interruption)?;
-    let plan = original.plan_for(&controller.description.laws)?;
+    let plan = original.plan_for(&controller.description)?;
     let prepared = Prepared {
         original: Arc::new(original),
         plan,
@@ -156,7 +157,8 @@ impl Prepared {
 
         let answered = Arc::new(AtomicU64::new(0));
         let supervision = Supervision::new();
-        let tape = Tape::start(reader, &self.original);
+        let (places, run) = (self.original.places.clone(), self.original.plan.run);
+        let tape = Tape::start(reader, places, run.steps, run.clock);
         let loops = Loop {
             session: info.clone(),
             original: Arc::clone(&self.original),

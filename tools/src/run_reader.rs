@@ -23,6 +23,8 @@ pub use schema::Column;
 
 /// Name of the recording in the folder of a run.
 pub const RECORDING: &str = "run.mcap";
+/// The fact that says what was kept, if not all was.
+pub const EXCERPT: &str = "excerpt";
 /// Bytes of encapsulation in front of a record.
 const ENCAPSULATION: usize = 4;
 
@@ -42,6 +44,16 @@ pub enum ReadError {
         path: PathBuf,
         /// What the operating system said.
         error: std::io::Error,
+    },
+    /// Only a part of the run was kept.
+    #[error(
+        "{path} is an excerpt ({kept}); this needs the whole run: record it without --record, --record-every and --record-around-faults"
+    )]
+    Excerpt {
+        /// The file.
+        path: PathBuf,
+        /// What was kept.
+        kept: String,
     },
     /// The file is not what `hil run` writes.
     #[error("{path} is no recording of a run: {what}")]
@@ -259,10 +271,33 @@ impl RunReader {
         self.records
     }
 
-    /// The digest of what was read so far.
+    /// The digest of what was read so far; of an excerpt that of the whole run, known at the end.
     #[must_use]
     pub fn digest(&self) -> String {
+        if self.is_excerpt() {
+            return self.result("digest").unwrap_or_default().to_owned();
+        }
         self.digest.clone().finish()
+    }
+
+    /// Whether not all of the run was kept.
+    #[must_use]
+    pub fn is_excerpt(&self) -> bool {
+        self.fact(EXCERPT).is_some()
+    }
+
+    /// Refuses an excerpt.
+    ///
+    /// # Errors
+    /// If it is one, with what was kept.
+    pub fn refuse_excerpt(&self) -> Result<(), ReadError> {
+        match self.fact(EXCERPT) {
+            None => Ok(()),
+            Some(kept) => Err(ReadError::Excerpt {
+                path: self.path.clone(),
+                kept: kept.to_owned(),
+            }),
+        }
     }
 
     /// Whether the writer of the file finished it; known at the end.

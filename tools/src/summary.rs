@@ -187,6 +187,8 @@ impl From<&MetricValue> for Metric {
 struct Recording {
     file: Option<&'static str>,
     records: u64,
+    /// Records in the file: fewer if not all was to be kept.
+    kept: u64,
     lost: u64,
 }
 
@@ -266,6 +268,7 @@ impl Summary {
             recording: Recording {
                 file: recorded_to,
                 records: recorded.records,
+                kept: recorded.written,
                 lost: recorded.lost,
             },
             rejected_frames: end.map_or(0, |end| end.rejected_frames),
@@ -334,6 +337,7 @@ impl Summary {
         let Recording {
             file,
             records,
+            kept,
             lost,
         } = &self.recording;
         let lost = if *lost > 0 {
@@ -346,6 +350,10 @@ impl Summary {
         }
         let run_dir = run_dir.display();
         match file {
+            Some(file) if kept < records => writeln!(
+                text,
+                "  {kept} of {records} records{lost} in {run_dir}/{file}"
+            ),
             Some(file) => writeln!(text, "  {records} records{lost} in {run_dir}/{file}"),
             None => writeln!(
                 text,
@@ -384,7 +392,9 @@ pub(crate) fn write_metrics(
     }
     let width = metrics.iter().map(|metric| metric.name.len()).max();
     let width = width.unwrap_or(0);
-    let published: Vec<_> = metrics.iter().map(|metric| of_law(plan, metric)).collect();
+    let published: Vec<_> = (metrics.iter())
+        .map(|metric| of_law(plan, metric))
+        .collect();
     let any = published.iter().any(Option::is_some);
     let column = if any { "  published" } else { "" };
     writeln!(

@@ -128,6 +128,11 @@ impl Columns {
         self.names.is_empty()
     }
 
+    /// The names, in order.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.names.iter().map(String::as_str)
+    }
+
     /// The index of a name as expressions write it, for example `truth.surface_angle_rad`.
     #[must_use]
     pub fn index_of(&self, path: &str) -> Option<usize> {

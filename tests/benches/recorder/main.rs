@@ -214,7 +214,7 @@ fn histograms_ns(tape: &Tape) -> f64 {
 /// Messages, chunks and file, without the end of the file.
 fn recording_ns(tape: &Tape, compression: Compression, path: &Path) -> f64 {
     let layout = &tape.layout;
-    let recording = Recording::create(path, compression, layout, &Provenance::default());
+    let recording = Recording::create(path, compression, layout, &Provenance::default(), None);
     let mut recording = recording.expect("creates");
     let begun_ns = cpu_ns();
     for words in tape.records() {

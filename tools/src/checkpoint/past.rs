@@ -93,11 +93,21 @@ impl Past {
     ) -> Result<(Plan, Branch), Failure> {
         let origin = format!("the scenario of {}", self.folder.display());
         let (plants, laws, kinds) = binaries.described();
-        let then = Scenario::parse(&self.scenario, &origin)
+        let scenario = || Scenario::parse(&self.scenario, &origin);
+        let then = scenario()
             .and_then(|scenario| scenario.check(plants, laws, kinds))
             .map_err(|problems| Failure::Usage(problems.to_string()))?;
-        let now = Scenario::parse(&self.scenario, &origin);
-        let now = config::check(now, changes, binaries, json)?;
+        let now = config::check(scenario(), changes, binaries, json)?;
+        for set in &changes.set {
+            // Every key is written out, so that one for several of them at once is overruled.
+            let alone =
+                scenario().and_then(|scenario| scenario.set(&[set]).check(plants, laws, kinds));
+            if alone.is_ok_and(|alone| alone == then) {
+                eprintln!(
+                    "note: --set {set} changes nothing in {origin}, where it is so or a longer key says otherwise"
+                );
+            }
+        }
         match branch::check(&then, &now, self.first(), &self.log) {
             Ok(branch) => Ok((now, branch)),
             Err(reasons) => Err(Failure::usage(format!(
@@ -234,6 +244,7 @@ fn whole(folder: &Path, saved: &SavedSide) -> Result<(), Failure> {
 fn past(recording: &Path, checkpoint: &Checkpoint) -> Result<(String, FaultLog), String> {
     let told = |error: ReadError| error.to_string();
     let mut reader = RunReader::open(recording).map_err(told)?;
+    reader.refuse_excerpt().map_err(told)?;
     let scenario = reader.enclosure("scenario.toml").map_err(told)?.to_owned();
     let shown = recording.display();
     if hash(&scenario) != checkpoint.recording.scenario_blake3 {

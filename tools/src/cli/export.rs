@@ -16,7 +16,7 @@ cannot be written.
 Examples:
   hil export runs/demo --list
   hil export runs/demo -o demo.parquet
-  hil export runs/demo -o demo.csv --signal 'truth.*' --signal tracking_error_rad --from 7s --until 8s
+  hil export runs/demo -o demo.csv --signal 'truth.*' --signal tracking_error_rad --from 7s
   hil export runs/demo --signal truth.surface_angle_rad --every 100 | head";
 
 /// Arguments of `hil export`.
@@ -31,7 +31,7 @@ pub struct ExportArguments {
     /// What to write [default: what the file's name ends with, on standard output csv]
     #[arg(long, value_name = "FORMAT")]
     pub format: Option<ExportFormat>,
-    /// A signal, or several with * and ?; may be given several times [default: all with a unit]
+    /// A signal, or several with * and ?; may be given several times [default: all signals]
     #[arg(long, value_name = "PATTERN")]
     pub signal: Vec<String>,
     /// The first simulated time, which belongs to it

@@ -13,8 +13,20 @@ pub struct CompareArguments {
     #[arg(value_name = "A")]
     pub a: PathBuf,
     /// Another
-    #[arg(value_name = "B")]
-    pub b: PathBuf,
+    #[arg(value_name = "B", required_unless_present = "baseline")]
+    pub b: Option<PathBuf>,
+    /// Compare with this named run instead, with the tolerances that it has
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["b", "tolerance", "signal"])]
+    pub baseline: Option<String>,
+    /// The file of named runs
+    #[arg(long, value_name = "FILE", default_value = "baselines.toml")]
+    pub baselines: PathBuf,
+    /// Show what changes in the named run and write it; tolerances and comments stay
+    #[arg(long, requires = "baseline")]
+    pub update: bool,
+    /// Show what --update would write, and write nothing; exit code 1 if something would change
+    #[arg(long, requires = "update")]
+    pub dry_run: bool,
     /// Signals that differ by no more than this, in their own unit, count as the same: all of them,
     /// or one; may be given several times
     #[arg(long, value_name = "[SIGNAL=]X", allow_hyphen_values = true)]

@@ -7,6 +7,7 @@ use clap::{Args, ValueEnum};
 use super::BinaryArguments;
 use super::checkpoint::{CheckpointArguments, FromArguments};
 use super::realtime::RealtimeArguments;
+use super::recording::ChoiceArguments;
 use crate::duration::seconds;
 use crate::exit::Failure;
 
@@ -23,6 +24,7 @@ Examples:
   hil run scenarios/severe-leakage.toml --checkpoint-at 6.9 --out runs/severe
   hil run --from runs/severe/checkpoint-69000 --set 'faults[0].effects[0].coefficient_m3ps_per_sqrt_pa=2e-7'
   hil run scenarios/spring-mass.toml --controller-bin target/release/my-controller --json
+  hil run scenarios/severe-leakage.toml --record 'truth.*' --record-every 100 --record-around-faults 0.1 0.5
   hil run scenarios/*.toml --repeat 3 --junit verdicts.xml --markdown verdicts.md";
 
 /// Arguments of `hil run`.
@@ -91,6 +93,9 @@ pub struct RunOptions {
     /// Compression of run.mcap
     #[arg(long, value_enum, default_value_t = Compression::Lz4, value_name = "HOW")]
     pub compression: Compression,
+    /// What of it
+    #[command(flatten)]
+    pub choice: ChoiceArguments,
     /// How long a process that lives may keep the other waiting, in s; inf under a debugger
     #[arg(
         long,

@@ -8,10 +8,12 @@ use serde::Serialize;
 /// A deviation in the making.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Deviation {
+    tolerance: f64,
     /// Steps at which both were finite numbers.
     compared: u64,
     differing: u64,
     first_step: Option<u64>,
+    first_beyond_step: Option<u64>,
     max: f64,
     at_step: Option<u64>,
     squares: f64,
@@ -29,7 +31,9 @@ pub struct SignalDifference {
     pub(crate) rms_difference: f64,
     /// The first step at which it differs.
     pub(crate) first_step: Option<u64>,
-    /// At how many it does.
+    /// The first step at which it differs by more than it may.
+    pub(crate) first_beyond_step: Option<u64>,
+    /// At how many steps it differs.
     pub(crate) differing_steps: u64,
     /// Steps at which it is a finite number in at most one of them and not the same in both.
     pub(crate) incomparable_steps: u64,
@@ -44,11 +48,19 @@ pub(crate) fn is_near(a: f64, b: f64, tolerance: f64) -> bool {
 }
 
 impl Deviation {
-    /// Takes in both values of a step.
-    pub(crate) fn take(&mut self, step: u64, a: f64, b: f64) {
+    /// Nothing yet, of a signal that may differ by so much.
+    pub(crate) fn new(tolerance: f64) -> Self {
+        Self {
+            tolerance,
+            ..Self::default()
+        }
+    }
+
+    /// Takes in both values of a step; whether they are further apart than they may be.
+    pub(crate) fn take(&mut self, step: u64, a: f64, b: f64) -> bool {
         if a.to_bits() == b.to_bits() {
             self.compared += u64::from(a.is_finite());
-            return;
+            return false;
         }
         self.differing += 1;
         self.first_step.get_or_insert(step);
@@ -62,6 +74,11 @@ impl Deviation {
         } else {
             self.incomparable += 1;
         }
+        let is_beyond = !is_near(a, b, self.tolerance);
+        if is_beyond {
+            self.first_beyond_step.get_or_insert(step);
+        }
+        is_beyond
     }
 
     /// Whether the signal differs anywhere.
@@ -69,13 +86,13 @@ impl Deviation {
         self.differing > 0
     }
 
-    /// Whether it differs nowhere by more than that.
-    pub(crate) fn is_within(&self, tolerance: f64) -> bool {
-        !self.is_any() || (tolerance > 0.0 && self.incomparable == 0 && self.max <= tolerance)
+    /// Whether it differs nowhere by more than it may.
+    pub(crate) const fn is_within(&self) -> bool {
+        self.first_beyond_step.is_none()
     }
 
     /// The whole of it.
-    pub(crate) fn of(&self, name: &str, unit: &str, tolerance: f64) -> SignalDifference {
+    pub(crate) fn of(&self, name: &str, unit: &str) -> SignalDifference {
         let rms = if self.compared > 0 {
             (self.squares / self.compared as f64).sqrt()
         } else {
@@ -88,9 +105,10 @@ impl Deviation {
             at_step: self.at_step,
             rms_difference: rms,
             first_step: self.first_step,
+            first_beyond_step: self.first_beyond_step,
             differing_steps: self.differing,
             incomparable_steps: self.incomparable,
-            tolerance,
+            tolerance: self.tolerance,
         }
     }
 }
@@ -115,7 +133,11 @@ pub(crate) fn write_table(
     writeln!(
         text,
         "{}",
-        if any_tolerance { "  of tolerance" } else { "" }
+        if any_tolerance {
+            "  of tolerance  beyond from"
+        } else {
+            ""
+        }
     )?;
     let step = |step: Option<u64>| step.map_or_else(|| "-".into(), |step| step.to_string());
     for signal in signals {
@@ -128,7 +150,12 @@ pub(crate) fn write_table(
             "  {name:<width$}  {max:>12.5e}  {at:>9}  {rms:>12.5e}  {first:>9}  {count:>9}"
         )?;
         if any_tolerance {
-            write!(text, "  {:>12}", share(max, signal.tolerance))?;
+            let share = share(max, signal.tolerance);
+            write!(
+                text,
+                "  {share:>12}  {:>11}",
+                step(signal.first_beyond_step)
+            )?;
         }
         write!(text, "  {unit}")?;
         if signal.incomparable_steps > 0 {
@@ -158,7 +185,7 @@ mod tests {
         for (step, (a, b)) in (0..).zip(pairs) {
             deviation.take(step, *a, *b);
         }
-        deviation.of("x_m", "m", 0.0)
+        deviation.of("x_m", "m")
     }
 
     #[test]
@@ -191,10 +218,31 @@ mod tests {
             (1.0, 1.5, 0.4999, false),
         ] {
             assert_eq!(is_near(a, b, tolerance), near, "{a} {b} {tolerance}");
-            let mut deviation = Deviation::default();
-            deviation.take(0, a, b);
-            assert_eq!(deviation.is_within(tolerance), near, "{a} {b} {tolerance}");
+            let mut deviation = Deviation::new(tolerance);
+            let is_beyond = deviation.take(0, a, b);
+            assert_eq!(
+                (deviation.is_within(), is_beyond),
+                (near, !near),
+                "{a} {b} {tolerance}"
+            );
         }
+    }
+
+    #[test]
+    fn the_first_step_beyond_the_tolerance_may_come_after_the_first_that_differs() {
+        let mut deviation = Deviation::new(0.5);
+        for (step, b) in (0..).zip([1.0, 1.25, 1.5, 1.75, 2.0]) {
+            deviation.take(step, 1.0, b);
+        }
+        let found = deviation.of("x_m", "m");
+        assert_eq!(
+            (found.first_step, found.first_beyond_step),
+            (Some(1), Some(3))
+        );
+        assert_eq!(
+            share(found.max_abs_difference, found.tolerance),
+            "200.000 %"
+        );
     }
 
     #[test]

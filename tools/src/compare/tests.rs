@@ -69,6 +69,7 @@ fn the_first_difference_and_the_size_of_each_are_found() {
         at_step: Some(2),
         rms_difference: 2.5, // sqrt((9 + 16) / 4)
         first_step: Some(1),
+        first_beyond_step: Some(1),
         differing_steps: 2,
         incomparable_steps: 0,
         tolerance: 0.0,

@@ -25,6 +25,8 @@ pub(super) struct Work {
     only_in_a: Vec<String>,
     only_in_b: Vec<String>,
     first: Option<Difference>,
+    /// Whether one of them is only an excerpt: what is not in both says nothing.
+    is_excerpt: bool,
     /// Anything but the size of a signal differs.
     is_other: bool,
 }
@@ -51,7 +53,6 @@ struct Pair {
     column: Column,
     a: usize,
     b: usize,
-    tolerance: f64,
     deviation: Deviation,
 }
 
@@ -108,8 +109,7 @@ impl Work {
                 counts.then(|| Pair {
                     a: index,
                     b: in_b,
-                    tolerance: tolerances.of(&column.name),
-                    deviation: Deviation::default(),
+                    deviation: Deviation::new(tolerances.of(&column.name)),
                     column: column.clone(),
                 })
             });
@@ -121,7 +121,8 @@ impl Work {
         }
         let names = columns.iter().map(|pair| pair.column.name.as_str());
         (tolerances.check(names)).map_err(CompareError::NotComparable)?;
-        let (only_in_a, only_in_b) = if is_selected {
+        let is_excerpt = a.is_excerpt() || b.is_excerpt();
+        let (only_in_a, only_in_b) = if is_selected || is_excerpt {
             Default::default()
         } else {
             (only(a, b), only(b, a))
@@ -131,6 +132,7 @@ impl Work {
         Ok(Self {
             rate,
             is_selected,
+            is_excerpt,
             causal,
             columns,
             is_other: !only_in_a.is_empty() || !only_in_b.is_empty(),
@@ -149,7 +151,7 @@ impl Work {
             );
             return Err(CompareError::NotComparable(what));
         }
-        if !self.is_selected {
+        if !self.is_selected && !self.is_excerpt {
             let (faults_a, faults_b) = (faults(a), faults(b));
             if faults_a != faults_b {
                 self.is_other = true;
@@ -219,7 +221,7 @@ impl Work {
             digest: reader.digest(),
             whole: reader.is_whole(),
         };
-        let is_near = |pair: &Pair| pair.deviation.is_within(pair.tolerance);
+        let is_near = |pair: &Pair| pair.deviation.is_within();
         let are_near = self.columns.iter().all(is_near);
         let differing = self.columns.iter().filter(|pair| pair.deviation.is_any());
         let signals: Vec<SignalDifference> = differing.map(Pair::difference).collect();
@@ -245,7 +247,7 @@ impl Work {
 impl Pair {
     fn difference(&self) -> SignalDifference {
         let Column { name, unit } = &self.column;
-        self.deviation.of(name, unit, self.tolerance)
+        self.deviation.of(name, unit)
     }
 }
 

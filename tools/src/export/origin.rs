@@ -52,13 +52,13 @@ impl Origin {
     /// The derived signals of the scenario, in its order.
     pub(super) fn derived(mut self, reader: &RunReader) -> Result<Derived, String> {
         let columns = Columns::of(&self.plant, &self.plan.stimuli, &self.law.internals);
-        let mut recorded = (reader.columns().iter().enumerate())
-            .filter(|(_, column)| column.is_signal())
-            .map(|(place, _)| place);
-        let first = recorded.next().unwrap_or(0);
-        if 1 + recorded.count() != columns.len() {
+        let recorded = reader.columns();
+        let first = recorded.iter().position(|column| column.is_signal());
+        let signals = recorded.iter().filter(|column| column.is_signal()).count();
+        // They stand side by side, in the order of the columns.
+        let (Some(first), true) = (first, signals == columns.len()) else {
             return Err("its signals are not those of its scenario".into());
-        }
+        };
         self.plan.metrics.clear();
         let evaluation =
             Evaluation::new(&self.plan, &columns).map_err(|error| error.to_string())?;

@@ -55,8 +55,9 @@ impl<W: Write + Send> Parquet<W> {
         let properties = WriterProperties::builder()
             .set_created_by(concat!("hil ", env!("CARGO_PKG_VERSION")).into())
             .set_compression(Compression::SNAPPY)
-            // Numbers hardly ever repeat: looking for it costs more than it saves.
+            // Numbers hardly ever repeat: with a dictionary files are larger and take longer.
             .set_dictionary_enabled(false)
+            // `BYTE_STREAM_SPLIT` would save a fifth, but not every reader knows it.
             .set_encoding(Encoding::PLAIN)
             .set_statistics_enabled(EnabledStatistics::Chunk)
             .build();

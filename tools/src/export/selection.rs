@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use glob::Pattern;
-use shared_types::table::nearest;
+use shared_types::table::{Field, nearest};
 use shared_types::time::Step;
 
 use super::origin::{Derived, Origin};
@@ -70,7 +70,8 @@ impl Offer {
             );
         }
         let derived = Origin::of(reader).and_then(|origin| {
-            let name = |field: &shared_types::table::Field| format!("command.{}", field.name);
+            // As the recording writes them.
+            let name = |field: &Field| format!("command.{}", field.name.replace('.', "_"));
             offer.sent_commands = Some(origin.sent_commands().iter().map(name).collect());
             origin.derived(reader)
         });

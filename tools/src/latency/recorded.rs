@@ -15,6 +15,7 @@ use crate::run_reader::RunReader;
 /// If it cannot be read, or says nothing of time.
 pub fn case(run: &Path, warm_up: u64) -> Result<Case, Failure> {
     let mut reader = RunReader::open(run).map_err(Failure::usage)?;
+    reader.refuse_excerpt().map_err(Failure::usage)?;
     // By name: an older recording has fewer words, which are then 0.
     let place = |name: &str| (reader.columns().iter()).position(|column| column.name == name);
     let places = Timing::NAMES.map(place);

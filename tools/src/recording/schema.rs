@@ -6,6 +6,7 @@
 use std::fmt::Write as _;
 
 use shared_types::record::{GROUPS, RecordLayout, Timing};
+use shared_types::table::Field;
 
 /// Line between the parts of a `ros2msg` schema.
 pub(crate) const RULER: &str =
@@ -14,14 +15,25 @@ pub(crate) const RULER: &str =
 /// The schema of a record: a message of words with one nested message for each group of signals.
 /// An empty group has no message, because an empty message takes a byte in CDR.
 pub(super) fn record(layout: &RecordLayout) -> String {
+    let (sample, command) = (
+        layout.sample_validity_words(),
+        layout.command_validity_words(),
+    );
+    of(sample, command, layout.groups())
+}
+
+/// The same of so many words of validity bits of sample and command, and of these groups.
+pub(super) fn of(
+    sample_words: usize,
+    command_words: usize,
+    groups: [&[Field]; GROUPS.len()],
+) -> String {
     let mut text = String::from("uint64 step\n");
     let mut nested = String::new();
-    let sample_words = layout.sample_validity_words();
-    let command_words = layout.command_validity_words();
     // Writing to a string cannot fail.
     let _ = writeln!(text, "uint64[{sample_words}] sample_invalid");
     let _ = writeln!(text, "uint64[{command_words}] command_invalid");
-    for (group, fields) in GROUPS.iter().zip(layout.groups()) {
+    for (group, fields) in GROUPS.iter().zip(groups) {
         if fields.is_empty() {
             continue;
         }
@@ -59,8 +71,6 @@ pub(super) const EVENT: &str = r#"{
 
 #[cfg(test)]
 mod tests {
-    use shared_types::table::Field;
-
     use super::*;
 
     #[test]

@@ -62,7 +62,7 @@ fn written(compression: Compression, records: u64) -> File {
     };
     let layout = layout();
     let mut recording =
-        Recording::create(&path, compression, &layout, &provenance).expect("creates");
+        Recording::create(&path, compression, &layout, &provenance, None).expect("creates");
     for step in 0..records {
         if step % 50 == 0 {
             recording
@@ -234,7 +234,7 @@ fn a_chunk_is_closed_when_it_is_old_or_full() {
     let path = folder.path().join("run.mcap");
     let layout = layout();
     let compression = Compression::Lz4;
-    let recording = Recording::create(&path, compression, &layout, &Provenance::default());
+    let recording = Recording::create(&path, compression, &layout, &Provenance::default(), None);
     let mut recording = recording.expect("creates");
     let on_disk = || {
         let bytes = std::fs::read(&path).expect("a file");
@@ -268,7 +268,7 @@ const HEAD_AND_ENCAPSULATION_BYTES: usize = 1 + 8 + 2 + 4 + 8 + 8 + 4;
 fn a_full_disk_is_an_error_that_says_so() {
     let path = Path::new("/dev/full");
     let provenance = Provenance::default();
-    let created = Recording::create(path, Compression::Lz4, &layout(), &provenance);
+    let created = Recording::create(path, Compression::Lz4, &layout(), &provenance, None);
     let error = created.err().expect("no room");
     assert_eq!(error.kind(), io::ErrorKind::StorageFull);
 }

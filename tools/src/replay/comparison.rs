@@ -14,7 +14,7 @@ use shared_types::time::{Rate, Step};
 use super::original::AnswerPlace;
 use super::tape::Row;
 use crate::compare::tolerance::Tolerances;
-use crate::compare::{Deviation, SignalDifference, is_near};
+use crate::compare::{Deviation, SignalDifference};
 
 /// Samples that are shown before and after the first difference.
 const BEFORE: u64 = 5;
@@ -46,7 +46,6 @@ struct Compared {
     recorded_bit: usize,
     /// Place in the frame that comes now, also that of its validity bit.
     replayed: usize,
-    tolerance: f64,
     deviation: Deviation,
     /// Steps at which it is valid in one of them only.
     validity_steps: u64,
@@ -129,8 +128,7 @@ impl Comparison {
                 recorded: place,
                 recorded_bit: answer.bit,
                 replayed: now,
-                tolerance: tolerances.of(&answer.name),
-                deviation: Deviation::default(),
+                deviation: Deviation::new(tolerances.of(&answer.name)),
                 validity_steps: 0,
             });
         }
@@ -170,8 +168,7 @@ impl Comparison {
         for index in 0..self.signals.len() {
             let signal = &mut self.signals[index];
             let (a, b) = (row.answer[signal.recorded], frame[signal.replayed]);
-            signal.deviation.take(head.step, a, b);
-            if a.to_bits() != b.to_bits() && !is_near(a, b, signal.tolerance) {
+            if signal.deviation.take(head.step, a, b) {
                 self.note(index, head.step, (a, b), None);
             }
         }
@@ -249,13 +246,8 @@ impl Comparison {
             .filter(|signal| signal.deviation.is_any() || signal.validity_steps > 0);
         differing
             .map(|signal| {
-                let Compared {
-                    name,
-                    unit,
-                    tolerance,
-                    ..
-                } = signal;
-                let difference = signal.deviation.of(name, unit, *tolerance);
+                let Compared { name, unit, .. } = signal;
+                let difference = signal.deviation.of(name, unit);
                 (difference, signal.validity_steps)
             })
             .collect()

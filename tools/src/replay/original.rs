@@ -6,12 +6,12 @@
 use std::path::{Path, PathBuf};
 
 use hil_config::plan::{Plan, Stimulus};
-use hil_config::scenario::Scenario;
 use shared_types::describe::{Description, LawDescription, PlantDescription};
 use shared_types::table::Field;
 use toml_edit::DocumentMut;
 
 use crate::exit::Failure;
+use crate::repetition::checked;
 use crate::run_reader::RunReader;
 
 /// The parts of a scenario that say what runs. The others disturb it, which is in the samples already,
@@ -74,7 +74,7 @@ impl Original {
         let scenario = kept(text)
             .map_err(|error| Failure::usage(format!("{}: its scenario: {error}", run.display())))?;
         let origin = format!("the scenario of {}", run.display());
-        let plan = checked(&scenario, &origin, &plants, &controller.laws)?;
+        let plan = checked(&scenario, origin.as_ref(), &plants, &controller)?;
         let plant = (plants.plants.iter()).find(|plant| plant.name == plan.plant.model);
         let law = law_of(&controller.laws, &plan);
         let (Some(plant), Some(law)) = (plant.cloned(), law) else {
@@ -98,14 +98,14 @@ impl Original {
         })
     }
 
-    /// The plan as it is for a controller with these laws: the parameters of the run, and the
+    /// The plan as it is for another controller: the parameters of the run, and the
     /// defaults of those that it did not have.
     ///
     /// # Errors
     /// If there is no such law for the plant, or it does not know a parameter of the run.
-    pub(super) fn plan_for(&self, laws: &[LawDescription]) -> Result<Plan, Failure> {
+    pub(super) fn plan_for(&self, controller: &Description) -> Result<Plan, Failure> {
         let origin = format!("the scenario of {}", self.run.display());
-        checked(&self.scenario, &origin, &self.plants, laws)
+        checked(&self.scenario, origin.as_ref(), &self.plants, controller)
     }
 }
 
@@ -122,17 +122,6 @@ fn kept(text: &str) -> Result<String, toml_edit::TomlError> {
     let mut document: DocumentMut = text.parse()?;
     document.retain(|key, _| KEPT.contains(&key));
     Ok(document.to_string())
-}
-
-fn checked(
-    text: &str,
-    origin: &str,
-    plants: &Description,
-    laws: &[LawDescription],
-) -> Result<Plan, Failure> {
-    Scenario::parse(text, origin)
-        .and_then(|scenario| scenario.check(&plants.plants, laws, &plants.faults))
-        .map_err(|problems| Failure::Usage(problems.to_string()))
 }
 
 impl Places {

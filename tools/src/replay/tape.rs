@@ -13,7 +13,7 @@ use shared_types::frame::VALIDITY_WORDS;
 use shared_types::record::{Event, FaultTaken};
 use shared_types::time::Step;
 
-use super::original::{Original, Places};
+use super::original::Places;
 use crate::run_reader::{ReadError, RunReader};
 
 /// Samples in a batch: some hundred kilobytes.
@@ -128,14 +128,13 @@ impl Batches {
 }
 
 impl Tape {
-    /// Starts to read a run whose reader stands at its first record.
-    pub(super) fn start(reader: RunReader, original: &Original) -> Self {
+    /// Starts to read a run of so many steps whose reader stands at its first record.
+    pub(super) fn start(reader: RunReader, places: Places, steps: u64, clock: Clock) -> Self {
         let (fill, filled) = sync_channel(AHEAD);
         let (emptied, empty) = channel();
-        let places = original.places.clone();
         let winder = Winder {
-            against_clock: original.plan.run.clock == Clock::Realtime,
-            steps: original.plan.run.steps,
+            against_clock: clock == Clock::Realtime,
+            steps,
             batch: Batch::new(places.sample.len(), places.answer.len()),
             open_from: 0,
             held_steps: 0,

@@ -24,8 +24,8 @@ use crate::exit::{Exit, Failure};
 use crate::interruption::Interruption;
 use crate::progress::Progress;
 use crate::recorder::{Recorded, RecordingPlan};
-use crate::recording::{Enclosure, Provenance};
-use crate::run_reader::RECORDING;
+use crate::recording::{Choice, Enclosure, Provenance, size};
+use crate::run_reader::{EXCERPT, RECORDING};
 use crate::summary::{Resumed, Summary};
 use crate::{audit, checkpoint, config, doctor, folder, requirements, suite};
 
@@ -189,6 +189,8 @@ pub(crate) fn execute(
     if !steps.is_empty() || first > Step(0) {
         checkpoint::refuse_unsaveable(&plan, &binaries)?;
     }
+    let choice = options.choice.choice(options)?;
+    tell_size(&plan, &binaries, options, &choice, is_one_of_many)?;
     let effective = config::show(&plan, &binaries)?;
 
     let mut session = Session::create(options.session.as_deref()).map_err(|error| match error {
@@ -238,10 +240,14 @@ pub(crate) fn execute(
     let recording = (!options.no_record).then(|| RecordingPlan {
         path: run_dir.join(RECORDING),
         compression: options.compression,
+        choice: choice.clone(),
         provenance: {
             let mut provenance = provenance(&plan, &info, &binaries, evidence, &effective);
             if let Some(resumed) = &resumed {
                 provenance.facts.extend(resumed.facts());
+            }
+            if !choice.is_all() {
+                (provenance.facts).insert(EXCERPT.into(), choice.told());
             }
             provenance
         },
@@ -310,6 +316,39 @@ pub(crate) fn execute(
         summarised: summary,
         folder: run_dir,
     })
+}
+
+/// Tells how large the recording can get, where a person watches or the disk may not have room.
+fn tell_size(
+    plan: &Plan,
+    binaries: &Binaries,
+    options: &RunOptions,
+    choice: &Choice,
+    is_one_of_many: bool,
+) -> Result<(), Failure> {
+    let (plants, laws, _) = binaries.described();
+    let largest = size::largest(plan, plants, laws, choice).map_err(Failure::usage)?;
+    if options.no_record {
+        return Ok(());
+    }
+    let shown = size::shown(largest);
+    let folder = options.out.as_deref().unwrap_or(Path::new("."));
+    let there = folder.ancestors().find(|folder| folder.is_dir());
+    let there = there.unwrap_or(Path::new("."));
+    if let Ok(disk) = rustix::fs::statvfs(there) {
+        let free = disk.f_bavail.saturating_mul(disk.f_frsize);
+        if largest > free {
+            eprintln!(
+                "warning: the recording takes up to {shown} before compression, and {} are free; --record, --record-every and --record-around-faults make it smaller",
+                size::shown(free)
+            );
+            return Ok(());
+        }
+    }
+    if crate::person_watches() && !is_one_of_many {
+        eprintln!("recording: up to {shown} before compression");
+    }
+    Ok(())
 }
 
 fn absolute(path: &Path) -> PathBuf {

@@ -62,7 +62,7 @@ pub(crate) fn recorded(
     };
     let path = folder.join(RECORDING);
     let mut recording =
-        Recording::create(&path, Compression::Lz4, layout, &provenance).expect("created");
+        Recording::create(&path, Compression::Lz4, layout, &provenance, None).expect("created");
     for content in contents {
         match content {
             Content::Record(words) => recording

@@ -1,0 +1,44 @@
+//! A Python for tests that check with it what the workspace says of itself.
+
+use std::path::PathBuf;
+use std::process::{Command, Output};
+
+use crate::programs::{demanded, target, workspace};
+
+/// A Python with these modules: the machine's, or if that is demanded one made for it.
+pub(crate) fn python(modules: &str) -> Option<PathBuf> {
+    let has_modules = |python: &PathBuf| {
+        let imported = Command::new(python)
+            .args(["-c", &format!("import {modules}")])
+            .output();
+        imported.is_ok_and(|output| output.status.success())
+    };
+    let own = PathBuf::from("python3");
+    let environment = target().join("python");
+    let made = environment.join("bin/python");
+    if let Some(python) = [own, made.clone()].into_iter().find(has_modules) {
+        return Some(python);
+    }
+    if !demanded("HIL_TEST_PYTHON") {
+        return None;
+    }
+    let mut venv = Command::new("python3");
+    succeeds(venv.args(["-m", "venv"]).arg(&environment));
+    let requirements = workspace().join("tests/python/requirements.txt");
+    let mut pip = Command::new(&made);
+    succeeds(pip.args(["-m", "pip", "install", "-r"]).arg(requirements));
+    Some(made)
+}
+
+/// Runs something that has to succeed; what it printed.
+pub(crate) fn succeeds(command: &mut Command) -> String {
+    let output = command.output();
+    let Output {
+        status,
+        stdout,
+        stderr,
+    } = output.unwrap_or_else(|error| panic!("{command:?}: {error}"));
+    let said = String::from_utf8_lossy(&stderr);
+    assert!(status.success(), "{command:?}:\n{said}");
+    String::from_utf8_lossy(&stdout).into_owned()
+}

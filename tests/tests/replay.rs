@@ -1,0 +1,565 @@
+//! Recorded samples against a controller: one that is the same answers the same, one that is not is
+//! found out, with step and signal.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use rustix::process::Signal;
+use serde_json::Value;
+use shared_types::random::RandomStream;
+use shared_types::record::RecordLayout;
+use shared_types::session::SessionInfo;
+use shared_types::table::Field;
+use tools::cli::run::Compression;
+use tools::recording::{Enclosure, Provenance, Recording};
+use tools::run_reader::RunReader;
+
+use crate::every_fault;
+use crate::harness::{Rig, Run, until};
+use crate::programs::{controller_of_tests, example, misbehaving_controller, workspace};
+
+/// Two seconds of the hydraulic system; the runs here are shorter.
+const LEAKAGE: &str = "tests/scenarios/leakage.toml";
+const SPRING_MASS: &str = "scenarios/spring-mass.toml --set run.duration_s=0.8";
+
+fn rebuilt() -> PathBuf {
+    controller_of_tests("rebuilt-controller")
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("plain text")
+}
+
+/// `hil replay --json` of a recording, and what it says.
+#[track_caller]
+fn replayed(rig: &Rig, run: &Path, arguments: &[&str], code: i32) -> Value {
+    let told = rig.hil(&[&["replay", text(run), "--json"], arguments].concat());
+    serde_json::from_str(&told.expect(code).stdout).expect("JSON")
+}
+
+fn number(value: &Value) -> u64 {
+    value.as_u64().unwrap_or_else(|| panic!("{value}"))
+}
+
+/// Every fault of signals, links and timing at once, in the first tenths of a second.
+fn with_all_faults(rig: &Rig) -> PathBuf {
+    let mut scenario = std::fs::read_to_string(workspace().join(LEAKAGE)).expect("it is there");
+    let kinds = [
+        "noise",
+        "dropout",
+        "stuck-at",
+        "message-loss",
+        "message-delay",
+        "message-jitter",
+        "message-corruption",
+        "late",
+        "skip",
+    ];
+    let faults = every_fault::faults();
+    let chosen = faults.iter().filter(|fault| kinds.contains(&&*fault.kind));
+    let mut count = 0;
+    for fault in chosen {
+        scenario = every_fault::with_fault(&scenario, fault, 0.02 + 0.01 * f64::from(count));
+        count += 1;
+    }
+    assert_eq!(count as usize, kinds.len());
+    rig.write("all-faults.toml", &scenario)
+}
+
+#[test]
+fn an_unchanged_controller_answers_every_sample_bit_by_bit() {
+    let rig = Rig::new();
+    let faults = with_all_faults(&rig);
+    let faults = text(&faults);
+    let short = "--set run.duration_s=0.3 --set faults[0].at_s=0.1 --set controller.law";
+    for (scenario, steps) in [
+        (format!("{faults} {short}=ftsc"), 3000),
+        (format!("{faults} {short}=nrsc"), 3000),
+        (
+            format!("{faults} {short}=pid --set controller.command_delay_steps=1"),
+            3000,
+        ),
+        (format!("{SPRING_MASS} --set controller.rate_hz=250"), 800),
+        (format!("{SPRING_MASS} --set controller.law=hold"), 800),
+    ] {
+        let run = rig.run(&scenario).expect(0);
+        for link in ["iceoryx2", "in-process"] {
+            let told = replayed(&rig, &run.folder, &["--link", link], 0);
+            let same = (
+                &told["verdict"],
+                number(&told["steps"]),
+                &told["first_difference"],
+            );
+            assert_eq!(
+                same,
+                (&"same".into(), steps, &Value::Null),
+                "{scenario} {link}"
+            );
+            assert_eq!(told["controller"]["of_the_run"], true);
+            assert_eq!(
+                (&told["whole"], number(&told["unanswered_steps"])),
+                (&true.into(), 0)
+            );
+            assert!(!told["compared"].as_array().expect("a list").is_empty());
+        }
+    }
+}
+
+#[test]
+fn a_late_controller_is_replayed_with_the_samples_that_it_saw() {
+    let rig = Rig::new();
+    // Busy for 12 ms at each of ten steps of 5 ms.
+    let scenario = rig.write(
+        "clocks.toml",
+        "schema = 1\nname = \"clocks\"\n[run]\nduration_s = 1.0\nrate_hz = 200\n\
+         clock = \"realtime\"\n[plant]\nmodel = \"spring-mass\"\n[controller]\nlaw = \"pid\"\n\
+         [[stimuli]]\ntarget = \"position_m\"\nkind = \"sine\"\namplitude = 0.01\nfrequency_hz = 2.0\n\
+         [[faults]]\nkind = \"late\"\nat_s = 0.2\noccurrences = 10\n\
+         [[faults.effects]]\ntarget = \"controller\"\nbusy_us = 12000\n",
+    );
+    let run = rig.run(text(&scenario)).expect(0);
+    let missed = number(&run.summary()["missed_commands"]["count"]);
+    assert!(missed >= 10, "{missed}");
+    let told = replayed(&rig, &run.folder, &[], 0);
+    assert_eq!(told["verdict"], "same");
+    let (answered, unanswered) = (number(&told["steps"]), number(&told["unanswered_steps"]));
+    assert_eq!(answered + unanswered, 200);
+    assert!(unanswered >= 5, "{unanswered}");
+    // A rerun waits for its controller, and so does the replay of a rerun.
+    let again = rig.path("again");
+    rig.hil(&["rerun", text(&run.folder), "--out", text(&again)])
+        .expect(0);
+    let told = replayed(&rig, &again, &[], 0);
+    assert_eq!(
+        (number(&told["steps"]), number(&told["unanswered_steps"])),
+        (answered, unanswered)
+    );
+}
+
+#[test]
+fn a_change_of_one_line_is_found_with_step_signal_and_both_values() {
+    let rig = Rig::new();
+    let run = rig.run(SPRING_MASS).expect(0);
+    let rebuilt = rebuilt();
+    let other = ["--controller-bin", text(&rebuilt)];
+    let told = replayed(&rig, &run.folder, &other, 1);
+    let first = &told["first_difference"];
+    assert_eq!(
+        (&told["verdict"], &first["signal"]),
+        (&"different".into(), &"command.force_n".into())
+    );
+    assert_eq!(
+        (number(&first["step"]), first["time_s"].as_f64()),
+        (137, Some(0.137))
+    );
+    let value = |name: &str| first[name].as_f64().expect("a number");
+    assert_eq!(value("recorded").next_up(), value("replayed"));
+    let around = first["samples_around"].as_array().expect("a list");
+    let steps: Vec<u64> = around
+        .iter()
+        .map(|sample| number(&sample["step"]))
+        .collect();
+    assert_eq!(steps, [132, 133, 134, 135, 136, 137, 138, 139]);
+    for sample in around {
+        let is_first = sample["step"] == 137;
+        assert_eq!(
+            sample["recorded"] != sample["replayed"],
+            is_first,
+            "{sample}"
+        );
+        assert!(sample["sample"]["measured.position_m"].is_f64(), "{sample}");
+    }
+    let signals = told["signals"].as_array().expect("a list");
+    assert_eq!(
+        (signals.len(), number(&signals[0]["differing_steps"])),
+        (1, 1)
+    );
+    assert_eq!(number(&signals[0]["at_step"]), 137);
+    assert_eq!(told["controller"]["of_the_run"], false);
+
+    let said = rig
+        .hil(&["replay", text(&run.folder), other[0], other[1]])
+        .expect(1)
+        .stdout;
+    for part in [
+        "first difference at step 137 (0.137 s): command.force_n",
+        ">137",
+        "measured.position_m",
+    ] {
+        assert!(said.contains(part), "`{part}` is not in:\n{said}");
+    }
+    let allowed = [other[0], other[1], "--tolerance", "command.force_n=1e-9"];
+    let told = replayed(&rig, &run.folder, &allowed, 0);
+    assert_eq!(
+        (&told["verdict"], &told["first_difference"]),
+        (&"within-tolerance".into(), &Value::Null)
+    );
+}
+
+#[test]
+fn each_signal_has_the_tolerance_that_it_was_given() {
+    let rig = Rig::new();
+    let run = rig
+        .run(&format!(
+            "{LEAKAGE} --set run.duration_s=0.1 --set faults[0].at_s=0.05"
+        ))
+        .expect(0);
+    let rebuilt = rebuilt();
+    for (tolerance, code) in [
+        ("internal.fault_detected=2e-9", 0),
+        ("internal.fault_detected=5e-10", 1),
+        ("internal.lyapunov_v3=1", 1),
+        ("1e-8", 0),
+    ] {
+        let arguments = ["--controller-bin", text(&rebuilt), "--tolerance", tolerance];
+        let told = replayed(&rig, &run.folder, &arguments, code);
+        let signal = &told["signals"][0];
+        assert_eq!(signal["name"], "internal.fault_detected", "{tolerance}");
+        assert_eq!(number(&signal["differing_steps"]), 1000, "{tolerance}");
+    }
+    rig.hil(&[
+        "replay",
+        text(&run.folder),
+        "--tolerance",
+        "internal.fault_detekted=1",
+    ])
+    .expect(2)
+    .says(&[
+        "internal.fault_detekted",
+        "nearest: `internal.fault_detected`",
+    ]);
+}
+
+#[test]
+fn what_only_one_of_them_shows_is_named() {
+    let rig = Rig::new();
+    let run = rig
+        .run(&format!(
+            "{LEAKAGE} --set run.duration_s=0.02 --set faults[0].at_s=0.01"
+        ))
+        .expect(0);
+    // As if a newer controller had made the recording.
+    let newer = rewritten(&rig, &run, "newer", |_, _| ());
+    let told = replayed(&rig, &newer, &[], 0);
+    assert_eq!(told["only_in_recording"].as_array().map(Vec::len), Some(0));
+    let renamed = rig.path("renamed.mcap");
+    let mut copy = Copy::of(&run.recording());
+    copy.layout.internal[0].name = "of_old".into();
+    copy.describe("lyapunov_v3", "of_old");
+    copy.write(&renamed, |_, _| ());
+    let told = replayed(&rig, &renamed, &[], 0);
+    assert_eq!(told["only_in_recording"][0], "internal.of_old");
+    assert_eq!(told["only_in_controller"][0], "internal.lyapunov_v3");
+}
+
+/// A recording that is written once more by the code that writes all recordings.
+struct Copy {
+    layout: RecordLayout,
+    records: Vec<Vec<u64>>,
+    columns: Vec<String>,
+    provenance: Provenance,
+}
+
+impl Copy {
+    fn of(path: &Path) -> Self {
+        let mut reader = RunReader::open(path).expect("opens");
+        let fields = |group: &str| -> Vec<Field> {
+            let of_group = |name: &str| {
+                name.strip_prefix(group)?
+                    .strip_prefix('.')
+                    .map(str::to_owned)
+            };
+            (reader.columns().iter())
+                .filter_map(|column| {
+                    Some(Field::signal(&of_group(&column.name)?, &column.unit, "x"))
+                })
+                .collect()
+        };
+        let (command, internal) = (fields("command"), fields("internal"));
+        let layout = RecordLayout {
+            truth: fields("truth"),
+            measured: fields("measured"),
+            reference: fields("reference"),
+            command_signals: command.len() + internal.len(),
+            command,
+            internal,
+            parameter: fields("parameter"),
+        };
+        let columns = reader
+            .columns()
+            .iter()
+            .map(|column| column.name.clone())
+            .collect();
+        let enclosed = |name, media_type| Enclosure {
+            name,
+            media_type,
+            text: reader.enclosure(name).expect("enclosed").into(),
+        };
+        let facts = ["rate_hz", "controller_blake3"];
+        let fact = |name: &str| Some((name.to_owned(), reader.fact(name)?.to_owned()));
+        let provenance = Provenance {
+            facts: facts.into_iter().filter_map(fact).collect(),
+            enclosures: vec![
+                enclosed("scenario.toml", "application/toml"),
+                enclosed("plant-description.json", "application/json"),
+                enclosed("controller-description.json", "application/json"),
+            ],
+        };
+        let mut records = Vec::new();
+        while reader.advance().expect("reads") {
+            records.push(reader.words().to_vec());
+        }
+        Self {
+            layout,
+            records,
+            columns,
+            provenance,
+        }
+    }
+
+    /// Puts another name into what the controller of the run said of itself.
+    fn describe(&mut self, before: &str, now: &str) {
+        let description = self.provenance.enclosures.last_mut().expect("three");
+        description.text = description.text.replace(before, now);
+    }
+
+    fn write(&self, path: &Path, change: impl Fn(&mut Vec<u64>, &[String])) {
+        let recording = Recording::create(path, Compression::Lz4, &self.layout, &self.provenance);
+        let mut recording = recording.expect("created");
+        for words in &self.records {
+            let mut words = words.clone();
+            change(&mut words, &self.columns);
+            let view = self.layout.view(&words);
+            recording.record(&words, &view).expect("written");
+        }
+        recording.finish(BTreeMap::new()).expect("finished");
+    }
+}
+
+fn rewritten(
+    rig: &Rig,
+    run: &Run,
+    name: &str,
+    change: impl Fn(&mut Vec<u64>, &[String]),
+) -> PathBuf {
+    let path = rig.path(&format!("{name}.mcap"));
+    Copy::of(&run.recording()).write(&path, change);
+    path
+}
+
+#[test]
+fn a_flipped_bit_in_any_recorded_answer_is_found_and_named() {
+    let rig = Rig::new();
+    let run = rig
+        .run(&format!(
+            "{LEAKAGE} --set run.duration_s=0.05 --set faults[0].at_s=0.02"
+        ))
+        .expect(0);
+    let copy = Copy::of(&run.recording());
+    let is_answer = |name: &&String| name.starts_with("command.") || name.starts_with("internal.");
+    let answers: Vec<&String> = copy.columns.iter().filter(is_answer).collect();
+    let mut random = RandomStream::new(1, "flipped bits");
+    let mut below = |limit: usize| (random.uniform() * limit as f64) as usize;
+    let path = rig.path("flipped.mcap");
+    for _ in 0..24 {
+        let (step, signal, bit) = (below(500) as u64, answers[below(answers.len())], below(64));
+        copy.write(&path, |words, columns| {
+            let place = columns
+                .iter()
+                .position(|name| name == signal)
+                .expect("there");
+            if words[0] == step {
+                words[place] ^= 1 << bit;
+            }
+        });
+        let told = replayed(&rig, &path, &["--link", "in-process"], 1);
+        let first = &told["first_difference"];
+        let found = (
+            number(&first["step"]),
+            first["signal"].as_str().expect("a name"),
+        );
+        assert_eq!(found, (step, signal.as_str()), "bit {bit}");
+        let signals = told["signals"].as_array().expect("a list");
+        assert_eq!(
+            (signals.len(), number(&signals[0]["differing_steps"])),
+            (1, 1)
+        );
+        std::fs::remove_file(&path).expect("removed");
+    }
+    // A bit of validity: the first bit of the answer is that of its first command.
+    let path = rewritten(&rig, &run, "invalid", |words, columns| {
+        let place = columns
+            .iter()
+            .position(|name| name == "command_invalid[0]")
+            .expect("there");
+        if words[0] == 77 {
+            words[place] ^= 1;
+        }
+    });
+    let told = replayed(&rig, &path, &[], 1);
+    let first = &told["first_difference"];
+    assert_eq!(
+        (number(&first["step"]), &first["signal"]),
+        (77, &answers[0].as_str().into())
+    );
+    assert_eq!(first["validity"], serde_json::json!([false, true]));
+}
+
+#[test]
+fn what_cannot_be_replayed_is_refused_before_anything_starts() {
+    let rig = Rig::new();
+    let hydraulic = format!(
+        "{LEAKAGE} --set run.duration_s=0.02 --set faults[0].at_s=0.01 --set controller.law=pid"
+    );
+    let run = rig.run(&hydraulic).expect(0);
+    let (misbehaving, rebuilt) = (misbehaving_controller(), rebuilt());
+    let words = rig.write("words.mcap", "not a recording");
+    let folder = text(&run.folder);
+    for (arguments, said) in [
+        (vec![text(&words)], "is no recording of a run"),
+        (vec!["nowhere/run"], "cannot read"),
+        (
+            vec![folder, "--controller-bin", "nowhere/controller"],
+            "cannot run",
+        ),
+        // A controller for another plant.
+        (
+            vec![folder, "--controller-bin", text(&misbehaving)],
+            "unknown law `pid`",
+        ),
+        // One that no longer gives a command of this one.
+        (
+            vec![folder, "--controller-bin", text(&rebuilt)],
+            "signals that the plant needs: no signal",
+        ),
+        (
+            vec![
+                folder,
+                "--controller-bin",
+                text(&rebuilt),
+                "--link",
+                "in-process",
+            ],
+            "needs a process",
+        ),
+        (vec![folder, "--tolerance", "-1"], "at least 0"),
+        (vec![folder, "--wait-limit", "0"], "above 0"),
+        (vec![folder, "--session", "NO"], "no session name"),
+    ] {
+        rig.hil(&[&["replay"], &arguments[..]].concat())
+            .expect(2)
+            .says(&[said]);
+    }
+}
+
+#[test]
+fn a_controller_that_dies_or_falls_silent_is_named_with_its_step() {
+    let rig = Rig::new();
+    let rebuilt = rebuilt();
+    let held = rig
+        .run(&format!("{SPRING_MASS} --set controller.law=hold"))
+        .expect(0);
+    let other = ["--controller-bin", text(&rebuilt)];
+    let arguments = ["replay", text(&held.folder), other[0], other[1]];
+    rig.hil(&arguments)
+        .expect(3)
+        .says(&["controller panicked", "the law fell over", "step 137"]);
+    let silent = rig
+        .run(&format!("{LEAKAGE} --set run.duration_s=0.05 --set faults[0].at_s=0.02 --set controller.law=nrsc"))
+        .expect(0);
+    let arguments = [
+        "replay",
+        text(&silent.folder),
+        other[0],
+        other[1],
+        "--wait-limit",
+        "0.3",
+    ];
+    rig.hil(&arguments).expect(3).says(&[
+        "controller did not answer step 137 within 0.3 s",
+        "controller was stuck",
+    ]);
+}
+
+#[test]
+fn an_interrupted_replay_ends_in_order_also_with_a_silent_controller() {
+    let rig = Rig::new();
+    let rebuilt = rebuilt();
+    let run = rig
+        .run(&format!("{LEAKAGE} --set run.duration_s=0.05 --set faults[0].at_s=0.02 --set controller.law=nrsc"))
+        .expect(0);
+    let session = rig.session().to_owned();
+    let replay = rig.start_hil(&[
+        "replay",
+        text(&run.folder),
+        "--controller-bin",
+        text(&rebuilt),
+        "--wait-limit",
+        "inf",
+        "--session",
+        &session,
+    ]);
+    until("the controller is started", || {
+        SessionInfo::read(&rig.session_folder()).is_ok_and(|info| !info.children.is_empty())
+    });
+    replay.signal(Signal::INT);
+    replay.finish().expect(130).says(&["interrupted"]);
+}
+
+#[test]
+fn a_recording_that_was_cut_off_is_replayed_as_far_as_it_goes() {
+    let rig = Rig::new();
+    let run = rig
+        .run(&format!("{LEAKAGE} --set run.duration_s=1.5"))
+        .expect(0);
+    let bytes = std::fs::read(run.recording()).expect("read");
+    let cut = rig.path("cut.mcap");
+    std::fs::write(&cut, &bytes[..bytes.len() / 2]).expect("written");
+    let told = replayed(&rig, &cut, &[], 0);
+    assert_eq!(
+        (&told["verdict"], &told["whole"]),
+        (&"same".into(), &false.into())
+    );
+    let steps = number(&told["steps"]);
+    assert!((1000..15_000).contains(&steps), "{steps}");
+    let said = rig.hil(&["replay", text(&cut)]).expect(0).stdout;
+    assert!(
+        said.contains("cut off and is replayed as far as it goes"),
+        "{said}"
+    );
+}
+
+#[test]
+fn a_run_that_diverged_is_replayed_to_its_last_record() {
+    let rig = Rig::new();
+    // Positive feedback: the mass leaves its range.
+    let run = rig.run(&format!("{SPRING_MASS} --set controller.pid.proportional_n_per_m=1e7 --set controller.pid.derivative_n_s_per_m=0"));
+    assert_eq!(run.summary()["verdict"], "aborted", "{}", run.stderr);
+    let told = replayed(&rig, &run.folder, &[], 0);
+    let records = number(&run.summary()["recording"]["records"]);
+    assert_eq!(number(&told["steps"]), records);
+    assert!(records < number(&told["planned_steps"]));
+}
+
+#[test]
+fn a_run_of_a_plant_that_is_not_here_needs_its_recording_only() {
+    let rig = Rig::new();
+    let (plant, controller) = (example("own-plant"), example("own-controller"));
+    let run = rig
+        .run(&format!(
+            "examples/own-plant/pendulum.toml --plant-bin {} --controller-bin {}",
+            plant.display(),
+            controller.display()
+        ))
+        .expect(0);
+    let moved = rig.path("moved.mcap");
+    std::fs::rename(run.recording(), &moved).expect("moved");
+    let told = replayed(&rig, &moved, &["--controller-bin", text(&controller)], 0);
+    assert_eq!(
+        (&told["verdict"], &told["law"]),
+        (&"same".into(), &"state-feedback".into())
+    );
+    rig.hil(&["replay", text(&moved)])
+        .expect(2)
+        .says(&["unknown law `state-feedback`"]);
+}

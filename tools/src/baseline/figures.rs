@@ -1,0 +1,210 @@
+//! The figures of a recorded run: what a reviewer looks at in place of its samples.
+//!
+//! Used for baselines, made in one pass over the recording: the digest, what identifies the run, a
+//! few statistics of each signal that the digest covers, and the scenario's metrics.
+
+use std::path::Path;
+
+use hil_config::evaluation::Evaluation;
+use hil_config::expression::{Columns, Group};
+use shared_types::describe::Description;
+use shared_types::record::GROUPS;
+use shared_types::time::Step;
+
+use crate::exit::Failure;
+use crate::repetition::checked;
+use crate::run_reader::{Column, RunReader};
+
+/// What there is to say of a run.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Figures {
+    pub(super) scenario: String,
+    pub(super) digest: String,
+    pub(super) records: u64,
+    pub(super) rate_hz: f64,
+    /// Hash of the scenario as it was in effect.
+    pub(super) scenario_blake3: String,
+    pub(super) hil_version: String,
+    pub(super) plant_blake3: String,
+    pub(super) controller_blake3: String,
+    pub(super) metrics: Vec<Metric>,
+    pub(super) signals: Vec<Signal>,
+}
+
+/// A metric over a window.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Metric {
+    /// Name and window.
+    pub(super) name: String,
+    pub(super) unit: String,
+    pub(super) value: f64,
+}
+
+/// The statistics of a signal, over the steps at which it is a finite number.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Signal {
+    pub(super) name: String,
+    pub(super) unit: String,
+    /// In the order of [`STATISTICS`].
+    pub(super) values: [f64; STATISTICS.len()],
+}
+
+/// What is kept of a signal: two signals that are nowhere further apart than a tolerance have these no
+/// further apart either.
+pub(super) const STATISTICS: [&str; 4] = ["min", "max", "rms", "final"];
+
+/// Statistics in the making.
+#[derive(Clone, Copy, Debug)]
+struct Running {
+    min: f64,
+    max: f64,
+    squares: f64,
+    count: u64,
+    last: f64,
+}
+
+impl Running {
+    const NONE: Self = Self {
+        min: f64::INFINITY,
+        max: f64::NEG_INFINITY,
+        squares: 0.0,
+        count: 0,
+        last: f64::NAN,
+    };
+
+    fn take(&mut self, value: f64) {
+        if !value.is_finite() {
+            return;
+        }
+        if value < self.min {
+            self.min = value;
+        }
+        if value > self.max {
+            self.max = value;
+        }
+        self.squares += value * value;
+        self.count += 1;
+        self.last = value;
+    }
+
+    fn values(&self) -> [f64; STATISTICS.len()] {
+        if self.count == 0 {
+            return [f64::NAN; STATISTICS.len()];
+        }
+        let rms = (self.squares / self.count as f64).sqrt();
+        [self.min, self.max, rms, self.last]
+    }
+}
+
+impl Figures {
+    /// Reads a run to its end.
+    ///
+    /// # Errors
+    /// If it cannot be read, was cut off or lost records.
+    pub(super) fn of(run: &Path) -> Result<Self, Failure> {
+        let mut reader = RunReader::open(run).map_err(Failure::usage)?;
+        let mut evaluation = evaluation(&reader, run)?;
+        let hashed = reader.hashed_words();
+        let signals: Vec<usize> = (reader.columns().iter().enumerate())
+            .filter(|(_, column)| column.is_signal())
+            .map(|(place, _)| place)
+            .collect();
+        let mut row = vec![f64::NAN; signals.len()];
+        let kept = signals.iter().filter(|place| **place < hashed).count();
+        let mut running = vec![Running::NONE; kept];
+        let mut next = 0;
+        while reader.advance().map_err(Failure::usage)? {
+            let (step, words) = (reader.step(), reader.words());
+            if step != next {
+                return Err(Failure::usage(format!(
+                    "{}: record {step} comes where record {next} should; a run with lost records is no baseline",
+                    run.display()
+                )));
+            }
+            next += 1;
+            for (value, place) in row.iter_mut().zip(&signals) {
+                *value = f64::from_bits(words[*place]);
+            }
+            evaluation.observe(Step(step), &row);
+            for (running, value) in running.iter_mut().zip(&row) {
+                running.take(*value);
+            }
+        }
+        if !reader.is_whole() {
+            return Err(Failure::usage(format!(
+                "{} was cut off; see `hil compare A B`, which compares as far as it goes",
+                run.display()
+            )));
+        }
+        let fact = |name| reader.fact(name).unwrap_or_default().to_owned();
+        let scenario = reader.enclosure("scenario.toml").map_err(Failure::usage)?;
+        Ok(Self {
+            scenario: fact("scenario"),
+            digest: reader.digest(),
+            records: reader.records(),
+            rate_hz: reader.rate().map_err(Failure::usage)?.hz(),
+            scenario_blake3: blake3::hash(scenario.as_bytes()).to_hex().to_string(),
+            hil_version: fact("hil_version"),
+            plant_blake3: fact("plant_blake3"),
+            controller_blake3: fact("controller_blake3"),
+            metrics: (evaluation.results().into_iter())
+                .map(|metric| Metric {
+                    name: {
+                        let [start_s, end_s] = metric.window_s;
+                        format!("{} {start_s} s to {end_s} s", metric.name)
+                    },
+                    unit: metric.unit,
+                    value: metric.value,
+                })
+                .collect(),
+            signals: (signals.iter().zip(&running))
+                .map(|(place, running)| {
+                    let Column { name, unit } = &reader.columns()[*place];
+                    Signal {
+                        name: name.clone(),
+                        unit: unit.clone(),
+                        values: running.values(),
+                    }
+                })
+                .collect(),
+        })
+    }
+}
+
+/// The metrics of the run's own scenario, over the columns of its records.
+fn evaluation(reader: &RunReader, run: &Path) -> Result<Evaluation, Failure> {
+    let described = |name| {
+        let described = reader.enclosed::<Description>(name);
+        described.map_err(Failure::usage)
+    };
+    let plant = described("plant-description.json")?;
+    let controller = described("controller-description.json")?;
+    let text = reader.enclosure("scenario.toml").map_err(Failure::usage)?;
+    let plan = checked(text, run, &plant, &controller)?;
+    let mut columns = Columns::default();
+    for column in reader.columns() {
+        if let Some((group, name)) = column.name.split_once('.')
+            && let Some(place) = GROUPS.iter().position(|known| *known == group)
+        {
+            columns.push(Group::ALL[place], name);
+        }
+    }
+    Evaluation::new(&plan, &columns)
+        .map_err(|error| Failure::usage(format!("{}: its scenario: {error}", run.display())))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn statistics_are_those_of_the_finite_numbers() {
+        let mut running = Running::NONE;
+        for value in [3.0, f64::NAN, -4.0, f64::INFINITY, 0.0] {
+            running.take(value);
+        }
+        // sqrt((9 + 16 + 0) / 3)
+        assert_eq!(running.values(), [-4.0, 3.0, 2.886_751_345_948_128_7, 0.0]);
+        assert!(Running::NONE.values().iter().all(|value| value.is_nan()));
+    }
+}

@@ -1,0 +1,230 @@
+use std::path::PathBuf;
+
+use tempfile::TempDir;
+
+use super::figures::{Metric, Signal};
+use super::*;
+
+fn figures() -> Figures {
+    Figures {
+        scenario: "s".into(),
+        digest: "d1".into(),
+        records: 11,
+        rate_hz: 1000.0,
+        scenario_blake3: "b1".into(),
+        hil_version: "1".into(),
+        plant_blake3: "p".into(),
+        controller_blake3: "c".into(),
+        metrics: vec![Metric {
+            name: "max_abs_x_m 0 s to 1 s".into(),
+            unit: "m".into(),
+            value: 0.1 + 0.2,
+        }],
+        signals: vec![
+            Signal {
+                name: "truth.x_m".into(),
+                unit: "m".into(),
+                values: [-1.0, 2.0, 1e-300, 0.5],
+            },
+            Signal {
+                name: "internal.never".into(),
+                unit: "1".into(),
+                values: [f64::NAN; 4],
+            },
+        ],
+    }
+}
+
+/// A folder with a recording, whose content nobody looks at here.
+fn folder() -> (TempDir, PathBuf, PathBuf) {
+    let folder = TempDir::new().expect("a folder");
+    let (run, path) = (
+        folder.path().join("run.mcap"),
+        folder.path().join("baselines.toml"),
+    );
+    std::fs::write(&run, "one").expect("written");
+    (folder, run, path)
+}
+
+fn written(path: &Path, run: &Path, figures: &Figures) -> BaselineFile {
+    let mut file = BaselineFile::read(path, true).expect("reads");
+    file.update("a", run, figures).expect("written");
+    BaselineFile::read(path, false).expect("reads again")
+}
+
+#[test]
+fn figures_read_back_with_every_bit_and_the_recording_is_kept() {
+    let (folder, run, path) = folder();
+    let file = written(&path, &run, &figures());
+    let baseline = file.find("a").expect("there");
+    assert!(metric_changes(baseline, &figures()).is_empty());
+    assert!(signal_changes(baseline, &figures()).is_empty());
+    assert!(identity_changes(baseline, &figures()).is_empty());
+    let kept = file.recording(baseline).expect("kept");
+    assert_eq!(kept, folder.path().join("baselines/a.mcap"));
+    assert_eq!(std::fs::read_to_string(kept).expect("there"), "one");
+}
+
+#[test]
+fn an_update_leaves_comments_order_and_tolerances() {
+    let (_folder, run, path) = folder();
+    written(&path, &run, &figures());
+    let text = std::fs::read_to_string(&path).expect("read");
+    let line = "\"truth.x_m\" = { unit = \"m\", tolerance = 0.0, min = -1.0, max = 2.0, rms = 1e-300, final = 0.5 }";
+    assert!(text.contains(line), "{text}");
+    let edited = line.replace("tolerance = 0.0", "tolerance = 1e-3");
+    let edited = text
+        .replace(
+            line,
+            &format!("# The sensor is that good.\n{edited} # agreed"),
+        )
+        .replace("digest = ", "# Since the new valve.\ndigest = ");
+    std::fs::write(&path, edited).expect("written");
+
+    let mut now = figures();
+    now.digest = "d2".into();
+    now.signals[0].values[1] = 2.5;
+    now.signals[1].name = "internal.new".into();
+    std::fs::write(&run, "two").expect("written");
+    let file = written(&path, &run, &now);
+    let text = std::fs::read_to_string(&path).expect("read");
+    let expected = "# The sensor is that good.\n\"truth.x_m\" = { unit = \"m\", tolerance = 1e-3, min = -1.0, max = 2.5, rms = 1e-300, final = 0.5 } # agreed\n";
+    assert!(text.contains(expected), "{text}");
+    assert!(
+        text.contains("# Since the new valve.\ndigest = \"d2\"\n"),
+        "{text}"
+    );
+    assert!(
+        !text.contains("internal.never") && text.contains("internal.new"),
+        "{text}"
+    );
+    let kept = file
+        .recording(file.find("a").expect("there"))
+        .expect("kept");
+    assert_eq!(std::fs::read_to_string(kept).expect("there"), "two");
+}
+
+#[test]
+fn a_recording_that_was_taken_out_by_hand_stays_out() {
+    let (_folder, run, path) = folder();
+    let file = written(&path, &run, &figures());
+    let kept = file
+        .recording(file.find("a").expect("there"))
+        .expect("kept");
+    std::fs::remove_file(&kept).expect("removed");
+    let text = std::fs::read_to_string(&path).expect("read");
+    let lines: Vec<&str> = text
+        .lines()
+        .filter(|line| !line.starts_with("recording"))
+        .collect();
+    std::fs::write(&path, lines.join("\n") + "\n").expect("written");
+    let file = written(&path, &run, &figures());
+    assert_eq!(file.recording(file.find("a").expect("there")), None);
+    assert!(!kept.exists());
+}
+
+#[test]
+fn the_recording_of_a_baseline_may_be_its_own_update() {
+    let (_folder, run, path) = folder();
+    let file = written(&path, &run, &figures());
+    let kept = file
+        .recording(file.find("a").expect("there"))
+        .expect("kept");
+    written(&path, &kept, &figures());
+    assert_eq!(std::fs::read_to_string(kept).expect("there"), "one");
+}
+
+#[test]
+fn figures_differ_beyond_their_tolerance_or_within_it() {
+    let (_folder, run, path) = folder();
+    written(&path, &run, &figures());
+    let text = std::fs::read_to_string(&path).expect("read");
+    let text = text.replacen("tolerance = 0.0, min", "tolerance = 0.25, min", 1);
+    std::fs::write(&path, text).expect("written");
+    let file = BaselineFile::read(&path, false).expect("reads");
+    let baseline = file.find("a").expect("there");
+    assert!(!baseline.is_exact());
+    let changes = |spoil: &dyn Fn(&mut Figures)| {
+        let mut now = figures();
+        spoil(&mut now);
+        let mut changes = signal_changes(baseline, &now);
+        changes.extend(metric_changes(baseline, &now));
+        changes
+            .into_iter()
+            .map(|change| (change.name, change.within))
+            .collect::<Vec<_>>()
+    };
+    let of = |name: &str, within| vec![(name.to_owned(), within)];
+    let x = |statistic: &str, within| of(&format!("truth.x_m {statistic}"), within);
+    assert_eq!(
+        changes(&|now| now.signals[0].values[0] = -1.25),
+        x("min", true)
+    );
+    assert_eq!(
+        changes(&|now| now.signals[0].values[2] = 0.26),
+        x("rms", false)
+    );
+    assert_eq!(
+        changes(&|now| now.signals[0].values[3] = f64::NAN),
+        x("final", false)
+    );
+    assert_eq!(
+        changes(&|now| now.metrics[0].value = 0.3),
+        of("max_abs_x_m 0 s to 1 s", false)
+    );
+    assert_eq!(
+        changes(&|now| now.metrics[0].unit = "mm".into()),
+        of("max_abs_x_m 0 s to 1 s", false)
+    );
+    assert_eq!(
+        changes(&|now| now.metrics.clear()),
+        of("max_abs_x_m 0 s to 1 s", false)
+    );
+    let gone = changes(&|now| {
+        now.signals.pop();
+    });
+    assert_eq!(gone.len(), STATISTICS.len());
+    assert!(
+        gone.iter()
+            .all(|(name, within)| name.starts_with("internal.never ") && !within)
+    );
+}
+
+#[test]
+fn what_is_no_file_of_baselines_is_refused_with_its_place() {
+    let (_folder, run, path) = folder();
+    let told = BaselineFile::read(&path, false)
+        .err()
+        .expect("not there")
+        .to_string();
+    assert!(
+        told.contains("cannot read") && told.contains("--update"),
+        "{told}"
+    );
+    written(&path, &run, &figures());
+    let text = std::fs::read_to_string(&path).expect("read");
+    for (before, now, said) in [
+        ("schema = 1", "schema = 2", "schema 2 is not known"),
+        ("schema = 1", "schema = 1\nplan = 2", "unknown field `plan`"),
+        (
+            "tolerance = 0.0, min",
+            "tolerance = -1.0, min",
+            "`truth.x_m`: a tolerance is at least 0",
+        ),
+        ("digest = ", "digest ", "line"),
+        ("rms = 1e-300", "rms = \"x\"", "line"),
+    ] {
+        let spoilt = text.replacen(before, now, 1);
+        assert_ne!(spoilt, text);
+        std::fs::write(&path, spoilt).expect("written");
+        let told = BaselineFile::read(&path, true)
+            .err()
+            .expect("refused")
+            .to_string();
+        assert!(told.contains(said), "`{said}` is not in {told}");
+    }
+    std::fs::write(&path, text).expect("written");
+    let file = BaselineFile::read(&path, false).expect("reads");
+    let told = file.find("aa").err().expect("no such").to_string();
+    assert!(told.contains("no baseline `aa`; nearest: `a`"), "{told}");
+}

@@ -1,0 +1,390 @@
+//! What of a run is kept when not all of it is: some signals, every so many steps, and all that is
+//! around a fault.
+//!
+//! Used by the [recording](super), which writes what comes out here. Rows before a fault are kept
+//! back until they are too old to belong to one, so that no time has to be known beforehand. Taking
+//! a row allocates nothing.
+
+use std::collections::VecDeque;
+use std::ops::Range;
+
+use glob::Pattern;
+use shared_types::record::{GROUPS, RecordLayout, RecordView, Timing};
+use shared_types::table::{Field, nearest};
+use shared_types::time::{Rate, Step};
+
+use super::Head;
+use crate::live::listed;
+
+/// What is to be kept.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Choice {
+    /// Patterns of names; none means every signal.
+    pub signals: Vec<String>,
+    /// Every so many steps; none means every step, or with `around` none but the first and last.
+    pub every: Option<u64>,
+    /// Seconds before and after anything that happens to a fault.
+    pub around_s: Option<[f64; 2]>,
+}
+
+impl Choice {
+    /// Whether all is kept.
+    #[must_use]
+    pub fn is_all(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// As the recording tells of it.
+    #[must_use]
+    pub fn told(&self) -> String {
+        let mut parts = Vec::new();
+        if !self.signals.is_empty() {
+            parts.push(format!("signals {}", self.signals.join(" ")));
+        }
+        if let Some(every) = self.every {
+            parts.push(format!("every {every} steps"));
+        }
+        if let Some([before_s, after_s]) = self.around_s {
+            parts.push(format!("{before_s} s before and {after_s} s after faults"));
+        }
+        parts.join(", ")
+    }
+
+    /// Which of these signals are kept.
+    ///
+    /// # Errors
+    /// If a pattern is none, or no signal fits it.
+    pub fn kept(&self, names: &[String]) -> Result<Vec<bool>, String> {
+        let mut kept = vec![self.signals.is_empty(); names.len()];
+        for text in &self.signals {
+            let pattern =
+                Pattern::new(text).map_err(|error| format!("`{text}` is no pattern: {error}"))?;
+            let mut fits = false;
+            for (name, kept) in names.iter().zip(&mut kept) {
+                if pattern.matches(name) {
+                    (*kept, fits) = (true, true);
+                }
+            }
+            if !fits {
+                let near = nearest(text, names.iter().map(String::as_str));
+                let near = match near.len() {
+                    0 => String::new(),
+                    _ => format!("; nearest: {}", listed(&near)),
+                };
+                return Err(format!("no signal of this run fits `{text}`{near}"));
+            }
+        }
+        Ok(kept)
+    }
+}
+
+/// The rows being chosen.
+pub(super) struct Excerpt {
+    form: Form,
+    last: Step,
+    every: Option<u64>,
+    before: u64,
+    after: Option<u64>,
+    /// Rows that may yet turn out to be just before a fault, one after another.
+    words: VecDeque<u64>,
+    heads: VecDeque<Head>,
+    /// Up to this step every row is kept.
+    whole_until: Option<u64>,
+    /// The row that is being written.
+    row: Vec<u64>,
+}
+
+/// Which words of a record are kept, and how bits of validity move.
+struct Form {
+    groups: [Vec<Field>; GROUPS.len()],
+    sample: Bits,
+    command: Bits,
+    /// Signals and times, as places in a record.
+    places: Vec<usize>,
+}
+
+/// Bits of validity of the signals that are kept.
+struct Bits {
+    /// Where the words are in a record.
+    from: Range<usize>,
+    /// Numbers of the bits that are kept, in order.
+    kept: Vec<usize>,
+}
+
+impl Bits {
+    fn words(&self) -> usize {
+        self.kept.len().div_ceil(64).max(1)
+    }
+
+    fn push(&self, record: &[u64], row: &mut VecDeque<u64>) {
+        let words = &record[self.from.clone()];
+        for part in self.kept.chunks(64) {
+            let bits = part
+                .iter()
+                .enumerate()
+                .map(|(new, old)| (words[old / 64] >> (old % 64) & 1) << new);
+            row.push_back(bits.sum());
+        }
+        if self.kept.is_empty() {
+            row.push_back(0);
+        }
+    }
+}
+
+impl Form {
+    fn new(layout: &RecordLayout, choice: &Choice) -> Result<Self, String> {
+        let groups = layout.groups();
+        let name = |group: &str, field: &Field| format!("{group}.{}", field.name.replace('.', "_"));
+        let names: Vec<String> = (GROUPS.iter().zip(groups))
+            .flat_map(|(group, fields)| fields.iter().map(move |field| name(group, field)))
+            .collect();
+        let kept = choice.kept(&names)?;
+        let mut places = Vec::new();
+        let mut kept_of: [Vec<Field>; GROUPS.len()] = Default::default();
+        let mut starts = [0; GROUPS.len()];
+        let mut index = 0;
+        for ((start, fields), kept_fields) in starts.iter_mut().zip(groups).zip(&mut kept_of) {
+            *start = index;
+            for field in fields {
+                if kept[index] {
+                    places.push(layout.values_start() + index);
+                    kept_fields.push(field.clone());
+                }
+                index += 1;
+            }
+        }
+        let times = layout.values_start() + index;
+        places.extend(times..times + Timing::WORDS);
+        let place_of = |group: &str| GROUPS.iter().position(|one| *one == group).unwrap_or(0);
+        // Bits are numbered over the first group and then the second.
+        let bits = |first: &str, second: &str, from: Range<usize>| {
+            let of = |group: &str| {
+                let group = place_of(group);
+                starts[group]..starts[group] + groups[group].len()
+            };
+            let numbered = of(first).chain(of(second)).enumerate();
+            Bits {
+                from,
+                kept: (numbered.filter(|(_, index)| kept[*index]))
+                    .map(|(bit, _)| bit)
+                    .collect(),
+            }
+        };
+        let sample_end = 1 + layout.sample_validity_words();
+        Ok(Self {
+            sample: bits("measured", "reference", 1..sample_end),
+            command: bits("command", "internal", sample_end..layout.values_start()),
+            groups: kept_of,
+            places,
+        })
+    }
+
+    fn width(&self) -> usize {
+        1 + self.sample.words() + self.command.words() + self.places.len()
+    }
+}
+
+impl Excerpt {
+    /// # Errors
+    /// If a pattern fits no signal.
+    pub(super) fn new(
+        layout: &RecordLayout,
+        choice: &Choice,
+        rate: Rate,
+        last: Step,
+    ) -> Result<Self, String> {
+        let form = Form::new(layout, choice)?;
+        let steps = |seconds: f64| rate.step_at_or_after(seconds).0;
+        let before = choice.around_s.map_or(0, |[before_s, _]| steps(before_s));
+        let rows = before as usize + 1;
+        let width = form.width();
+        Ok(Self {
+            last,
+            every: match (choice.every, choice.around_s) {
+                (None, None) => Some(1),
+                (every, _) => every,
+            },
+            before,
+            after: choice.around_s.map(|[_, after_s]| steps(after_s)),
+            words: VecDeque::with_capacity(rows * width),
+            heads: VecDeque::with_capacity(rows),
+            whole_until: None,
+            row: Vec::with_capacity(width),
+            form,
+        })
+    }
+
+    /// Words of validity bits of sample and command, and the signals of each group.
+    pub(super) fn form(&self) -> (usize, usize, [&[Field]; GROUPS.len()]) {
+        let Form {
+            groups,
+            sample,
+            command,
+            ..
+        } = &self.form;
+        let groups = std::array::from_fn(|index| groups[index].as_slice());
+        (sample.words(), command.words(), groups)
+    }
+
+    /// Takes in a record.
+    pub(super) fn take(&mut self, words: &[u64], view: &RecordView<'_>) {
+        self.heads.push_back(Head::of(view));
+        let row = &mut self.words;
+        row.push_back(view.step);
+        self.form.sample.push(words, row);
+        self.form.command.push(words, row);
+        row.extend(self.form.places.iter().map(|place| words[*place]));
+    }
+
+    /// Something happened to a fault before the next record: what waits is kept, and what comes.
+    pub(super) fn fault(&mut self, step: u64) {
+        if let Some(after) = self.after {
+            let until = step + after;
+            self.whole_until = Some(self.whole_until.map_or(until, |known| known.max(until)));
+        }
+    }
+
+    /// The next row to be written, if one need not wait any longer; all of them at the end.
+    pub(super) fn next(&mut self, is_over: bool) -> Option<(Head, &[u64])> {
+        while let Some(head) = self.heads.front().copied() {
+            let is_around = self.whole_until.is_some_and(|until| head.step <= until);
+            let is_old = self.heads.len() as u64 > self.before;
+            if !(is_around || is_old || is_over) {
+                return None;
+            }
+            self.heads.pop_front();
+            let is_end = head.step == self.last.0 || (is_over && self.heads.is_empty());
+            let is_picked = self
+                .every
+                .is_some_and(|every| head.step.is_multiple_of(every));
+            let row = self.words.drain(..self.form.width());
+            if is_around || is_picked || is_end || head.step == 0 {
+                self.row.clear();
+                self.row.extend(row);
+                return Some((head, &self.row));
+            }
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn layout() -> RecordLayout {
+        let fields = |n: usize| {
+            let field = |i| Field::signal(&format!("s{i}_m"), "m", "x");
+            (0..n).map(field).collect::<Vec<_>>()
+        };
+        RecordLayout {
+            truth: fields(2),
+            measured: fields(70),
+            reference: fields(3),
+            command: fields(2),
+            internal: fields(1),
+            command_signals: 3,
+            parameter: Vec::new(),
+        }
+    }
+
+    /// The steps that are kept of a run of 100 steps at 10 Hz, with a fault before step 50.
+    fn steps(choice: &Choice) -> Vec<u64> {
+        let layout = layout();
+        let rate = Rate::new(10.0).expect("a rate");
+        let mut excerpt = Excerpt::new(&layout, choice, rate, Step(100)).expect("right");
+        let mut words = vec![0; layout.words()];
+        let mut kept = Vec::new();
+        for step in 0..=100 {
+            if step == 50 {
+                excerpt.fault(50);
+            }
+            words[0] = step;
+            excerpt.take(&words, &layout.view(&words));
+            while let Some((head, row)) = excerpt.next(false) {
+                assert_eq!(head.step, row[0]);
+                kept.push(head.step);
+            }
+        }
+        while let Some((head, _)) = excerpt.next(true) {
+            kept.push(head.step);
+        }
+        kept
+    }
+
+    #[test]
+    fn every_so_many_steps_and_the_last_are_kept() {
+        let choice = Choice {
+            every: Some(30),
+            ..Choice::default()
+        };
+        assert_eq!(steps(&choice), [0, 30, 60, 90, 100]);
+    }
+
+    #[test]
+    fn around_a_fault_every_step_is_kept() {
+        let around = Choice {
+            around_s: Some([0.35, 0.2]), // 4 and 2 steps
+            ..Choice::default()
+        };
+        assert_eq!(steps(&around), [0, 46, 47, 48, 49, 50, 51, 52, 100]);
+        let both = Choice {
+            every: Some(48),
+            ..around
+        };
+        assert_eq!(steps(&both), [0, 46, 47, 48, 49, 50, 51, 52, 96, 100]);
+    }
+
+    #[test]
+    fn signals_keep_their_values_and_their_validity() {
+        let layout = layout();
+        let choice = Choice {
+            signals: [
+                "measured.s6?_m",
+                "reference.s1_m",
+                "command.s1_m",
+                "internal.*",
+            ]
+            .map(Into::into)
+            .to_vec(),
+            ..Choice::default()
+        };
+        let rate = Rate::new(10.0).expect("a rate");
+        let mut excerpt = Excerpt::new(&layout, &choice, rate, Step(9)).expect("right");
+        let mut words: Vec<u64> = (0..layout.words() as u64)
+            .map(|index| 1000 + index)
+            .collect();
+        // step, 73 bits of the sample, 3 of the command; then 2 of truth, 70 measured, 3 reference.
+        words[..4].copy_from_slice(&[7, 1 << 60 | 1 << 62 | 1, 1 << (71 - 64), 0b110]);
+        excerpt.take(&words, &layout.view(&words));
+        let (sample_words, command_words, groups) = excerpt.form();
+        assert_eq!((sample_words, command_words), (1, 1));
+        assert_eq!(groups.map(<[Field]>::len), [0, 10, 1, 1, 0, 1, 0, 0, 0]);
+        let (_, row) = excerpt.next(false).expect("a row");
+        // measured 60 to 69, reference 1; command 1, internal 0.
+        assert_eq!(row[..3], [7, 0b101 | 1 << 10, 0b11]);
+        let measured: Vec<u64> = (0..10).map(|i| 1000 + 4 + 2 + 60 + i).collect();
+        assert_eq!(row[3..13], measured);
+        let reference = 1000 + 4 + 2 + 70 + 1;
+        let command = reference - 1 + 3 + 1;
+        assert_eq!(row[13..16], [reference, command, command - 1 + 2 + 2]);
+        assert_eq!(row.len(), 16 + Timing::WORDS);
+        assert_eq!(row[16], words[layout.words() - Timing::WORDS]);
+    }
+
+    #[test]
+    fn a_pattern_without_a_signal_names_the_nearest() {
+        let choice = Choice {
+            signals: vec!["truth.s1_n".into()],
+            ..Choice::default()
+        };
+        let rate = Rate::new(10.0).expect("a rate");
+        let error = Excerpt::new(&layout(), &choice, rate, Step(9))
+            .err()
+            .expect("none");
+        assert!(
+            error.contains("nearest: `truth.s1_m`") || error.contains("truth.s1_m"),
+            "{error}"
+        );
+    }
+}
