@@ -59,6 +59,8 @@ pub struct Monitor {
     parts: Vec<Part>,
     /// The newest margin of each part.
     margins: Vec<Margin>,
+    /// The first row that any part looks at.
+    from_row: u64,
     decided: Option<(bool, Step)>,
     judged: Option<Margin>,
 }
@@ -73,6 +75,7 @@ impl Monitor {
         let parts = build::parts(formula, ground)?;
         Ok(Self {
             margins: vec![Margin::BOTTOM; parts.len()],
+            from_row: (parts.iter().map(|part| part.from_row).min()).unwrap_or(0),
             parts,
             decided: None,
             judged: None,
@@ -84,7 +87,7 @@ impl Monitor {
     /// # Panics
     /// If the row is shorter than the columns.
     pub fn observe(&mut self, step: Step, row: &[f64]) {
-        if self.judged.is_some() {
+        if self.judged.is_some() || step.0 < self.from_row {
             return;
         }
         for at in 0..self.parts.len() {

@@ -47,6 +47,23 @@ fn assert_same(straight: &Run, resumed: &Run, about: &str) {
     assert_eq!(judged(resumed), judged(straight), "{about}");
 }
 
+/// How old what each side had was at each step: not in the digest, and the same all the same.
+fn ages(run: &Run) -> Vec<[u64; 3]> {
+    let recording = Recording::open(&run.recording());
+    let place = |ending: &str| {
+        let place = recording
+            .columns
+            .iter()
+            .position(|name| name.ends_with(ending));
+        place.expect("a column")
+    };
+    let places = ["sample_age_steps", "command_age_steps", "answered"].map(place);
+    let records = recording.records();
+    records
+        .map(|record| places.map(|place| record.words[place]))
+        .collect()
+}
+
 /// The steps of the checkpoints that a run made.
 fn made(run: &Run) -> Vec<u64> {
     let summary = run.summary();
@@ -69,6 +86,7 @@ fn assert_goes_on(rig: &Rig, scenario: &str, times_s: &[f64], about: &str) {
     for step in steps {
         let resumed = go_on(rig, &straight, step, "--link in-process").expect(0);
         assert_same(&straight, &resumed, &format!("{about}, from step {step}"));
+        assert_eq!(ages(&resumed), ages(&straight), "{about}, from step {step}");
         std::fs::remove_dir_all(&resumed.folder).expect("it is ours");
     }
 }
@@ -251,6 +269,12 @@ const CASES: [(&str, &str, &str); 13] = [
         target = "link.sample"
         steps = 30
         profile = { kind = "sine", frequency_hz = 3 }
+        [[faults]]
+        kind = "dropout"
+        at_s = 0.1
+        [[faults.effects]]
+        target = "measured.velocity_mps"
+        profile = { kind = "intermittent", period_s = 0.01, duty = 0.5 }
         [[faults]]
         kind = "message-jitter"
         at_s = 0.2

@@ -16,7 +16,6 @@ use super::{Bound, Made};
 pub(super) struct SavedController {
     pub(super) law: State,
     answer: Vec<f64>,
-    previous: Vec<f64>,
     frame: Vec<f64>,
     late: Vec<f64>,
     made: Made,
@@ -32,7 +31,6 @@ impl Bound {
         Ok(SavedController {
             law: self.law.save()?,
             answer: self.answer.clone(),
-            previous: self.previous.clone(),
             frame: self.frame.clone(),
             late: self.late.clone(),
             made: self.made,
@@ -46,7 +44,6 @@ impl Bound {
     pub(super) fn restore(&mut self, saved: SavedController) -> Result<(), Invalid> {
         let rows = [
             (&mut self.answer, saved.answer),
-            (&mut self.previous, saved.previous),
             (&mut self.frame, saved.frame),
             (&mut self.late, saved.late),
         ];

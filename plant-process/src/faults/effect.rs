@@ -175,9 +175,6 @@ impl Effect {
             ..saved.size.clone()
         };
         (self.acting, self.runs) = (saved.acting, saved.runs);
-        if self.size.step.is_some() {
-            self.taken = None; // told in the run that was saved
-        }
         if let (Some(fault), Some(state)) = (self.action.fault(), &saved.fault) {
             let named = |Invalid(why)| Invalid(format!("{ours}: {why}"));
             fault.restore(state).map_err(named)?;

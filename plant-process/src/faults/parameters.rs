@@ -32,7 +32,6 @@ pub(super) struct Parameters {
 pub(super) struct SavedParameters {
     present: Vec<f64>,
     stack: Vec<usize>,
-    stale: bool,
 }
 
 impl SavedParameters {
@@ -61,7 +60,6 @@ impl Parameters {
         SavedParameters {
             present: self.present.clone(),
             stack: self.stack.clone(),
-            stale: self.stale,
         }
     }
 
@@ -79,7 +77,7 @@ impl Parameters {
         self.check(&saved)?;
         // Not replaced: it has room for every effect that is armed.
         self.stack.clone_from(&saved.stack);
-        (self.present, self.stale) = (saved.present, saved.stale);
+        self.present = saved.present;
         Ok(())
     }
 

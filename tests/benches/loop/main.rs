@@ -10,7 +10,8 @@
 //!   more and more signals and observers, and against the bare exchanges;
 //! - `one_core`: everything on one core;
 //! - `idle`: what a held and a slowly paced run cost;
-//! - `faults`: what the fault layer costs with no fault and with ten.
+//! - `faults`: what the fault layer costs with no fault and with ten;
+//! - `requirements`: what twenty requirements cost.
 //!
 //! What is compared is measured in turns. There is no time limit on any number; how much of the
 //! machine other programs took meanwhile is printed beside them. `HIL_BENCH_QUICK=1` only tries whether
@@ -29,6 +30,7 @@ mod null;
 mod one_core;
 #[path = "../programs.rs"]
 mod programs;
+mod requirements;
 #[path = "../round_trips/mod.rs"]
 mod round_trips;
 mod runs;
@@ -48,13 +50,14 @@ fn main() -> ExitCode {
         println!("machine: {}\n", measure::machine());
         let programs = programs::Programs::built();
         let names = null::Names::given();
-        let tables: [(&str, &dyn Fn()); 6] = [
+        let tables: [(&str, &dyn Fn()); 7] = [
             ("runs", &|| runs::compare(&programs)),
             ("steps", &steps::compare),
             ("costs", &|| costs::compare(&programs, &names)),
             ("one_core", &|| one_core::compare(&programs, &names)),
             ("idle", &|| idle::compare(&programs)),
             ("faults", &|| faults::compare(&programs)),
+            ("requirements", &|| requirements::compare(&programs)),
         ];
         let wanted: Vec<String> = (std::env::args().skip(1))
             .filter(|argument| !argument.starts_with('-'))
