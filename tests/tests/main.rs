@@ -5,6 +5,7 @@
 //! | [`architecture`] | packages, binaries and dependency arrows |
 //! | [`clocks`] | lockstep, paced and real time; what comes too late and how it is repeated |
 //! | [`audit`] | what depends on more than its samples is caught |
+//! | [`baselines`] | runs against named runs, by digest, by samples and by figures |
 //! | [`cli`] | bad input: a clear error, exit code 2, nothing started |
 //! | [`determinism`] | one digest, however and wherever a scenario runs |
 //! | [`doctor`] | every check once, and a verdict that follows |
@@ -29,6 +30,7 @@
 
 mod architecture;
 mod audit;
+mod baselines;
 mod cli;
 mod clocks;
 mod determinism;
