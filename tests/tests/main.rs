@@ -6,6 +6,7 @@
 //! | [`clocks`] | lockstep, paced and real time; what comes too late and how it is repeated |
 //! | [`audit`] | what depends on more than its samples is caught |
 //! | [`checkpoints`] | a run that goes on is the straight run, and what cannot go on is refused |
+//! | [`baselines`] | runs against named runs, by digest, by samples and by figures |
 //! | [`cli`] | bad input: a clear error, exit code 2, nothing started |
 //! | [`determinism`] | one digest, however and wherever a scenario runs |
 //! | [`doctor`] | every check once, and a verdict that follows |
@@ -36,6 +37,7 @@
 
 mod architecture;
 mod audit;
+mod baselines;
 mod checkpoints;
 mod cli;
 mod clocks;

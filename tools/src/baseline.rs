@@ -2,11 +2,13 @@
 //!
 //! 1. [`figures`] reads the run: digest, statistics, metrics.
 //! 2. [`file`] has the named run with its tolerances. It is made for review and for version control.
-//! 3. With the same digest all signals are the same. Otherwise the recording of the baseline is compared
+//! 3. [`changes`] says what is another in the one than in the other.
+//! 4. With the same digest all signals are the same. Otherwise the recording of the baseline is compared
 //!    sample by sample, or, where it is not there, figure by figure. Metrics are compared always.
 //!
 //! `--update` shows what changes, then writes it; with `--dry-run` it only shows.
 
+mod changes;
 mod figures;
 mod file;
 
@@ -17,10 +19,14 @@ use serde::Serialize;
 
 use crate::cli::recordings::CompareArguments;
 use crate::compare::tolerance::Tolerances;
-use crate::compare::{Comparison, Verdict, compare, is_near, share};
+use crate::compare::{Comparison, Verdict, compare};
 use crate::exit::{Exit, Failure};
 use crate::output;
-use figures::{Figures, STATISTICS};
+use changes::{
+    Change, TextChange, identity_changes, metric_changes, signal_changes, write_changes,
+    write_identity,
+};
+use figures::Figures;
 use file::{Baseline, BaselineFile};
 
 /// A run, held against a baseline.
@@ -59,27 +65,6 @@ struct Update {
     written: bool,
     identity: Vec<TextChange>,
     figures: Vec<Change>,
-}
-
-/// A text of a baseline that is another in the run.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-struct TextChange {
-    what: &'static str,
-    baseline: String,
-    run: String,
-}
-
-/// A figure of a baseline that is another in the run.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-struct Change {
-    name: String,
-    unit: String,
-    /// Null if only the run has it.
-    baseline: Option<f64>,
-    /// Null if only the baseline has it.
-    run: Option<f64>,
-    tolerance: f64,
-    within: bool,
 }
 
 /// Runs the command.
@@ -229,127 +214,6 @@ fn update(
     Ok(Exit::Pass)
 }
 
-/// What identifies a run and differs.
-fn identity_changes(baseline: &Baseline, figures: &Figures) -> Vec<TextChange> {
-    let number = |value: &dyn std::fmt::Display| value.to_string();
-    let pairs = [
-        (
-            "scenario",
-            baseline.scenario.clone(),
-            figures.scenario.clone(),
-        ),
-        ("digest", baseline.digest.clone(), figures.digest.clone()),
-        (
-            "records",
-            number(&baseline.records),
-            number(&figures.records),
-        ),
-        (
-            "rate_hz",
-            number(&baseline.rate_hz),
-            number(&figures.rate_hz),
-        ),
-        (
-            "scenario_blake3",
-            baseline.scenario_blake3.clone(),
-            figures.scenario_blake3.clone(),
-        ),
-        (
-            "hil_version",
-            baseline.hil_version.clone(),
-            figures.hil_version.clone(),
-        ),
-        (
-            "plant_blake3",
-            baseline.plant_blake3.clone(),
-            figures.plant_blake3.clone(),
-        ),
-        (
-            "controller_blake3",
-            baseline.controller_blake3.clone(),
-            figures.controller_blake3.clone(),
-        ),
-    ];
-    let differing = pairs
-        .into_iter()
-        .filter(|(_, baseline, run)| baseline != run);
-    differing
-        .map(|(what, baseline, run)| TextChange {
-            what,
-            baseline,
-            run,
-        })
-        .collect()
-}
-
-/// A figure, if it is not the same in both.
-fn change(
-    name: String,
-    unit: &str,
-    (baseline, run): (Option<f64>, Option<f64>),
-    tolerance: f64,
-) -> Option<Change> {
-    let (is_same, within) = match (baseline, run) {
-        (Some(baseline), Some(run)) => {
-            let is_same =
-                baseline.to_bits() == run.to_bits() || (baseline.is_nan() && run.is_nan());
-            (is_same, is_same || is_near(baseline, run, tolerance))
-        }
-        _ => (false, false),
-    };
-    (!is_same).then(|| Change {
-        name,
-        unit: unit.into(),
-        baseline,
-        run,
-        tolerance,
-        within,
-    })
-}
-
-fn metric_changes(baseline: &Baseline, figures: &Figures) -> Vec<Change> {
-    let mut changes = Vec::new();
-    for metric in &figures.metrics {
-        let before = baseline.metrics.get(&metric.name);
-        let same_unit = before.filter(|before| before.unit == metric.unit);
-        let values = (same_unit.map(|before| before.value), Some(metric.value));
-        let tolerance = before.map_or(0.0, |before| before.tolerance);
-        changes.extend(change(metric.name.clone(), &metric.unit, values, tolerance));
-    }
-    for (name, before) in &baseline.metrics {
-        if figures.metrics.iter().all(|metric| metric.name != *name) {
-            let values = (Some(before.value), None);
-            changes.extend(change(name.clone(), &before.unit, values, before.tolerance));
-        }
-    }
-    changes
-}
-
-fn signal_changes(baseline: &Baseline, figures: &Figures) -> Vec<Change> {
-    let mut changes = Vec::new();
-    for signal in &figures.signals {
-        let before = baseline.signals.get(&signal.name);
-        let tolerance = before.map_or(0.0, |before| before.tolerance);
-        let same_unit = before.filter(|before| before.unit == signal.unit);
-        for (place, statistic) in STATISTICS.into_iter().enumerate() {
-            let before = same_unit.map(|before| before.values()[place]);
-            let name = format!("{} {statistic}", signal.name);
-            let values = (before, Some(signal.values[place]));
-            changes.extend(change(name, &signal.unit, values, tolerance));
-        }
-    }
-    for (name, before) in &baseline.signals {
-        if figures.signals.iter().all(|signal| signal.name != *name) {
-            for (statistic, value) in STATISTICS.into_iter().zip(before.values()) {
-                let name = format!("{name} {statistic}");
-                let values = (Some(value), None);
-                changes.extend(change(name, &before.unit, values, before.tolerance));
-            }
-        }
-    }
-    changes
-}
-
 impl Judgement {
     fn told(&self) -> String {
         let mut text = String::new();
@@ -402,45 +266,6 @@ impl Update {
         write_identity(text, &self.identity)?;
         write_changes(text, &self.figures)
     }
-}
-
-fn write_identity(text: &mut String, changes: &[TextChange]) -> std::fmt::Result {
-    for TextChange {
-        what,
-        baseline,
-        run,
-    } in changes
-    {
-        let baseline = if baseline.is_empty() { "-" } else { baseline };
-        writeln!(text, "  {what}: {baseline} -> {run}")?;
-    }
-    Ok(())
-}
-
-fn write_changes(text: &mut String, changes: &[Change]) -> std::fmt::Result {
-    if changes.is_empty() {
-        return Ok(());
-    }
-    let widths = changes.iter().map(|change| change.name.len());
-    let width = widths.max().unwrap_or(0).max(6);
-    writeln!(
-        text,
-        "\n  {:<width$}  {:>24}    {:>24}  {:>12}",
-        "figure", "baseline", "run", "of tolerance"
-    )?;
-    for change in changes {
-        let value =
-            |value: Option<f64>| value.map_or_else(|| "-".into(), |value| format!("{value:?}"));
-        let (baseline, run) = (value(change.baseline), value(change.run));
-        let difference = change.baseline.zip(change.run).map(|(a, b)| (a - b).abs());
-        let share = difference.map_or_else(|| "-".into(), |size| share(size, change.tolerance));
-        let (name, unit) = (&change.name, &change.unit);
-        writeln!(
-            text,
-            "  {name:<width$}  {baseline:>24} -> {run:>24}  {share:>12} {unit}"
-        )?;
-    }
-    Ok(())
 }
 
 #[cfg(test)]

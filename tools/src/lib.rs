@@ -24,7 +24,8 @@
 //!
 //! [`doctor`] judges the machine that it all runs on, [`latency`] measures the loop on it. [`config`]
 //! and [`sessions`] are the commands around it, [`folder`] is where a run is written, [`duration`] how times are typed, [`output`] and [`interruption`] are its ways to and from the
-//! terminal. Nothing here runs on the loop but the plant and law of [`latency`] that do nothing.
+//! terminal. Nothing here runs on the loop but the plant and law of [`latency`] that do
+//! nothing, and the plant's place that [`replay`] takes.
 
 use std::io::IsTerminal;
 

@@ -2,7 +2,7 @@ use std::path::PathBuf;
 
 use tempfile::TempDir;
 
-use super::figures::{Metric, Signal};
+use super::figures::{Metric, STATISTICS, Signal};
 use super::*;
 
 fn figures() -> Figures {

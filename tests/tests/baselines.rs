@@ -1,0 +1,228 @@
+//! Runs held against named runs: by digest, by samples, by figures, and what an update changes.
+
+use std::path::PathBuf;
+
+use serde_json::Value;
+
+use crate::harness::{Rig, Run};
+
+const SCENARIO: &str =
+    "tests/scenarios/leakage.toml --set run.duration_s=0.1 --set faults[0].at_s=0.05";
+/// A piston heavier by a hundredth of a millionth.
+const OTHER: &str = "--set plant.parameters.piston_mass_kg=55.0000005";
+
+/// A file with the scenario's run as baseline `leakage`.
+struct Kept {
+    rig: Rig,
+    file: PathBuf,
+    folder: String,
+}
+
+impl Kept {
+    fn new() -> Self {
+        let rig = Rig::new();
+        let file = rig.path("baselines.toml");
+        let run = rig.run(SCENARIO).expect(0);
+        let kept = Self {
+            file,
+            folder: run.folder.display().to_string(),
+            rig,
+        };
+        kept.compare(&kept.folder, &["--update"]).expect(0);
+        kept
+    }
+
+    fn compare(&self, run: &str, arguments: &[&str]) -> Run {
+        let file = self.file.to_str().expect("plain text");
+        let common = ["compare", run, "--baseline", "leakage", "--baselines", file];
+        self.rig.hil(&[&common[..], arguments].concat())
+    }
+
+    #[track_caller]
+    fn judged(&self, run: &str, code: i32) -> Value {
+        let told = self.compare(run, &["--json"]).expect(code);
+        serde_json::from_str(&told.stdout).expect("JSON")
+    }
+
+    fn text(&self) -> String {
+        std::fs::read_to_string(&self.file).expect("the file is there")
+    }
+
+    /// Allows every signal and metric so much of itself and more.
+    fn allow(&self, tolerance: &str) {
+        let text = self
+            .text()
+            .replace("tolerance = 0.0", &format!("tolerance = {tolerance}"));
+        std::fs::write(&self.file, text).expect("written");
+    }
+
+    fn other(&self) -> String {
+        let run = self.rig.run(&format!("{SCENARIO} {OTHER}")).expect(0);
+        run.folder.display().to_string()
+    }
+}
+
+#[test]
+fn a_repeated_run_is_the_same_and_a_changed_one_is_not() {
+    let kept = Kept::new();
+    let again = kept.rig.run(SCENARIO).expect(0);
+    let told = kept.judged(&again.folder.display().to_string(), 0);
+    assert_eq!(
+        (&told["verdict"], &told["compared_by"]),
+        (&"same".into(), &"digest".into())
+    );
+    assert_eq!(told["identity"], serde_json::json!([]));
+
+    let other = kept.other();
+    let told = kept.judged(&other, 1);
+    assert_eq!(
+        (&told["verdict"], &told["compared_by"]),
+        (&"different".into(), &"samples".into())
+    );
+    let signals = told["comparison"]["signals"].as_array().expect("a list");
+    let angle = (signals.iter()).find(|signal| signal["name"] == "truth.surface_angle_rad");
+    let angle = angle.expect("it moves with the piston");
+    assert!(
+        angle["first_beyond_step"]
+            .as_u64()
+            .is_some_and(|step| step > 0),
+        "{angle}"
+    );
+    let what: Vec<&str> = (told["identity"].as_array().expect("a list").iter())
+        .filter_map(|change| change["what"].as_str())
+        .collect();
+    assert_eq!(what, ["digest", "scenario_blake3"]);
+    let said = kept.compare(&other, &[]).expect(1).stdout;
+    assert!(said.contains("DIFFERENT from baseline leakage"), "{said}");
+
+    // Pascals move most: what allows them allows all.
+    kept.allow("1e6");
+    let told = kept.judged(&other, 0);
+    assert_eq!(told["verdict"], "within-tolerance");
+}
+
+#[test]
+fn without_its_recording_the_figures_decide_and_that_is_said() {
+    let kept = Kept::new();
+    std::fs::remove_file(kept.rig.path("baselines/leakage.mcap")).expect("it was kept");
+    assert_eq!(kept.judged(&kept.folder, 0)["compared_by"], "digest");
+    let other = kept.other();
+    let told = kept.judged(&other, 1);
+    assert_eq!(told["compared_by"], "figures");
+    assert!(
+        told["note"]
+            .as_str()
+            .expect("a note")
+            .contains("only digest and figures"),
+        "{told}"
+    );
+    let figures = told["figures"].as_array().expect("a list");
+    let names: Vec<&str> = figures
+        .iter()
+        .filter_map(|figure| figure["name"].as_str())
+        .collect();
+    assert!(
+        names.contains(&"truth.surface_angle_rad final"),
+        "{names:?}"
+    );
+    assert!(
+        names.contains(&"max_abs_tracking_error_rad 0 s to 0.1 s"),
+        "{names:?}"
+    );
+    kept.allow("1e6");
+    assert_eq!(kept.judged(&other, 0)["verdict"], "within-tolerance");
+}
+
+#[test]
+fn an_update_shows_what_changes_and_a_dry_one_writes_nothing() {
+    let kept = Kept::new();
+    kept.allow("0.125");
+    let before = kept.text();
+    let other = kept.other();
+    let shown = kept
+        .compare(&other, &["--update", "--dry-run"])
+        .expect(1)
+        .stdout;
+    assert_eq!(kept.text(), before);
+    assert!(
+        shown.contains("would change") && shown.contains("digest: "),
+        "{shown}"
+    );
+    assert!(shown.contains("truth.surface_angle_rad final"), "{shown}");
+    kept.compare(&kept.folder, &["--update", "--dry-run"])
+        .expect(0);
+
+    kept.compare(&other, &["--update"]).expect(0);
+    let now = kept.text();
+    assert_ne!(now, before);
+    assert_eq!(
+        now.matches("tolerance = 0.125").count(),
+        before.matches("tolerance = 0.125").count()
+    );
+    assert_eq!(kept.judged(&other, 0)["compared_by"], "digest");
+    // The kept recording is the new one.
+    let recording = kept.rig.path("baselines/leakage.mcap");
+    assert_eq!(
+        kept.judged(recording.to_str().expect("plain text"), 0)["compared_by"],
+        "digest"
+    );
+    assert_eq!(kept.judged(&kept.folder, 1)["compared_by"], "samples");
+}
+
+#[test]
+fn what_cannot_be_compared_with_a_baseline_is_refused() {
+    let kept = Kept::new();
+    let file = kept.file.to_str().expect("plain text");
+    let folder = kept.folder.as_str();
+    let mass = kept
+        .rig
+        .run("scenarios/spring-mass.toml --set run.duration_s=0.6 --set metrics=[] --set requirements=[]")
+        .expect(0);
+    let mass = mass.folder.display().to_string();
+    let other = kept.other();
+    for (arguments, said) in [
+        (
+            vec![folder, "--baseline", "leekage", "--baselines", file],
+            "nearest: `leakage`",
+        ),
+        (
+            vec![folder, "--baseline", "a/b", "--baselines", file],
+            "is no name of a baseline",
+        ),
+        (
+            vec![
+                folder,
+                "--baseline",
+                "leakage",
+                "--baselines",
+                "nowhere.toml",
+            ],
+            "--update makes one",
+        ),
+        (
+            vec![&mass, "--baseline", "leakage", "--baselines", file],
+            "is of scenario `leakage`",
+        ),
+        (vec![folder], "<B>"),
+        (
+            vec![folder, &other, "--baseline", "leakage"],
+            "cannot be used with",
+        ),
+        (vec![folder, &other, "--update"], "--baseline"),
+    ] {
+        kept.rig
+            .hil(&[&["compare"], &arguments[..]].concat())
+            .expect(2)
+            .says(&[said]);
+    }
+    // Somebody put another recording in the place of the kept one.
+    let recording = kept.rig.path("baselines/leakage.mcap");
+    std::fs::copy(format!("{other}/run.mcap"), recording).expect("copied");
+    let third = kept
+        .rig
+        .run(&format!("{SCENARIO} --set controller.law=pid"))
+        .expect(0);
+    kept.compare(&third.folder.display().to_string(), &[])
+        .expect(2)
+        .says(&["is not the recording of baseline `leakage`"]);
+}
