@@ -432,7 +432,7 @@ fn what_cannot_be_replayed_is_refused_before_anything_starts() {
         // One that no longer gives a command of this one.
         (
             vec![folder, "--controller-bin", text(&rebuilt)],
-            "signals that the plant needs: no signal",
+            "needs the command `actuator2_valve_current_a`",
         ),
         (
             vec![

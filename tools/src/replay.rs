@@ -236,10 +236,11 @@ impl Prepared {
             if is_over && has_ended {
                 return;
             }
-            if is_over && ending_since.get_or_insert_with(Instant::now).elapsed() > GRACE {
-                if let Some(child) = &mut child {
-                    child.kill();
-                }
+            if is_over
+                && ending_since.get_or_insert_with(Instant::now).elapsed() > GRACE
+                && let Some(child) = &mut child
+            {
+                child.kill();
             }
             look();
             std::thread::sleep(LOOK);

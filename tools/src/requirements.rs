@@ -69,9 +69,12 @@ pub(crate) fn write(text: &mut String, requirements: &[Requirement]) -> std::fmt
         return Ok(());
     };
     let width = if width < 11 { 11 } else { width };
+    if !text.ends_with("\n\n") {
+        writeln!(text)?;
+    }
     writeln!(
         text,
-        "\n  {:<width$}  {:<9}  {:>11} {:<5}  {:>9}  {:>11}",
+        "  {:<width$}  {:<9}  {:>11} {:<5}  {:>9}  {:>11}",
         "requirement", "verdict", "robustness", "", "at [s]", "decided [s]"
     )?;
     for one in requirements {

@@ -30,7 +30,7 @@ use tempfile::TempDir;
 use tools::cli::run::Compression;
 use tools::latency::Latency;
 use tools::recorder::{Recorder, RecordingPlan};
-use tools::recording::{Provenance, Recording};
+use tools::recording::{Choice, Provenance, Recording};
 
 use tape::{Replay, Tape};
 
@@ -115,6 +115,7 @@ fn compare() {
             let plan = RecordingPlan {
                 path: file.clone(),
                 compression,
+                choice: Choice::default(),
                 provenance: Provenance::default(),
                 session: session.info().clone(),
             };

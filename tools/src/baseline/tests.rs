@@ -225,6 +225,6 @@ fn what_is_no_file_of_baselines_is_refused_with_its_place() {
     }
     std::fs::write(&path, text).expect("written");
     let file = BaselineFile::read(&path, false).expect("reads");
-    let told = file.find("aa").err().expect("no such").to_string();
+    let told = file.find("aa").expect_err("no such").to_string();
     assert!(told.contains("no baseline `aa`; nearest: `a`"), "{told}");
 }

@@ -65,6 +65,7 @@ impl Work {
         tolerances: &Tolerances,
     ) -> Result<Self, CompareError> {
         let is_selected = !signals.is_empty();
+        let is_excerpt = a.is_excerpt() || b.is_excerpt();
         let place = |reader: &RunReader, name: &str| {
             reader
                 .columns()
@@ -104,7 +105,8 @@ impl Work {
                 let counts = if is_selected {
                     signals.contains(&column.name)
                 } else {
-                    index < a.hashed_words()
+                    // Bits of validity are numbered by what an excerpt keeps.
+                    index < a.hashed_words() && (column.is_signal() || !is_excerpt)
                 };
                 counts.then(|| Pair {
                     a: index,
@@ -121,7 +123,6 @@ impl Work {
         }
         let names = columns.iter().map(|pair| pair.column.name.as_str());
         (tolerances.check(names)).map_err(CompareError::NotComparable)?;
-        let is_excerpt = a.is_excerpt() || b.is_excerpt();
         let (only_in_a, only_in_b) = if is_selected || is_excerpt {
             Default::default()
         } else {
