@@ -90,8 +90,10 @@ fn main() -> ExitCode {
                 law.start = |start| {
                     let is_it = |law: &LawKind| law.description.name == "nrsc";
                     changed(start, is_it, |sample, _, _| {
-                        while sample == WHEN {
-                            std::thread::park();
+                        if sample == WHEN {
+                            loop {
+                                std::thread::park();
+                            }
                         }
                     })
                 };

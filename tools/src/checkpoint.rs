@@ -5,9 +5,9 @@
 //! `plant.state` and `controller.state`, which only the binaries that wrote them can read, and
 //! `checkpoint.json`, which says what they are. `hil run --checkpoint-at` makes it:
 //!
-//! 1. [`steps`] finds where, [`refuse_unsaveable`] looks whether everything can be saved.
+//! 1. `steps` finds where, `refuse_unsaveable` looks whether everything can be saved.
 //! 2. Both sides write their state into the session's folder when they reach the step.
-//! 3. [`collect`] puts both beside the recording, with the digest of the records before the step.
+//! 3. `collect` puts both beside the recording, with the digest of the records before the step.
 //!
 //! `hil run --from` reads it with [`Past`](past::Past), which believes nothing that it has not
 //! checked; [`branch`] says what of the scenario may be another from there on.

@@ -4,11 +4,11 @@
 //! controller runs as in any run, over the same link and protocol, and `hil` plays the plant with
 //! what was recorded.
 //!
-//! 1. [`original`] takes from the recording who took part and where its records have what.
-//! 2. [`tape`] reads samples and answers ahead on a thread of its own.
-//! 3. [`host`] sends the samples and takes the answers.
-//! 4. [`comparison`] holds each against the recorded one.
-//! 5. [`report`] says what came out.
+//! 1. `original` takes from the recording who took part and where its records have what.
+//! 2. `tape` reads samples and answers ahead on a thread of its own.
+//! 3. `host` sends the samples and takes the answers.
+//! 4. `comparison` holds each against the recorded one.
+//! 5. `report` says what came out.
 
 mod comparison;
 mod host;

@@ -22,7 +22,7 @@ pub struct CompareArguments {
     #[arg(long, value_name = "FILE", default_value = "baselines.toml")]
     pub baselines: PathBuf,
     /// Show what changes in the named run and write it; tolerances and comments stay
-    #[arg(long, requires = "baseline")]
+    #[arg(long, requires = "baseline", conflicts_with = "b")]
     pub update: bool,
     /// Show what --update would write, and write nothing; exit code 1 if something would change
     #[arg(long, requires = "update")]
