@@ -456,7 +456,8 @@ impl Work {
 
     fn note(&mut self, written: std::io::Result<()>) {
         if let Err(error) = written {
-            self.recording = None;
+            let recording = self.recording.take();
+            self.recorded.written = recording.map_or(0, |recording| recording.written());
             let path = self
                 .recording_plan
                 .as_ref()

@@ -30,6 +30,8 @@ struct Case {
     label: String,
     /// The law that runs.
     law: String,
+    /// Where its scenario comes from.
+    origin: String,
     /// The first case of the same scenario.
     first: usize,
 }
@@ -38,6 +40,8 @@ struct Case {
 struct Row {
     label: String,
     law: String,
+    /// Where its scenario comes from.
+    origin: String,
     exit: Exit,
     /// What is wrong with it that its summary does not say.
     failure: Option<String>,
@@ -59,6 +63,7 @@ impl Row {
         Self {
             label: case.label.clone(),
             law: case.law.clone(),
+            origin: case.origin.clone(),
             exit,
             failure: Some(failure),
             ran: None,
@@ -69,6 +74,7 @@ impl Row {
         Self {
             label: case.label.clone(),
             law: case.law.clone(),
+            origin: case.origin.clone(),
             exit: match ran.written {
                 Ok(()) => ran.exit,
                 Err(_) => Exit::Infrastructure,
@@ -122,6 +128,7 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
         cases.push(Case {
             label: plan.name.clone(),
             law: plan.controller.law.clone(),
+            origin: from.display().to_string(),
             first: 0,
             plan,
         });
@@ -137,7 +144,7 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
         });
         let row = Row::of(case, ran);
         if let Some(failure) = &row.failure {
-            eprintln!("error: {failure}");
+            eprintln!("{failure}");
         }
         let written = write_reports(arguments, std::slice::from_ref(&row));
         told?;
@@ -151,10 +158,10 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
     let told = output::write(&if options.json {
         let runs: Result<Vec<serde_json::Value>, _> = rows.iter().map(json_of).collect();
         let runs = runs.map_err(Failure::infrastructure)?;
-        let verdict = if worst(&rows) == Exit::Pass {
-            "pass"
-        } else {
-            "fail"
+        let verdict = match worst(&rows) {
+            Exit::Pass => "pass",
+            Exit::Failed => "fail",
+            _ => "aborted",
         };
         let all = json!({ "schema": 1, "verdict": verdict, "runs": runs });
         format!("{all:#}\n")
@@ -195,6 +202,7 @@ fn cases(arguments: &RunArguments, setup: &Setup) -> Result<Vec<Case>, Failure> 
                     plan.name.clone()
                 },
                 law: plan.controller.law.clone(),
+                origin: arguments.scenarios[first].display().to_string(),
                 first,
             });
         }
@@ -373,6 +381,7 @@ fn json_of(row: &Row) -> serde_json::Result<serde_json::Value> {
     value["label"] = json!(row.label);
     value["verdict"] = json!(row.verdict());
     value["failure"] = json!(row.failure);
+    value["origin"] = json!(row.origin);
     let folder = row.ran.as_ref().map(|ran| ran.folder.display().to_string());
     value["folder"] = json!(folder);
     Ok(value)

@@ -209,7 +209,8 @@ impl Ground<'_> {
         let records = self.grid?.rate.step_at_or_after(held_s?).0;
         Some(DetectionPlan {
             alarm: alarm?,
-            records: records.max(1),
+            // From the first to the last of them lies that time.
+            records: records + 1,
             fault: fault?,
             recovered: recovered?,
             effect: effect?,

@@ -34,7 +34,7 @@ pub(super) fn analysis(text: &mut String, analysis: &Analysis, plan: &Plan) -> W
         }
         AnalysisKind::Detection(plan) => {
             expression(text, "alarm", &plan.alarm)?;
-            let held_s = toml_float(rate.seconds(Step(plan.records)));
+            let held_s = toml_float(rate.seconds(Step(plan.records - 1)));
             writeln!(text, "held_s = {held_s}")?;
             if let Some(fault) = plan.fault {
                 writeln!(text, "fault = {fault}")?;

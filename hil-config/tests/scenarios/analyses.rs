@@ -95,7 +95,7 @@ fn each_analysis_is_fed_with_its_signals_and_its_fault() {
         // Turned by 180 degrees at every frequency, forward or back.
         ("follow.peak_frequency_hz", "Hz", f64::INFINITY),
         ("follow.phase_lag_90_frequency_hz", "Hz", f64::INFINITY),
-        ("found.time_to_detect_s", "s", 0.09),
+        ("found.time_to_detect_s", "s", 0.1),
         ("found.missed", "1", 0.0),
         ("found.false_alarms", "1", 0.0),
         ("found.time_to_recover_s", "s", 0.51),
@@ -124,7 +124,7 @@ fn what_is_shown_checks_to_the_same_plan() {
     let AnalysisKind::Detection(found) = &first.analyses[2].kind else {
         panic!("{:?}", first.analyses[2]);
     };
-    assert_eq!((found.records, found.fault), (10, Some(1)));
+    assert_eq!((found.records, found.fault), (11, Some(1)));
 }
 
 #[test]

@@ -8,6 +8,7 @@ use std::path::Path;
 use hil_config::evaluation::Evaluation;
 use hil_config::expression::{Columns, Group};
 use shared_types::describe::Description;
+use shared_types::record::Event;
 use shared_types::record::GROUPS;
 use shared_types::time::Step;
 
@@ -100,9 +101,10 @@ impl Figures {
     /// Reads a run to its end.
     ///
     /// # Errors
-    /// If it cannot be read, was cut off or lost records.
+    /// If it cannot be read, was cut off or lost records, or did not end by itself.
     pub(super) fn of(run: &Path) -> Result<Self, Failure> {
         let mut reader = RunReader::open(run).map_err(Failure::usage)?;
+        reader.refuse_excerpt().map_err(Failure::usage)?;
         let mut evaluation = evaluation(&reader, run)?;
         let hashed = reader.hashed_words();
         let signals: Vec<usize> = (reader.columns().iter().enumerate())
@@ -114,6 +116,11 @@ impl Figures {
         let mut running = vec![Running::NONE; kept];
         let mut next = 0;
         while reader.advance().map_err(Failure::usage)? {
+            for event in reader.events() {
+                if let Event::Fault(taken) = event {
+                    evaluation.fault(taken.id, Step(taken.step));
+                }
+            }
             let (step, words) = (reader.step(), reader.words());
             if step != next {
                 return Err(Failure::usage(format!(
@@ -133,6 +140,12 @@ impl Figures {
         if !reader.is_whole() {
             return Err(Failure::usage(format!(
                 "{} was cut off; see `hil compare A B`, which compares as far as it goes",
+                run.display()
+            )));
+        }
+        if !matches!(reader.result("outcome"), Some("completed" | "diverged")) {
+            return Err(Failure::usage(format!(
+                "{} did not end by itself; what it would have been no run can be compared with",
                 run.display()
             )));
         }

@@ -36,7 +36,10 @@ impl Origin {
         let mut laws = controller.laws.into_iter();
         // A scenario is checked only if both are there.
         let plant = plants.find(|plant| plant.name == plan.plant.model);
-        let law = laws.find(|law| law.name == plan.controller.law);
+        let law = laws.find(|law| {
+            let suits = law.plants.is_empty() || law.plants.contains(&plan.plant.model);
+            law.name == plan.controller.law && suits
+        });
         let (Some(plant), Some(law)) = (plant, law) else {
             return Err("the recording does not describe its plant and law".into());
         };
@@ -60,6 +63,8 @@ impl Origin {
             return Err("its signals are not those of its scenario".into());
         };
         self.plan.metrics.clear();
+        self.plan.analyses.clear();
+        self.plan.requirements.clear();
         let evaluation =
             Evaluation::new(&self.plan, &columns).map_err(|error| error.to_string())?;
         Ok(Derived {

@@ -164,9 +164,14 @@ impl Offer {
                     "which bit tells the validity of `{name}` is not known: {why}"
                 )));
             };
+            // An excerpt numbers the bits of what it keeps.
+            let is_kept = |name: &&String| recorded.iter().any(|column| column.name == **name);
+            let sent: Vec<&String> = (sent.iter())
+                .filter(|name| !reader.is_excerpt() || is_kept(name))
+                .collect();
             let bit = match number_in(&["internal."]) {
                 Some(number) => number.map(|number| sent.len() + number),
-                None => sent.iter().position(|command| command == name),
+                None => sent.iter().position(|command| *command == name),
             };
             ("command_invalid[0]", bit)
         } else {

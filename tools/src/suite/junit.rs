@@ -17,6 +17,7 @@ pub(super) fn of(rows: &[Row]) -> Result<String, Failure> {
     for row in rows {
         let mut suite = TestSuite::new(&*row.label);
         suite.add_property(("law", &*row.law));
+        suite.add_property(("scenario", &*row.origin));
         let mut case = TestCase::new("run", status_of(row));
         case.set_classname(&*row.label);
         if let Some(ran) = &row.ran {

@@ -6,6 +6,7 @@ fn row(label: &str, exit: Exit, failure: &str) -> Row {
     Row {
         label: label.into(),
         law: "pid".into(),
+        origin: "a.toml".into(),
         exit,
         failure: (!failure.is_empty()).then(|| failure.into()),
         ran: None,
