@@ -27,7 +27,7 @@ fn verdicts(all: &Value) -> Vec<(&str, &str)> {
 fn several_runs_have_one_table_and_the_exit_code_of_the_worst() {
     let rig = Rig::new();
     let good = rig.write("good.toml", &scenario("good", "pid", 1.0));
-    let bad = rig.write("bad.toml", &scenario("bad", "pid", 9e-3));
+    let bad = rig.write("bad.toml", &scenario("bad", "pid", 1e-9));
     let (xml, text) = (rig.path("all.xml"), rig.path("all.md"));
     let run = rig.run(&format!(
         "{} {} --repeat 2 --jobs 2 --json --junit {} --markdown {}",

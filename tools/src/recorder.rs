@@ -353,8 +353,6 @@ impl Work {
             let finishing = self.shared.finish.load(Ordering::Acquire);
             match source.drain(&mut |item| self.take(item)) {
                 Ok(0) if finishing => break,
-                // A run may be over before the first nap of the other length is.
-                Ok(0) if self.recorded.records == 0 => std::thread::sleep(LOOK),
                 Ok(0) => std::thread::sleep(NAP),
                 Ok(_) => {}
                 Err(failed) => {

@@ -192,6 +192,8 @@ impl RecordSink for IceoryxSink {
 pub struct IceoryxSource {
     records: Subscriber<Ipc, [u64], ItemHeader>,
     credit: Option<Publisher<Ipc, u64, ()>>,
+    /// Whether it has said that it is there.
+    has_greeted: bool,
     items: Assembler,
     _node: Node<Ipc>,
 }
@@ -213,7 +215,6 @@ impl IceoryxSource {
                 .publisher_builder()
                 .create()
                 .map_err(|e| failed(CREDIT, &e))?;
-            publisher.send_copy(1).map_err(|e| failed(CREDIT, &e))?;
             Some(publisher)
         } else {
             None
@@ -221,6 +222,7 @@ impl IceoryxSource {
         Ok(Self {
             records,
             credit,
+            has_greeted: false,
             items: Assembler::default(),
             _node: node,
         })
@@ -242,7 +244,10 @@ impl RecordSource for IceoryxSource {
             );
             count += 1;
         }
-        if count > 0
+        // The first credit lets step 0 begin. It comes after a look at the stream, which connects to
+        // its publisher: what is sent before that is lost if the plant ends meanwhile.
+        let greets = !std::mem::replace(&mut self.has_greeted, true);
+        if (count > 0 || greets)
             && let Some(credit) = &self.credit
         {
             credit

@@ -47,6 +47,7 @@ fn drained(source: &mut dyn RecordSource) -> Vec<String> {
 
 fn records_and_events_arrive_in_order(sink: &mut dyn RecordSink, source: &mut dyn RecordSource) {
     sink.open(&layout()).expect("opens");
+    assert!(drained(source).is_empty());
     let mut words = vec![0; layout().words()];
     assert!(sink.has_room().expect("asks"));
     sink.record(&words).expect("publishes");
@@ -93,6 +94,11 @@ fn without_credit_the_plant_waits_and_nothing_is_lost() {
     sink.open(&layout()).expect("opens");
     assert!(!sink.has_room().expect("asks"), "no observer yet");
     let mut source = iceoryx::IceoryxSource::open(session.info(), true).expect("opens");
+    assert!(
+        !sink.has_room().expect("asks"),
+        "an observer that has not looked"
+    );
+    assert!(drained(&mut source).is_empty());
     let mut words = vec![0; layout().words()];
     let mut sent = 0;
     while sink.has_room().expect("asks") {
