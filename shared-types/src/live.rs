@@ -3,10 +3,11 @@
 //! The plant listens on a socket in the session's private folder, on a thread of its own; `hil`
 //! asks. One line of JSON each way. The loop sees of it one atomic.
 
-use std::io::{BufRead, BufReader, ErrorKind, Write};
+use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::os::unix::net::UnixStream;
 use std::time::Duration;
 
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::describe::{FaultKindDescription, PlantDescription};
@@ -17,6 +18,10 @@ use crate::time::Rate;
 
 /// Name of the socket in the session's folder.
 pub const SOCKET: &str = "control";
+/// How long a client may take to write its line or to read the answer.
+const CLIENT_LIMIT: Duration = Duration::from_secs(1);
+/// Longest request.
+const LONGEST: u64 = 1 << 20;
 
 /// What is asked.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -201,6 +206,19 @@ pub fn ask(
     request: &Request,
     limit: Duration,
 ) -> Result<Response, LiveError> {
+    ask_at(session, SOCKET, request, limit)
+}
+
+/// Asks whoever listens at a socket of a session: one line of JSON each way.
+///
+/// # Errors
+/// If it does not answer within the limit.
+pub fn ask_at<Q: Serialize, A: DeserializeOwned>(
+    session: &SessionInfo,
+    socket: &str,
+    request: &Q,
+    limit: Duration,
+) -> Result<A, LiveError> {
     let name = || session.name.clone();
     let broken = |error: std::io::Error| match error.kind() {
         ErrorKind::WouldBlock | ErrorKind::TimedOut => LiveError::Silent {
@@ -212,7 +230,7 @@ pub fn ask(
             what: error.to_string(),
         },
     };
-    let stream = UnixStream::connect(session.folder.join(SOCKET));
+    let stream = UnixStream::connect(session.folder.join(socket));
     let mut stream = stream.map_err(|_| LiveError::Absent(name()))?;
     stream.set_read_timeout(Some(limit)).map_err(broken)?;
     stream.set_write_timeout(Some(limit)).map_err(broken)?;
@@ -228,4 +246,23 @@ pub fn ask(
         });
     }
     serde_json::from_str(&answer).map_err(|e| broken(e.into()))
+}
+
+/// Answers one client of a socket: one line of JSON each way. What is asked may be no request.
+///
+/// # Errors
+/// If the client went away or is too slow.
+pub fn answer<Q: DeserializeOwned, A: Serialize>(
+    mut client: &UnixStream,
+    respond: impl FnOnce(Result<Q, Refusal>) -> A,
+) -> std::io::Result<()> {
+    client.set_read_timeout(Some(CLIENT_LIMIT))?;
+    client.set_write_timeout(Some(CLIENT_LIMIT))?;
+    let mut line = String::new();
+    BufReader::new(client.take(LONGEST)).read_line(&mut line)?;
+    let request = serde_json::from_str(&line)
+        .map_err(|error| Refusal::new(format!("not a request: {error}")));
+    let mut answer = serde_json::to_vec(&respond(request))?;
+    answer.push(b'\n');
+    client.write_all(&answer)
 }

@@ -5,7 +5,7 @@
 
 use std::fs;
 
-use rustix::process::{Pid, Signal, kill_process};
+use rustix::process::{Pid, Signal, getpgid, kill_process};
 use serde::{Deserialize, Serialize};
 
 /// A process that cannot be taken for a later one with the same number.
@@ -54,6 +54,25 @@ impl ProcessId {
     #[must_use]
     pub fn is_alive(self) -> bool {
         Self::of(self.pid) == Some(self)
+    }
+
+    /// Whether another process is this one or belongs to its process group, as what a launched script
+    /// starts does.
+    #[must_use]
+    pub fn leads(self, other: u32) -> bool {
+        let number = |pid: u32| i32::try_from(pid).ok().and_then(Pid::from_raw);
+        let Some(other) = number(other) else {
+            return false;
+        };
+        let leader = number(self.pid);
+        Some(other) == leader || getpgid(Some(other)).is_ok_and(|group| Some(group) == leader)
+    }
+
+    /// The name of the program that a process runs.
+    #[must_use]
+    pub fn name(pid: u32) -> Option<String> {
+        let name = fs::read_to_string(format!("/proc/{pid}/comm")).ok()?;
+        Some(name.trim_end().escape_debug().to_string())
     }
 
     /// Ends it at once, if it is still there.

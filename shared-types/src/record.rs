@@ -22,6 +22,7 @@ use serde::{Deserialize, Serialize};
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
 use crate::frame::VALIDITY_WORDS;
+use crate::lockstep::OnLoss;
 use crate::pacer::Streaks;
 use crate::table::Field;
 
@@ -223,8 +224,45 @@ pub enum Event {
     Fault(FaultTaken),
     /// A fault ended on one target.
     FaultEnded(FaultEnded),
+    /// The controller changed while the run went on.
+    Controller(ControllerChange),
     /// The run ended.
     End(RunEnd),
+}
+
+/// What became of a controller while the run went on.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ControllerChange {
+    /// Which of the session it is, from 1.
+    pub epoch: u32,
+    /// The first step without it, or with it, or the next one when it was refused.
+    pub step: u64,
+    /// What.
+    #[serde(flatten)]
+    pub change: Change,
+}
+
+/// In which way a controller changed.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "change", rename_all = "kebab-case")]
+pub enum Change {
+    /// It is lost, and the run goes on.
+    Lost {
+        /// Why.
+        reason: String,
+        /// How the run goes on.
+        policy: OnLoss,
+    },
+    /// It took over.
+    Joined {
+        /// Its law.
+        law: String,
+    },
+    /// It was announced and did not take over.
+    Refused {
+        /// Why not.
+        reason: String,
+    },
 }
 
 /// A live fault that was accepted.
@@ -389,7 +427,17 @@ mod tests {
             overruns: Streaks::default(),
             missed_commands: Streaks::default(),
         });
-        let text = serde_json::to_string(&event).expect("serialises");
-        assert_eq!(serde_json::from_str::<Event>(&text).expect("parses"), event);
+        let lost = Event::Controller(ControllerChange {
+            epoch: 1,
+            step: 7,
+            change: Change::Lost {
+                reason: "gone".into(),
+                policy: OnLoss::Hold,
+            },
+        });
+        for event in [event, lost] {
+            let text = serde_json::to_string(&event).expect("serialises");
+            assert_eq!(serde_json::from_str::<Event>(&text).expect("parses"), event);
+        }
     }
 }

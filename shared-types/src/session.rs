@@ -41,8 +41,20 @@ pub struct SessionInfo {
     pub owner: ProcessId,
     /// The processes that it started.
     pub children: Vec<ProcessId>,
+    /// The controller that it started last.
+    #[serde(default)]
+    pub controller: Option<Launched>,
     /// Where its run is written, if it is.
     pub run_dir: Option<PathBuf>,
+}
+
+/// A controller that was started.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Launched {
+    /// Which of the session it is, from 1.
+    pub epoch: u32,
+    /// Its process.
+    pub process: ProcessId,
 }
 
 /// A session cannot be created, found or removed.
@@ -233,6 +245,7 @@ impl Session {
             prefix: format!("hil_{:08x}_", id as u32),
             owner: ProcessId::own(),
             children: Vec::new(),
+            controller: None,
             run_dir: None,
             folder,
         };
@@ -268,6 +281,20 @@ impl Session {
     pub fn add_child(&mut self, pid: u32) -> Result<(), SessionError> {
         self.info.children.extend(ProcessId::of(pid));
         self.info.write_file("session.json", &self.info)
+    }
+
+    /// Notes the controller of an epoch, which alone may speak as such.
+    ///
+    /// # Errors
+    /// If `session.json` cannot be written.
+    pub fn add_controller(&mut self, epoch: u32, pid: u32) -> Result<(), SessionError> {
+        // One that ended at once is named all the same: else it would be awaited.
+        let process = ProcessId::of(pid).unwrap_or(ProcessId {
+            pid,
+            start_ticks: 0,
+        });
+        self.info.controller = Some(Launched { epoch, process });
+        self.add_child(pid)
     }
 }
 

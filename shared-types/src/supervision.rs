@@ -1,18 +1,21 @@
 //! What a process of a session hears from the `hil` that started it: stop, the other side is gone,
-//! or nothing any more.
+//! another controller comes, or nothing any more.
 //!
 //! Words arrive as lines on standard input; its end means that `hil` is gone and nobody will clean
 //! up, so the process ends too. Any program that speaks the protocol may ignore the lines, but should
 //! end with its input.
 
 use std::io::BufRead;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, OnceLock};
 
 /// Line that asks a process to end the run.
 pub const STOP: &str = "stop";
-/// Line that tells a process that the other side's process ended.
+/// Line that tells a process that the other side's process ended; to a plant followed by the epoch of
+/// that controller.
 pub const PEER_GONE: &str = "peer-gone";
+/// Line that announces another controller to a plant, followed by its epoch.
+pub const EXPECT: &str = "expect";
 
 /// Requests from outside, polled by the loop: one load each.
 #[derive(Clone, Debug, Default)]
@@ -21,7 +24,10 @@ pub struct Supervision(Arc<State>);
 #[derive(Debug, Default)]
 struct State {
     stop: AtomicBool,
-    peer_gone: AtomicBool,
+    /// The latest epoch whose controller is gone; 0 if none is.
+    gone: AtomicU32,
+    /// The latest epoch whose controller was announced; 0 if none was.
+    expected: AtomicU32,
     why: OnceLock<String>,
 }
 
@@ -39,10 +45,8 @@ impl Supervision {
         let heard = supervision.clone();
         std::thread::spawn(move || {
             for line in std::io::stdin().lock().lines() {
-                match line.as_deref().map(str::trim) {
-                    Ok(STOP) => heard.stop("asked to stop"),
-                    Ok(PEER_GONE) => heard.0.peer_gone.store(true, Ordering::Release),
-                    Ok(_) => {}
+                match line {
+                    Ok(line) => heard.hear(&line),
                     Err(_) => break,
                 }
             }
@@ -51,15 +55,34 @@ impl Supervision {
         supervision
     }
 
+    fn hear(&self, line: &str) {
+        let mut words = line.split_ascii_whitespace();
+        let word = words.next();
+        let epoch = words.next().map(str::parse);
+        match (word, epoch) {
+            (Some(STOP), None) => self.stop("asked to stop"),
+            (Some(PEER_GONE), None) => self.peer_gone(u32::MAX),
+            (Some(PEER_GONE), Some(Ok(epoch))) => self.peer_gone(epoch),
+            (Some(EXPECT), Some(Ok(epoch))) => self.expect(epoch),
+            _ => {}
+        }
+    }
+
     /// Asks for the end of the run.
     pub fn stop(&self, why: &str) {
         let _ = self.0.why.set(why.into()); // the first reason stands
         self.0.stop.store(true, Ordering::Release);
     }
 
-    /// Tells that the other side is gone.
-    pub fn peer_gone(&self) {
-        self.0.peer_gone.store(true, Ordering::Release);
+    /// Tells that the other side is gone: the controller of this epoch, or whoever it is by the
+    /// largest number.
+    pub fn peer_gone(&self, epoch: u32) {
+        self.0.gone.fetch_max(epoch, Ordering::Release);
+    }
+
+    /// Announces the controller of this epoch.
+    pub fn expect(&self, epoch: u32) {
+        self.0.expected.fetch_max(epoch, Ordering::Release);
     }
 
     /// Whether the run is to end.
@@ -71,7 +94,19 @@ impl Supervision {
     /// Whether the other side is gone.
     #[must_use]
     pub fn is_peer_gone(&self) -> bool {
-        self.0.peer_gone.load(Ordering::Acquire)
+        self.gone() > 0
+    }
+
+    /// The latest epoch whose controller is gone; 0 if none is.
+    #[must_use]
+    pub fn gone(&self) -> u32 {
+        self.0.gone.load(Ordering::Acquire)
+    }
+
+    /// The latest epoch whose controller was announced; 0 if none was.
+    #[must_use]
+    pub fn expected(&self) -> u32 {
+        self.0.expected.load(Ordering::Acquire)
     }
 
     /// Why the run is to end.
@@ -93,5 +128,21 @@ mod tests {
         supervision.stop("second");
         assert!(supervision.wants_stop());
         assert_eq!(supervision.why(), Some("first"));
+    }
+
+    #[test]
+    fn lines_are_heard_and_nonsense_is_not() {
+        let supervision = Supervision::new();
+        for nonsense in ["", "expect", "expect x", "peer-gone -1", "stop now", "halt"] {
+            supervision.hear(nonsense);
+        }
+        let heard = |s: &Supervision| (s.wants_stop(), s.gone(), s.expected());
+        assert_eq!(heard(&supervision), (false, 0, 0));
+        for line in ["expect 2", "peer-gone 1", " stop "] {
+            supervision.hear(line);
+        }
+        assert_eq!(heard(&supervision), (true, 1, 2));
+        supervision.hear("peer-gone");
+        assert_eq!(supervision.gone(), u32::MAX);
     }
 }

@@ -1,6 +1,7 @@
 //! What every link must do, run on each implementation.
 
-use super::{FrameSpec, Link, LinkError};
+use super::iceoryx::IceoryxLink;
+use super::{FrameSpec, Link, LinkError, Peer};
 use crate::frame::{FrameError, FrameKind, Header, Seal};
 use crate::session::Session;
 use crate::time::Step;
@@ -10,6 +11,8 @@ trait Pair {
     type End: Link;
     type Keep;
     fn make() -> (Self::End, Self::End, Self::Keep);
+    /// Another controller's end.
+    fn another(controller: &Self::End, epoch: u32, keep: &Self::Keep) -> Self::End;
 }
 
 struct InProcess;
@@ -21,6 +24,9 @@ impl Pair for InProcess {
         let (plant, controller) = super::in_process::pair();
         (plant, controller, ())
     }
+    fn another(controller: &Self::End, _epoch: u32, _keep: &()) -> Self::End {
+        controller.another()
+    }
 }
 
 struct Iceoryx;
@@ -31,8 +37,11 @@ impl Pair for Iceoryx {
     fn make() -> (Self::End, Self::End, Session) {
         let session = Session::create(None).expect("a session");
         let plant = Self::End::create(session.info()).expect("creates");
-        let controller = Self::End::open(session.info()).expect("opens");
+        let controller = Self::End::open(session.info(), 1).expect("opens");
         (plant, controller, session)
+    }
+    fn another(_controller: &Self::End, epoch: u32, session: &Session) -> Self::End {
+        Self::End::open(session.info(), epoch).expect("opens")
     }
 }
 
@@ -194,18 +203,32 @@ fn too_many_signals_are_refused<P: Pair>() {
     );
 }
 
-fn a_new_epoch_starts_afresh<P: Pair>() {
-    let (mut plant, mut controller, _keep) = connected::<P>(1, 1);
-    controller
-        .send(&header(FrameKind::Command, 5), &[5.0])
-        .expect("sends");
+fn another_controller_takes_over_from_the_one_in_office<P: Pair>() {
+    let (mut plant, mut controller, keep) = connected::<P>(1, 1);
+    controller.send_control(b"old").expect("sends");
+    plant.expect(2).expect("makes a channel");
+    let mut other = P::another(&controller, 2, &keep);
+    other.send_control(b"new").expect("sends");
+    let heard = plant.receive_control().expect("polls");
+    assert_eq!(heard.as_deref(), Some(&b"new"[..]), "only the new one");
     let second = FrameSpec {
         seal: Seal { epoch: 2, ..SEAL },
         outgoing: 1,
         incoming: 1,
     };
-    plant.open_frames(&second).expect("reopens");
+    plant.open_frames(&second).expect("opens beside the first");
+    other.open_frames(&second).expect("opens");
     let mut got = [0.0];
+    controller
+        .send(&header(FrameKind::Command, 4), &[4.0])
+        .expect("sends");
+    let arrived = plant.receive(&mut got).expect("polls").expect("a frame");
+    assert_eq!((arrived.epoch, got), (1, [4.0]), "the old one is in office");
+
+    controller
+        .send(&header(FrameKind::Command, 5), &[5.0])
+        .expect("sends");
+    plant.take_over();
     assert_eq!(
         plant.receive(&mut got),
         Ok(None),
@@ -219,8 +242,7 @@ fn a_new_epoch_starts_afresh<P: Pair>() {
         Ok(None),
         "and so are its later ones"
     );
-    controller.open_frames(&second).expect("reopens");
-    controller
+    other
         .send(&header(FrameKind::Command, 0), &[1.0])
         .expect("sends");
     let arrived = plant.receive(&mut got).expect("polls").expect("a frame");
@@ -243,7 +265,7 @@ suite!(
     odd_numbers_arrive_canonical,
     frames_before_opening_are_an_error,
     too_many_signals_are_refused,
-    a_new_epoch_starts_afresh,
+    another_controller_takes_over_from_the_one_in_office,
 );
 
 #[test]
@@ -264,13 +286,38 @@ fn another_layout_cannot_open_the_frames() {
 #[test]
 fn a_second_plant_or_controller_is_refused() {
     let (_plant, _controller, session) = Iceoryx::make();
-    assert!(super::iceoryx::IceoryxLink::create(session.info()).is_err());
-    assert!(super::iceoryx::IceoryxLink::open(session.info()).is_err());
+    let role = |second: Result<IceoryxLink, LinkError>| match second.err() {
+        Some(LinkError::Taken { role, .. }) => role,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(role(IceoryxLink::create(session.info())), "plant");
+    assert_eq!(role(IceoryxLink::open(session.info(), 1)), "controller");
+}
+
+#[test]
+fn only_the_process_that_was_launched_may_speak_for_the_controller() {
+    let (mut plant, mut controller, mut session) = Iceoryx::make();
+    assert_eq!(plant.peer(), Ok(Peer::Unknown));
+    let own = std::process::id();
+    session.add_controller(1, own).expect("noted");
+    assert_eq!(plant.peer(), Ok(Peer::Launched));
+    plant.open_frames(&spec(1, 1)).expect("plant opens");
+    controller.open_frames(&spec(1, 1)).expect("opens");
+    assert_eq!(plant.peer(), Ok(Peer::Launched));
+    // Process 1 was launched, and this one speaks.
+    session.add_controller(1, 1).expect("noted");
+    match plant.peer() {
+        Ok(Peer::Stranger(told)) => assert!(told.contains(&format!("process {own}")), "{told}"),
+        other => panic!("{other:?}"),
+    }
+    // The control channel is still that of the first.
+    session.add_controller(2, own).expect("noted");
+    assert_eq!(plant.peer(), Ok(Peer::Unknown));
 }
 
 #[test]
 fn a_controller_without_a_plant_finds_nothing() {
     let session = Session::create(None).expect("a session");
-    let opened = super::iceoryx::IceoryxLink::open(session.info());
+    let opened = IceoryxLink::open(session.info(), 1);
     assert!(matches!(opened, Err(LinkError::Absent { .. })));
 }

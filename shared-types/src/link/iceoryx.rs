@@ -4,26 +4,27 @@
 //! the latest frame. It costs about half of publish-subscribe (see the bench `exchange`), and the
 //! newest frame is all that lockstep and real time want. After its writer was killed a blackboard
 //! cell stays locked, so each epoch, that is each controller, gets services of its own.
-//! Control messages use publish-subscribe. The plant creates every service and verifies what it
+//! Control messages use publish-subscribe, for each epoch its own too. The plant creates every service and verifies what it
 //! got; the controller opens them and proves the layout hash.
 
-use iceoryx2::port::publisher::Publisher;
+use iceoryx2::identifiers::UniqueNodeId;
+use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
 use iceoryx2::port::reader::{BlackboardValue, EntryHandle};
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::port::writer::EntryValueUninit;
 use iceoryx2::prelude::*;
+use iceoryx2::service::builder::publish_subscribe::PublishSubscribeCreateError;
 use iceoryx2::service::port_factory::blackboard::PortFactory as Blackboard;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as Topic;
 
-use super::{FrameSpec, Link, LinkError, Rejected};
+use super::{FrameSpec, Link, LinkError, Peer, Rejected};
 use crate::frame::{Frame, FrameError, Header, Seal, SizeClass};
+use crate::process::ProcessId;
 use crate::session::SessionInfo;
 
 /// The iceoryx2 service flavour in use.
 pub type Ipc = ipc::Service;
 
-const PLANT_SPEAKS: &str = "control/plant";
-const CONTROLLER_SPEAKS: &str = "control/controller";
 const LAYOUT: &str = "layout";
 /// Control messages that may wait for their receiver.
 const CONTROL_BUFFER: usize = 8;
@@ -59,17 +60,28 @@ enum Side {
 /// One end of a link over shared memory.
 pub struct IceoryxLink {
     side: Side,
-    speak: Publisher<Ipc, [u8], ()>,
-    listen: Subscriber<Ipc, [u8], ()>,
+    session: SessionInfo,
+    control: ControlChannel,
     frames: Option<Frames>,
-    sequence: u64,
+    /// Those opened last, if others are in use.
+    next: Option<Frames>,
     rejected: Rejected,
     // Last: what is above must be dropped before the node that it lives in.
     node: Node<Ipc>,
 }
 
+/// Control messages of one epoch.
+struct ControlChannel {
+    epoch: u32,
+    speak: Publisher<Ipc, [u8], ()>,
+    listen: Subscriber<Ipc, [u8], ()>,
+    /// What the other side speaks on.
+    heard: Topic<Ipc, [u8], ()>,
+}
+
 struct Frames {
     seal: Seal,
+    sequence: u64,
     outgoing: Box<dyn Outgoing>,
     incoming: Box<dyn Incoming>,
 }
@@ -80,40 +92,69 @@ impl IceoryxLink {
     /// # Errors
     /// If a service exists already or cannot be created.
     pub fn create(session: &SessionInfo) -> Result<Self, LinkError> {
-        Self::start(session, Side::Plant)
+        Self::start(session, Side::Plant, 1)
     }
 
-    /// The controller's end: opens the control services.
+    /// The end of the controller of an epoch: opens the control services.
     ///
     /// # Errors
-    /// [`LinkError::Absent`] as long as the plant has not created them.
-    pub fn open(session: &SessionInfo) -> Result<Self, LinkError> {
-        Self::start(session, Side::Controller)
+    /// [`LinkError::Absent`] as long as the plant has not created them, [`LinkError::Taken`] as long as
+    /// another process is in its place.
+    pub fn open(session: &SessionInfo, epoch: u32) -> Result<Self, LinkError> {
+        Self::start(session, Side::Controller, epoch)
     }
 
-    fn start(session: &SessionInfo, side: Side) -> Result<Self, LinkError> {
-        let (name, speaks, hears) = match side {
-            Side::Plant => ("plant", PLANT_SPEAKS, CONTROLLER_SPEAKS),
-            Side::Controller => ("controller", CONTROLLER_SPEAKS, PLANT_SPEAKS),
+    fn start(session: &SessionInfo, side: Side, epoch: u32) -> Result<Self, LinkError> {
+        let node = node(session, side.name())?;
+        Ok(Self {
+            side,
+            session: session.clone(),
+            control: ControlChannel::new(&node, side, epoch)?,
+            frames: None,
+            next: None,
+            rejected: Rejected::default(),
+            node,
+        })
+    }
+}
+
+impl Side {
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Plant => "plant",
+            Self::Controller => "controller",
+        }
+    }
+}
+
+impl ControlChannel {
+    fn new(node: &Node<Ipc>, side: Side, epoch: u32) -> Result<Self, LinkError> {
+        let plant_speaks = format!("control/{epoch}/plant");
+        let controller_speaks = format!("control/{epoch}/controller");
+        let (speaks, hears) = match side {
+            Side::Plant => (&plant_speaks, &controller_speaks),
+            Side::Controller => (&controller_speaks, &plant_speaks),
         };
-        let node = node(session, name)?;
         // The ear first: who finds the service that this side speaks on may say something at once,
         // and what nobody hears is lost.
-        let listen = (topic(&node, side, hears)?.subscriber_builder().create())
-            .map_err(|e| transport(hears, e))?;
-        let speak = (topic(&node, side, speaks)?.publisher_builder())
+        let heard = topic(node, side, hears)?;
+        let listen = (heard.subscriber_builder().create()).map_err(|e| transport(hears, e))?;
+        let speak = (topic(node, side, speaks)?.publisher_builder())
             .initial_max_slice_len(1 << 14)
             .allocation_strategy(AllocationStrategy::PowerOfTwo)
             .create()
-            .map_err(|e| transport(speaks, e))?;
+            .map_err(|error| match error {
+                PublisherCreateError::ExceedsMaxSupportedPublishers => LinkError::Taken {
+                    service: speaks.clone(),
+                    role: side.name(),
+                },
+                error => transport(speaks, error),
+            })?;
         Ok(Self {
-            side,
+            epoch,
             speak,
             listen,
-            frames: None,
-            sequence: 0,
-            rejected: Rejected::default(),
-            node,
+            heard,
         })
     }
 }
@@ -137,7 +178,13 @@ fn topic(node: &Node<Ipc>, side: Side, name: &str) -> Result<Topic<Ipc, [u8], ()
     .enable_safe_overflow(true);
     match side {
         Side::Plant => {
-            let topic = builder.create().map_err(|e| transport(name, e))?;
+            let topic = builder.create().map_err(|error| match error {
+                PublishSubscribeCreateError::AlreadyExists => LinkError::Taken {
+                    service: name.into(),
+                    role: side.name(),
+                },
+                error => transport(name, error),
+            })?;
             // What was asked for is a minimum only when opening, but trust nothing.
             if topic.static_config().max_publishers() != 1 {
                 return Err(LinkError::Foreign {
@@ -161,6 +208,8 @@ trait Outgoing {
 
 /// A frame channel's receiving end, whatever its size class.
 trait Incoming {
+    /// The processes that may send on it.
+    fn writers(&self) -> Vec<u32>;
     fn receive(&mut self, values: &mut [f64], seal: Seal) -> Option<Result<Header, FrameError>>;
 }
 
@@ -178,11 +227,21 @@ impl<const N: usize> Outgoing for Writer<N> {
 }
 
 struct Reader<const N: usize> {
+    board: Blackboard<Ipc, u8>,
     cell: EntryHandle<Ipc, u8, Frame<N>>,
     last: Option<BlackboardValue<Frame<N>>>,
 }
 
 impl<const N: usize> Incoming for Reader<N> {
+    fn writers(&self) -> Vec<u32> {
+        let mut writers = Vec::new();
+        self.board.dynamic_config().list_writers(|writer| {
+            writers.push(process_of(&writer.node_id));
+            CallbackProgression::Continue
+        });
+        writers
+    }
+
     fn receive(&mut self, values: &mut [f64], seal: Seal) -> Option<Result<Header, FrameError>> {
         if let Some(last) = &self.last
             && self.cell.is_up_to_date(last)
@@ -264,14 +323,21 @@ fn incoming<const N: usize>(
     name: &str,
     seal: Seal,
 ) -> Result<Box<dyn Incoming>, LinkError> {
-    let reader = (board::<N>(node, side, name, seal)?
-        .reader_builder()
-        .create())
-    .map_err(|e| transport(name, e))?;
+    let board = board::<N>(node, side, name, seal)?;
+    let reader = (board.reader_builder().create()).map_err(|e| transport(name, e))?;
     let cell = reader
         .entry::<Frame<N>>(&0)
         .map_err(|e| transport(name, e))?;
-    Ok(Box::new(Reader { cell, last: None }))
+    Ok(Box::new(Reader {
+        board,
+        cell,
+        last: None,
+    }))
+}
+
+/// The process behind a node; 0 if it has none.
+fn process_of(node: &UniqueNodeId) -> u32 {
+    node.pid::<Ipc>().map_or(0, |pid| pid.value() as u32)
 }
 
 fn class(count: usize) -> Result<SizeClass, LinkError> {
@@ -281,7 +347,8 @@ fn class(count: usize) -> Result<SizeClass, LinkError> {
 impl Link for IceoryxLink {
     fn send_control(&mut self, message: &[u8]) -> Result<(), LinkError> {
         let failed = |e: &dyn std::fmt::Debug| transport("control", e);
-        let sample = (self.speak.loan_slice_uninit(message.len())).map_err(|e| failed(&e))?;
+        let speak = &self.control.speak;
+        let sample = (speak.loan_slice_uninit(message.len())).map_err(|e| failed(&e))?;
         sample
             .write_from_slice(message)
             .send()
@@ -290,13 +357,44 @@ impl Link for IceoryxLink {
     }
 
     fn receive_control(&mut self) -> Result<Option<Vec<u8>>, LinkError> {
-        let sample = self.listen.receive().map_err(|e| transport("control", e))?;
+        let sample = (self.control.listen.receive()).map_err(|e| transport("control", e))?;
         Ok(sample.map(|message| message.payload().to_vec()))
     }
 
+    fn expect(&mut self, epoch: u32) -> Result<(), LinkError> {
+        self.control = ControlChannel::new(&self.node, self.side, epoch)?;
+        Ok(())
+    }
+
+    fn peer(&self) -> Result<Peer, LinkError> {
+        // Read anew: the launcher notes a process after it started it.
+        let session = SessionInfo::read(&self.session.folder);
+        let session = session.map_err(|e| transport("session.json", e))?;
+        let launched = session.controller.filter(|c| c.epoch == self.control.epoch);
+        let Some(launched) = launched else {
+            return Ok(Peer::Unknown);
+        };
+        let mut speakers = Vec::new();
+        (self.control.heard.dynamic_config()).list_publishers(|publisher| {
+            speakers.push(process_of(&publisher.node_id));
+            CallbackProgression::Continue
+        });
+        let newest = self.next.as_ref().or(self.frames.as_ref());
+        if let Some(frames) = newest.filter(|frames| frames.seal.epoch == self.control.epoch) {
+            speakers.extend(frames.incoming.writers());
+        }
+        let mut strangers = (speakers.into_iter()).filter(|pid| !launched.process.leads(*pid));
+        Ok(match strangers.next() {
+            None => Peer::Launched,
+            Some(pid) => Peer::Stranger(format!(
+                "process {pid}{} speaks for the controller; the one launched is process {}",
+                ProcessId::name(pid).map_or_else(String::new, |name| format!(" ({name})")),
+                launched.process.pid
+            )),
+        })
+    }
+
     fn open_frames(&mut self, spec: &FrameSpec) -> Result<(), LinkError> {
-        self.frames = None;
-        self.sequence = 0;
         let samples = format!("frames/{}/samples", spec.seal.epoch);
         let commands = format!("frames/{}/commands", spec.seal.epoch);
         let (out_name, in_name) = match self.side {
@@ -306,19 +404,29 @@ impl Link for IceoryxLink {
         let (node, side, seal) = (&self.node, self.side, spec.seal);
         let out_class = class(spec.outgoing)?;
         let in_class = class(spec.incoming)?;
-        self.frames = Some(Frames {
+        self.next = Some(Frames {
             seal,
+            sequence: 0,
             outgoing: for_class!(out_class, outgoing(node, side, out_name, seal))?,
             incoming: for_class!(in_class, incoming(node, side, in_name, seal))?,
         });
+        if self.frames.is_none() {
+            self.take_over();
+        }
         Ok(())
+    }
+
+    fn take_over(&mut self) {
+        if self.next.is_some() {
+            self.frames = self.next.take();
+        }
     }
 
     fn send(&mut self, header: &Header, values: &[f64]) -> Result<(), LinkError> {
         let frames = self.frames.as_mut().ok_or(LinkError::NotOpen)?;
-        self.sequence += 1;
+        frames.sequence += 1;
         let header = Header {
-            sequence: self.sequence,
+            sequence: frames.sequence,
             ..*header
         };
         frames.outgoing.send(&header, values, frames.seal);

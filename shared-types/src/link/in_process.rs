@@ -7,7 +7,7 @@ use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::rc::Rc;
 
-use super::{FrameSpec, Link, LinkError, Rejected};
+use super::{FrameSpec, Link, LinkError, Peer, Rejected};
 use crate::frame::{Header, MAX_SIGNALS, Seal};
 use crate::table::canonical;
 
@@ -26,6 +26,8 @@ pub struct InProcessLink {
     outgoing: Rc<RefCell<Mailbox>>,
     incoming: Rc<RefCell<Mailbox>>,
     seal: Option<Seal>,
+    /// Of the frames opened last, if others are in use.
+    next: Option<Seal>,
     sequence: u64,
     rejected: Rejected,
 }
@@ -43,9 +45,18 @@ impl InProcessLink {
             outgoing,
             incoming,
             seal: None,
+            next: None,
             sequence: 0,
             rejected: Rejected::default(),
         }
+    }
+}
+
+impl InProcessLink {
+    /// An end for another controller on the same plant.
+    #[must_use]
+    pub fn another(&self) -> Self {
+        Self::new(Rc::clone(&self.outgoing), Rc::clone(&self.incoming))
     }
 }
 
@@ -60,16 +71,35 @@ impl Link for InProcessLink {
         Ok(self.incoming.borrow_mut().control.pop_front())
     }
 
+    fn expect(&mut self, _epoch: u32) -> Result<(), LinkError> {
+        self.incoming.borrow_mut().control.clear();
+        self.outgoing.borrow_mut().control.clear();
+        Ok(())
+    }
+
+    fn peer(&self) -> Result<Peer, LinkError> {
+        Ok(Peer::Launched)
+    }
+
     fn open_frames(&mut self, spec: &FrameSpec) -> Result<(), LinkError> {
         for count in [spec.outgoing, spec.incoming] {
             if count > MAX_SIGNALS {
                 return Err(LinkError::TooManySignals(count));
             }
         }
-        self.seal = Some(spec.seal);
-        self.sequence = 0;
         self.outgoing.borrow_mut().values.reserve(spec.outgoing);
+        self.next = Some(spec.seal);
+        if self.seal.is_none() {
+            self.take_over();
+        }
         Ok(())
+    }
+
+    fn take_over(&mut self) {
+        if let Some(next) = self.next.take() {
+            self.seal = Some(next);
+            self.sequence = 0;
+        }
     }
 
     fn send(&mut self, header: &Header, values: &[f64]) -> Result<(), LinkError> {

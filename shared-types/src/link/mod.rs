@@ -19,6 +19,9 @@ use crate::frame::{FrameError, Header, Seal};
 /// 2. Both call [`open_frames`](Link::open_frames), the plant first.
 /// 3. Frames flow. A newer frame replaces an older one that was not received: the link holds the
 ///    latest state, not a queue.
+/// 4. The plant may [`expect`](Link::expect) another controller: control messages are its from then
+///    on, while the frames of the one in office go on until the plant calls
+///    [`take_over`](Link::take_over).
 pub trait Link {
     /// Sends a control message.
     ///
@@ -32,11 +35,29 @@ pub trait Link {
     /// If the transport failed.
     fn receive_control(&mut self) -> Result<Option<Vec<u8>>, LinkError>;
 
-    /// Opens the frame channels for so many values in each direction.
+    /// Makes a control channel for the controller of this epoch, in place of the one there is. For the
+    /// plant.
+    ///
+    /// # Errors
+    /// If the transport failed.
+    fn expect(&mut self, epoch: u32) -> Result<(), LinkError>;
+
+    /// Whether who speaks on the control channel, and on the frames opened last, is the process that
+    /// was launched for it. For the plant.
+    ///
+    /// # Errors
+    /// If that cannot be found out.
+    fn peer(&self) -> Result<Peer, LinkError>;
+
+    /// Opens the frame channels for so many values in each direction. They are in use at once if none
+    /// are, else from [`take_over`](Link::take_over) on.
     ///
     /// # Errors
     /// If the transport failed or the other side opened another layout.
     fn open_frames(&mut self, spec: &FrameSpec) -> Result<(), LinkError>;
+
+    /// Uses the frame channels that were opened last, and no others any more.
+    fn take_over(&mut self);
 
     /// Sends a frame; the link fills in session, layout, epoch, sequence, count and check sum.
     ///
@@ -53,6 +74,17 @@ pub trait Link {
 
     /// Frames that arrived and were refused.
     fn rejected(&self) -> Rejected;
+}
+
+/// Who speaks for the controller.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Peer {
+    /// The process that was launched for it.
+    Launched,
+    /// It is not known yet which process was launched for it.
+    Unknown,
+    /// Another process, as told.
+    Stranger(String),
 }
 
 /// What the frame channels are opened for.
@@ -100,6 +132,14 @@ pub enum LinkError {
         service: String,
         /// What differs.
         reason: String,
+    },
+    /// Another process has the place.
+    #[error("{service} has its {role} already")]
+    Taken {
+        /// Which service.
+        service: String,
+        /// What the process wanted to be.
+        role: &'static str,
     },
     /// The operating system or the transport refused.
     #[error("{service}: {reason}")]

@@ -49,7 +49,13 @@ pub enum ControllerAction {
 enum State {
     Start,
     AwaitWelcome(Box<Hello>),
-    Opening { epoch: u32, first: Step },
+    Opening {
+        epoch: u32,
+        first: Step,
+    },
+    /// Nothing was exchanged yet. Steps before the first sample belonged to another controller, if
+    /// there was one.
+    AwaitFirst(Step),
     AwaitSample(Step),
     Over,
 }
@@ -59,6 +65,8 @@ enum State {
 pub struct ControllerSide {
     state: State,
     against_clock: bool,
+    /// There was another controller before.
+    takes_over: bool,
     ignored: u64,
 }
 
@@ -75,6 +83,7 @@ impl ControllerSide {
         Self {
             state: State::Start,
             against_clock: false,
+            takes_over: false,
             ignored: 0,
         }
     }
@@ -82,13 +91,22 @@ impl ControllerSide {
     /// Whether frames are not flowing yet.
     #[must_use]
     pub const fn is_greeting(&self) -> bool {
-        !matches!(self.state, State::AwaitSample(_) | State::Over)
+        !matches!(
+            self.state,
+            State::AwaitFirst(_) | State::AwaitSample(_) | State::Over
+        )
     }
 
     /// Whether the run is over, either way.
     #[must_use]
     pub const fn is_over(&self) -> bool {
         matches!(self.state, State::Over)
+    }
+
+    /// Whether frames may flow and none came yet.
+    #[must_use]
+    pub const fn awaits_first(&self) -> bool {
+        matches!(self.state, State::AwaitFirst(_))
     }
 
     /// Frames of steps long past that were passed over.
@@ -101,7 +119,7 @@ impl ControllerSide {
     #[must_use]
     pub const fn at(&self) -> Step {
         match self.state {
-            State::AwaitSample(step) => step,
+            State::AwaitFirst(step) | State::AwaitSample(step) => step,
             _ => Step(0),
         }
     }
@@ -124,6 +142,7 @@ impl ControllerSide {
                 match welcome.check(hello) {
                     Ok(()) => {
                         self.against_clock = welcome.against_clock;
+                        self.takes_over = welcome.epoch > 1;
                         self.state = State::Opening {
                             epoch: welcome.epoch,
                             first: welcome.first,
@@ -138,13 +157,13 @@ impl ControllerSide {
             }
             (State::Opening { epoch, first }, ControllerEvent::Opened) => {
                 let (epoch, first) = (*epoch, *first);
-                self.state = State::AwaitSample(first);
+                self.state = State::AwaitFirst(first);
                 ControllerAction::SendReady(epoch)
             }
 
             (_, ControllerEvent::Frame(header)) => self.on_frame(header),
 
-            (State::AwaitSample(step), ControllerEvent::Deadline(ms)) => {
+            (State::AwaitFirst(step) | State::AwaitSample(step), ControllerEvent::Deadline(ms)) => {
                 let what = format!("send step {step}");
                 self.late(what, *ms)
             }
@@ -166,6 +185,7 @@ impl ControllerSide {
 
     fn on_frame(&mut self, header: &Header) -> ControllerAction {
         let got = Step(header.step);
+        let may_be_later = self.against_clock || (self.awaits_first() && self.takes_over);
         match (&self.state, header.kind()) {
             (_, Some(FrameKind::Abort)) => {
                 let code = AbortCode::from_wire(header.directive);
@@ -175,14 +195,14 @@ impl ControllerSide {
                     code,
                 })
             }
-            (State::AwaitSample(step), Some(FrameKind::Sample))
-                if got == *step || (self.against_clock && got > *step) =>
+            (State::AwaitFirst(step) | State::AwaitSample(step), Some(FrameKind::Sample))
+                if got == *step || (may_be_later && got > *step) =>
             {
                 self.state = State::AwaitSample(got.next());
                 ControllerAction::Answer(got)
             }
-            (State::AwaitSample(step), Some(FrameKind::End)) => {
-                if got == *step || (self.against_clock && got > *step) {
+            (State::AwaitFirst(step) | State::AwaitSample(step), Some(FrameKind::End)) => {
+                if got == *step || (may_be_later && got > *step) {
                     self.state = State::Over;
                     ControllerAction::ConfirmEnd(got)
                 } else {
@@ -191,7 +211,7 @@ impl ControllerSide {
                 }
             }
             // The run is paused: the wait for the same sample begins anew.
-            (_, Some(FrameKind::Hold)) if got.0 <= self.at().0 || self.against_clock => {
+            (_, Some(FrameKind::Hold)) if got.0 <= self.at().0 || may_be_later => {
                 ControllerAction::Ignore
             }
             // A sample that was answered already, seen again.
@@ -227,5 +247,19 @@ impl ControllerSide {
     fn abort(&mut self, abort: Abort) -> ControllerAction {
         self.state = State::Over;
         ControllerAction::Abort(abort)
+    }
+
+    /// All that decides what it does next, of one that says the same hello as the others.
+    #[cfg(test)]
+    pub(super) fn key(&self) -> [u64; 3] {
+        let (state, step) = match self.state {
+            State::Start => (0, 0),
+            State::AwaitWelcome(_) => (1, 0),
+            State::Opening { first, .. } => (2, first.0),
+            State::AwaitFirst(step) => (3, step.0),
+            State::AwaitSample(step) => (4, step.0),
+            State::Over => (5, 0),
+        };
+        [state, step, u64::from(self.takes_over)]
     }
 }

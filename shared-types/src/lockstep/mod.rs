@@ -17,13 +17,19 @@
 //!   confirmed N ----->
 //! ```
 //!
+//! A controller that is lost may be replaced while the run goes on ([`OnLoss`]): each has an epoch of
+//! its own, a number that every frame carries, so that nothing of the old one is ever taken for the
+//! new one's. Another is greeted beside the one in office, which goes on until it is ready.
+//!
 //! Against the clock the plant does not wait for a command beyond its deadline: it goes on with the
 //! newest one that it has, and a controller that comes late finds a later sample.
 
 mod controller;
+mod loss;
 mod plant;
 
 pub use controller::{ControllerAction, ControllerEvent, ControllerSide};
+pub use loss::OnLoss;
 pub use plant::{PlantAction, PlantEvent, PlantSide};
 
 use crate::time::Step;
@@ -50,6 +56,8 @@ pub enum AbortCode {
     Other = 8,
     /// A step overran, and the policy is to end the run.
     Overrun = 9,
+    /// Another controller took its place.
+    Replaced = 10,
 }
 
 impl AbortCode {
@@ -65,6 +73,7 @@ impl AbortCode {
             6 => Self::NotANumber,
             7 => Self::Observer,
             9 => Self::Overrun,
+            10 => Self::Replaced,
             _ => Self::Other,
         }
     }
@@ -135,6 +144,7 @@ const fn told(code: AbortCode) -> &'static str {
         AbortCode::NotANumber => "a signal was not a number",
         AbortCode::Observer => "the recorder is stuck or gone",
         AbortCode::Overrun => "a step overran",
+        AbortCode::Replaced => "another controller took this one's place",
         AbortCode::Other => "see its log",
     }
 }
@@ -153,5 +163,7 @@ impl Abort {
     }
 }
 
+#[cfg(test)]
+mod explorer;
 #[cfg(test)]
 mod tests;

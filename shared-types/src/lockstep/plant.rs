@@ -1,6 +1,6 @@
 //! The plant's side of lockstep.
 
-use super::{Abort, AbortCode};
+use super::{Abort, AbortCode, OnLoss};
 use crate::frame::{FrameKind, Header};
 use crate::hello::{Hello, Offer, Welcome, agree};
 use crate::time::Step;
@@ -10,6 +10,8 @@ const PEER: &str = "controller";
 /// What happened.
 #[derive(Debug)]
 pub enum PlantEvent<'a> {
+    /// The launcher announces the controller of this epoch.
+    Expect(u32),
     /// A hello came; what the plant offers in return.
     Hello(&'a Hello, &'a Offer<'a>),
     /// The controller opened the frames of this epoch.
@@ -18,12 +20,15 @@ pub enum PlantEvent<'a> {
     Release,
     /// A frame came that passed the link's checks.
     Frame(&'a Header),
-    /// The command of the step missed its deadline, against the clock.
+    /// No command for this step comes in time: it missed its deadline, against the clock, or there
+    /// is no controller.
     Missed,
-    /// The bounded wait, so many ms long, is over.
+    /// The bounded wait for the controller in office, so many ms long, is over.
     Deadline(u64),
-    /// The controller's process ended.
-    PeerGone,
+    /// The same for the one that was announced.
+    CandidateLate(u64),
+    /// The process of the controller of this epoch ended; the largest number is the one in office.
+    PeerGone(u32),
     /// Somebody wants the run to end.
     Stop,
 }
@@ -33,10 +38,18 @@ pub enum PlantEvent<'a> {
 pub enum PlantAction {
     /// Nothing; the event changes nothing.
     Ignore,
+    /// Make a control channel for the controller of this epoch.
+    Expect(u32),
     /// Open the frames, then send this welcome.
     Welcome(Box<Welcome>),
     /// Send a refusal with this reason; the run is over.
     Refuse(String),
+    /// Send a refusal with this reason to the controller that was announced; the run goes on
+    /// without it.
+    Dismiss(Abort),
+    /// The controller that was announced is in office: tell the old one, use the new frames, and send
+    /// the sample of this step once more if there is one.
+    TakeOver(Option<Step>),
     /// Send the sample of this step.
     SendSample(Step),
     /// Apply the command that just came to this step, integrate, publish the record.
@@ -47,8 +60,10 @@ pub enum PlantAction {
     Hold(Step),
     /// Send the end after so many steps.
     SendEnd(Step),
-    /// Both sides executed every step.
+    /// Every step was executed: by both sides, or by the plant alone if its controller was lost.
     Finish,
+    /// The controller is lost and the run goes on without it: tell observers.
+    Lose(Abort),
     /// Tell the controller (unless it is gone) and end.
     Abort(Abort),
 }
@@ -56,15 +71,20 @@ pub enum PlantAction {
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 enum State {
     AwaitHello,
-    AwaitReady {
-        epoch: u32,
-    },
+    AwaitReady,
     /// Step not yet released.
     Between(Step),
     /// Sample sent, command awaited.
     AwaitCommand(Step),
     AwaitConfirmation,
     Over,
+}
+
+/// A controller that was announced and is not in office yet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+struct Candidate {
+    epoch: u32,
+    welcomed: bool,
 }
 
 /// The plant's side: waits for hello, then exchanges `steps` steps, then the end barrier.
@@ -74,6 +94,12 @@ pub struct PlantSide {
     first: Step,
     steps: u64,
     against_clock: bool,
+    on_loss: OnLoss,
+    /// The controller in office, or the last one that was.
+    epoch: u32,
+    /// It is not there any more.
+    lost: bool,
+    candidate: Option<Candidate>,
     ignored: u64,
 }
 
@@ -86,6 +112,10 @@ impl PlantSide {
             first: Step(0),
             steps,
             against_clock: false,
+            on_loss: OnLoss::Abort,
+            epoch: 1,
+            lost: false,
+            candidate: None,
             ignored: 0,
         }
     }
@@ -94,6 +124,13 @@ impl PlantSide {
     #[must_use]
     pub const fn against_clock(mut self) -> Self {
         self.against_clock = true;
+        self
+    }
+
+    /// The same that does this when its controller is lost.
+    #[must_use]
+    pub const fn on_loss(mut self, on_loss: OnLoss) -> Self {
+        self.on_loss = on_loss;
         self
     }
 
@@ -117,13 +154,37 @@ impl PlantSide {
     /// Whether hello is still going on.
     #[must_use]
     pub const fn is_greeting(&self) -> bool {
-        matches!(self.state, State::AwaitHello | State::AwaitReady { .. })
+        matches!(self.state, State::AwaitHello | State::AwaitReady)
     }
 
     /// Whether the run is over, either way.
     #[must_use]
     pub const fn is_over(&self) -> bool {
         matches!(self.state, State::Over)
+    }
+
+    /// Whether there is no controller.
+    #[must_use]
+    pub const fn is_alone(&self) -> bool {
+        self.lost
+    }
+
+    /// Whether steps wait until there is a controller again.
+    #[must_use]
+    pub fn waits_for_controller(&self) -> bool {
+        self.lost && self.on_loss == OnLoss::WaitForRestart && !self.against_clock
+    }
+
+    /// The epoch of the controller in office, or of the last one that was.
+    #[must_use]
+    pub const fn epoch(&self) -> u32 {
+        self.epoch
+    }
+
+    /// The epoch of a controller that was announced and is not in office yet.
+    #[must_use]
+    pub fn candidate(&self) -> Option<u32> {
+        self.candidate.map(|candidate| candidate.epoch)
     }
 
     /// Frames of steps long past that were passed over.
@@ -137,7 +198,7 @@ impl PlantSide {
     pub const fn at(&self) -> Step {
         match self.state {
             State::Between(step) | State::AwaitCommand(step) => step,
-            State::AwaitHello | State::AwaitReady { .. } => self.first,
+            State::AwaitHello | State::AwaitReady => self.first,
             State::AwaitConfirmation | State::Over => Step(self.steps),
         }
     }
@@ -147,16 +208,11 @@ impl PlantSide {
         match (&self.state, event) {
             (State::Over, _) => PlantAction::Ignore,
             (_, PlantEvent::Stop) => self.abort(Abort::Stopped { at: self.at() }),
-            (_, PlantEvent::PeerGone) => self.abort(Abort::Gone {
-                peer: PEER,
-                at: self.at(),
-            }),
+            (_, PlantEvent::PeerGone(epoch)) => self.gone(*epoch),
 
             (State::AwaitHello, PlantEvent::Hello(hello, offer)) => match agree(hello, offer) {
                 Ok(welcome) => {
-                    self.state = State::AwaitReady {
-                        epoch: welcome.epoch,
-                    };
+                    self.state = State::AwaitReady;
                     PlantAction::Welcome(Box::new(welcome))
                 }
                 Err(refused) => {
@@ -164,10 +220,14 @@ impl PlantSide {
                     PlantAction::Refuse(refused.to_string())
                 }
             },
-            (State::AwaitReady { epoch }, PlantEvent::Ready(ready)) if ready == epoch => {
+            (State::AwaitReady, PlantEvent::Ready(ready)) if *ready == self.epoch => {
                 self.state = State::Between(self.first);
                 PlantAction::Ignore
             }
+            (_, PlantEvent::Expect(epoch)) => self.expect(*epoch),
+            (_, PlantEvent::Hello(hello, offer)) => self.greet(hello, offer),
+            (_, PlantEvent::Ready(epoch)) => self.take_over(*epoch),
+            (_, PlantEvent::CandidateLate(ms)) => self.candidate_late(*ms),
 
             (State::Between(step), PlantEvent::Release) if step.0 < self.steps => {
                 let step = *step;
@@ -179,20 +239,33 @@ impl PlantSide {
                 PlantAction::SendEnd(Step(self.steps))
             }
 
-            (State::AwaitCommand(step), PlantEvent::Missed) if self.against_clock => {
+            (State::AwaitCommand(_), PlantEvent::Missed) if self.waits_for_controller() => {
+                PlantAction::Ignore
+            }
+            (State::AwaitCommand(step), PlantEvent::Missed) if self.goes_on_without_command() => {
                 let step = *step;
                 self.state = State::Between(step.next());
                 PlantAction::Hold(step)
             }
+            (State::AwaitConfirmation, PlantEvent::Missed) if self.lost => {
+                self.state = State::Over;
+                PlantAction::Finish
+            }
 
+            // Whoever it is from, nobody is in office.
+            (_, PlantEvent::Frame(_)) if self.lost => self.ignore(),
             (_, PlantEvent::Frame(header)) => self.on_frame(header),
 
             (State::AwaitHello, PlantEvent::Deadline(ms)) => self.late("say hello".into(), *ms),
-            (State::AwaitReady { .. }, PlantEvent::Deadline(ms)) => {
+            (State::AwaitReady, PlantEvent::Deadline(ms)) => {
                 self.late("open its frames".into(), *ms)
             }
             (State::AwaitCommand(step), PlantEvent::Deadline(ms)) => {
-                let what = format!("answer step {step}");
+                let what = if self.lost {
+                    format!("take over at step {step}")
+                } else {
+                    format!("answer step {step}")
+                };
                 self.late(what, *ms)
             }
             (State::AwaitConfirmation, PlantEvent::Deadline(ms)) => {
@@ -201,13 +274,7 @@ impl PlantSide {
             // Nothing is awaited from the controller between steps.
             (State::Between(_), PlantEvent::Deadline(_)) => PlantAction::Ignore,
 
-            (
-                _,
-                PlantEvent::Hello(..)
-                | PlantEvent::Ready(_)
-                | PlantEvent::Release
-                | PlantEvent::Missed,
-            ) => self.ignore(),
+            (_, PlantEvent::Release | PlantEvent::Missed) => self.ignore(),
         }
     }
 
@@ -216,7 +283,7 @@ impl PlantSide {
         match (&self.state, header.kind()) {
             (_, Some(FrameKind::Abort)) => {
                 let code = AbortCode::from_wire(header.directive);
-                self.abort(Abort::ByPeer {
+                self.lose(Abort::ByPeer {
                     peer: PEER,
                     at: self.at(),
                     code,
@@ -249,29 +316,167 @@ impl PlantSide {
         }
     }
 
+    /// Whether a step may meet the newest command instead of its own.
+    const fn goes_on_without_command(&self) -> bool {
+        self.against_clock || self.lost
+    }
+
+    fn expect(&mut self, epoch: u32) -> PlantAction {
+        let newest = self.candidate().unwrap_or(self.epoch);
+        if self.is_greeting() || epoch <= newest {
+            return self.ignore();
+        }
+        self.candidate = Some(Candidate {
+            epoch,
+            welcomed: false,
+        });
+        PlantAction::Expect(epoch)
+    }
+
+    /// The hello of one that was announced.
+    fn greet(&mut self, hello: &Hello, offer: &Offer<'_>) -> PlantAction {
+        let Some(candidate) = self.candidate.filter(|candidate| !candidate.welcomed) else {
+            return self.ignore();
+        };
+        match agree(hello, offer) {
+            Ok(welcome) => {
+                self.candidate = Some(Candidate {
+                    welcomed: true,
+                    ..candidate
+                });
+                PlantAction::Welcome(Box::new(welcome))
+            }
+            Err(refused) => self.dismiss(Abort::Refused(refused.to_string())),
+        }
+    }
+
+    fn take_over(&mut self, epoch: u32) -> PlantAction {
+        if self.candidate
+            != Some(Candidate {
+                epoch,
+                welcomed: true,
+            })
+        {
+            return self.ignore();
+        }
+        if self.state == State::AwaitConfirmation {
+            let late = format!("it came after the last of {} steps", self.steps);
+            return self.dismiss(Abort::Refused(late));
+        }
+        self.candidate = None;
+        self.epoch = epoch;
+        self.lost = false;
+        PlantAction::TakeOver(match self.state {
+            State::AwaitCommand(step) => Some(step),
+            _ => None,
+        })
+    }
+
+    /// Goes on without the one that was announced, if it can.
+    fn dismiss(&mut self, why: Abort) -> PlantAction {
+        self.candidate = None;
+        if self.lost && self.on_loss == OnLoss::WaitForRestart {
+            self.abort(why)
+        } else {
+            PlantAction::Dismiss(why)
+        }
+    }
+
+    fn candidate_late(&mut self, limit_ms: u64) -> PlantAction {
+        let Some(candidate) = self.candidate else {
+            return self.ignore();
+        };
+        let what = if candidate.welcomed {
+            "open its frames"
+        } else {
+            "say hello"
+        };
+        self.dismiss(Abort::Late {
+            peer: "the new controller",
+            what: what.into(),
+            limit_ms,
+        })
+    }
+
+    fn gone(&mut self, epoch: u32) -> PlantAction {
+        let at = self.at();
+        if self.candidate() == Some(epoch) {
+            return self.dismiss(Abort::Gone {
+                peer: "the new controller",
+                at,
+            });
+        }
+        // The largest number is whoever is in office.
+        if epoch == self.epoch || epoch == u32::MAX {
+            return self.lose(Abort::Gone { peer: PEER, at });
+        }
+        self.ignore()
+    }
+
     fn ignore(&mut self) -> PlantAction {
         self.ignored += 1;
         PlantAction::Ignore
     }
 
     fn late(&mut self, what: String, limit_ms: u64) -> PlantAction {
-        self.abort(Abort::Late {
+        let late = Abort::Late {
             peer: PEER,
             what,
             limit_ms,
-        })
+        };
+        if self.lost && self.on_loss == OnLoss::WaitForRestart {
+            // Nobody came in its place.
+            self.abort(late)
+        } else {
+            self.lose(late)
+        }
     }
 
     fn broken(&mut self, what: String) -> PlantAction {
-        self.abort(Abort::Protocol {
+        self.lose(Abort::Protocol {
             peer: PEER,
             at: self.at(),
             what,
         })
     }
 
+    /// The controller in office is of no more use.
+    fn lose(&mut self, why: Abort) -> PlantAction {
+        if self.lost {
+            return self.ignore();
+        }
+        if self.is_greeting() || self.on_loss == OnLoss::Abort {
+            return self.abort(why);
+        }
+        self.lost = true;
+        PlantAction::Lose(why)
+    }
+
     fn abort(&mut self, abort: Abort) -> PlantAction {
         self.state = State::Over;
         PlantAction::Abort(abort)
+    }
+
+    /// All that decides what it does next.
+    #[cfg(test)]
+    pub(super) fn key(&self) -> [u64; 6] {
+        let state = match self.state {
+            State::AwaitHello => 0,
+            State::AwaitReady => 1,
+            State::Between(_) => 2,
+            State::AwaitCommand(_) => 3,
+            State::AwaitConfirmation => 4,
+            State::Over => 5,
+        };
+        let (epoch, welcomed) =
+            (self.candidate).map_or((0, false), |one| (one.epoch, one.welcomed));
+        [
+            state,
+            self.at().0,
+            u64::from(self.epoch),
+            u64::from(self.lost),
+            u64::from(epoch),
+            u64::from(welcomed),
+        ]
     }
 }

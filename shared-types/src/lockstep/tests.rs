@@ -279,7 +279,10 @@ fn stop_and_loss_end_every_state() {
         peer: "controller",
         at: Step(0),
     };
-    assert_eq!(running.on(&PlantEvent::PeerGone), PlantAction::Abort(gone));
+    assert_eq!(
+        running.on(&PlantEvent::PeerGone(1)),
+        PlantAction::Abort(gone)
+    );
     assert_eq!(
         running.on(&PlantEvent::Release),
         PlantAction::Ignore,
