@@ -245,6 +245,14 @@ pub(crate) const RUN: &[Key] = &[
         number_or("1", 0.01, 1.0, 0.8),
         "In real time: share of its period within which the command of a step must be there; what is left is the plant's.",
     ),
+    Key::new(
+        "on_controller_loss",
+        Kind::Text {
+            choices: &["abort", "hold", "safe-command", "wait-for-restart"],
+            default: Some("abort"),
+        },
+        "What the plant does when its controller dies, stops answering or breaks the protocol: abort ends the run; hold goes on with the last command; safe-command goes on with plant.safe_command; wait-for-restart starts the controller anew and waits for it, in real time with the last command.",
+    ),
 ];
 
 /// `[plant]`.
@@ -264,6 +272,11 @@ pub(crate) const PLANT: &[Key] = &[
         "limits",
         Kind::Described,
         "Ranges [min, max] of true signals, outside which the run ends as diverged; replace the plant's own.",
+    ),
+    Key::new(
+        "safe_command",
+        Kind::Described,
+        "Commands that the plant gets while run.on_controller_loss = \"safe-command\" acts. Default: 0.",
     ),
 ];
 

@@ -8,6 +8,7 @@ mod requirement;
 
 use serde::{Deserialize, Serialize};
 use shared_types::describe::{Operation, Settings};
+use shared_types::lockstep::OnLoss;
 use shared_types::pacer::OverrunPolicy;
 use shared_types::realtime;
 use shared_types::table::{Field, derivative_of};
@@ -65,6 +66,9 @@ pub struct Run {
     pub overrun: OverrunPolicy,
     /// In real time: share of its period within which the command of a step must be there.
     pub deadline: f64,
+    /// What the plant does when its controller is lost.
+    #[serde(default)]
+    pub on_controller_loss: OnLoss,
 }
 
 /// What releases a step.
@@ -153,6 +157,9 @@ pub struct PlantPlan {
     pub parameters: Settings,
     /// Limits on truth signals that replace the model's own.
     pub limits: Vec<Limit>,
+    /// Every command as it is while the policy `safe-command` acts.
+    #[serde(default)]
+    pub safe_command: Settings,
 }
 
 /// A range that a true signal must not leave.

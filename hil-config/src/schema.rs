@@ -36,6 +36,8 @@ pub fn schema(
         merge(&mut plant["parameters"], described(&all));
         let truth: Vec<&Field> = plants.iter().flat_map(|plant| &plant.truth).collect();
         merge(&mut plant["limits"], limits(&truth));
+        let commands: Vec<&Field> = plants.iter().flat_map(|plant| &plant.commands).collect();
+        merge(&mut plant["safe_command"], described(&commands));
     }
     if !laws.is_empty() {
         let controller = &mut properties["controller"]["properties"];

@@ -163,6 +163,8 @@ fn run(text: &mut String, run: &Run) -> Written {
     }
     writeln!(text, "overrun = \"{}\"", run.overrun.name())?;
     writeln!(text, "deadline = {}", toml_float(run.deadline))?;
+    let on_loss = run.on_controller_loss.name();
+    writeln!(text, "on_controller_loss = \"{on_loss}\"")?;
     Ok(())
 }
 
@@ -202,7 +204,8 @@ fn plant_tables(text: &mut String, plan: &PlantPlan, plant: &PlantDescription) -
         let (min, max) = (toml_float(limit.min), toml_float(limit.max));
         writeln!(text, "{} = [{min}, {max}]", key(&limit.signal))?;
     }
-    Ok(())
+    let safe = &plan.safe_command;
+    settings(text, "plant.safe_command", safe, &plant.commands)
 }
 
 fn controller(

@@ -1,10 +1,11 @@
-//! `[plant]`: model, substeps, parameters and limits.
+//! `[plant]`: model, substeps, parameters, limits and the safe command.
 
-use shared_types::describe::PlantDescription;
+use shared_types::describe::{PlantDescription, Settings};
 
 use super::parameters;
 use crate::plan::{Limit, PlantPlan};
 use crate::problem::{ProblemKind, listed};
+use crate::quantity::Quantity;
 use crate::reader::{Reader, Section};
 
 /// The description of the model that is asked for.
@@ -39,6 +40,7 @@ pub(super) fn check(
     let substeps = reader.integer(section, "substeps");
     let parameters_section = reader.section(section, "parameters");
     let limits_section = reader.section(section, "limits");
+    let safe_section = reader.section(section, "safe_command");
     let plant = plant?;
 
     let given = parameters_section
@@ -53,12 +55,49 @@ pub(super) fn check(
     let limits = limits_section
         .map(|section| limits(reader, &section, plant))
         .unwrap_or_default();
+    let safe_command = safe_command(reader, safe_section.as_ref(), plant);
     Some(PlantPlan {
         model: plant.name.clone(),
         substeps: u32::try_from(substeps?).ok()?,
         parameters,
         limits,
+        safe_command,
     })
+}
+
+/// Every command of the plant: as written, else 0.
+fn safe_command(
+    reader: &mut Reader,
+    section: Option<&Section<'_>>,
+    plant: &PlantDescription,
+) -> Settings {
+    let mut commands = Settings::default();
+    for field in &plant.commands {
+        commands.set(&field.name, 0.0);
+    }
+    for entry in section.iter().flat_map(|section| &section.table.entries) {
+        let path = format!("plant.safe_command.{}", entry.key);
+        let names = || plant.commands.iter().map(|field| field.name.as_str());
+        let Some(field) = (plant.commands.iter()).find(|field| field.name == entry.key) else {
+            let message = format!("plant `{}` takes no command `{}`", plant.name, entry.key);
+            reader
+                .report(ProblemKind::UnknownName, path, &entry.key_place, message)
+                .expected(format!("one of {}", listed(names())))
+                .nearest(&entry.key, names());
+            continue;
+        };
+        let finite = Quantity {
+            name: "",
+            unit: &field.unit,
+            min: f64::MIN,
+            max: f64::MAX,
+            whole: false,
+        };
+        if let Some(value) = reader.quantity(&path, &entry.node, &finite) {
+            commands.set(&field.name, value);
+        }
+    }
+    commands
 }
 
 fn limits(reader: &mut Reader, section: &Section<'_>, plant: &PlantDescription) -> Vec<Limit> {

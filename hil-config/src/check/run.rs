@@ -1,5 +1,6 @@
 //! `[run]`: rate, number of steps, seed and clock.
 
+use shared_types::lockstep::OnLoss;
 use shared_types::pacer::OverrunPolicy;
 use shared_types::time::{Rate, Step};
 
@@ -52,20 +53,21 @@ pub(super) fn check(reader: &mut Reader, root: &Section<'_>) -> (Option<Grid>, O
         policies.find(|policy| policy.name() == name)
     });
     let deadline = reader.number(&section, "deadline");
-    let run = match (grid, seed, clock, overrun, deadline) {
-        (Some(Grid { rate, steps }), Some(seed), Some(clock), Some(overrun), Some(deadline)) => {
-            Some(Run {
-                rate,
-                steps,
-                seed: seed.unsigned_abs(), // its range begins at 0
-                clock,
-                overrun,
-                deadline,
-            })
-        }
-        _ => None,
+    let on_controller_loss = (reader.text(&section, "on_controller_loss"))
+        .and_then(|name| OnLoss::ALL.into_iter().find(|policy| policy.name() == name));
+    let run = || {
+        let Grid { rate, steps } = grid?;
+        Some(Run {
+            rate,
+            steps,
+            seed: seed?.unsigned_abs(), // its range begins at 0
+            clock: clock?,
+            overrun: overrun?,
+            deadline: deadline?,
+            on_controller_loss: on_controller_loss?,
+        })
     };
-    (grid, run)
+    (grid, run())
 }
 
 /// The number of steps of a duration, which must be whole.
