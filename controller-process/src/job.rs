@@ -17,6 +17,8 @@ pub struct Job {
     pub protocol: u32,
     /// Random number of the session.
     pub session: u64,
+    /// Which controller of the session this one is, from 1.
+    pub epoch: u32,
     /// Name of the plant, which chooses among laws of one name.
     pub plant: String,
     /// Name of the law.

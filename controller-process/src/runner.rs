@@ -198,7 +198,7 @@ impl<'a, L: Link> Runner<'a, L> {
                     done
                 }
                 // Once frames flow, a refusal is the plant giving up before the first step.
-                None if self.side.at() == self.job.checkpoints.first_step() => self.greet()?,
+                None if self.side.awaits_first() => self.greet()?,
                 None => false,
             },
         };
@@ -269,7 +269,8 @@ impl<'a, L: Link> Runner<'a, L> {
             ));
         }
         let (theirs, ours) = (welcome.first, self.job.checkpoints.first_step());
-        if theirs != ours {
+        // One that takes over begins where the run is.
+        if theirs != ours && self.job.epoch == 1 {
             return Err(format!(
                 "the plant begins at step {theirs}, this controller's job at step {ours}"
             ));

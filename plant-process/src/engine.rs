@@ -11,7 +11,7 @@ use shared_types::checkpoint::{Saves, Side};
 use shared_types::clock::monotonic_ns;
 use shared_types::describe::{Invalid, PlantDescription};
 use shared_types::frame::{FrameKind, Header};
-use shared_types::hello::{Control, Offer, Welcome};
+use shared_types::hello::{Control, Welcome};
 use shared_types::layout::SignalKind;
 use shared_types::link::{FrameSpec, Link, LinkError};
 use shared_types::lockstep::{Abort, AbortCode, PlantAction, PlantEvent, PlantSide};
@@ -32,6 +32,7 @@ use crate::plant::{Model, PlantKind};
 use crate::repeat::Repetition;
 use crate::rows::Rows;
 use crate::stimulus;
+use succession::Agreed;
 
 /// A step that no run reaches.
 const NEVER: Step = Step(u64::MAX);
@@ -62,7 +63,6 @@ pub struct Engine<L, S> {
     side: PlantSide,
     plant: Plant,
     job: Job,
-    epoch: u32,
     pacer: Option<Pacer>,
     desk: Arc<Desk>,
     /// When the controller was told last that the run is held; `None` while it is not.
@@ -99,6 +99,13 @@ pub struct Engine<L, S> {
     /// What the run goes on from, until hello.
     saved: Option<SavedPlant>,
     executed: u64,
+    /// A control message that waits until it is known who may speak for the controller.
+    heard: Option<Control>,
+    /// What was agreed with a controller that is not in office yet.
+    agreed: Option<Agreed>,
+    /// The epoch of the controller that was announced last, and since when it is awaited.
+    expected: u32,
+    expected_ns: u64,
     end: Option<RunEnd>,
 }
 
@@ -193,9 +200,9 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                 Clock::Realtime => PlantSide::new(job.run.steps).against_clock(),
                 Clock::Lockstep | Clock::Paced { .. } => PlantSide::new(job.run.steps),
             }
-            .beginning_at(first),
+            .beginning_at(first)
+            .on_loss(job.run.on_controller_loss),
             plant,
-            epoch: 1,
             pacer: None,
             desk: Arc::new(Desk::new(hold_at)),
             told_held_ns: None,
@@ -219,6 +226,10 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             saves: Saves::new(Side::Plant, &name, job.checkpoints.clone()),
             saved,
             executed: first.0,
+            heard: None,
+            agreed: None,
+            expected: 1,
+            expected_ns: 0,
             end: None,
             job,
         })
@@ -233,6 +244,8 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             Ok(Progress::Over)
         } else if self.side.is_greeting() {
             self.greet()
+        } else if self.side.candidate().is_some() && self.attend_candidate()? {
+            Ok(Progress::Busy)
         } else if let Some(step) = self.side.unreleased() {
             self.release(step)
         } else {
@@ -245,8 +258,16 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     /// # Errors
     /// If the link or the record stream failed.
     pub fn interrupt(&mut self, event: &PlantEvent<'_>) -> Result<(), LinkError> {
-        match self.side.on(event) {
-            PlantAction::Abort(abort) => self.abort(&abort),
+        let action = self.side.on(event);
+        self.react(&action)
+    }
+
+    /// What an answer of the protocol means that any event may bring about.
+    fn react(&mut self, action: &PlantAction) -> Result<(), LinkError> {
+        match action {
+            PlantAction::Abort(abort) => self.abort(abort),
+            PlantAction::Lose(why) => self.lose(why),
+            PlantAction::Dismiss(why) => self.dismiss(why),
             _ => Ok(()),
         }
     }
@@ -280,26 +301,10 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
 
     /// Before the first step: agree with a controller on what the frames carry.
     fn greet(&mut self) -> Result<Progress, LinkError> {
-        let Some(bytes) = self.link.receive_control()? else {
+        let Some(message) = self.hear()? else {
             return Ok(Progress::Controller);
         };
-        let offer = Offer {
-            session: self.job.session,
-            epoch: self.epoch,
-            rate: self.job.run.rate,
-            steps: self.job.run.steps,
-            first: self.first,
-            against_clock: self.job.run.clock == Clock::Realtime,
-            measured: &self.plant.description.measured,
-            reference: &self.plant.reference,
-            commands: &self.plant.description.commands,
-        };
-        let action = match Control::from_bytes(&bytes) {
-            Ok(Control::Hello(hello)) => self.side.on(&PlantEvent::Hello(&hello, &offer)),
-            Ok(Control::Ready { epoch }) => self.side.on(&PlantEvent::Ready(epoch)),
-            Ok(Control::Welcome(_) | Control::Refusal { .. }) | Err(_) => PlantAction::Ignore,
-        };
-        match action {
+        match self.told(&message, 1) {
             PlantAction::Welcome(welcome) => self.welcome(*welcome)?,
             PlantAction::Refuse(reason) => {
                 let refusal = Control::Refusal {
@@ -311,8 +316,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                     Some(format!("refused the controller: {reason}")),
                 )?;
             }
-            PlantAction::Abort(abort) => self.abort(&abort)?,
-            _ => {}
+            action => self.react(&action)?,
         }
         Ok(Progress::Busy)
     }
@@ -424,16 +428,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                     directive.unseen = !repetition.is_seen(step);
                 }
                 self.directive = directive.to_wire();
-                let header = Header {
-                    time_ns: run.rate.nanoseconds(step),
-                    work_ns: self.timing.plant_ns,
-                    directive: self.directive,
-                    age_steps: self.sample_age_steps,
-                    surroundings: self.timing.plant_surroundings,
-                    held_steps: self.newest.held_steps,
-                    invalid: self.rows.invalid,
-                    ..Header::new(FrameKind::Sample, step)
-                };
+                let header = self.sample_header(step);
                 if busy_ns > 0 {
                     self.plant.faults.plant_was_busy(spin(busy_ns));
                 }
@@ -458,6 +453,19 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             _ => {}
         }
         Ok(Progress::Busy)
+    }
+
+    fn sample_header(&self, step: Step) -> Header {
+        Header {
+            time_ns: self.job.run.rate.nanoseconds(step),
+            work_ns: self.timing.plant_ns,
+            directive: self.directive,
+            age_steps: self.sample_age_steps,
+            surroundings: self.timing.plant_surroundings,
+            held_steps: self.newest.held_steps,
+            invalid: self.rows.invalid,
+            ..Header::new(FrameKind::Sample, step)
+        }
     }
 
     /// Serves what waits at the desk before a step; true if the run is held there.
@@ -640,7 +648,10 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             self.link.send(&Header::new(FrameKind::End, step), &[])?;
             return Ok(Progress::Busy);
         }
-        let Some(header) = self.link.receive(&mut self.rows.frame)? else {
+        if self.side.is_alone() {
+            return self.go_on_alone();
+        }
+        let Some(header) = self.link.receive(self.rows.receiver())? else {
             return match self.deadline_ns {
                 u64::MAX => Ok(Progress::Controller),
                 deadline_ns if monotonic_ns() < deadline_ns => {
@@ -650,11 +661,16 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             };
         };
         match self.side.on(&PlantEvent::Frame(&header)) {
-            PlantAction::Apply(step) => self.take(step, header)?,
-            PlantAction::Keep => self.keep(header),
+            PlantAction::Apply(step) => {
+                let header = self.rows.translate(header);
+                self.take(step, header)?;
+            }
+            PlantAction::Keep => {
+                let header = self.rows.translate(header);
+                self.keep(header);
+            }
             PlantAction::Finish => self.finish(Outcome::Completed, None)?,
-            PlantAction::Abort(abort) => self.abort(&abort)?,
-            _ => {}
+            action => self.react(&action)?,
         }
         Ok(Progress::Busy)
     }
@@ -725,7 +741,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     /// A step meets the newest command: it is applied and the plant integrates to the next step.
     fn meet(&mut self, step: Step, received_ns: u64) -> Result<(), LinkError> {
         self.newest.held_steps = (step.0 - self.newest.header.step) as u32;
-        if self.newest.held_steps > 0 {
+        if self.newest.held_steps > 0 && !self.side.is_alone() {
             self.missed.note(step);
         }
         let met = self.newest;
@@ -809,7 +825,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         }
         self.timing = Timing {
             time_ns: self.job.run.rate.nanoseconds(step),
-            epoch: u64::from(self.epoch),
+            epoch: u64::from(self.side.epoch()),
             published_ns: monotonic_ns(),
             plant_ns: self.timing.plant_ns,
             ..Timing::default()
@@ -897,6 +913,8 @@ fn spin(busy_ns: u64) -> u64 {
         std::hint::spin_loop();
     }
 }
+
+mod succession;
 
 #[cfg(test)]
 mod tests;

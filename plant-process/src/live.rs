@@ -4,8 +4,7 @@
 //! scenario is checked, prepares faults with all the space they need, and puts orders on the
 //! [`desk`](crate::desk). It never touches the loop's state and the loop never waits for it.
 
-use std::io::{BufRead, BufReader, Read, Write};
-use std::os::unix::net::{UnixListener, UnixStream};
+use std::os::unix::net::UnixListener;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::{Duration, Instant};
@@ -28,10 +27,6 @@ use crate::plant::PlantKind;
 const LOOP_LIMIT: Duration = Duration::from_secs(5);
 /// How often the service looks for the loop's answer.
 const LOOK: Duration = Duration::from_micros(200);
-/// How long a client may take to write its line or to read the answer.
-const CLIENT_LIMIT: Duration = Duration::from_secs(1);
-/// Longest request.
-const LONGEST: u64 = 1 << 20;
 /// Most faults in one request: the loop takes them between two steps.
 const MOST_FAULTS: usize = 16;
 
@@ -103,7 +98,10 @@ pub fn serve(
     std::thread::spawn(move || {
         for client in listener.incoming().flatten() {
             // A client that went away needs no answer.
-            let _ = service.answer(&client);
+            let _ = shared_types::live::answer(&client, |request| match request {
+                Ok(request) => service.respond(request),
+                Err(refusal) => refused(refusal),
+            });
         }
     });
     Ok(())
@@ -119,20 +117,6 @@ struct Service {
 type Unanswered = Refusal;
 
 impl Service {
-    fn answer(&mut self, mut client: &UnixStream) -> std::io::Result<()> {
-        client.set_read_timeout(Some(CLIENT_LIMIT))?;
-        client.set_write_timeout(Some(CLIENT_LIMIT))?;
-        let mut line = String::new();
-        BufReader::new(client.take(LONGEST)).read_line(&mut line)?;
-        let response = match serde_json::from_str(&line) {
-            Ok(request) => self.respond(request),
-            Err(error) => refused(Refusal::new(format!("not a request: {error}"))),
-        };
-        let mut answer = serde_json::to_vec(&response)?;
-        answer.push(b'\n');
-        client.write_all(&answer)
-    }
-
     fn respond(&mut self, request: Request) -> Response {
         let answered = match request {
             Request::Possible => Ok(self.possible()),

@@ -134,12 +134,17 @@ pub fn drive<L: Link, S: RecordSink>(
     supervision: &Supervision,
 ) -> Result<(), LinkError> {
     let desk = engine.desk();
+    let mut announced = 0;
     loop {
         if supervision.wants_stop() {
             engine.interrupt(&PlantEvent::Stop)?;
         }
+        if supervision.expected() > announced && !engine.is_greeting() {
+            announced = supervision.expected();
+            engine.expect(announced)?;
+        }
         // Asked before the poll: what the controller sent before it ended still counts.
-        let peer_gone = supervision.is_peer_gone();
+        let gone = supervision.gone();
         match engine.poll()? {
             Progress::Busy => waiter.done(),
             Progress::Over => return Ok(()),
@@ -150,17 +155,21 @@ pub fn drive<L: Link, S: RecordSink>(
                 waiter.done();
             }
             Progress::ControllerUntil(deadline_ns) => {
-                if peer_gone {
-                    engine.interrupt(&PlantEvent::PeerGone)?;
+                if gone > 0 && engine.is_news(gone) {
+                    engine.interrupt(&PlantEvent::PeerGone(gone))?;
+                    waiter.done();
                 } else if waiter.pause_until(deadline_ns) {
                     engine.interrupt(&PlantEvent::Deadline(waiter.limit().ms()))?;
+                    waiter.done();
                 }
             }
             Progress::Controller => {
-                if peer_gone {
-                    engine.interrupt(&PlantEvent::PeerGone)?;
+                if gone > 0 && engine.is_news(gone) {
+                    engine.interrupt(&PlantEvent::PeerGone(gone))?;
+                    waiter.done();
                 } else if waiter.pause() {
                     engine.interrupt(&PlantEvent::Deadline(waiter.limit().ms()))?;
+                    waiter.done();
                 }
             }
             // It gets a core even beside a loop of real-time priority, and its buffer outlasts a nap.
@@ -170,8 +179,8 @@ pub fn drive<L: Link, S: RecordSink>(
                 }
             }
             Progress::Held => {
-                if peer_gone {
-                    engine.interrupt(&PlantEvent::PeerGone)?;
+                if gone > 0 && engine.is_news(gone) {
+                    engine.interrupt(&PlantEvent::PeerGone(gone))?;
                 }
                 std::thread::sleep(HELD);
                 waiter.done();

@@ -2,10 +2,10 @@
 //!
 //! Owned by the engine; all space is taken once, at hello.
 
-use shared_types::describe::Invalid;
+use shared_types::describe::{Invalid, Settings};
 use shared_types::frame::{Header, VALIDITY_WORDS};
 use shared_types::hello::Welcome;
-use shared_types::layout::SignalKind;
+use shared_types::layout::{Signal, SignalKind, SignalTable};
 use shared_types::record::{RecordLayout, Timing};
 use shared_types::table::canonical;
 use shared_types::time::Step;
@@ -39,10 +39,22 @@ pub struct Rows {
     /// The last record.
     pub record: Vec<u64>,
     layout: RecordLayout,
+    /// What the frame holds, as agreed with the first controller.
+    table: SignalTable,
     /// Where each of the plant's commands stands in `frame`.
     commands: Vec<usize>,
     /// Where the internals begin in `frame`.
     internals: usize,
+    /// What the frame is made of, if a later controller sends other signals.
+    translation: Option<Translation>,
+}
+
+/// The frame of another controller than the first.
+#[derive(Debug)]
+struct Translation {
+    received: Vec<f64>,
+    /// For each signal of the first controller's frame where it stands in this one, if it is there.
+    places: Vec<Option<usize>>,
 }
 
 impl Rows {
@@ -66,8 +78,60 @@ impl Rows {
             // The welcome exists because they bind.
             commands: bound.unwrap_or_default(),
             internals: welcome.command.len() - layout.internal.len(),
+            table: welcome.command.clone(),
+            translation: None,
             layout,
         }
+    }
+
+    /// Another controller sends commands from now on. Internals are found by name and unit; those that
+    /// it does not have become NaN, marked invalid.
+    pub fn rebind(&mut self, welcome: &Welcome) {
+        let place = |signal: &Signal| {
+            let bound = (welcome.command).bind(signal.kind, std::slice::from_ref(&signal.field));
+            bound.ok().and_then(|places| places.first().copied())
+        };
+        self.translation = (welcome.command != self.table).then(|| Translation {
+            received: vec![0.0; welcome.command.len()],
+            places: self.table.0.iter().map(place).collect(),
+        });
+    }
+
+    /// Where a frame of the controller in office is received.
+    pub fn receiver(&mut self) -> &mut [f64] {
+        match &mut self.translation {
+            Some(translation) => &mut translation.received,
+            None => &mut self.frame,
+        }
+    }
+
+    /// Makes the frame of one that was received; gives the header that goes with it.
+    pub fn translate(&mut self, header: Header) -> Header {
+        let Some(Translation { received, places }) = &self.translation else {
+            return header;
+        };
+        let mut invalid = [0; VALIDITY_WORDS];
+        for (index, place) in places.iter().enumerate() {
+            self.frame[index] = place.map_or(f64::NAN, |place| received[place]);
+            let is_valid = place.is_some_and(|place| header.is_valid(place));
+            invalid[index / 64] |= u64::from(!is_valid) << (index % 64);
+        }
+        Header { invalid, ..header }
+    }
+
+    /// Fills the frame with the plant's commands as they are set; all else is NaN. Gives the invalid
+    /// bits that go with it.
+    pub fn fill_frame(&mut self, settings: &Settings) -> [u64; VALIDITY_WORDS] {
+        self.frame.fill(f64::NAN);
+        let mut invalid = [0; VALIDITY_WORDS];
+        for index in 0..self.frame.len() {
+            invalid[index / 64] |= 1 << (index % 64);
+        }
+        for (field, place) in self.layout.command.iter().zip(&self.commands) {
+            self.frame[*place] = settings.get(&field.name).unwrap_or(0.0);
+            invalid[place / 64] &= !(1 << (place % 64));
+        }
+        invalid
     }
 
     /// Puts back the last record of a run that goes on.

@@ -78,6 +78,7 @@ fn job(rate_divisor: u32, command_delay_steps: u32) -> Job {
     Job {
         protocol: PROTOCOL,
         session: 5,
+        epoch: 1,
         plant: "any".into(),
         law: "witness".into(),
         parameters: Settings::default(),

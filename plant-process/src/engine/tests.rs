@@ -10,8 +10,9 @@ use hil_config::plan::{
 use shared_types::checkpoint::Checkpoints;
 use shared_types::describe::{Operation, PROTOCOL, Settings};
 use shared_types::hello::Hello;
-use shared_types::link::Rejected;
 use shared_types::link::in_process::{InProcessLink, pair};
+use shared_types::link::{Peer, Rejected};
+use shared_types::lockstep::OnLoss;
 use shared_types::stream::in_process::{InProcessSink, InProcessSource};
 use shared_types::stream::{Item, RecordSource};
 use shared_types::supervision::Supervision;
@@ -130,12 +131,14 @@ fn job(steps: u64) -> Job {
             clock: Clock::Lockstep,
             overrun: OverrunPolicy::CatchUp,
             deadline: 0.8,
+            on_controller_loss: OnLoss::Abort,
         },
         plant: PlantPlan {
             model: "mover".into(),
             substeps: 1,
             parameters: Settings::of(&Parameters::default()),
             limits: vec![],
+            safe_command: Settings::default(),
         },
         stimuli: vec![Stimulus {
             target: "position_m".into(),
@@ -419,8 +422,20 @@ impl Link for LastWord {
         self.inner.receive_control()
     }
 
+    fn expect(&mut self, epoch: u32) -> Result<(), LinkError> {
+        self.inner.expect(epoch)
+    }
+
+    fn peer(&self) -> Result<Peer, LinkError> {
+        self.inner.peer()
+    }
+
     fn open_frames(&mut self, spec: &FrameSpec) -> Result<(), LinkError> {
         self.inner.open_frames(spec)
+    }
+
+    fn take_over(&mut self) {
+        self.inner.take_over();
     }
 
     fn send(&mut self, header: &Header, values: &[f64]) -> Result<(), LinkError> {
@@ -432,7 +447,7 @@ impl Link for LastWord {
         if got.is_none() {
             let confirmed = Header::new(FrameKind::EndConfirmed, Step(0));
             self.controller.borrow_mut().send(&confirmed, &[])?;
-            self.supervision.peer_gone();
+            self.supervision.peer_gone(1);
         }
         Ok(got)
     }

@@ -1,0 +1,232 @@
+//! Who may speak for the controller, losing one, and taking another while the run goes on.
+
+use shared_types::clock::monotonic_ns;
+use shared_types::frame::{FrameKind, Header};
+use shared_types::hello::{Control, Offer, Welcome};
+use shared_types::link::{FrameSpec, Link, LinkError, Peer};
+use shared_types::lockstep::{Abort, AbortCode, OnLoss, PlantAction, PlantEvent};
+use shared_types::program;
+use shared_types::record::{Change, ControllerChange, Event, Outcome};
+use shared_types::stream::RecordSink;
+use shared_types::time::Step;
+use shared_types::wait::WaitLimit;
+
+use super::{Clock, Command, Engine, Progress};
+
+/// What was agreed with a controller that is not in office yet.
+pub(super) struct Agreed {
+    welcome: Welcome,
+    law: String,
+}
+
+impl<L: Link, S: RecordSink> Engine<L, S> {
+    /// Another controller is announced, that of this epoch.
+    ///
+    /// # Errors
+    /// If its control channel cannot be made.
+    pub fn expect(&mut self, epoch: u32) -> Result<(), LinkError> {
+        if let PlantAction::Expect(epoch) = self.side.on(&PlantEvent::Expect(epoch)) {
+            self.link.expect(epoch)?;
+            (self.expected, self.expected_ns) = (epoch, monotonic_ns());
+            self.heard = None;
+            self.agreed = None;
+        }
+        Ok(())
+    }
+
+    /// Whether the first controller is still being greeted.
+    #[must_use]
+    pub const fn is_greeting(&self) -> bool {
+        self.side.is_greeting()
+    }
+
+    /// Whether the end of the process of this epoch's controller is news. The largest number is
+    /// whoever is in office.
+    #[must_use]
+    pub fn is_news(&self, gone: u32) -> bool {
+        let in_office = gone == self.side.epoch() || gone == u32::MAX;
+        (in_office && !self.side.is_alone()) || self.side.candidate() == Some(gone)
+    }
+
+    /// The next control message of the process that was launched to be the controller. Others are
+    /// told to leave.
+    pub(super) fn hear(&mut self) -> Result<Option<Control>, LinkError> {
+        if self.heard.is_none() {
+            let bytes = self.link.receive_control()?;
+            // What is no message is nobody's; the wait for one goes on.
+            self.heard = bytes.and_then(|bytes| Control::from_bytes(&bytes).ok());
+        }
+        if self.heard.is_none() {
+            return Ok(None);
+        }
+        match self.link.peer()? {
+            Peer::Launched => Ok(self.heard.take()),
+            Peer::Unknown => Ok(None),
+            Peer::Stranger(reason) => {
+                self.heard = None;
+                program::say(&format!("refused: {reason}"));
+                let refusal = Control::Refusal { reason };
+                self.link.send_control(&refusal.to_bytes())?;
+                Ok(None)
+            }
+        }
+    }
+
+    /// Tells the protocol what the controller of this epoch said.
+    pub(super) fn told(&mut self, message: &Control, epoch: u32) -> PlantAction {
+        match message {
+            Control::Hello(hello) => {
+                let offer = Offer {
+                    session: self.job.session,
+                    epoch,
+                    rate: self.job.run.rate,
+                    steps: self.job.run.steps,
+                    first: self.side.at(),
+                    against_clock: self.job.run.clock == Clock::Realtime,
+                    measured: &self.plant.description.measured,
+                    reference: &self.plant.reference,
+                    commands: &self.plant.description.commands,
+                };
+                self.side.on(&PlantEvent::Hello(hello, &offer))
+            }
+            Control::Ready { epoch } => self.side.on(&PlantEvent::Ready(*epoch)),
+            Control::Welcome(_) | Control::Refusal { .. } => PlantAction::Ignore,
+        }
+    }
+
+    /// Hears the controller that was announced; false if there was nothing to hear.
+    pub(super) fn attend_candidate(&mut self) -> Result<bool, LinkError> {
+        let limit = WaitLimit::from_seconds(self.job.wait_limit_s);
+        if monotonic_ns() - self.expected_ns >= limit.ns() {
+            self.interrupt(&PlantEvent::CandidateLate(limit.ms()))?;
+            return Ok(true);
+        }
+        let Some(message) = self.hear()? else {
+            return Ok(false);
+        };
+        let before = (self.side.is_alone(), self.side.waits_for_controller());
+        match self.told(&message, self.expected) {
+            PlantAction::Welcome(welcome) => {
+                self.link.open_frames(&FrameSpec {
+                    seal: welcome.seal(),
+                    outgoing: welcome.sample.len(),
+                    incoming: welcome.command.len(),
+                })?;
+                if let Control::Hello(hello) = message {
+                    self.agreed = Some(Agreed {
+                        welcome: (*welcome).clone(),
+                        law: hello.law,
+                    });
+                }
+                self.link
+                    .send_control(&Control::Welcome(welcome).to_bytes())?;
+            }
+            PlantAction::TakeOver(unanswered) => self.take_over(unanswered, before)?,
+            action => self.react(&action)?,
+        }
+        Ok(true)
+    }
+
+    /// The one that was announced is in office; before it the run was alone, and waited, or neither.
+    fn take_over(
+        &mut self,
+        unanswered: Option<Step>,
+        (was_alone, waited): (bool, bool),
+    ) -> Result<(), LinkError> {
+        let Some(Agreed { welcome, law }) = self.agreed.take() else {
+            return Ok(()); // there is one whenever the protocol says so
+        };
+        if !was_alone {
+            self.dismiss_in_office(AbortCode::Replaced)?;
+        }
+        self.link.take_over();
+        self.rows.rebind(&welcome);
+        let now_ns = monotonic_ns();
+        // Time stood still while nobody was there.
+        if waited && let Some(pacer) = &mut self.pacer {
+            pacer.delay(now_ns - self.heard_ns);
+        }
+        self.heard_ns = now_ns;
+        self.publish(self.side.epoch(), Change::Joined { law })?;
+        if let Some(step) = unanswered {
+            self.sent_ns = monotonic_ns();
+            self.link
+                .send(&self.sample_header(step), &self.rows.sample)?;
+        }
+        Ok(())
+    }
+
+    /// The controller in office is of no more use: the run goes on as the policy says.
+    pub(super) fn lose(&mut self, why: &Abort) -> Result<(), LinkError> {
+        let (at, policy) = (self.side.at(), self.job.run.on_controller_loss);
+        // It may only be stopped, and wake up again.
+        self.dismiss_in_office(why.code())?;
+        if policy == OnLoss::SafeCommand {
+            let invalid = self.rows.fill_frame(&self.job.plant.safe_command);
+            self.newest = Command {
+                header: Header {
+                    invalid,
+                    ..Header::new(FrameKind::Command, at)
+                },
+                ..Command::default()
+            };
+        }
+        let reason = why.to_string();
+        self.publish(self.side.epoch(), Change::Lost { reason, policy })?;
+        program::say(&format!("{why}; {}", policy.name()));
+        self.heard_ns = monotonic_ns();
+        if policy == OnLoss::WaitForRestart && self.side.candidate().is_none() {
+            self.expect(self.side.epoch() + 1)?;
+        }
+        Ok(())
+    }
+
+    fn dismiss_in_office(&mut self, code: AbortCode) -> Result<(), LinkError> {
+        let header = Header {
+            directive: code as u64,
+            ..Header::new(FrameKind::Abort, self.side.at())
+        };
+        self.link.send(&header, &[])
+    }
+
+    /// The one that was announced does not come into office.
+    pub(super) fn dismiss(&mut self, why: &Abort) -> Result<(), LinkError> {
+        let reason = why.to_string();
+        program::say(&format!("refused another controller: {reason}"));
+        self.agreed = None;
+        let refusal = Control::Refusal {
+            reason: reason.clone(),
+        };
+        self.link.send_control(&refusal.to_bytes())?;
+        self.publish(self.expected, Change::Refused { reason })
+    }
+
+    /// Tells observers, after all that happened before.
+    fn publish(&mut self, epoch: u32, change: Change) -> Result<(), LinkError> {
+        self.tell()?;
+        let step = self.side.at().0;
+        let change = ControllerChange {
+            epoch,
+            step,
+            change,
+        };
+        self.sink.event(&Event::Controller(change))
+    }
+
+    /// After a loss: the step meets the newest command, or waits for another controller.
+    pub(super) fn go_on_alone(&mut self) -> Result<Progress, LinkError> {
+        let limit = WaitLimit::from_seconds(self.job.wait_limit_s);
+        let now_ns = monotonic_ns();
+        let waits = self.job.run.on_controller_loss == OnLoss::WaitForRestart;
+        if waits && now_ns - self.heard_ns >= limit.ns() {
+            self.interrupt(&PlantEvent::Deadline(limit.ms()))?;
+            return Ok(Progress::Busy);
+        }
+        match self.side.on(&PlantEvent::Missed) {
+            PlantAction::Hold(step) => self.meet(step, now_ns)?,
+            PlantAction::Finish => self.finish(Outcome::Completed, None)?,
+            _ => return Ok(Progress::Controller),
+        }
+        Ok(Progress::Busy)
+    }
+}
