@@ -14,6 +14,7 @@ pub mod recording;
 pub mod recordings;
 pub mod replay;
 pub mod run;
+pub mod swap;
 
 use std::path::PathBuf;
 
@@ -29,6 +30,7 @@ use latency::{LatencyArguments, LatencyPeerArguments};
 use recordings::{CompareArguments, JudgeArguments, ScenarioCommand};
 use replay::ReplayArguments;
 use run::{RerunArguments, RunArguments};
+use swap::ControllerArguments;
 
 /// Hardware-in-the-loop runs of a plant and a controller in deterministic lockstep
 ///
@@ -61,6 +63,8 @@ pub enum Command {
     /// Let a session go on for some steps, then hold it
     #[command(after_help = "Examples:\n  hil step\n  hil step 1000")]
     Step(StepArguments),
+    /// Change the controller of a running session
+    Controller(ControllerArguments),
     /// Repeat a recorded run, the faults of its command lines included, and compare the digests
     #[command(
         after_help = "Exit codes: 0 the same digest; 1 another.\n\nExample:\n  hil rerun runs/demo"

@@ -75,7 +75,7 @@ fn judged(run: &Path, by: Option<&Path>) -> Result<(Judgement, Plan), Failure> {
             match event {
                 Event::Fault(taken) => evaluation.fault(taken.id, Step(taken.step)),
                 Event::End(end) => outcome = Some(format!("{:?}", end.outcome).to_lowercase()),
-                Event::Accepted(_) | Event::FaultEnded(_) => {}
+                Event::Accepted(_) | Event::FaultEnded(_) | Event::Controller(_) => {}
             }
         }
         if !goes_on {

@@ -11,7 +11,7 @@
 //! 5. [`summary`] says how it went, to a person and to a machine, and what became of the [`faults`].
 //!
 //! While it runs, another terminal asks its plant over [`live`]: [`inject`] puts faults into it,
-//! [`clock`] holds it and lets it go on. Afterwards [`run_reader`] reads the recording: [`compare`]
+//! [`clock`] holds it and lets it go on; [`swap`] asks its `hil` for another controller. Afterwards [`run_reader`] reads the recording: [`compare`]
 //! finds where two runs differ, [`repetition`] makes the scenario that repeats one, live faults
 //! included, and [`rerun`] runs that; [`judge`] evaluates metrics and [`requirements`] once more, or
 //! others; [`replay`] gives what was recorded to a controller once more, [`baseline`] keeps named runs to
@@ -19,7 +19,7 @@
 //!
 //! A [`checkpoint`] keeps the state of both sides before a step, for another run to go on from.
 //!
-//! `suite` makes one verdict table of several runs, `audit` repeats a run under conditions that must not matter, `missed` finds what came too late in
+//! `succession` tells what became of controllers, `suite` makes one verdict table of several runs, `audit` repeats a run under conditions that must not matter, `missed` finds what came too late in
 //! a recorded one.
 //!
 //! [`doctor`] judges the machine that it all runs on, [`latency`] measures the loop on it. [`config`]
@@ -60,10 +60,13 @@ pub mod rerun;
 pub mod run;
 pub mod run_reader;
 pub mod sessions;
+mod succession;
 mod suite;
 pub mod summary;
+pub mod swap;
 
 use cli::recordings::ScenarioAction;
+use cli::swap::ControllerAction;
 use cli::{Command, CommandLine};
 use exit::{Exit, Failure};
 use shared_types::live::Request;
@@ -84,6 +87,9 @@ pub fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
             };
             clock::clock(&arguments.session, &request)
         }
+        Command::Controller(arguments) => match &arguments.action {
+            ControllerAction::Swap(arguments) => swap::swap(arguments),
+        },
         Command::Rerun(arguments) => rerun::rerun(arguments),
         Command::Replay(arguments) => replay::replay(arguments),
         Command::Compare(arguments) => compare::command(arguments),

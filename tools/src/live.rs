@@ -212,6 +212,7 @@ mod tests {
             prefix: "hil_".into(),
             owner: ProcessId::own(),
             children: Vec::new(),
+            controller: None,
             run_dir: None,
         }
     }

@@ -7,8 +7,8 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -18,7 +18,7 @@ use hil_config::plan::Plan;
 use hil_config::requirements::RequirementValue;
 use shared_types::clock::monotonic_ns;
 use shared_types::digest::Digest;
-use shared_types::record::{Event, Outcome, RecordLayout, RunEnd};
+use shared_types::record::{ControllerChange, Event, Outcome, RecordLayout, RunEnd};
 use shared_types::session::SessionInfo;
 use shared_types::stream::{Item, RecordSource};
 use shared_types::time::Step;
@@ -62,6 +62,8 @@ pub struct Recorded {
     pub end: Option<RunEnd>,
     /// What happened to faults.
     pub faults: FaultLog,
+    /// What became of controllers.
+    pub changes: Vec<ControllerChange>,
     /// Records taken, those of the past included.
     pub records: u64,
     /// How many of them are in the recording.
@@ -102,6 +104,8 @@ struct Shared {
     /// Something went wrong; the run makes no sense any more.
     failed: AtomicBool,
     next_step: AtomicU64,
+    /// What became of controllers.
+    changes: Mutex<Vec<ControllerChange>>,
 }
 
 impl Recorder {
@@ -172,6 +176,14 @@ impl Recorder {
         self.shared.next_step.load(Ordering::Relaxed)
     }
 
+    /// What became of controllers after the first so many changes.
+    #[must_use]
+    pub fn changes_after(&self, known: usize) -> Vec<ControllerChange> {
+        let changes = self.shared.changes.lock();
+        let changes = changes.unwrap_or_else(PoisonError::into_inner);
+        changes.get(known..).unwrap_or_default().to_vec()
+    }
+
     /// Whether recording failed, so that the run should stop.
     #[must_use]
     pub fn has_failed(&self) -> bool {
@@ -232,6 +244,7 @@ impl Work {
         let recorded = Recorded {
             end: None,
             faults: FaultLog::default(),
+            changes: Vec::new(),
             records: 0,
             written: 0,
             past_records: 0,
@@ -438,6 +451,12 @@ impl Work {
             Event::FaultEnded(ended) => {
                 faults.ended.push(ended.clone());
                 Some(ended.step)
+            }
+            Event::Controller(change) => {
+                self.recorded.changes.push(change.clone());
+                let changes = self.shared.changes.lock();
+                (changes.unwrap_or_else(PoisonError::into_inner)).push(change.clone());
+                Some(change.step)
             }
             Event::End(end) => {
                 faults.sizes = Some(end.effects.clone());

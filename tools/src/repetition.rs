@@ -14,7 +14,7 @@ use hil_config::scenario::Scenario;
 use hil_config::show;
 use plant_process::repeat::Missed;
 use shared_types::describe::Description;
-use shared_types::record::{Event, FaultEnded, FaultTaken};
+use shared_types::record::{Change, ControllerChange, Event, FaultEnded, FaultTaken};
 use shared_types::time::{Rate, Step};
 
 use crate::cli::recordings::ScenarioFromArguments;
@@ -69,6 +69,20 @@ pub fn scenario_from(arguments: &ScenarioFromArguments) -> Result<Exit, Failure>
     Ok(Exit::Pass)
 }
 
+/// What a controller that died would have answered, nobody knows; and another one's state depends on
+/// when it took over.
+pub(crate) fn refuse_succession(run: &Path, change: &ControllerChange) -> Result<(), Failure> {
+    let (run, epoch, step) = (run.display(), change.epoch, change.step);
+    let what = match &change.change {
+        Change::Lost { reason, .. } => format!("lost controller {epoch} at step {step} ({reason})"),
+        Change::Joined { .. } => format!("got controller {epoch} at step {step}"),
+        Change::Refused { .. } => return Ok(()),
+    };
+    Err(Failure::usage(format!(
+        "{run} {what}: a run whose controller changed cannot be repeated; `hil judge`, `hil compare` and `hil export` read it"
+    )))
+}
+
 impl RecordedRun {
     /// Reads a run: its folder, or its recording.
     ///
@@ -120,6 +134,7 @@ impl RecordedRun {
                     }
                     Event::Fault(taken) => log.taken.push(taken.clone()),
                     Event::FaultEnded(ended) => log.ended.push(ended.clone()),
+                    Event::Controller(change) => refuse_succession(run, change)?,
                     Event::End(end) => outcome = Some(format!("{:?}", end.outcome).to_lowercase()),
                 }
             }

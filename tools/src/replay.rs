@@ -12,7 +12,7 @@
 
 mod comparison;
 mod host;
-mod original;
+pub(crate) mod original;
 mod report;
 mod tape;
 
@@ -134,6 +134,7 @@ impl Prepared {
         Job {
             protocol: PROTOCOL,
             session: session.id,
+            epoch: 1,
             plant: plan.plant.model.clone(),
             law: plan.controller.law.clone(),
             parameters: plan.controller.parameters.clone(),
@@ -172,7 +173,7 @@ impl Prepared {
             LinkKind::InProcess => (std::thread::spawn(move || loops.in_one_thread(job)), None),
             LinkKind::Iceoryx2 => {
                 let path = &self.controller.path;
-                let child = Side::start("controller", path, &info, &info.folder)?;
+                let child = Side::start("controller", path, &info, &info.folder, "controller.log")?;
                 session
                     .add_child(child.process_id())
                     .map_err(Failure::infrastructure)?;
@@ -231,7 +232,7 @@ impl Prepared {
             let is_over = host.is_finished();
             let has_ended = child.as_mut().is_none_or(|child| child.has_ended());
             if has_ended && child.is_some() {
-                supervision.peer_gone();
+                supervision.peer_gone(1);
             }
             if is_over && has_ended {
                 return;

@@ -23,6 +23,7 @@ use crate::latency::spikes::Spike;
 use crate::requirements::{self, Requirement};
 use crate::run::Ended;
 use crate::run::realtime::Realtime;
+use crate::succession::{Tenure, tenures};
 
 /// Version of the summary.
 const SCHEMA: u32 = 1;
@@ -59,6 +60,8 @@ pub struct Summary {
     recording: Recording,
     rejected_frames: u64,
     controller: Program,
+    /// All controllers, if the first was lost or replaced.
+    controllers: Vec<Tenure>,
     plant: Program,
     seed: u64,
     /// What the run went on from; null if it began at step 0.
@@ -273,6 +276,7 @@ impl Summary {
             },
             rejected_frames: end.map_or(0, |end| end.rejected_frames),
             controller: Program::of(&binaries.controller),
+            controllers: tenures(&ended.controllers, &recorded.changes, plan.run.rate),
             plant: Program::of(&binaries.plant),
             seed: plan.run.seed,
             resumed: None,
@@ -323,6 +327,9 @@ impl Summary {
             .and_then(|missed| missed.told("commands missed their deadline"));
         for told in overran.iter().chain(&missed) {
             writeln!(text, "  {told}")?;
+        }
+        for controller in &self.controllers {
+            writeln!(text, "  {}", controller.told())?;
         }
         for fault in &self.faults {
             writeln!(text, "  {}", fault.told())?;

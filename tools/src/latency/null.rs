@@ -9,6 +9,7 @@ use plant_process::plant::{Model, PlantKind};
 use shared_types::checkpoint::Checkpoints;
 use shared_types::clock::monotonic_ns;
 use shared_types::describe::{LawDescription, PROTOCOL, PlantDescription, Settings};
+use shared_types::lockstep::OnLoss;
 use shared_types::pacer::OverrunPolicy;
 use shared_types::record::RecordLayout;
 use shared_types::session::SessionInfo;
@@ -129,12 +130,14 @@ pub fn jobs(
             clock,
             overrun: OverrunPolicy::CatchUp,
             deadline: 0.8,
+            on_controller_loss: OnLoss::Abort,
         },
         plant: PlantPlan {
             model: NAME.into(),
             substeps: 1,
             parameters: Settings::default(),
             limits: Vec::new(),
+            safe_command: Settings::default(),
         },
         stimuli: Vec::new(),
         faults: Vec::new(),
@@ -149,6 +152,7 @@ pub fn jobs(
     let controller = controller_process::job::Job {
         protocol: PROTOCOL,
         session: session.id,
+        epoch: 1,
         plant: NAME.into(),
         law: NAME.into(),
         parameters: Settings::default(),

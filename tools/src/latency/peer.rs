@@ -63,7 +63,7 @@ impl Peer {
             if let Some(mut output) = output {
                 let _ = output.read_to_end(&mut bytes); // what was read before an error is all there is
             }
-            supervision.peer_gone();
+            supervision.peer_gone(1);
             String::from_utf8_lossy(&bytes).trim().to_owned()
         });
         let peer = Self {
@@ -71,7 +71,7 @@ impl Peer {
             input,
             said: Some(said),
         };
-        (session.add_child(peer.process.id())).map_err(Failure::infrastructure)?;
+        (session.add_controller(1, peer.process.id())).map_err(Failure::infrastructure)?;
         Ok(peer)
     }
 
@@ -129,7 +129,7 @@ pub fn peer(arguments: &LatencyPeerArguments) -> Result<Exit, Failure> {
 fn control(session: &SessionInfo, signals: usize, supervision: &Supervision) -> Result<(), String> {
     let job: Job = session.read_file(JOB_FILE).map_err(|e| e.to_string())?;
     let (limit, settings) = (WaitLimit::from_seconds(job.wait_limit_s), job.realtime);
-    let link = IceoryxLink::open(session).map_err(|e| e.to_string())?;
+    let link = IceoryxLink::open(session, 1).map_err(|e| e.to_string())?;
     let law = null::law(signals);
     let mut runner = Runner::new(&law, job, link).map_err(|e| e.to_string())?;
     let report = settings.apply();

@@ -322,7 +322,7 @@ pub(super) fn drive<L: Link>(
         match host.poll()? {
             Progress::Busy => waiter.done(),
             Progress::Over => return Ok(()),
-            Progress::Controller if peer_gone => host.interrupt(&PlantEvent::PeerGone)?,
+            Progress::Controller if peer_gone => host.interrupt(&PlantEvent::PeerGone(1))?,
             Progress::Controller => {
                 if waiter.pause() {
                     host.interrupt(&PlantEvent::Deadline(waiter.limit().ms()))?;

@@ -118,7 +118,11 @@ pub(super) fn law_of<'a>(laws: &'a [LawDescription], plan: &Plan) -> Option<&'a 
     laws.iter().find(suits)
 }
 
-fn kept(text: &str) -> Result<String, toml_edit::TomlError> {
+/// The parts of a scenario that say what runs.
+///
+/// # Errors
+/// If it is no TOML.
+pub(crate) fn kept(text: &str) -> Result<String, toml_edit::TomlError> {
     let mut document: DocumentMut = text.parse()?;
     document.retain(|key, _| KEPT.contains(&key));
     Ok(document.to_string())

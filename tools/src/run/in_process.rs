@@ -107,6 +107,7 @@ pub(super) fn run(
         recorded,
         outcome,
         reason,
+        controllers: Vec::new(),
     })
 }
 

@@ -1,6 +1,7 @@
 //! `hil run`: one scenario from the command line to the summary. `hil rerun` runs its own in the same
 //! way.
 
+mod controllers;
 mod in_process;
 pub(crate) mod processes;
 pub(crate) mod realtime;
@@ -12,6 +13,7 @@ use hil_config::plan::{Clock, Plan};
 use plant_process::repeat::Missed;
 use shared_types::checkpoint::{Checkpoints, Side};
 use shared_types::describe::PROTOCOL;
+use shared_types::lockstep::OnLoss;
 use shared_types::record::Outcome;
 use shared_types::session::{Session, SessionError, SessionInfo};
 use shared_types::time::Step;
@@ -28,6 +30,8 @@ use crate::recording::{Choice, Enclosure, Provenance, size};
 use crate::run_reader::{EXCERPT, RECORDING};
 use crate::summary::{Resumed, Summary};
 use crate::{audit, checkpoint, config, doctor, folder, requirements, suite};
+
+pub(crate) use controllers::Started;
 
 /// What both ways of running need.
 struct Prepared {
@@ -64,6 +68,8 @@ pub(crate) struct Ended {
     pub(crate) outcome: Outcome,
     /// Why, if not completed.
     pub(crate) reason: Option<String>,
+    /// The controller processes, in order.
+    pub(crate) controllers: Vec<Started>,
 }
 
 /// What a run needs before its scenario is looked at.
@@ -188,6 +194,12 @@ pub(crate) fn execute(
     let steps = checkpoint::steps(options, &plan, first)?;
     if !steps.is_empty() || first > Step(0) {
         checkpoint::refuse_unsaveable(&plan, &binaries)?;
+    }
+    if !steps.is_empty() && plan.run.on_controller_loss != OnLoss::Abort {
+        return Err(Failure::usage(format!(
+            "--checkpoint-at with run.on_controller_loss = \"{}\": a lost controller's state cannot be saved",
+            plan.run.on_controller_loss.name()
+        )));
     }
     let choice = options.choice.choice(options)?;
     tell_size(&plan, &binaries, options, &choice, is_one_of_many)?;
@@ -402,6 +414,7 @@ fn jobs(
     let controller = controller_process::job::Job {
         protocol: PROTOCOL,
         session: session.id,
+        epoch: 1,
         plant: plan.plant.model.clone(),
         law: plan.controller.law.clone(),
         parameters: plan.controller.parameters.clone(),

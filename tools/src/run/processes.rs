@@ -5,7 +5,7 @@ use std::io::Write;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
-
+use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
 use shared_types::link::LinkError;
@@ -15,12 +15,15 @@ use shared_types::session::{Session, SessionInfo};
 use shared_types::stream::iceoryx::{IceoryxSource, LAYOUT_FILE};
 use shared_types::supervision::{PEER_GONE, STOP};
 
+use super::controllers::Controllers;
 use super::realtime::Watched;
 use super::{Ended, Prepared};
 use crate::binaries::end_group;
 use crate::exit::Failure;
 use crate::progress::Progress;
 use crate::recorder::{Recorded, Recorder};
+use crate::succession::told;
+use crate::swap::{self, Ground, Wanted};
 
 /// How often the processes are looked at.
 pub(crate) const LOOK: Duration = Duration::from_millis(2);
@@ -40,11 +43,11 @@ pub(crate) struct Side {
     status: Option<ExitStatus>,
     /// It had to be ended, and the state it was found in.
     killed: Option<&'static str>,
-    told: bool,
+    told_to_stop: bool,
 }
 
 impl Side {
-    /// Starts it; its output goes to a log in a folder.
+    /// Starts it; its output goes to a log of this name in a folder.
     ///
     /// # Errors
     /// If it cannot be started.
@@ -53,8 +56,9 @@ impl Side {
         binary: &Path,
         session: &SessionInfo,
         folder: &Path,
+        log: &str,
     ) -> Result<Self, Failure> {
-        let log = folder.join(format!("{name}.log"));
+        let log = folder.join(log);
         let cannot = |error: std::io::Error| {
             Failure::infrastructure(format!("cannot start {}: {error}", binary.display()))
         };
@@ -77,7 +81,7 @@ impl Side {
             log,
             status: None,
             killed: None,
-            told: false,
+            told_to_stop: false,
         })
     }
 
@@ -97,8 +101,7 @@ impl Side {
     }
 
     /// Writes a line to its input. It may have ended, which shows elsewhere.
-    fn tell(&mut self, line: &str) {
-        self.told = true;
+    pub(super) fn tell(&mut self, line: &str) {
         if let Some(input) = &mut self.process.stdin {
             let _ = writeln!(input, "{line}").and_then(|()| input.flush());
         }
@@ -112,7 +115,7 @@ impl Side {
     }
 
     /// How it ended, if there is something to say about it, and where to read more.
-    fn fate(&self) -> Option<String> {
+    pub(super) fn fate(&self) -> Option<String> {
         let death = self.death()?;
         let panicked = self.status.and_then(|status| status.code()) == Some(PANIC);
         Some(if panicked && self.killed.is_none() {
@@ -141,7 +144,7 @@ impl Side {
     }
 
     /// The last line of its output, without the word `error`.
-    fn last_word(&self) -> Option<String> {
+    pub(super) fn last_word(&self) -> Option<String> {
         let text = std::fs::read(&self.log).unwrap_or_default();
         let text = String::from_utf8_lossy(&text);
         let line = text.lines().rfind(|line| !line.trim().is_empty())?;
@@ -187,29 +190,56 @@ pub(super) fn run(
     });
     recorder.recall(&prepared.interruption)?;
     let binaries = &prepared.binaries;
-    let mut plant = Side::start("plant", &binaries.plant.path, &info, run_dir)?;
+    let path = &binaries.plant.path;
+    let mut plant = Side::start("plant", path, &info, run_dir, "plant.log")?;
     session
         .add_child(plant.process.id())
         .map_err(Failure::infrastructure)?;
-    let mut controller = Side::start("controller", &binaries.controller.path, &info, run_dir)?;
-    session
-        .add_child(controller.process.id())
-        .map_err(Failure::infrastructure)?;
+    let mut controllers = Controllers::start(
+        session,
+        run_dir.to_owned(),
+        prepared.plan.run.on_controller_loss,
+        (binaries.controller.clone(), prepared.controller.clone()),
+    )?;
+    let wanted = swap::listen(
+        &info,
+        Ground {
+            plan: prepared.plan.clone(),
+            binaries: binaries.clone(),
+            job: prepared.controller.clone(),
+            saves: prepared.plant.checkpoints.any(),
+            interruption: prepared.interruption.clone(),
+            wait_limit_s: prepared.plant.wait_limit_s,
+        },
+    )?;
 
     let mut progress = prepared.progress(&session.info().name);
-    let first = watch(
+    let mut watched = Watch {
         prepared,
-        &mut plant,
-        &mut controller,
-        &recorder,
-        &mut progress,
+        session,
+        plant: &mut plant,
+        controllers: &mut controllers,
+        recorder: &recorder,
+        wanted,
+        progress: &mut progress,
         realtime,
-    );
+        ending_since: None,
+        first: None,
+    };
+    watched.look_until_all_ended()?;
+    let first = watched.first.unwrap_or("plant");
     drop(progress);
     let recorded = recorder.finish().map_err(Failure::infrastructure)?;
-    let ended = conclude(prepared, recorded, &plant, &controller, first);
+    // A short run may be over before anybody looked.
+    for change in recorded.changes.iter().skip(controllers.known_changes()) {
+        controllers.note(change);
+    }
+    let started = controllers.started();
+    let controller = controllers.latest();
+    let mut ended = conclude(prepared, recorded, (&plant, &controllers), first);
+    ended.controllers = started;
     if ended.outcome != Outcome::Completed && ended.outcome != Outcome::Stopped {
-        for side in [&plant, &controller] {
+        for side in [&plant, controller] {
             let excerpt = side.excerpt();
             if !excerpt.is_empty() {
                 eprintln!("{}:\n{excerpt}\n", side.log.display());
@@ -241,58 +271,84 @@ fn attach(
     Ok(source.take().map(|source| (source, layout)))
 }
 
-/// Looks after both until both have ended; says which ended first.
-fn watch(
-    prepared: &Prepared,
-    plant: &mut Side,
-    controller: &mut Side,
-    recorder: &Recorder,
-    progress: &mut Progress,
-    realtime: &mut Watched,
-) -> &'static str {
-    let mut first = None;
-    let mut ending_since = None;
-    loop {
-        let plant_ended = plant.has_ended();
-        let controller_ended = controller.has_ended();
-        progress.set(recorder.next_step());
-        if let Some(refused) = realtime.look() {
-            progress.tell(&refused);
+/// Looks after the processes of a run.
+struct Watch<'a> {
+    prepared: &'a Prepared,
+    session: &'a mut Session,
+    plant: &'a mut Side,
+    controllers: &'a mut Controllers,
+    recorder: &'a Recorder,
+    /// Controllers that somebody wants to take over.
+    wanted: Receiver<Wanted>,
+    progress: &'a mut Progress,
+    realtime: &'a mut Watched,
+    /// Since when the run is to end.
+    ending_since: Option<Instant>,
+    /// Which side ended first.
+    first: Option<&'static str>,
+}
+
+impl Watch<'_> {
+    fn look_until_all_ended(&mut self) -> Result<(), Failure> {
+        while !(self.plant.has_ended() && self.controllers.have_ended()) {
+            self.progress.set(self.recorder.next_step());
+            if let Some(refused) = self.realtime.look() {
+                self.progress.tell(&refused);
+            }
+            self.attend_controllers()?;
+            self.look_for_the_end();
+            std::thread::sleep(LOOK);
         }
-        if plant_ended && controller_ended {
-            return first.unwrap_or("plant");
+        Ok(())
+    }
+
+    fn attend_controllers(&mut self) -> Result<(), Failure> {
+        let changes = self
+            .recorder
+            .changes_after(self.controllers.known_changes());
+        for change in &changes {
+            self.progress.tell(&told(change));
         }
-        let stop = prepared.interruption.came() || recorder.has_failed();
-        if stop && !plant.told {
-            plant.tell(STOP);
-            ending_since.get_or_insert_with(Instant::now);
+        (self.controllers).hear(self.session, self.plant, &changes)?;
+        if self.ending_since.is_none() {
+            self.controllers.look(self.plant);
+            if let Ok(wanted) = self.wanted.try_recv() {
+                self.controllers.swap(self.session, self.plant, wanted);
+            }
         }
+        Ok(())
+    }
+
+    fn look_for_the_end(&mut self) {
+        let plant_ended = self.plant.has_ended();
+        let stop = self.prepared.interruption.came() || self.recorder.has_failed();
+        if stop && !self.plant.told_to_stop {
+            self.plant.tell(STOP);
+            self.plant.told_to_stop = true;
+            self.ending_since.get_or_insert_with(Instant::now);
+        }
+        let is_over = |since: &Instant, grace| since.elapsed() > grace;
         // The plant passes a stop on; one that cannot must not take the controller with it.
-        if ending_since.is_some_and(|since: Instant| since.elapsed() > GRACE / 2)
-            && !controller.told
-        {
-            controller.tell(STOP);
+        if (self.ending_since.as_ref()).is_some_and(|since| is_over(since, GRACE / 2)) {
+            self.controllers.tell_once(STOP);
         }
-        if plant_ended || controller_ended {
-            let (ended, other) = if plant_ended {
-                (&*plant, &mut *controller)
+        if plant_ended || self.controllers.death_ends_run() {
+            if self.first.is_none() {
+                self.first = Some(if plant_ended { "plant" } else { "controller" });
+            }
+            if plant_ended {
+                self.controllers.tell_once(PEER_GONE);
             } else {
-                (&*controller, &mut *plant)
-            };
-            first.get_or_insert(ended.name);
-            if !other.told {
-                other.tell(PEER_GONE);
+                self.controllers.look(self.plant);
             }
-            ending_since.get_or_insert_with(Instant::now);
+            self.ending_since.get_or_insert_with(Instant::now);
         }
-        if ending_since.is_some_and(|since: Instant| since.elapsed() > GRACE) {
-            for side in [&mut *plant, &mut *controller] {
-                if !side.has_ended() {
-                    side.kill();
-                }
+        if (self.ending_since.as_ref()).is_some_and(|since| is_over(since, GRACE)) {
+            if !plant_ended {
+                self.plant.kill();
             }
+            self.controllers.kill();
         }
-        std::thread::sleep(LOOK);
     }
 }
 
@@ -300,18 +356,16 @@ fn watch(
 fn conclude(
     prepared: &Prepared,
     recorded: Recorded,
-    plant: &Side,
-    controller: &Side,
+    (plant, controllers): (&Side, &Controllers),
     first: &'static str,
 ) -> Ended {
+    let controller = controllers.latest();
     let interrupted = prepared.interruption.came();
     let seen = recorded.end.as_ref();
     let outcome = seen.map_or(Outcome::Failed, |end| end.outcome);
-    let fates = [plant.fate(), controller.fate()];
     if outcome == Outcome::Completed && recorded.error.is_none() {
         // Both confirmed the last step; an end in disorder after it is still worth a word.
-        let [plant_fate, controller_fate] = fates;
-        let disorder = plant_fate.or(controller_fate);
+        let disorder = plant.fate().or_else(|| controllers.in_office()?.fate());
         let outcome = if disorder.is_some() {
             Outcome::Failed
         } else {
@@ -321,6 +375,7 @@ fn conclude(
             recorded,
             outcome,
             reason: disorder,
+            controllers: Vec::new(),
         };
     }
     let mut parts: Vec<String> = Vec::new();
@@ -333,10 +388,9 @@ fn conclude(
         parts.extend(unseen_end(plant, controller, first, recorded.records));
     } else {
         // Its exit code adds nothing to what the plant said; a signal or a killing does.
-        let [plant_fate, controller_fate] = fates;
         let told_why = |fate: &String| !fate.contains("exit code");
         parts.extend(
-            [plant_fate, controller_fate]
+            [plant.fate(), controller.fate()]
                 .into_iter()
                 .flatten()
                 .filter(told_why),
@@ -351,6 +405,7 @@ fn conclude(
         recorded,
         outcome,
         reason: Some(parts.join("; ")),
+        controllers: Vec::new(),
     }
 }
 

@@ -1,0 +1,322 @@
+//! The controllers of a run: the one in office, those before it, and the one that is to take over.
+//!
+//! The plant decides who is in office and tells it in the record stream; here processes are started
+//! and ended accordingly.
+
+use std::path::PathBuf;
+use std::sync::mpsc::Sender;
+use std::time::{Duration, Instant};
+
+use controller_process::job::{JOB_FILE, Job};
+use shared_types::lockstep::OnLoss;
+use shared_types::record::{Change, ControllerChange};
+use shared_types::session::Session;
+use shared_types::supervision::{EXPECT, PEER_GONE};
+
+use super::processes::Side;
+use crate::binaries::Binary;
+use crate::exit::Failure;
+use crate::swap::{Swapped, Wanted};
+
+/// How often a lost controller is started anew in one run.
+const RESTARTS: u32 = 3;
+/// How long a controller that is not in office any more may take to end by itself.
+const PARTING: Duration = Duration::from_millis(500);
+
+/// All controllers that were started.
+pub(super) struct Controllers {
+    members: Vec<Member>,
+    policy: OnLoss,
+    run_dir: PathBuf,
+    restarts: u32,
+    /// Changes that were heard of.
+    known: usize,
+}
+
+/// One controller process.
+struct Member {
+    epoch: u32,
+    side: Side,
+    binary: Binary,
+    job: Job,
+    standing: Standing,
+    /// The plant was told that it ended.
+    told_gone: bool,
+    /// It was told that the run is over.
+    told_over: bool,
+    /// Who asked for it.
+    asked: Option<Sender<Result<Swapped, String>>>,
+}
+
+/// What a controller is to the run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Standing {
+    Coming,
+    InOffice,
+    /// Since when it is of no more use.
+    Past(Instant),
+}
+
+/// A controller as the summary and the recording tell of it.
+#[derive(Clone, Debug)]
+pub(crate) struct Started {
+    /// Which of the session it is, from 1.
+    pub(crate) epoch: u32,
+    pub(crate) binary: Binary,
+    pub(crate) law: String,
+}
+
+impl Controllers {
+    /// Starts the first one.
+    ///
+    /// # Errors
+    /// If it cannot be started.
+    pub(super) fn start(
+        session: &mut Session,
+        run_dir: PathBuf,
+        policy: OnLoss,
+        (binary, job): (Binary, Job),
+    ) -> Result<Self, Failure> {
+        let mut controllers = Self {
+            members: Vec::new(),
+            policy,
+            run_dir,
+            restarts: 0,
+            known: 0,
+        };
+        controllers.add(session, binary, job)?;
+        controllers.members[0].standing = Standing::InOffice;
+        Ok(controllers)
+    }
+
+    /// Starts one more.
+    fn add(&mut self, session: &mut Session, binary: Binary, job: Job) -> Result<u32, Failure> {
+        let epoch = self.members.last().map_or(1, |last| last.epoch + 1);
+        let job = Job { epoch, ..job };
+        let info = session.info().clone();
+        info.write_file(JOB_FILE, &job)
+            .map_err(Failure::infrastructure)?;
+        let log = match epoch {
+            1 => "controller.log".into(),
+            _ => format!("controller-{epoch}.log"),
+        };
+        let side = Side::start("controller", &binary.path, &info, &self.run_dir, &log)?;
+        session
+            .add_controller(epoch, side.process_id())
+            .map_err(Failure::infrastructure)?;
+        self.members.push(Member {
+            epoch,
+            side,
+            binary,
+            job,
+            standing: Standing::Coming,
+            told_gone: false,
+            told_over: false,
+            asked: None,
+        });
+        Ok(epoch)
+    }
+
+    /// The one in office.
+    pub(super) fn in_office(&self) -> Option<&Side> {
+        let member = &self.members[self.place_in_office()];
+        (member.standing == Standing::InOffice).then_some(&member.side)
+    }
+
+    /// The one in office, or the one that was started last.
+    pub(super) fn latest(&self) -> &Side {
+        &self.members[self.place_in_office()].side
+    }
+
+    fn place_in_office(&self) -> usize {
+        let in_office = |member: &Member| member.standing == Standing::InOffice;
+        let place = self.members.iter().rposition(in_office);
+        place.unwrap_or(self.members.len() - 1)
+    }
+
+    /// Whether all have ended.
+    pub(super) fn have_ended(&mut self) -> bool {
+        let mut all = true;
+        for member in &mut self.members {
+            all &= member.side.has_ended();
+        }
+        all
+    }
+
+    /// Whether the death of the one in office ends the run.
+    pub(super) fn death_ends_run(&mut self) -> bool {
+        let place = self.place_in_office();
+        let member = &mut self.members[place];
+        self.policy == OnLoss::Abort
+            && member.standing == Standing::InOffice
+            && member.side.has_ended()
+    }
+
+    /// Tells all of them that it is over, in this way, if they were not told yet.
+    pub(super) fn tell_once(&mut self, line: &str) {
+        for member in &mut self.members {
+            if !std::mem::replace(&mut member.told_over, true) {
+                member.side.tell(line);
+            }
+        }
+    }
+
+    /// Ends those that have not ended.
+    pub(super) fn kill(&mut self) {
+        for member in &mut self.members {
+            if !member.side.has_ended() {
+                member.side.kill();
+            }
+        }
+    }
+
+    /// What was started, in order.
+    pub(super) fn started(&self) -> Vec<Started> {
+        let started = |member: &Member| Started {
+            epoch: member.epoch,
+            binary: member.binary.clone(),
+            law: member.job.law.clone(),
+        };
+        self.members.iter().map(started).collect()
+    }
+
+    /// Changes that were heard of.
+    pub(super) const fn known_changes(&self) -> usize {
+        self.known
+    }
+
+    /// Somebody wants another one.
+    pub(super) fn swap(&mut self, session: &mut Session, plant: &mut Side, wanted: Wanted) {
+        let Wanted {
+            binary,
+            law,
+            answer,
+        } = wanted;
+        let coming = |member: &Member| member.standing == Standing::Coming;
+        if self.members.iter().any(coming) {
+            let busy = "another controller is about to take over".to_owned();
+            let _ = answer.send(Err(busy)); // who asked may be gone
+            return;
+        }
+        let place = self.place_in_office();
+        let job = law.onto(self.members[place].job.clone());
+        match self.add(session, binary, job) {
+            Ok(epoch) => {
+                plant.tell(&format!("{EXPECT} {epoch}"));
+                if let Some(member) = self.members.last_mut() {
+                    member.asked = Some(answer);
+                }
+            }
+            Err(failure) => {
+                let _ = answer.send(Err(failure.to_string()));
+            }
+        }
+    }
+
+    /// What the plant told: who is in office, and who is to be started anew.
+    ///
+    /// # Errors
+    /// If another controller cannot be started.
+    pub(super) fn hear(
+        &mut self,
+        session: &mut Session,
+        plant: &mut Side,
+        changes: &[ControllerChange],
+    ) -> Result<(), Failure> {
+        for change in changes {
+            self.note(change);
+            if matches!(change.change, Change::Lost { .. }) && self.policy == OnLoss::WaitForRestart
+            {
+                self.restart(session, plant, change.epoch)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes down who is in office, and answers who asked for it.
+    pub(super) fn note(&mut self, change: &ControllerChange) {
+        self.known += 1;
+        let ControllerChange {
+            epoch,
+            step,
+            change,
+        } = change;
+        let past = Standing::Past(Instant::now());
+        if matches!(change, Change::Joined { .. }) {
+            let in_office = |member: &&mut Member| member.standing == Standing::InOffice;
+            for member in self.members.iter_mut().filter(in_office) {
+                member.standing = past;
+            }
+        }
+        let Some(member) = (self.members.iter_mut()).find(|member| member.epoch == *epoch) else {
+            return;
+        };
+        let told = match change {
+            Change::Lost { .. } => {
+                member.standing = past;
+                return;
+            }
+            Change::Refused { reason } => {
+                member.standing = past;
+                // Its own last word says more than that it is gone.
+                let word = member.side.last_word().filter(|_| member.side.has_ended());
+                Err(word.unwrap_or_else(|| reason.clone()))
+            }
+            Change::Joined { law } => {
+                member.standing = Standing::InOffice;
+                Ok(Swapped {
+                    epoch: *epoch,
+                    step: *step,
+                    law: law.clone(),
+                    binary: member.binary.path.clone(),
+                })
+            }
+        };
+        if let Some(asked) = member.asked.take() {
+            let _ = asked.send(told); // who asked may be gone
+        }
+    }
+
+    /// Starts a lost controller anew, or lets the plant know that none comes any more.
+    fn restart(
+        &mut self,
+        session: &mut Session,
+        plant: &mut Side,
+        lost: u32,
+    ) -> Result<(), Failure> {
+        let is_coming = |member: &Member| member.standing == Standing::Coming;
+        if self.members.iter().any(is_coming) {
+            return Ok(()); // somebody asked for another one just before
+        }
+        if self.restarts == RESTARTS {
+            plant.tell(&format!("{PEER_GONE} {}", lost + 1));
+            return Ok(());
+        }
+        self.restarts += 1;
+        let member = (self.members.iter()).find(|member| member.epoch == lost);
+        let Some(member) = member else {
+            return Ok(());
+        };
+        let (binary, job) = (member.binary.clone(), member.job.clone());
+        let epoch = self.add(session, binary, job)?;
+        plant.tell(&format!("{EXPECT} {epoch}"));
+        Ok(())
+    }
+
+    /// Tells the plant of those that ended, and ends those that are of no more use.
+    pub(super) fn look(&mut self, plant: &mut Side) {
+        for member in &mut self.members {
+            let has_ended = member.side.has_ended();
+            match member.standing {
+                Standing::Past(since) if !has_ended && since.elapsed() > PARTING => {
+                    member.side.kill();
+                }
+                Standing::Coming | Standing::InOffice if has_ended && !member.told_gone => {
+                    member.told_gone = true;
+                    plant.tell(&format!("{PEER_GONE} {}", member.epoch));
+                }
+                _ => {}
+            }
+        }
+    }
+}
