@@ -10,6 +10,8 @@ use shared_types::table::Empty;
 
 /// The sample at which a law misbehaves.
 const WHEN: u64 = 100;
+/// What every law commands before.
+const BEFORE_N: f64 = 0.5;
 
 table! {
     /// What every plant of these tests measures.
@@ -58,7 +60,11 @@ macro_rules! law {
             fn step(&mut self, _: &Sample<Self>) -> (Force, Empty) {
                 self.samples += 1;
                 let deed: fn() -> f64 = $deed;
-                let force_n = if self.samples > WHEN { deed() } else { 0.0 };
+                let force_n = if self.samples > WHEN {
+                    deed()
+                } else {
+                    BEFORE_N
+                };
                 (Force { force_n }, Empty {})
             }
         }

@@ -220,6 +220,7 @@ fn jobs(session: u64) -> (plant_process::job::Job, controller_process::job::Job)
     let controller = controller_process::job::Job {
         protocol: PROTOCOL,
         session,
+        epoch: 1,
         plant: plan.plant.model,
         law: plan.controller.law,
         parameters: plan.controller.parameters,
@@ -288,10 +289,11 @@ fn a_step_allocates_nothing() {
 #[test]
 fn over_shared_memory_the_loan_of_a_record_is_the_only_allocation_of_a_step() {
     let _rig = Rig::new();
-    let session = Session::create(None).expect("a session");
+    let mut session = Session::create(None).expect("a session");
+    (session.add_controller(1, std::process::id())).expect("noted");
     let info = session.info();
     let plant = IceoryxLink::create(info).expect("a link");
-    let controller = IceoryxLink::open(info).expect("a link");
+    let controller = IceoryxLink::open(info, 1).expect("a link");
     let sink = IceoryxSink::create(info, Owed::Everything).expect("a stream");
     let source = IceoryxSource::open(info, true).expect("a stream");
     let allocations = allocations_in(2000, info.id, (plant, controller), (sink, source));

@@ -18,11 +18,13 @@
 //! | [`hot_path`] | no system call and no allocation in a step |
 //! | [`latency`] | every figure of a loop counts the right steps and follows from the others |
 //! | [`live`] | faults and pauses from another terminal |
+//! | [`mutations`] | the explorer of the lockstep machines misses every guard that is taken out |
 //! | [`paper`] | the paper's experiment against its checked figures |
 //! | [`recording`] | what a recording holds, read without the recorder's code |
 //! | [`replay`] | recorded samples against controllers: the same, rebuilt, broken |
 //! | [`realtime_settings`] | what was asked of the system, and what it granted |
 //! | [`requirements`] | verdicts live and from the recording, and exit codes |
+//! | [`succession`] | lost controllers, and others that take over |
 //! | [`suite`] | several runs by one command |
 //! | [`survival`] | every law with every kind of fault |
 //!
@@ -55,6 +57,7 @@ mod hot_path;
 mod latency;
 mod live;
 mod mcap_reader;
+mod mutations;
 mod paper;
 mod programs;
 mod python;
@@ -62,5 +65,6 @@ mod realtime_settings;
 mod recording;
 mod replay;
 mod requirements;
+mod succession;
 mod suite;
 mod survival;

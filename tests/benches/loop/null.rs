@@ -20,6 +20,7 @@ use shared_types::clock::monotonic_ns;
 use shared_types::describe::{LawDescription, PROTOCOL, PlantDescription, Settings};
 use shared_types::link::LinkError;
 use shared_types::link::iceoryx::IceoryxLink;
+use shared_types::lockstep::OnLoss;
 use shared_types::pacer::OverrunPolicy;
 use shared_types::record::{Event, RecordLayout};
 use shared_types::session::{Session, SessionInfo};
@@ -207,13 +208,14 @@ fn watch(session: &SessionInfo, is_over: &AtomicBool) {
 /// own, the observers in threads.
 pub(crate) fn watched(names: &Names, size: usize, observers: usize) -> Figures {
     let steps = shortened(STEPS);
-    let session = Session::create(None).expect("a session");
-    let info = session.info();
+    let mut session = Session::create(None).expect("a session");
+    let info = &session.info().clone();
     let rate = Rate::new(RATE_HZ).expect("a rate");
     let wait_limit_s = 30.0;
     let controller_job = controller_process::job::Job {
         protocol: PROTOCOL,
         session: info.id,
+        epoch: 1,
         plant: name(size),
         law: name(size),
         parameters: Settings::default(),
@@ -236,12 +238,14 @@ pub(crate) fn watched(names: &Names, size: usize, observers: usize) -> Figures {
             clock: Clock::Lockstep,
             overrun: OverrunPolicy::CatchUp,
             deadline: 0.8,
+            on_controller_loss: OnLoss::Abort,
         },
         plant: PlantPlan {
             model: name(size),
             substeps: 1,
             parameters: Settings::default(),
             limits: Vec::new(),
+            safe_command: Settings::default(),
         },
         stimuli: Vec::new(),
         faults: Vec::new(),
@@ -259,6 +263,7 @@ pub(crate) fn watched(names: &Names, size: usize, observers: usize) -> Figures {
         .stdin(Stdio::piped())
         .spawn()
         .expect("the controller");
+    (session.add_controller(1, controller.id())).expect("noted");
 
     let mut taken_ns = Vec::with_capacity(steps as usize + 1);
     let stream = (observers > 0).then(|| IceoryxSink::create(info, Owed::Nothing));

@@ -26,7 +26,7 @@ impl Linked {
         };
         let link = match side {
             Side::Plant => IceoryxLink::create(session),
-            Side::Controller => IceoryxLink::open(session),
+            Side::Controller => IceoryxLink::open(session, 1),
         };
         let mut link = link.expect("shared memory");
         let seal = Seal {

@@ -1,0 +1,180 @@
+//! The explorer of the lockstep machines finds a missing guard: each mutant of the machines, one guard
+//! taken out, fails its tests.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+use crate::programs::{target, workspace};
+
+/// A file of the machines, what stands there, what the mutant has instead.
+const MUTANTS: [(&str, &str, &str); 9] = [
+    // A command of any step is applied.
+    (
+        "plant.rs",
+        "Some(FrameKind::Command)) if got == *step =>",
+        "Some(FrameKind::Command)) if got <= *step =>",
+    ),
+    // What a lost controller sent is taken.
+    (
+        "plant.rs",
+        "(_, PlantEvent::Frame(_)) if self.lost => self.ignore(),",
+        "",
+    ),
+    // The death of any controller loses the one in office.
+    (
+        "plant.rs",
+        "if epoch == self.epoch || epoch == u32::MAX {",
+        "if epoch <= self.epoch || epoch == u32::MAX {",
+    ),
+    // A sample seen again is answered again.
+    (
+        "controller.rs",
+        "Some(FrameKind::Sample))\n                if got == *step || (may_be_later && got > *step) =>",
+        "Some(FrameKind::Sample))\n                if got <= *step || (may_be_later && got > *step) =>",
+    ),
+    // A command seen again breaks the protocol.
+    (
+        "plant.rs",
+        "(_, Some(FrameKind::Command)) if got.0 < self.at().0 => self.ignore(),",
+        "",
+    ),
+    // The wait for the confirmation of the end has no limit.
+    (
+        "plant.rs",
+        "self.late(format!(\"confirm the end after {} steps\", self.steps), *ms)",
+        "PlantAction::Ignore",
+    ),
+    // The end waits for the confirmation of a controller that is lost.
+    (
+        "plant.rs",
+        "(State::AwaitConfirmation, PlantEvent::Missed) if self.lost => {",
+        "(State::AwaitConfirmation, PlantEvent::Missed) if self.steps == 0 => {",
+    ),
+    // A step waits for a controller that is lost.
+    (
+        "plant.rs",
+        "self.against_clock || self.lost",
+        "self.against_clock",
+    ),
+    // A controller is lost twice.
+    (
+        "plant.rs",
+        "if self.lost {\n            return self.ignore();\n        }\n        if self.is_greeting()",
+        "if self.is_greeting()",
+    ),
+];
+
+#[test]
+fn each_guard_that_is_taken_out_is_missed() {
+    let libraries = Libraries::built();
+    let original = libraries.explore(None);
+    let said = String::from_utf8_lossy(&original.stdout);
+    assert!(original.status.success(), "{said}");
+    let halves = MUTANTS.split_at(MUTANTS.len() / 2);
+    std::thread::scope(|scope| {
+        for half in [halves.0, halves.1] {
+            let libraries = &libraries;
+            scope.spawn(move || {
+                for mutant in half {
+                    let output = libraries.explore(Some(*mutant));
+                    let said = String::from_utf8_lossy(&output.stdout);
+                    assert!(!output.status.success(), "survives: {mutant:?}\n{said}");
+                    // It fails by what it finds, not by being no program.
+                    assert!(said.contains("explorer::"), "{mutant:?}\n{said}");
+                }
+            });
+        }
+    });
+}
+
+/// What the machines are compiled against: this workspace's own libraries.
+struct Libraries {
+    folder: PathBuf,
+    externs: Vec<String>,
+}
+
+impl Libraries {
+    fn built() -> Self {
+        let mut cargo = Command::new(env!("CARGO"));
+        cargo.args(["build", "--package", "shared-types", "--lib"]);
+        cargo.args(["--message-format", "json", "--target-dir"]);
+        let output = cargo.arg(target()).current_dir(workspace()).output();
+        let output = output.expect("cargo can be run");
+        assert!(output.status.success(), "{cargo:?}");
+        let said = String::from_utf8_lossy(&output.stdout);
+        let messages = said
+            .lines()
+            .filter_map(|line| serde_json::from_str::<Value>(line).ok());
+        let mut externs = Vec::new();
+        let mut folder = PathBuf::new();
+        for message in messages {
+            let name = message["target"]["name"].as_str().unwrap_or_default();
+            let package = message["package_id"].as_str().unwrap_or_default();
+            // Another version of it is some dependency's.
+            let is_wanted = match name {
+                "shared_types" => true,
+                "serde" => package.contains("@1."),
+                "thiserror" => package.contains("@2."),
+                _ => false,
+            };
+            // What build scripts and macros are made with has no debug information.
+            if !is_wanted || message["profile"]["debuginfo"] == 0 {
+                continue;
+            }
+            let files = message["filenames"].as_array().into_iter().flatten();
+            let mut libraries = files.filter_map(Value::as_str);
+            if let Some(library) = libraries.find(|file| file.ends_with(".rlib")) {
+                externs.push(format!("{name}={library}"));
+                folder = Path::new(library).parent().expect("in a folder").to_owned();
+            }
+        }
+        assert_eq!(externs.len(), 3, "{externs:?}");
+        if !folder.ends_with("deps") {
+            folder.push("deps");
+        }
+        Self { folder, externs }
+    }
+
+    /// Runs the explorer of the machines, or of a mutant.
+    fn explore(&self, mutant: Option<(&str, &str, &str)>) -> Output {
+        let place = TempDir::with_prefix("hil-mutant-").expect("a temporary folder");
+        let machines = place.path().join("lockstep");
+        std::fs::create_dir(&machines).expect("the folder can be written");
+        let source = workspace().join("shared-types/src/lockstep");
+        for file in [
+            "mod.rs",
+            "controller.rs",
+            "loss.rs",
+            "plant.rs",
+            "explorer.rs",
+        ] {
+            let mut text = std::fs::read_to_string(source.join(file)).expect("it is there");
+            text = text.replace("crate::", "shared_types::");
+            text = text.replace("#[cfg(test)]\nmod tests;", "");
+            if let Some((_, old, new)) = mutant.filter(|(mutated, ..)| *mutated == file) {
+                assert_eq!(text.matches(old).count(), 1, "{file} has once: {old}");
+                text = text.replace(old, new);
+            }
+            std::fs::write(machines.join(file), text).expect("the folder can be written");
+        }
+        let root = place.path().join("machines.rs");
+        std::fs::write(&root, "mod lockstep;").expect("the folder can be written");
+        let program = place.path().join("machines");
+        let mut rustc = Command::new("rustc");
+        rustc.args(["--edition", "2024", "--test", "--cap-lints", "allow"]);
+        rustc.args(["-C", "opt-level=2", "-L"]);
+        rustc.arg(format!("dependency={}", self.folder.display()));
+        for library in &self.externs {
+            rustc.args(["--extern", library]);
+        }
+        rustc.arg("-o").arg(&program).arg(&root);
+        let compiled = rustc.output().expect("rustc can be run");
+        let said = String::from_utf8_lossy(&compiled.stderr);
+        assert!(compiled.status.success(), "{mutant:?}\n{said}");
+        let mut explorer = Command::new(program);
+        explorer.output().expect("it was just made")
+    }
+}

@@ -1,0 +1,338 @@
+//! Controllers that are lost and controllers that take over: how the run goes on, and who may speak for
+//! the controller at all.
+
+use std::io::Read;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+
+use rustix::process::Signal;
+use serde_json::Value;
+use shared_types::hello::{Control, Hello};
+use shared_types::link::iceoryx::IceoryxLink;
+use shared_types::link::{Link, LinkError};
+use shared_types::session::SessionInfo;
+
+use crate::harness::{Rig, Run, Running, send, until};
+use crate::mcap_reader::{Record, Recording};
+use crate::programs::{misbehaving_controller, program};
+
+/// The step at which the laws of the misbehaving controller misbehave, counted from their first.
+const WHEN: u64 = 100;
+/// What they command before.
+const BEFORE_N: f64 = 0.5;
+const SAFE_N: f64 = -0.25;
+const STEPS: u64 = 1000;
+
+/// The teaching plant for a second under a law that misbehaves.
+fn scenario(rig: &Rig, law: &str, policy: &str) -> String {
+    let text = format!(
+        "schema = 1\nname = \"loss\"\n\
+         [run]\nduration_s = 1.0\nrate_hz = {STEPS}\non_controller_loss = \"{policy}\"\n\
+         [plant]\nmodel = \"spring-mass\"\n[plant.safe_command]\nforce_n = {SAFE_N}\n\
+         [controller]\nlaw = \"{law}\"\n"
+    );
+    let path = rig.write("scenario.toml", &text);
+    let controller = misbehaving_controller();
+    format!(
+        "{} --controller-bin {} --wait-limit 0.5",
+        path.display(),
+        controller.display()
+    )
+}
+
+/// The forces that the plant met, all steps of which there is a command.
+fn applied_n(run: &Run) -> Vec<f64> {
+    let recording = Recording::open(&run.recording());
+    let records: Vec<Record> = recording.records().collect();
+    let applied = records
+        .iter()
+        .map(|record| recording.value(record, "applied.force_n"));
+    applied.filter(|force_n| !force_n.is_nan()).collect()
+}
+
+fn lost_at(summary: &Value, controller: usize) -> u64 {
+    let controller = &summary["controllers"][controller];
+    assert_eq!(controller["end"], "lost", "{summary:#}");
+    controller["until_step"].as_u64().expect("a step")
+}
+
+#[test]
+fn without_its_controller_the_plant_goes_on_as_the_policy_says() {
+    let (leaves, panics) = ("controller is gone at step 100", "gone at step 100");
+    for (law, policy, then_n, reason) in [
+        ("leaves", "hold", BEFORE_N, leaves),
+        ("panics", "safe-command", SAFE_N, panics),
+        ("sleeps", "safe-command", SAFE_N, "did not answer step 100"),
+    ] {
+        let rig = Rig::new();
+        let arguments = scenario(&rig, law, policy);
+        let run = rig.run(&arguments).expect(0);
+        let summary = run.summary();
+        assert_eq!(summary["verdict"], "pass");
+        assert_eq!(summary["steps"], STEPS);
+        assert_eq!(lost_at(&summary, 0), WHEN);
+        let told = summary["controllers"][0]["reason"].as_str();
+        assert!(told.expect("why").contains(reason), "{told:?}");
+        let applied = applied_n(&run);
+        assert_eq!(applied.len() as u64, STEPS);
+        let (before, after) = applied.split_at(WHEN as usize);
+        assert!(before.iter().all(|force_n| *force_n == BEFORE_N), "{law}");
+        assert!(after.iter().all(|force_n| *force_n == then_n), "{law}");
+
+        let again = rig.run(&arguments).expect(0);
+        assert_eq!(again.digest(), run.digest(), "{law} under {policy}");
+        let rerun = rig.hil(&["rerun", run.folder.to_str().expect("plain text")]);
+        rerun.expect(2).says(&["lost controller 1 at step 100"]);
+    }
+}
+
+#[test]
+fn a_lost_controller_is_started_anew_and_not_for_ever() {
+    let rig = Rig::new();
+    let run = rig.run(&scenario(&rig, "leaves", "wait-for-restart"));
+    let run = run.expect(3);
+    let summary = run.summary();
+    // It leaves at each of its hundredth samples: once at first, three times anew.
+    let lost: Vec<u64> = (0..4)
+        .map(|controller| lost_at(&summary, controller))
+        .collect();
+    assert_eq!(lost, [100, 200, 300, 400]);
+    let reason = summary["reason"].as_str().expect("a reason");
+    assert!(
+        reason.contains("the new controller is gone at step 400"),
+        "{reason}"
+    );
+    assert_eq!(applied_n(&run), [BEFORE_N; 400]);
+}
+
+#[test]
+fn a_killed_controller_is_started_anew_and_the_run_completes() {
+    let rig = Rig::new();
+    let running = rig.start(
+        "scenarios/spring-mass.toml --set run.rate_hz=10000 --set run.duration_s=30 \
+         --set run.on_controller_loss=wait-for-restart",
+    );
+    let [_, controller] = running.children();
+    send(controller.pid, Signal::KILL);
+    let run = running.finish();
+    let summary = run.summary();
+    assert_eq!(summary["steps"], 300_000, "{summary:#}");
+    let (lost, joined) = (lost_at(&summary, 0), &summary["controllers"][1]);
+    assert_eq!(joined["from_step"], lost);
+    assert_eq!(joined["end"], Value::Null);
+    // Every step has an answer of its own, and of the one in office.
+    let recording = Recording::open(&run.recording());
+    let [held, epoch] = ["held_steps", "epoch"].map(|name| recording.place(name));
+    for record in recording.records().take(300_000) {
+        assert_eq!(record.words[held], 0, "step {}", record.step());
+        let in_office = if record.step() < lost { 1 } else { 2 };
+        assert_eq!(record.words[epoch], in_office, "step {}", record.step());
+    }
+}
+
+#[test]
+fn in_real_time_the_run_goes_on_until_another_controller_is_there() {
+    let rig = Rig::new();
+    let arguments = scenario(&rig, "leaves", "wait-for-restart");
+    let run = rig.run(&format!(
+        "{arguments} --clock realtime --set run.rate_hz=500"
+    ));
+    let summary = run.summary();
+    // Where it is lost depends on the machine; the command is held until the next one is there.
+    let lost = lost_at(&summary, 0);
+    let from = summary["controllers"][1]["from_step"].as_u64();
+    assert!(from.expect("it took over") >= lost, "{summary:#}");
+    assert!(
+        applied_n(&run)
+            .iter()
+            .skip(1)
+            .all(|force_n| *force_n == BEFORE_N)
+    );
+}
+
+/// A run of the teaching scenario that is held before step 2500.
+fn held(rig: &Rig) -> Running<'_> {
+    let running = rig.start("scenarios/spring-mass.toml --pause-at 2.5 --wait-limit 60");
+    until("the run is held", || {
+        let at = ["inject", "--active", "--json", "--session", rig.session()];
+        let told = rig.beside(&at).stdout;
+        let status: Value = serde_json::from_str(&told).unwrap_or_default();
+        status["status"]["step"] == 2500 && status["status"]["paused"] == true
+    });
+    running
+}
+
+fn swap(rig: &Rig, arguments: &[&str]) -> Run {
+    let session = ["--session", rig.session()];
+    rig.beside(&[&["controller", "swap"], arguments, &session].concat())
+}
+
+fn resume(rig: &Rig, running: Running<'_>) -> Run {
+    rig.beside(&["resume", "--session", rig.session()])
+        .expect(0);
+    running.finish()
+}
+
+#[test]
+fn another_controller_takes_over_at_the_step_that_the_answer_names() {
+    let rig = Rig::new();
+    let plain = rig.run("scenarios/spring-mass.toml").expect(0);
+    let running = held(&rig);
+    let swapped = swap(&rig, &["--set", "controller.law=hold", "--json"]).expect(0);
+    let told: Value = serde_json::from_str(&swapped.stdout).expect("JSON");
+    assert_eq!((&told["epoch"], &told["step"]), (&2.into(), &2500.into()));
+    assert_eq!(told["law"], "hold");
+    let run = resume(&rig, running);
+    let summary = run.summary();
+    assert_eq!(summary["controllers"][0]["end"], "replaced");
+    assert_eq!(summary["controllers"][1]["from_step"], 2500);
+    // The law `hold` commands nothing; until then the runs are one.
+    let (before, after) = (applied_n(&plain), applied_n(&run));
+    assert_eq!(before[..2500], after[..2500]);
+    assert!(after[2500..].iter().all(|force_n| *force_n == 0.0));
+}
+
+#[test]
+fn a_controller_that_cannot_take_over_changes_nothing() {
+    let rig = Rig::new();
+    let plain = rig.run("scenarios/spring-mass.toml").expect(0).digest();
+    let running = held(&rig);
+    let other = misbehaving_controller();
+    let other = other.to_str().expect("plain text");
+    let dying = rig.script(
+        "dies",
+        &format!(
+            "#!/bin/sh\ncase $1 in --session) echo I am not well; exit 7;; esac\nexec {} \"$@\"\n",
+            program("controller-process").display()
+        ),
+    );
+    let dying = dying.to_str().expect("plain text");
+    for (arguments, told) in [
+        (&["--bin", other][..], "unknown law `pid`"),
+        (&["--bin", "/bin/true"], "does not speak the protocol"),
+        (&["--bin", "/nowhere/at-all"], "cannot run /nowhere/at-all"),
+        (
+            &["--set", "controller.pid.proportionl_n_per_m=3"],
+            "proportional_n_per_m",
+        ),
+        (
+            &["--set", "run.rate_hz=500"],
+            "keys that begin with `controller.`",
+        ),
+        (&["--bin", dying], "I am not well"),
+    ] {
+        swap(&rig, arguments).expect(2).says(&[told]);
+    }
+    let run = resume(&rig, running).expect(0);
+    assert_eq!(run.digest(), plain);
+}
+
+/// A process that does not outlive its test.
+struct Killed(Child);
+
+impl Drop for Killed {
+    fn drop(&mut self) {
+        let _ = self.0.kill(); // it may have ended
+        let _ = self.0.wait();
+    }
+}
+
+#[test]
+fn a_second_controller_or_plant_is_refused_and_the_run_stays_the_same() {
+    let rig = Rig::new();
+    let plain = rig.run("scenarios/spring-mass.toml").expect(0).digest();
+    let running = held(&rig);
+    for (binary, told) in [
+        ("controller-process", "has its controller already"),
+        ("plant-process", "has its plant already"),
+    ] {
+        // Its input stays open, as that of one that was launched.
+        let second = Command::new(program(binary))
+            .arg("--session")
+            .arg(rig.session_folder())
+            .stdin(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("it can be run");
+        let mut second = Killed(second);
+        let mut status = None;
+        until("it is refused", || {
+            status = second.0.try_wait().expect("it is our child");
+            status.is_some()
+        });
+        let mut said = String::new();
+        let mut stderr = second.0.stderr.take().expect("piped");
+        stderr.read_to_string(&mut said).expect("text");
+        let failed = status.is_some_and(|status| !status.success());
+        assert!(failed && said.contains(told), "{binary}: {said}");
+    }
+    let run = resume(&rig, running).expect(0);
+    assert_eq!(run.digest(), plain);
+}
+
+#[test]
+fn who_was_not_launched_is_told_to_leave_and_the_run_stays_the_same() {
+    let rig = Rig::new();
+    let plain = rig.run("scenarios/spring-mass.toml").expect(0).digest();
+    // The controller comes late: first comes this test.
+    let (binary, gate) = (program("controller-process"), rig.path("gate"));
+    let late = rig.script(
+        "late",
+        &format!(
+            "#!/bin/sh\ncase $1 in --session) while [ ! -e {} ]; do sleep 0.01; done;; esac\nexec {} \"$@\"\n",
+            gate.display(),
+            binary.display()
+        ),
+    );
+    let running = rig.start(&format!(
+        "scenarios/spring-mass.toml --controller-bin {} --wait-limit 60",
+        late.display()
+    ));
+    let mut link = stranger(&rig.session_folder());
+    let session = SessionInfo::read(&rig.session_folder()).expect("it runs");
+    let hello = Hello {
+        protocol: shared_types::describe::PROTOCOL,
+        session: session.id,
+        law: "mine".into(),
+        measured: vec![],
+        reference: vec![],
+        commands: None,
+        internals: vec![],
+    };
+    (link.send_control(&Control::Hello(hello).to_bytes())).expect("sends");
+    let mut answer = None;
+    until("an answer comes", || {
+        answer = link.receive_control().expect("polls");
+        answer.is_some()
+    });
+    match Control::from_bytes(&answer.expect("it came")) {
+        Ok(Control::Refusal { reason }) => {
+            let own = format!("process {}", std::process::id());
+            assert!(reason.contains(&own), "{reason}");
+        }
+        other => panic!("{other:?}"),
+    }
+    drop(link);
+    std::fs::write(gate, "").expect("writes");
+    let run = running.finish().expect(0);
+    assert_eq!(run.digest(), plain);
+    let log = std::fs::read_to_string(run.folder.join("plant.log")).expect("a log");
+    assert!(log.contains("refused: process"), "{log}");
+}
+
+/// This process in the controller's place.
+fn stranger(folder: &Path) -> IceoryxLink {
+    let mut link = None;
+    until("the plant makes its link", || {
+        let Ok(session) = SessionInfo::read(folder) else {
+            return false;
+        };
+        match IceoryxLink::open(&session, 1) {
+            Ok(opened) => link = Some(opened),
+            Err(LinkError::Absent { .. }) => {}
+            Err(error) => panic!("{error}"),
+        }
+        link.is_some()
+    });
+    link.expect("it is there")
+}
