@@ -153,27 +153,54 @@ impl SessionInfo {
         Ok(config)
     }
 
-    /// The session's files in shared memory, beside its folder.
+    /// The session's files in shared memory, beside its folder. Others may make files with such a name
+    /// there; those are theirs.
     #[must_use]
     pub fn segments(&self) -> Vec<PathBuf> {
+        let uid = rustix::process::geteuid().as_raw();
         let entries = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
         entries
             .filter(|entry| (entry.file_name().to_string_lossy()).starts_with(&self.prefix))
             .map(|entry| entry.path())
+            .filter(|path| fs::symlink_metadata(path).is_ok_and(|found| found.uid() == uid))
             .collect()
     }
 
-    /// Closes the files of the session that are open to other users; iceoryx2 leaves one so.
+    /// Closes the files and folders of the session that are open to other users; iceoryx2 leaves
+    /// some so.
     ///
-    /// No other file may be touched: by the mode 0200 iceoryx2 tells that it still fills a file,
+    /// Nothing else may be touched: by the mode 0200 iceoryx2 tells that it still fills a file,
     /// and whoever opens it then reads what is not there yet.
     pub fn tighten(&self) {
-        for segment in self.segments() {
-            // A file may be gone again by now.
-            if fs::metadata(&segment).is_ok_and(|found| found.mode() & 0o077 != 0) {
-                let _ = fs::set_permissions(segment, Permissions::from_mode(0o600));
+        for path in self.open_to_others() {
+            // It may be gone again by now.
+            let _ = fs::symlink_metadata(&path).and_then(|found| {
+                let mode = if found.is_dir() { 0o700 } else { 0o600 };
+                fs::set_permissions(&path, Permissions::from_mode(mode))
+            });
+        }
+    }
+
+    /// Files and folders of the session that other users may read, write or look into.
+    #[must_use]
+    pub fn open_to_others(&self) -> Vec<PathBuf> {
+        let mut open = Vec::new();
+        let mut left = self.segments();
+        left.push(self.folder.clone());
+        while let Some(path) = left.pop() {
+            // It may be gone again by now.
+            let Ok(found) = fs::symlink_metadata(&path) else {
+                continue;
+            };
+            if found.is_dir() {
+                let inside = fs::read_dir(&path).into_iter().flatten().flatten();
+                left.extend(inside.map(|entry| entry.path()));
+            }
+            if found.mode() & 0o077 != 0 {
+                open.push(path);
             }
         }
+        open
     }
 
     fn remove(&self) -> Result<(), SessionError> {
@@ -308,6 +335,13 @@ impl SessionInfo {
         let root = self.folder.join("i");
         private_folder(&root).map_err(SessionError::io("create", &root))?;
         self.write_file("session.json", self)?;
+        // iceoryx2 makes one file of a prefix open to everybody. Made and closed here, it is never open
+        // while a run goes on.
+        crate::link::iceoryx::node(self, "session").map_err(|error| SessionError::Io {
+            action: "use shared memory below",
+            path: root,
+            error: io::Error::other(error.to_string()),
+        })?;
         Ok(lock)
     }
 }
@@ -325,6 +359,12 @@ fn random_number() -> u64 {
     RandomState::new().hash_one(std::process::id())
 }
 
+/// The folder of all sessions of this user.
+fn all_sessions() -> PathBuf {
+    let uid = rustix::process::geteuid().as_raw();
+    Path::new(SHARED_MEMORY).join(format!("hil-{uid}"))
+}
+
 /// The folder of all sessions of this user, locked.
 struct AllSessions {
     folder: PathBuf,
@@ -333,8 +373,7 @@ struct AllSessions {
 
 impl AllSessions {
     fn lock() -> Result<Self, SessionError> {
-        let uid = rustix::process::geteuid().as_raw();
-        let folder = Path::new(SHARED_MEMORY).join(format!("hil-{uid}"));
+        let (uid, folder) = (rustix::process::geteuid().as_raw(), all_sessions());
         let path = folder.join(".lock");
         let since = Instant::now();
         loop {
@@ -479,6 +518,9 @@ pub fn dead() -> Result<Vec<String>, SessionError> {
 /// # Errors
 /// If something of a dead session cannot be removed.
 pub fn sweep() -> Result<Vec<String>, SessionError> {
+    if !all_sessions().exists() {
+        return Ok(Vec::new());
+    }
     AllSessions::lock()?.sweep()
 }
 
@@ -509,9 +551,13 @@ mod tests {
         let mode = |path: &Path| fs::metadata(path).expect("there").mode() & 0o777;
         assert_eq!(mode(&session.info().folder), 0o700);
         assert_eq!(mode(&session.info().folder.join("session.json")), 0o600);
-        for segment in session.info().segments() {
-            assert_eq!(mode(&segment) & 0o077, 0, "{}", segment.display());
-        }
+        assert!(!session.info().segments().is_empty());
+        assert_eq!(session.info().open_to_others(), Vec::<PathBuf>::new());
+
+        let opened = session.info().folder.join("i").join("open");
+        fs::write(&opened, "x").expect("writes");
+        fs::set_permissions(&opened, Permissions::from_mode(0o604)).expect("sets");
+        assert_eq!(session.info().open_to_others(), [opened]);
     }
 
     #[test]

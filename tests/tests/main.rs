@@ -16,6 +16,7 @@
 //! | [`failures`] | deaths, stops and divergence: who, what, which step, and what is left |
 //! | [`faults`] | faults of scenarios in whole runs |
 //! | [`hot_path`] | no system call and no allocation in a step |
+//! | [`intrusion`] | who does not belong to a session gets nowhere |
 //! | [`latency`] | every figure of a loop counts the right steps and follows from the others |
 //! | [`live`] | faults and pauses from another terminal |
 //! | [`mutations`] | the explorer of the lockstep machines misses every guard that is taken out |
@@ -54,6 +55,7 @@ mod failures;
 mod faults;
 mod harness;
 mod hot_path;
+mod intrusion;
 mod latency;
 mod live;
 mod mcap_reader;

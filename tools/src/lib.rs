@@ -70,12 +70,21 @@ use cli::swap::ControllerAction;
 use cli::{Command, CommandLine};
 use exit::{Exit, Failure};
 use shared_types::live::Request;
+use shared_types::session;
 
 /// Does what the command line says.
 ///
 /// # Errors
 /// Everything that keeps it from that, with its exit code.
 pub fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
+    // What a dead one left, every command removes; `sessions` tells of it. The peer of a measurement
+    // is part of a live one.
+    if !matches!(
+        command_line.command,
+        Command::Sessions(_) | Command::LatencyPeer(_)
+    ) {
+        let _ = session::sweep(); // who creates a session hears of what is wrong
+    }
     match &command_line.command {
         Command::Run(arguments) => run::run(arguments),
         Command::Inject(arguments) => inject::inject(arguments),

@@ -1,4 +1,5 @@
-//! `hil sessions`: what runs, and cleaning up after what does not any more.
+//! `hil sessions`: what runs, and what was left by what does not any more. Every command removes that;
+//! this one tells of it.
 
 use shared_types::session;
 
@@ -11,11 +12,7 @@ use crate::output;
 /// # Errors
 /// If shared memory cannot be looked at or cleaned.
 pub fn sessions(arguments: &SessionsArguments) -> Result<Exit, Failure> {
-    let removed = if arguments.clean {
-        session::sweep().map_err(Failure::infrastructure)?
-    } else {
-        Vec::new()
-    };
+    let removed = session::sweep().map_err(Failure::infrastructure)?;
     let live = session::list().map_err(Failure::infrastructure)?;
     if arguments.json {
         let all = serde_json::json!({ "sessions": live, "removed": removed });

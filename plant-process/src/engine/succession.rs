@@ -20,16 +20,20 @@ pub(super) struct Agreed {
 }
 
 impl<L: Link, S: RecordSink> Engine<L, S> {
-    /// Another controller is announced, that of this epoch.
+    /// Another controller is announced, that of this epoch. Where no control channel can be made for
+    /// it, the run goes on without it.
     ///
     /// # Errors
-    /// If its control channel cannot be made.
+    /// If the link or the record stream failed.
     pub fn expect(&mut self, epoch: u32) -> Result<(), LinkError> {
         if let PlantAction::Expect(epoch) = self.side.on(&PlantEvent::Expect(epoch)) {
-            self.link.expect(epoch)?;
             (self.expected, self.expected_ns) = (epoch, monotonic_ns());
             self.heard = None;
             self.agreed = None;
+            if let Err(error) = self.link.expect(epoch) {
+                program::say(&error.to_string());
+                return self.interrupt(&PlantEvent::PeerGone(epoch));
+            }
         }
         Ok(())
     }

@@ -55,7 +55,8 @@ pub struct ScenarioArguments {
 /// Arguments of `hil sessions`.
 #[derive(Debug, Args)]
 pub struct SessionsArguments {
-    /// Remove what dead sessions left; running ones, also stopped ones, stay
+    /// Only for clarity: what dead sessions left is removed by every command; running ones, also stopped
+    /// ones, stay
     #[arg(long)]
     pub clean: bool,
     /// Print as JSON

@@ -267,6 +267,10 @@ fn attach(
     if !session.folder.join(LAYOUT_FILE).exists() {
         return Ok(None);
     }
+    session.tighten();
+    if let Some(open) = session.open_to_others().first() {
+        return Err(format!("{} is open to other users", open.display()));
+    }
     let layout = session.read_file(LAYOUT_FILE).map_err(|e| e.to_string())?;
     Ok(source.take().map(|source| (source, layout)))
 }

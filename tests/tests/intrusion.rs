@@ -1,0 +1,329 @@
+//! Who does not belong to a session gets nowhere: confused processes of the same user, other users, and
+//! nonsense on every way in. A run that all of them try to get into has the digest of one that
+//! was left alone.
+
+use std::io::{BufRead, BufReader, Write};
+use std::os::unix::fs::PermissionsExt;
+use std::os::unix::net::UnixStream;
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use iceoryx2::prelude::*;
+use serde_json::Value;
+use shared_types::link::iceoryx::{IceoryxLink, Ipc, node};
+use shared_types::session::SessionInfo;
+
+use crate::harness::{Rig, Running, until};
+use crate::programs::program;
+
+const SCENARIO: &str = "scenarios/spring-mass.toml";
+/// The user that is nobody.
+const NOBODY: u32 = 65534;
+
+/// A held run that is tried to be got into.
+struct Target<'r> {
+    rig: &'r Rig,
+    session: SessionInfo,
+    /// What was tried, and what was said to it.
+    refused: Vec<String>,
+}
+
+impl Target<'_> {
+    /// Notes an attempt, which must have failed.
+    #[track_caller]
+    fn refused<T, E: std::fmt::Debug>(&mut self, attempt: &str, outcome: Result<T, E>) {
+        match outcome {
+            Ok(_) => panic!("{attempt}: got in"),
+            Err(said) => self.refused.push(format!("{attempt}: {said:?}")),
+        }
+    }
+
+    /// Notes an attempt by what was said to it.
+    #[track_caller]
+    fn told(&mut self, attempt: &str, said: &str, expected: &str) {
+        assert!(said.contains(expected), "{attempt}: {said}");
+        self.refused.push(format!("{attempt}: {said}"));
+    }
+}
+
+fn held(rig: &Rig) -> (Running<'_>, SessionInfo) {
+    let running = rig.start(&format!("{SCENARIO} --pause-at 2.5 --wait-limit 60"));
+    until("the run is held", || {
+        let told = rig.beside(&["inject", "--active", "--json", "--session", rig.session()]);
+        let status: Value = serde_json::from_str(&told.stdout).unwrap_or_default();
+        status["status"]["step"] == 2500 && status["status"]["paused"] == true
+    });
+    let session = SessionInfo::read(&rig.session_folder()).expect("it runs");
+    (running, session)
+}
+
+#[test]
+fn nobody_gets_in_and_the_run_stays_the_same() {
+    let rig = Rig::new();
+    let alone = rig.run(SCENARIO).expect(0).digest();
+    let (running, session) = held(&rig);
+    let mut target = Target {
+        rig: &rig,
+        session,
+        refused: Vec::new(),
+    };
+    processes(&mut target);
+    ports(&mut target);
+    sockets(&mut target);
+    let own = target.refused.len();
+    other_users(&mut target);
+    nothing_listens_on_a_network(&target.session);
+    rig.beside(&["resume", "--session", rig.session()])
+        .expect(0);
+    let run = running.finish().expect(0);
+    assert_eq!(run.digest(), alone, "{:#?}", target.refused);
+    assert_eq!(run.summary()["rejected_frames"], 0);
+    assert_eq!(own, 20, "{:#?}", target.refused);
+    // Another user can only be played by who may become one.
+    if rustix::process::geteuid().is_root() {
+        assert_eq!(target.refused.len(), 26, "{:#?}", target.refused);
+    } else {
+        eprintln!("not root: attempts of other users were left out");
+    }
+}
+
+/// Second processes of the same user.
+fn processes(target: &mut Target<'_>) {
+    for (binary, expected) in [
+        ("controller-process", "has its controller already"),
+        ("plant-process", "has its plant already"),
+    ] {
+        let mut second = Command::new(program(binary))
+            .arg("--session")
+            .arg(&target.session.folder)
+            .stdin(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("it can be run");
+        let mut said = String::new();
+        let stderr = second.stderr.take().expect("piped");
+        // It ends by itself, or the harness of this test bites.
+        let line = BufReader::new(stderr).read_line(&mut said);
+        line.expect("it says why");
+        assert!(!second.wait().expect("it is our child").success());
+        target.told(binary, &said, expected);
+    }
+    let name = target.session.name.clone();
+    let again = target.rig.beside(&["run", SCENARIO, "--session", &name]);
+    target.told(
+        "a session of the same name",
+        &again.expect(2).stderr,
+        "is running",
+    );
+    let own = IceoryxLink::create(&target.session);
+    target.refused("a second plant's link", own.map(drop));
+    let own = IceoryxLink::open(&target.session, 1);
+    target.refused("a second controller's link", own.map(drop));
+    let own = IceoryxLink::open(&target.session, 2);
+    target.refused("a controller nobody asked for", own.map(drop));
+}
+
+/// Ports on the services of the run.
+fn ports(target: &mut Target<'_>) {
+    let own = node(&target.session, "intruder").expect("a node");
+    for name in ["frames/1/samples", "frames/1/commands"] {
+        let board = own.service_builder(&name.try_into().expect("a name"));
+        let board = board.blackboard_opener::<u8>().open();
+        let writer = board
+            .expect("it may be looked at")
+            .writer_builder()
+            .create();
+        target.refused(name, writer.map(drop));
+        let other = AttributeVerifier::new().require(
+            &"layout".try_into().expect("a key"),
+            &"0123456789abcdef".try_into().expect("a value"),
+        );
+        let board = own.service_builder(&name.try_into().expect("a name"));
+        let board = board.blackboard_opener::<u8>();
+        let opened = board.open_with_attributes(&other.expect("attributes"));
+        target.refused(&format!("{name} with another layout"), opened.map(drop));
+        let board = own.service_builder(&name.try_into().expect("a name"));
+        let opened = board.blackboard_opener::<u64>().open();
+        target.refused(&format!("{name} with other keys"), opened.map(drop));
+    }
+    for name in ["control/1/plant", "control/1/controller"] {
+        target.refused(&format!("{name}, speaking"), speaking(&own, name, true));
+        let topic = own.service_builder(&name.try_into().expect("a name"));
+        let opened = topic.publish_subscribe::<u64>().open();
+        target.refused(&format!("{name} of another type"), opened.map(drop));
+    }
+    target.refused("credit, giving it", speaking(&own, "credit", false));
+}
+
+/// Whether this process may speak on a service, whose payload is a list of these or one.
+fn speaking(own: &Node<Ipc>, name: &str, is_list: bool) -> Result<(), String> {
+    let topic = own.service_builder(&name.try_into().expect("a name"));
+    let error = if is_list {
+        let topic = topic.publish_subscribe::<[u8]>().open();
+        let topic = topic.expect("it may be looked at");
+        topic.publisher_builder().create().err()
+    } else {
+        let topic = topic.publish_subscribe::<u64>().open();
+        let topic = topic.expect("it may be looked at");
+        topic.publisher_builder().create().err()
+    };
+    error.map_or(Ok(()), |error| Err(format!("{error:?}")))
+}
+
+/// Nonsense on the sockets.
+fn sockets(target: &mut Target<'_>) {
+    let deep = "[".repeat(100_000);
+    let cases = [
+        ("control", "\u{1}\u{2} nonsense", "not a request"),
+        ("control", "{\"request\":\"obey\"}", "unknown variant"),
+        ("control", &deep, "not a request"),
+        (
+            "control",
+            "{\"request\":\"inject\",\"toml\":\"[[faults]]\\nkind = 'bias'\\ntarget = 'measured.position_m'\\nbias = nan\"}",
+            "nan",
+        ),
+        (
+            "hil",
+            "{\"binary\":\"/bin/true\",\"set\":[]}",
+            "does not speak the protocol",
+        ),
+    ];
+    for (socket, line, expected) in cases {
+        let said = asked(&target.session.folder.join(socket), line);
+        let said = said.expect("an answer");
+        target.told(socket, &said.to_lowercase(), expected);
+    }
+}
+
+fn asked(socket: &Path, line: &str) -> std::io::Result<String> {
+    let mut stream = UnixStream::connect(socket)?;
+    stream.write_all(line.as_bytes())?;
+    stream.write_all(b"\n")?;
+    let mut said = String::new();
+    BufReader::new(stream).read_line(&mut said)?;
+    Ok(said)
+}
+
+/// Another user of the machine.
+fn other_users(target: &mut Target<'_>) {
+    if !rustix::process::geteuid().is_root() {
+        return;
+    }
+    let folder = target.session.folder.clone();
+    let segments = target.session.segments();
+    assert!(!segments.is_empty());
+    let shell = |script: &str, paths: &[PathBuf]| {
+        let mut shell = Command::new("sh");
+        shell.arg("-c").arg(script).arg("sh").args(paths);
+        let output = shell.uid(NOBODY).gid(NOBODY).output().expect("a shell");
+        if output.status.success() {
+            Ok(())
+        } else {
+            Err(String::from_utf8_lossy(&output.stderr).into_owned())
+        }
+    };
+    let inside = [folder.clone()];
+    target.refused(
+        "another user looks into the folder",
+        shell("ls \"$1\"", &inside),
+    );
+    let read = shell(
+        "for f in \"$@\"; do head -c 1 \"$f\" && exit 0; done; exit 1",
+        &segments,
+    );
+    target.refused("another user reads a segment", read);
+    let write = shell(
+        "for f in \"$@\"; do : >> \"$f\" && exit 0; done; exit 1",
+        &segments,
+    );
+    target.refused("another user writes a segment", write);
+    let remove = shell(
+        "for f in \"$@\"; do rm -f \"$f\" && exit 0; done; exit 1",
+        &segments,
+    );
+    target.refused("another user removes a segment", remove);
+    let pids: Vec<PathBuf> = (target.session.children.iter())
+        .map(|child| child.pid.to_string().into())
+        .collect();
+    target.refused("another user ends a process", shell("kill \"$@\"", &pids));
+    // The program is copied to where that user may run it.
+    let copy = target.rig.path("hil");
+    std::fs::copy(program("hil"), &copy).expect("copied");
+    let open = std::fs::Permissions::from_mode(0o755);
+    std::fs::set_permissions(copy.parent().expect("a folder"), open).expect("set");
+    let mut pause = Command::new(&copy);
+    pause.args(["pause", "--session", &target.session.name]);
+    let output = pause
+        .uid(NOBODY)
+        .gid(NOBODY)
+        .output()
+        .expect("it can be run");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success(), "{said}");
+    target.told("another user pauses", &said, "no session");
+    assert_eq!(target.session.segments(), segments, "all are there");
+}
+
+/// No process of the run has a socket of the internet.
+fn nothing_listens_on_a_network(session: &SessionInfo) {
+    let pids = (session.children.iter().map(|child| child.pid)).chain([session.owner.pid]);
+    for pid in pids {
+        let mut inodes = Vec::new();
+        for table in ["tcp", "tcp6", "udp", "udp6", "raw", "packet"] {
+            let text = std::fs::read_to_string(format!("/proc/{pid}/net/{table}"));
+            let text = text.unwrap_or_default();
+            let column = if table == "packet" { 8 } else { 9 };
+            let of_line = |line: &str| line.split_ascii_whitespace().nth(column).map(str::to_owned);
+            inodes.extend(text.lines().skip(1).filter_map(of_line));
+        }
+        let descriptors = std::fs::read_dir(format!("/proc/{pid}/fd")).expect("it runs");
+        for descriptor in descriptors.flatten() {
+            let Ok(link) = std::fs::read_link(descriptor.path()) else {
+                continue; // closed by now
+            };
+            let link = link.to_string_lossy();
+            let inode = (link.strip_prefix("socket:[")).and_then(|rest| rest.strip_suffix(']'));
+            let is_internet = inode.is_some_and(|inode| inodes.iter().any(|one| one == inode));
+            assert!(!is_internet, "process {pid} has {link}");
+        }
+    }
+}
+
+#[test]
+fn a_file_of_another_user_with_our_prefix_is_left_alone_and_in_nobodys_way() {
+    if !rustix::process::geteuid().is_root() {
+        eprintln!("not root: left out");
+        return;
+    }
+    let rig = Rig::new();
+    let (running, session) = held(&rig);
+    let file = Path::new("/dev/shm").join(format!("{}planted", session.prefix));
+    let mut touch = Command::new("touch");
+    let touched = touch.arg(&file).uid(NOBODY).gid(NOBODY).status();
+    assert!(touched.expect("it can be run").success());
+    assert!(!session.segments().contains(&file));
+    rig.beside(&["resume", "--session", rig.session()])
+        .expect(0);
+    // The harness would take it for a segment that is left.
+    let run = running.finish_beside_another().expect(0);
+    assert_eq!(run.summary()["verdict"], "pass");
+    assert!(file.exists() && !session.folder.exists());
+    std::fs::remove_file(file).expect("it is there");
+}
+
+#[test]
+fn a_stopped_hil_keeps_its_session() {
+    let rig = Rig::alone();
+    let running = rig.start(&format!("{SCENARIO} --set run.duration_s=60 --clock paced"));
+    until("it runs", || {
+        SessionInfo::read(&rig.session_folder()).is_ok_and(|info| info.children.len() == 2)
+    });
+    running.signal(rustix::process::Signal::STOP);
+    let told = rig.beside(&["sessions", "--clean"]).expect(0);
+    assert!(told.stdout.contains(rig.session()), "{}", told.stdout);
+    assert!(rig.session_folder().exists());
+    running.signal(rustix::process::Signal::CONT);
+    running.signal(rustix::process::Signal::INT);
+    running.finish().expect(130);
+}
