@@ -106,7 +106,7 @@ fn judged(run: &Path, by: Option<&Path>) -> Result<(Judgement, Plan), Failure> {
 }
 
 /// The plan of the run, with what is computed and judged by another scenario if one is given.
-fn plan(
+pub(crate) fn plan(
     reader: &RunReader,
     plant: &Description,
     run: &Path,
@@ -143,7 +143,7 @@ fn plan(
 }
 
 /// The columns of a recording that are signals, and where they are among the words of a record.
-fn columns(reader: &RunReader, plant: &Description) -> Result<(Columns, Range<usize>), Failure> {
+pub(crate) fn columns(reader: &RunReader, plant: &Description) -> Result<(Columns, Range<usize>), Failure> {
     let parameters = || plant.plants.iter().flat_map(|plant| &plant.parameters);
     let mut columns = Columns::default();
     let words = reader.columns();

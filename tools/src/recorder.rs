@@ -455,20 +455,58 @@ impl Work {
     }
 
     fn note(&mut self, written: std::io::Result<()>) {
-        if let Err(error) = written {
-            let recording = self.recording.take();
-            self.recorded.written = recording.map_or(0, |recording| recording.written());
-            let path = self
-                .recording_plan
-                .as_ref()
-                .map(|plan| plan.path.display().to_string());
-            let step = self.shared.next_step.load(Ordering::Relaxed);
-            self.fail(format!(
-                "cannot write {} before step {step}: {}",
-                path.unwrap_or_default(),
-                causes(&error)
-            ));
+        let (Err(error), Some(recording)) = (written, self.recording.take()) else {
+            return;
+        };
+        let path = self.path();
+        let step = self.shared.next_step.load(Ordering::Relaxed);
+        let reason = format!("cannot write {path} before step {step}: {}", causes(&error));
+        let left = self.end_early(recording, &reason);
+        self.fail(format!("{reason}; {left}"));
+    }
+
+    /// Ends a recording that cannot take any more, and tells what it is now.
+    fn end_early(&mut self, mut recording: Recording, reason: &str) -> String {
+        let closed = recording.close();
+        self.recorded.written = recording.safe();
+        let mut result = self.result(Outcome::Failed, Some(reason));
+        if closed.is_err() {
+            // The records that it has are fewer than those that the digest covers.
+            result.insert("records".into(), recording.safe().to_string());
+            result.insert("digest".into(), String::new());
         }
+        let path = self.path();
+        let kept = self.recorded.written;
+        match recording.finish(result) {
+            Ok(()) => format!("it has the {kept} records before that"),
+            Err(_) => format!(
+                "it has {kept} records and no end: `hil recover {path}` makes a whole file of it where there is room"
+            ),
+        }
+    }
+
+    fn path(&self) -> String {
+        let plan = self.recording_plan.as_ref();
+        plan.map_or_else(String::new, |plan| plan.path.display().to_string())
+    }
+
+    /// The digest of the records so far; `None` if one was lost.
+    fn digest(&self) -> Option<String> {
+        let is_there = self.recorded.lost == 0 && self.recorded.records > 0;
+        is_there.then(|| self.digest.clone().finish())
+    }
+
+    /// What a recording says after the run.
+    fn result(&self, outcome: Outcome, reason: Option<&str>) -> BTreeMap<String, String> {
+        let facts = [
+            ("records", self.recorded.records.to_string()),
+            ("lost", self.recorded.lost.to_string()),
+            ("digest", self.digest().unwrap_or_default()),
+            ("outcome", format!("{outcome:?}").to_lowercase()),
+            ("reason", reason.unwrap_or_default().to_owned()),
+        ];
+        let owned = facts.map(|(name, value)| (name.to_owned(), value));
+        owned.into_iter().collect()
     }
 
     fn fail(&mut self, error: String) {
@@ -491,25 +529,18 @@ impl Work {
             // Items were counted, of which some were events; and there is a record after the last step.
             self.recorded.lost = end.steps + 1 - self.recorded.records;
         }
-        if self.recorded.lost == 0 && self.recorded.records > 0 {
-            self.recorded.digest = Some(std::mem::take(&mut self.digest).finish());
-        }
+        self.recorded.digest = self.digest();
         if let Some(recording) = self.recording.take() {
             self.recorded.written = recording.written();
-            let mut result = BTreeMap::new();
-            let recorded = &self.recorded;
-            let mut fact = |name: &str, value: String| result.insert(name.to_owned(), value);
-            fact("records", recorded.records.to_string());
-            fact("lost", recorded.lost.to_string());
-            fact("digest", recorded.digest.clone().unwrap_or_default());
-            if let Some(end) = &recorded.end {
-                fact("outcome", format!("{:?}", end.outcome).to_lowercase());
-                fact("reason", end.reason.clone().unwrap_or_default());
-            }
+            let result = match &self.recorded.end {
+                Some(end) => self.result(end.outcome, end.reason.as_deref()),
+                None => self.result(Outcome::Failed, Some("the plant died before it could tell")),
+            };
             if let Err(error) = recording.finish(result) {
-                self.recorded
-                    .error
-                    .get_or_insert(format!("cannot finish the recording: {}", causes(&error)));
+                let (path, causes) = (self.path(), causes(&error));
+                self.recorded.error.get_or_insert(format!(
+                    "cannot finish {path}: {causes}; `hil recover {path}` makes a whole file of it where there is room"
+                ));
             }
         }
         self.recorded

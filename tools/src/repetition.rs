@@ -22,6 +22,7 @@ use crate::exit::{Exit, Failure};
 use crate::faults::{FaultLog, LiveFault};
 use crate::missed::Collector;
 use crate::output;
+use crate::run;
 use crate::run_reader::{ReadError, RunReader};
 use crate::summary::CHANGED_FAULTS;
 
@@ -62,9 +63,7 @@ pub fn scenario_from(arguments: &ScenarioFromArguments) -> Result<Exit, Failure>
     }
     match &arguments.output {
         None => output::write(&text)?,
-        Some(path) => std::fs::write(path, text).map_err(|error| {
-            Failure::infrastructure(format!("cannot write {}: {error}", path.display()))
-        })?,
+        Some(path) => run::write(path, &text)?,
     }
     Ok(Exit::Pass)
 }

@@ -18,6 +18,7 @@
 //! ```
 
 use std::collections::BTreeMap;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
@@ -27,6 +28,7 @@ use toml_edit::{DocumentMut, InlineTable, Item, Table, TableLike, Value};
 use super::figures::{Figures, STATISTICS};
 use crate::exit::Failure;
 use crate::live::listed;
+use crate::part_file::PartFile;
 use crate::run;
 
 /// Version of the file.
@@ -342,13 +344,14 @@ fn keep(run: &Path, kept: &Path) -> Result<(), Failure> {
     if is_itself {
         return Ok(());
     }
-    let part = kept.with_extension("part");
     let folder = kept.parent().unwrap_or(Path::new(""));
-    let copied = std::fs::create_dir_all(folder)
-        .and_then(|()| std::fs::copy(&recording, &part))
-        .and_then(|_| std::fs::rename(&part, kept));
-    copied.map_err(|error| {
-        let _ = std::fs::remove_file(&part); // it may never have been made
+    let copied = || {
+        std::fs::create_dir_all(folder)?;
+        let part = PartFile::beside(kept)?;
+        std::io::copy(&mut File::open(&recording)?, &mut part.file())?;
+        part.complete(kept, true)
+    };
+    copied().map_err(|error: std::io::Error| {
         Failure::infrastructure(format!("cannot write {}: {error}", kept.display()))
     })
 }

@@ -27,7 +27,11 @@ use crate::recorder::{Recorded, RecordingPlan};
 use crate::recording::{Choice, Enclosure, Provenance, size};
 use crate::run_reader::{EXCERPT, RECORDING};
 use crate::summary::{Resumed, Summary};
-use crate::{audit, checkpoint, config, doctor, folder, requirements, suite};
+use crate::reserve::Reserve;
+use crate::{audit, checkpoint, config, doctor, folder, part_file, requirements, suite};
+
+/// Room that is kept on the disk for the summary.
+const SUMMARY_BYTES: u64 = 256 << 10;
 
 /// What both ways of running need.
 struct Prepared {
@@ -264,6 +268,7 @@ pub(crate) fn execute(
         interruption,
         is_one_of_many,
     };
+    let mut reserve = Reserve::of(&run_dir, SUMMARY_BYTES);
     let mut realtime = realtime::Watched::begin(prepared.plan.realtime, options.link, &info);
     let ended = match options.link {
         LinkKind::Iceoryx2 => processes::run(&prepared, &mut session, &run_dir, &mut realtime)?,
@@ -298,6 +303,7 @@ pub(crate) fn execute(
     )
     .with_checkpoints(resumed, checkpoints);
     let json = serde_json::to_string_pretty(&summary).map_err(Failure::infrastructure)?;
+    reserve.release();
     Ok(Ran {
         exit: match ended.outcome {
             _ if ended.recorded.error.is_some() => Exit::Infrastructure,
@@ -357,10 +363,7 @@ fn absolute(path: &Path) -> PathBuf {
 
 /// Writes a file whole or not at all.
 pub(crate) fn write(path: &Path, text: &str) -> Result<(), Failure> {
-    let part = path.with_extension("part");
-    let written = std::fs::write(&part, text).and_then(|()| std::fs::rename(&part, path));
-    written.map_err(|error| {
-        let _ = std::fs::remove_file(&part); // it may never have been made
+    part_file::write(path, text.as_bytes()).map_err(|error| {
         Failure::infrastructure(format!("cannot write {}: {error}", path.display()))
     })
 }
