@@ -455,7 +455,8 @@ impl Work {
     }
 
     fn note(&mut self, written: std::io::Result<()>) {
-        let (Err(error), Some(recording)) = (written, self.recording.take()) else {
+        let Err(error) = written else { return };
+        let Some(recording) = self.recording.take() else {
             return;
         };
         let path = self.path();
