@@ -86,6 +86,9 @@ fn judged(run: &Path, by: Option<&Path>) -> Result<(Judgement, Plan), Failure> {
         }
         evaluation.observe(Step(reader.step()), &row);
     }
+    if let Some(torn) = reader.torn() {
+        eprintln!("note: {torn}");
+    }
     let requirements: Vec<Requirement> = (evaluation.requirements().iter())
         .map(Requirement::from)
         .collect();

@@ -4,6 +4,13 @@ use std::io::{ErrorKind, Write};
 
 use crate::exit::Failure;
 
+/// Text of others, without what a terminal would do something at instead of showing it.
+#[must_use]
+pub fn printable(text: &str) -> String {
+    let is_unprintable = |c: char| c.is_control() && !matches!(c, '\n' | '\t');
+    text.replace(is_unprintable, "\u{fffd}")
+}
+
 /// Writes text to standard output. A reader that went away wanted no more, which is no failure.
 ///
 /// # Errors

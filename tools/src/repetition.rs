@@ -132,6 +132,9 @@ impl RecordedRun {
             // What it was has to be found in its steps.
             reader.refuse_excerpt().map_err(refused)?;
         }
+        if let Some(torn) = reader.torn() {
+            eprintln!("note: {torn}");
+        }
         let fact = |name| reader.fact(name).map(str::to_owned);
         Ok(Self {
             plan,
@@ -150,6 +153,12 @@ impl RecordedRun {
             plant,
             controller,
         })
+    }
+
+    /// Whether its controller could be late.
+    #[must_use]
+    pub fn is_against_clock(&self) -> bool {
+        self.plan.run.clock == Clock::Realtime
     }
 
     /// The same without what it asked of its machine: times are not repeated, and another machine

@@ -18,7 +18,7 @@ use shared_types::digest::Digest;
 use shared_types::record::Event;
 use shared_types::time::Rate;
 
-use crate::part_file;
+use crate::{output, part_file};
 use content::{Content, ContentError, End};
 pub use schema::Column;
 
@@ -354,8 +354,8 @@ impl RunReader {
         };
         match record {
             Record::Schema { header, data } => {
-                let text = String::from_utf8_lossy(&data).into_owned();
-                self.schemas.insert(header.id, text);
+                let text = String::from_utf8_lossy(&data);
+                self.schemas.insert(header.id, output::printable(&text));
             }
             Record::Channel(channel) if channel.topic == RECORDS => {
                 self.channels.insert(channel.id, true);
@@ -371,7 +371,8 @@ impl RunReader {
             }
             Record::Metadata(metadata) => {
                 let facts = self.metadata.entry(metadata.name).or_default();
-                facts.extend(metadata.metadata);
+                let printable = |(name, fact): (String, String)| (name, output::printable(&fact));
+                facts.extend(metadata.metadata.into_iter().map(printable));
             }
             Record::Attachment { header, data, .. } => {
                 let text = String::from_utf8_lossy(&data).into_owned();

@@ -195,6 +195,18 @@ impl BaselineFile {
         Some(self.folder().join(baseline.recording.as_ref()?))
     }
 
+    /// The folder of new recordings, beside the file and named after it: another file has another.
+    fn recordings(&self) -> PathBuf {
+        let name = self.path.file_name().unwrap_or_default();
+        let name = Path::new(name);
+        if name.extension().is_some_and(|extension| extension == "toml") {
+            name.with_extension("")
+        } else {
+            // Not the name of the file itself.
+            PathBuf::from(format!("{}.d", name.display()))
+        }
+    }
+
     fn folder(&self) -> &Path {
         self.path.parent().unwrap_or(Path::new(""))
     }
@@ -212,7 +224,7 @@ impl BaselineFile {
     ) -> Result<(), Failure> {
         let recording = match self.get(name) {
             Some(baseline) => baseline.recording.clone(),
-            None => Some(Path::new("baselines").join(format!("{name}.mcap"))),
+            None => Some(self.recordings().join(format!("{name}.mcap"))),
         };
         if let Some(recording) = &recording {
             keep(run, &self.folder().join(recording))?;

@@ -38,6 +38,9 @@ pub fn case(run: &Path, warm_up: u64) -> Result<Case, Failure> {
             looped.take(reader.step(), &timing, 0);
         }
     }
+    if let Some(torn) = reader.torn() {
+        eprintln!("note: {torn}");
+    }
     Ok(Case {
         signals,
         rate: looped.latency.is_paced().then_some(rate),

@@ -73,8 +73,14 @@ fn case_of(row: &Row, requirement: &Requirement) -> TestCase {
         at_s,
         ..
     } = requirement;
+    let is_aborted = !matches!(row.exit, Exit::Pass | Exit::Failed);
     let status = if *verdict == "pass" {
         TestCaseStatus::success()
+    } else if *verdict == "undecided" && is_aborted {
+        // The run's own error is why.
+        let mut status = TestCaseStatus::skipped();
+        status.set_message("undecided: the run did not get that far");
+        status
     } else {
         let margin = robustness.map_or_else(|| "none".into(), |margin| format!("{margin} {unit}"));
         let at = at_s.map_or_else(String::new, |at_s| format!(" at {at_s} s"));
