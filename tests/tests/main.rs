@@ -20,6 +20,7 @@
 //! | [`live`] | faults and pauses from another terminal |
 //! | [`paper`] | the paper's experiment against its checked figures |
 //! | [`recording`] | what a recording holds, read without the recorder's code |
+//! | [`recover`] | what is left after a death, on a full disk and of a damaged file |
 //! | [`replay`] | recorded samples against controllers: the same, rebuilt, broken |
 //! | [`realtime_settings`] | what was asked of the system, and what it granted |
 //! | [`requirements`] | verdicts live and from the recording, and exit codes |
@@ -60,6 +61,7 @@ mod programs;
 mod python;
 mod realtime_settings;
 mod recording;
+mod recover;
 mod replay;
 mod requirements;
 mod suite;

@@ -462,28 +462,36 @@ impl Work {
         let path = self.path();
         let step = self.shared.next_step.load(Ordering::Relaxed);
         let reason = format!("cannot write {path} before step {step}: {}", causes(&error));
-        let left = self.end_early(recording, &reason);
+        let left = self.end(recording, Outcome::Failed, Some(&reason)).1;
         self.fail(format!("{reason}; {left}"));
     }
 
-    /// Ends a recording that cannot take any more, and tells what it is now.
-    fn end_early(&mut self, mut recording: Recording, reason: &str) -> String {
-        let closed = recording.close();
+    /// Ends a recording: whether all that it took is in it, and what it is now.
+    fn end(
+        &mut self,
+        mut recording: Recording,
+        outcome: Outcome,
+        reason: Option<&str>,
+    ) -> (std::io::Result<()>, String) {
+        let mut closed = recording.close();
         self.recorded.written = recording.safe();
-        let mut result = self.result(Outcome::Failed, Some(reason));
+        let mut result = self.result(outcome, reason);
         if closed.is_err() {
             // The records that it has are fewer than those that the digest covers.
             result.insert("records".into(), recording.safe().to_string());
             result.insert("digest".into(), String::new());
         }
-        let path = self.path();
-        let kept = self.recorded.written;
-        match recording.finish(result) {
-            Ok(()) => format!("it has the {kept} records before that"),
-            Err(_) => format!(
-                "it has {kept} records and no end: `hil recover {path}` makes a whole file of it where there is room"
-            ),
-        }
+        let (path, kept) = (self.path(), self.recorded.written);
+        let left = match recording.end(result) {
+            Ok(()) => format!("it has {kept} records"),
+            Err(error) => {
+                closed = closed.and(Err(error));
+                format!(
+                    "it has {kept} records and no end: `hil recover {path}` makes a whole file of it where there is room"
+                )
+            }
+        };
+        (closed, left)
     }
 
     fn path(&self) -> String {
@@ -532,16 +540,15 @@ impl Work {
         }
         self.recorded.digest = self.digest();
         if let Some(recording) = self.recording.take() {
-            self.recorded.written = recording.written();
-            let result = match &self.recorded.end {
-                Some(end) => self.result(end.outcome, end.reason.as_deref()),
-                None => self.result(Outcome::Failed, Some("the plant died before it could tell")),
+            let end = self.recorded.end.clone();
+            let (outcome, reason) = match end {
+                Some(end) => (end.outcome, end.reason),
+                None => (Outcome::Failed, Some("the plant told no end".to_owned())),
             };
-            if let Err(error) = recording.finish(result) {
+            if let (Err(error), left) = self.end(recording, outcome, reason.as_deref()) {
                 let (path, causes) = (self.path(), causes(&error));
-                self.recorded.error.get_or_insert(format!(
-                    "cannot finish {path}: {causes}; `hil recover {path}` makes a whole file of it where there is room"
-                ));
+                let error = format!("cannot finish {path}: {causes}; {left}");
+                self.recorded.error.get_or_insert(error);
             }
         }
         self.recorded

@@ -259,16 +259,14 @@ impl Recording {
         Ok(())
     }
 
-    /// Closes the last chunk, into the room that was kept for it if there is no other. Returns how many
-    /// records the file has.
+    /// Closes the last chunk, into the room that was kept for it if there is no other.
     ///
     /// # Errors
     /// If it cannot be written. What was closed before is in the file.
-    pub fn close(&mut self) -> io::Result<u64> {
+    pub fn close(&mut self) -> io::Result<()> {
         self.reserve.release();
         self.settle(true)?;
-        self.close_if(true)?;
-        Ok(self.safe)
+        self.close_if(true)
     }
 
     /// Records in closed chunks, which are in the file whatever happens.
@@ -277,16 +275,24 @@ impl Recording {
         self.safe
     }
 
-    /// Writes down what is known after the run and ends the file.
+    /// Writes down what is known after the run and ends the file, after the last closed chunk.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn end(self, result: BTreeMap<String, String>) -> io::Result<()> {
+        self.file.finish(Some(Metadata {
+            name: RESULT.into(),
+            metadata: result,
+        }))
+    }
+
+    /// Closes the last chunk and ends the file.
     ///
     /// # Errors
     /// If the file cannot be written.
     pub fn finish(mut self, result: BTreeMap<String, String>) -> io::Result<()> {
         self.close()?;
-        self.file.finish(Some(Metadata {
-            name: RESULT.into(),
-            metadata: result,
-        }))
+        self.end(result)
     }
 }
 

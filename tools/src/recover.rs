@@ -245,3 +245,6 @@ impl Recovered {
         text
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -151,7 +151,7 @@ impl RunReader {
         // All that is known before a run stands before its channels.
         while reader.columns.is_empty() {
             if matches!(reader.next()?, Next::End) {
-                return Err(reader.foreign("it has no channel `/record`"));
+                return Err(reader.foreign("it ends before it says what a record is"));
             }
         }
         Ok(reader)
@@ -436,5 +436,7 @@ pub fn digest_of_first(run: &Path, records: u64) -> Result<String, ReadError> {
     Ok(reader.digest())
 }
 
+#[cfg(test)]
+mod damage;
 #[cfg(test)]
 pub(crate) mod tests;

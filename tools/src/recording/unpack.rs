@@ -147,3 +147,6 @@ fn take<'a>(source: &mut &'a [u8], bytes: usize) -> Option<&'a [u8]> {
     *source = rest;
     Some(taken)
 }
+
+#[cfg(test)]
+mod tests;
