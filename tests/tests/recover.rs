@@ -86,10 +86,19 @@ fn what_a_killed_hil_recorded_becomes_a_normal_run() {
     assert_eq!(lines.lines().count(), 1 + after.len());
     rig.hil(&["replay", run]).expect(0);
     let again = rig.path("again");
-    let again = ["rerun", run, "--json", "--out", again.to_str().expect("text")];
+    let again = [
+        "rerun",
+        run,
+        "--json",
+        "--out",
+        again.to_str().expect("text"),
+    ];
     let again = rig.hil(&again).expect(0);
     let again = json(&again.stdout);
-    assert_eq!((&again["same"], &again["records"]), (&true.into(), &after.len().into()));
+    assert_eq!(
+        (&again["same"], &again["records"]),
+        (&true.into(), &after.len().into())
+    );
 
     let whole = rig.hil(&["recover", run]).expect(0);
     assert!(whole.stdout.contains("is whole"), "{}", whole.stdout);
@@ -151,7 +160,11 @@ fn every_answered_step_of_a_killed_controller_is_recorded() {
     let summary = run.summary();
     let found = records(&run.recording());
     assert_eq!(summary["recording"]["records"], found.len());
-    assert_eq!(summary["steps"], found.len(), "steps that the plant executed");
+    assert_eq!(
+        summary["steps"],
+        found.len(),
+        "steps that the plant executed"
+    );
     let run = run.folder.to_str().expect("text");
     let judged = rig.hil(&["judge", run, "--json"]).expect(1);
     assert_eq!(json(&judged.stdout)["records"], found.len());
@@ -161,7 +174,8 @@ fn every_answered_step_of_a_killed_controller_is_recorded() {
 fn chunks_are_closed_in_time_however_slow_the_run_is() {
     let rig = Rig::new();
     // 2 s at 50 Hz, a record each 20 ms: far less than would fill a chunk.
-    let slow = "scenarios/spring-mass.toml --set run.rate_hz=50 --set run.duration_s=2 --clock paced";
+    let slow =
+        "scenarios/spring-mass.toml --set run.rate_hz=50 --set run.duration_s=2 --clock paced";
     let run = rig.run(slow);
     assert!(matches!(run.code, Some(0 | 1)), "{}", run.stderr);
     let chunks = Recording::open(&run.recording()).summary().chunk_indexes;
@@ -183,7 +197,11 @@ fn a_full_disk_stops_the_run_with_a_readable_file_and_a_summary() {
     let summary = run.summary();
     let reason = summary["reason"].as_str().expect("a reason");
     let path = run.recording();
-    for fragment in ["cannot write ", path.to_str().expect("text"), "File too large"] {
+    for fragment in [
+        "cannot write ",
+        path.to_str().expect("text"),
+        "File too large",
+    ] {
         assert!(reason.contains(fragment), "{reason}");
     }
     let found = records(&path);
@@ -207,7 +225,9 @@ fn what_a_killed_command_left_is_removed_by_the_next() {
     let folder = run.folder;
     let shown = folder.to_str().expect("text");
     let unfinished = || {
-        let entries = std::fs::read_dir(&folder).expect("the run's folder").flatten();
+        let entries = std::fs::read_dir(&folder)
+            .expect("the run's folder")
+            .flatten();
         let names = entries.map(|entry| entry.file_name().to_string_lossy().into_owned());
         names.filter(|name| name.starts_with('.')).count()
     };
@@ -226,7 +246,9 @@ fn what_a_killed_command_left_is_removed_by_the_next() {
 fn damages(bytes: &[u8]) -> Vec<(&'static str, Vec<u8>)> {
     let mut flipped = bytes.to_vec();
     let middle = flipped.len() / 2;
-    flipped[middle..middle + 64].iter_mut().for_each(|byte| *byte = !*byte);
+    flipped[middle..middle + 64]
+        .iter_mut()
+        .for_each(|byte| *byte = !*byte);
     vec![
         ("nothing", Vec::new()),
         ("the first bytes", bytes[..40.min(bytes.len())].to_vec()),
@@ -296,7 +318,14 @@ fn every_other_file_that_is_damaged_is_named() {
     let checkpoint = run.folder.join("checkpoint-200");
     let sound = run.folder.to_str().expect("text").to_owned();
     let baselines = rig.path("baselines.toml");
-    let update = ["compare", &sound, "--baseline", "a", "--update", "--baselines"];
+    let update = [
+        "compare",
+        &sound,
+        "--baseline",
+        "a",
+        "--update",
+        "--baselines",
+    ];
     rig.hil(&[&update[..], &[baselines.to_str().expect("text")]].concat())
         .expect(0);
     let scenario = rig.path("scenario.toml");

@@ -247,9 +247,7 @@ impl Work {
         if let Some(torn) = self.reader.torn() {
             let (step, rate) = (self.reader.step(), self.picking.rate);
             let time_s = rate.seconds(Step(step));
-            eprintln!(
-                "note: {torn}; it is exported as far as it goes, step {step} at {time_s} s"
-            );
+            eprintln!("note: {torn}; it is exported as far as it goes, step {step} at {time_s} s");
         }
         if let Some(lost @ 1..) = self
             .reader

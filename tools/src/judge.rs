@@ -146,7 +146,10 @@ pub(crate) fn plan(
 }
 
 /// The columns of a recording that are signals, and where they are among the words of a record.
-pub(crate) fn columns(reader: &RunReader, plant: &Description) -> Result<(Columns, Range<usize>), Failure> {
+pub(crate) fn columns(
+    reader: &RunReader,
+    plant: &Description,
+) -> Result<(Columns, Range<usize>), Failure> {
     let parameters = || plant.plants.iter().flat_map(|plant| &plant.parameters);
     let mut columns = Columns::default();
     let words = reader.columns();

@@ -123,7 +123,11 @@ pub(crate) fn write(path: &Path, text: &[u8]) -> io::Result<()> {
 pub(crate) fn sweep(folder: &Path) {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     for entry in entries {
-        if entry.file_name().as_encoded_bytes().starts_with(PREFIX.as_bytes()) {
+        if entry
+            .file_name()
+            .as_encoded_bytes()
+            .starts_with(PREFIX.as_bytes())
+        {
             let _ = remove_if_dead(&entry.path()); // it stays for the next
         }
     }
@@ -160,7 +164,9 @@ fn is_locked(file: &File) -> io::Result<bool> {
 }
 
 fn folder_of(path: &Path) -> &Path {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let folder = path
+        .parent()
+        .filter(|folder| !folder.as_os_str().is_empty());
     folder.unwrap_or(Path::new("."))
 }
 

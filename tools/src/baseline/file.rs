@@ -199,7 +199,10 @@ impl BaselineFile {
     fn recordings(&self) -> PathBuf {
         let name = self.path.file_name().unwrap_or_default();
         let name = Path::new(name);
-        if name.extension().is_some_and(|extension| extension == "toml") {
+        if name
+            .extension()
+            .is_some_and(|extension| extension == "toml")
+        {
             name.with_extension("")
         } else {
             // Not the name of the file itself.

@@ -57,6 +57,9 @@ impl Copy {
         compression: Compression,
     ) -> io::Result<bool> {
         match record {
+            // The summary of a file repeats what it describes.
+            Record::Schema { header, .. } if self.schemas.contains_key(&header.id) => {}
+            Record::Channel(channel) if self.channels.contains_key(&channel.id) => {}
             Record::Schema { header, data } => {
                 let number = self.file.schema(&header.name, &header.encoding, &data)?;
                 self.schemas.insert(header.id, number);

@@ -30,7 +30,9 @@ pub(crate) fn whole(
     let told = |error: io::Error| format!("a chunk cannot be unpacked: {error}");
     unpack(compression, packed, size + 1, into).map_err(told)?;
     if into.len() != size {
-        return Err(format!("a chunk of {size} bytes does not unpack to as many"));
+        return Err(format!(
+            "a chunk of {size} bytes does not unpack to as many"
+        ));
     }
     Ok(())
 }

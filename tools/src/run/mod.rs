@@ -25,9 +25,9 @@ use crate::interruption::Interruption;
 use crate::progress::Progress;
 use crate::recorder::{Recorded, RecordingPlan};
 use crate::recording::{Choice, Enclosure, Provenance, size};
+use crate::reserve::Reserve;
 use crate::run_reader::{EXCERPT, RECORDING};
 use crate::summary::{Resumed, Summary};
-use crate::reserve::Reserve;
 use crate::{audit, checkpoint, config, doctor, folder, part_file, requirements, suite};
 
 /// Room that is kept on the disk for the summary.

@@ -239,9 +239,7 @@ impl Content {
 fn chunk_of(data: &[u8]) -> Result<(ChunkHeader, &[u8]), String> {
     let mut cursor = Cursor::new(data);
     let header: ChunkHeader = (cursor.read_le()).map_err(|_| "a chunk without head".to_owned())?;
-    let packed = data
-        .get(cursor.position() as usize..)
-        .unwrap_or_default();
+    let packed = data.get(cursor.position() as usize..).unwrap_or_default();
     let size = header.compressed_size;
     let packed = match usize::try_from(size) {
         Ok(size) if size <= packed.len() => &packed[..size],

@@ -97,7 +97,10 @@ fn wrong_bytes_give_no_more_than_was_asked_for() {
                 for limit in [100, content.len()] {
                     let mut found = Vec::new();
                     torn(compression, &wrong, limit, &mut found);
-                    assert!(found.len() <= limit, "{compression}, byte {place}, bit {bit}");
+                    assert!(
+                        found.len() <= limit,
+                        "{compression}, byte {place}, bit {bit}"
+                    );
                 }
                 let mut found = Vec::new();
                 let _ = whole(compression, &wrong, content.len(), &mut found); // either may be
