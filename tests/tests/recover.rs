@@ -6,6 +6,7 @@ use std::process::Command;
 
 use rustix::process::Signal;
 use serde_json::Value;
+use shared_types::session::SessionInfo;
 
 use crate::harness::{Rig, send, until};
 use crate::mcap_reader::{Record, Recording};
@@ -14,7 +15,22 @@ use crate::programs::program;
 /// Two actuators for 4 s: 40,000 steps, long enough to be killed and short enough to be repeated.
 const RUN: &str = "tests/scenarios/leakage.toml --set run.duration_s=4";
 /// Half a second of the teaching plant.
-const SMALL: &str = "scenarios/spring-mass.toml --set run.duration_s=0.5";
+const SMALL: &str = "\
+schema = 1
+name = \"small\"
+[run]
+duration_s = 0.5
+rate_hz = 1000
+[plant]
+model = \"spring-mass\"
+[controller]
+law = \"pid\"
+[[stimuli]]
+target = \"position_m\"
+kind = \"step\"
+at_s = 0.1
+after = 0.01
+";
 
 fn records(path: &Path) -> Vec<Record> {
     let records: Vec<Record> = Recording::open(path).records().collect();
@@ -44,7 +60,7 @@ fn what_a_killed_hil_recorded_becomes_a_normal_run() {
     for command in [
         &["judge", run][..],
         &["compare", run, run],
-        &["export", run, "-o", "/dev/null"],
+        &["export", run, "-o", "/dev/null", "--format", "csv"],
         &["scenario", "from", run],
         &["replay", run],
         &["latency", run],
@@ -76,7 +92,9 @@ fn what_a_killed_hil_recorded_becomes_a_normal_run() {
     assert_eq!(summary["plant"]["binary"], "plant-process");
 
     let judged = rig.hil(&["judge", run, "--json"]).expect(1);
-    assert_eq!(json(&judged.stdout)["metrics"], summary["metrics"]);
+    let judgement = json(&judged.stdout);
+    assert_eq!(judgement["metrics"], summary["metrics"]);
+    assert_eq!(judgement["outcome"], "failed");
     assert!(!judged.stderr.contains("hil recover"), "{}", judged.stderr);
     rig.hil(&["compare", run, run]).expect(0);
     let table = rig.path("table.csv");
@@ -171,13 +189,37 @@ fn every_answered_step_of_a_killed_controller_is_recorded() {
 }
 
 #[test]
+fn a_replay_whose_controller_dies_says_so_in_json_too() {
+    let rig = Rig::new();
+    let run = rig.run(RUN);
+    let run = run.folder.to_str().expect("text").to_owned();
+    let replay = rig.start_hil(&["replay", &run, "--json", "--session", rig.session()]);
+    let mut controller = None;
+    until("the controller is started", || {
+        let info = SessionInfo::read(&rig.session_folder());
+        controller = info.ok().and_then(|info| info.children.first().copied());
+        controller.is_some()
+    });
+    controller.expect("started").kill();
+    let told = replay.finish().expect(3);
+    let aborted = json(&told.stdout);
+    assert_eq!(aborted["verdict"], "aborted");
+    assert_eq!(aborted["run"], run);
+    let reason = aborted["reason"].as_str().expect("a reason");
+    assert!(
+        reason.contains("controller was killed by SIGKILL"),
+        "{reason}"
+    );
+}
+
+#[test]
 fn chunks_are_closed_in_time_however_slow_the_run_is() {
     let rig = Rig::new();
     // 2 s at 50 Hz, a record each 20 ms: far less than would fill a chunk.
-    let slow =
-        "scenarios/spring-mass.toml --set run.rate_hz=50 --set run.duration_s=2 --clock paced";
-    let run = rig.run(slow);
-    assert!(matches!(run.code, Some(0 | 1)), "{}", run.stderr);
+    let slow = SMALL.replace("1000", "50").replace("0.5", "2.0");
+    let slow = rig.write("slow.toml", &slow);
+    let run = rig.run(&format!("{} --clock paced", slow.display()));
+    let run = run.expect(0);
     let chunks = Recording::open(&run.recording()).summary().chunk_indexes;
     // One for each 100 ms would be 20; a loaded machine may hold the recorder up now and then.
     assert!(chunks.len() >= 10, "{} chunks", chunks.len());
@@ -246,9 +288,8 @@ fn what_a_killed_command_left_is_removed_by_the_next() {
 fn damages(bytes: &[u8]) -> Vec<(&'static str, Vec<u8>)> {
     let mut flipped = bytes.to_vec();
     let middle = flipped.len() / 2;
-    flipped[middle..middle + 64]
-        .iter_mut()
-        .for_each(|byte| *byte = !*byte);
+    let end = flipped.len().min(middle + 64);
+    (flipped[middle..end].iter_mut()).for_each(|byte| *byte = !*byte);
     vec![
         ("nothing", Vec::new()),
         ("the first bytes", bytes[..40.min(bytes.len())].to_vec()),
@@ -262,7 +303,8 @@ fn damages(bytes: &[u8]) -> Vec<(&'static str, Vec<u8>)> {
 #[test]
 fn every_command_names_a_damaged_recording() {
     let rig = Rig::new();
-    let sound = rig.run(SMALL).folder;
+    let small = rig.write("small.toml", SMALL);
+    let sound = rig.run(&small.display().to_string()).expect(0).folder;
     let sound = sound.to_str().expect("text");
     let broken = rig.path("broken");
     std::fs::create_dir(&broken).expect("made");
@@ -314,7 +356,9 @@ fn every_command_names_a_damaged_recording() {
 #[test]
 fn every_other_file_that_is_damaged_is_named() {
     let rig = Rig::new();
-    let run = rig.run(&format!("{SMALL} --checkpoint-at 0.2"));
+    let small = rig.write("small.toml", SMALL);
+    let run = rig.run(&format!("{} --checkpoint-at 0.2", small.display()));
+    let run = run.expect(0);
     let checkpoint = run.folder.join("checkpoint-200");
     let sound = run.folder.to_str().expect("text").to_owned();
     let baselines = rig.path("baselines.toml");

@@ -248,3 +248,18 @@ pub(crate) fn end_group(child: &Child) {
     // There may be nobody left in it.
     let _ = kill_process_group(Pid::from_child(child), Signal::KILL);
 }
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn a_description_with_control_characters_is_found_wherever_they_are() {
+        let sound = json!({"plants": [{"name": "a", "truth": [{"unit": "m", "text": "a\nb"}]}]});
+        assert_eq!(unprintable(&sound), None);
+        let wrong = json!({"protocol": 4, "plants": [{"truth": [{"unit": "m\u{1b}[2J"}]}]});
+        assert_eq!(unprintable(&wrong), Some("m\u{1b}[2J"));
+    }
+}

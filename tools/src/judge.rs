@@ -31,7 +31,7 @@ pub struct Judgement {
     scenario: String,
     /// `aborted` if the run did not end by itself.
     verdict: &'static str,
-    /// How the run ended, in one word; null if its plant or its writer died.
+    /// How the run ended, in one word; null if its recording broke off.
     outcome: Option<String>,
     records: u64,
     metrics: Vec<Metric>,
@@ -89,6 +89,8 @@ fn judged(run: &Path, by: Option<&Path>) -> Result<(Judgement, Plan), Failure> {
     if let Some(torn) = reader.torn() {
         eprintln!("note: {torn}");
     }
+    // A plant that died told no end; who ended its recording did.
+    let outcome = outcome.or_else(|| reader.result("outcome").map(str::to_owned));
     let requirements: Vec<Requirement> = (evaluation.requirements().iter())
         .map(Requirement::from)
         .collect();

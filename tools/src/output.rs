@@ -24,3 +24,18 @@ pub fn write(text: &str) -> Result<(), Failure> {
         _ => Ok(()),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::printable;
+
+    #[test]
+    fn a_text_of_others_does_nothing_to_a_terminal() {
+        assert_eq!(printable("a\tb\nµm/s²"), "a\tb\nµm/s²");
+        assert_eq!(
+            printable("\u{1b}[31mm\r\u{7}"),
+            "\u{fffd}[31mm\u{fffd}\u{fffd}"
+        );
+        assert_eq!(printable("\u{9b}2J\u{7f}"), "\u{fffd}2J\u{fffd}");
+    }
+}

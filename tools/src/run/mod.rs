@@ -4,6 +4,7 @@
 mod in_process;
 pub(crate) mod processes;
 pub(crate) mod realtime;
+mod shared_memory;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -270,11 +271,15 @@ pub(crate) fn execute(
     };
     let mut reserve = Reserve::of(&run_dir, SUMMARY_BYTES);
     let mut realtime = realtime::Watched::begin(prepared.plan.realtime, options.link, &info);
-    let ended = match options.link {
+    let mut ended = match options.link {
         LinkKind::Iceoryx2 => processes::run(&prepared, &mut session, &run_dir, &mut realtime)?,
         LinkKind::InProcess => in_process::run(&prepared, &info, &mut realtime)?,
     };
     let realtime = realtime.end();
+    if let (Outcome::Failed, Some(shortage)) = (ended.outcome, shared_memory::shortage()) {
+        let reason = ended.reason.take().unwrap_or_default();
+        ended.reason = Some(format!("{reason}; {shortage}"));
+    }
     let collected = match &ended.recorded.error {
         None => checkpoint::collect(
             &steps,

@@ -95,3 +95,46 @@ fn case_of(row: &Row, requirement: &Requirement) -> TestCase {
     case.set_system_out(formula.as_str());
     case
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_an_aborted_run_leaves_open_is_no_failure_of_its_own() {
+        let row = |exit| Row {
+            label: "a".into(),
+            law: "pid".into(),
+            origin: "a.toml".into(),
+            exit,
+            failure: None,
+            ran: None,
+        };
+        let requirement = |verdict| Requirement {
+            name: "settles".into(),
+            formula: "always(x_m < 1)".into(),
+            verdict,
+            robustness: None,
+            unit: "m".into(),
+            at_s: None,
+            decided_at_s: None,
+        };
+        use Exit::{Failed, Infrastructure, Interrupted, Pass};
+        for (exit, verdict, expected) in [
+            (Pass, "pass", "passed"),
+            (Failed, "fail", "failed"),
+            (Failed, "undecided", "failed"),
+            (Infrastructure, "undecided", "skipped"),
+            (Interrupted, "undecided", "skipped"),
+            (Infrastructure, "fail", "failed"),
+            (Infrastructure, "pass", "passed"),
+        ] {
+            let found = match case_of(&row(exit), &requirement(verdict)).status {
+                TestCaseStatus::Success { .. } => "passed",
+                TestCaseStatus::NonSuccess { .. } => "failed",
+                TestCaseStatus::Skipped { .. } => "skipped",
+            };
+            assert_eq!(found, expected, "{verdict} of a run with {exit:?}");
+        }
+    }
+}
