@@ -78,6 +78,18 @@ fn names_are_told_apart_and_can_be_those_of_files() {
             "already named `a`",
         ),
         (
+            "unit = \"rad\"",
+            "unit = ^\"\\u001b[31mrad\"",
+            ProblemKind::OutOfRange,
+            "`requirements[0].unit` has the control character '\\u{1b}'",
+        ),
+        (
+            "unit = \"rad\"",
+            "unit = \"rad\"\n^\"\\u0007bell\" = 1",
+            ProblemKind::UnknownKey,
+            "unknown key `\u{fffd}bell`",
+        ),
+        (
             "name = \"stays-small\"\n",
             "name = \"b\"\n^laws = [\"pid\"]\n",
             ProblemKind::UnknownKey,

@@ -71,7 +71,7 @@ fn each_file_of_baselines_keeps_recordings_of_its_own() {
     let expected = [
         ("baselines.toml", "baselines/a.mcap"),
         ("other.toml", "other/a.mcap"),
-        ("other", "other.d/a.mcap"),
+        ("third", "third.d/a.mcap"),
     ];
     for (name, recording) in expected {
         let path = path.with_file_name(name);

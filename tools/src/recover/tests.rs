@@ -185,7 +185,7 @@ fn a_file_that_is_damaged_before_its_end_is_recovered_elsewhere_only() {
     bytes[place..place + 200].fill(0xff);
     let path = original.with(&bytes);
     let elsewhere = original.folder.path().join("elsewhere.mcap");
-    let refused = recovered(&path, None).err().expect("refused").to_string();
+    let refused = recovered(&path, None).expect_err("refused").to_string();
     assert!(refused.contains("is not replaced"), "{refused}");
     assert!(refused.contains("after 20 records"), "{refused}");
     assert!(refused.contains("-o FILE"), "{refused}");
@@ -212,7 +212,7 @@ fn a_file_of_which_nothing_can_be_had_is_left_and_named() {
         (&original.bytes[..400], "ends before"),
     ] {
         let path = original.with(bytes);
-        let error = recovered(&path, None).err().expect("refused").to_string();
+        let error = recovered(&path, None).expect_err("refused").to_string();
         let shown = path.display().to_string();
         assert!(error.contains(&shown) && error.contains(why), "{error}");
         assert!(std::fs::read(&path).expect("read") == bytes);

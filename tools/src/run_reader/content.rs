@@ -116,7 +116,8 @@ impl Content {
                         op::CHUNK => {
                             let (header, packed) = chunk_of(data).map_err(damaged)?;
                             self.compression.clone_from(&header.compression);
-                            (self.chunk.clear(), self.next = 0);
+                            self.chunk.clear();
+                            self.next = 0;
                             unpack_whole(&header, packed, &mut self.chunk).map_err(damaged)?;
                             continue;
                         }
@@ -193,7 +194,8 @@ impl Content {
     /// The file ends here, in the middle of a record. If that is a chunk, unpacks what there is of it.
     fn tear(&mut self) -> Result<(), ContentError> {
         self.end = Some(End::Torn(self.position.min(self.length)));
-        (self.chunk.clear(), self.next = 0);
+        self.chunk.clear();
+        self.next = 0;
         self.file.seek(SeekFrom::Start(self.position))?;
         self.outside.clear();
         let limit = (HEAD_BYTES + LONGEST_RECORD) as u64;
