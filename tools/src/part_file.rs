@@ -109,14 +109,20 @@ impl PartFolder {
     }
 }
 
-/// Writes a small file, whole or not at all.
+/// Writes a small file, whole or not at all. A device or a pipe takes it as it is.
 ///
 /// # Errors
 /// If it cannot be written.
 pub(crate) fn write(path: &Path, text: &[u8]) -> io::Result<()> {
-    let part = PartFile::beside(path)?;
+    let path = match fs::metadata(path) {
+        Ok(found) if !found.is_file() => return fs::write(path, text),
+        // What a link leads to, not the link.
+        Ok(_) => path.canonicalize()?,
+        Err(_) => path.to_owned(),
+    };
+    let part = PartFile::beside(&path)?;
     part.file().write_all(text)?;
-    part.complete(path, true)
+    part.complete(&path, true)
 }
 
 /// Removes from a folder what killed commands have left. Where that cannot be seen or done, it stays.
@@ -250,5 +256,21 @@ mod tests {
         assert_eq!(fs::read(&path).expect("there"), b"theirs");
         write(&path, b"ours").expect("written");
         assert_eq!(fs::read(&path).expect("there"), b"ours");
+    }
+
+    #[test]
+    fn a_link_and_a_device_stay_what_they_are() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (path, link) = (folder.path().join("a"), folder.path().join("link"));
+        fs::write(&path, "old").expect("written");
+        std::os::unix::fs::symlink(&path, &link).expect("linked");
+        write(&link, b"new").expect("written");
+        assert!(link.is_symlink());
+        assert_eq!(fs::read(&path).expect("there"), b"new");
+        let device = folder.path().join("device");
+        std::os::unix::fs::symlink("/dev/null", &device).expect("linked");
+        write(&device, b"anything").expect("written");
+        assert!(device.is_symlink() && !device.metadata().expect("there").is_file());
+        assert!(write(folder.path(), b"a folder").is_err());
     }
 }

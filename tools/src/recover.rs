@@ -108,8 +108,12 @@ fn recovered(run: &Path, output: Option<&Path>) -> Result<Recovered, Failure> {
                 None => format!("recovered: the recording broke off after {records} records"),
             });
         }
-        let to = output.unwrap_or(&path);
-        copy(&account, to, output.is_none(), reason.as_deref()).map_err(|error| {
+        let to = match output {
+            Some(output) => output.to_owned(),
+            // What a link leads to, not the link.
+            None => path.canonicalize().unwrap_or_else(|_| path.clone()),
+        };
+        copy(&account, &to, output.is_none(), reason.as_deref()).map_err(|error| {
             let to = to.display();
             match error.kind() {
                 io::ErrorKind::AlreadyExists => {
@@ -144,7 +148,8 @@ fn recovered(run: &Path, output: Option<&Path>) -> Result<Recovered, Failure> {
 fn refuse_live(path: &Path) -> Result<(), Failure> {
     let folder = path.canonicalize();
     let folder = folder.as_deref().ok().and_then(Path::parent);
-    let live = session::list().map_err(Failure::infrastructure)?;
+    // Where sessions cannot be listed there is none: a recording may be mended anywhere.
+    let live = session::list().unwrap_or_default();
     let is_its = |info: &&session::SessionInfo| {
         let run_dir = info.run_dir.as_ref();
         let run_dir = run_dir.and_then(|folder| folder.canonicalize().ok());
