@@ -37,8 +37,9 @@ struct Recovered {
     /// The file that was written; null if none was.
     file: Option<String>,
     records: u64,
-    /// Bytes of the recording, and how many of them the new file was made of.
+    /// Bytes of the recording.
     bytes: u64,
+    /// Where it broke off, or is damaged: the first byte that is not part of a whole record of the file.
     whole_bytes: u64,
     digest: Option<String>,
     /// Why the run counts as ended; null if the recording tells that itself.
@@ -124,7 +125,7 @@ fn recovered(run: &Path, output: Option<&Path>) -> Result<Recovered, Failure> {
                 )),
             }
         })?;
-        file = Some(to.display().to_string());
+        file = Some(output.unwrap_or(&path).display().to_string());
     }
     let digest = account.recorded.digest.clone();
     let summary = match (output, run.is_dir()) {
@@ -231,13 +232,12 @@ impl Recovered {
         let mut text = match &self.file {
             None => format!("{run} is whole: {records} records, nothing to recover\n"),
             Some(file) => {
-                let beyond = bytes - whole_bytes;
                 let state = match self.state {
-                    State::Damaged => "was damaged",
+                    State::Damaged => "is damaged",
                     State::BrokenOff | State::Whole => "broke off",
                 };
                 format!(
-                    "{run} {state} at byte {whole_bytes} of {bytes}; {records} records are whole, {beyond} bytes were beyond that\nwritten to {file}\n"
+                    "{run} {state} at byte {whole_bytes} of {bytes}\n{records} records recovered, in {file}\n"
                 )
             }
         };

@@ -6,13 +6,13 @@ use clap::Args;
 
 /// Its examples.
 pub const EXAMPLES: &str = "\
-Every whole record up to where the file broke off is kept. The file of that name is replaced only when
-the new one is whole on the disk; a file that is whole is left alone. If the folder has no summary.json,
-one is written. Damage in the middle of a file is recovered with -o FILE only, because what comes after
-it is given up.
+Every whole record up to where the file broke off is kept. The new file takes
+the place of the old one when it is whole on the disk, not before. A file that is
+whole is left alone. A folder without summary.json gets one. A file that is damaged
+before its end is recovered with -o FILE only: what comes after that is given up.
 
-Exit codes: 0 the recording is whole, now or already; 2 nothing can be had of it, or it is still being
-written; 3 the new file cannot be written.
+Exit codes: 0 the recording is whole, now or already; 2 nothing can be had of it,
+or a session is still writing it; 3 the new file cannot be written.
 
 Examples:
   hil recover runs/demo

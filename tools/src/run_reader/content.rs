@@ -140,6 +140,10 @@ impl Content {
                 Some(Err(McapError::BadMagic)) if at <= mcap::MAGIC.len() as u64 => {
                     return Err(damaged("it does not begin as an MCAP file does".into()));
                 }
+                Some(Err(McapError::BadDataCrc { .. } | McapError::BadSummaryCrc { .. })) => {
+                    let what = "its check sum does not fit, bits in it have changed";
+                    return Err(damaged(what.into()));
+                }
                 Some(Err(error)) => return Err(damaged(error.to_string())),
             };
             self.fetch(wanted)?;
