@@ -143,6 +143,16 @@ impl Expression {
             .map(move |name| unit_of_name(name).filter(|_| known))
     }
 
+    /// Whether it is made of numbers alone.
+    pub(crate) fn is_constant(&self) -> bool {
+        self.names.is_empty()
+    }
+
+    /// Whether it is true or false, not a quantity.
+    pub(crate) fn is_truth(&self) -> bool {
+        self.ops.last().is_some_and(|last| last.is_truth())
+    }
+
     /// Every name that no column has.
     #[must_use]
     pub fn unknown_names(&self, columns: &Columns) -> Vec<ExpressionError> {

@@ -96,8 +96,8 @@ impl Reader {
     ) -> &mut Problem {
         self.problems.push(Problem {
             kind,
-            key: key.into(),
-            message: message.into(),
+            key: shown(key.into()),
+            message: shown(message.into()),
             expected: None,
             nearest: Vec::new(),
             help: None,
@@ -395,6 +395,16 @@ impl Reader {
             self.wrong_type(&path, node, describe(&key.kind));
             return None;
         };
+        if let Some(found) = text.chars().find(|c| is_unprintable(*c)) {
+            self.report(
+                ProblemKind::OutOfRange,
+                &path,
+                &node.place,
+                format!("`{path}` has the control character {found:?}"),
+            )
+            .expected("text that a terminal can show");
+            return None;
+        }
         if choices.is_empty() || choices.contains(&text.as_str()) {
             return Some(text);
         }
@@ -480,6 +490,20 @@ fn plain(path: &str) -> String {
             !inside && c != ']'
         })
         .collect()
+}
+
+/// Whether a terminal would do something at a character other than to show it.
+fn is_unprintable(c: char) -> bool {
+    c.is_control() && !matches!(c, '\n' | '\t')
+}
+
+/// A text that quotes the scenario, as a terminal may have it.
+fn shown(text: String) -> String {
+    if text.contains(is_unprintable) {
+        text.replace(is_unprintable, "\u{fffd}")
+    } else {
+        text
+    }
 }
 
 /// What a key takes, as messages and comments say it.

@@ -180,8 +180,8 @@ fn sockets(target: &mut Target<'_>) {
         ("control", &deep, "not a request"),
         (
             "control",
-            "{\"request\":\"inject\",\"toml\":\"[[faults]]\\nkind = 'bias'\\ntarget = 'measured.position_m'\\nbias = nan\"}",
-            "nan",
+            r#"{"request":"inject","toml":"[[faults]]\nkind = 'bias'\n[[faults.effects]]\ntarget = 'measured.position_m'\nbias = nan"}"#,
+            "not a number",
         ),
         (
             "hil",

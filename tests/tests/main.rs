@@ -22,6 +22,7 @@
 //! | [`mutations`] | the explorer of the lockstep machines misses every guard that is taken out |
 //! | [`paper`] | the paper's experiment against its checked figures |
 //! | [`recording`] | what a recording holds, read without the recorder's code |
+//! | [`recover`] | what is left after a death, on a full disk and of a damaged file |
 //! | [`replay`] | recorded samples against controllers: the same, rebuilt, broken |
 //! | [`realtime_settings`] | what was asked of the system, and what it granted |
 //! | [`requirements`] | verdicts live and from the recording, and exit codes |
@@ -65,6 +66,7 @@ mod programs;
 mod python;
 mod realtime_settings;
 mod recording;
+mod recover;
 mod replay;
 mod requirements;
 mod succession;

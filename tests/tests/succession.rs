@@ -186,6 +186,12 @@ fn another_controller_takes_over_at_the_step_that_the_answer_names() {
     let summary = run.summary();
     assert_eq!(summary["controllers"][0]["end"], "replaced");
     assert_eq!(summary["controllers"][1]["from_step"], 2500);
+    let facts = &Recording::open(&run.recording()).metadata()["hil.run"];
+    assert_eq!(facts["controller_2_law"], "hold");
+    assert_eq!(
+        facts["controller_2_blake3"],
+        summary["controller"]["blake3"].as_str().expect("a hash")
+    );
     // The law `hold` commands nothing; until then the runs are one.
     let (before, after) = (applied_n(&plain), applied_n(&run));
     assert_eq!(before[..2500], after[..2500]);

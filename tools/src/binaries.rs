@@ -7,6 +7,7 @@ use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process_group};
+use serde_json::Value;
 use shared_types::describe::{
     Description, FaultKindDescription, LawDescription, PROTOCOL, PlantDescription,
 };
@@ -14,6 +15,7 @@ use shared_types::describe::{
 use crate::cli::BinaryArguments;
 use crate::exit::Failure;
 use crate::interruption::Interruption;
+use crate::output;
 
 /// How long a binary may take to describe itself or to check a job.
 const ANSWER_LIMIT: Duration = Duration::from_secs(10);
@@ -124,6 +126,12 @@ impl Binary {
                 "{shown} does not speak the protocol: its answer to --describe is not a description: {error}{said}"
             ))
         })?;
+        let described = serde_json::to_value(&description).map_err(Failure::infrastructure)?;
+        if let Some(text) = unprintable(&described) {
+            return Err(Failure::usage(format!(
+                "{shown}: its answer to --describe has control characters in {text:?}"
+            )));
+        }
         if description.protocol != PROTOCOL {
             let theirs = description.protocol;
             return Err(Failure::usage(format!(
@@ -159,6 +167,16 @@ impl Binary {
             "{}: {said}",
             self.description.program
         )))
+    }
+}
+
+/// The first text of a description that a terminal would do something at.
+fn unprintable(described: &Value) -> Option<&str> {
+    match described {
+        Value::String(text) => (output::printable(text) != *text).then_some(text),
+        Value::Array(all) => all.iter().find_map(unprintable),
+        Value::Object(all) => all.values().find_map(unprintable),
+        Value::Null | Value::Bool(_) | Value::Number(_) => None,
     }
 }
 
@@ -229,4 +247,19 @@ fn ask<S: AsRef<std::ffi::OsStr>>(
 pub(crate) fn end_group(child: &Child) {
     // There may be nobody left in it.
     let _ = kill_process_group(Pid::from_child(child), Signal::KILL);
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn a_description_with_control_characters_is_found_wherever_they_are() {
+        let sound = json!({"plants": [{"name": "a", "truth": [{"unit": "m", "text": "a\nb"}]}]});
+        assert_eq!(unprintable(&sound), None);
+        let wrong = json!({"protocol": 4, "plants": [{"truth": [{"unit": "m\u{1b}[2J"}]}]});
+        assert_eq!(unprintable(&wrong), Some("m\u{1b}[2J"));
+    }
 }

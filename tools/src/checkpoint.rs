@@ -29,6 +29,7 @@ use shared_types::time::Step;
 use crate::binaries::Binaries;
 use crate::cli::run::RunOptions;
 use crate::exit::Failure;
+use crate::part_file::PartFolder;
 use crate::run_reader::RECORDING;
 
 /// Version of the folder.
@@ -214,16 +215,15 @@ pub(crate) fn collect(
         };
         let folder = format!("checkpoint-{step}");
         let whole = run_dir.join(&folder);
-        let part = run_dir.join(format!("{folder}.part"));
         let cannot = |error: std::io::Error| {
             let shown = whole.display();
             Failure::infrastructure(format!("cannot write {shown}: {error}"))
         };
-        fs::create_dir(&part).map_err(cannot)?;
+        let part = PartFolder::beside(&whole).map_err(cannot)?;
         let saved = |side: Side, of: &str, binary: &str, state: &Path| {
             let content = fs::read(state)?;
             let file = format!("{}.state", side.name());
-            fs::write(part.join(&file), &content)?;
+            fs::write(part.path().join(&file), &content)?;
             Ok(SavedSide {
                 of: of.into(),
                 binary_blake3: binary.into(),
@@ -258,8 +258,8 @@ pub(crate) fn collect(
             },
         };
         let json = serde_json::to_string_pretty(&checkpoint).map_err(Failure::infrastructure)?;
-        fs::write(part.join(FILE), json + "\n").map_err(cannot)?;
-        fs::rename(&part, &whole).map_err(cannot)?;
+        fs::write(part.path().join(FILE), json + "\n").map_err(cannot)?;
+        part.complete(&whole).map_err(cannot)?;
         made.push(Made {
             step: step.0,
             time_s: checkpoint.time_s,

@@ -12,6 +12,7 @@ pub mod latency;
 pub mod realtime;
 pub mod recording;
 pub mod recordings;
+pub mod recover;
 pub mod replay;
 pub mod run;
 pub mod swap;
@@ -28,6 +29,7 @@ use export::ExportArguments;
 use inject::InjectArguments;
 use latency::{LatencyArguments, LatencyPeerArguments};
 use recordings::{CompareArguments, JudgeArguments, ScenarioCommand};
+use recover::RecoverArguments;
 use replay::ReplayArguments;
 use run::{RerunArguments, RunArguments};
 use swap::ControllerArguments;
@@ -90,6 +92,9 @@ Examples:
     /// Write signals of a recorded run to a CSV or Parquet file
     #[command(after_help = export::EXAMPLES)]
     Export(ExportArguments),
+    /// Make a whole recording of one that broke off: its writer was killed, the disk full, a copy cut
+    #[command(after_help = recover::EXAMPLES)]
+    Recover(RecoverArguments),
     /// Make scenarios from runs
     Scenario(ScenarioCommand),
     /// Check a scenario, show it complete, or print its schema

@@ -235,7 +235,7 @@ impl Comparison {
             if !side.whole {
                 writeln!(
                     text,
-                    "  {} was cut off and is compared as far as it goes",
+                    "  {0} was cut off and is compared as far as it goes; `hil recover {0}` makes a whole file of it",
                     side.run
                 )?;
             }

@@ -244,12 +244,10 @@ impl Work {
         exported.scenario = self.reader.fact("scenario").map(str::to_owned);
         exported.digest = self.reader.digest();
         exported.whole = self.reader.is_whole();
-        if !exported.whole {
+        if let Some(torn) = self.reader.torn() {
             let (step, rate) = (self.reader.step(), self.picking.rate);
             let time_s = rate.seconds(Step(step));
-            eprintln!(
-                "note: {run} was cut off; it is exported as far as it goes, step {step} at {time_s} s"
-            );
+            eprintln!("note: {torn}; it is exported as far as it goes, step {step} at {time_s} s");
         }
         if let Some(lost @ 1..) = self
             .reader

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use crate::exit::Failure;
+use crate::part_file;
 
 /// Creates the folder of a run: `--out`, or a new one under `runs`.
 ///
@@ -24,6 +25,7 @@ pub fn create(out: Option<&Path>, scenario: &str, session: &str) -> Result<PathB
         ))
     };
     fs::create_dir_all(&folder).map_err(cannot)?;
+    part_file::sweep(&folder);
     if fs::read_dir(&folder).map_err(cannot)?.next().is_some() {
         let shown = folder.display();
         return Err(Failure::usage(format!(
@@ -31,10 +33,7 @@ pub fn create(out: Option<&Path>, scenario: &str, session: &str) -> Result<PathB
         )));
     }
     // Whether it can be written shows only when it is.
-    let probe = folder.join(".probe");
-    fs::write(&probe, "")
-        .and_then(|()| fs::remove_file(&probe))
-        .map_err(cannot)?;
+    tempfile::tempfile_in(&folder).map_err(cannot)?;
     Ok(folder)
 }
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 
 use crate::exit::Failure;
 
@@ -22,6 +22,8 @@ impl Interruption {
             signal_hook::flag::register(signal, Arc::clone(&flag))
                 .map_err(Failure::infrastructure)?;
         }
+        // A file that may grow no more is an error to whoever writes it, not the end of the process.
+        signal_hook::flag::register(SIGXFSZ, Arc::default()).map_err(Failure::infrastructure)?;
         Ok(Self(flag))
     }
 

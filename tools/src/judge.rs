@@ -31,7 +31,7 @@ pub struct Judgement {
     scenario: String,
     /// `aborted` if the run did not end by itself.
     verdict: &'static str,
-    /// How the run ended, in one word; null if its plant or its writer died.
+    /// How the run ended, in one word; null if its recording broke off.
     outcome: Option<String>,
     records: u64,
     metrics: Vec<Metric>,
@@ -86,6 +86,11 @@ fn judged(run: &Path, by: Option<&Path>) -> Result<(Judgement, Plan), Failure> {
         }
         evaluation.observe(Step(reader.step()), &row);
     }
+    if let Some(torn) = reader.torn() {
+        eprintln!("note: {torn}");
+    }
+    // A plant that died told no end; who ended its recording did.
+    let outcome = outcome.or_else(|| reader.result("outcome").map(str::to_owned));
     let requirements: Vec<Requirement> = (evaluation.requirements().iter())
         .map(Requirement::from)
         .collect();
@@ -106,7 +111,7 @@ fn judged(run: &Path, by: Option<&Path>) -> Result<(Judgement, Plan), Failure> {
 }
 
 /// The plan of the run, with what is computed and judged by another scenario if one is given.
-fn plan(
+pub(crate) fn plan(
     reader: &RunReader,
     plant: &Description,
     run: &Path,
@@ -143,7 +148,10 @@ fn plan(
 }
 
 /// The columns of a recording that are signals, and where they are among the words of a record.
-fn columns(reader: &RunReader, plant: &Description) -> Result<(Columns, Range<usize>), Failure> {
+pub(crate) fn columns(
+    reader: &RunReader,
+    plant: &Description,
+) -> Result<(Columns, Range<usize>), Failure> {
     let parameters = || plant.plants.iter().flat_map(|plant| &plant.parameters);
     let mut columns = Columns::default();
     let words = reader.columns();

@@ -33,7 +33,7 @@ use hdrhistogram::Histogram;
 
 use crate::cli::latency::LatencyArguments;
 use crate::exit::{Exit, Failure};
-use crate::output;
+use crate::{output, run};
 
 pub use legs::{Latency, LatencySummary, Legs};
 use report::Report;
@@ -62,9 +62,7 @@ pub fn latency(arguments: &LatencyArguments) -> Result<Exit, Failure> {
     };
     let report = Report::new(&cases, arguments.run.as_deref());
     if let Some(csv) = &arguments.csv {
-        std::fs::write(csv, report::csv(&cases)).map_err(|error| {
-            Failure::infrastructure(format!("cannot write {}: {error}", csv.display()))
-        })?;
+        run::write(csv, &report::csv(&cases))?;
     }
     output::write(&if arguments.json {
         let json = serde_json::to_string_pretty(&report).map_err(Failure::infrastructure)?;

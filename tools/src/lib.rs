@@ -15,7 +15,8 @@
 //! finds where two runs differ, [`repetition`] makes the scenario that repeats one, live faults
 //! included, and [`rerun`] runs that; [`judge`] evaluates metrics and [`requirements`] once more, or
 //! others; [`replay`] gives what was recorded to a controller once more, [`baseline`] keeps named runs to
-//! compare with; [`export`] makes a table of a run for other programs.
+//! compare with; [`export`] makes a table of a run for other programs; [`recover`] makes a whole recording of
+//! one that broke off.
 //!
 //! A [`checkpoint`] keeps the state of both sides before a step, for another run to go on from.
 //!
@@ -23,7 +24,8 @@
 //! a recorded one.
 //!
 //! [`doctor`] judges the machine that it all runs on, [`latency`] measures the loop on it. [`config`]
-//! and [`sessions`] are the commands around it, [`folder`] is where a run is written, [`duration`] how times are typed, [`output`] and [`interruption`] are its ways to and from the
+//! and [`sessions`] are the commands around it, [`folder`] is where a run is written, `part_file` how a file appears whole or not at all, `reserve` the room
+//! for the end of a run, [`duration`] how times are typed, [`output`] and [`interruption`] are its ways to and from the
 //! terminal. Nothing here runs on the loop but the plant and law of [`latency`] that do
 //! nothing, and the plant's place that [`replay`] takes.
 
@@ -50,13 +52,16 @@ pub mod latency;
 pub mod live;
 mod missed;
 pub mod output;
+mod part_file;
 pub mod progress;
 pub mod recorder;
 pub mod recording;
+pub mod recover;
 pub mod repetition;
 pub mod replay;
 pub mod requirements;
 pub mod rerun;
+mod reserve;
 pub mod run;
 pub mod run_reader;
 pub mod sessions;
@@ -104,6 +109,7 @@ pub fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
         Command::Compare(arguments) => compare::command(arguments),
         Command::Judge(arguments) => judge::judge(arguments),
         Command::Export(arguments) => export::export(arguments),
+        Command::Recover(arguments) => recover::recover(arguments),
         Command::Scenario(arguments) => match &arguments.action {
             ScenarioAction::From(arguments) => repetition::scenario_from(arguments),
         },

@@ -106,6 +106,8 @@ struct Shared {
     next_step: AtomicU64,
     /// What became of controllers.
     changes: Mutex<Vec<ControllerChange>>,
+    /// What the recording is to say besides.
+    facts: Mutex<BTreeMap<String, String>>,
 }
 
 impl Recorder {
@@ -174,6 +176,12 @@ impl Recorder {
     #[must_use]
     pub fn next_step(&self) -> u64 {
         self.shared.next_step.load(Ordering::Relaxed)
+    }
+
+    /// Has the recording say something that became known while the run goes on.
+    pub fn add_facts(&self, facts: impl IntoIterator<Item = (String, String)>) {
+        let known = self.shared.facts.lock();
+        (known.unwrap_or_else(PoisonError::into_inner)).extend(facts);
     }
 
     /// What became of controllers after the first so many changes.
@@ -467,27 +475,86 @@ impl Work {
     }
 
     fn keep_up(&mut self) {
+        self.write_facts();
         if let Some(recording) = &mut self.recording {
             let kept = recording.keep_up();
             self.note(kept);
         }
     }
 
-    fn note(&mut self, written: std::io::Result<()>) {
-        if let Err(error) = written {
-            let recording = self.recording.take();
-            self.recorded.written = recording.map_or(0, |recording| recording.written());
-            let path = self
-                .recording_plan
-                .as_ref()
-                .map(|plan| plan.path.display().to_string());
-            let step = self.shared.next_step.load(Ordering::Relaxed);
-            self.fail(format!(
-                "cannot write {} before step {step}: {}",
-                path.unwrap_or_default(),
-                causes(&error)
-            ));
+    fn write_facts(&mut self) {
+        let facts = self.shared.facts.lock();
+        let facts = std::mem::take(&mut *facts.unwrap_or_else(PoisonError::into_inner));
+        if let Some(recording) = &mut self.recording
+            && !facts.is_empty()
+        {
+            let written = recording.facts(facts);
+            self.note(written);
         }
+    }
+
+    fn note(&mut self, written: std::io::Result<()>) {
+        let Err(error) = written else { return };
+        let Some(recording) = self.recording.take() else {
+            return;
+        };
+        let path = self.path();
+        let step = self.shared.next_step.load(Ordering::Relaxed);
+        let reason = format!("cannot write {path} before step {step}: {}", causes(&error));
+        let left = self.end(recording, Outcome::Failed, Some(&reason)).1;
+        self.fail(format!("{reason}; {left}"));
+    }
+
+    /// Ends a recording: whether all that it took is in it, and what it is now.
+    fn end(
+        &mut self,
+        mut recording: Recording,
+        outcome: Outcome,
+        reason: Option<&str>,
+    ) -> (std::io::Result<()>, String) {
+        let mut closed = recording.close();
+        self.recorded.written = recording.safe();
+        let mut result = self.result(outcome, reason);
+        if closed.is_err() {
+            // The records that it has are fewer than those that the digest covers.
+            result.insert("records".into(), recording.safe().to_string());
+            result.insert("digest".into(), String::new());
+        }
+        let (path, kept) = (self.path(), self.recorded.written);
+        let left = match recording.end(result) {
+            Ok(()) => format!("it has {kept} records"),
+            Err(error) => {
+                closed = closed.and(Err(error));
+                format!(
+                    "it has {kept} records and no end: `hil recover {path}` makes a whole file of it where there is room"
+                )
+            }
+        };
+        (closed, left)
+    }
+
+    fn path(&self) -> String {
+        let plan = self.recording_plan.as_ref();
+        plan.map_or_else(String::new, |plan| plan.path.display().to_string())
+    }
+
+    /// The digest of the records so far; `None` if one was lost.
+    fn digest(&self) -> Option<String> {
+        let is_there = self.recorded.lost == 0 && self.recorded.records > 0;
+        is_there.then(|| self.digest.clone().finish())
+    }
+
+    /// What a recording says after the run.
+    fn result(&self, outcome: Outcome, reason: Option<&str>) -> BTreeMap<String, String> {
+        let facts = [
+            ("records", self.recorded.records.to_string()),
+            ("lost", self.recorded.lost.to_string()),
+            ("digest", self.digest().unwrap_or_default()),
+            ("outcome", format!("{outcome:?}").to_lowercase()),
+            ("reason", reason.unwrap_or_default().to_owned()),
+        ];
+        let owned = facts.map(|(name, value)| (name.to_owned(), value));
+        owned.into_iter().collect()
     }
 
     fn fail(&mut self, error: String) {
@@ -496,6 +563,7 @@ impl Work {
     }
 
     fn finish(mut self) -> Recorded {
+        self.write_facts();
         self.recorded.latency = self.latency.summary();
         if let Some(evaluation) = &self.evaluation {
             self.recorded.metrics = evaluation.results();
@@ -510,25 +578,17 @@ impl Work {
             // Items were counted, of which some were events; and there is a record after the last step.
             self.recorded.lost = end.steps + 1 - self.recorded.records;
         }
-        if self.recorded.lost == 0 && self.recorded.records > 0 {
-            self.recorded.digest = Some(std::mem::take(&mut self.digest).finish());
-        }
+        self.recorded.digest = self.digest();
         if let Some(recording) = self.recording.take() {
-            self.recorded.written = recording.written();
-            let mut result = BTreeMap::new();
-            let recorded = &self.recorded;
-            let mut fact = |name: &str, value: String| result.insert(name.to_owned(), value);
-            fact("records", recorded.records.to_string());
-            fact("lost", recorded.lost.to_string());
-            fact("digest", recorded.digest.clone().unwrap_or_default());
-            if let Some(end) = &recorded.end {
-                fact("outcome", format!("{:?}", end.outcome).to_lowercase());
-                fact("reason", end.reason.clone().unwrap_or_default());
-            }
-            if let Err(error) = recording.finish(result) {
-                self.recorded
-                    .error
-                    .get_or_insert(format!("cannot finish the recording: {}", causes(&error)));
+            let end = self.recorded.end.clone();
+            let (outcome, reason) = match end {
+                Some(end) => (end.outcome, end.reason),
+                None => (Outcome::Failed, Some("the plant told no end".to_owned())),
+            };
+            if let (Err(error), left) = self.end(recording, outcome, reason.as_deref()) {
+                let (path, causes) = (self.path(), causes(&error));
+                let error = format!("cannot finish {path}: {causes}; {left}");
+                self.recorded.error.get_or_insert(error);
             }
         }
         self.recorded
@@ -545,3 +605,6 @@ fn causes(error: &dyn std::error::Error) -> String {
     }
     text
 }
+
+#[cfg(test)]
+mod tests;

@@ -7,13 +7,16 @@
 //! process loses is bounded in time.
 
 mod chunk;
+pub(crate) mod copy;
 mod excerpt;
 mod lz4;
 mod mcap_file;
 mod schema;
 pub mod size;
+pub(crate) mod unpack;
 
 use std::collections::BTreeMap;
+use std::fs::File;
 use std::io;
 use std::path::Path;
 use std::time::Duration;
@@ -25,6 +28,7 @@ use shared_types::record::{
 use shared_types::time::{Rate, Step};
 
 use crate::cli::run::Compression;
+use crate::reserve::Reserve;
 use chunk::Chunk;
 pub use excerpt::Choice;
 use excerpt::Excerpt;
@@ -38,6 +42,10 @@ const CHUNK_TIME: Duration = Duration::from_millis(100);
 const CHUNK_BYTES: usize = 1 << 20;
 /// The facts of a run; there may be several lists of them, one after another.
 const FACTS: &str = "hil.run";
+/// What is known after a run.
+pub(crate) const RESULT: &str = "hil.result";
+/// Room that is kept on the disk for the end: a chunk, and what the summary has of each chunk.
+const RESERVE_BYTES: u64 = 4 << 20;
 /// Channels: records and events.
 const CHANNELS: u16 = 2;
 
@@ -98,7 +106,12 @@ pub struct Recording {
     chunk: Chunk,
     /// If not all is kept.
     excerpt: Option<Excerpt>,
+    /// Records in the chunks.
     written: u64,
+    /// Records in closed chunks.
+    safe: u64,
+    /// Room for its end on a full disk.
+    reserve: Reserve,
     last_time_ns: u64,
     sequence: u32,
 }
@@ -119,7 +132,7 @@ impl Recording {
         let excerpt = part.map(|part| Excerpt::new(layout, part.choice, part.rate, part.last));
         let excerpt = excerpt.transpose().map_err(io::Error::other)?;
         let library = concat!("hil ", env!("CARGO_PKG_VERSION"));
-        let mut file = McapFile::create(path, "ros2", library)?;
+        let mut file = McapFile::create(File::create(path)?, "ros2", library)?;
         file.metadata(Metadata {
             name: FACTS.into(),
             metadata: provenance.facts.clone(),
@@ -152,6 +165,8 @@ impl Recording {
             chunk: Chunk::new(compression, CHANNELS)?,
             excerpt,
             written: 0,
+            safe: 0,
+            reserve: Reserve::of(path.parent().unwrap_or(Path::new("")), RESERVE_BYTES),
             last_time_ns: 0,
             sequence: 0,
         })
@@ -191,14 +206,12 @@ impl Recording {
         {
             self.written += 1;
             self.chunk.record(&header(self.records, head), row);
-            if self.chunk.bytes() >= CHUNK_BYTES {
-                self.file.chunk(&mut self.chunk)?;
-            }
+            self.close_if(self.chunk.bytes() >= CHUNK_BYTES)?;
         }
         Ok(())
     }
 
-    /// Records in the file.
+    /// Records in the file, those of its open chunk included.
     #[must_use]
     pub const fn written(&self) -> u64 {
         self.written
@@ -241,22 +254,45 @@ impl Recording {
     fn close_if(&mut self, is_due: bool) -> io::Result<()> {
         if is_due {
             self.file.chunk(&mut self.chunk)?;
+            self.safe = self.written;
         }
         Ok(())
     }
 
-    /// Writes down what is known after the run and closes the file.
+    /// Closes the last chunk, into the room that was kept for it if there is no other.
+    ///
+    /// # Errors
+    /// If it cannot be written. What was closed before is in the file.
+    pub fn close(&mut self) -> io::Result<()> {
+        self.reserve.release();
+        self.settle(true)?;
+        self.close_if(true)
+    }
+
+    /// Records in closed chunks, which are in the file whatever happens.
+    #[must_use]
+    pub const fn safe(&self) -> u64 {
+        self.safe
+    }
+
+    /// Writes down what is known after the run and ends the file, after the last closed chunk.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn end(self, result: BTreeMap<String, String>) -> io::Result<()> {
+        self.file.finish(Some(Metadata {
+            name: RESULT.into(),
+            metadata: result,
+        }))
+    }
+
+    /// Closes the last chunk and ends the file.
     ///
     /// # Errors
     /// If the file cannot be written.
     pub fn finish(mut self, result: BTreeMap<String, String>) -> io::Result<()> {
-        self.settle(true)?;
-        self.file.chunk(&mut self.chunk)?;
-        self.file.metadata(Metadata {
-            name: "hil.result".into(),
-            metadata: result,
-        })?;
-        self.file.finish()
+        self.close()?;
+        self.end(result)
     }
 }
 

@@ -22,6 +22,7 @@ use crate::exit::{Exit, Failure};
 use crate::faults::{FaultLog, LiveFault};
 use crate::missed::Collector;
 use crate::output;
+use crate::run;
 use crate::run_reader::{ReadError, RunReader};
 use crate::summary::CHANGED_FAULTS;
 
@@ -62,9 +63,7 @@ pub fn scenario_from(arguments: &ScenarioFromArguments) -> Result<Exit, Failure>
     }
     match &arguments.output {
         None => output::write(&text)?,
-        Some(path) => std::fs::write(path, text).map_err(|error| {
-            Failure::infrastructure(format!("cannot write {}: {error}", path.display()))
-        })?,
+        Some(path) => run::write(path, &text)?,
     }
     Ok(Exit::Pass)
 }
@@ -148,6 +147,9 @@ impl RecordedRun {
             // What it was has to be found in its steps.
             reader.refuse_excerpt().map_err(refused)?;
         }
+        if let Some(torn) = reader.torn() {
+            eprintln!("note: {torn}");
+        }
         let fact = |name| reader.fact(name).map(str::to_owned);
         Ok(Self {
             plan,
@@ -166,6 +168,12 @@ impl RecordedRun {
             plant,
             controller,
         })
+    }
+
+    /// Whether its controller could be late.
+    #[must_use]
+    pub fn is_against_clock(&self) -> bool {
+        self.plan.run.clock == Clock::Realtime
     }
 
     /// The same without what it asked of its machine: times are not repeated, and another machine

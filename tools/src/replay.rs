@@ -24,6 +24,7 @@ use std::time::Instant;
 use controller_process::job::{JOB_FILE, Job};
 use controller_process::runner::{Runner, choose};
 use hil_config::plan::Plan;
+use serde_json::json;
 use shared_types::checkpoint::Checkpoints;
 use shared_types::describe::{LawDescription, PROTOCOL};
 use shared_types::hello::{Hello, agree};
@@ -98,7 +99,17 @@ pub fn replay(arguments: &ReplayArguments) -> Result<Exit, Failure> {
         SessionError::Name(_) | SessionError::Taken { .. } => Failure::usage(error),
         other => Failure::infrastructure(other),
     })?;
-    let report = prepared.run(session, reader)?;
+    let report = match prepared.run(session, reader) {
+        Err(failure) if arguments.json => {
+            let run = arguments.run.display().to_string();
+            let told = failure.to_string();
+            let reason = told.trim_start_matches("error: ");
+            let aborted = json!({"verdict": "aborted", "reason": reason, "run": run});
+            output::write(&format!("{aborted:#}\n"))?;
+            return Err(failure);
+        }
+        report => report?,
+    };
     output::write(&if arguments.json {
         let json = serde_json::to_string_pretty(&report).map_err(Failure::infrastructure)?;
         json + "\n"

@@ -27,12 +27,14 @@ pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
             "{shown} lost {lost} records: there is no digest to compare with"
         )));
     }
-    // Of a run that was stopped or died the last record may show that; those before must come again.
+    // Of a run that was stopped or died all that was recorded must come again; what happened after the
+    // last record is no part of that. Against the clock it is not known what that one's controller saw.
     let is_whole = matches!(recorded.outcome.as_deref(), Some("completed" | "diverged"));
     let (records, expected) = if is_whole {
         (recorded.records, recorded.digest.clone())
     } else {
-        let records = recorded.records.saturating_sub(1);
+        let unsure = u64::from(recorded.is_against_clock());
+        let records = recorded.records.saturating_sub(unsure);
         (
             records,
             run_reader::digest_of_first(&arguments.run, records).map_err(Failure::usage)?,

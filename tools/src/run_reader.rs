@@ -5,31 +5,33 @@
 //! of signals come from its schema, so the recording of a plant that is not here can be read. A file
 //! whose writer was killed is read as far as it goes.
 
+pub(crate) mod content;
 mod schema;
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use mcap::records::Record;
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use serde::de::DeserializeOwned;
 use shared_types::digest::Digest;
 use shared_types::record::Event;
 use shared_types::time::Rate;
 
+use crate::{output, part_file};
+use content::{Content, ContentError, End};
 pub use schema::Column;
 
 /// Name of the recording in the folder of a run.
 pub const RECORDING: &str = "run.mcap";
 /// The fact that says what was kept, if not all was.
 pub const EXCERPT: &str = "excerpt";
+/// The topic of records.
+pub(crate) const RECORDS: &str = "/record";
+/// The topic of events.
+pub(crate) const EVENTS: &str = "/events";
 /// Bytes of encapsulation in front of a record.
 const ENCAPSULATION: usize = 4;
-
-/// Longest record of a file: a size beyond that is damage, not memory to ask for.
-const LONGEST_RECORD: usize = 1 << 28;
 
 /// A run cannot be read.
 #[derive(Debug, thiserror::Error)]
@@ -55,6 +57,22 @@ pub enum ReadError {
         /// What was kept.
         kept: String,
     },
+    /// Something in the file is wrong, and not only its end is missing.
+    #[error(
+        "{path} is damaged at byte {at} of {length}, after {records} records: {what}; `hil recover {path} -o FILE` makes a recording of what is before"
+    )]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        what: String,
+        /// Where.
+        at: u64,
+        /// Bytes of the file.
+        length: u64,
+        /// Records before.
+        records: u64,
+    },
     /// The file is not what `hil run` writes.
     #[error("{path} is no recording of a run: {what}")]
     Foreign {
@@ -68,8 +86,7 @@ pub enum ReadError {
 /// A recorded run, read from its begin.
 pub struct RunReader {
     path: PathBuf,
-    file: File,
-    mcap: LinearReader,
+    content: Content,
     columns: Vec<Column>,
     hashed_words: usize,
     /// Channels by number: whether they carry records.
@@ -82,7 +99,6 @@ pub struct RunReader {
     records: u64,
     digest: Digest,
     is_hashing: bool,
-    is_whole: bool,
 }
 
 /// What came next in the file.
@@ -101,6 +117,7 @@ impl RunReader {
     /// If there is no recording, or it is none of a run.
     pub fn open(run: &Path) -> Result<Self, ReadError> {
         let path = if run.is_dir() {
+            part_file::sweep(run);
             run.join(RECORDING)
         } else {
             run.to_owned()
@@ -112,15 +129,13 @@ impl RunReader {
             path: path.clone(),
             error,
         })?;
-        let options = LinearReaderOptions::default()
-            .with_skip_end_magic(true)
-            .with_record_length_limit(LONGEST_RECORD)
-            .with_prevalidate_chunk_crcs(true)
-            .with_validate_data_section_crc(true);
+        let content = Content::of(file).map_err(|error| ReadError::Io {
+            path: path.clone(),
+            error,
+        })?;
         let mut reader = Self {
             path,
-            file,
-            mcap: LinearReader::new_with_options(options),
+            content,
             columns: Vec::new(),
             hashed_words: 0,
             channels: BTreeMap::new(),
@@ -132,12 +147,11 @@ impl RunReader {
             records: 0,
             digest: Digest::default(),
             is_hashing: true,
-            is_whole: false,
         };
         // All that is known before a run stands before its channels.
         while reader.columns.is_empty() {
             if matches!(reader.next()?, Next::End) {
-                return Err(reader.foreign("it has no channel `/record`"));
+                return Err(reader.foreign("it ends before it says what a record is"));
             }
         }
         Ok(reader)
@@ -302,103 +316,113 @@ impl RunReader {
 
     /// Whether the writer of the file finished it; known at the end.
     #[must_use]
-    pub const fn is_whole(&self) -> bool {
-        self.is_whole
+    pub fn is_whole(&self) -> bool {
+        self.content.end() == Some(End::Whole)
+    }
+
+    /// What to tell of a recording that its writer did not finish, and what mends it; known at the end.
+    #[must_use]
+    pub fn torn(&self) -> Option<String> {
+        let (Some(End::Torn(_)), path) = (self.content.end(), self.path.display()) else {
+            return None;
+        };
+        let records = self.records;
+        Some(format!(
+            "{path} broke off after {records} records; `hil recover {path}` makes a whole file of it"
+        ))
+    }
+
+    /// How the file ends, and how many bytes it has; known at the end.
+    pub(crate) fn end(&self) -> (Option<End>, u64) {
+        (self.content.end(), self.content.length())
+    }
+
+    /// Where in the file it is.
+    pub(crate) const fn place(&self) -> u64 {
+        self.content.position()
     }
 
     fn next(&mut self) -> Result<Next, ReadError> {
-        loop {
-            let (opcode, data) = match self.mcap.next_event() {
-                None => return Ok(Next::End),
-                Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
-                    // More than is wanted: a record at a time would be a system call each.
-                    let read = self.file.read(self.mcap.insert(wanted.max(1 << 16)));
-                    let read = read.map_err(|error| ReadError::Io {
-                        path: self.path.clone(),
-                        error,
-                    })?;
-                    self.mcap.notify_read(read);
-                    continue;
-                }
-                Some(Ok(LinearReadEvent::Record { opcode, data })) => (opcode, data),
-                // Its writer was killed here.
-                Some(Err(mcap::McapError::UnexpectedEof)) if !self.columns.is_empty() => {
-                    return Ok(Next::End);
-                }
-                Some(Err(error)) if !self.columns.is_empty() => {
-                    let (records, what) = (self.records, error.to_string());
-                    return Err(self.foreign(format!("damaged after {records} records: {what}")));
-                }
-                Some(Err(error)) => {
-                    let what = error.to_string();
-                    return Err(self.foreign(what));
-                }
-            };
-            let record = match mcap::parse_record(opcode, data) {
-                Ok(record) => record,
-                Err(error) => {
-                    let what = error.to_string();
-                    return Err(self.foreign(what));
-                }
-            };
-            let (path, columns) = (&self.path, self.columns.len());
-            let foreign = |what: String| ReadError::Foreign {
-                path: path.clone(),
-                what,
-            };
-            match record {
-                Record::Schema { header, data } => {
-                    self.schemas
-                        .insert(header.id, String::from_utf8_lossy(&data).into_owned());
-                }
-                Record::Channel(channel) if channel.topic == "/record" => {
-                    self.channels.insert(channel.id, true);
-                    let schema = self
-                        .schemas
-                        .get(&channel.schema_id)
-                        .map_or("", String::as_str);
-                    self.columns = schema::columns_of(schema)
-                        .ok_or_else(|| foreign("its schema cannot be understood".into()))?;
-                    self.hashed_words = schema::hashed(&self.columns);
-                }
-                Record::Channel(channel) if channel.topic == "/events" => {
-                    self.channels.insert(channel.id, false);
-                }
-                Record::Metadata(metadata) => {
-                    let facts = self.metadata.entry(metadata.name).or_default();
-                    facts.extend(metadata.metadata);
-                }
-                Record::Attachment { header, data, .. } => {
-                    let text = String::from_utf8_lossy(&data).into_owned();
-                    self.enclosures.insert(header.name, text);
-                }
-                Record::Message { header, data } => match self.channels.get(&header.channel_id) {
-                    Some(true) if data.len() == ENCAPSULATION + 8 * columns => {
-                        let words = data[ENCAPSULATION..].as_chunks::<8>().0;
-                        self.words.clear();
-                        self.words
-                            .extend(words.iter().map(|word| u64::from_le_bytes(*word)));
-                        return Ok(Next::Record);
-                    }
-                    Some(true) => {
-                        let bytes = data.len();
-                        return Err(foreign(format!(
-                            "a record of {bytes} bytes does not fit its schema"
-                        )));
-                    }
-                    Some(false) => {
-                        let event = serde_json::from_slice(&data);
-                        return Ok(Next::Event(
-                            event.map_err(|error| foreign(format!("an event: {error}")))?,
-                        ));
-                    }
-                    None => {}
-                },
-                Record::DataEnd(_) => self.is_whole = true,
-                _ => {}
+        let opcode = match self.content.advance() {
+            Ok(None) => return Ok(Next::End),
+            Ok(Some(opcode)) => opcode,
+            Err(error) => return Err(self.broken(error)),
+        };
+        let record = match mcap::parse_record(opcode, self.content.data()) {
+            Ok(record) => record,
+            Err(error) => return Err(self.damaged(error.to_string())),
+        };
+        match record {
+            Record::Schema { header, data } => {
+                let text = String::from_utf8_lossy(&data);
+                self.schemas.insert(header.id, output::printable(&text));
             }
-            return Ok(Next::Other);
+            Record::Channel(channel) if channel.topic == RECORDS => {
+                self.channels.insert(channel.id, true);
+                let schema = self.schemas.get(&channel.schema_id);
+                let Some(columns) = schema::columns_of(schema.map_or("", String::as_str)) else {
+                    return Err(self.foreign("its schema cannot be understood"));
+                };
+                self.columns = columns;
+                self.hashed_words = schema::hashed(&self.columns);
+            }
+            Record::Channel(channel) if channel.topic == EVENTS => {
+                self.channels.insert(channel.id, false);
+            }
+            Record::Metadata(metadata) => {
+                let facts = self.metadata.entry(metadata.name).or_default();
+                let printable = |(name, fact): (String, String)| (name, output::printable(&fact));
+                facts.extend(metadata.metadata.into_iter().map(printable));
+            }
+            Record::Attachment { header, data, .. } => {
+                let text = String::from_utf8_lossy(&data).into_owned();
+                self.enclosures.insert(header.name, text);
+            }
+            Record::Message { header, data } => match self.channels.get(&header.channel_id) {
+                Some(true) if data.len() == ENCAPSULATION + 8 * self.columns.len() => {
+                    let words = data[ENCAPSULATION..].as_chunks::<8>().0;
+                    self.words.clear();
+                    self.words
+                        .extend(words.iter().map(|word| u64::from_le_bytes(*word)));
+                    return Ok(Next::Record);
+                }
+                Some(true) => {
+                    let bytes = data.len();
+                    let what = format!("a record of {bytes} bytes does not fit its schema");
+                    return Err(self.damaged(what));
+                }
+                Some(false) => {
+                    return match serde_json::from_slice(&data) {
+                        Ok(event) => Ok(Next::Event(event)),
+                        Err(error) => Err(self.damaged(format!("an event: {error}"))),
+                    };
+                }
+                None => {}
+            },
+            _ => {}
         }
+        Ok(Next::Other)
+    }
+
+    fn broken(&self, error: ContentError) -> ReadError {
+        let path = self.path.clone();
+        match error {
+            ContentError::Io(error) => ReadError::Io { path, error },
+            // Before there is anything of a run it may be anybody's file.
+            ContentError::Damaged { what, .. } if self.columns.is_empty() => self.foreign(what),
+            ContentError::Damaged { at, what } => ReadError::Damaged {
+                path,
+                what,
+                at,
+                length: self.content.length(),
+                records: self.records,
+            },
+        }
+    }
+
+    fn damaged(&self, what: String) -> ReadError {
+        let at = self.content.position();
+        self.broken(ContentError::Damaged { at, what })
     }
 }
 
@@ -412,5 +436,7 @@ pub fn digest_of_first(run: &Path, records: u64) -> Result<String, ReadError> {
     Ok(reader.digest())
 }
 
+#[cfg(test)]
+mod damage;
 #[cfg(test)]
 pub(crate) mod tests;

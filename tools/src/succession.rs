@@ -12,9 +12,10 @@ use crate::run::Started;
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Tenure {
     epoch: u32,
-    binary: String,
-    blake3: String,
-    law: String,
+    /// Null where only a recording tells of it, as is the hash.
+    binary: Option<String>,
+    blake3: Option<String>,
+    law: Option<String>,
     /// The first step that it answered; null if it never came into office.
     from_step: Option<u64>,
     /// The first step without it; null if it was there to the end.
@@ -36,18 +37,23 @@ pub(crate) fn tenures(
     if changes.is_empty() {
         return Vec::new();
     }
-    let mut tenures: Vec<Tenure> = (started.iter())
-        .map(|one| Tenure {
-            epoch: one.epoch,
-            binary: one.binary.path.display().to_string(),
-            blake3: one.binary.blake3.clone(),
-            law: one.law.clone(),
-            from_step: (one.epoch == 1).then_some(0),
-            until_step: None,
-            until_s: None,
-            end: None,
-            reason: None,
-            then: None,
+    let last = started.iter().map(|one| one.epoch);
+    let last = last.chain(changes.iter().map(|change| change.epoch)).max();
+    let mut tenures: Vec<Tenure> = (1..=last.unwrap_or(0))
+        .map(|epoch| {
+            let started = started.iter().find(|one| one.epoch == epoch);
+            Tenure {
+                epoch,
+                binary: started.map(|one| one.binary.path.display().to_string()),
+                blake3: started.map(|one| one.binary.blake3.clone()),
+                law: started.map(|one| one.law.clone()),
+                from_step: (epoch == 1).then_some(0),
+                until_step: None,
+                until_s: None,
+                end: None,
+                reason: None,
+                then: None,
+            }
         })
         .collect();
     for ControllerChange {
@@ -59,8 +65,9 @@ pub(crate) fn tenures(
         for tenure in &mut tenures {
             let is_meant = tenure.epoch == *epoch;
             let (end, reason, then) = match change {
-                Change::Joined { .. } if is_meant => {
+                Change::Joined { law } if is_meant => {
                     tenure.from_step = Some(*step);
+                    tenure.law = Some(law.clone());
                     continue;
                 }
                 Change::Joined { .. } if tenure.from_step.is_some() && tenure.end.is_none() => {
@@ -86,7 +93,10 @@ impl Tenure {
     /// As a person reads it.
     pub(crate) fn told(&self) -> String {
         let Self { epoch, law, .. } = self;
-        let mut text = format!("controller {epoch} ({law})");
+        let mut text = format!("controller {epoch}");
+        if let Some(law) = law {
+            text += &format!(" ({law})");
+        }
         // Writing to a string cannot fail.
         if let Some(from) = self.from_step.filter(|from| *from > 0) {
             let _ = write!(text, " took over at step {from}");

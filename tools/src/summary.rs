@@ -1,5 +1,7 @@
 //! The summary of a run: `summary.json` for machines and a table for people.
 
+mod recorded;
+
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -201,6 +203,14 @@ struct Program {
     blake3: String,
 }
 
+/// Who made a run.
+struct Origin {
+    session: String,
+    evidence: &'static str,
+    plant: Program,
+    controller: Program,
+}
+
 impl Program {
     fn of(binary: &Binary) -> Self {
         Self {
@@ -222,6 +232,22 @@ impl Summary {
         realtime: Realtime,
         ended: &Ended,
     ) -> Self {
+        let origin = Origin {
+            session: session.name.clone(),
+            evidence,
+            plant: Program::of(&binaries.plant),
+            controller: Program::of(&binaries.controller),
+        };
+        Self::of(plan, origin, recorded_to, realtime, ended)
+    }
+
+    fn of(
+        plan: &Plan,
+        origin: Origin,
+        recorded_to: Option<&'static str>,
+        realtime: Realtime,
+        ended: &Ended,
+    ) -> Self {
         let recorded = &ended.recorded;
         let end = recorded.end.as_ref();
         let steps = end.map_or(recorded.records, |end| end.steps);
@@ -234,8 +260,8 @@ impl Summary {
         Self {
             schema: SCHEMA,
             scenario: plan.name.clone(),
-            session: session.name.clone(),
-            evidence,
+            session: origin.session,
+            evidence: origin.evidence,
             verdict: match ended.outcome {
                 Outcome::Completed if recorded.error.is_none() => {
                     requirements::verdict(&requirements)
@@ -275,9 +301,9 @@ impl Summary {
                 lost: recorded.lost,
             },
             rejected_frames: end.map_or(0, |end| end.rejected_frames),
-            controller: Program::of(&binaries.controller),
+            controller: origin.controller,
             controllers: tenures(&ended.controllers, &recorded.changes, plan.run.rate),
-            plant: Program::of(&binaries.plant),
+            plant: origin.plant,
             seed: plan.run.seed,
             resumed: None,
             checkpoints: Vec::new(),

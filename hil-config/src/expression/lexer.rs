@@ -45,7 +45,14 @@ pub(crate) fn tokens(text: &str) -> Result<Vec<Token>, ExpressionError> {
             match number(&rest[..length]) {
                 Some(kind) => (kind, length),
                 None => {
-                    let message = format!("`{}` is not a number", &rest[..length]);
+                    let word = &rest[..length];
+                    // A number and letters behind it: the unit may be meant.
+                    let units = if word.ends_with(|last: char| last.is_ascii_alphabetic()) {
+                        " and not a time: its units are s, ms, us and ns"
+                    } else {
+                        ""
+                    };
+                    let message = format!("`{word}` is not a number{units}");
                     return Err(ExpressionError::new(text, at..at + length, message));
                 }
             }

@@ -125,6 +125,32 @@ pub(super) fn keeps_unit(ops: &[Op]) -> bool {
     })
 }
 
+impl Op {
+    /// Whether what it gives is true or false.
+    pub(super) fn is_truth(&self) -> bool {
+        match self {
+            Self::Constant(_) | Self::Name(_) | Self::Reduced(_) | Self::Load(_) => false,
+            Self::Unary(unary) => *unary == Unary::Not,
+            Self::Binary(binary) => match binary {
+                Binary::Add
+                | Binary::Subtract
+                | Binary::Multiply
+                | Binary::Divide
+                | Binary::Min
+                | Binary::Max => false,
+                Binary::Less
+                | Binary::LessOrEqual
+                | Binary::Greater
+                | Binary::GreaterOrEqual
+                | Binary::Equal
+                | Binary::NotEqual
+                | Binary::And
+                | Binary::Or => true,
+            },
+        }
+    }
+}
+
 impl Unary {
     #[inline]
     fn apply(self, a: f64) -> f64 {

@@ -207,6 +207,19 @@ impl Parser<'_> {
         };
         let left = self.side(span.start..sign.start)?;
         let right = self.side(sign.end..span.end)?;
+        for (side, end) in [(&left, sign.start), (&right, span.end)] {
+            if side.expression.is_truth() {
+                let words = self.text[side.start..end].trim_end();
+                let begin = side.start + words.len() - words.trim_start().len();
+                let span = begin..side.start + words.len();
+                let message = "it is true or false, and so cannot be compared; join comparisons by `and`, `or` and `implies`";
+                return Err(self.error(span, message));
+            }
+        }
+        if left.expression.is_constant() && right.expression.is_constant() {
+            let message = "it compares numbers and no signal, and so says nothing of a run";
+            return Err(self.error(span, message));
+        }
         self.at = end;
         let node = Node::Comparison(Comparison {
             relation,

@@ -16,12 +16,12 @@ type Case = (&'static str, &'static [&'static str]);
 const CASES: &[Case] = &[
     // Words
     ("always(abs(^truth.surface_angel_rad) < 0.2)", &["column 12 of the expression: unknown signal `truth.surface_angel_rad`", "nearest: `truth.surface_angle_rad`"]),
-    ("1 < 2 and 3 < ^eror_rad", &["unknown derived signal `eror_rad`", "nearest: `error_rad`"]),
+    ("error_rad < 2 and 3 < ^eror_rad", &["unknown derived signal `eror_rad`", "nearest: `error_rad`"]),
     ("^alway[0s,1s](error_rad < 1)", &["unknown operator `alway`", "nearest: `always`"]),
-    ("1 < 2 or ^eventualy(error_rad < 1)", &["unknown operator `eventualy`", "nearest: `eventually`"]),
+    ("error_rad < 2 or ^eventualy(error_rad < 1)", &["unknown operator `eventualy`", "nearest: `eventually`"]),
     ("^sign(error_rad) < 1", &["unknown function `sign`"]),
     ("always(error_rad ^$ 1)", &["unexpected '$'"]),
-    ("always[0s,^1h](error_rad < 1)", &["`1h` is not a number"]),
+    ("always[0s,^1h](error_rad < 1)", &["`1h` is not a number and not a time: its units are s, ms, us and ns"]),
     ("^max_abs(error_rad) < 1", &["belongs into [[metrics]]"]),
     // Grammar
     (" ^", &["expected a comparison, found the end"]),
@@ -34,6 +34,9 @@ const CASES: &[Case] = &[
     ("always(^abs(error_rad))", &["made of comparisons"]),
     ("1 < 2 ^< 3", &["two comparisons in a row; join them by `and`"]),
     ("error_rad < 1 until[0,1] error_rad < 2 ^until[0,1] error_rad < 3", &["say by parentheses"]),
+    ("always[0s,1s](^1 < 2)", &["compares numbers and no signal"]),
+    ("^(error_rad < 1) < 2", &["true or false, and so cannot be compared", "`and`"]),
+    ("0 < ^(not error_rad < 1)", &["true or false, and so cannot be compared"]),
     ("not ^and 1 < 2", &["expected a comparison, found `and`"]),
     ("error_rad < ^2s", &["found the time `2s`"]),
     // Bounds
@@ -70,9 +73,21 @@ fn names_are_told_apart_and_can_be_those_of_files() {
         ),
         (
             "\"stays-small\"",
-            "\"a\"\nformula = \"1 < 2\"\n[[requirements]]\nname = ^\"a\"",
+            "\"a\"\nformula = \"error_rad < 2\"\n[[requirements]]\nname = ^\"a\"",
             ProblemKind::Duplicate,
             "already named `a`",
+        ),
+        (
+            "unit = \"rad\"",
+            "unit = ^\"\\u001b[31mrad\"",
+            ProblemKind::OutOfRange,
+            "`requirements[0].unit` has the control character '\\u{1b}'",
+        ),
+        (
+            "unit = \"rad\"",
+            "unit = \"rad\"\n^\"\\u0007bell\" = 1",
+            ProblemKind::UnknownKey,
+            "unknown key `\u{fffd}bell`",
         ),
         (
             "name = \"stays-small\"\n",
@@ -115,7 +130,6 @@ fn the_unit_is_that_of_all_names_or_none() {
         ("sqrt(a_rad) < 1", None),
         ("truth.pressed > 0", None),
         ("a_rad < 1 and pressed > 0", None),
-        ("1 < 2", None),
     ] {
         let formula = Formula::parse(formula).expect(formula);
         assert_eq!(formula.unit(), unit, "{formula}");

@@ -137,10 +137,9 @@ impl Figures {
                 running.take(*value);
             }
         }
-        if !reader.is_whole() {
+        if let Some(torn) = reader.torn() {
             return Err(Failure::usage(format!(
-                "{} was cut off; see `hil compare A B`, which compares as far as it goes",
-                run.display()
+                "{torn}, which is no baseline either; `hil compare A B` compares as far as it goes"
             )));
         }
         if !matches!(reader.result("outcome"), Some("completed" | "diverged")) {

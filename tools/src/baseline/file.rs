@@ -18,6 +18,7 @@
 //! ```
 
 use std::collections::BTreeMap;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
@@ -27,6 +28,7 @@ use toml_edit::{DocumentMut, InlineTable, Item, Table, TableLike, Value};
 use super::figures::{Figures, STATISTICS};
 use crate::exit::Failure;
 use crate::live::listed;
+use crate::part_file::PartFile;
 use crate::run;
 
 /// Version of the file.
@@ -193,6 +195,21 @@ impl BaselineFile {
         Some(self.folder().join(baseline.recording.as_ref()?))
     }
 
+    /// The folder of new recordings, beside the file and named after it: another file has another.
+    fn recordings(&self) -> PathBuf {
+        let name = self.path.file_name().unwrap_or_default();
+        let name = Path::new(name);
+        if name
+            .extension()
+            .is_some_and(|extension| extension == "toml")
+        {
+            name.with_extension("")
+        } else {
+            // Not the name of the file itself.
+            PathBuf::from(format!("{}.d", name.display()))
+        }
+    }
+
     fn folder(&self) -> &Path {
         self.path.parent().unwrap_or(Path::new(""))
     }
@@ -210,7 +227,7 @@ impl BaselineFile {
     ) -> Result<(), Failure> {
         let recording = match self.get(name) {
             Some(baseline) => baseline.recording.clone(),
-            None => Some(Path::new("baselines").join(format!("{name}.mcap"))),
+            None => Some(self.recordings().join(format!("{name}.mcap"))),
         };
         if let Some(recording) = &recording {
             keep(run, &self.folder().join(recording))?;
@@ -342,13 +359,14 @@ fn keep(run: &Path, kept: &Path) -> Result<(), Failure> {
     if is_itself {
         return Ok(());
     }
-    let part = kept.with_extension("part");
     let folder = kept.parent().unwrap_or(Path::new(""));
-    let copied = std::fs::create_dir_all(folder)
-        .and_then(|()| std::fs::copy(&recording, &part))
-        .and_then(|_| std::fs::rename(&part, kept));
-    copied.map_err(|error| {
-        let _ = std::fs::remove_file(&part); // it may never have been made
+    let copied = || {
+        std::fs::create_dir_all(folder)?;
+        let part = PartFile::beside(kept)?;
+        std::io::copy(&mut File::open(&recording)?, &mut part.file())?;
+        part.complete(kept, true)
+    };
+    copied().map_err(|error: std::io::Error| {
         Failure::infrastructure(format!("cannot write {}: {error}", kept.display()))
     })
 }

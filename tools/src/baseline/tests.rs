@@ -66,6 +66,28 @@ fn figures_read_back_with_every_bit_and_the_recording_is_kept() {
 }
 
 #[test]
+fn each_file_of_baselines_keeps_recordings_of_its_own() {
+    let (folder, run, path) = folder();
+    let expected = [
+        ("baselines.toml", "baselines/a.mcap"),
+        ("other.toml", "other/a.mcap"),
+        ("third", "third.d/a.mcap"),
+    ];
+    for (name, recording) in expected {
+        let path = path.with_file_name(name);
+        std::fs::write(&run, name).expect("written");
+        let file = written(&path, &run, &figures());
+        let baseline = file.find("a").expect("there");
+        let kept = file.recording(baseline).expect("kept");
+        assert_eq!(kept, folder.path().join(recording));
+    }
+    for (name, recording) in expected {
+        let kept = std::fs::read_to_string(folder.path().join(recording));
+        assert_eq!(kept.expect("there"), name);
+    }
+}
+
+#[test]
 fn an_update_leaves_comments_order_and_tolerances() {
     let (_folder, run, path) = folder();
     written(&path, &run, &figures());

@@ -257,8 +257,9 @@ fn past(recording: &Path, checkpoint: &Checkpoint) -> Result<(String, FaultLog),
     while reader.records() < wanted {
         if !reader.advance().map_err(told)? {
             let found = reader.records();
+            let torn = (reader.torn()).map_or_else(String::new, |torn| format!("; {torn}"));
             return Err(format!(
-                "{shown} has {found} records, {wanted} were before it"
+                "{shown} has {found} records, {wanted} were before it{torn}"
             ));
         }
         for event in reader.events() {

@@ -1,14 +1,12 @@
 //! Where a table goes: a file that appears whole or not at all, a device, or standard output.
 
-use std::fs::{self, File, Permissions};
+use std::fs::{self, File};
 use std::io::{self, BufWriter, ErrorKind, Write};
 use std::os::fd::AsFd;
-use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
-use tempfile::TempPath;
-
 use crate::exit::Failure;
+use crate::part_file::PartFile;
 
 /// What is written to.
 pub(super) struct Destination {
@@ -17,9 +15,9 @@ pub(super) struct Destination {
     whole: Option<Whole>,
 }
 
-/// A file that is not there yet. Dropped before it is complete, nothing of it is left.
+/// A file that is not there yet.
 struct Whole {
-    temporary: TempPath,
+    part: PartFile,
     path: PathBuf,
     may_replace: bool,
 }
@@ -62,16 +60,10 @@ impl Destination {
                 whole: None,
             });
         }
-        let folder = (path.parent()).filter(|folder| !folder.as_os_str().is_empty());
-        let (file, temporary) = tempfile::Builder::new()
-            .prefix(".hil-export-")
-            // Less what the process's mask takes away, as of any new file.
-            .permissions(Permissions::from_mode(0o666))
-            .tempfile_in(folder.unwrap_or(Path::new(".")))
-            .map_err(cannot)?
-            .into_parts();
+        let part = PartFile::beside(&path).map_err(cannot)?;
+        let file = part.file().try_clone().map_err(cannot)?;
         let whole = Whole {
-            temporary,
+            part,
             path,
             may_replace,
         };
@@ -87,21 +79,14 @@ impl Destination {
         let Some(whole) = self.whole else {
             return Ok(());
         };
-        // A disk may say only now that it is full.
-        self.file.get_ref().sync_all()?;
         let Whole {
-            temporary, path, ..
+            part,
+            path,
+            may_replace,
         } = whole;
-        let named = if whole.may_replace {
-            temporary.persist(&path)
-        } else {
-            temporary.persist_noclobber(&path)
-        };
-        named.map_err(|error| match error.error.kind() {
-            ErrorKind::AlreadyExists => {
-                io::Error::new(ErrorKind::AlreadyExists, there_already(&path))
-            }
-            _ => error.error,
+        (part.complete(&path, may_replace)).map_err(|error| match error.kind() {
+            ErrorKind::AlreadyExists => io::Error::new(error.kind(), there_already(&path)),
+            _ => error,
         })
     }
 }

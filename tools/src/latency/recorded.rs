@@ -16,16 +16,8 @@ use crate::run_reader::RunReader;
 pub fn case(run: &Path, warm_up: u64) -> Result<Case, Failure> {
     let mut reader = RunReader::open(run).map_err(Failure::usage)?;
     reader.refuse_excerpt().map_err(Failure::usage)?;
-    // By name: an older recording has fewer words, which are then 0.
-    let place = |name: &str| (reader.columns().iter()).position(|column| column.name == name);
-    let places = Timing::NAMES.map(place);
-    let has = |name| {
-        Timing::NAMES
-            .iter()
-            .position(|n| *n == name)
-            .and_then(|i| places[i])
-    };
-    if has("round_trip_ns").is_none() {
+    let places = TimingPlaces::of(&reader);
+    if !(reader.columns().iter()).any(|column| column.name == "round_trip_ns") {
         return Err(Failure::usage(format!(
             "{} does not say how long its steps took",
             run.display()
@@ -41,12 +33,13 @@ pub fn case(run: &Path, warm_up: u64) -> Result<Case, Failure> {
         ..Looped::default()
     };
     while reader.advance().map_err(Failure::usage)? {
-        let word = |place: Option<usize>| place.map_or(0, |place| reader.words()[place]);
-        let words = places.map(word);
-        let timing = Timing::read_from_bytes(words.as_bytes()).expect("as many words as names");
+        let timing = places.timing(reader.words());
         if reader.step() >= warm_up && timing.round_trip_ns > 0 {
             looped.take(reader.step(), &timing, 0);
         }
+    }
+    if let Some(torn) = reader.torn() {
+        eprintln!("note: {torn}");
     }
     Ok(Case {
         signals,
@@ -55,6 +48,24 @@ pub fn case(run: &Path, warm_up: u64) -> Result<Case, Failure> {
         looped,
         limits: None,
     })
+}
+
+/// Where the words of a recording's records say how long steps took.
+pub(crate) struct TimingPlaces([Option<usize>; Timing::WORDS]);
+
+impl TimingPlaces {
+    /// By name: an older recording has fewer words, which are then 0.
+    pub(crate) fn of(reader: &RunReader) -> Self {
+        let place = |name: &str| (reader.columns().iter()).position(|column| column.name == name);
+        Self(Timing::NAMES.map(place))
+    }
+
+    /// What a record says.
+    pub(crate) fn timing(&self, record: &[u64]) -> Timing {
+        let word = |place: Option<usize>| place.map_or(0, |place| record[place]);
+        let words = self.0.map(word);
+        Timing::read_from_bytes(words.as_bytes()).expect("as many words as names")
+    }
 }
 
 /// What both sides ran with, as they reported it.

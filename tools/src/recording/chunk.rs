@@ -16,7 +16,7 @@ use crate::cli::run::Compression;
 /// Bytes of a message in front of its content.
 const HEAD_BYTES: usize = 31;
 /// CDR, little-endian, no options.
-const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
+pub(super) const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
 /// Zeros that make whole words of the head of a record.
 const PADDING: usize = 5;
 const HEAD_WORDS: usize = (PADDING + HEAD_BYTES + ENCAPSULATION.len()) / size_of::<u64>();

@@ -56,6 +56,7 @@ pub(super) struct Encoder {
     rows: usize,
     /// Bytes at the begin of each row that only fill its first word.
     skipped: usize,
+    is_finished: bool,
 }
 
 impl Encoder {
@@ -71,6 +72,7 @@ impl Encoder {
             distance: 0,
             echoes: Vec::new(),
             rows: 0,
+            is_finished: false,
         };
         encoder.begin();
         encoder
@@ -84,6 +86,7 @@ impl Encoder {
         self.literals.clear();
         self.before.clear();
         self.rows = 0;
+        self.is_finished = false;
     }
 
     /// Takes in bytes as they are.
@@ -112,8 +115,11 @@ impl Encoder {
         std::mem::swap(&mut self.before, row);
     }
 
-    /// Ends the frame. Another one is begun with [`Encoder::begin`].
+    /// Ends the frame, if it has not ended. Another one is begun with [`Encoder::begin`].
     pub(super) fn finish(&mut self) -> &[u8] {
+        if std::mem::replace(&mut self.is_finished, true) {
+            return &self.frame[..self.end];
+        }
         let literals = std::mem::take(&mut self.literals);
         self.make_room(literals.len());
         self.token(literals.len(), 0);

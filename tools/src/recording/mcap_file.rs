@@ -2,13 +2,12 @@
 //!
 //! Used by the [recording](super). The `mcap` crate's own writer compresses message by message and
 //! takes no finished chunk. This one takes chunks as [`Chunk`] makes them and leaves the form of all
-//! other records to the crate's types. It never seeks: what is on disk is right up to the last whole
-//! record, whatever happens. Format: <https://mcap.dev/spec>.
+//! other records to the crate's types. It goes back only over what it could not write as a whole: what
+//! is on disk is right up to the last whole record, whatever happens. Format: <https://mcap.dev/spec>.
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{self, Cursor, Write};
-use std::path::Path;
+use std::io::{self, Cursor, Seek, SeekFrom, Write};
 
 use binrw::BinWrite;
 use mcap::records::{self, op};
@@ -28,9 +27,10 @@ pub(super) struct McapFile {
 }
 
 impl McapFile {
-    pub(super) fn create(path: &Path, profile: &str, library: &str) -> io::Result<Self> {
+    /// Begins to write into an empty file.
+    pub(super) fn create(file: File, profile: &str, library: &str) -> io::Result<Self> {
         let mut file = Self {
-            file: File::create(path)?,
+            file,
             position: 0,
             crc: crc32fast::Hasher::new(),
             summary: BTreeMap::new(),
@@ -122,8 +122,17 @@ impl McapFile {
     }
 
     /// Writes a chunk and the indexes of its messages, and empties it. One without messages is not
-    /// written.
+    /// written. After an error the file is as before, and so is the chunk, to be written once more.
     pub(super) fn chunk(&mut self, chunk: &mut Chunk) -> io::Result<()> {
+        let before = self.state();
+        let written = self.write_chunk(chunk);
+        if written.is_err() {
+            self.go_back(before);
+        }
+        written
+    }
+
+    fn write_chunk(&mut self, chunk: &mut Chunk) -> io::Result<()> {
         let Some((first_ns, last_ns)) = chunk.time_ns() else {
             return Ok(());
         };
@@ -191,8 +200,40 @@ impl McapFile {
         statistics.chunk_count += 1;
     }
 
-    /// Writes the summary and waits until all is on disk.
-    pub(super) fn finish(mut self) -> io::Result<()> {
+    /// Where it is.
+    fn state(&self) -> State {
+        State {
+            position: self.position,
+            crc: self.crc.clone(),
+            statistics: self.statistics.clone(),
+        }
+    }
+
+    /// Takes back what was written since.
+    fn go_back(&mut self, before: State) {
+        // If even that fails, the end of the file is a torn record, which readers pass over.
+        let _ = self.file.set_len(before.position);
+        let _ = self.file.seek(SeekFrom::Start(before.position));
+        State {
+            position: self.position,
+            crc: self.crc,
+            statistics: self.statistics,
+        } = before;
+    }
+
+    /// Writes the last facts and the summary, and waits until all is on disk. After an error the file
+    /// ends with the last chunk.
+    pub(super) fn finish(mut self, facts: Option<records::Metadata>) -> io::Result<()> {
+        let before = self.state();
+        let facts = facts.map_or(Ok(()), |facts| self.metadata(facts));
+        let finished = facts.and_then(|()| self.write_end());
+        if finished.is_err() {
+            self.go_back(before);
+        }
+        finished
+    }
+
+    fn write_end(&mut self) -> io::Result<()> {
         let crc = self.crc.clone().finalize();
         let data_end = records::DataEnd {
             data_section_crc: crc,
@@ -239,6 +280,13 @@ impl McapFile {
         self.position += bytes.len() as u64;
         Ok(())
     }
+}
+
+/// What changes with each write.
+struct State {
+    position: u64,
+    crc: crc32fast::Hasher,
+    statistics: records::Statistics,
 }
 
 /// A record of these parts.

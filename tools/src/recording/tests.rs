@@ -265,6 +265,20 @@ fn a_chunk_is_closed_when_it_is_old_or_full() {
 const HEAD_AND_ENCAPSULATION_BYTES: usize = 1 + 8 + 2 + 4 + 8 + 8 + 4;
 
 #[test]
+fn a_chunk_that_could_not_be_written_is_there_to_be_written_again() {
+    for compression in COMPRESSIONS {
+        let mut chunk = Chunk::new(compression, CHANNELS).expect("a chunk");
+        for step in 0..100 {
+            let words = words(step);
+            let head = Head::of(&layout().view(&words));
+            chunk.record(&header(1, head), &words);
+        }
+        let [first, again] = [(); 2].map(|()| chunk.packed().expect("packed").into_owned());
+        assert!(first == again, "{compression:?}");
+    }
+}
+
+#[test]
 fn a_full_disk_is_an_error_that_says_so() {
     let path = Path::new("/dev/full");
     let provenance = Provenance::default();

@@ -196,7 +196,8 @@ impl Report {
         if !self.whole {
             writeln!(
                 text,
-                "  the recording was cut off and is replayed as far as it goes"
+                "  the recording was cut off and is replayed as far as it goes; `hil recover {}` makes a whole file of it",
+                self.run
             )?;
         } else if self.steps + self.unanswered_steps < self.planned_steps {
             writeln!(

@@ -31,6 +31,8 @@ pub(super) struct Controllers {
     restarts: u32,
     /// Changes that were heard of.
     known: usize,
+    /// Members that the recording tells of.
+    recorded: usize,
 }
 
 /// One controller process.
@@ -66,6 +68,18 @@ pub(crate) struct Started {
     pub(crate) law: String,
 }
 
+impl Started {
+    /// What a recording says of it.
+    pub(crate) fn facts(&self) -> [(String, String); 3] {
+        let name = |what: &str| format!("controller_{}_{what}", self.epoch);
+        [
+            (name("binary"), self.binary.path.display().to_string()),
+            (name("blake3"), self.binary.blake3.clone()),
+            (name("law"), self.law.clone()),
+        ]
+    }
+}
+
 impl Controllers {
     /// Starts the first one.
     ///
@@ -83,6 +97,7 @@ impl Controllers {
             run_dir,
             restarts: 0,
             known: 0,
+            recorded: 1, // of the first it tells from the start
         };
         controllers.add(session, binary, job)?;
         controllers.members[0].standing = Standing::InOffice;
@@ -178,6 +193,15 @@ impl Controllers {
             law: member.job.law.clone(),
         };
         self.members.iter().map(started).collect()
+    }
+
+    /// What was started since this was asked last.
+    pub(super) fn unrecorded(&mut self) -> Vec<Started> {
+        let recorded = std::mem::replace(&mut self.recorded, self.members.len());
+        if recorded == self.members.len() {
+            return Vec::new();
+        }
+        self.started().split_off(recorded)
     }
 
     /// Changes that were heard of.

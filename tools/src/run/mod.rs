@@ -5,6 +5,7 @@ mod controllers;
 mod in_process;
 pub(crate) mod processes;
 pub(crate) mod realtime;
+mod shared_memory;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -27,9 +28,13 @@ use crate::interruption::Interruption;
 use crate::progress::Progress;
 use crate::recorder::{Recorded, RecordingPlan};
 use crate::recording::{Choice, Enclosure, Provenance, size};
+use crate::reserve::Reserve;
 use crate::run_reader::{EXCERPT, RECORDING};
 use crate::summary::{Resumed, Summary};
-use crate::{audit, checkpoint, config, doctor, folder, requirements, suite};
+use crate::{audit, checkpoint, config, doctor, folder, part_file, requirements, suite};
+
+/// Room that is kept on the disk for the summary.
+const SUMMARY_BYTES: u64 = 256 << 10;
 
 pub(crate) use controllers::Started;
 
@@ -276,12 +281,17 @@ pub(crate) fn execute(
         interruption,
         is_one_of_many,
     };
+    let mut reserve = Reserve::of(&run_dir, SUMMARY_BYTES);
     let mut realtime = realtime::Watched::begin(prepared.plan.realtime, options.link, &info);
-    let ended = match options.link {
+    let mut ended = match options.link {
         LinkKind::Iceoryx2 => processes::run(&prepared, &mut session, &run_dir, &mut realtime)?,
         LinkKind::InProcess => in_process::run(&prepared, &info, &mut realtime)?,
     };
     let realtime = realtime.end();
+    if let (Outcome::Failed, Some(shortage)) = (ended.outcome, shared_memory::shortage()) {
+        let reason = ended.reason.take().unwrap_or_default();
+        ended.reason = Some(format!("{reason}; {shortage}"));
+    }
     let collected = match &ended.recorded.error {
         None => checkpoint::collect(
             &steps,
@@ -310,6 +320,7 @@ pub(crate) fn execute(
     )
     .with_checkpoints(resumed, checkpoints);
     let json = serde_json::to_string_pretty(&summary).map_err(Failure::infrastructure)?;
+    reserve.release();
     Ok(Ran {
         exit: match ended.outcome {
             _ if ended.recorded.error.is_some() => Exit::Infrastructure,
@@ -369,10 +380,7 @@ fn absolute(path: &Path) -> PathBuf {
 
 /// Writes a file whole or not at all.
 pub(crate) fn write(path: &Path, text: &str) -> Result<(), Failure> {
-    let part = path.with_extension("part");
-    let written = std::fs::write(&part, text).and_then(|()| std::fs::rename(&part, path));
-    written.map_err(|error| {
-        let _ = std::fs::remove_file(&part); // it may never have been made
+    part_file::write(path, text.as_bytes()).map_err(|error| {
         Failure::infrastructure(format!("cannot write {}: {error}", path.display()))
     })
 }

@@ -320,6 +320,9 @@ impl Watch<'_> {
                 self.controllers.swap(self.session, self.plant, wanted);
             }
         }
+        for started in self.controllers.unrecorded() {
+            self.recorder.add_facts(started.facts());
+        }
         Ok(())
     }
 

@@ -73,8 +73,14 @@ fn case_of(row: &Row, requirement: &Requirement) -> TestCase {
         at_s,
         ..
     } = requirement;
+    let is_aborted = !matches!(row.exit, Exit::Pass | Exit::Failed);
     let status = if *verdict == "pass" {
         TestCaseStatus::success()
+    } else if *verdict == "undecided" && is_aborted {
+        // The run's own error is why.
+        let mut status = TestCaseStatus::skipped();
+        status.set_message("undecided: the run did not get that far");
+        status
     } else {
         let margin = robustness.map_or_else(|| "none".into(), |margin| format!("{margin} {unit}"));
         let at = at_s.map_or_else(String::new, |at_s| format!(" at {at_s} s"));
@@ -88,4 +94,47 @@ fn case_of(row: &Row, requirement: &Requirement) -> TestCase {
     case.set_classname(&*row.label);
     case.set_system_out(formula.as_str());
     case
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_an_aborted_run_leaves_open_is_no_failure_of_its_own() {
+        let row = |exit| Row {
+            label: "a".into(),
+            law: "pid".into(),
+            origin: "a.toml".into(),
+            exit,
+            failure: None,
+            ran: None,
+        };
+        let requirement = |verdict| Requirement {
+            name: "settles".into(),
+            formula: "always(x_m < 1)".into(),
+            verdict,
+            robustness: None,
+            unit: "m".into(),
+            at_s: None,
+            decided_at_s: None,
+        };
+        use Exit::{Failed, Infrastructure, Interrupted, Pass};
+        for (exit, verdict, expected) in [
+            (Pass, "pass", "passed"),
+            (Failed, "fail", "failed"),
+            (Failed, "undecided", "failed"),
+            (Infrastructure, "undecided", "skipped"),
+            (Interrupted, "undecided", "skipped"),
+            (Infrastructure, "fail", "failed"),
+            (Infrastructure, "pass", "passed"),
+        ] {
+            let found = match case_of(&row(exit), &requirement(verdict)).status {
+                TestCaseStatus::Success { .. } => "passed",
+                TestCaseStatus::NonSuccess { .. } => "failed",
+                TestCaseStatus::Skipped { .. } => "skipped",
+            };
+            assert_eq!(found, expected, "{verdict} of a run with {exit:?}");
+        }
+    }
 }

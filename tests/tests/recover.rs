@@ -1,0 +1,425 @@
+//! Nothing lost, nothing left: what there is after a death, on a full disk and of a damaged file, and that
+//! every command says what to do.
+
+use std::path::Path;
+use std::process::Command;
+
+use rustix::process::Signal;
+use serde_json::Value;
+use shared_types::session::SessionInfo;
+
+use crate::harness::{Rig, send, until};
+use crate::mcap_reader::{Record, Recording};
+use crate::programs::program;
+
+/// Two actuators for 4 s: 40,000 steps, long enough to be killed and short enough to be repeated.
+const RUN: &str = "tests/scenarios/leakage.toml --set run.duration_s=4";
+/// Half a second of the teaching plant.
+const SMALL: &str = "\
+schema = 1
+name = \"small\"
+[run]
+duration_s = 0.5
+rate_hz = 1000
+[plant]
+model = \"spring-mass\"
+[controller]
+law = \"pid\"
+[[stimuli]]
+target = \"position_m\"
+kind = \"step\"
+at_s = 0.1
+after = 0.01
+";
+
+fn records(path: &Path) -> Vec<Record> {
+    let records: Vec<Record> = Recording::open(path).records().collect();
+    for (step, record) in (0..).zip(&records) {
+        assert_eq!(record.step(), step, "a step is missing");
+    }
+    records
+}
+
+fn json(text: &str) -> Value {
+    serde_json::from_str(text).unwrap_or_else(|error| panic!("{error}: {text}"))
+}
+
+#[test]
+fn what_a_killed_hil_recorded_becomes_a_normal_run() {
+    let rig = Rig::alone();
+    let running = rig.start(RUN);
+    let children = running.children();
+    running.kill();
+    until("both processes end by themselves", || {
+        children.iter().all(|child| !child.is_alive())
+    });
+    rig.hil(&["sessions", "--clean"]).expect(0);
+    let folder = rig.path("run0");
+    let (run, file) = (folder.to_str().expect("text"), folder.join("run.mcap"));
+    let before = records(&file);
+    for command in [
+        &["judge", run][..],
+        &["compare", run, run],
+        &["export", run, "-o", "/dev/null", "--format", "csv"],
+        &["scenario", "from", run],
+        &["replay", run],
+        &["latency", run],
+    ] {
+        let told = rig.hil(command);
+        let said = told.stdout + &told.stderr;
+        assert!(said.contains("hil recover "), "{command:?}: {said}");
+    }
+
+    let recovered = rig.hil(&["recover", run, "--json"]).expect(0);
+    let recovered = json(&recovered.stdout);
+    assert_eq!(recovered["state"], "broken-off");
+    let after = records(&file);
+    assert!(after.starts_with(&before));
+    assert_eq!(recovered["records"], after.len());
+    let recording = Recording::open(&file);
+    let digest = recording.digest(|_| ());
+    assert_eq!(recovered["digest"], digest);
+    let result = &recording.metadata()["hil.result"];
+    assert_eq!(result["outcome"], "failed");
+    assert_eq!(result["digest"], digest);
+    assert!(result["reason"].starts_with("recovered: "), "{result:?}");
+    let summary = std::fs::read_to_string(folder.join("summary.json"));
+    let summary = json(&summary.expect("a summary"));
+    assert_eq!(summary["verdict"], "aborted");
+    assert_eq!(summary["digest"], digest);
+    assert_eq!(summary["recording"]["records"], after.len());
+    assert_eq!(summary["session"], rig.session());
+    assert_eq!(summary["plant"]["binary"], "plant-process");
+
+    let judged = rig.hil(&["judge", run, "--json"]).expect(1);
+    let judgement = json(&judged.stdout);
+    assert_eq!(judgement["metrics"], summary["metrics"]);
+    assert_eq!(judgement["outcome"], "failed");
+    assert!(!judged.stderr.contains("hil recover"), "{}", judged.stderr);
+    rig.hil(&["compare", run, run]).expect(0);
+    let table = rig.path("table.csv");
+    rig.hil(&["export", run, "-o", table.to_str().expect("text")])
+        .expect(0);
+    let lines = std::fs::read_to_string(&table).expect("a table");
+    assert_eq!(lines.lines().count(), 1 + after.len());
+    rig.hil(&["replay", run]).expect(0);
+    let again = rig.path("again");
+    let again = [
+        "rerun",
+        run,
+        "--json",
+        "--out",
+        again.to_str().expect("text"),
+    ];
+    let again = rig.hil(&again).expect(0);
+    let again = json(&again.stdout);
+    assert_eq!(
+        (&again["same"], &again["records"]),
+        (&true.into(), &after.len().into())
+    );
+
+    let whole = rig.hil(&["recover", run]).expect(0);
+    assert!(whole.stdout.contains("is whole"), "{}", whole.stdout);
+}
+
+#[test]
+fn a_live_recording_is_not_touched() {
+    let rig = Rig::new();
+    let running = rig.start("scenarios/severe-leakage.toml --set run.duration_s=100");
+    running.wait_for_records();
+    let folder = rig.path("run0");
+    let refused = rig.beside(&["recover", folder.to_str().expect("text")]);
+    refused.expect(2).says(&["is still writing", rig.session()]);
+    running.signal(Signal::INT);
+    let run = running.finish().expect(130);
+    assert_eq!(
+        run.summary()["recording"]["records"],
+        records(&run.recording()).len()
+    );
+}
+
+#[test]
+fn every_completed_step_of_a_killed_plant_is_recorded() {
+    let rig = Rig::new();
+    let running = rig.start("scenarios/severe-leakage.toml --set run.duration_s=100");
+    let [plant, _] = running.children();
+    // The recorder stands still, so that what the plant publishes stays in its stream.
+    send(running.pid(), Signal::STOP);
+    let size = || std::fs::metadata(rig.path("run0/run.mcap")).map_or(0, |data| data.len());
+    let mut last = 0;
+    until("the recorder stands still", || {
+        std::mem::replace(&mut last, size()) == size()
+    });
+    // Far more steps than it had left to take.
+    std::thread::sleep(std::time::Duration::from_millis(100));
+    plant.kill();
+    send(running.pid(), Signal::CONT);
+    let run = running.finish().expect(3);
+    let found = records(&run.recording());
+    assert_eq!(run.summary()["recording"]["records"], found.len());
+    let log = std::fs::read_to_string(run.folder.join("controller.log")).expect("a log");
+    let (_, step) = log.split_once("plant is gone at step ").expect("its step");
+    let awaited: usize = step.trim().parse().expect("a number");
+    // It had answered the step before; the record of that before may have been on its way.
+    assert!(
+        found.len() + 2 >= awaited,
+        "{} records, step {awaited} was awaited",
+        found.len()
+    );
+}
+
+#[test]
+fn every_answered_step_of_a_killed_controller_is_recorded() {
+    let rig = Rig::new();
+    let running = rig.start("scenarios/severe-leakage.toml --set run.duration_s=100");
+    let [_, controller] = running.children();
+    controller.kill();
+    let run = running.finish().expect(3);
+    let summary = run.summary();
+    let found = records(&run.recording());
+    assert_eq!(summary["recording"]["records"], found.len());
+    assert_eq!(
+        summary["steps"],
+        found.len(),
+        "steps that the plant executed"
+    );
+    let run = run.folder.to_str().expect("text");
+    let judged = rig.hil(&["judge", run, "--json"]).expect(1);
+    assert_eq!(json(&judged.stdout)["records"], found.len());
+}
+
+#[test]
+fn a_replay_whose_controller_dies_says_so_in_json_too() {
+    let rig = Rig::new();
+    let run = rig.run(RUN);
+    let run = run.folder.to_str().expect("text").to_owned();
+    let replay = rig.start_hil(&["replay", &run, "--json", "--session", rig.session()]);
+    let mut controller = None;
+    until("the controller is started", || {
+        let info = SessionInfo::read(&rig.session_folder());
+        controller = info.ok().and_then(|info| info.children.first().copied());
+        controller.is_some()
+    });
+    controller.expect("started").kill();
+    let told = replay.finish().expect(3);
+    let aborted = json(&told.stdout);
+    assert_eq!(aborted["verdict"], "aborted");
+    assert_eq!(aborted["run"], run);
+    let reason = aborted["reason"].as_str().expect("a reason");
+    assert!(
+        reason.contains("controller was killed by SIGKILL"),
+        "{reason}"
+    );
+}
+
+#[test]
+fn chunks_are_closed_in_time_however_slow_the_run_is() {
+    let rig = Rig::new();
+    // 2 s at 50 Hz, a record each 20 ms: far less than would fill a chunk.
+    let slow = SMALL.replace("1000", "50").replace("0.5", "2.0");
+    let slow = rig.write("slow.toml", &slow);
+    let run = rig.run(&format!("{} --clock paced", slow.display()));
+    let run = run.expect(0);
+    let chunks = Recording::open(&run.recording()).summary().chunk_indexes;
+    // One for each 100 ms would be 20; a loaded machine may hold the recorder up now and then.
+    assert!(chunks.len() >= 10, "{} chunks", chunks.len());
+}
+
+#[test]
+fn a_full_disk_stops_the_run_with_a_readable_file_and_a_summary() {
+    let rig = Rig::new();
+    // Files of at most 40 MB, in blocks of 512 bytes: enough for shared memory, too little for the run.
+    let mut limited = Command::new("sh");
+    limited
+        .arg("-c")
+        .arg("trap '' XFSZ; ulimit -f 80000; exec \"$0\" \"$@\"")
+        .arg(program("hil"));
+    let long = "scenarios/severe-leakage.toml --set run.duration_s=100 --compression none";
+    let run = rig.start_with(limited, long).finish().expect(3);
+    let summary = run.summary();
+    let reason = summary["reason"].as_str().expect("a reason");
+    let path = run.recording();
+    for fragment in [
+        "cannot write ",
+        path.to_str().expect("text"),
+        "File too large",
+    ] {
+        assert!(reason.contains(fragment), "{reason}");
+    }
+    let found = records(&path);
+    assert!(found.len() > 10_000, "{} records", found.len());
+    assert_eq!(summary["recording"]["kept"], found.len());
+    assert_eq!(summary["verdict"], "aborted");
+    // It has an end, or the reason says what makes one.
+    let recovered = rig.hil(&["recover", run.folder.to_str().expect("text")]);
+    let recovered = recovered.expect(0);
+    let was_whole = recovered.stdout.contains("is whole");
+    assert_eq!(was_whole, !reason.contains("hil recover "), "{reason}");
+    let recording = Recording::open(&path);
+    assert_eq!(recording.metadata()["hil.result"]["outcome"], "failed");
+    assert_eq!(recording.records().count(), found.len());
+}
+
+#[test]
+fn what_a_killed_command_left_is_removed_by_the_next() {
+    let rig = Rig::new();
+    let run = rig.run(RUN);
+    let folder = run.folder;
+    let shown = folder.to_str().expect("text");
+    let unfinished = || {
+        let entries = std::fs::read_dir(&folder)
+            .expect("the run's folder")
+            .flatten();
+        let names = entries.map(|entry| entry.file_name().to_string_lossy().into_owned());
+        names.filter(|name| name.starts_with('.')).count()
+    };
+    let table = folder.join("table.csv");
+    let export = ["export", shown, "-o", table.to_str().expect("text")];
+    let exporting = rig.start_hil(&export);
+    until("a file is being written", || unfinished() == 1);
+    exporting.kill();
+    assert_eq!(unfinished(), 1, "nobody was there to remove it");
+    rig.hil(&["compare", shown, shown]).expect(0);
+    assert_eq!(unfinished(), 0);
+    assert!(!table.exists());
+}
+
+/// What can become of a file.
+fn damages(bytes: &[u8]) -> Vec<(&'static str, Vec<u8>)> {
+    let mut flipped = bytes.to_vec();
+    let middle = flipped.len() / 2;
+    let end = flipped.len().min(middle + 64);
+    (flipped[middle..end].iter_mut()).for_each(|byte| *byte = !*byte);
+    vec![
+        ("nothing", Vec::new()),
+        ("the first bytes", bytes[..40.min(bytes.len())].to_vec()),
+        ("half", bytes[..middle].to_vec()),
+        ("flipped bits", flipped),
+        ("text", b"this is no such file\n".to_vec()),
+        ("zeros", vec![0; 4096]),
+    ]
+}
+
+#[test]
+fn every_command_names_a_damaged_recording() {
+    let rig = Rig::new();
+    let small = rig.write("small.toml", SMALL);
+    let sound = rig.run(&small.display().to_string()).expect(0).folder;
+    let sound = sound.to_str().expect("text");
+    let broken = rig.path("broken");
+    std::fs::create_dir(&broken).expect("made");
+    let file = broken.join("run.mcap");
+    let (run, path) = (broken.to_str().expect("text"), file.to_str().expect("text"));
+    let table = rig.path("table.csv");
+    let baselines = rig.path("baselines.toml");
+    let (table, baselines) = (
+        table.to_str().expect("text"),
+        baselines.to_str().expect("text"),
+    );
+    let update = ["compare", sound, "--baseline", "a", "--update"];
+    rig.hil(&[&update[..], &["--baselines", baselines]].concat())
+        .expect(0);
+    let commands = [
+        vec!["judge", run],
+        vec!["judge", run, "--json"],
+        vec!["compare", sound, run],
+        vec!["compare", run, sound],
+        vec!["compare", run, "--baseline", "a", "--baselines", baselines],
+        vec!["export", run, "-o", table, "--force"],
+        vec!["rerun", run, "--no-record"],
+        vec!["replay", run],
+        vec!["latency", run],
+        vec!["scenario", "from", run],
+        vec!["recover", run],
+    ];
+    let bytes = std::fs::read(Path::new(sound).join("run.mcap")).expect("read");
+    for (damage, bytes) in damages(&bytes) {
+        for command in &commands {
+            std::fs::write(&file, &bytes).expect("written");
+            let told = rig.hil(command);
+            let about = format!("{damage}: {command:?}: {}{}", told.stdout, told.stderr);
+            assert!(!about.contains("panicked"), "{about}");
+            assert!(matches!(told.code, Some(0..=3)), "{about}");
+            if damage == "half" && !about.contains(" is no recording of a run") {
+                // Readable as far as it goes.
+                let says = about.contains("hil recover ") || command[0] == "recover";
+                assert!(says, "{about}");
+                continue;
+            }
+            assert_eq!(told.code, Some(2), "{about}");
+            assert!(told.stderr.contains(path), "{about}");
+            assert!(told.stderr.contains("error: "), "{about}");
+        }
+    }
+}
+
+#[test]
+fn every_other_file_that_is_damaged_is_named() {
+    let rig = Rig::new();
+    let small = rig.write("small.toml", SMALL);
+    let run = rig.run(&format!("{} --checkpoint-at 0.2", small.display()));
+    let run = run.expect(0);
+    let checkpoint = run.folder.join("checkpoint-200");
+    let sound = run.folder.to_str().expect("text").to_owned();
+    let baselines = rig.path("baselines.toml");
+    let update = [
+        "compare",
+        &sound,
+        "--baseline",
+        "a",
+        "--update",
+        "--baselines",
+    ];
+    rig.hil(&[&update[..], &[baselines.to_str().expect("text")]].concat())
+        .expect(0);
+    let scenario = rig.path("scenario.toml");
+    std::fs::copy(run.folder.join("scenario.toml"), &scenario).expect("copied");
+    let from = checkpoint.to_str().expect("text");
+    let (scenario_path, baselines_path) = (
+        scenario.to_str().expect("text").to_owned(),
+        baselines.to_str().expect("text").to_owned(),
+    );
+    let out = rig.path("out");
+    let out = out.to_str().expect("text");
+    let compared = ["compare", &sound, "--baseline", "a", "--baselines"];
+    let compared = [&compared[..], &[&baselines_path]].concat();
+    let checked = vec!["config", "check", &*scenario_path];
+    let gone_on = vec!["run", "--from", from, "--out", out];
+    for (file, command) in [
+        (checkpoint.join("checkpoint.json"), &gone_on),
+        (checkpoint.join("plant.state"), &gone_on),
+        (checkpoint.join("controller.state"), &gone_on),
+        (run.folder.join("run.mcap"), &gone_on),
+        (baselines.clone(), &compared),
+        (scenario.clone(), &checked),
+    ] {
+        let sound = std::fs::read(&file).expect("read");
+        let mut damages = damages(&sound);
+        if file
+            .extension()
+            .is_some_and(|extension| extension == "toml")
+        {
+            // Half of its lines may be a whole file too; half of a line is not.
+            damages.retain(|(damage, _)| *damage != "half");
+            let text = String::from_utf8_lossy(&sound);
+            let quote = text.rfind(" = \"").expect("a text") + 4;
+            damages.push(("half of a line", sound[..quote].to_vec()));
+        }
+        for (damage, bytes) in damages {
+            std::fs::write(&file, &bytes).expect("written");
+            let told = rig.hil(command);
+            let about = format!(
+                "{}, {damage}: {}{}",
+                file.display(),
+                told.stdout,
+                told.stderr
+            );
+            assert_eq!(told.code, Some(2), "{about}");
+            assert!(!about.contains("panicked"), "{about}");
+            let name = file.file_name().and_then(|name| name.to_str());
+            assert!(told.stderr.contains(name.expect("text")), "{about}");
+            assert!(told.stderr.contains("error: "), "{about}");
+        }
+        std::fs::write(&file, &sound).expect("written");
+    }
+}

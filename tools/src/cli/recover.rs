@@ -1,0 +1,34 @@
+//! The command line of `hil recover`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+/// Its examples.
+pub const EXAMPLES: &str = "\
+Every whole record up to where the file broke off is kept. The new file takes
+the place of the old one when it is whole on the disk, not before. A file that is
+whole is left alone. A folder without summary.json gets one. A file that is damaged
+before its end is recovered with -o FILE only: what comes after that is given up.
+
+Exit codes: 0 the recording is whole, now or already; 2 nothing can be had of it,
+or a session is still writing it; 3 the new file cannot be written.
+
+Examples:
+  hil recover runs/demo
+  hil recover runs/demo/run.mcap -o /elsewhere/demo.mcap
+  hil recover runs/demo --json";
+
+/// Arguments of `hil recover`.
+#[derive(Debug, Args)]
+pub struct RecoverArguments {
+    /// A run's folder or its run.mcap
+    #[arg(value_name = "RUN")]
+    pub run: PathBuf,
+    /// Write the whole file here and leave the other as it is
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Print as JSON
+    #[arg(long)]
+    pub json: bool,
+}

@@ -1,0 +1,135 @@
+//! A recording made of the records of another file.
+//!
+//! Used by `hil recover`. Facts, files, descriptions and messages are those of the other file, in its
+//! order; chunks, indexes and sums are made anew, because those of a file that broke off cannot be
+//! relied on.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io;
+
+use mcap::records::{MessageHeader, Metadata, Record};
+
+use super::chunk::{Chunk, ENCAPSULATION};
+use super::mcap_file::McapFile;
+use super::{CHANNELS, CHUNK_BYTES, RESULT};
+use crate::cli::run::Compression;
+use crate::run_reader::{EVENTS, RECORDS};
+
+/// A recording being written.
+pub(crate) struct Copy {
+    file: McapFile,
+    chunk: Option<Chunk>,
+    /// New numbers of schemas.
+    schemas: BTreeMap<u16, u16>,
+    /// New numbers of channels, and whether they carry records.
+    channels: BTreeMap<u16, (u16, bool)>,
+    /// The words of a record.
+    words: Vec<u64>,
+    result: Option<Metadata>,
+}
+
+impl Copy {
+    /// Begins to write into an empty file.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub(crate) fn into(file: File) -> io::Result<Self> {
+        let library = concat!("hil ", env!("CARGO_PKG_VERSION"));
+        Ok(Self {
+            file: McapFile::create(file, "ros2", library)?,
+            chunk: None,
+            schemas: BTreeMap::new(),
+            channels: BTreeMap::new(),
+            words: Vec::new(),
+            result: None,
+        })
+    }
+
+    /// Takes a record of the other file, which packs its messages in this way. Whether it is a message
+    /// of a run.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub(crate) fn take(
+        &mut self,
+        record: Record<'_>,
+        compression: Compression,
+    ) -> io::Result<bool> {
+        match record {
+            // The summary of a file repeats what it describes.
+            Record::Schema { header, .. } if self.schemas.contains_key(&header.id) => {}
+            Record::Channel(channel) if self.channels.contains_key(&channel.id) => {}
+            Record::Schema { header, data } => {
+                let number = self.file.schema(&header.name, &header.encoding, &data)?;
+                self.schemas.insert(header.id, number);
+            }
+            Record::Channel(channel) if [RECORDS, EVENTS].contains(&&*channel.topic) => {
+                let schema = self.schemas.get(&channel.schema_id).copied();
+                let (topic, encoding) = (&channel.topic, &channel.message_encoding);
+                let schema = schema.unwrap_or_default();
+                let number = (self.file).channel(schema, topic, encoding, channel.metadata)?;
+                if number > CHANNELS {
+                    return Err(io::Error::other("it has a channel twice"));
+                }
+                (self.channels).insert(channel.id, (number, topic == RECORDS));
+            }
+            Record::Metadata(metadata) if metadata.name == RESULT => self.result = Some(metadata),
+            Record::Metadata(metadata) => self.file.metadata(metadata)?,
+            Record::Attachment { header, data, .. } => self.file.attachment(header, &data)?,
+            Record::Message { header, data } => return self.message(header, &data, compression),
+            _ => {}
+        }
+        Ok(false)
+    }
+
+    fn message(
+        &mut self,
+        header: MessageHeader,
+        data: &[u8],
+        compression: Compression,
+    ) -> io::Result<bool> {
+        let Some(&(channel_id, is_record)) = self.channels.get(&header.channel_id) else {
+            return Ok(false);
+        };
+        let header = MessageHeader {
+            channel_id,
+            ..header
+        };
+        if self.chunk.is_none() {
+            self.chunk = Some(Chunk::new(compression, CHANNELS)?);
+        }
+        let Some(chunk) = &mut self.chunk else {
+            return Ok(false);
+        };
+        match data.strip_prefix(&ENCAPSULATION) {
+            Some(words) if is_record => {
+                let words = words.as_chunks().0.iter();
+                self.words.clear();
+                (self.words).extend(words.map(|word| u64::from_le_bytes(*word)));
+                chunk.record(&header, &self.words);
+            }
+            _ => chunk.message(&header, data),
+        }
+        if chunk.bytes() >= CHUNK_BYTES {
+            self.file.chunk(chunk)?;
+        }
+        Ok(true)
+    }
+
+    /// Ends the file: with the result of the other file if it had one, else with this.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub(crate) fn finish(mut self, result: BTreeMap<String, String>) -> io::Result<()> {
+        if let Some(chunk) = &mut self.chunk {
+            self.file.chunk(chunk)?;
+        }
+        let new = || Metadata {
+            name: RESULT.into(),
+            metadata: result,
+        };
+        let result = self.result.take();
+        self.file.finish(Some(result.unwrap_or_else(new)))
+    }
+}

@@ -1,0 +1,154 @@
+//! Unpacks the chunks of a recording, also one that broke off.
+//!
+//! Used by whoever reads recordings. Whole chunks are the libraries' work; of a torn one they give what
+//! lies in whole blocks. The recorder packs a chunk into one LZ4 block, so that one is taken apart
+//! here, up to its last byte. What comes out never gets longer than was asked for.
+
+use std::io::{self, Read};
+
+/// Flags of an LZ4 frame: version 1, and what may stand in its head and behind its blocks.
+const VERSION: (u8, u8) = (0xc0, 0x40);
+const BLOCK_SUM: u8 = 1 << 4;
+const CONTENT_SIZE: u8 = 1 << 3;
+const DICTIONARY: u8 = 1;
+const MAGIC: [u8; 4] = [0x04, 0x22, 0x4d, 0x18];
+/// The bit of a block's size that says that it is not packed.
+const PLAIN_BLOCK: u32 = 1 << 31;
+/// The format's shortest match.
+const MIN_MATCH: usize = 4;
+
+/// Unpacks a chunk that must give so many bytes.
+///
+/// # Errors
+/// If it does not.
+pub(crate) fn whole(
+    compression: &str,
+    packed: &[u8],
+    size: usize,
+    into: &mut Vec<u8>,
+) -> Result<(), String> {
+    let told = |error: io::Error| format!("a chunk cannot be unpacked: {error}");
+    unpack(compression, packed, size + 1, into).map_err(told)?;
+    if into.len() != size {
+        return Err(format!(
+            "a chunk of {size} bytes does not unpack to as many"
+        ));
+    }
+    Ok(())
+}
+
+/// Unpacks what there is of a chunk that broke off.
+pub(crate) fn torn(compression: &str, packed: &[u8], limit: usize, into: &mut Vec<u8>) {
+    if compression == "lz4" {
+        let mut source = packed;
+        // Nothing to do with what is left: it is where the file broke off.
+        let _ = torn_lz4(&mut source, limit, into);
+    } else {
+        let _ = unpack(compression, packed, limit, into); // as above
+    }
+}
+
+/// Unpacks at most so many bytes; what came before an error is there.
+fn unpack(compression: &str, packed: &[u8], limit: usize, into: &mut Vec<u8>) -> io::Result<()> {
+    let limit = limit as u64;
+    let read = match compression {
+        "" => packed.take(limit).read_to_end(into),
+        "lz4" => lz4::Decoder::new(packed)?.take(limit).read_to_end(into),
+        "zstd" => zstd::stream::read::Decoder::with_buffer(packed)?
+            .take(limit)
+            .read_to_end(into),
+        other => Err(io::Error::other(format!("its compression is `{other}`"))),
+    };
+    read.map(drop)
+}
+
+/// Unpacks the blocks of an LZ4 frame; `None` where it breaks off or is wrong.
+fn torn_lz4(source: &mut &[u8], limit: usize, into: &mut Vec<u8>) -> Option<()> {
+    let head = take(source, MAGIC.len() + 2)?;
+    let flags = head[MAGIC.len()];
+    if head[..MAGIC.len()] != MAGIC || flags & VERSION.0 != VERSION.1 {
+        return None;
+    }
+    let optional = [(CONTENT_SIZE, 8), (DICTIONARY, 4)];
+    for (flag, bytes) in optional {
+        if flags & flag != 0 {
+            take(source, bytes)?;
+        }
+    }
+    take(source, 1)?; // the sum of the head
+    loop {
+        let size = u32::from_le_bytes(take(source, 4)?.try_into().ok()?);
+        let bytes = (size & !PLAIN_BLOCK) as usize;
+        let mut block = take(source, bytes.min(source.len()))?;
+        if size & PLAIN_BLOCK != 0 {
+            let room = limit.saturating_sub(into.len());
+            into.extend_from_slice(&block[..block.len().min(room)]);
+        } else {
+            torn_block(&mut block, limit, into)?;
+        }
+        if flags & BLOCK_SUM != 0 {
+            take(source, 4)?;
+        }
+        if size == 0 {
+            return None;
+        }
+    }
+}
+
+/// Unpacks the sequences of an LZ4 block, each some literals and a match, as far as they go.
+fn torn_block(block: &mut &[u8], limit: usize, into: &mut Vec<u8>) -> Option<()> {
+    while let Some(&[token]) = take(block, 1) {
+        let literals = length(usize::from(token >> 4), block)?;
+        let room = limit.saturating_sub(into.len());
+        let there = literals.min(block.len()).min(room);
+        into.extend_from_slice(take(block, there)?);
+        if there < literals {
+            return None;
+        }
+        if block.is_empty() {
+            return Some(()); // the last sequence has no match
+        }
+        let back = take(block, 2)?;
+        let back = usize::from(u16::from_le_bytes([back[0], back[1]]));
+        let copied = MIN_MATCH + length(usize::from(token & 15), block)?;
+        let start = into.len().checked_sub(back)?;
+        if back == 0 || copied > limit.saturating_sub(into.len()) {
+            return None;
+        }
+        // A match may reach into what it makes.
+        let mut done = 0;
+        while done < copied {
+            let part = (copied - done).min(into.len() - start);
+            into.extend_from_within(start..start + part);
+            done += part;
+        }
+    }
+    Some(())
+}
+
+/// A length of four bits, which goes on in bytes if all are set.
+fn length(bits: usize, source: &mut &[u8]) -> Option<usize> {
+    let mut length = bits;
+    if bits == 15 {
+        loop {
+            let &[more] = take(source, 1)? else {
+                return None;
+            };
+            length = length.checked_add(usize::from(more))?;
+            if more < u8::MAX {
+                break;
+            }
+        }
+    }
+    Some(length)
+}
+
+/// The next so many bytes, if they are there.
+fn take<'a>(source: &mut &'a [u8], bytes: usize) -> Option<&'a [u8]> {
+    let (taken, rest) = source.split_at_checked(bytes)?;
+    *source = rest;
+    Some(taken)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,201 @@
+//! What can be had of a recording in any state: its records as far as they go, and what came of the run
+//! up to there.
+//!
+//! Used by [`hil recover`](super). Reads the file once and says what the recorder would have said had the
+//! run ended there.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::path::Path;
+
+use hil_config::evaluation::Evaluation;
+use hil_config::plan::Plan;
+use shared_types::record::{Event, Outcome};
+use shared_types::time::Step;
+
+use crate::exit::Failure;
+use crate::faults::{FaultLog, LiveFault};
+use crate::judge;
+use crate::latency::Latency;
+use crate::latency::recorded::TimingPlaces;
+use crate::recorder::Recorded;
+use crate::run::Ended;
+use crate::run_reader::{ReadError, RunReader};
+use crate::summary::Summary;
+
+/// A recording, read as far as it goes.
+pub(super) struct Account {
+    pub(super) reader: RunReader,
+    /// Records and events.
+    pub(super) messages: u64,
+    /// What keeps it from being read to its end, other than that this is missing.
+    pub(super) damage: Option<ReadError>,
+    pub(super) recorded: Recorded,
+    /// What judges the run; why not, if its scenario cannot be understood.
+    plan: Result<Plan, Failure>,
+}
+
+/// Metrics and requirements on their way through the records.
+struct Judge {
+    evaluation: Evaluation,
+    /// Where the signals are in a record.
+    values: Range<usize>,
+    row: Vec<f64>,
+}
+
+impl Judge {
+    /// The scenario of a run, and what judges its records; an excerpt has too few of them.
+    fn of(reader: &RunReader, run: &Path) -> Result<(Plan, Option<Self>), Failure> {
+        let plant = reader.enclosed("plant-description.json");
+        let plant = plant.map_err(Failure::usage)?;
+        let plan = judge::plan(reader, &plant, run, None)?;
+        if reader.is_excerpt() {
+            return Ok((plan, None));
+        }
+        let (columns, values) = judge::columns(reader, &plant)?;
+        let evaluation = Evaluation::new(&plan, &columns).map_err(Failure::usage)?;
+        let judge = Self {
+            evaluation,
+            row: vec![f64::NAN; values.len()],
+            values,
+        };
+        Ok((plan, Some(judge)))
+    }
+
+    fn observe(&mut self, record: &[u64]) {
+        for (value, word) in self.row.iter_mut().zip(&record[self.values.clone()]) {
+            *value = f64::from_bits(*word);
+        }
+        self.evaluation.observe(Step(record[0]), &self.row);
+    }
+}
+
+impl Account {
+    /// Reads a recording.
+    ///
+    /// # Errors
+    /// If it is none.
+    pub(super) fn of(run: &Path) -> Result<Self, ReadError> {
+        let mut reader = RunReader::open(run)?;
+        let (plan, mut judge) = match Judge::of(&reader, run) {
+            Ok((plan, judge)) => (Ok(plan), judge),
+            Err(failure) => (Err(failure), None),
+        };
+        let places = TimingPlaces::of(&reader);
+        let (mut latency, mut faults) = (Latency::default(), FaultLog::default());
+        let (mut messages, mut end, mut published_ns) = (0, None, None);
+        let mut changes = Vec::new();
+        let damage = loop {
+            let advanced = reader.advance();
+            for event in reader.events() {
+                messages += 1;
+                match event {
+                    Event::Accepted(accepted) => {
+                        faults.accepted.extend(LiveFault::try_from(accepted).ok());
+                    }
+                    Event::Fault(taken) => {
+                        if let Some(judge) = &mut judge {
+                            (judge.evaluation).fault(taken.id, Step(taken.step));
+                        }
+                        faults.taken.push(taken.clone());
+                    }
+                    Event::FaultEnded(ended) => faults.ended.push(ended.clone()),
+                    Event::Controller(change) => changes.push(change.clone()),
+                    Event::End(ended) => {
+                        faults.sizes = Some(ended.effects.clone());
+                        end = Some(ended.clone());
+                    }
+                }
+            }
+            match advanced {
+                Ok(true) => {}
+                Ok(false) => break None,
+                Err(error) => break Some(error),
+            }
+            messages += 1;
+            let timing = places.timing(reader.words());
+            latency.take(reader.step(), &timing);
+            let (first_ns, _) = published_ns.unwrap_or((timing.published_ns, 0));
+            published_ns = Some((first_ns, timing.published_ns));
+            if let Some(judge) = &mut judge {
+                judge.observe(reader.words());
+            }
+        };
+        let number = |name| reader.result(name).and_then(|text| text.parse().ok());
+        let written = reader.records();
+        let missing = || match reader.is_excerpt() {
+            false if written > 0 => (reader.step() + 1).saturating_sub(written),
+            _ => 0,
+        };
+        let lost: u64 = number("lost").unwrap_or_else(missing);
+        let digest = Some(reader.digest());
+        let (first_ns, last_ns) = published_ns.unwrap_or_default();
+        let recorded = Recorded {
+            end,
+            faults,
+            changes,
+            records: number("records").unwrap_or(written),
+            written,
+            past_records: 0,
+            lost,
+            digest: digest.filter(|digest| lost == 0 && written > 0 && !digest.is_empty()),
+            partial_digests: BTreeMap::new(),
+            metrics: (judge.as_ref()).map_or_else(Vec::new, |judge| judge.evaluation.results()),
+            requirements: (judge.as_ref())
+                .map_or_else(Vec::new, |judge| judge.evaluation.requirements()),
+            latency: latency.summary(),
+            wall_time_s: last_ns.saturating_sub(first_ns) as f64 / 1e9,
+            error: None,
+        };
+        Ok(Self {
+            reader,
+            messages,
+            damage,
+            recorded,
+            plan,
+        })
+    }
+
+    /// Whether the recorder told how the run ended.
+    pub(super) fn has_result(&self) -> bool {
+        self.damage.is_none() && self.reader.result("outcome").is_some()
+    }
+
+    /// The result of a run whose recording ends here, for this reason.
+    pub(super) fn result(&self, reason: &str) -> BTreeMap<String, String> {
+        let recorded = &self.recorded;
+        let facts = [
+            ("records", recorded.written.to_string()),
+            ("lost", recorded.lost.to_string()),
+            ("digest", recorded.digest.clone().unwrap_or_default()),
+            ("outcome", "failed".to_owned()),
+            ("reason", reason.to_owned()),
+        ];
+        let owned = facts.map(|(name, value)| (name.to_owned(), value));
+        owned.into_iter().collect()
+    }
+
+    /// The summary of the run; `broke_off` is why it ended where the recording does not tell.
+    ///
+    /// # Errors
+    /// If its scenario cannot be understood.
+    pub(super) fn summary(self, broke_off: Option<&str>) -> Result<Summary, Failure> {
+        let plan = self.plan?;
+        let end = self.recorded.end.as_ref();
+        let (outcome, reason) = match (broke_off, end) {
+            (None, Some(end)) => (end.outcome, end.reason.clone()),
+            (None, None) => {
+                let reason = self.reader.result("reason").map(str::to_owned);
+                (Outcome::Failed, reason)
+            }
+            (Some(reason), _) => (Outcome::Failed, Some(reason.to_owned())),
+        };
+        let ended = Ended {
+            recorded: self.recorded,
+            outcome,
+            reason,
+            controllers: Vec::new(),
+        };
+        Ok(Summary::of_recording(&plan, &self.reader, &ended))
+    }
+}
