@@ -56,10 +56,7 @@ struct Sorted<'a> {
 ///
 /// # Errors
 /// Everything that is not understood.
-pub(super) fn toml(
-    arguments: &InjectArguments,
-    possible: &Possible,
-) -> Result<String, Vec<Refusal>> {
+pub fn toml(arguments: &InjectArguments, possible: &Possible) -> Result<String, Vec<Refusal>> {
     let kind = Kind::find(arguments.kind.as_deref().unwrap_or_default(), possible)?;
     let sorted = kind.sort(arguments)?;
     let mut refusals = Vec::new();

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use hil_config::scenario::read_regular;
 use shared_types::describe::ListDescription;
 use shared_types::live::Refusal;
 use shared_types::table::Field;
@@ -118,7 +119,7 @@ fn points(file: &Path) -> Result<(Vec<f64>, Vec<f64>), Refusal> {
         expected: Some(format!("a CSV file with the header {HEADER}")),
         nearest: Vec::new(),
     };
-    let text = std::fs::read_to_string(file).map_err(|error| refused(error.to_string()))?;
+    let text = read_regular(file).map_err(|error| refused(error.to_string()))?;
     let lines = (1..).zip(text.lines().map(str::trim));
     let mut lines = lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
     let header: Option<String> = lines
