@@ -16,6 +16,8 @@ use crate::programs::workspace;
 #[path = "../fuzz/src/targets/mod.rs"]
 mod targets;
 
+mod seeds;
+
 use targets::Target;
 
 /// Changed inputs of each target.

@@ -386,7 +386,7 @@ impl Work {
                     let digest = self.digest.clone().finish();
                     self.recorded.partial_digests.insert(records, digest);
                 }
-                (self.shared.next_step).store(view.step + 1, Ordering::Relaxed);
+                (self.shared.next_step).store(view.step.saturating_add(1), Ordering::Relaxed);
                 let written = match &mut self.recording {
                     Some(recording) => recording.record(words, &view),
                     None => Ok(()),

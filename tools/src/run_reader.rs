@@ -311,8 +311,10 @@ impl RunReader {
             let (opcode, data) = match self.mcap.next_event() {
                 None => return Ok(Next::End),
                 Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
-                    // More than is wanted: a record at a time would be a system call each.
-                    let read = self.file.read(self.mcap.insert(wanted.max(1 << 16)));
+                    // More than is wanted, a record at a time would be a system call each; and not
+                    // all of what a damaged length may want, which would be memory for nothing.
+                    let room = wanted.clamp(1 << 16, 1 << 20);
+                    let read = self.file.read(self.mcap.insert(room));
                     let read = read.map_err(|error| ReadError::Io {
                         path: self.path.clone(),
                         error,

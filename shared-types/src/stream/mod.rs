@@ -12,7 +12,7 @@ use crate::link::LinkError;
 use crate::record::{Event, RecordLayout};
 
 /// Most bytes of an event; that of a fault with the longest table that a scenario may have is shorter.
-const LONGEST_EVENT: usize = 128 << 20;
+const LONGEST_EVENT: usize = 64 << 20;
 
 /// What an item is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,14 +1,13 @@
 //! Writes the seeds of the corpus that no person can write: recordings, frames, messages and job
-//! files, each of a run of a few steps. `cargo run --example seeds` in this folder.
+//! files, each of a run of a few steps.
 //!
-//! States of checkpoints are those of a real run, `hil run corpus/scenario/small.toml
+//! States of checkpoints are those of a real run, `hil run tests/fuzz/corpus/scenario/small.toml
 //! --checkpoint-at 0.003`, with the name of the file in a line before them.
 
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-use hil_fuzz::targets::{rig, session};
 use shared_types::describe::{Description, PROTOCOL};
 use shared_types::frame::{Frame, FrameKind, Header, Seal};
 use shared_types::hello::{Control, Hello, Offer, agree};
@@ -20,14 +19,19 @@ use shared_types::zerocopy::IntoBytes;
 use tools::cli::run::Compression;
 use tools::recording::{Enclosure, Provenance, Recording};
 
+use super::targets::{rig, session};
+use crate::programs::workspace;
+
 const SEAL: Seal = Seal {
     session: 7,
     layout: 8,
     epoch: 1,
 };
 
-fn main() {
-    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus");
+#[test]
+#[ignore = "writes files of the repository; run it when a format has changed"]
+fn seeds_are_written() {
+    let corpus = workspace().join("tests/fuzz/corpus");
     recordings(&corpus.join("recording"));
     frames(&corpus.join("frame"));
     messages(&corpus.join("hello"));
@@ -93,7 +97,7 @@ fn recordings(folder: &Path) {
         enclosures: vec![
             enclosure(
                 "scenario.toml",
-                include_str!("../corpus/scenario/small.toml").into(),
+                include_str!("../../fuzz/corpus/scenario/small.toml").into(),
             ),
             enclosure("plant-description.json", json(&plant)),
             enclosure("controller-description.json", json(&controller)),
