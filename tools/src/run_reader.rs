@@ -31,6 +31,9 @@ const ENCAPSULATION: usize = 4;
 /// Longest record of a file: a size beyond that is damage, not memory to ask for.
 const LONGEST_RECORD: usize = 1 << 28;
 
+/// The last step of the longest run that a scenario can ask for; what follows steps may count on it.
+const LAST_STEP: u64 = 1 << 40;
+
 /// A run cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
@@ -78,6 +81,8 @@ pub struct RunReader {
     metadata: BTreeMap<String, BTreeMap<String, String>>,
     enclosures: BTreeMap<String, String>,
     words: Vec<u64>,
+    /// The first step that the next record may have.
+    next_step: u64,
     events: Vec<Event>,
     records: u64,
     digest: Digest,
@@ -128,6 +133,7 @@ impl RunReader {
             metadata: BTreeMap::new(),
             enclosures: BTreeMap::new(),
             words: Vec::new(),
+            next_step: 0,
             events: Vec::new(),
             records: 0,
             digest: Digest::default(),
@@ -237,6 +243,14 @@ impl RunReader {
                     self.events.push(event);
                 }
                 Next::Record => {
+                    let step = self.step();
+                    if step < self.next_step || step > LAST_STEP {
+                        let (records, next) = (self.records, self.next_step);
+                        return Err(self.foreign(format!(
+                            "damaged after {records} records: step {step} where step {next} or a later one comes"
+                        )));
+                    }
+                    self.next_step = step + 1;
                     if self.is_hashing {
                         self.digest.record(&self.words[..self.hashed_words]);
                     }
@@ -359,8 +373,13 @@ impl RunReader {
                         .schemas
                         .get(&channel.schema_id)
                         .map_or("", String::as_str);
-                    self.columns = schema::columns_of(schema)
+                    let columns = schema::columns_of(schema)
                         .ok_or_else(|| foreign("its schema cannot be understood".into()))?;
+                    // The end of a file repeats its channels.
+                    if !self.columns.is_empty() && columns != self.columns {
+                        return Err(foreign("its channel `/record` changes".into()));
+                    }
+                    self.columns = columns;
                     self.hashed_words = schema::hashed(&self.columns);
                 }
                 Record::Channel(channel) if channel.topic == "/events" => {

@@ -164,7 +164,10 @@ fn an_item_with_a_number_that_was_there_is_broken() {
         assert_eq!(seen.last(), Some(&wanted), "{seen:?}");
     }
     let wanted = format!("Lost({})", u64::MAX - 1);
-    assert_eq!(assembled(&[record(u64::MAX)]), [wanted, "Record([])".into()]);
+    assert_eq!(
+        assembled(&[record(u64::MAX)]),
+        [wanted, "Record([])".into()]
+    );
 }
 
 #[test]
@@ -173,6 +176,9 @@ fn an_event_without_end_is_given_up() {
     let part = |sequence| (sequence, ItemKind::EventPart as u64, piece.as_slice());
     let items: Vec<_> = (1..=8).map(part).collect();
     let seen = assembled(&items);
-    assert!(seen[0].contains("Broken(\"an event of more than"), "{seen:?}");
+    assert!(
+        seen[0].contains("Broken(\"an event of more than"),
+        "{seen:?}"
+    );
     assert_eq!(seen.len(), 1);
 }

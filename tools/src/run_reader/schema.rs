@@ -4,6 +4,9 @@ use std::collections::BTreeMap;
 
 use shared_types::record::{GROUPS, HASHED_GROUPS, Timing};
 
+/// Most words of an array: more than any record has.
+const MOST_WORDS: usize = 1 << 16;
+
 /// One word of a record.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Column {
@@ -47,6 +50,9 @@ pub(super) fn columns_of(schema: &str) -> Option<Vec<Column>> {
             }
         } else if let Some(count) = kind.strip_prefix("uint64[") {
             let count: usize = count.strip_suffix(']')?.parse().ok()?;
+            if count > MOST_WORDS {
+                return None;
+            }
             columns.extend((0..count).map(|index| Column {
                 name: format!("{name}[{index}]"),
                 unit: String::new(),
