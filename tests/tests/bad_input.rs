@@ -154,7 +154,7 @@ fn changed_pieces_of_the_corpus_are_taken_or_refused_by_name() {
 fn inputs_of_any_size_are_taken_or_refused_by_name() {
     let scenario = |rest: &str| format!("schema = 1\nname = \"x\"\n{rest}");
     let long = "x".repeat(10 << 20);
-    let inputs: [(&str, String); 16] = [
+    let inputs: [(&str, String); 19] = [
         ("expression", "(".repeat(100_000)),
         (
             "expression",
@@ -189,7 +189,19 @@ fn inputs_of_any_size_are_taken_or_refused_by_name() {
         ),
         (
             "scenario",
-            scenario(&format!("a = {}1", "b.".repeat(100_000))),
+            scenario(&format!("{}b = 1", "b.".repeat(100_000))),
+        ),
+        (
+            "scenario",
+            scenario(&format!("[{}b]", "b.".repeat(100_000))),
+        ),
+        (
+            "scenario",
+            scenario(&format!("#--set {}b=1", "b.".repeat(100_000))),
+        ),
+        (
+            "scenario",
+            scenario(&format!("#--set a={}", "[".repeat(100_000))),
         ),
         ("fault", "[[faults]]\nkind = \"stuck\"\n".repeat(20_000)),
     ];

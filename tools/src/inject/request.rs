@@ -14,7 +14,7 @@ use shared_types::table::{Field, nearest};
 
 use crate::cli::inject::InjectArguments;
 use crate::live::listed;
-use text::{head, profile, rows, string, values};
+use text::{float, head, profile, rows, string, values};
 
 /// A kind of fault as the command line needs it.
 struct Kind<'a> {
@@ -109,7 +109,7 @@ pub fn toml(arguments: &InjectArguments, possible: &Possible) -> Result<String, 
         }
         if !arguments.skew.is_empty() {
             let skew_s = arguments.skew[index % arguments.skew.len()];
-            text += &format!("skew_s = {skew_s:?}\n");
+            text += &format!("skew_s = {}\n", float(skew_s));
         }
     }
     Ok(text)
