@@ -65,10 +65,6 @@ fn nothing_in_a_text_steers_the_terminal() {
         base_with("\"base\"", odd),
         base_with("model = \"drhas\"", &format!("model = {odd}")),
         base_with("target = \"load_n\"", &format!("target = {odd}")),
-        base_with(
-            "expression = \"mean(large) / 1\"",
-            &format!("expression = {odd}"),
-        ),
     ] {
         let told = refused(&text).to_string();
         assert!(told.contains("\u{fffd}[2J"), "{told}");

@@ -147,7 +147,7 @@ fn assembled(items: &[(u64, u64, &[u8])]) -> Vec<String> {
     let mut assembler = Assembler::default();
     let mut seen = Vec::new();
     for (sequence, kind, bytes) in items {
-        let mut words = vec![0; bytes.len().div_ceil(8)];
+        let mut words = vec![0_u64; bytes.len().div_ceil(8)];
         zerocopy::IntoBytes::as_mut_bytes(&mut words[..])[..bytes.len()].copy_from_slice(bytes);
         let head = (*sequence, *kind, bytes.len() as u64);
         assembler.take(head, &words, &mut |item| seen.push(format!("{item:?}")));
