@@ -93,7 +93,10 @@ pub(super) fn profile(arguments: &InjectArguments) -> Result<Option<String>, Ref
     let body = if let Some(duration_s) = arguments.ramp {
         format!("kind = \"ramp\", duration_s = {}", float(duration_s))
     } else if let Some(speed_per_s) = arguments.exponential {
-        format!("kind = \"exponential\", speed_per_s = {}", float(speed_per_s))
+        format!(
+            "kind = \"exponential\", speed_per_s = {}",
+            float(speed_per_s)
+        )
     } else if let Some(duration_s) = arguments.pulse {
         format!("kind = \"pulse\", duration_s = {}", float(duration_s))
     } else if let Some((period_s, duty)) = arguments.intermittent {
