@@ -73,10 +73,7 @@ fn root(scenario: &Scenario) -> Section<'_> {
 /// Checks the `[[faults]]` that a running run is asked for.
 pub(crate) fn live(toml: &str, context: &FaultContext<'_>) -> Result<Vec<FaultEvent>, Problems> {
     let scenario = Scenario::parse(toml, "request")?;
-    let mut reader = Reader {
-        sources: scenario.sources.clone(),
-        problems: Vec::new(),
-    };
+    let mut reader = Reader::new(scenario.sources.clone(), Vec::new());
     let root = Section {
         keys: keys::REQUEST,
         ..root(&scenario)

@@ -18,6 +18,9 @@ pub(crate) struct FlagError {
     pub key: String,
 }
 
+/// Most parts of a key: no value lies so deep, and who goes down there must come up again.
+const MOST_PARTS: usize = 32;
+
 /// One part of a key.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Part {
@@ -59,6 +62,10 @@ fn parts(key: &str) -> Result<Vec<Placed>, FlagError> {
     let mut parts = Vec::new();
     let mut at = 0;
     for word in key.split('.') {
+        if parts.len() > MOST_PARTS {
+            let message = format!("a key of more than {MOST_PARTS} parts");
+            return Err(error(0..at, &key[..at], message));
+        }
         let name_end = word.find('[').unwrap_or(word.len());
         let (name, indices) = word.split_at(name_end);
         let span = at..at + name.len();
@@ -175,6 +182,14 @@ mod tests {
             (Part::Key("speed_per_s".into()), 22..33),
         ];
         assert_eq!(found, expected);
+    }
+
+    #[test]
+    fn a_key_without_end_is_refused() {
+        let key = vec!["a"; 100_000].join(".");
+        let refused = parts(&key).expect_err("too deep");
+        assert!(refused.message.contains("more than 32 parts"));
+        assert!(refused.key.len() < 100);
     }
 
     #[test]

@@ -91,37 +91,30 @@ impl Problem {
 
 impl fmt::Display for Problem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "error: {}", self.message)?;
+        write!(f, "error: {}", Printable(&self.message))?;
         let mut margin = String::new();
         match &self.excerpt {
-            None => write!(f, "\n --> {}", self.source)?,
+            None => write!(f, "\n --> {}", Printable(&self.source))?,
             Some(Excerpt {
                 line,
                 column,
                 width,
                 text,
+                text_column,
             }) => {
                 let number = line.to_string();
                 margin = " ".repeat(number.len());
-                let source = &self.source;
+                let source = Printable(&self.source);
                 write!(f, "\n{margin}--> {source}")?;
-                if !source.starts_with(FLAG) {
+                if !self.source.starts_with(FLAG) {
                     write!(f, ":{line}:{column}")?;
                 }
                 write!(f, "\n{margin} |")?;
-                // Nothing from a file may steer the terminal.
-                let printable: String = text
-                    .chars()
-                    .map(|c| match c {
-                        '\t' => c,
-                        c if c.is_control() => char::REPLACEMENT_CHARACTER,
-                        c => c,
-                    })
-                    .collect();
+                let printable = Printable(text);
                 // Tabs stay tabs, so that the mark stands below its text at any tab width.
-                let indent: String = printable
+                let indent: String = text
                     .chars()
-                    .take(column - 1)
+                    .take(column - text_column)
                     .map(|c| if c == '\t' { c } else { ' ' })
                     .collect();
                 write!(f, "\n{number} | {printable}")?;
@@ -129,16 +122,28 @@ impl fmt::Display for Problem {
             }
         }
         if let Some(expected) = &self.expected {
-            write!(f, "\n{margin} = expected: {expected}")?;
+            write!(f, "\n{margin} = expected: {}", Printable(expected))?;
         }
         if !self.nearest.is_empty() {
-            let names: Vec<String> = self.nearest.iter().map(|n| format!("`{n}`")).collect();
+            let quoted = |name: &String| format!("`{}`", Printable(name));
+            let names: Vec<String> = self.nearest.iter().map(quoted).collect();
             write!(f, "\n{margin} = nearest: {}", names.join(", "))?;
         }
         if let Some(help) = &self.help {
-            write!(f, "\n{margin} = help: {help}")?;
+            write!(f, "\n{margin} = help: {}", Printable(help))?;
         }
         Ok(())
+    }
+}
+
+/// Text on its way to a person: nothing from a file may steer the terminal.
+struct Printable<'a>(&'a str);
+
+impl fmt::Display for Printable<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut parts = self.0.split(|c: char| c.is_control() && c != '\t');
+        f.write_str(parts.next().unwrap_or_default())?;
+        parts.try_for_each(|part| write!(f, "{}{part}", char::REPLACEMENT_CHARACTER))
     }
 }
 
@@ -177,7 +182,7 @@ mod tests {
         let problem = Problem {
             kind: ProblemKind::OutOfRange,
             key: "run.rate_hz".into(),
-            message: "`run.rate_hz` is out of range".into(),
+            message: "`run.rate_hz` is out of\nrange".into(),
             expected: Some("a number from 0.001 to 1000000 in Hz".into()),
             nearest: vec!["a".into(), "b".into()],
             help: Some("raise it".into()),
@@ -187,10 +192,11 @@ mod tests {
                 column: 12,
                 width: 2,
                 text: "\trate_hz = -1\u{1b}[2J".into(),
+                text_column: 1,
             }),
         };
         let expected = "\
-error: `run.rate_hz` is out of range
+error: `run.rate_hz` is out of\u{fffd}range
   --> x.toml:12:12
    |
 12 | \trate_hz = -1\u{fffd}[2J

@@ -10,6 +10,11 @@ use crate::problem::{Problem, ProblemKind, Problems, listed};
 use crate::quantity::{Quantity, number};
 use crate::source::{Place, Sources};
 
+/// Most problems that are told: a file of another kind may have a million, each with its line.
+const MOST_PROBLEMS: usize = 100;
+/// Longest message, in characters: a name in it may be as long as the file.
+const LONGEST_MESSAGE: usize = 1000;
+
 /// Collects problems while a scenario is read.
 #[derive(Debug)]
 pub(crate) struct Reader {
@@ -17,6 +22,8 @@ pub(crate) struct Reader {
     pub sources: Sources,
     /// What was found so far.
     pub problems: Vec<Problem>,
+    /// The last one that is not told.
+    untold: Option<Problem>,
 }
 
 /// A table of the scenario and the keys that it may have.
@@ -66,12 +73,22 @@ impl<'a> Section<'a> {
 }
 
 impl Reader {
+    /// A reader of these texts, in which something may have been found already.
+    pub(crate) const fn new(sources: Sources, problems: Vec<Problem>) -> Self {
+        Self {
+            sources,
+            problems,
+            untold: None,
+        }
+    }
+
     /// What was read, unless something is wrong with it: then everything that is, in the order of
     /// the text, other sources after the scenario.
     pub(crate) fn finish<T>(self, read: Option<T>) -> Result<T, Problems> {
         let Self {
             sources,
             mut problems,
+            ..
         } = self;
         match read {
             Some(read) if problems.is_empty() => Ok(read),
@@ -81,6 +98,13 @@ impl Reader {
                     let at = problem.excerpt.as_ref().map(|at| (at.line, at.column));
                     (problem.source != file, at)
                 });
+                if let [.., last] = problems.as_mut_slice()
+                    && self.untold.is_some()
+                {
+                    last.help(format!(
+                        "there are more problems; {MOST_PROBLEMS} of them are told"
+                    ));
+                }
                 Err(Problems(problems))
             }
         }
@@ -94,16 +118,21 @@ impl Reader {
         place: &Place,
         message: impl Into<String>,
     ) -> &mut Problem {
-        self.problems.push(Problem {
+        let is_told = self.problems.len() < MOST_PROBLEMS;
+        let problem = Problem {
             kind,
-            key: shown(key.into()),
-            message: shown(message.into()),
+            key: shown(clipped(key.into())),
+            message: shown(clipped(message.into())),
             expected: None,
             nearest: Vec::new(),
             help: None,
             source: self.sources.name(place.source).into(),
-            excerpt: Some(self.sources.excerpt(place)),
-        });
+            excerpt: is_told.then(|| self.sources.excerpt(place)),
+        };
+        if !is_told {
+            return self.untold.insert(problem);
+        }
+        self.problems.push(problem);
         let last = self.problems.len() - 1;
         &mut self.problems[last]
     }
@@ -479,6 +508,15 @@ impl Reader {
         }
         Some((low, high))
     }
+}
+
+/// The begin of a text that is too long to be told.
+fn clipped(mut text: String) -> String {
+    if let Some((end, _)) = text.char_indices().nth(LONGEST_MESSAGE) {
+        text.truncate(end);
+        text.push('…');
+    }
+    text
 }
 
 /// A path without the indices, as a header has it.

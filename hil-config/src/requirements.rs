@@ -14,6 +14,8 @@ use crate::plan::Plan;
 #[derive(Clone, Debug)]
 pub(crate) struct Requirements {
     rate: Rate,
+    /// The last step of the run.
+    steps: u64,
     /// The step of the next row.
     next: u64,
     missing: Vec<f64>,
@@ -67,6 +69,7 @@ impl Requirements {
         });
         Ok(Self {
             rate: plan.run.rate,
+            steps: plan.run.steps,
             next: 0,
             missing: vec![f64::NAN; columns.len()],
             monitors: monitors.collect::<Result<_, _>>()?,
@@ -75,7 +78,7 @@ impl Requirements {
 
     /// Takes the row of a step. Steps must rise.
     pub(crate) fn observe(&mut self, step: Step, row: &[f64]) {
-        while self.next < step.0 {
+        while self.next < step.0 && self.next <= self.steps {
             for (_, monitor) in &mut self.monitors {
                 monitor.observe(Step(self.next), &self.missing);
             }
@@ -84,7 +87,7 @@ impl Requirements {
         for (_, monitor) in &mut self.monitors {
             monitor.observe(step, row);
         }
-        self.next = step.0 + 1;
+        self.next = step.0.saturating_add(1);
     }
 
     /// What came of each, in the plan's order.

@@ -3,6 +3,7 @@
 //! The launcher reads one, applies its flags and has it [checked](Scenario::check) against the
 //! plants and laws that the binaries describe. Nothing in here is known to be right.
 
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use shared_types::describe::{FaultKindDescription, LawDescription, PlantDescription};
@@ -56,10 +57,7 @@ impl Scenario {
         let mut sources = Sources::default();
         let source = sources.add(path.display().to_string(), text.into());
         let table = Table::parse(text, source).map_err(|errors| {
-            let mut reader = Reader {
-                sources: sources.clone(),
-                problems: Vec::new(),
-            };
+            let mut reader = Reader::new(sources.clone(), Vec::new());
             for error in errors {
                 let place = Place {
                     source,
@@ -86,10 +84,8 @@ impl Scenario {
             let text = text.as_ref();
             let source = self.sources.add(format!("{FLAG}{text}"), text.into());
             if let Err(error) = flag::apply(&mut self.table, text, source) {
-                let mut reader = Reader {
-                    sources: std::mem::take(&mut self.sources),
-                    problems: std::mem::take(&mut self.problems),
-                };
+                let (sources, problems) = (&mut self.sources, &mut self.problems);
+                let mut reader = Reader::new(std::mem::take(sources), std::mem::take(problems));
                 let place = Place {
                     source,
                     span: error.span,
@@ -114,24 +110,32 @@ impl Scenario {
         laws: &[LawDescription],
         kinds: &[FaultKindDescription],
     ) -> Result<Plan, Problems> {
-        let reader = Reader {
-            sources: self.sources.clone(),
-            problems: self.problems.clone(),
-        };
+        let reader = Reader::new(self.sources.clone(), self.problems.clone());
         crate::check::check(self, reader, plants, laws, kinds)
     }
 }
 
-/// Reads a file that ends: a pipe or a device may never, and nobody writes so large a scenario.
-pub(crate) fn read_regular(path: &Path) -> std::io::Result<String> {
+/// Reads a text that ends: a pipe or a device may never, and nobody writes so large a scenario or
+/// table of points.
+///
+/// # Errors
+/// If it cannot be read, is no regular file or text, or too large.
+pub fn read_regular(path: &Path) -> std::io::Result<String> {
     const LARGEST: u64 = 16 << 20;
     let found = std::fs::metadata(path)?;
     // Reading a folder fails with a reason of its own.
     let ends = found.is_dir() || (found.is_file() && found.len() <= LARGEST);
+    let refused = || std::io::Error::other("it is no regular file of at most 16 MiB");
     if !ends {
-        return Err(std::io::Error::other(
-            "it is no regular file of at most 16 MiB",
-        ));
+        return Err(refused());
     }
-    std::fs::read_to_string(path)
+    let mut text = String::new();
+    // Files of the kernel say that they are empty and may go on for ever.
+    let read = std::fs::File::open(path)?
+        .take(LARGEST + 1)
+        .read_to_string(&mut text)?;
+    if read as u64 > LARGEST {
+        return Err(refused());
+    }
+    Ok(text)
 }

@@ -8,6 +8,9 @@ use std::ops::Range;
 
 use serde::Serialize;
 
+/// Longest line that is shown whole, in bytes.
+const LONGEST_LINE: usize = 400;
+
 /// A range of bytes in one of the [`Sources`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Place {
@@ -75,11 +78,27 @@ impl Sources {
         let line_start = text[..start].rfind('\n').map_or(0, |at| at + 1);
         let line_end = text[start..].find('\n').map_or(text.len(), |at| start + at);
         let end = floor_char_boundary(text, place.span.end.clamp(start, line_end));
+        let column = text[line_start..start].chars().count() + 1;
+        // Of a line that no screen holds, what is around the mark.
+        let (before, behind) = if line_end - line_start > LONGEST_LINE {
+            let from = start.saturating_sub(LONGEST_LINE / 2);
+            let from = if from > line_start { from } else { line_start };
+            let to = start + LONGEST_LINE / 2;
+            let to = if to < line_end { to } else { line_end };
+            (
+                floor_char_boundary(text, from),
+                floor_char_boundary(text, to),
+            )
+        } else {
+            (line_start, line_end)
+        };
+        let end = if end < behind { end } else { behind };
         Excerpt {
             line: text[..line_start].matches('\n').count() + 1,
-            column: text[line_start..start].chars().count() + 1,
+            column,
             width: text[start..end].chars().count().max(1),
-            text: text[line_start..line_end].trim_end().to_owned(),
+            text: text[before..behind].trim_end().to_owned(),
+            text_column: column - text[before..start].chars().count(),
         }
     }
 }
@@ -101,8 +120,10 @@ pub struct Excerpt {
     pub column: usize,
     /// Number of characters to mark, at least 1.
     pub width: usize,
-    /// The line itself.
+    /// The line itself; of a very long one, the part around the mark.
     pub text: String,
+    /// Column of the first character of `text`: 1, unless the line is very long.
+    pub text_column: usize,
 }
 
 #[cfg(test)]
@@ -133,6 +154,17 @@ mod tests {
     #[test]
     fn a_place_over_several_lines_shows_the_first() {
         assert_eq!(excerpt("[[\n1]]", 0..6).width, 2);
+    }
+
+    #[test]
+    fn of_a_very_long_line_the_part_around_the_place_is_shown() {
+        let text = format!("{}µ = 1{}", "x".repeat(100_000), "y".repeat(100_000));
+        let found = excerpt(&text, 100_000..150_000);
+        assert_eq!((found.line, found.column), (1, 100_001));
+        let at = found.column - found.text_column;
+        assert_eq!(found.text.chars().nth(at), Some('µ'));
+        assert!(found.text.len() <= LONGEST_LINE, "{}", found.text.len());
+        assert_eq!(found.width, found.text.chars().count() - at);
     }
 
     #[test]

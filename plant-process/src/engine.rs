@@ -181,8 +181,9 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             None => None,
         };
         if let Some(saved) = &saved {
-            saved.restore_model(model.as_mut())?;
+            // First: a model takes whatever parameters it is given.
             FaultLayer::check(&workshop, &job.faults, &saved.faults)?;
+            saved.restore_model(model.as_mut())?;
         }
         let plant = Plant {
             model,

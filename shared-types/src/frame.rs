@@ -137,7 +137,10 @@ impl Header {
 }
 
 /// A frame with room for `N` values. `N` is one of [`SizeClass`]'s.
-#[derive(Clone, Copy, Debug, ZeroCopySend)]
+///
+/// Any bytes of its size are one, as they come from memory that another process writes to;
+/// [`Frame::open`] says whether to believe it.
+#[derive(Clone, Copy, Debug, FromBytes, Immutable, KnownLayout, ZeroCopySend)]
 #[repr(C)]
 pub struct Frame<const N: usize> {
     header: Header,

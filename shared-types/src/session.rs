@@ -109,9 +109,22 @@ impl SessionInfo {
     /// Reads the `session.json` of a session's folder.
     ///
     /// # Errors
-    /// If it is missing or not one.
+    /// If it is missing or not one of this folder.
     pub fn read(folder: &Path) -> Result<Self, SessionError> {
-        read_json(&folder.join("session.json"))
+        let path = folder.join("session.json");
+        let info: Self = read_json(&path)?;
+        // What is swept away goes by these two: a torn or foreign file must not decide it.
+        let is_prefix = (info.prefix.strip_prefix("hil_"))
+            .and_then(|rest| rest.strip_suffix('_'))
+            .is_some_and(|number| {
+                number.len() == 8 && number.bytes().all(|byte| byte.is_ascii_hexdigit())
+            });
+        if is_prefix && is_same(&info.folder, folder) {
+            Ok(info)
+        } else {
+            let error = io::Error::new(ErrorKind::InvalidData, "it is not of this folder");
+            Err(SessionError::io("use", &path)(error))
+        }
     }
 
     /// Reads a JSON file of the session.
@@ -210,6 +223,14 @@ impl SessionInfo {
         }
         unless_gone(fs::remove_dir_all(&self.folder))
             .map_err(SessionError::io("remove", &self.folder))
+    }
+}
+
+/// Whether two paths lead to one folder.
+fn is_same(one: &Path, other: &Path) -> bool {
+    match (fs::metadata(one), fs::metadata(other)) {
+        (Ok(one), Ok(other)) => (one.dev(), one.ino()) == (other.dev(), other.ino()),
+        _ => false,
     }
 }
 
@@ -581,6 +602,31 @@ mod tests {
         let session = Session::create(None).expect("a session");
         let error = Session::create(Some(&session.info().name)).expect_err("taken");
         assert!(matches!(error, SessionError::Taken { pid, .. } if pid == std::process::id()));
+    }
+
+    #[test]
+    fn a_file_that_is_not_of_its_folder_is_refused() {
+        let session = Session::create(None).expect("a session");
+        let info = session.info();
+        assert_eq!(&SessionInfo::read(&info.folder).expect("its own"), info);
+        for (prefix, folder) in [
+            ("", info.folder.clone()),
+            ("hil_", info.folder.clone()),
+            ("hil_0123456_", info.folder.clone()),
+            ("hil_01234567", info.folder.clone()),
+            (&info.prefix, "/".into()),
+            (&info.prefix, "/nowhere".into()),
+        ] {
+            let other = SessionInfo {
+                prefix: prefix.into(),
+                folder,
+                ..info.clone()
+            };
+            info.write_file("session.json", &other).expect("writes");
+            let read = SessionInfo::read(&info.folder);
+            assert!(read.is_err(), "{other:?}");
+        }
+        info.write_file("session.json", info).expect("writes");
     }
 
     #[test]

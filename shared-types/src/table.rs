@@ -332,6 +332,11 @@ pub fn derivative_of(name: &str, unit: &str, order: usize) -> (String, String) {
 /// Up to three names that are closest to an unknown one, best first.
 #[must_use]
 pub fn nearest<'a>(wanted: &str, known: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
+    /// Longer than any name that somebody misspells; comparing takes the product of both lengths.
+    const LONGEST: usize = 256;
+    if wanted.len() > LONGEST {
+        return Vec::new();
+    }
     let mut scored: Vec<(f64, &str)> = known
         .into_iter()
         .map(|name| (strsim::jaro_winkler(wanted, name), name))
@@ -514,5 +519,6 @@ mod tests {
         ];
         assert_eq!(nearest("surface_angel_rad", known)[0], "surface_angle_rad");
         assert!(nearest("zzz", known).is_empty());
+        assert!(nearest(&known[1].repeat(100), known).is_empty());
     }
 }

@@ -28,7 +28,7 @@ impl std::fmt::Display for Step {
 
 /// The exchange rate of a run, which turns steps into time and back.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(transparent)]
+#[serde(try_from = "f64", into = "f64")]
 pub struct Rate {
     hz: f64,
 }
@@ -65,23 +65,29 @@ impl Rate {
         step.0 as f64 / self.hz
     }
 
-    /// The simulated time of a step in nanoseconds, rounded to the nearest.
+    /// The simulated time of a step in nanoseconds, rounded to the nearest; at most what 64 bits hold,
+    /// 584 years.
     #[must_use]
     pub fn nanoseconds(self, step: Step) -> u64 {
         // Whole seconds and the rest apart: 2^40 steps of a microsecond leave a double's 53 bits.
         let whole = (self.seconds(step)) as u64;
         let rest_s = (step.0 as f64 - whole as f64 * self.hz) / self.hz;
         let rest_ns = rest_s * 1e9 + 0.5;
+        let whole_ns = whole.saturating_mul(1_000_000_000);
         if rest_ns < 0.0 {
-            whole * 1_000_000_000 - (-rest_ns) as u64
+            whole_ns.saturating_sub((-rest_ns) as u64)
         } else {
-            whole * 1_000_000_000 + rest_ns as u64
+            whole_ns.saturating_add(rest_ns as u64)
         }
     }
 
-    /// The first step whose time is not before `at_s`, saturating at 0 for negative times.
+    /// The first step whose time is not before `at_s`, saturating at 0 for negative times and at the
+    /// last step that there is for times beyond it.
     #[must_use]
     pub fn step_at_or_after(self, at_s: f64) -> Step {
+        if at_s > self.seconds(Step(u64::MAX)) {
+            return Step(u64::MAX);
+        }
         let mut step = Step((at_s * self.hz) as u64);
         while step.0 > 0 && self.seconds(Step(step.0 - 1)) >= at_s {
             step.0 -= 1;
@@ -90,6 +96,25 @@ impl Rate {
             step.0 += 1;
         }
         step
+    }
+}
+
+/// A number that is no rate.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("{0} Hz is no rate: from {min} to {max} Hz", min = Rate::MIN_HZ, max = Rate::MAX_HZ)]
+pub struct NoRate(pub f64);
+
+impl TryFrom<f64> for Rate {
+    type Error = NoRate;
+
+    fn try_from(hz: f64) -> Result<Self, NoRate> {
+        Self::new(hz).ok_or(NoRate(hz))
+    }
+}
+
+impl From<Rate> for f64 {
+    fn from(rate: Rate) -> Self {
+        rate.hz
     }
 }
 
@@ -132,6 +157,35 @@ mod tests {
                 );
             }
         }
+    }
+
+    #[test]
+    fn times_beyond_every_step_saturate() {
+        for hz in [Rate::MIN_HZ, 1000.0, Rate::MAX_HZ] {
+            for at_s in [1e300, f64::MAX, f64::INFINITY] {
+                assert_eq!(rate(hz).step_at_or_after(at_s), Step(u64::MAX));
+            }
+            assert_eq!(rate(hz).step_at_or_after(f64::NAN), Step(0));
+        }
+        assert_eq!(rate(1.0).nanoseconds(Step(u64::MAX)), u64::MAX);
+        // 2^64 steps of a microsecond are 18,446,744,073,709.55 s.
+        assert_eq!(rate(1e6).nanoseconds(Step(u64::MAX)), u64::MAX);
+    }
+
+    #[test]
+    fn a_number_that_is_no_rate_is_refused_where_it_is_read() {
+        for text in ["0", "-1000", "1e-4", "1e308"] {
+            let refused = serde_json::from_str::<Rate>(text).expect_err(text);
+            assert!(refused.to_string().contains("no rate"), "{refused}");
+        }
+        let read: Rate = serde_json::from_str("1000").expect("a rate");
+        assert_eq!(
+            (
+                read,
+                serde_json::to_string(&read).expect("written").as_str()
+            ),
+            (rate(1000.0), "1000.0")
+        );
     }
 
     #[test]

@@ -5,6 +5,7 @@
 //! | [`architecture`] | packages, binaries and dependency arrows |
 //! | [`clocks`] | lockstep, paced and real time; what comes too late and how it is repeated |
 //! | [`audit`] | what depends on more than its samples is caught |
+//! | [`bad_input`] | any bytes through every reader: taken or refused by name, never a panic |
 //! | [`checkpoints`] | a run that goes on is the straight run, and what cannot go on is refused |
 //! | [`baselines`] | runs against named runs, by digest, by samples and by figures |
 //! | [`cli`] | bad input: a clear error, exit code 2, nothing started |
@@ -41,6 +42,7 @@
 
 mod architecture;
 mod audit;
+mod bad_input;
 mod baselines;
 mod checkpoints;
 mod cli;

@@ -36,6 +36,21 @@ const LOOK_RECORDS: u64 = 1024;
 /// # Errors
 /// If the run cannot be read, has not what is asked for, or the file cannot be written.
 pub fn export(arguments: &ExportArguments) -> Result<Exit, Failure> {
+    let exported = table(arguments, Interruption::listen()?)?;
+    if let Some(told) = exported {
+        output::write(&told)?;
+    }
+    Ok(Exit::Pass)
+}
+
+/// Writes what is asked for, unless an interruption comes, and returns what is to be told of it.
+///
+/// # Errors
+/// As [`export`].
+pub fn table(
+    arguments: &ExportArguments,
+    interruption: Interruption,
+) -> Result<Option<String>, Failure> {
     let (from_s, until_s) = (arguments.from, arguments.until);
     if let (Some(from_s), Some(until_s)) = (from_s, until_s)
         && from_s > until_s
@@ -44,12 +59,10 @@ pub fn export(arguments: &ExportArguments) -> Result<Exit, Failure> {
             "--from {from_s} is after --until {until_s}"
         )));
     }
-    let interruption = Interruption::listen()?;
     let reader = RunReader::open(&arguments.run).map_err(Failure::usage)?;
     let offer = Offer::of(&reader);
     if arguments.list {
-        output::write(&listing(&offer.columns, arguments.json)?)?;
-        return Ok(Exit::Pass);
+        return listing(&offer.columns, arguments.json).map(Some);
     }
     let selection = Selection::new(&reader, offer, &arguments.signal, arguments.validity)?;
     let path = (arguments.output.as_deref()).filter(|path| *path != Path::new("-"));
@@ -84,7 +97,7 @@ pub fn export(arguments: &ExportArguments) -> Result<Exit, Failure> {
         interruption,
     };
     let Some(exported) = work.run(path)? else {
-        return Ok(Exit::Pass);
+        return Ok(None);
     };
     let exported = Exported {
         format: format.name(),
@@ -94,11 +107,9 @@ pub fn export(arguments: &ExportArguments) -> Result<Exit, Failure> {
     };
     if arguments.json {
         let json = serde_json::to_string_pretty(&exported).map_err(Failure::infrastructure)?;
-        output::write(&(json + "\n"))?;
-    } else if path.is_some() {
-        output::write(&exported.told())?;
+        return Ok(Some(json + "\n"));
     }
-    Ok(Exit::Pass)
+    Ok(path.is_some().then(|| exported.told()))
 }
 
 /// The form of the table: what was asked for, else what the file's name ends with.

@@ -6,6 +6,8 @@
 mod listing;
 mod request;
 
+pub use request::toml;
+
 #[cfg(test)]
 pub(crate) use request::tests::possible as a_rig;
 

@@ -10,6 +10,7 @@ use std::path::Path;
 use hil_config::evaluation::Evaluation;
 use hil_config::expression::{Columns, Group};
 use hil_config::plan::Plan;
+use hil_config::scenario::read_regular;
 use serde::Serialize;
 use shared_types::describe::Description;
 use shared_types::record::Event;
@@ -56,8 +57,11 @@ pub fn judge(arguments: &JudgeArguments) -> Result<Exit, Failure> {
     })
 }
 
-/// Judges a run by its own scenario or by another, and the plan that it was judged by.
-fn judged(run: &Path, by: Option<&Path>) -> Result<(Judgement, Plan), Failure> {
+/// Judges a run by its own scenario or by another; also the plan that it was judged by.
+///
+/// # Errors
+/// If the run cannot be read, or the scenario does not fit it.
+pub fn judged(run: &Path, by: Option<&Path>) -> Result<(Judgement, Plan), Failure> {
     let refused = |error: ReadError| Failure::usage(error);
     let mut reader = RunReader::open(run).map_err(refused)?;
     reader.refuse_excerpt().map_err(refused)?;
@@ -127,7 +131,7 @@ pub(crate) fn plan(
         return Ok(own);
     };
     let shown = by.display();
-    let text = std::fs::read_to_string(by)
+    let text = read_regular(by)
         .map_err(|error| Failure::usage(format!("cannot read {shown}: {error}")))?;
     let other = repetition::checked(&text, by, plant, &controller)?;
     let (rate, others) = (own.run.rate, other.run.rate);

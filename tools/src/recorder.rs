@@ -392,6 +392,14 @@ impl Work {
         match item {
             Item::Record(words) if words.len() == self.layout.words() => {
                 let view = self.layout.view(words);
+                let next = self.shared.next_step.load(Ordering::Relaxed);
+                let last = self.plan.run.steps;
+                if view.step < next || view.step > last {
+                    let step = view.step;
+                    return self.fail(format!(
+                        "a record of step {step} came where one of step {next} to {last} was due"
+                    ));
+                }
                 self.digest.record(view.hashed);
                 if let Some(evaluation) = &mut self.evaluation {
                     evaluation.observe(Step(view.step), view.values);
@@ -570,7 +578,7 @@ impl Work {
             self.recorded.requirements = evaluation.requirements();
         }
         if let Some(first_ns) = self.first_ns {
-            self.recorded.wall_time_s = (self.last_ns - first_ns) as f64 / 1e9;
+            self.recorded.wall_time_s = self.last_ns.saturating_sub(first_ns) as f64 / 1e9;
         }
         if let (1.., Some(end)) = (self.recorded.lost, &self.recorded.end)
             && end.outcome == Outcome::Completed

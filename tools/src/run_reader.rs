@@ -33,6 +33,9 @@ pub(crate) const EVENTS: &str = "/events";
 /// Bytes of encapsulation in front of a record.
 const ENCAPSULATION: usize = 4;
 
+/// The last step of the longest run that a scenario can ask for; what follows steps may count on it.
+const LAST_STEP: u64 = 1 << 40;
+
 /// A run cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
@@ -95,6 +98,8 @@ pub struct RunReader {
     metadata: BTreeMap<String, BTreeMap<String, String>>,
     enclosures: BTreeMap<String, String>,
     words: Vec<u64>,
+    /// The first step that the next record may have.
+    next_step: u64,
     events: Vec<Event>,
     records: u64,
     digest: Digest,
@@ -143,6 +148,7 @@ impl RunReader {
             metadata: BTreeMap::new(),
             enclosures: BTreeMap::new(),
             words: Vec::new(),
+            next_step: 0,
             events: Vec::new(),
             records: 0,
             digest: Digest::default(),
@@ -251,6 +257,14 @@ impl RunReader {
                     self.events.push(event);
                 }
                 Next::Record => {
+                    let step = self.step();
+                    if step < self.next_step || step > LAST_STEP {
+                        let (records, next) = (self.records, self.next_step);
+                        return Err(self.foreign(format!(
+                            "damaged after {records} records: step {step} where step {next} or a later one comes"
+                        )));
+                    }
+                    self.next_step = step + 1;
                     if self.is_hashing {
                         self.digest.record(&self.words[..self.hashed_words]);
                     }
@@ -363,6 +377,10 @@ impl RunReader {
                 let Some(columns) = schema::columns_of(schema.map_or("", String::as_str)) else {
                     return Err(self.foreign("its schema cannot be understood"));
                 };
+                // The end of a file repeats its channels.
+                if !self.columns.is_empty() && columns != self.columns {
+                    return Err(self.damaged(format!("its channel {RECORDS} changes")));
+                }
                 self.columns = columns;
                 self.hashed_words = schema::hashed(&self.columns);
             }

@@ -11,6 +11,7 @@ mod expressions;
 mod faults;
 mod faults_shown;
 mod flags;
+mod floods;
 mod good;
 mod live_faults;
 mod monitors;

@@ -11,6 +11,9 @@ pub mod in_process;
 use crate::link::LinkError;
 use crate::record::{Event, RecordLayout};
 
+/// Most bytes of an event; that of a fault with the longest table that a scenario may have is shorter.
+const LONGEST_EVENT: usize = 64 << 20;
+
 /// What an item is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u64)]
@@ -93,23 +96,31 @@ pub trait RecordSource {
     fn drain(&mut self, take: &mut dyn FnMut(Item<'_>)) -> Result<usize, LinkError>;
 }
 
-/// Puts events together from their pieces and counts losses; both sources use it.
+/// Puts events together from their pieces and counts losses; every source uses it, also that of a
+/// transport of one's own. Believes nothing of what comes: it is another process's.
 #[derive(Debug, Default)]
-struct Assembler {
+pub struct Assembler {
     last: u64,
     event: Vec<u8>,
 }
 
 impl Assembler {
     /// Takes one item: its number, kind, length in bytes and words.
-    fn take(
+    pub fn take(
         &mut self,
         (sequence, kind, bytes): (u64, u64, u64),
         words: &[u64],
         take: &mut dyn FnMut(Item<'_>),
     ) {
-        if sequence > self.last + 1 {
-            take(Item::Lost(sequence - self.last - 1));
+        if sequence <= self.last {
+            let last = self.last;
+            return take(Item::Broken(format!(
+                "item {sequence} came after item {last}"
+            )));
+        }
+        let lost = sequence - self.last - 1;
+        if lost > 0 {
+            take(Item::Lost(lost));
             self.event.clear();
         }
         self.last = sequence;
@@ -119,6 +130,12 @@ impl Assembler {
         };
         match ItemKind::from_wire(kind) {
             Some(ItemKind::Record) => take(Item::Record(words)),
+            Some(ItemKind::EventPart) if self.event.len() > LONGEST_EVENT => {
+                self.event.clear();
+                take(Item::Broken(format!(
+                    "an event of more than {LONGEST_EVENT} bytes"
+                )));
+            }
             Some(ItemKind::EventPart) => self.event.extend(part()),
             Some(ItemKind::EventEnd) => {
                 self.event.extend(part());

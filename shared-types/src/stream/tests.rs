@@ -141,3 +141,44 @@ fn a_stream_that_is_not_there_cannot_be_opened() {
     let opened = iceoryx::IceoryxSource::open(session.info(), true);
     assert!(matches!(opened, Err(LinkError::Absent { .. })));
 }
+
+/// What an assembler makes of items of these numbers, kinds and bytes.
+fn assembled(items: &[(u64, u64, &[u8])]) -> Vec<String> {
+    let mut assembler = Assembler::default();
+    let mut seen = Vec::new();
+    for (sequence, kind, bytes) in items {
+        let mut words = vec![0_u64; bytes.len().div_ceil(8)];
+        zerocopy::IntoBytes::as_mut_bytes(&mut words[..])[..bytes.len()].copy_from_slice(bytes);
+        let head = (*sequence, *kind, bytes.len() as u64);
+        assembler.take(head, &words, &mut |item| seen.push(format!("{item:?}")));
+    }
+    seen
+}
+
+#[test]
+fn an_item_with_a_number_that_was_there_is_broken() {
+    let record = |sequence| (sequence, ItemKind::Record as u64, &[][..]);
+    for (before, after) in [(1, 1), (2, 1), (1, 0), (u64::MAX, u64::MAX), (u64::MAX, 0)] {
+        let seen = assembled(&[record(before), record(after)]);
+        let wanted = format!("Broken(\"item {after} came after item {before}\")");
+        assert_eq!(seen.last(), Some(&wanted), "{seen:?}");
+    }
+    let wanted = format!("Lost({})", u64::MAX - 1);
+    assert_eq!(
+        assembled(&[record(u64::MAX)]),
+        [wanted, "Record([])".into()]
+    );
+}
+
+#[test]
+fn an_event_without_end_is_given_up() {
+    let piece = vec![b' '; LONGEST_EVENT / 4];
+    let part = |sequence| (sequence, ItemKind::EventPart as u64, piece.as_slice());
+    let items: Vec<_> = (1..=8).map(part).collect();
+    let seen = assembled(&items);
+    assert!(
+        seen[0].contains("Broken(\"an event of more than"),
+        "{seen:?}"
+    );
+    assert_eq!(seen.len(), 1);
+}

@@ -14,7 +14,7 @@ use shared_types::table::{Field, nearest};
 
 use crate::cli::inject::InjectArguments;
 use crate::live::listed;
-use text::{head, profile, rows, string, values};
+use text::{float, head, profile, rows, string, values};
 
 /// A kind of fault as the command line needs it.
 struct Kind<'a> {
@@ -56,10 +56,7 @@ struct Sorted<'a> {
 ///
 /// # Errors
 /// Everything that is not understood.
-pub(super) fn toml(
-    arguments: &InjectArguments,
-    possible: &Possible,
-) -> Result<String, Vec<Refusal>> {
+pub fn toml(arguments: &InjectArguments, possible: &Possible) -> Result<String, Vec<Refusal>> {
     let kind = Kind::find(arguments.kind.as_deref().unwrap_or_default(), possible)?;
     let sorted = kind.sort(arguments)?;
     let mut refusals = Vec::new();
@@ -112,7 +109,7 @@ pub(super) fn toml(
         }
         if !arguments.skew.is_empty() {
             let skew_s = arguments.skew[index % arguments.skew.len()];
-            text += &format!("skew_s = {skew_s:?}\n");
+            text += &format!("skew_s = {}\n", float(skew_s));
         }
     }
     Ok(text)

@@ -23,7 +23,7 @@ pub(crate) fn layout() -> RecordLayout {
 pub(crate) fn record(step: u64, truth: f64, command: f64) -> Vec<u64> {
     let values = [truth, truth, command, command, truth, 1.0].map(f64::to_bits);
     let mut timing = [0; Timing::WORDS];
-    (timing[0], timing[1], timing[4]) = (step * 1000, 1, 77);
+    (timing[0], timing[1], timing[4]) = (step.wrapping_mul(1000), 1, 77);
     [&[step, 0, 0][..], &values, &timing].concat()
 }
 
@@ -187,4 +187,42 @@ fn what_is_no_recording_is_named() {
     assert!(told(&text).contains("is no recording of a run"));
     assert!(told(&folder.join("nothing")).starts_with("cannot read"));
     std::fs::remove_dir_all(folder).expect("removed");
+}
+
+#[test]
+fn steps_that_do_not_rise_or_that_no_run_has_are_damage() {
+    for (name, steps, told) in [
+        (
+            "twice",
+            [3, 3],
+            "damaged after 1 records: step 3 where step 4",
+        ),
+        (
+            "back",
+            [3, 2],
+            "damaged after 1 records: step 2 where step 4",
+        ),
+        (
+            "huge",
+            [3, u64::MAX],
+            "damaged after 1 records: step 18446744073709551615",
+        ),
+    ] {
+        let contents = steps.map(|step| Content::Record(record(step, 0.0, 0.0)));
+        let folder = recorded(name, &layout(), &contents, vec![], true);
+        let mut reader = RunReader::open(&folder).expect("opens");
+        assert!(reader.advance().expect("the first is right"), "{name}");
+        let error = reader.advance().expect_err(name).to_string();
+        assert!(error.contains(told), "{error}");
+        std::fs::remove_dir_all(folder).expect("removed");
+    }
+}
+
+#[test]
+fn a_schema_of_more_words_than_a_record_has_is_not_understood() {
+    let words = |count: &str| schema::columns_of(&format!("uint64 step\nuint64[{count}] x"));
+    assert_eq!(words("3").map(|columns| columns.len()), Some(4));
+    for count in ["100000", "18446744073709551615", "-1", ""] {
+        assert_eq!(words(count), None, "{count}");
+    }
 }

@@ -209,6 +209,16 @@ fn a_command_line_becomes_the_text_of_a_scenario() {
                | histogram = [[100.0, 0.9], [5000.0, 0.1]]"#,
         ),
         (
+            "skip 3 --period nan --intermittent 1s,nan",
+            r#"kind = "skip" | [[faults.effects]] | target = "controller" | steps = 3.0 | period_s = nan
+               | profile = { kind = "intermittent", period_s = 1.0, duty = nan }"#,
+        ),
+        (
+            "skip 3 --sine nan,-inf",
+            r#"kind = "skip" | [[faults.effects]] | target = "controller" | steps = 3.0
+               | profile = { kind = "sine", frequency_hz = nan, phase_rad = -inf }"#,
+        ),
+        (
             "skip 3 --period 20ms",
             r#"kind = "skip" | [[faults.effects]] | target = "controller" | steps = 3.0 | period_s = 0.02"#,
         ),

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use hil_config::scenario::read_regular;
 use shared_types::describe::ListDescription;
 use shared_types::live::Refusal;
 use shared_types::table::Field;
@@ -11,7 +12,7 @@ use crate::duration::in_unit;
 
 /// The event's own keys.
 pub(super) fn head(kind: &str, arguments: &InjectArguments) -> String {
-    let seconds = |key: &str, value: Option<f64>| Some(format!("{key} = {:?}\n", value?));
+    let seconds = |key: &str, value: Option<f64>| Some(format!("{key} = {}\n", float(value?)));
     let text = |key: &str, value: Option<&String>| Some(format!("{key} = {}\n", string(value?)));
     let count = |key: &str, value: Option<u64>| Some(format!("{key} = {}\n", value?));
     let after = arguments
@@ -73,8 +74,7 @@ pub(super) fn rows(list: &ListDescription, text: &str) -> Result<String, Refusal
 /// A number as TOML.
 fn number(key: &str, text: &str, unit: &str) -> Result<String, Refusal> {
     match in_unit(text, unit) {
-        Some(value) if value.is_nan() => Ok("nan".into()),
-        Some(value) => Ok(format!("{value:?}")),
+        Some(value) => Ok(float(value)),
         None => Err(Refusal {
             key: key.into(),
             message: format!("`{text}` is no number for `{key}`"),
@@ -91,18 +91,24 @@ fn number(key: &str, text: &str, unit: &str) -> Result<String, Refusal> {
 /// The course that was asked for, as TOML.
 pub(super) fn profile(arguments: &InjectArguments) -> Result<Option<String>, Refusal> {
     let body = if let Some(duration_s) = arguments.ramp {
-        format!("kind = \"ramp\", duration_s = {duration_s:?}")
+        format!("kind = \"ramp\", duration_s = {}", float(duration_s))
     } else if let Some(speed_per_s) = arguments.exponential {
-        format!("kind = \"exponential\", speed_per_s = {speed_per_s:?}")
+        format!(
+            "kind = \"exponential\", speed_per_s = {}",
+            float(speed_per_s)
+        )
     } else if let Some(duration_s) = arguments.pulse {
-        format!("kind = \"pulse\", duration_s = {duration_s:?}")
+        format!("kind = \"pulse\", duration_s = {}", float(duration_s))
     } else if let Some((period_s, duty)) = arguments.intermittent {
-        format!("kind = \"intermittent\", period_s = {period_s:?}, duty = {duty:?}")
+        let (period_s, duty) = (float(period_s), float(duty));
+        format!("kind = \"intermittent\", period_s = {period_s}, duty = {duty}")
     } else if let Some((frequency_hz, phase_rad)) = arguments.sine {
-        format!("kind = \"sine\", frequency_hz = {frequency_hz:?}, phase_rad = {phase_rad:?}")
+        let (frequency_hz, phase_rad) = (float(frequency_hz), float(phase_rad));
+        format!("kind = \"sine\", frequency_hz = {frequency_hz}, phase_rad = {phase_rad}")
     } else if let Some(file) = &arguments.table {
         let (time_s, values) = points(file)?;
-        format!("kind = \"table\", time_s = {time_s:?}, values = {values:?}")
+        let (time_s, values) = (floats(&time_s), floats(&values));
+        format!("kind = \"table\", time_s = {time_s}, values = {values}")
     } else {
         return Ok(None);
     };
@@ -118,7 +124,7 @@ fn points(file: &Path) -> Result<(Vec<f64>, Vec<f64>), Refusal> {
         expected: Some(format!("a CSV file with the header {HEADER}")),
         nearest: Vec::new(),
     };
-    let text = std::fs::read_to_string(file).map_err(|error| refused(error.to_string()))?;
+    let text = read_regular(file).map_err(|error| refused(error.to_string()))?;
     let lines = (1..).zip(text.lines().map(str::trim));
     let mut lines = lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
     let header: Option<String> = lines
@@ -139,7 +145,22 @@ fn points(file: &Path) -> Result<(Vec<f64>, Vec<f64>), Refusal> {
     lines.map(point).collect()
 }
 
-/// A TOML string: what JSON writes for one is one.
+/// A number that is one already, as TOML.
+pub(super) fn float(value: f64) -> String {
+    if value.is_nan() {
+        "nan".into() // Rust writes it otherwise
+    } else {
+        format!("{value:?}")
+    }
+}
+
+fn floats(values: &[f64]) -> String {
+    let values: Vec<String> = values.iter().map(|value| float(*value)).collect();
+    format!("[{}]", values.join(", "))
+}
+
+/// A TOML string: what JSON writes for one is one, but for the last of the control characters.
 pub(super) fn string(text: &str) -> String {
-    serde_json::Value::from(text).to_string()
+    let json = serde_json::Value::from(text).to_string();
+    json.replace('\u{7f}', "\\u007f")
 }

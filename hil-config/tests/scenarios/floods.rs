@@ -1,0 +1,74 @@
+//! Texts in which more is wrong than anybody reads, or which would steer the terminal that shows them.
+
+use hil_config::problem::Problems;
+
+use crate::{base_with, check};
+
+fn refused(text: &str) -> Problems {
+    check(text).expect_err("something is wrong")
+}
+
+#[test]
+fn of_very_many_problems_the_first_are_told_and_that_there_are_more() {
+    for (count, told, more) in [
+        (99, 99, false),
+        (100, 100, false),
+        (101, 100, true),
+        (50_000, 100, true),
+    ] {
+        let unknown: String = (0..count).map(|n| format!("odd{n} = 1\n")).collect();
+        let Problems(problems) = refused(&base_with(
+            "schema = 1\n",
+            &format!("schema = 1\n{unknown}"),
+        ));
+        assert_eq!(problems.len(), told, "{count}");
+        let help = problems[told - 1].help.as_deref().unwrap_or_default();
+        assert_eq!(help.contains("more problems"), more, "{count}: {help}");
+    }
+}
+
+#[test]
+fn a_problem_in_a_very_long_line_shows_the_part_around_it() {
+    let unknown: String = (0..100_000).map(|n| format!("odd{n} = 1, ")).collect();
+    let Problems(problems) = refused(&format!("schema = 1\nrun = {{ {unknown} }}\n"));
+    for problem in &problems {
+        let length = problem.excerpt.as_ref().map_or(0, |at| at.text.len());
+        assert!(length <= 400, "{length}");
+    }
+    let last = problems
+        .last()
+        .expect("a problem")
+        .excerpt
+        .as_ref()
+        .expect("a line");
+    let marked = last
+        .text
+        .chars()
+        .skip(last.column - last.text_column)
+        .take(last.width);
+    assert!(marked.collect::<String>().starts_with("odd"), "{last:?}");
+}
+
+#[test]
+fn a_name_as_long_as_a_file_is_told_by_its_begin() {
+    let name = "x".repeat(5 << 20);
+    let told = refused(&format!("schema = 1\n{name} = 1\n")).to_string();
+    assert!(told.contains("unknown key `xxx"), "{}", &told[..200]);
+    assert!(told.len() < 20_000, "{}", told.len());
+}
+
+#[test]
+fn nothing_in_a_text_steers_the_terminal() {
+    let odd = r#""\u001b[2J\u0007\r\n0""#;
+    for text in [
+        base_with("seed = 7", &format!("{odd} = 7")),
+        base_with("\"base\"", odd),
+        base_with("model = \"drhas\"", &format!("model = {odd}")),
+        base_with("target = \"load_n\"", &format!("target = {odd}")),
+    ] {
+        let told = refused(&text).to_string();
+        assert!(told.contains("\u{fffd}[2J"), "{told}");
+        let steers = |c: char| c.is_control() && c != '\n';
+        assert!(!told.contains(steers), "{told:?}");
+    }
+}

@@ -1,0 +1,170 @@
+//! Faults of a running plant: the words behind `hil inject`, and the `[[faults]]` of a request.
+//!
+//! Text with a line break or `[[` is a request, all else a command line, with `'` around a word with
+//! spaces. What `hil` makes of a command line is always TOML. A fault that is taken survives the
+//! recording, can be shown, and can be prepared in bounded memory.
+
+use std::ffi::OsString;
+
+use clap::Parser;
+use hil_config::expression::Columns;
+use hil_config::live_faults::{FaultContext, check_faults};
+use hil_config::plan::{FaultEvent, Trigger};
+use hil_config::problem::ProblemKind;
+use hil_config::show::fault_toml;
+use plant_process::faults::{FaultWorkshop, kinds};
+use shared_types::describe::PlantDescription;
+use shared_types::live::Possible;
+use shared_types::record::FaultAccepted;
+use shared_types::table::Field;
+use shared_types::time::Step;
+use tools::cli::{Command, CommandLine, inject::arrange};
+use tools::faults::LiveFault;
+use tools::inject;
+
+use super::rig::{rig, small_plan};
+
+/// Runs the target.
+pub fn run(bytes: &[u8]) {
+    let Ok(text) = std::str::from_utf8(bytes) else {
+        return;
+    };
+    if text.contains("[[") || text.contains('\n') {
+        requested(text);
+    } else if let Some(toml) = typed(text) {
+        requested(&toml);
+    }
+}
+
+/// The plant of the small scenario.
+fn plant() -> &'static PlantDescription {
+    let model = &small_plan().plant.model;
+    let mut plants = rig().plants.iter();
+    plants
+        .find(|plant| plant.name == *model)
+        .expect("it is there")
+}
+
+fn reference() -> Vec<Field> {
+    let stimuli = small_plan().stimuli.iter();
+    stimuli.flat_map(|stimulus| stimulus.fields()).collect()
+}
+
+/// The request that a command line makes; none if it is refused or asks for something else.
+fn typed(line: &str) -> Option<String> {
+    let words = line.split('\'').enumerate().flat_map(|(index, part)| {
+        if index % 2 == 1 {
+            vec![part]
+        } else {
+            part.split_whitespace().collect()
+        }
+    });
+    let words = ["hil", "inject"].into_iter().chain(words);
+    let arranged = arrange(words.map(OsString::from));
+    let Ok(CommandLine {
+        command: Command::Inject(arguments),
+    }) = CommandLine::try_parse_from(arranged)
+    else {
+        return None;
+    };
+    let possible = Possible {
+        rate: small_plan().run.rate,
+        plant: plant().clone(),
+        reference: reference(),
+        kinds: rig().kinds.clone(),
+    };
+    match inject::toml(&arguments, &possible) {
+        Ok(toml) => Some(toml),
+        Err(refusals) => {
+            assert!(!refusals.is_empty());
+            assert!(refusals.iter().all(|refusal| !refusal.message.is_empty()));
+            None
+        }
+    }
+    .inspect(|toml| {
+        if let Err(problems) = check(toml, &[]) {
+            let syntax = problems.0.iter().find(|p| p.kind == ProblemKind::Syntax);
+            assert_eq!(syntax, None, "{line} became no TOML: {toml}");
+        }
+    })
+}
+
+fn check(
+    toml: &str,
+    names: &[(String, u32)],
+) -> Result<Vec<FaultEvent>, hil_config::problem::Problems> {
+    let plan = small_plan();
+    let context = FaultContext {
+        plant: plant(),
+        kinds: &rig().kinds,
+        parameters: &plan.plant.parameters,
+        stimuli: &plan.stimuli,
+        internals: &[],
+        derived: &[],
+        rate: plan.run.rate,
+        steps: plan.run.steps,
+        names,
+        first_id: 1,
+    };
+    check_faults(toml, &context)
+}
+
+fn requested(toml: &str) {
+    let events = match check(toml, &[]) {
+        Ok(events) => events,
+        Err(problems) => return super::assert_told(&problems.to_string()),
+    };
+    assert!(!events.is_empty());
+    let plan = small_plan();
+    let workshop = FaultWorkshop::new(
+        plant(),
+        &reference(),
+        &kinds::all(),
+        &plan.plant.parameters,
+        (plan.run.rate, plan.run.seed),
+        &[],
+    );
+    let workshop = workshop.expect("the parameters are those of the plant");
+    let columns = Columns::of(plant(), &plan.stimuli, &[]);
+    for event in events {
+        let accepted = FaultAccepted {
+            id: event.id,
+            step: 0,
+            fault: serde_json::to_value(&event).expect("plain data"),
+        };
+        let kept = LiveFault::try_from(&accepted).expect("what was written can be read");
+        assert_eq!(format!("{:?}", kept.event), format!("{event:?}"));
+        // What the pieces mean together, the kind may still refuse; by name, and never by its end.
+        if let Err(invalid) = workshop.prepare(event.clone(), &columns) {
+            assert!(!invalid.0.is_empty());
+        }
+        shown(event);
+    }
+}
+
+/// What is shown of a fault that took hold is taken, and means the same.
+fn shown(event: FaultEvent) {
+    let rate = small_plan().run.rate;
+    if matches!(event.trigger, Trigger::After { .. }) {
+        return; // by the name of another, which is not shown with it
+    }
+    let step = Step(0);
+    let trigger = match event.trigger {
+        Trigger::Now => Trigger::Step {
+            step,
+            at_s: rate.seconds(step),
+        },
+        trigger => trigger,
+    };
+    let event = FaultEvent { trigger, ..event };
+    let text = fault_toml(&event, plant(), &rig().kinds, rate).expect("what was checked is known");
+    let again = check(&text, &[]).unwrap_or_else(|problems| panic!("{problems}\n{text}"));
+    let [again] = again.as_slice() else {
+        panic!("one fault became {}: {text}", again.len());
+    };
+    let again = FaultEvent {
+        id: event.id,
+        ..again.clone()
+    };
+    assert_eq!(format!("{again:?}"), format!("{event:?}"), "{text}");
+}

@@ -1,0 +1,119 @@
+//! Frames from memory that another process writes to, and items of the record stream.
+//!
+//! A frame that opens is the very one that was sealed: with any bit of it changed it is refused and
+//! nothing of it is taken. The stream's assembler counts what is lost and keeps no more than an event.
+
+use shared_types::frame::{Frame, FrameKind, Header, Seal};
+use shared_types::stream::{Assembler, Item};
+use shared_types::table::canonical;
+use shared_types::zerocopy::FromBytes;
+
+/// Values that a frame has room for.
+const ROOM: usize = 16;
+/// Bytes of a frame.
+const BYTES: usize = size_of::<Frame<ROOM>>();
+/// Words in front of an item: number, kind and length in bytes.
+const HEAD_WORDS: usize = 3;
+
+/// Runs the target.
+pub fn run(bytes: &[u8]) {
+    let mut raw = [0; BYTES];
+    let taken = bytes.len().min(BYTES);
+    raw[..taken].copy_from_slice(&bytes[..taken]);
+    let frame = Frame::<ROOM>::read_from_bytes(&raw).expect("as many bytes as a frame has");
+    let header = Header::read_from_prefix(&raw).expect("more than enough").0;
+    let words: Vec<u64> = (bytes.chunks(8))
+        .map(|chunk| {
+            chunk
+                .iter()
+                .rev()
+                .fold(0, |word, byte| word << 8 | u64::from(*byte))
+        })
+        .collect();
+    foreign(&frame, &header);
+    let values: Vec<f64> = (words.iter().skip(size_of::<Header>() / 8).take(ROOM))
+        .map(|word| f64::from_bits(*word))
+        .collect();
+    sealed(&header, &values, words.last().copied().unwrap_or(0));
+    assembled(&words);
+}
+
+/// What lies in shared memory is taken only if every part of it fits.
+fn foreign(frame: &Frame<ROOM>, header: &Header) {
+    let seal = Seal {
+        session: header.session,
+        layout: header.layout,
+        epoch: header.epoch,
+    };
+    for count in [0, 1, usize::from(header.count).min(2 * ROOM), ROOM] {
+        let mut values = vec![7.5; count];
+        match frame.open(seal, &mut values) {
+            Ok(opened) => {
+                assert_eq!(opened, *header);
+                assert!(usize::from(opened.count) <= ROOM && opened.kind().is_some());
+            }
+            Err(_) => assert!(values.iter().all(|value| *value == 7.5)),
+        }
+    }
+    let mut twice = *frame;
+    twice.flip(header.sequence);
+    assert!(twice.bits() <= 8 * BYTES as u64);
+}
+
+/// What was sealed opens to the same, and not with another bit.
+fn sealed(header: &Header, values: &[f64], salt: u64) {
+    let seal = Seal {
+        session: header.session,
+        layout: header.layout,
+        epoch: header.epoch,
+    };
+    let kind = header.kind().unwrap_or(FrameKind::Sample);
+    let carries = matches!(kind, FrameKind::Sample | FrameKind::Command);
+    let values = if carries { values } else { &[] };
+    let header = Header {
+        kind: kind as u16,
+        ..*header
+    };
+    let frame = Frame::<ROOM>::sealed(&header, values, seal);
+    let mut out = vec![7.5; values.len()];
+    let opened = frame.open(seal, &mut out).expect("its own seal");
+    let given: Vec<u64> = values.iter().map(|v| canonical(*v).to_bits()).collect();
+    let got: Vec<u64> = out.iter().map(|v| v.to_bits()).collect();
+    assert_eq!(got, given);
+    assert_eq!((opened.step, opened.kind()), (header.step, Some(kind)));
+    for turn in 0..8 {
+        let bit = salt.rotate_left(8 * turn) % frame.bits();
+        let mut broken = frame;
+        broken.flip(bit);
+        let mut out = vec![7.5; values.len()];
+        assert!(broken.open(seal, &mut out).is_err(), "bit {bit}");
+        assert!(out.iter().all(|value| *value == 7.5), "bit {bit}");
+    }
+    let other = Seal {
+        epoch: seal.epoch ^ 1,
+        ..seal
+    };
+    assert!(frame.open(other, &mut out).is_err());
+}
+
+/// Items with any number, kind and length.
+fn assembled(words: &[u64]) {
+    let mut assembler = Assembler::default();
+    let mut rest = words;
+    while let Some((head, after)) = rest.split_at_checked(HEAD_WORDS) {
+        let length = (head[2] as usize / 8).min(after.len()).min(32);
+        let (item, after) = after.split_at(length);
+        // Most numbers and kinds would be no item at all.
+        let (sequence, kind) = match head[1] % 8 {
+            0 => (head[0], head[1]),
+            small => (head[0] % 64, small % 4),
+        };
+        assembler.take((sequence, kind, head[2]), item, &mut |item| match item {
+            Item::Record(record) => assert_eq!(record.len(), length),
+            Item::Lost(count) => assert!(count > 0),
+            Item::Broken(what) => assert!(!what.is_empty()),
+            Item::Event(_) => {}
+        });
+        rest = after;
+    }
+}

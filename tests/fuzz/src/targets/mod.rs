@@ -1,0 +1,63 @@
+//! What must hold of any bytes, one function for each way into the programs.
+//!
+//! Called by libFuzzer with inputs that it makes up, and by the workspace's tests with the committed
+//! corpus and with changed pieces of it. A function panics if something does not hold and returns
+//! otherwise; whether the input was taken or refused is all the same. Starts no process and needs no
+//! network.
+
+pub mod expression;
+pub mod fault;
+pub mod frame;
+pub mod hello;
+mod numbers;
+pub mod recording;
+pub mod rig;
+pub mod scenario;
+pub mod session;
+
+/// A way in.
+pub struct Target {
+    /// Its name, which is that of its corpus.
+    pub name: &'static str,
+    /// What must hold of any bytes.
+    pub run: fn(&[u8]),
+}
+
+/// Every way in.
+pub const ALL: [Target; 7] = [
+    Target {
+        name: "scenario",
+        run: scenario::run,
+    },
+    Target {
+        name: "expression",
+        run: expression::run,
+    },
+    Target {
+        name: "fault",
+        run: fault::run,
+    },
+    Target {
+        name: "recording",
+        run: recording::run,
+    },
+    Target {
+        name: "frame",
+        run: frame::run,
+    },
+    Target {
+        name: "hello",
+        run: hello::run,
+    },
+    Target {
+        name: "session",
+        run: session::run,
+    },
+];
+
+/// What is told of bad input names something, and holds nothing that steers a terminal.
+fn assert_told(told: &str) {
+    assert!(!told.trim().is_empty(), "nothing is told");
+    let steers = |c: char| c.is_control() && !matches!(c, '\n' | '\t');
+    assert!(!told.contains(steers), "a control character in {told:?}");
+}

@@ -1,0 +1,91 @@
+//! A recording: any bytes as the `run.mcap` of a run, through every command that reads one.
+//!
+//! What cannot be read is refused by the file's name. A run that can be read is the same as itself.
+
+use std::cell::RefCell;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use tempfile::TempDir;
+use tools::cli::export::{ExportArguments, ExportFormat};
+use tools::compare::tolerance::Tolerances;
+use tools::compare::{Verdict, compare};
+use tools::export;
+use tools::interruption::Interruption;
+use tools::judge::judged;
+use tools::latency::recorded;
+use tools::repetition::RecordedRun;
+use tools::run_reader::{RECORDING, RunReader};
+
+use super::assert_told;
+
+thread_local! {
+    /// The folder of the run.
+    static FOLDER: RefCell<TempDir> = RefCell::new(tempfile::tempdir().expect("a temporary folder"));
+}
+
+/// Runs the target.
+pub fn run(bytes: &[u8]) {
+    FOLDER.with_borrow(|folder| {
+        let path = folder.path().join(RECORDING);
+        fs::write(&path, bytes).expect("written");
+        if read(&path).is_some() {
+            commands(&path, folder.path());
+        }
+    });
+}
+
+/// Reads to the end; how many records there are, if it is a recording.
+fn read(path: &Path) -> Option<u64> {
+    let told = |error: &dyn std::fmt::Display| {
+        let told = error.to_string();
+        assert!(told.contains(RECORDING), "{told}");
+        assert_told(&told);
+    };
+    let mut reader = RunReader::open(path).map_err(|error| told(&error)).ok()?;
+    let width = reader.columns().len();
+    assert!(reader.hashed_words() <= width);
+    loop {
+        match reader.advance() {
+            Ok(true) => assert_eq!(reader.words().len(), width),
+            Ok(false) => break,
+            Err(error) => {
+                told(&error);
+                break;
+            }
+        }
+    }
+    let _ = (reader.rate(), reader.is_whole(), reader.digest());
+    Some(reader.records())
+}
+
+/// What the commands do with a file that has the begin of a recording.
+fn commands(path: &Path, folder: &Path) {
+    if let Ok(comparison) = compare(path, path, &[], &Tolerances::default()) {
+        assert_eq!(comparison.verdict(), Verdict::Same, "{}", comparison.told());
+    }
+    let _ = judged(path, None);
+    let _ = recorded::case(path, 0);
+    if let Ok(recorded) = RecordedRun::read(path) {
+        let _ = recorded.scenario();
+    }
+    for format in [ExportFormat::Csv, ExportFormat::Parquet] {
+        let output: PathBuf = folder.join(format!("run.{}", format.name()));
+        let arguments = ExportArguments {
+            run: path.to_owned(),
+            output: Some(output.clone()),
+            format: Some(format),
+            signal: Vec::new(),
+            from: None,
+            until: None,
+            every: 1,
+            validity: true,
+            force: true,
+            list: false,
+            json: true,
+        };
+        if export::table(&arguments, Interruption::default()).is_ok() {
+            assert!(output.is_file());
+        }
+    }
+}

@@ -1,0 +1,255 @@
+//! Writes the seeds of the corpus that no person can write: recordings, frames, messages and job
+//! files, each of a run of a few steps.
+//!
+//! States of checkpoints are those of a real run, `hil run tests/fuzz/corpus/scenario/small.toml
+//! --checkpoint-at 0.003`, with the name of the file in a line before them.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use shared_types::describe::{Description, PROTOCOL};
+use shared_types::frame::{Frame, FrameKind, Header, Seal};
+use shared_types::hello::{Control, Hello, Offer, agree};
+use shared_types::pacer::Streaks;
+use shared_types::record::{Event, FaultTaken, Outcome, RecordLayout, RunEnd, Timing};
+use shared_types::table::Field;
+use shared_types::time::{Rate, Step};
+use shared_types::zerocopy::IntoBytes;
+use tools::cli::run::Compression;
+use tools::recording::{Enclosure, Provenance, Recording};
+
+use super::targets::{rig, session};
+use crate::programs::workspace;
+
+const SEAL: Seal = Seal {
+    session: 7,
+    layout: 8,
+    epoch: 1,
+};
+
+#[test]
+#[ignore = "writes files of the repository; run it when a format has changed"]
+fn seeds_are_written() {
+    let corpus = workspace().join("tests/fuzz/corpus");
+    recordings(&corpus.join("recording"));
+    frames(&corpus.join("frame"));
+    messages(&corpus.join("hello"));
+    files(&corpus.join("session"));
+}
+
+fn write(path: &Path, bytes: &[u8]) {
+    fs::write(path, bytes).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+}
+
+/// The plant and the law of the small scenario, with no others beside them.
+fn described() -> (Description, Description) {
+    let (all, plan) = (rig::rig(), rig::small_plan());
+    let mut plant = Description::new("plant-process", "0.1.0");
+    let mut controller = Description::new("controller-process", "0.1.0");
+    plant.plants = all.plants.clone();
+    plant.plants.retain(|one| one.name == plan.plant.model);
+    plant.faults = all.kinds.clone();
+    plant
+        .faults
+        .retain(|kind| ["bias", "late"].contains(&kind.kind.as_str()));
+    controller.laws = all.laws.clone();
+    controller
+        .laws
+        .retain(|law| law.name == plan.controller.law && law.plants.contains(&plan.plant.model));
+    (plant, controller)
+}
+
+fn reference() -> Vec<Field> {
+    let stimuli = rig::small_plan().stimuli.iter();
+    stimuli.flat_map(|stimulus| stimulus.fields()).collect()
+}
+
+fn layout() -> RecordLayout {
+    let (plant, controller) = described();
+    let (plant, law) = (&plant.plants[0], &controller.laws[0]);
+    let faultable = plant.parameters.iter().filter(|field| field.faultable);
+    RecordLayout {
+        truth: plant.truth.clone(),
+        measured: plant.measured.clone(),
+        reference: reference(),
+        command: plant.commands.clone(),
+        internal: law.internals.clone(),
+        command_signals: plant.commands.len() + law.internals.len(),
+        parameter: faultable.cloned().collect(),
+    }
+}
+
+fn recordings(folder: &Path) {
+    let layout = layout();
+    let (plant, controller) = described();
+    let json = |description: &Description| serde_json::to_string(description).expect("plain data");
+    let enclosure = |name, text| Enclosure {
+        name,
+        media_type: "text/plain",
+        text,
+    };
+    let provenance = Provenance {
+        facts: BTreeMap::from([
+            ("rate_hz".into(), "1000".into()),
+            ("steps".into(), "10".into()),
+        ]),
+        enclosures: vec![
+            enclosure(
+                "scenario.toml",
+                include_str!("../../fuzz/corpus/scenario/small.toml").into(),
+            ),
+            enclosure("plant-description.json", json(&plant)),
+            enclosure("controller-description.json", json(&controller)),
+        ],
+    };
+    let end = Event::End(RunEnd {
+        steps: 10,
+        outcome: Outcome::Completed,
+        reason: None,
+        rejected_frames: 0,
+        effects: vec![],
+        overruns: Streaks::default(),
+        missed_commands: Streaks::default(),
+    });
+    let taken = Event::Fault(FaultTaken {
+        id: 1,
+        effect: 0,
+        step: 4,
+        kind: "bias".into(),
+        target: "measured.position_m".into(),
+        parameter: "measured.position_m".into(),
+        canonical: "bias=3f50624dd2f1a9fc step".into(),
+        wall_only: false,
+    });
+    for (name, compression) in [
+        ("plain.mcap", Compression::None),
+        ("lz4.mcap", Compression::Lz4),
+        ("zstd.mcap", Compression::Zstd),
+    ] {
+        let path = folder.join(name);
+        let recording = Recording::create(&path, compression, &layout, &provenance, None);
+        let mut recording = recording.expect("created");
+        for step in 0..=10 {
+            if step == 4 {
+                recording.event(&taken, None, 0).expect("written");
+            }
+            let mut words = vec![0; layout.words()];
+            words[0] = step;
+            let values = layout.values_start()..layout.values_start() + layout.values();
+            for (place, word) in words[values].iter_mut().enumerate() {
+                *word = (0.001 * (step as f64 + place as f64)).to_bits();
+            }
+            let timing = layout.words() - Timing::WORDS;
+            (words[timing], words[timing + 1], words[timing + 5]) = (step * 1_000_000, 1, 20_000);
+            recording
+                .record(&words, &layout.view(&words))
+                .expect("written");
+        }
+        recording.event(&end, None, 0).expect("written");
+        let result = BTreeMap::from([("outcome".into(), "completed".into())]);
+        recording.finish(result).expect("finished");
+    }
+}
+
+fn frames(folder: &Path) {
+    let values = [1.0, -2.0, f64::NAN, f64::INFINITY];
+    for (name, kind, count) in [
+        ("sample", FrameKind::Sample, 4),
+        ("command", FrameKind::Command, 1),
+        ("end", FrameKind::End, 0),
+        ("abort", FrameKind::Abort, 0),
+    ] {
+        let header = Header {
+            sequence: 3,
+            directive: 5,
+            ..Header::new(kind, Step(2))
+        };
+        let mut out = vec![0.0; count];
+        let frame = Frame::<16>::sealed(&header, &values[..count], SEAL);
+        let header = frame.open(SEAL, &mut out).expect("its own seal");
+        write(
+            &folder.join(name),
+            &[header.as_bytes(), out.as_bytes()].concat(),
+        );
+    }
+    let event = br#"{"event":"fault-ended","id":1,"effect":0,"step":9,"cleared":true}"#;
+    let mut words = vec![1_u64, 2, 64];
+    let item = |from: usize| {
+        let mut word = [0; 8];
+        let part = &event[from..event.len().min(from + 8)];
+        word[..part.len()].copy_from_slice(part);
+        u64::from_le_bytes(word)
+    };
+    words.extend((0..8).map(|word| item(8 * word)));
+    words.extend([2, 3, 1, item(64), 9, 1, 16, 1, 2, 3]);
+    write(&folder.join("items"), words.as_bytes());
+}
+
+fn messages(folder: &Path) {
+    let (plant, controller) = described();
+    let (plant, law, reference) = (&plant.plants[0], &controller.laws[0], reference());
+    let hello = Hello {
+        protocol: PROTOCOL,
+        session: 7,
+        law: law.name.clone(),
+        measured: law.measured.clone(),
+        reference: law.reference.clone(),
+        commands: law.commands.clone(),
+        internals: law.internals.clone(),
+    };
+    let offer = Offer {
+        session: 7,
+        epoch: 1,
+        rate: Rate::new(1000.0).expect("a legal rate"),
+        steps: 10,
+        first: Step(0),
+        against_clock: false,
+        measured: &plant.measured,
+        reference: &reference,
+        commands: &plant.commands,
+    };
+    let welcome = agree(&hello, &offer).expect("they fit");
+    for (name, control) in [
+        ("hello", Control::Hello(hello)),
+        ("welcome", Control::Welcome(Box::new(welcome))),
+        (
+            "refusal",
+            Control::Refusal {
+                reason: "no".into(),
+            },
+        ),
+        ("ready", Control::Ready { epoch: 1 }),
+    ] {
+        write(&folder.join(name), &control.to_bytes());
+    }
+}
+
+fn files(folder: &Path) {
+    let file = |name: &str, line: &str, json: serde_json::Value| {
+        write(&folder.join(name), format!("{line}\n{json}").as_bytes());
+    };
+    let plain = "plain data";
+    file(
+        "plant-job",
+        "plant.json",
+        serde_json::to_value(session::plant_job()).expect(plain),
+    );
+    let job = session::controller_job();
+    file(
+        "controller-job",
+        "controller.json",
+        serde_json::to_value(job).expect(plain),
+    );
+    file(
+        "layout",
+        "layout.json",
+        serde_json::to_value(layout()).expect(plain),
+    );
+    let (_, controller) = described();
+    file(
+        "description",
+        "description.json",
+        serde_json::to_value(controller).expect(plain),
+    );
+}
