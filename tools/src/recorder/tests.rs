@@ -14,7 +14,7 @@ const SCENARIO: &str = r#"
 schema = 1
 name = "demo"
 [run]
-duration_s = 0.1
+duration_s = 1.0
 rate_hz = 1000
 [plant]
 model = "rig"
