@@ -4,7 +4,6 @@
 //! scenario is checked, prepares faults with all the space they need, and puts orders on the
 //! [`desk`](crate::desk). It never touches the loop's state and the loop never waits for it.
 
-use std::os::unix::net::UnixListener;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::{Duration, Instant};
@@ -12,7 +11,7 @@ use std::time::{Duration, Instant};
 use hil_config::live_faults::{FaultContext, check_faults};
 use hil_config::plan::{FaultEvent, Stimulus};
 use shared_types::describe::{FaultKindDescription, PlantDescription, Settings};
-use shared_types::live::{Injected, Possible, Refusal, Request, Response, SOCKET};
+use shared_types::live::{self, Injected, Listening, Possible, Refusal, Request, Response, SOCKET};
 use shared_types::record::RecordLayout;
 use shared_types::session::SessionInfo;
 use shared_types::time::{Rate, Step};
@@ -77,7 +76,7 @@ impl LiveContext {
     }
 }
 
-/// Listens on the session's socket from now on.
+/// Listens on the session's socket until what it gives is dropped.
 ///
 /// # Errors
 /// If the socket cannot be made.
@@ -86,25 +85,19 @@ pub fn serve(
     context: LiveContext,
     desk: Arc<Desk>,
     workshop: Arc<FaultWorkshop>,
-) -> Result<(), String> {
-    let path = session.folder.join(SOCKET);
-    let listener = UnixListener::bind(&path)
-        .map_err(|error| format!("cannot listen on {}: {error}", path.display()))?;
+) -> Result<Listening, String> {
     let mut service = Service {
         context,
         desk,
         workshop,
     };
-    std::thread::spawn(move || {
-        for client in listener.incoming().flatten() {
-            // A client that went away needs no answer.
-            let _ = shared_types::live::answer(&client, |request| match request {
-                Ok(request) => service.respond(request),
-                Err(refusal) => refused(refusal),
-            });
-        }
-    });
-    Ok(())
+    live::listen(session, SOCKET, move |client| {
+        // A client that went away needs no answer.
+        let _ = live::answer(client, |request| match request {
+            Ok(request) => service.respond(request),
+            Err(refusal) => refused(refusal),
+        });
+    })
 }
 
 struct Service {

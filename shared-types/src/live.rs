@@ -4,7 +4,10 @@
 //! asks. One line of JSON each way. The loop sees of it one atomic.
 
 use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
-use std::os::unix::net::UnixStream;
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use serde::de::DeserializeOwned;
@@ -246,6 +249,46 @@ pub fn ask_at<Q: Serialize, A: DeserializeOwned>(
         });
     }
     serde_json::from_str(&answer).map_err(|e| broken(e.into()))
+}
+
+/// A socket of a session that is listened on until this is dropped.
+#[derive(Debug)]
+pub struct Listening {
+    path: PathBuf,
+    over: Arc<AtomicBool>,
+}
+
+/// Listens on a socket of a session, on a thread of its own that serves one client after another.
+///
+/// # Errors
+/// If the socket cannot be made.
+pub fn listen(
+    session: &SessionInfo,
+    socket: &str,
+    mut serve: impl FnMut(&UnixStream) + Send + 'static,
+) -> Result<Listening, String> {
+    let path = session.folder.join(socket);
+    let listener = UnixListener::bind(&path)
+        .map_err(|error| format!("cannot listen on {}: {error}", path.display()))?;
+    let over = Arc::new(AtomicBool::new(false));
+    let is_over = Arc::clone(&over);
+    std::thread::spawn(move || {
+        for client in listener.incoming().flatten() {
+            if is_over.load(Ordering::Acquire) {
+                return;
+            }
+            serve(&client);
+        }
+    });
+    Ok(Listening { path, over })
+}
+
+impl Drop for Listening {
+    fn drop(&mut self) {
+        self.over.store(true, Ordering::Release);
+        // Wakes the thread; nobody there is as good.
+        let _ = UnixStream::connect(&self.path);
+    }
 }
 
 /// Answers one client of a socket: one line of JSON each way. What is asked may be no request.

@@ -78,6 +78,12 @@ law!(Sleeps, "sleeps", Position, || loop {
 });
 law!(Babbles, "babbles", Position, || f64::NAN);
 law!(Pushes, "pushes", Position, || 1e12);
+law!(Hoards, "hoards", Position, || {
+    let mut hoard = Vec::new();
+    loop {
+        hoard.push(std::hint::black_box(vec![1_u8; 1 << 24]));
+    }
+});
 law!(Moons, "moons", Missing, || 0.0);
 
 fn main() -> ExitCode {
@@ -87,6 +93,7 @@ fn main() -> ExitCode {
         LawKind::of::<Sleeps>(),
         LawKind::of::<Babbles>(),
         LawKind::of::<Pushes>(),
+        LawKind::of::<Hoards>(),
         LawKind::of::<Moons>(),
     ];
     controller_process::program::run("misbehaving-controller", "0.1.0", laws)

@@ -4,7 +4,7 @@
 use serde_json::Value;
 
 use crate::harness::{Rig, Run};
-use crate::programs::controller_of_tests;
+use crate::programs::program_of_tests;
 
 /// A quarter of a second of the teaching plant at 1 kHz under a law of the test's controller.
 fn audited(rig: &Rig, law: &str, arguments: &str) -> Run {
@@ -13,7 +13,7 @@ fn audited(rig: &Rig, law: &str, arguments: &str) -> Run {
          [plant]\nmodel = \"spring-mass\"\n[controller]\nlaw = \"{law}\"\n"
     );
     let scenario = rig.write("audited.toml", &text);
-    let controller = controller_of_tests("clock-reading-controller");
+    let controller = program_of_tests("clock-reading-controller");
     rig.run(&format!(
         "{} --audit --controller-bin {} {arguments}",
         scenario.display(),

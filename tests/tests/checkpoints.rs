@@ -10,7 +10,7 @@ use shared_types::random::RandomStream;
 use crate::every_fault::{LAWS, faults, with_fault};
 use crate::harness::{Rig, Run, until};
 use crate::mcap_reader::Recording;
-use crate::programs::{controller_of_tests, example, workspace};
+use crate::programs::{example, program_of_tests, workspace};
 
 /// Two seconds under FTSC; both actuators begin to leak at 1 s.
 const SCENARIO: &str = "tests/scenarios/leakage.toml";
@@ -638,7 +638,7 @@ fn a_reference_signal_may_change_from_the_checkpoint_on() {
 #[test]
 fn what_cannot_be_asked_for_is_refused_before_anything_starts() {
     let rig = Rig::new();
-    let foreign = controller_of_tests("clock-reading-controller");
+    let foreign = program_of_tests("clock-reading-controller");
     let honest = format!("{MOVING}[controller]\nlaw = \"honest\"\n");
     let honest = rig.write("honest.toml", &honest);
     let (foreign, honest) = (foreign.display(), honest.display());

@@ -1,11 +1,13 @@
 //! What goes wrong while a run is under way: who, what and which step are named, the exit code tells
 //! the sort, the recording up to there can be read, and nothing is left.
 
+use std::path::{Path, PathBuf};
+
 use rustix::process::Signal;
 
 use crate::harness::{Rig, Run, send, until};
 use crate::mcap_reader::{Record, Recording};
-use crate::programs::{misbehaving_controller, program};
+use crate::programs::{misbehaving_controller, misbehaving_plant, program};
 
 /// Twenty seconds of the hydraulic system: long enough to be interrupted. Killing and stopping need
 /// the run to be there, not to be short.
@@ -105,13 +107,16 @@ fn a_stopped_controller_is_named_with_the_step_it_did_not_answer() {
 
 /// A law of the misbehaving controller on the teaching plant; each does its deed at step 100.
 fn misbehaves(rig: &Rig, law: &str) -> Run {
+    misbehaves_as(rig, law, &misbehaving_controller())
+}
+
+fn misbehaves_as(rig: &Rig, law: &str, controller: &Path) -> Run {
     let shipped = "schema = 1\nname = \"misbehaviour\"\n\
         [run]\nduration_s = 1.0\nrate_hz = 1000\n\
         [plant]\nmodel = \"spring-mass\"\n\
         [controller]\nlaw = \"LAW\"\n";
     let scenario = rig.write("scenario.toml", &shipped.replace("LAW", law));
-    let (scenario, controller) = (scenario.display(), misbehaving_controller());
-    let controller = controller.display();
+    let (scenario, controller) = (scenario.display(), controller.display());
     rig.run(&format!(
         "{scenario} --controller-bin {controller} --wait-limit 0.5"
     ))
@@ -141,6 +146,49 @@ fn a_controller_that_never_answers_again_is_named_with_the_step() {
     let run = misbehaves(&rig, "sleeps");
     let fragments = ["controller did not answer step 100", "stuck"];
     assert_eq!(Aborted::of(run, 3, &fragments).records.len(), 100);
+}
+
+/// A plant of the misbehaving plants; each does its deed at the end of its hundredth step.
+fn plant_misbehaves(rig: &Rig, model: &str) -> Run {
+    let text = format!(
+        "schema = 1\nname = \"misbehaviour\"\n[run]\nduration_s = 1.0\nrate_hz = 1000\n\
+         [plant]\nmodel = \"{model}\"\n[controller]\nlaw = \"hold\"\n"
+    );
+    let scenario = rig.write("scenario.toml", &text);
+    let plant = poor(rig, &misbehaving_plant());
+    let (scenario, plant) = (scenario.display(), plant.display());
+    rig.run(&format!("{scenario} --plant-bin {plant} --wait-limit 0.5"))
+}
+
+/// The same program with little memory.
+fn poor(rig: &Rig, program: &Path) -> PathBuf {
+    let program = program.display();
+    let script = format!("#!/bin/sh\nulimit -v 2000000\nexec {program} \"$@\"\n");
+    rig.script("poor", &script)
+}
+
+#[test]
+fn a_plant_that_ends_by_itself_is_named_and_what_it_published_is_kept() {
+    for (model, reason) in [
+        ("leaves", "plant ended before the run was over"),
+        ("panics", "plant panicked"),
+        ("sleeps", "plant was stuck"),
+        ("hoards", "plant was killed by SIGABRT"),
+    ] {
+        let rig = Rig::new();
+        let aborted = Aborted::of(plant_misbehaves(&rig, model), 3, &[reason]);
+        // The record of the hundredth step comes with the next one, which never comes.
+        assert_eq!(aborted.records.len(), 99, "{model}");
+    }
+}
+
+#[test]
+fn a_controller_without_memory_is_named_with_the_step() {
+    let rig = Rig::new();
+    let controller = poor(&rig, &misbehaving_controller());
+    let run = misbehaves_as(&rig, "hoards", &controller);
+    let aborted = Aborted::of(run, 3, &["step 100", "controller was killed by SIGABRT"]);
+    assert_eq!(aborted.records.len(), 100);
 }
 
 #[test]

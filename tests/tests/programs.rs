@@ -78,11 +78,16 @@ pub(crate) fn program(name: &str) -> PathBuf {
 
 /// The controller that does everything wrong, from `tests/examples`.
 pub(crate) fn misbehaving_controller() -> PathBuf {
-    controller_of_tests("misbehaving-controller")
+    program_of_tests("misbehaving-controller")
 }
 
-/// A controller from `tests/examples`.
-pub(crate) fn controller_of_tests(name: &str) -> PathBuf {
+/// The plant that does everything wrong.
+pub(crate) fn misbehaving_plant() -> PathBuf {
+    program_of_tests("misbehaving-plant")
+}
+
+/// A plant or controller from `tests/examples`.
+pub(crate) fn program_of_tests(name: &str) -> PathBuf {
     static BUILT: OnceLock<()> = OnceLock::new();
     let profile = Profile::own();
     BUILT.get_or_init(|| finish(profile.build().args(["-p", "tests", "--examples"])));

@@ -16,7 +16,7 @@ use tools::run_reader::RunReader;
 
 use crate::every_fault;
 use crate::harness::{Rig, Run, until};
-use crate::programs::{controller_of_tests, example, misbehaving_controller, workspace};
+use crate::programs::{example, misbehaving_controller, program_of_tests, workspace};
 
 /// Two seconds of the hydraulic system; the runs here are shorter.
 const LEAKAGE: &str = "tests/scenarios/leakage.toml";
@@ -24,7 +24,7 @@ const SPRING_MASS: &str =
     "scenarios/spring-mass.toml --set run.duration_s=0.8 --set metrics=[] --set requirements=[]";
 
 fn rebuilt() -> PathBuf {
-    controller_of_tests("rebuilt-controller")
+    program_of_tests("rebuilt-controller")
 }
 
 fn text(path: &Path) -> &str {

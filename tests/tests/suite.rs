@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use crate::harness::Rig;
-use crate::programs::controller_of_tests;
+use crate::programs::program_of_tests;
 
 /// A quarter of a second of the teaching plant at 1 kHz, or one that leaves its limits.
 fn scenario(name: &str, law: &str, limit_m: f64) -> String {
@@ -67,7 +67,7 @@ fn several_runs_have_one_table_and_the_exit_code_of_the_worst() {
 fn a_repetition_with_another_digest_fails_and_says_where_it_differs() {
     let rig = Rig::new();
     let scenario = rig.write("clock.toml", &scenario("clock", "reads-clock", 1.0));
-    let controller = controller_of_tests("clock-reading-controller");
+    let controller = program_of_tests("clock-reading-controller");
     let run = rig.run(&format!(
         "{} --repeat 2 --controller-bin {}",
         scenario.display(),

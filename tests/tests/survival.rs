@@ -11,7 +11,11 @@ const SCENARIO: &str = "tests/scenarios/leakage.toml";
 #[test]
 fn every_kind_that_the_plant_offers_is_tried() {
     let rig = Rig::new();
-    let listed = rig.hil(&["inject", "--list", "--json"]).expect(0).stdout;
+    // Without a session: another test's may be the only one, and end meanwhile.
+    let plant = crate::programs::program("plant-process");
+    let plant = plant.to_str().expect("plain text");
+    let listed = rig.hil(&["inject", "--list", "--json", "--plant-bin", plant]);
+    let listed = listed.expect(0).stdout;
     let mut tried: Vec<String> = faults().into_iter().map(|fault| fault.kind).collect();
     let plant = plant_process::models::all()
         .into_iter()

@@ -4,7 +4,6 @@
 //! starts processes. It checks the new controller against the scenario as at the start, starts it, and
 //! answers once the plant has taken it, or has not.
 
-use std::os::unix::net::UnixListener;
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
@@ -13,7 +12,7 @@ use controller_process::job::Job;
 use hil_config::plan::{ControllerPlan, Plan};
 use hil_config::scenario::Scenario;
 use serde::{Deserialize, Serialize};
-use shared_types::live::{self, LiveError, Refusal};
+use shared_types::live::{self, Listening, LiveError, Refusal};
 use shared_types::session::SessionInfo;
 
 use crate::binaries::{Binaries, Binary};
@@ -142,32 +141,35 @@ pub(crate) struct Ground {
     pub(crate) wait_limit_s: f64,
 }
 
+/// Controllers that are wanted, as long as it is kept.
+pub(crate) struct Door {
+    pub(crate) wanted: Receiver<Wanted>,
+    _listening: Listening,
+}
+
 /// Listens from now on; what passed every check comes out.
 ///
 /// # Errors
 /// If the socket cannot be made.
-pub(crate) fn listen(session: &SessionInfo, ground: Ground) -> Result<Receiver<Wanted>, Failure> {
-    let path = session.folder.join(SOCKET);
-    let listener = UnixListener::bind(&path).map_err(|error| {
-        Failure::infrastructure(format!("cannot listen on {}: {error}", path.display()))
-    })?;
-    let (wanted, receiver) = channel();
-    let session = session.clone();
-    std::thread::spawn(move || {
-        for client in listener.incoming().flatten() {
-            // A client that went away needs no answer.
-            let _ = live::answer(&client, |request: Result<Request, Refusal>| {
-                let swapped = request
-                    .map_err(|refusal| refusal.message)
-                    .and_then(|request| ground.swap(&session, &request, &wanted));
-                match swapped {
-                    Ok(swapped) => Response::Swapped(swapped),
-                    Err(reason) => Response::Refused { reason },
-                }
-            });
-        }
+pub(crate) fn listen(session: &SessionInfo, ground: Ground) -> Result<Door, Failure> {
+    let (sender, wanted) = channel();
+    let theirs = session.clone();
+    let listening = live::listen(session, SOCKET, move |client| {
+        // A client that went away needs no answer.
+        let _ = live::answer(client, |request: Result<Request, Refusal>| {
+            let swapped = request
+                .map_err(|refusal| refusal.message)
+                .and_then(|request| ground.swap(&theirs, &request, &sender));
+            match swapped {
+                Ok(swapped) => Response::Swapped(swapped),
+                Err(reason) => Response::Refused { reason },
+            }
+        });
     });
-    Ok(receiver)
+    Ok(Door {
+        wanted,
+        _listening: listening.map_err(Failure::infrastructure)?,
+    })
 }
 
 impl Ground {

@@ -201,7 +201,7 @@ pub(super) fn run(
         prepared.plan.run.on_controller_loss,
         (binaries.controller.clone(), prepared.controller.clone()),
     )?;
-    let wanted = swap::listen(
+    let door = swap::listen(
         &info,
         Ground {
             plan: prepared.plan.clone(),
@@ -220,7 +220,7 @@ pub(super) fn run(
         plant: &mut plant,
         controllers: &mut controllers,
         recorder: &recorder,
-        wanted,
+        wanted: &door.wanted,
         progress: &mut progress,
         realtime,
         ending_since: None,
@@ -283,7 +283,7 @@ struct Watch<'a> {
     controllers: &'a mut Controllers,
     recorder: &'a Recorder,
     /// Controllers that somebody wants to take over.
-    wanted: Receiver<Wanted>,
+    wanted: &'a Receiver<Wanted>,
     progress: &'a mut Progress,
     realtime: &'a mut Watched,
     /// Since when the run is to end.

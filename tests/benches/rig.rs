@@ -1,0 +1,109 @@
+//! A run of `hil` in the background, and what may be left of one.
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use shared_types::process::ProcessId;
+use shared_types::session::SessionInfo;
+
+/// How long anything may take before it counts as hanging.
+const WATCHDOG: Duration = Duration::from_secs(30);
+
+/// A scenario that is small and as long as it is wanted to be.
+pub(crate) fn scenario(folder: &Path, rate_hz: u32, duration_s: f64) -> PathBuf {
+    let path = folder.join(format!("small-{rate_hz}-{duration_s}.toml"));
+    let text = format!(
+        "schema = 1\nname = \"small\"\n[run]\nduration_s = {duration_s:?}\nrate_hz = {rate_hz}\n\
+         [plant]\nmodel = \"spring-mass\"\n[controller]\nlaw = \"pid\"\n\
+         [[stimuli]]\ntarget = \"position_m\"\nkind = \"sine\"\namplitude = 0.01\nfrequency_hz = 0.5\n"
+    );
+    std::fs::write(&path, text).expect("the folder can be written");
+    path
+}
+
+/// Waits for something; false if it does not come.
+pub(crate) fn comes(mut has_come: impl FnMut() -> bool) -> bool {
+    let since = Instant::now();
+    while !has_come() {
+        if since.elapsed() > WATCHDOG {
+            return false;
+        }
+        std::thread::sleep(Duration::from_micros(200));
+    }
+    true
+}
+
+/// Where a session of this user has its folder.
+pub(crate) fn session_folder(name: &str) -> PathBuf {
+    let uid = rustix::process::geteuid().as_raw();
+    PathBuf::from(format!("/dev/shm/hil-{uid}")).join(name)
+}
+
+/// A `hil run` at work.
+pub(crate) struct Running {
+    pub(crate) hil: Child,
+    pub(crate) session: String,
+    pub(crate) folder: PathBuf,
+}
+
+impl Running {
+    /// Starts one in a session and a folder of its own.
+    pub(crate) fn start(hil: &Path, folder: PathBuf, session: String, arguments: &[&str]) -> Self {
+        let hil = Command::new(hil)
+            .arg("run")
+            .args(arguments)
+            .args(["--session", &session, "--out"])
+            .arg(&folder)
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("hil");
+        Self {
+            hil,
+            session,
+            folder,
+        }
+    }
+
+    /// Plant and controller, once both were started; `None` if that never happens.
+    pub(crate) fn children(&self) -> Option<[ProcessId; 2]> {
+        let mut children = None;
+        comes(|| {
+            let info = SessionInfo::read(&session_folder(&self.session));
+            children = info.ok().and_then(|info| info.children.try_into().ok());
+            children.is_some()
+        });
+        children
+    }
+
+    /// Whether it ends.
+    pub(crate) fn ends(&mut self) -> bool {
+        comes(|| matches!(self.hil.try_wait(), Ok(Some(_))))
+    }
+}
+
+/// What is left of sessions whose names begin so, after the next command of `hil`.
+pub(crate) fn left(hil: &Path, prefix: &str) -> Vec<String> {
+    let swept = Command::new(hil).arg("sessions").output();
+    assert!(swept.expect("hil").status.success());
+    let mut left = Vec::new();
+    for entry in std::fs::read_dir("/dev/shm")
+        .expect("shared memory")
+        .flatten()
+    {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        if name.starts_with("hil_") || name.starts_with("hil-") {
+            left.push(name);
+        }
+    }
+    for process in std::fs::read_dir("/proc").expect("/proc").flatten() {
+        let line = std::fs::read(process.path().join("cmdline")).unwrap_or_default();
+        let line = String::from_utf8_lossy(&line).replace('\0', " ");
+        if line.contains(prefix) {
+            left.push(line);
+        }
+    }
+    left
+}

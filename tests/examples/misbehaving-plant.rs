@@ -1,0 +1,90 @@
+//! A plant process with one plant for each way to spoil a run. Not a program of the workspace: the tests
+//! of failures give it to `hil run --plant-bin`.
+
+use std::process::ExitCode;
+
+use plant_process::plant::{Plant, PlantKind};
+use shared_types::describe::Invalid;
+use shared_types::table;
+use shared_types::table::Empty;
+use shared_types::time::Interval;
+
+/// The step at which a plant misbehaves.
+const WHEN: u64 = 100;
+
+table! {
+    /// What is true of every plant here, and measured.
+    struct Position {
+        /// Position, which never changes.
+        position_m: "m",
+    }
+}
+
+table! {
+    /// What they take, to no effect.
+    struct Force {
+        /// Force.
+        force_n: "N",
+    }
+}
+
+macro_rules! plant {
+    ($plant:ident, $name:literal, $deed:expr) => {
+        struct $plant {
+            steps: u64,
+        }
+
+        impl Plant for $plant {
+            const NAME: &'static str = $name;
+            const SUMMARY: &'static str = "Misbehaves.";
+            type Parameters = Empty;
+            type Truth = Position;
+            type Measured = Position;
+            type Command = Force;
+
+            fn start(_: &Empty) -> Result<Self, Invalid> {
+                Ok(Self { steps: 0 })
+            }
+
+            fn retune(&mut self, _: &Empty) {}
+
+            fn measure(&self) -> Position {
+                Position { position_m: 0.0 }
+            }
+
+            fn truth(&self, _: f64, _: &Force) -> Position {
+                Position { position_m: 0.0 }
+            }
+
+            fn advance(&mut self, _: &Interval, _: &Force) {
+                self.steps += 1;
+                if self.steps == WHEN {
+                    let deed: fn() = $deed;
+                    deed();
+                }
+            }
+        }
+    };
+}
+
+plant!(Leaves, "leaves", || std::process::exit(0));
+plant!(Panics, "panics", || panic!("the plant fell over"));
+plant!(Sleeps, "sleeps", || loop {
+    std::thread::park();
+});
+plant!(Hoards, "hoards", || {
+    let mut hoard = Vec::new();
+    loop {
+        hoard.push(std::hint::black_box(vec![1_u8; 1 << 24]));
+    }
+});
+
+fn main() -> ExitCode {
+    let plants = vec![
+        PlantKind::of::<Leaves>(),
+        PlantKind::of::<Panics>(),
+        PlantKind::of::<Sleeps>(),
+        PlantKind::of::<Hoards>(),
+    ];
+    plant_process::program::run("misbehaving-plant", "0.1.0", plants)
+}
