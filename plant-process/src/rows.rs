@@ -229,3 +229,92 @@ impl<'a> Words<'a> {
             .copy_from_slice(timing.as_bytes());
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use shared_types::describe::PROTOCOL;
+    use shared_types::frame::FrameKind;
+    use shared_types::hello::{Hello, Offer, agree};
+    use shared_types::table::Field;
+    use shared_types::time::Rate;
+
+    use super::*;
+
+    fn field(name: &str) -> Field {
+        Field::signal(name, "m", "x")
+    }
+
+    fn welcome(epoch: u32, commands: &[&str], internals: &[&str]) -> Welcome {
+        let fields = |names: &[&str]| names.iter().map(|name| field(name)).collect();
+        let hello = Hello {
+            protocol: PROTOCOL,
+            session: 5,
+            law: "any".into(),
+            measured: vec![],
+            reference: vec![],
+            commands: Some(fields(commands)),
+            internals: fields(internals),
+        };
+        let offer = Offer {
+            session: 5,
+            epoch,
+            rate: Rate::new(10.0).expect("legal"),
+            steps: 3,
+            first: Step(0),
+            against_clock: false,
+            measured: &[],
+            reference: &[],
+            commands: &[field("drive_m")],
+        };
+        agree(&hello, &offer).expect("agreed")
+    }
+
+    fn rows() -> Rows {
+        let first = welcome(1, &["spare_m", "drive_m"], &["error_m", "sum_m"]);
+        let layout = RecordLayout {
+            command: vec![field("drive_m")],
+            internal: first.command.fields(SignalKind::Internal),
+            command_signals: first.command.len(),
+            ..RecordLayout::default()
+        };
+        Rows::new(layout, &first)
+    }
+
+    #[test]
+    fn what_another_controller_sends_is_found_by_name() {
+        let mut rows = rows();
+        rows.rebind(&welcome(2, &["drive_m"], &["other_m", "error_m"]));
+        rows.receiver().copy_from_slice(&[1.0, 2.0, 3.0]);
+        let mut header = Header::new(FrameKind::Command, Step(0));
+        header.invalid[0] = 0b100; // its error_m
+        let header = rows.translate(header);
+        // spare_m, drive_m, error_m, sum_m as the first controller sent them.
+        assert!(rows.frame[0].is_nan() && rows.frame[3].is_nan());
+        assert_eq!(rows.frame[1..3], [1.0, 3.0]);
+        assert_eq!(header.invalid[0], 0b1101);
+        rows.take_command(&header);
+        assert_eq!((rows.command[0], rows.command_invalid[0]), (1.0, 0));
+    }
+
+    #[test]
+    fn the_same_signals_need_no_translation() {
+        let mut rows = rows();
+        rows.rebind(&welcome(2, &["spare_m", "drive_m"], &["error_m", "sum_m"]));
+        rows.receiver().copy_from_slice(&[1.0, 2.0, 3.0, 4.0]);
+        let header = Header::new(FrameKind::Command, Step(0));
+        assert_eq!(rows.translate(header), header);
+        assert_eq!(rows.frame, [1.0, 2.0, 3.0, 4.0]);
+    }
+
+    #[test]
+    fn a_frame_of_set_commands_has_nothing_else_that_is_valid() {
+        let mut rows = rows();
+        let mut safe = Settings::default();
+        safe.set("drive_m", -0.5);
+        assert_eq!(rows.fill_frame(&safe)[0], 0b1101);
+        assert_eq!(rows.frame[1], -0.5);
+        assert!(rows.frame[2].is_nan());
+        rows.fill_frame(&Settings::default());
+        assert_eq!(rows.frame[1], 0.0, "a command that is not set is 0");
+    }
+}

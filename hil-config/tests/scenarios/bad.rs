@@ -85,6 +85,9 @@ const CASES: &[Case] = &[
     ("[-0.4, 0.4]", "^[0.4]", WrongType, &["has 1 entries", "a pair"]),
     ("[-0.4, 0.4]", "^0.4", WrongType, &["is a number", "a pair"]),
     ("[-0.4, 0.4]", "[-0.4, ^nan]", OutOfRange, &["`plant.limits.surface_angle_rad[1]` is not a number", "in rad"]),
+    ("[plant.limits]", "[plant.safe_command]\n^actuator_valve_current_a = 0.0\n[plant.limits]", UnknownName, &["takes no command `actuator_valve_current_a`", "one of"]),
+    ("[plant.limits]", "[plant.safe_command]\nactuator1_valve_current_a = ^inf\n[plant.limits]", OutOfRange, &["`plant.safe_command.actuator1_valve_current_a` is inf", "in A"]),
+    ("\"lockstep\"", "\"lockstep\"\non_controller_loss = ^\"restart\"", UnknownName, &["`run.on_controller_loss` is `restart`", "`abort`, `hold`, `safe-command`, `wait-for-restart`"]),
     // [controller]
     ("law = \"ftsc\"", "law = ^\"ftcs\"", UnknownName, &["unknown law `ftcs`", "`ftsc`, `hold`, `nrsc`, `pid`", "nearest: `ftsc`"]),
     ("rate_hz = 500", "rate_hz = ^300", Mismatch, &["`controller.rate_hz` is 300, no whole fraction of `run.rate_hz` = 1000", "250 and 333."]),

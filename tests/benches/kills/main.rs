@@ -93,7 +93,7 @@ fn main() {
             &limit,
         ];
         let place = folder.path().join(format!("run{run}"));
-        let session = format!("kills-{}-{run}", std::process::id());
+        let session = format!("gone-{}-{run}", std::process::id());
         let running = Running::start(&programs.hil, place, session, &arguments);
         let moment = Duration::from_micros(random.below(60_000));
         let ms = one(
@@ -107,7 +107,7 @@ fn main() {
         if let Some(ms) = ms {
             noticed_ms.entry((how, victim, clock)).or_default().push(ms);
         }
-        let left = left(&programs.hil, "kills-");
+        let left = left(&programs.hil, "gone-");
         if !left.is_empty() {
             wrong.left += 1;
             eprintln!("run {run}: {victim} {how} in {clock} left {left:?}");

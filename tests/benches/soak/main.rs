@@ -46,7 +46,7 @@ fn main() {
     let long = long_run(&programs, &folder, steps);
     let many = many_runs(&programs, &folder, cycles);
     let together = sessions_at_once(&programs, &folder, sessions);
-    let left = left(&programs.hil, "soak-");
+    let left = left(&programs.hil, "kept-");
     assert!(left.is_empty(), "{left:?}");
     let all = json!({"bench": "soak", "long": long, "many": many, "together": together});
     println!("{all:#}");
@@ -62,7 +62,7 @@ fn resident_kib(pid: u32) -> Option<f64> {
 fn long_run(programs: &Programs, folder: &TempDir, steps: u64) -> Value {
     let path = scenario(folder.path(), RATE_HZ, steps as f64 / f64::from(RATE_HZ));
     let place = folder.path().join("long");
-    let session = format!("soak-{}", std::process::id());
+    let session = format!("kept-{}", std::process::id());
     let scenario = path.to_str().expect("plain text");
     let mut running = Running::start(&programs.hil, place.clone(), session.clone(), &[scenario]);
     let [plant, controller] = running.children().expect("both start");
@@ -139,7 +139,7 @@ fn many_runs(programs: &Programs, folder: &TempDir, cycles: u64) -> Value {
     for cycle in 0..cycles {
         let place = folder.path().join(format!("cycle{cycle}"));
         let since = Instant::now();
-        let summary = programs.run_in(&place, &[scenario, "--session", &format!("soak-{cycle}")]);
+        let summary = programs.run_in(&place, &[scenario, "--session", &format!("kept-{cycle}")]);
         took_ms.push(since.elapsed().as_secs_f64() * 1e3);
         let found = summary["digest"].clone();
         assert_eq!(*digest.get_or_insert_with(|| found.clone()), found);
@@ -161,7 +161,7 @@ fn sessions_at_once(programs: &Programs, folder: &TempDir, sessions: u64) -> Val
             Running::start(
                 &programs.hil,
                 place,
-                format!("soak-at-once-{number}"),
+                format!("kept-at-once-{number}"),
                 &[scenario],
             )
         })
