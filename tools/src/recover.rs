@@ -1,6 +1,6 @@
 //! `hil recover`: a whole recording of one that broke off.
 //!
-//! 1. [`account`] reads it as far as it goes.
+//! 1. `account` reads it as far as it goes.
 //! 2. What is whole is left alone. Of anything else every record up to the tear is copied to a new file,
 //!    with indexes, sums and the result of a run that ended there.
 //! 3. That takes the place of the old one when it is whole on the disk, not before.
