@@ -88,16 +88,25 @@ impl Running {
 pub(crate) fn left(hil: &Path, prefix: &str) -> Vec<String> {
     let swept = Command::new(hil).arg("sessions").output();
     assert!(swept.expect("hil").status.success());
-    let mut left = Vec::new();
-    for entry in std::fs::read_dir("/dev/shm")
-        .expect("shared memory")
-        .flatten()
-    {
-        let name = entry.file_name().to_string_lossy().into_owned();
-        if name.starts_with("hil_") || name.starts_with("hil-") {
-            left.push(name);
-        }
-    }
+    let names = |folder: &Path| {
+        let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+        let names = entries.map(|entry| entry.file_name().to_string_lossy().into_owned());
+        names.collect::<Vec<String>>()
+    };
+    // In this order: a session removes its folder last. Others may run.
+    let segments = names(Path::new("/dev/shm"));
+    let sessions = names(&session_folder(""));
+    let infos = sessions
+        .iter()
+        .map(|name| SessionInfo::read(&session_folder(name)));
+    let prefixes: Vec<String> = infos.flatten().map(|info| info.prefix).collect();
+    let mut left: Vec<String> = (sessions.into_iter())
+        .filter(|name| name.starts_with(prefix))
+        .collect();
+    left.extend(segments.into_iter().filter(|name| {
+        let claimed = prefixes.iter().any(|prefix| name.starts_with(prefix));
+        name.starts_with("hil_") && !claimed && Path::new("/dev/shm").join(name).exists()
+    }));
     for process in std::fs::read_dir("/proc").expect("/proc").flatten() {
         let line = std::fs::read(process.path().join("cmdline")).unwrap_or_default();
         let line = String::from_utf8_lossy(&line).replace('\0', " ");
