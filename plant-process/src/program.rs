@@ -155,8 +155,8 @@ pub fn drive<L: Link, S: RecordSink>(
                 waiter.done();
             }
             Progress::ControllerUntil(deadline_ns) => {
-                if gone > 0 && engine.is_news(gone) {
-                    engine.interrupt(&PlantEvent::PeerGone(gone))?;
+                if let Some(epoch) = engine.news(gone) {
+                    engine.interrupt(&PlantEvent::PeerGone(epoch))?;
                     waiter.done();
                 } else if waiter.pause_until(deadline_ns) {
                     engine.interrupt(&PlantEvent::Deadline(waiter.limit().ms()))?;
@@ -164,8 +164,8 @@ pub fn drive<L: Link, S: RecordSink>(
                 }
             }
             Progress::Controller => {
-                if gone > 0 && engine.is_news(gone) {
-                    engine.interrupt(&PlantEvent::PeerGone(gone))?;
+                if let Some(epoch) = engine.news(gone) {
+                    engine.interrupt(&PlantEvent::PeerGone(epoch))?;
                     waiter.done();
                 } else if waiter.pause() {
                     engine.interrupt(&PlantEvent::Deadline(waiter.limit().ms()))?;
@@ -179,8 +179,8 @@ pub fn drive<L: Link, S: RecordSink>(
                 }
             }
             Progress::Held => {
-                if gone > 0 && engine.is_news(gone) {
-                    engine.interrupt(&PlantEvent::PeerGone(gone))?;
+                if let Some(epoch) = engine.news(gone) {
+                    engine.interrupt(&PlantEvent::PeerGone(epoch))?;
                 }
                 std::thread::sleep(HELD);
                 waiter.done();

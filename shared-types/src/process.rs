@@ -5,7 +5,7 @@
 
 use std::fs;
 
-use rustix::process::{Pid, Signal, getpgid, kill_process};
+use rustix::process::{Pid, Signal, getpgid, kill_process, kill_process_group};
 use serde::{Deserialize, Serialize};
 
 /// A process that cannot be taken for a later one with the same number.
@@ -73,6 +73,17 @@ impl ProcessId {
     pub fn name(pid: u32) -> Option<String> {
         let name = fs::read_to_string(format!("/proc/{pid}/comm")).ok()?;
         Some(name.trim_end().escape_debug().to_string())
+    }
+
+    /// Ends at once what is left of its process group, which it must have led.
+    pub fn kill_group(self) {
+        // A later process of this number may lead a group of its own; as long as any process is in the
+        // old group there can be none.
+        let later = Self::of(self.pid).is_some_and(|found| found != self);
+        if !later && let Some(pid) = i32::try_from(self.pid).ok().and_then(Pid::from_raw) {
+            // There may be nobody left in it.
+            let _ = kill_process_group(pid, Signal::KILL);
+        }
     }
 
     /// Ends it at once, if it is still there.

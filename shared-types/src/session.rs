@@ -504,6 +504,7 @@ fn end_orphans(children: &[ProcessId]) {
     }
     for child in children {
         child.kill();
+        child.kill_group();
     }
     while children.iter().any(|child| child.is_alive()) && since.elapsed() < 5 * grace {
         std::thread::sleep(Duration::from_millis(2));

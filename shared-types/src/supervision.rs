@@ -6,7 +6,7 @@
 //! end with its input.
 
 use std::io::BufRead;
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 
 /// Line that asks a process to end the run.
@@ -17,6 +17,37 @@ pub const PEER_GONE: &str = "peer-gone";
 /// Line that announces another controller to a plant, followed by its epoch.
 pub const EXPECT: &str = "expect";
 
+/// Most controllers of one run.
+pub const MOST_EPOCHS: u32 = 63;
+
+/// Which controllers are gone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Gone(u64);
+
+impl Gone {
+    /// Whether any is.
+    #[must_use]
+    pub const fn any(self) -> bool {
+        self.0 != 0
+    }
+
+    /// Whether the controller of this epoch is.
+    #[must_use]
+    pub const fn is(self, epoch: u32) -> bool {
+        self.0 & bit(epoch) != 0
+    }
+
+    /// Whether whoever is on the other side is.
+    #[must_use]
+    pub const fn is_everybody(self) -> bool {
+        self.0 & bit(0) != 0
+    }
+}
+
+const fn bit(epoch: u32) -> u64 {
+    if epoch > MOST_EPOCHS { 0 } else { 1 << epoch }
+}
+
 /// Requests from outside, polled by the loop: one load each.
 #[derive(Clone, Debug, Default)]
 pub struct Supervision(Arc<State>);
@@ -24,8 +55,8 @@ pub struct Supervision(Arc<State>);
 #[derive(Debug, Default)]
 struct State {
     stop: AtomicBool,
-    /// The latest epoch whose controller is gone; 0 if none is.
-    gone: AtomicU32,
+    /// A bit for each epoch whose controller is gone; the first for whoever is on the other side.
+    gone: AtomicU64,
     /// The latest epoch whose controller was announced; 0 if none was.
     expected: AtomicU32,
     why: OnceLock<String>,
@@ -61,7 +92,7 @@ impl Supervision {
         let epoch = words.next().map(str::parse);
         match (word, epoch) {
             (Some(STOP), None) => self.stop("asked to stop"),
-            (Some(PEER_GONE), None) => self.peer_gone(u32::MAX),
+            (Some(PEER_GONE), None) => self.peer_gone(0),
             (Some(PEER_GONE), Some(Ok(epoch))) => self.peer_gone(epoch),
             (Some(EXPECT), Some(Ok(epoch))) => self.expect(epoch),
             _ => {}
@@ -74,10 +105,9 @@ impl Supervision {
         self.0.stop.store(true, Ordering::Release);
     }
 
-    /// Tells that the other side is gone: the controller of this epoch, or whoever it is by the
-    /// largest number.
+    /// Tells that the other side is gone: the controller of this epoch, or whoever it is by 0.
     pub fn peer_gone(&self, epoch: u32) {
-        self.0.gone.fetch_max(epoch, Ordering::Release);
+        self.0.gone.fetch_or(bit(epoch), Ordering::Release);
     }
 
     /// Announces the controller of this epoch.
@@ -94,13 +124,13 @@ impl Supervision {
     /// Whether the other side is gone.
     #[must_use]
     pub fn is_peer_gone(&self) -> bool {
-        self.gone() > 0
+        self.gone().any()
     }
 
-    /// The latest epoch whose controller is gone; 0 if none is.
+    /// Which controllers are gone.
     #[must_use]
-    pub fn gone(&self) -> u32 {
-        self.0.gone.load(Ordering::Acquire)
+    pub fn gone(&self) -> Gone {
+        Gone(self.0.gone.load(Ordering::Acquire))
     }
 
     /// The latest epoch whose controller was announced; 0 if none was.
@@ -136,13 +166,17 @@ mod tests {
         for nonsense in ["", "expect", "expect x", "peer-gone -1", "stop now", "halt"] {
             supervision.hear(nonsense);
         }
-        let heard = |s: &Supervision| (s.wants_stop(), s.gone(), s.expected());
-        assert_eq!(heard(&supervision), (false, 0, 0));
-        for line in ["expect 2", "peer-gone 1", " stop "] {
+        let heard = |s: &Supervision| (s.wants_stop(), s.is_peer_gone(), s.expected());
+        assert_eq!(heard(&supervision), (false, false, 0));
+        // A later one first: each is remembered.
+        for line in ["expect 2", "peer-gone 2", "peer-gone 1", " stop "] {
             supervision.hear(line);
         }
-        assert_eq!(heard(&supervision), (true, 1, 2));
+        assert_eq!(heard(&supervision), (true, true, 2));
+        let gone = supervision.gone();
+        assert!(gone.is(1) && gone.is(2) && !gone.is(3) && !gone.is(64));
+        assert!(!gone.is_everybody());
         supervision.hear("peer-gone");
-        assert_eq!(supervision.gone(), u32::MAX);
+        assert!(supervision.gone().is_everybody());
     }
 }

@@ -305,6 +305,18 @@ impl<'r> Running<'r> {
         info.children.try_into().expect("two children")
     }
 
+    /// Plant and controller, once both were started and the plant takes requests.
+    pub(crate) fn children_at_once(&self) -> [ProcessId; 2] {
+        let folder = self.rig.session_folder();
+        let mut children = None;
+        until("both sides are there", || {
+            let info = SessionInfo::read(&folder).ok();
+            children = info.and_then(|info| info.children.try_into().ok());
+            children.is_some() && folder.join("layout.json").exists()
+        });
+        children.expect("both are there")
+    }
+
     /// Its process number.
     pub(crate) fn pid(&self) -> u32 {
         self.process.id()

@@ -342,3 +342,87 @@ fn stranger(folder: &Path) -> IceoryxLink {
     });
     link.expect("it is there")
 }
+
+#[test]
+fn one_good_swap_after_another_never_ends_the_run() {
+    let rig = Rig::new();
+    let running = rig.start("scenarios/spring-mass.toml --pace 1 --set run.duration_s=600");
+    running.children_at_once();
+    for epoch in 2..10 {
+        let swapped = swap(&rig, &["--set", "controller.law=pid", "--json"]).expect(0);
+        let told: Value = serde_json::from_str(&swapped.stdout).expect("JSON");
+        assert_eq!(told["epoch"], epoch);
+    }
+    running.signal(Signal::INT);
+    let run = running.finish().expect(130);
+    let summary = run.summary();
+    assert_eq!(
+        summary["reason"]
+            .as_str()
+            .map(|told| told.split(';').next()),
+        Some(Some("interrupted"))
+    );
+    let controllers = summary["controllers"].as_array().expect("a list");
+    assert_eq!(controllers.len(), 9);
+    assert!(controllers[..8].iter().all(|one| one["end"] == "replaced"));
+}
+
+#[test]
+fn a_loss_is_noticed_at_once_after_a_swap_that_came_to_nothing() {
+    for (policy, code) in [("hold", 130), ("wait-for-restart", 130), ("abort", 3)] {
+        let rig = Rig::new();
+        let controller = program("controller-process");
+        let leaves = format!(
+            "#!/bin/sh\ncase $1 in --session) exit 7;; esac\nexec {} \"$@\"\n",
+            controller.display()
+        );
+        let leaves = rig.script("leaves", &leaves);
+        // A limit beyond every watchdog: what is noticed is noticed at once.
+        let running = rig.start(&format!(
+            "scenarios/spring-mass.toml --pace 1 --set run.duration_s=600 --wait-limit 1000 \
+             --set run.on_controller_loss={policy}"
+        ));
+        let [_, controller] = running.children_at_once();
+        swap(&rig, &["--bin", leaves.to_str().expect("plain text")]).expect(2);
+        send(controller.pid, Signal::KILL);
+        if code == 130 {
+            until("the plant tells of the loss", || {
+                let log = std::fs::read_to_string(rig.path("run0/plant.log"));
+                log.is_ok_and(|log| log.contains("controller is gone at step"))
+            });
+            if policy == "wait-for-restart" {
+                until("another one is there", || {
+                    let info = SessionInfo::read(&rig.session_folder());
+                    info.is_ok_and(|info| info.controller.is_some_and(|one| one.epoch == 3))
+                });
+                // It takes over between two steps.
+                let status = ["inject", "--active", "--session", rig.session()];
+                rig.beside(&status).expect(0);
+            }
+            running.signal(Signal::INT);
+        }
+        let run = running.finish().expect(code);
+        let told = run.summary()["controllers"].to_string();
+        let reason = run.summary()["reason"].to_string();
+        assert!(
+            (told + &reason).contains("killed by SIGKILL"),
+            "{policy}: {reason}"
+        );
+    }
+}
+
+#[test]
+fn a_plant_that_is_stopped_is_noticed_under_every_policy() {
+    for policy in ["hold", "wait-for-restart", "safe-command"] {
+        let rig = Rig::new();
+        let running = rig.start(&format!(
+            "scenarios/spring-mass.toml --pace 1 --set run.duration_s=600 --wait-limit 0.5 \
+             --set run.on_controller_loss={policy}"
+        ));
+        let [plant, _] = running.children_at_once();
+        send(plant.pid, Signal::STOP);
+        let run = running.finish().expect(3);
+        let reason = run.summary()["reason"].to_string();
+        assert!(reason.contains("plant was stopped"), "{policy}: {reason}");
+    }
+}

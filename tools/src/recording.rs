@@ -22,6 +22,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use mcap::records::{AttachmentHeader, MessageHeader, Metadata};
+use rustix::fs::FlockOperation;
 use shared_types::record::{
     Event, FaultAccepted, FaultEnded, FaultTaken, RECORD_VERSION, RecordLayout, RecordView,
 };
@@ -132,7 +133,10 @@ impl Recording {
         let excerpt = part.map(|part| Excerpt::new(layout, part.choice, part.rate, part.last));
         let excerpt = excerpt.transpose().map_err(io::Error::other)?;
         let library = concat!("hil ", env!("CARGO_PKG_VERSION"));
-        let mut file = McapFile::create(File::create(path)?, "ros2", library)?;
+        let file = File::create(path)?;
+        // Who mends recordings leaves this one alone. Where files have no locks nobody can be warned.
+        let _ = rustix::fs::flock(&file, FlockOperation::NonBlockingLockExclusive);
+        let mut file = McapFile::create(file, "ros2", library)?;
         file.metadata(Metadata {
             name: FACTS.into(),
             metadata: provenance.facts.clone(),

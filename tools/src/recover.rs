@@ -16,6 +16,8 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use mcap::records::Record;
+use rustix::fs::{FlockOperation, flock};
+use rustix::io::Errno;
 use serde::Serialize;
 use shared_types::session;
 
@@ -82,9 +84,7 @@ fn recovered(run: &Path, output: Option<&Path>) -> Result<Recovered, Failure> {
         (None, Some(End::Torn(at))) => (State::BrokenOff, at),
         (None, _) => (State::Whole, bytes),
     };
-    if output.is_none() {
-        refuse_live(&path)?;
-    }
+    refuse_live(&path)?;
     let records = account.recorded.written;
     let mut reason = None;
     let mut file = None;
@@ -103,7 +103,8 @@ fn recovered(run: &Path, output: Option<&Path>) -> Result<Recovered, Failure> {
                 "{damage}; what comes after that would be lost, so {shown} is not replaced"
             )));
         }
-        if !account.has_result() {
+        // What a check sum says is wrong anywhere: a value may be.
+        if !account.has_result() || state == State::Damaged {
             reason = Some(match &account.damage {
                 Some(damage) => format!("recovered: {damage}"),
                 None => format!("recovered: the recording broke off after {records} records"),
@@ -114,7 +115,8 @@ fn recovered(run: &Path, output: Option<&Path>) -> Result<Recovered, Failure> {
             // What a link leads to, not the link.
             None => path.canonicalize().unwrap_or_else(|_| path.clone()),
         };
-        copy(&account, &to, output.is_none(), reason.as_deref()).map_err(|error| {
+        let copied = copy(&account, &to, output.is_none(), reason.as_deref());
+        copied.map_err(|error| {
             let to = to.display();
             match error.kind() {
                 io::ErrorKind::AlreadyExists => {
@@ -145,7 +147,7 @@ fn recovered(run: &Path, output: Option<&Path>) -> Result<Recovered, Failure> {
     })
 }
 
-/// Refuses a recording that a live session writes.
+/// Refuses a recording that somebody still writes: its writer holds a lock on it.
 fn refuse_live(path: &Path) -> Result<(), Failure> {
     let folder = path.canonicalize();
     let folder = folder.as_deref().ok().and_then(Path::parent);
@@ -156,13 +158,19 @@ fn refuse_live(path: &Path) -> Result<(), Failure> {
         let run_dir = run_dir.and_then(|folder| folder.canonicalize().ok());
         folder.is_some() && run_dir.as_deref() == folder
     };
-    match live.iter().find(is_its) {
-        None => Ok(()),
-        Some(info) => Err(Failure::usage(format!(
-            "session `{}` is still writing {}",
-            info.name,
-            path.display()
-        ))),
+    let shown = path.display();
+    if let Some(info) = live.iter().find(is_its) {
+        let name = &info.name;
+        return Err(Failure::usage(format!(
+            "session `{name}` is still writing {shown}"
+        )));
+    }
+    // It may be another user's, or have been moved.
+    let file = File::open(path).map_err(Failure::usage)?;
+    match flock(&file, FlockOperation::NonBlockingLockShared) {
+        Err(Errno::WOULDBLOCK) => Err(Failure::usage(format!("{shown} is still being written"))),
+        // Where files have no locks nobody can be warned.
+        _ => Ok(()),
     }
 }
 
@@ -173,6 +181,9 @@ fn copy(account: &Account, to: &Path, may_replace: bool, reason: Option<&str>) -
     part.file()
         .set_permissions(original.metadata()?.permissions())?;
     let mut copy = Copy::into(part.file().try_clone()?)?;
+    if account.damage.is_some() {
+        copy.doubt();
+    }
     let mut content = Content::of(original)?;
     let mut messages = 0;
     while let Ok(Some(opcode)) = content.advance() {

@@ -74,7 +74,11 @@ pub(crate) fn tenures(
                     ("replaced", None, None)
                 }
                 Change::Lost { reason, policy } if is_meant => {
-                    ("lost", Some(reason.clone()), Some(policy.name()))
+                    // What the plant saw, and what became of the process.
+                    let started = started.iter().find(|one| one.epoch == *epoch);
+                    let fate = started.and_then(|one| one.fate.as_deref());
+                    let fate = fate.map_or_else(String::new, |fate| format!("; {fate}"));
+                    ("lost", Some(format!("{reason}{fate}")), Some(policy.name()))
                 }
                 Change::Refused { reason } if is_meant => ("refused", Some(reason.clone()), None),
                 _ => continue,

@@ -29,6 +29,9 @@ const SOCKET: &str = "hil";
 /// job and starts.
 const BESIDES: Duration = Duration::from_secs(25);
 
+/// How long `hil` may take to answer: one that is stopped never does.
+const ANSWER_LIMIT: Duration = Duration::from_secs(120);
+
 /// What is asked.
 #[derive(Debug, Serialize, Deserialize)]
 struct Request {
@@ -118,9 +121,7 @@ fn ask(arguments: &SwapArguments) -> Result<Swapped, Unmet> {
         binary: arguments.bin.as_ref().map(absolute).transpose()?,
         set: arguments.set.clone(),
     };
-    // The session bounds the swap itself.
-    let limit = Duration::from_secs(24 * 3600);
-    match live::ask_at(&session, SOCKET, &request, limit) {
+    match live::ask_at(&session, SOCKET, &request, ANSWER_LIMIT) {
         Ok(Response::Swapped(swapped)) => Ok(swapped),
         Ok(Response::Refused { reason }) => Err(Refusal::new(reason).into()),
         Err(LiveError::Absent(name)) => Err(Refusal::new(format!(
@@ -184,7 +185,7 @@ impl Ground {
                 "this run makes checkpoints, or went on from one: its controller stays".into(),
             );
         }
-        let told = |failure: Failure| failure.to_string();
+        let told = |failure: Failure| failure.to_string().trim_start_matches("error: ").to_owned();
         let binary = match &request.binary {
             Some(path) => Binary::controller(Some(path), &self.interruption).map_err(told)?,
             None => self.binaries.controller.clone(),

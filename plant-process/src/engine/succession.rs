@@ -8,6 +8,7 @@ use shared_types::lockstep::{Abort, AbortCode, OnLoss, PlantAction, PlantEvent};
 use shared_types::program;
 use shared_types::record::{Change, ControllerChange, Event, Outcome};
 use shared_types::stream::RecordSink;
+use shared_types::supervision::Gone;
 use shared_types::time::Step;
 use shared_types::wait::WaitLimit;
 
@@ -44,12 +45,17 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         self.side.is_greeting()
     }
 
-    /// Whether the end of the process of this epoch's controller is news. The largest number is
-    /// whoever is in office.
+    /// The controller that is gone and was not known to be: the one in office, or the one announced.
     #[must_use]
-    pub fn is_news(&self, gone: u32) -> bool {
-        let in_office = gone == self.side.epoch() || gone == u32::MAX;
-        (in_office && !self.side.is_alone()) || self.side.candidate() == Some(gone)
+    pub fn news(&self, gone: Gone) -> Option<u32> {
+        if !gone.any() {
+            return None;
+        }
+        let in_office = self.side.epoch();
+        if (gone.is(in_office) || gone.is_everybody()) && !self.side.is_alone() {
+            return Some(in_office);
+        }
+        self.side.candidate().filter(|epoch| gone.is(*epoch))
     }
 
     /// The next control message of the process that was launched to be the controller. Others are
@@ -180,7 +186,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         program::say(&format!("{why}; {}", policy.name()));
         self.heard_ns = monotonic_ns();
         if policy == OnLoss::WaitForRestart && self.side.candidate().is_none() {
-            self.expect(self.side.epoch() + 1)?;
+            self.expect(self.expected + 1)?;
         }
         Ok(())
     }

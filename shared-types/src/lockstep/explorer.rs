@@ -374,7 +374,7 @@ impl World {
                 }
                 self.send(FrameKind::Abort, self.next);
                 if self.policy == OnLoss::WaitForRestart && self.plant.candidate().is_none() {
-                    let epoch = self.plant.epoch() + 1;
+                    let epoch = self.crew.len() as u32 + 1;
                     self.tell(&PlantEvent::Expect(epoch))?;
                 }
             }

@@ -27,7 +27,7 @@ pub enum PlantEvent<'a> {
     Deadline(u64),
     /// The same for the one that was announced.
     CandidateLate(u64),
-    /// The process of the controller of this epoch ended; the largest number is the one in office.
+    /// The process of the controller of this epoch ended.
     PeerGone(u32),
     /// Somebody wants the run to end.
     Stop,
@@ -406,8 +406,7 @@ impl PlantSide {
                 at,
             });
         }
-        // The largest number is whoever is in office.
-        if epoch == self.epoch || epoch == u32::MAX {
+        if epoch == self.epoch {
             return self.lose(Abort::Gone { peer: PEER, at });
         }
         self.ignore()

@@ -36,7 +36,8 @@ pub enum ControllerAction {
 /// Arguments of `hil controller swap`.
 #[derive(Debug, Args)]
 pub struct SwapArguments {
-    /// The new controller's binary; default: the one the run was started with
+    /// The new controller's binary; may be left out with --set: then it is the one the run was started
+    /// with
     #[arg(long, value_name = "PATH", required_unless_present = "set")]
     pub bin: Option<PathBuf>,
     /// Change a value of the scenario that begins with `controller.`; may be given several times

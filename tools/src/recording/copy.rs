@@ -9,6 +9,7 @@ use std::fs::File;
 use std::io;
 
 use mcap::records::{MessageHeader, Metadata, Record};
+use shared_types::record::Event;
 
 use super::chunk::{Chunk, ENCAPSULATION};
 use super::mcap_file::McapFile;
@@ -27,6 +28,7 @@ pub(crate) struct Copy {
     /// The words of a record.
     words: Vec<u64>,
     result: Option<Metadata>,
+    is_doubtful: bool,
 }
 
 impl Copy {
@@ -43,7 +45,14 @@ impl Copy {
             channels: BTreeMap::new(),
             words: Vec::new(),
             result: None,
+            is_doubtful: false,
         })
+    }
+
+    /// The other file is damaged somewhere: what it says of its end is not taken over, so that nothing of
+    /// it can pass for the run.
+    pub(crate) const fn doubt(&mut self) {
+        self.is_doubtful = true;
     }
 
     /// Takes a record of the other file, which packs its messages in this way. Whether it is a message
@@ -74,7 +83,9 @@ impl Copy {
                 }
                 (self.channels).insert(channel.id, (number, topic == RECORDS));
             }
-            Record::Metadata(metadata) if metadata.name == RESULT => self.result = Some(metadata),
+            Record::Metadata(metadata) if metadata.name == RESULT => {
+                self.result = Some(metadata).filter(|_| !self.is_doubtful);
+            }
             Record::Metadata(metadata) => self.file.metadata(metadata)?,
             Record::Attachment { header, data, .. } => self.file.attachment(header, &data)?,
             Record::Message { header, data } => return self.message(header, &data, compression),
@@ -92,6 +103,12 @@ impl Copy {
         let Some(&(channel_id, is_record)) = self.channels.get(&header.channel_id) else {
             return Ok(false);
         };
+        if self.is_doubtful
+            && !is_record
+            && matches!(serde_json::from_slice(data), Ok(Event::End(_)))
+        {
+            return Ok(true);
+        }
         let header = MessageHeader {
             channel_id,
             ..header

@@ -134,7 +134,11 @@ impl Account {
             end,
             faults,
             changes,
-            records: number("records").unwrap_or(written),
+            records: number("records").unwrap_or(if reader.is_excerpt() && written > 0 {
+                reader.step() + 1
+            } else {
+                written
+            }),
             written,
             past_records: 0,
             lost,

@@ -10,7 +10,7 @@ use std::thread::JoinHandle;
 use hil_config::plan::Clock;
 use shared_types::directive::{Answered, Directive};
 use shared_types::frame::VALIDITY_WORDS;
-use shared_types::record::{Event, FaultTaken};
+use shared_types::record::{Change, ControllerChange, Event, FaultTaken};
 use shared_types::time::Step;
 
 use super::original::Places;
@@ -223,6 +223,13 @@ impl Winder {
                     "fault `{kind}` made the controller late from step {step} on, and this recording does not say how; record the run anew"
                 )))
             }
+            Event::Controller(ControllerChange {
+                epoch,
+                step,
+                change: Change::Lost { .. },
+            }) => Err(TapeError::Lacking(format!(
+                "controller {epoch} was lost at step {step}; what follows is no controller's answer"
+            ))),
             _ => Ok(()),
         }
     }

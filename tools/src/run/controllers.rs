@@ -11,7 +11,7 @@ use controller_process::job::{JOB_FILE, Job};
 use shared_types::lockstep::OnLoss;
 use shared_types::record::{Change, ControllerChange};
 use shared_types::session::Session;
-use shared_types::supervision::{EXPECT, PEER_GONE};
+use shared_types::supervision::{EXPECT, MOST_EPOCHS, PEER_GONE};
 
 use super::processes::Side;
 use crate::binaries::Binary;
@@ -29,6 +29,8 @@ pub(super) struct Controllers {
     policy: OnLoss,
     run_dir: PathBuf,
     restarts: u32,
+    /// None is started anew any more.
+    is_exhausted: bool,
     /// Changes that were heard of.
     known: usize,
     /// Members that the recording tells of.
@@ -42,8 +44,8 @@ struct Member {
     binary: Binary,
     job: Job,
     standing: Standing,
-    /// The plant was told that it ended.
-    told_gone: bool,
+    /// When the plant was told that it ended.
+    told_gone: Option<Instant>,
     /// It was told that the run is over.
     told_over: bool,
     /// Who asked for it.
@@ -66,6 +68,8 @@ pub(crate) struct Started {
     pub(crate) epoch: u32,
     pub(crate) binary: Binary,
     pub(crate) law: String,
+    /// How its process ended, if there is something to say about it.
+    pub(crate) fate: Option<String>,
 }
 
 impl Started {
@@ -96,6 +100,7 @@ impl Controllers {
             policy,
             run_dir,
             restarts: 0,
+            is_exhausted: false,
             known: 0,
             recorded: 1, // of the first it tells from the start
         };
@@ -106,7 +111,12 @@ impl Controllers {
 
     /// Starts one more.
     fn add(&mut self, session: &mut Session, binary: Binary, job: Job) -> Result<u32, Failure> {
-        let epoch = self.members.last().map_or(1, |last| last.epoch + 1);
+        let epoch = self.next_epoch();
+        if epoch > MOST_EPOCHS {
+            return Err(Failure::usage(format!(
+                "a run has {MOST_EPOCHS} controllers at most"
+            )));
+        }
         let job = Job { epoch, ..job };
         let info = session.info().clone();
         info.write_file(JOB_FILE, &job)
@@ -125,11 +135,15 @@ impl Controllers {
             binary,
             job,
             standing: Standing::Coming,
-            told_gone: false,
+            told_gone: None,
             told_over: false,
             asked: None,
         });
         Ok(epoch)
+    }
+
+    fn next_epoch(&self) -> u32 {
+        self.members.last().map_or(1, |last| last.epoch + 1)
     }
 
     /// The one in office.
@@ -158,13 +172,36 @@ impl Controllers {
         all
     }
 
-    /// Whether the death of the one in office ends the run.
+    /// Whether the death of the one in office ends the run. While another is to take over only the
+    /// plant knows who is in office.
     pub(super) fn death_ends_run(&mut self) -> bool {
+        if self.is_one_coming() {
+            return false;
+        }
         let place = self.place_in_office();
         let member = &mut self.members[place];
         self.policy == OnLoss::Abort
             && member.standing == Standing::InOffice
             && member.side.has_ended()
+    }
+
+    fn is_one_coming(&self) -> bool {
+        let coming = |member: &Member| member.standing == Standing::Coming;
+        self.members.iter().any(coming)
+    }
+
+    /// Whether the plant was told so long ago that a controller is gone, and has not said what follows.
+    pub(super) fn plant_is_silent(&self, limit: Duration) -> bool {
+        self.members.iter().any(|member| {
+            member.standing == Standing::InOffice
+                && member.told_gone.is_some_and(|told| told.elapsed() > limit)
+        })
+    }
+
+    /// Why no lost controller is started anew any more, if that is so.
+    pub(super) fn exhausted(&self) -> Option<String> {
+        self.is_exhausted
+            .then(|| format!("it was started anew {RESTARTS} times, which is the most"))
     }
 
     /// Tells all of them that it is over, in this way, if they were not told yet.
@@ -191,6 +228,7 @@ impl Controllers {
             epoch: member.epoch,
             binary: member.binary.clone(),
             law: member.job.law.clone(),
+            fate: member.side.fate(),
         };
         self.members.iter().map(started).collect()
     }
@@ -216,8 +254,7 @@ impl Controllers {
             law,
             answer,
         } = wanted;
-        let coming = |member: &Member| member.standing == Standing::Coming;
-        if self.members.iter().any(coming) {
+        if self.is_one_coming() {
             let busy = "another controller is about to take over".to_owned();
             let _ = answer.send(Err(busy)); // who asked may be gone
             return;
@@ -308,12 +345,12 @@ impl Controllers {
         plant: &mut Side,
         lost: u32,
     ) -> Result<(), Failure> {
-        let is_coming = |member: &Member| member.standing == Standing::Coming;
-        if self.members.iter().any(is_coming) {
+        if self.is_one_coming() {
             return Ok(()); // somebody asked for another one just before
         }
         if self.restarts == RESTARTS {
-            plant.tell(&format!("{PEER_GONE} {}", lost + 1));
+            self.is_exhausted = true;
+            plant.tell(&format!("{PEER_GONE} {}", self.next_epoch()));
             return Ok(());
         }
         self.restarts += 1;
@@ -335,8 +372,10 @@ impl Controllers {
                 Standing::Past(since) if !has_ended && since.elapsed() > PARTING => {
                     member.side.kill();
                 }
-                Standing::Coming | Standing::InOffice if has_ended && !member.told_gone => {
-                    member.told_gone = true;
+                Standing::Coming | Standing::InOffice
+                    if has_ended && member.told_gone.is_none() =>
+                {
+                    member.told_gone = Some(Instant::now());
                     plant.tell(&format!("{PEER_GONE} {}", member.epoch));
                 }
                 _ => {}

@@ -8,6 +8,7 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
+use hil_config::plan::Clock;
 use shared_types::link::LinkError;
 use shared_types::process::ProcessId;
 use shared_types::record::{Outcome, RecordLayout};
@@ -107,9 +108,16 @@ impl Side {
         }
     }
 
+    fn is_stopped(&self) -> bool {
+        self.id.is_some_and(ProcessId::is_stopped)
+    }
+
     pub(crate) fn kill(&mut self) {
-        let stopped = self.id.is_some_and(ProcessId::is_stopped);
-        self.killed = Some(if stopped { "stopped" } else { "stuck" });
+        self.killed = Some(if self.is_stopped() {
+            "stopped"
+        } else {
+            "stuck"
+        });
         end_group(&self.process);
         self.status = self.process.wait().ok();
     }
@@ -224,6 +232,7 @@ pub(super) fn run(
         progress: &mut progress,
         realtime,
         ending_since: None,
+        stopped_since: None,
         first: None,
     };
     watched.look_until_all_ended()?;
@@ -288,6 +297,8 @@ struct Watch<'a> {
     realtime: &'a mut Watched,
     /// Since when the run is to end.
     ending_since: Option<Instant>,
+    /// Since when the plant is stopped.
+    stopped_since: Option<Instant>,
     /// Which side ended first.
     first: Option<&'static str>,
 }
@@ -326,7 +337,34 @@ impl Watch<'_> {
         Ok(())
     }
 
+    /// Ends a plant that is stopped, or that says nothing about a controller that is gone, for longer
+    /// than a side may be silent.
+    fn end_a_stuck_plant(&mut self) {
+        let run = &self.prepared.plan.run;
+        let pace = match run.clock {
+            Clock::Paced { factor } => factor,
+            Clock::Lockstep | Clock::Realtime => 1.0,
+        };
+        // Against the clock it may wait for the next step first.
+        let limit_s = self.prepared.plant.wait_limit_s + run.rate.period_s() / pace;
+        let Ok(limit) = Duration::try_from_secs_f64(limit_s) else {
+            return; // without a limit, as under a debugger
+        };
+        if self.plant.is_stopped() {
+            self.stopped_since.get_or_insert_with(Instant::now);
+        } else {
+            self.stopped_since = None;
+        }
+        let is_stopped = self
+            .stopped_since
+            .is_some_and(|since| since.elapsed() > limit);
+        if !self.plant.has_ended() && (is_stopped || self.controllers.plant_is_silent(limit)) {
+            self.plant.kill();
+        }
+    }
+
     fn look_for_the_end(&mut self) {
+        self.end_a_stuck_plant();
         let plant_ended = self.plant.has_ended();
         let stop = self.prepared.interruption.came() || self.recorder.has_failed();
         if stop && !self.plant.told_to_stop {
@@ -391,6 +429,7 @@ fn conclude(
         parts.push("interrupted".into());
     }
     parts.extend(seen.and_then(|end| end.reason.clone()));
+    parts.extend(controllers.exhausted());
     if seen.is_none() {
         parts.extend(unseen_end(plant, controller, first, recorded.records));
     } else {
