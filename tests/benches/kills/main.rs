@@ -57,6 +57,8 @@ struct Wrong {
     missing: u64,
     left: u64,
     untold: u64,
+    /// Not wrong: `hil` was killed before its recording had a chunk.
+    early: u64,
 }
 
 fn main() {
@@ -100,7 +102,9 @@ fn main() {
         let place = folder.path().join(format!("run{run}"));
         let session = format!("gone-{}-{run}", std::process::id());
         let running = Running::start(&programs.hil, place, session, &arguments);
-        let moment = Duration::from_micros(random.below(60_000));
+        // A recording gets its first chunk after 100 ms.
+        let longest_us = if victim == "hil" { 400_000 } else { 60_000 };
+        let moment = Duration::from_micros(random.below(longest_us));
         let ms = one(
             &programs.hil,
             running,
@@ -180,8 +184,11 @@ fn judge(hil: &Path, running: &Running, victim: &str, how: &str, wrong: &mut Wro
         let recovered = recovered.expect("hil");
         let said = String::from_utf8_lossy(&recovered.stderr);
         if !recovered.status.success() {
-            // It died while it wrote the first lines of the file, before the first step.
-            if said.contains("ends before it says what a record is") {
+            // It died while it wrote the first lines of the file, or before the first chunk was closed.
+            if said.contains("ends before it says what a record is")
+                || said.contains("broke off before its first record")
+            {
+                wrong.early += 1;
                 return Some(0);
             }
             wrong.unreadable += 1;
@@ -276,6 +283,7 @@ fn report(
         "missing_steps": wrong.missing,
         "without_reason": wrong.untold,
         "left": wrong.left,
+        "killed_before_the_first_chunk": wrong.early,
     });
     println!("{all}");
 }
