@@ -104,6 +104,18 @@ impl Rig {
         &self.session
     }
 
+    /// The teaching run, held before step 2500.
+    pub(crate) fn held(&self) -> Running<'_> {
+        let running = self.start("scenarios/spring-mass.toml --pause-at 2.5 --wait-limit 60");
+        until("the run is held", || {
+            let at = ["inject", "--active", "--json", "--session", self.session()];
+            let told = self.beside(&at).stdout;
+            let status: Value = serde_json::from_str(&told).unwrap_or_default();
+            status["status"]["step"] == 2500 && status["status"]["paused"] == true
+        });
+        running
+    }
+
     /// `hil run` with arguments separated by spaces, in this test's session and folder.
     pub(crate) fn run(&self, arguments: &str) -> Run {
         self.start(arguments).finish()

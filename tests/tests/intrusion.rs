@@ -2,19 +2,18 @@
 //! nonsense on every way in. A run that all of them try to get into has the digest of one that
 //! was left alone.
 
-use std::io::{BufRead, BufReader, Write};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 
 use iceoryx2::prelude::*;
-use serde_json::Value;
 use shared_types::link::iceoryx::{IceoryxLink, Ipc, node};
 use shared_types::session::SessionInfo;
 
-use crate::harness::{Rig, Running, until};
+use crate::harness::{Rig, until};
 use crate::programs::program;
 
 const SCENARIO: &str = "scenarios/spring-mass.toml";
@@ -47,22 +46,12 @@ impl Target<'_> {
     }
 }
 
-fn held(rig: &Rig) -> (Running<'_>, SessionInfo) {
-    let running = rig.start(&format!("{SCENARIO} --pause-at 2.5 --wait-limit 60"));
-    until("the run is held", || {
-        let told = rig.beside(&["inject", "--active", "--json", "--session", rig.session()]);
-        let status: Value = serde_json::from_str(&told.stdout).unwrap_or_default();
-        status["status"]["step"] == 2500 && status["status"]["paused"] == true
-    });
-    let session = SessionInfo::read(&rig.session_folder()).expect("it runs");
-    (running, session)
-}
-
 #[test]
 fn nobody_gets_in_and_the_run_stays_the_same() {
     let rig = Rig::new();
     let alone = rig.run(SCENARIO).expect(0).digest();
-    let (running, session) = held(&rig);
+    let running = rig.held();
+    let session = SessionInfo::read(&rig.session_folder()).expect("it runs");
     let mut target = Target {
         rig: &rig,
         session,
@@ -88,25 +77,39 @@ fn nobody_gets_in_and_the_run_stays_the_same() {
     }
 }
 
+/// A process that does not outlive its test.
+struct Killed(Child);
+
+impl Drop for Killed {
+    fn drop(&mut self) {
+        let _ = self.0.kill(); // it may have ended
+        let _ = self.0.wait();
+    }
+}
+
 /// Second processes of the same user.
 fn processes(target: &mut Target<'_>) {
     for (binary, expected) in [
         ("controller-process", "has its controller already"),
         ("plant-process", "has its plant already"),
     ] {
-        let mut second = Command::new(program(binary))
+        // Its input stays open, as that of one that was launched.
+        let second = Command::new(program(binary))
             .arg("--session")
             .arg(&target.session.folder)
             .stdin(Stdio::piped())
             .stderr(Stdio::piped())
-            .spawn()
-            .expect("it can be run");
+            .spawn();
+        let mut second = Killed(second.expect("it can be run"));
+        let mut status = None;
+        until("it is refused", || {
+            status = second.0.try_wait().expect("it is our child");
+            status.is_some()
+        });
+        assert!(status.is_some_and(|status| !status.success()), "{binary}");
         let mut said = String::new();
-        let stderr = second.stderr.take().expect("piped");
-        // It ends by itself, or the harness of this test bites.
-        let line = BufReader::new(stderr).read_line(&mut said);
-        line.expect("it says why");
-        assert!(!second.wait().expect("it is our child").success());
+        let mut stderr = second.0.stderr.take().expect("piped");
+        stderr.read_to_string(&mut said).expect("text");
         target.told(binary, &said, expected);
     }
     let name = target.session.name.clone();
@@ -297,7 +300,8 @@ fn a_file_of_another_user_with_our_prefix_is_left_alone_and_in_nobodys_way() {
         return;
     }
     let rig = Rig::new();
-    let (running, session) = held(&rig);
+    let running = rig.held();
+    let session = SessionInfo::read(&rig.session_folder()).expect("it runs");
     let file = Path::new("/dev/shm").join(format!("{}planted", session.prefix));
     let mut touch = Command::new("touch");
     let touched = touch.arg(&file).uid(NOBODY).gid(NOBODY).status();

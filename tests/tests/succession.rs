@@ -1,9 +1,7 @@
 //! Controllers that are lost and controllers that take over: how the run goes on, and who may speak for
 //! the controller at all.
 
-use std::io::Read;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
 
 use rustix::process::Signal;
 use serde_json::Value;
@@ -150,18 +148,6 @@ fn in_real_time_the_run_goes_on_until_another_controller_is_there() {
     );
 }
 
-/// A run of the teaching scenario that is held before step 2500.
-fn held(rig: &Rig) -> Running<'_> {
-    let running = rig.start("scenarios/spring-mass.toml --pause-at 2.5 --wait-limit 60");
-    until("the run is held", || {
-        let at = ["inject", "--active", "--json", "--session", rig.session()];
-        let told = rig.beside(&at).stdout;
-        let status: Value = serde_json::from_str(&told).unwrap_or_default();
-        status["status"]["step"] == 2500 && status["status"]["paused"] == true
-    });
-    running
-}
-
 fn swap(rig: &Rig, arguments: &[&str]) -> Run {
     let session = ["--session", rig.session()];
     rig.beside(&[&["controller", "swap"], arguments, &session].concat())
@@ -177,7 +163,7 @@ fn resume(rig: &Rig, running: Running<'_>) -> Run {
 fn another_controller_takes_over_at_the_step_that_the_answer_names() {
     let rig = Rig::new();
     let plain = rig.run("scenarios/spring-mass.toml").expect(0);
-    let running = held(&rig);
+    let running = rig.held();
     let swapped = swap(&rig, &["--set", "controller.law=hold", "--json"]).expect(0);
     let told: Value = serde_json::from_str(&swapped.stdout).expect("JSON");
     assert_eq!((&told["epoch"], &told["step"]), (&2.into(), &2500.into()));
@@ -202,7 +188,7 @@ fn another_controller_takes_over_at_the_step_that_the_answer_names() {
 fn a_controller_that_cannot_take_over_changes_nothing() {
     let rig = Rig::new();
     let plain = rig.run("scenarios/spring-mass.toml").expect(0).digest();
-    let running = held(&rig);
+    let running = rig.held();
     let other = misbehaving_controller();
     let other = other.to_str().expect("plain text");
     let dying = rig.script(
@@ -228,49 +214,6 @@ fn a_controller_that_cannot_take_over_changes_nothing() {
         (&["--bin", dying], "I am not well"),
     ] {
         swap(&rig, arguments).expect(2).says(&[told]);
-    }
-    let run = resume(&rig, running).expect(0);
-    assert_eq!(run.digest(), plain);
-}
-
-/// A process that does not outlive its test.
-struct Killed(Child);
-
-impl Drop for Killed {
-    fn drop(&mut self) {
-        let _ = self.0.kill(); // it may have ended
-        let _ = self.0.wait();
-    }
-}
-
-#[test]
-fn a_second_controller_or_plant_is_refused_and_the_run_stays_the_same() {
-    let rig = Rig::new();
-    let plain = rig.run("scenarios/spring-mass.toml").expect(0).digest();
-    let running = held(&rig);
-    for (binary, told) in [
-        ("controller-process", "has its controller already"),
-        ("plant-process", "has its plant already"),
-    ] {
-        // Its input stays open, as that of one that was launched.
-        let second = Command::new(program(binary))
-            .arg("--session")
-            .arg(rig.session_folder())
-            .stdin(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .expect("it can be run");
-        let mut second = Killed(second);
-        let mut status = None;
-        until("it is refused", || {
-            status = second.0.try_wait().expect("it is our child");
-            status.is_some()
-        });
-        let mut said = String::new();
-        let mut stderr = second.0.stderr.take().expect("piped");
-        stderr.read_to_string(&mut said).expect("text");
-        let failed = status.is_some_and(|status| !status.success());
-        assert!(failed && said.contains(told), "{binary}: {said}");
     }
     let run = resume(&rig, running).expect(0);
     assert_eq!(run.digest(), plain);
