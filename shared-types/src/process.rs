@@ -60,12 +60,10 @@ impl ProcessId {
     /// starts does.
     #[must_use]
     pub fn leads(self, other: u32) -> bool {
-        let number = |pid: u32| i32::try_from(pid).ok().and_then(Pid::from_raw);
-        let Some(other) = number(other) else {
+        let (Some(leader), Some(other)) = (number(self.pid), number(other)) else {
             return false;
         };
-        let leader = number(self.pid);
-        Some(other) == leader || getpgid(Some(other)).is_ok_and(|group| Some(group) == leader)
+        other == leader || getpgid(Some(other)) == Ok(leader)
     }
 
     /// The name of the program that a process runs.
@@ -80,7 +78,7 @@ impl ProcessId {
         // A later process of this number may lead a group of its own; as long as any process is in the
         // old group there can be none.
         let later = Self::of(self.pid).is_some_and(|found| found != self);
-        if !later && let Some(pid) = i32::try_from(self.pid).ok().and_then(Pid::from_raw) {
+        if !later && let Some(pid) = number(self.pid) {
             // There may be nobody left in it.
             let _ = kill_process_group(pid, Signal::KILL);
         }
@@ -89,12 +87,17 @@ impl ProcessId {
     /// Ends it at once, if it is still there.
     pub fn kill(self) {
         if self.is_alive()
-            && let Some(pid) = i32::try_from(self.pid).ok().and_then(Pid::from_raw)
+            && let Some(pid) = number(self.pid)
         {
             // It may end by itself in between, which is as good.
             let _ = kill_process(pid, Signal::KILL);
         }
     }
+}
+
+/// A process number as the system calls take it.
+fn number(pid: u32) -> Option<Pid> {
+    i32::try_from(pid).ok().and_then(Pid::from_raw)
 }
 
 #[cfg(test)]

@@ -30,6 +30,7 @@ use crate::binaries::Binaries;
 use crate::cli::run::RunOptions;
 use crate::exit::Failure;
 use crate::part_file::PartFolder;
+use crate::replay::original;
 use crate::run_reader::RECORDING;
 
 /// Version of the folder.
@@ -183,10 +184,7 @@ fn plant_of<'a>(plan: &Plan, binaries: &'a Binaries) -> Option<&'a PlantDescript
 /// The law of a plan.
 fn law_of<'a>(plan: &Plan, binaries: &'a Binaries) -> Option<&'a LawDescription> {
     let (_, laws, _) = binaries.described();
-    laws.iter().find(|law| {
-        law.name == plan.controller.law
-            && (law.plants.is_empty() || law.plants.contains(&plan.plant.model))
-    })
+    original::law_of(laws, plan)
 }
 
 /// Puts the states that both sides left in the session's folder beside the recording. `digests` are

@@ -70,7 +70,7 @@ pub fn scenario_from(arguments: &ScenarioFromArguments) -> Result<Exit, Failure>
 
 /// What a controller that died would have answered, nobody knows; and another one's state depends on
 /// when it took over.
-pub(crate) fn refuse_succession(run: &Path, change: &ControllerChange) -> Result<(), Failure> {
+fn refuse_succession(run: &Path, change: &ControllerChange) -> Result<(), Failure> {
     let (run, epoch, step) = (run.display(), change.epoch, change.step);
     let what = match &change.change {
         Change::Lost { reason, .. } => format!("lost controller {epoch} at step {step} ({reason})"),

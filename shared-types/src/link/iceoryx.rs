@@ -4,8 +4,8 @@
 //! the latest frame. It costs about half of publish-subscribe (see the bench `exchange`), and the
 //! newest frame is all that lockstep and real time want. After its writer was killed a blackboard
 //! cell stays locked, so each epoch, that is each controller, gets services of its own.
-//! Control messages use publish-subscribe, for each epoch its own too. The plant creates every service and verifies what it
-//! got; the controller opens them and proves the layout hash.
+//! Control messages use publish-subscribe, for each epoch its own too. The plant creates every service
+//! and verifies what it got; the controller opens them and proves the layout hash.
 
 use iceoryx2::identifiers::UniqueNodeId;
 use iceoryx2::port::publisher::{Publisher, PublisherCreateError};

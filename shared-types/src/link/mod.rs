@@ -134,7 +134,7 @@ pub enum LinkError {
         reason: String,
     },
     /// Another process has the place.
-    #[error("{service} has its {role} already")]
+    #[error("the session has its {role} already ({service})")]
     Taken {
         /// Which service.
         service: String,

@@ -110,7 +110,7 @@ impl Original {
 }
 
 /// The law of a plan among these.
-pub(super) fn law_of<'a>(laws: &'a [LawDescription], plan: &Plan) -> Option<&'a LawDescription> {
+pub(crate) fn law_of<'a>(laws: &'a [LawDescription], plan: &Plan) -> Option<&'a LawDescription> {
     let suits = |law: &&LawDescription| {
         law.name == plan.controller.law
             && (law.plants.is_empty() || law.plants.contains(&plan.plant.model))
