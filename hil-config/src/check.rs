@@ -13,6 +13,7 @@ mod csv;
 mod faults;
 mod parameters;
 mod plant;
+mod plots;
 mod points;
 mod realtime;
 mod requirements;
@@ -171,6 +172,8 @@ fn parts(
         faults: (reader.problems.len() == problems).then_some(&faults),
     };
     let analyses = analyses::check(reader, &analysed, &ground);
+    let law = law.map(|law| law.name.as_str());
+    let plots = plots::check(reader, root, columns.as_ref(), law, laws);
     Some(Plan {
         name,
         description: description.into(),
@@ -184,6 +187,7 @@ fn parts(
         metrics,
         analyses,
         requirements,
+        plots,
     })
 }
 

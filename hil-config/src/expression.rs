@@ -51,7 +51,7 @@ pub use program::Program;
 pub use reduction::{Accumulator, Reduction, ReductionKind};
 
 pub(crate) use parser::{functions, is_reserved};
-use program::Op;
+use program::{Op, Unary};
 
 /// An expression, read but not yet bound to columns.
 #[derive(Clone, Debug, PartialEq)]
@@ -141,6 +141,26 @@ impl Expression {
         let known = program::keeps_unit(&self.ops);
         self.signals()
             .map(move |name| unit_of_name(name).filter(|_| known))
+    }
+
+    /// The signal that it is, and whether it is its magnitude; `None` if it is anything else.
+    #[must_use]
+    pub fn plain_signal(&self) -> Option<(&str, bool)> {
+        match *self.ops.as_slice() {
+            [Op::Name(name)] => Some((&self.names[name].path, false)),
+            [Op::Name(name), Op::Unary(Unary::Abs)] => Some((&self.names[name].path, true)),
+            _ => None,
+        }
+    }
+
+    /// Its value if it is made of numbers alone.
+    #[must_use]
+    pub fn constant(&self) -> Option<f64> {
+        if !self.is_constant() {
+            return None;
+        }
+        let program = self.compile_signal(&Columns::default()).ok()?;
+        Some(program.evaluate(&[]))
     }
 
     /// Whether it is made of numbers alone.

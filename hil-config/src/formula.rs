@@ -93,6 +93,19 @@ pub(crate) enum Node {
     },
 }
 
+/// A comparison of a formula as it is shown.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Compared<'a> {
+    /// What stands before the sign.
+    pub left: &'a Expression,
+    /// `<`, `<=`, `>`, `>=`, `==` or `!=`.
+    pub relation: &'static str,
+    /// What stands after it.
+    pub right: &'a Expression,
+    /// First and last time in s at which it may count.
+    pub window_s: [f64; 2],
+}
+
 /// Two expressions, compared.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Comparison {
@@ -205,6 +218,84 @@ impl Formula {
         let mut units = self.sides().flat_map(|side| side.expression.units());
         let first = units.next()??;
         units.all(|unit| unit == Some(first)).then_some(first)
+    }
+
+    /// Its comparisons, each with the time of a run of `end_s` at which it may count.
+    #[must_use]
+    pub fn comparisons(&self, end_s: f64) -> Vec<Compared<'_>> {
+        let mut windows_s = vec![None; self.nodes.len()];
+        if let Some(whole) = windows_s.last_mut() {
+            *whole = Some([0.0, 0.0]); // judged at step 0
+        }
+        let mut compared = Vec::new();
+        // From the whole down to its operands.
+        for (place, node) in self.nodes.iter().enumerate().rev() {
+            let Some([start_s, stop_s]) = windows_s[place] else {
+                continue;
+            };
+            let mut look = |operand: usize, window_s: [f64; 2]| {
+                let [start_s, stop_s]: [f64; 2] = windows_s[operand].unwrap_or(window_s);
+                let first_s = if window_s[0] < start_s {
+                    window_s[0]
+                } else {
+                    start_s
+                };
+                let last_s = if window_s[1] > stop_s {
+                    window_s[1]
+                } else {
+                    stop_s
+                };
+                windows_s[operand] = Some([first_s, last_s]);
+            };
+            let moved = |is_past: bool, window: &Window| match (is_past, window.bounds_s) {
+                (false, Some((a, b))) => [start_s + a, stop_s + b],
+                (false, None) => [start_s, end_s],
+                (true, Some((a, b))) => [start_s - b, stop_s - a],
+                (true, None) => [0.0, stop_s],
+            };
+            match node {
+                Node::Comparison(Comparison {
+                    relation,
+                    left,
+                    right,
+                }) => compared.push(Compared {
+                    left: &left.expression,
+                    relation: relation.symbol(),
+                    right: &right.expression,
+                    window_s: [
+                        if start_s > 0.0 { start_s } else { 0.0 },
+                        if stop_s < end_s { stop_s } else { end_s },
+                    ],
+                }),
+                Node::Not(operand) | Node::Edge { operand, .. } => {
+                    look(*operand, [start_s, stop_s])
+                }
+                Node::And(a, b) | Node::Or(a, b) | Node::Implies(a, b) => {
+                    look(*a, [start_s, stop_s]);
+                    look(*b, [start_s, stop_s]);
+                }
+                Node::Over {
+                    is_past,
+                    window,
+                    operand,
+                    ..
+                } => look(*operand, moved(*is_past, window)),
+                Node::Chain {
+                    is_past,
+                    window,
+                    hold,
+                    reach,
+                } => {
+                    let [reach_start_s, reach_stop_s] = moved(*is_past, window);
+                    look(*reach, [reach_start_s, reach_stop_s]);
+                    let first_s = if *is_past { reach_start_s } else { start_s };
+                    let last_s = if *is_past { stop_s } else { reach_stop_s };
+                    look(*hold, [first_s, last_s]);
+                }
+            }
+        }
+        compared.reverse();
+        compared
     }
 
     /// Its parts, operands before what is made of them.

@@ -6,6 +6,7 @@
 
 mod faults;
 mod metrics;
+mod plots;
 mod realtime;
 mod requirements;
 mod stimuli;
@@ -15,6 +16,7 @@ use shared_types::time::Rate;
 use faults::FAULT;
 pub(crate) use faults::{EFFECT, PROFILE, PROFILES, REQUEST, TARGET, TRIGGERS};
 pub(crate) use metrics::{METRIC, METRICS};
+use plots::PLOT;
 pub(crate) use realtime::REALTIME;
 use requirements::REQUIREMENT;
 pub(crate) use stimuli::{STIMULUS, WAVEFORMS};
@@ -75,6 +77,8 @@ pub(crate) enum Kind {
     },
     /// A list of numbers.
     Numbers,
+    /// A list of texts.
+    Texts,
     /// Two numbers.
     Pair,
     /// A list of pairs of numbers.
@@ -197,6 +201,11 @@ pub(crate) const SCENARIO: &[Key] = &[
         "requirements",
         Kind::List(REQUIREMENT),
         "What the run must do to pass.",
+    ),
+    Key::new(
+        "plots",
+        Kind::List(PLOT),
+        "Plots that a report of the run begins with; nothing of the run depends on them.",
     ),
 ];
 

@@ -4,6 +4,7 @@
 //! can be out of range, unknown or unbound any more.
 
 mod analysis;
+mod plot;
 mod requirement;
 
 use serde::{Deserialize, Serialize};
@@ -20,6 +21,7 @@ use crate::expression::Expression;
 pub use analysis::{
     Analysis, AnalysisKind, DetectionPlan, FrequencyResponsePlan, StepResponsePlan,
 };
+pub use plot::{Plot, Scale};
 pub use requirement::Requirement;
 
 /// A checked scenario.
@@ -49,6 +51,8 @@ pub struct Plan {
     pub analyses: Vec<Analysis>,
     /// What it must do to pass.
     pub requirements: Vec<Requirement>,
+    /// What a report begins with.
+    pub plots: Vec<Plot>,
 }
 
 /// Duration, rate and clock of a run.

@@ -420,21 +420,8 @@ impl Reader {
             return default;
         };
         let path = section.path_of(name);
-        let Value::Text(text) = &node.value else {
-            self.wrong_type(&path, node, describe(&key.kind));
-            return None;
-        };
-        if let Some(found) = text.chars().find(|c| is_unprintable(*c)) {
-            self.report(
-                ProblemKind::OutOfRange,
-                &path,
-                &node.place,
-                format!("`{path}` has the control character {found:?}"),
-            )
-            .expected("text that a terminal can show");
-            return None;
-        }
-        if choices.is_empty() || choices.contains(&text.as_str()) {
+        let text = self.printable(&path, node, describe(&key.kind))?;
+        if choices.is_empty() || choices.contains(&text) {
             return Some(text);
         }
         self.report(
@@ -446,6 +433,66 @@ impl Reader {
         .expected(describe(&key.kind))
         .nearest(text, choices.iter().copied());
         None
+    }
+
+    /// Texts of a list, at least one, each with its path and place.
+    pub(crate) fn texts<'a>(
+        &mut self,
+        section: &Section<'a>,
+        name: &str,
+    ) -> Option<Vec<(String, &'a Place, &'a str)>> {
+        let key = section.key(name);
+        let Kind::Texts = key.kind else {
+            unreachable!("`{name}` is a list of texts")
+        };
+        let node = self.value(section, key)?;
+        let path = section.path_of(name);
+        let Value::List(items) = &node.value else {
+            self.wrong_type(&path, node, describe(&key.kind));
+            return None;
+        };
+        if items.is_empty() {
+            self.report(
+                ProblemKind::OutOfRange,
+                &path,
+                &node.place,
+                format!("`{path}` is empty"),
+            )
+            .expected(describe(&key.kind));
+            return None;
+        }
+        let texts: Vec<Option<_>> = (items.iter().enumerate())
+            .map(|(index, item)| {
+                let path = format!("{path}[{index}]");
+                let text = self.printable(&path, item, "text")?;
+                Some((path, &item.place, text))
+            })
+            .collect();
+        texts.into_iter().collect()
+    }
+
+    /// Text that a terminal can show.
+    fn printable<'a>(
+        &mut self,
+        path: &str,
+        node: &'a Node,
+        expected: impl Into<String>,
+    ) -> Option<&'a str> {
+        let Value::Text(text) = &node.value else {
+            self.wrong_type(path, node, expected);
+            return None;
+        };
+        if let Some(found) = text.chars().find(|c| is_unprintable(*c)) {
+            self.report(
+                ProblemKind::OutOfRange,
+                path,
+                &node.place,
+                format!("`{path}` has the control character {found:?}"),
+            )
+            .expected("text that a terminal can show");
+            return None;
+        }
+        Some(text)
     }
 
     /// Numbers of a list, any finite ones.
@@ -561,6 +608,7 @@ pub(crate) fn describe(kind: &Kind) -> String {
         Kind::Text { choices, .. } => format!("one of {}", listed(choices.iter().copied())),
         Kind::Boolean { .. } => "true or false".into(),
         Kind::Numbers => "a list of numbers".into(),
+        Kind::Texts => "a list of texts, at least one".into(),
         Kind::Pair => "two numbers".into(),
         Kind::Pairs => "a list of pairs of numbers".into(),
         Kind::Event => "the name or number of a fault event".into(),

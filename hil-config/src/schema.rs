@@ -119,6 +119,7 @@ fn property(key: &Key) -> Value {
         }
         Kind::Boolean { default } => json!({"type": "boolean", "default": default}),
         Kind::Numbers => json!({"type": "array", "items": {"type": "number"}, "minItems": 1}),
+        Kind::Texts => json!({"type": "array", "items": {"type": "string"}, "minItems": 1}),
         Kind::Pair => pair(),
         Kind::Pairs => json!({"type": "array", "items": pair(), "minItems": 1}),
         Kind::Event => json!({"type": ["string", "integer"]}),

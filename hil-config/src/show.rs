@@ -5,6 +5,7 @@
 
 mod analyses;
 mod faults;
+mod plots;
 mod requirements;
 
 use std::fmt::{self, Write};
@@ -147,6 +148,9 @@ fn write(
     }
     for one in &plan.requirements {
         requirements::requirement(text, one)?;
+    }
+    for one in &plan.plots {
+        plots::plot(text, one)?;
     }
     Ok(())
 }

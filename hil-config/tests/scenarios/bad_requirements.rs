@@ -139,3 +139,53 @@ fn the_unit_is_that_of_all_names_or_none() {
     let found = plan(&base_with("unit = \"rad\"", ""));
     assert_eq!(found.requirements[0].unit, "rad");
 }
+
+#[test]
+fn each_comparison_is_told_with_the_time_at_which_it_may_count() {
+    // Of a run of 20 s.
+    for (formula, expected) in [
+        ("a < 1", vec![("a", "<", Some(1.0), [0.0, 0.0])]),
+        (
+            "always(abs(a) <= 2 * 3)",
+            vec![("a", "<=", Some(6.0), [0.0, 20.0])],
+        ),
+        (
+            "always[7s,8s](abs(a) < 1) and not always[15s,20s](b > -1)",
+            vec![
+                ("a", "<", Some(1.0), [7.0, 8.0]),
+                ("b", ">", Some(-1.0), [15.0, 20.0]),
+            ],
+        ),
+        (
+            "eventually[7s,15s] always[0s,5s](a < 150)",
+            vec![("a", "<", Some(150.0), [7.0, 20.0])],
+        ),
+        (
+            "always[1s,2s](rise(a > 0) implies eventually[0s,500ms](b > c))",
+            vec![
+                ("a", ">", Some(0.0), [1.0, 2.0]),
+                ("b", ">", None, [1.0, 2.5]),
+            ],
+        ),
+        (
+            "always[4s,5s](once[1s,2s](a > 0))",
+            vec![("a", ">", Some(0.0), [2.0, 4.0])],
+        ),
+        (
+            "a < 1 until[1s,3s] b > 2",
+            vec![
+                ("a", "<", Some(1.0), [0.0, 3.0]),
+                ("b", ">", Some(2.0), [1.0, 3.0]),
+            ],
+        ),
+    ] {
+        let read = Formula::parse(formula).expect(formula);
+        let found: Vec<_> = (read.comparisons(20.0).into_iter())
+            .map(|one| {
+                let signal = one.left.plain_signal().expect("a signal").0;
+                (signal, one.relation, one.right.constant(), one.window_s)
+            })
+            .collect();
+        assert_eq!(found, expected, "{formula}");
+    }
+}

@@ -58,6 +58,18 @@ pub(crate) fn plants() -> Vec<PlantDescription> {
             ("surface_angle_rad", "rad"),
             ("actuator1_pressure1_pa", "Pa"),
             ("force_fight_n", "N"),
+            ("actuator1_position_m", "m"),
+            ("actuator1_leakage_flow_m3ps", "m3/s"),
+            (
+                "actuator1_leakage_coefficient_m3ps_per_sqrt_pa",
+                "m3/s/sqrt(Pa)",
+            ),
+            ("actuator2_position_m", "m"),
+            ("actuator2_leakage_flow_m3ps", "m3/s"),
+            (
+                "actuator2_leakage_coefficient_m3ps_per_sqrt_pa",
+                "m3/s/sqrt(Pa)",
+            ),
         ]),
         measured: signals(&[
             ("surface_angle_rad", "rad"),
@@ -235,7 +247,13 @@ pub(crate) fn laws() -> Vec<LawDescription> {
             ("surface_angle_d2_radps2", "rad/s2"),
         ]),
         commands: Some(hydraulic.commands.clone()),
-        internals: signals(&[("fault_detected", "1")]),
+        internals: signals(&[
+            ("fault_detected", "1"),
+            ("lyapunov_v3", "1"),
+            ("lyapunov_bound", "1"),
+            ("leakage_estimate1_m3ps_per_sqrt_pa", "m3/s/sqrt(Pa)"),
+            ("leakage_estimate2_m3ps_per_sqrt_pa", "m3/s/sqrt(Pa)"),
+        ]),
         ..law(name, &["drhas"])
     };
     let pid_drhas = LawDescription {

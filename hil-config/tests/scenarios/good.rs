@@ -2,8 +2,8 @@
 
 use hil_config::formula::Formula;
 use hil_config::plan::{
-    Clock, FaultAction, FaultEffect, FaultEnd, FaultSource, Move, Plan, Profile, Realtime,
-    Requirement, Trigger, Waveform,
+    Clock, FaultAction, FaultEffect, FaultEnd, FaultSource, Move, Plan, Plot, Profile, Realtime,
+    Requirement, Scale, Trigger, Waveform,
 };
 use proptest::prelude::*;
 use shared_types::describe::{Operation, Settings};
@@ -31,6 +31,7 @@ fn the_base_means_what_it_says() {
         metrics,
         analyses,
         requirements,
+        plots,
     } = plan(BASE);
     assert!(analyses.is_empty());
     let wanted = Requirement {
@@ -40,6 +41,22 @@ fn the_base_means_what_it_says() {
         unit: "rad".into(),
     };
     assert_eq!(requirements, [wanted]);
+    let error = Plot {
+        title: "Error".into(),
+        signals: vec!["error_rad".into(), "internal.fault_detected".into()],
+        laws: vec!["ftsc".into()],
+        scale: Scale::Log,
+        lines: vec![0.1, 0.2],
+    };
+    let surface = Plot {
+        title: "Surface".into(),
+        signals: vec!["truth.surface_angle_rad".into()],
+        laws: Vec::new(),
+        scale: Scale::Linear,
+        lines: Vec::new(),
+    };
+    assert!(error.is_for("ftsc") && !error.is_for("pid") && surface.is_for("pid"));
+    assert_eq!(plots, [error, surface]);
     assert_eq!(
         (name.as_str(), description.as_str()),
         ("base", "every part of the format")

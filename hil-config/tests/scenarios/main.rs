@@ -3,6 +3,7 @@
 mod analyses;
 mod bad;
 mod bad_faults;
+mod bad_plots;
 mod bad_requirements;
 mod conditions;
 mod descriptions;
@@ -120,6 +121,17 @@ name = "stays-small"
 description = "the surface stays near its middle"
 formula = "always(abs(truth.surface_angle_rad) < 0.2)"
 unit = "rad"
+
+[[plots]]
+title = "Error"
+signals = ["error_rad", "internal.fault_detected"]
+laws = ["ftsc"]
+scale = "log"
+lines = [0.1, 0.2]
+
+[[plots]]
+title = "Surface"
+signals = ["truth.surface_angle_rad"]
 "#;
 
 fn parse(text: &str) -> Result<Scenario, Problems> {
