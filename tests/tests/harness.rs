@@ -157,6 +157,11 @@ impl Rig {
         Running::start(self, hil, self.path("none")).finish()
     }
 
+    /// Another program, under this test's watchdog.
+    pub(crate) fn program(&self, command: Command) -> Run {
+        Running::start(self, command, self.path("none")).finish_beside_another()
+    }
+
     /// Any `hil` command while this test's run goes on.
     pub(crate) fn beside(&self, arguments: &[&str]) -> Run {
         let mut hil = Command::new(program("hil"));

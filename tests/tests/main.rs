@@ -24,6 +24,7 @@
 //! | [`paper`] | the paper's experiment against its checked figures |
 //! | [`recording`] | what a recording holds, read without the recorder's code |
 //! | [`recover`] | what is left after a death, on a full disk and of a damaged file |
+//! | [`report`] | pages of runs, against the recording and in a browser |
 //! | [`replay`] | recorded samples against controllers: the same, rebuilt, broken |
 //! | [`realtime_settings`] | what was asked of the system, and what it granted |
 //! | [`requirements`] | verdicts live and from the recording, and exit codes |
@@ -36,9 +37,9 @@
 //!
 //! [`python`] finds an interpreter with what a test imports.
 //!
-//! Three parts need more than Rust; a test that lacks its part says so and passes, unless the
+//! Four parts need more than Rust; a test that lacks its part says so and passes, unless the
 //! environment demands it: `HIL_TEST_RELEASE=1` builds the binaries of the other profile, `HIL_TEST_PYTHON=1`
-//! makes a Python environment, `HIL_TEST_STRACE=1` wants `strace`.
+//! makes a Python environment, `HIL_TEST_STRACE=1` wants `strace`, `HIL_TEST_CHROMIUM=1` a Chromium.
 
 mod architecture;
 mod audit;
@@ -70,6 +71,7 @@ mod realtime_settings;
 mod recording;
 mod recover;
 mod replay;
+mod report;
 mod requirements;
 mod succession;
 mod suite;

@@ -1,8 +1,8 @@
 //! What can be had of a recording in any state: its records as far as they go, and what came of the run
 //! up to there.
 //!
-//! Used by [`hil recover`](super). Reads the file once and says what the recorder would have said had the
-//! run ended there.
+//! Used by `hil recover` and `hil report`. Reads the file once and says what the recorder would have said
+//! had the run ended there.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -24,15 +24,17 @@ use crate::run_reader::{ReadError, RunReader};
 use crate::summary::Summary;
 
 /// A recording, read as far as it goes.
-pub(super) struct Account {
-    pub(super) reader: RunReader,
+pub(crate) struct Account {
+    pub(crate) reader: RunReader,
     /// Records and events.
-    pub(super) messages: u64,
+    pub(crate) messages: u64,
     /// What keeps it from being read to its end, other than that this is missing.
-    pub(super) damage: Option<ReadError>,
-    pub(super) recorded: Recorded,
+    pub(crate) damage: Option<ReadError>,
+    pub(crate) recorded: Recorded,
+    /// How long its steps took.
+    pub(crate) latency: Latency,
     /// What judges the run; why not, if its scenario cannot be understood.
-    plan: Result<Plan, Failure>,
+    pub(crate) plan: Result<Plan, Failure>,
 }
 
 /// Metrics and requirements on their way through the records.
@@ -45,10 +47,14 @@ struct Judge {
 
 impl Judge {
     /// The scenario of a run, and what judges its records; an excerpt has too few of them.
-    fn of(reader: &RunReader, run: &Path) -> Result<(Plan, Option<Self>), Failure> {
+    fn of(
+        reader: &RunReader,
+        run: &Path,
+        by: Option<&Path>,
+    ) -> Result<(Plan, Option<Self>), Failure> {
         let plant = reader.enclosed("plant-description.json");
         let plant = plant.map_err(Failure::usage)?;
-        let plan = judge::plan(reader, &plant, run, None)?;
+        let plan = judge::plan(reader, &plant, run, by)?;
         if reader.is_excerpt() {
             return Ok((plan, None));
         }
@@ -71,13 +77,13 @@ impl Judge {
 }
 
 impl Account {
-    /// Reads a recording.
+    /// Reads a recording; it is judged by its own scenario or by another.
     ///
     /// # Errors
     /// If it is none.
-    pub(super) fn of(run: &Path) -> Result<Self, ReadError> {
+    pub(crate) fn of(run: &Path, by: Option<&Path>) -> Result<Self, ReadError> {
         let mut reader = RunReader::open(run)?;
-        let (plan, mut judge) = match Judge::of(&reader, run) {
+        let (plan, mut judge) = match Judge::of(&reader, run, by) {
             Ok((plan, judge)) => (Ok(plan), judge),
             Err(failure) => (Err(failure), None),
         };
@@ -156,17 +162,18 @@ impl Account {
             messages,
             damage,
             recorded,
+            latency,
             plan,
         })
     }
 
     /// Whether the recorder told how the run ended.
-    pub(super) fn has_result(&self) -> bool {
+    pub(crate) fn has_result(&self) -> bool {
         self.damage.is_none() && self.reader.result("outcome").is_some()
     }
 
     /// The result of a run whose recording ends here, for this reason.
-    pub(super) fn result(&self, reason: &str) -> BTreeMap<String, String> {
+    pub(crate) fn result(&self, reason: &str) -> BTreeMap<String, String> {
         let recorded = &self.recorded;
         let facts = [
             ("records", recorded.written.to_string()),
@@ -179,21 +186,25 @@ impl Account {
         owned.into_iter().collect()
     }
 
-    /// The summary of the run; `broke_off` is why it ended where the recording does not tell.
-    ///
-    /// # Errors
-    /// If its scenario cannot be understood.
-    pub(super) fn summary(self, broke_off: Option<&str>) -> Result<Summary, Failure> {
-        let plan = self.plan?;
-        let end = self.recorded.end.as_ref();
-        let (outcome, reason) = match (broke_off, end) {
+    /// How the run ended, and why if not by itself; `broke_off` is why where the recording does not tell.
+    pub(crate) fn outcome(&self, broke_off: Option<&str>) -> (Outcome, Option<String>) {
+        match (broke_off, &self.recorded.end) {
             (None, Some(end)) => (end.outcome, end.reason.clone()),
             (None, None) => {
                 let reason = self.reader.result("reason").map(str::to_owned);
                 (Outcome::Failed, reason)
             }
             (Some(reason), _) => (Outcome::Failed, Some(reason.to_owned())),
-        };
+        }
+    }
+
+    /// The summary of the run; `broke_off` is why it ended where the recording does not tell.
+    ///
+    /// # Errors
+    /// If its scenario cannot be understood.
+    pub(crate) fn summary(self, broke_off: Option<&str>) -> Result<Summary, Failure> {
+        let (outcome, reason) = self.outcome(broke_off);
+        let plan = self.plan?;
         let ended = Ended {
             recorded: self.recorded,
             outcome,

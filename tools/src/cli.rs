@@ -14,6 +14,7 @@ pub mod recording;
 pub mod recordings;
 pub mod recover;
 pub mod replay;
+pub mod report;
 pub mod run;
 pub mod swap;
 
@@ -31,6 +32,7 @@ use latency::{LatencyArguments, LatencyPeerArguments};
 use recordings::{CompareArguments, JudgeArguments, ScenarioCommand};
 use recover::RecoverArguments;
 use replay::ReplayArguments;
+use report::ReportArguments;
 use run::{RerunArguments, RunArguments};
 use swap::ControllerArguments;
 
@@ -89,6 +91,9 @@ Examples:
     /// Judge a recorded run by its own requirements, or by those of another scenario
     #[command(after_help = recordings::JUDGE_EXAMPLES)]
     Judge(JudgeArguments),
+    /// Make an HTML page of recorded runs: plots, verdicts, latency and where they come from
+    #[command(after_help = report::EXAMPLES)]
+    Report(ReportArguments),
     /// Write signals of a recorded run to a CSV or Parquet file
     #[command(after_help = export::EXAMPLES)]
     Export(ExportArguments),

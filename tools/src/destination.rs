@@ -1,4 +1,4 @@
-//! Where a table goes: a file that appears whole or not at all, a device, or standard output.
+//! Where a table or a page goes: a file that appears whole or not at all, a device, or standard output.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, ErrorKind, Write};
@@ -9,7 +9,7 @@ use crate::exit::Failure;
 use crate::part_file::PartFile;
 
 /// What is written to.
-pub(super) struct Destination {
+pub(crate) struct Destination {
     file: BufWriter<File>,
     /// `None`: every byte is out at once, as on a pipe.
     whole: Option<Whole>,
@@ -23,7 +23,7 @@ struct Whole {
 }
 
 impl Destination {
-    pub(super) fn standard_output() -> Result<Self, Failure> {
+    pub(crate) fn standard_output() -> Result<Self, Failure> {
         // Not `Stdout`, which looks for the ends of lines in everything.
         let descriptor = io::stdout().as_fd().try_clone_to_owned();
         let descriptor = descriptor.map_err(Failure::infrastructure)?;
@@ -34,7 +34,7 @@ impl Destination {
     }
 
     /// Begins a file under another name beside it.
-    pub(super) fn create(path: &Path, may_replace: bool) -> Result<Self, Failure> {
+    pub(crate) fn create(path: &Path, may_replace: bool) -> Result<Self, Failure> {
         let shown = path.display();
         let cannot = |error: io::Error| Failure::usage(format!("cannot write {shown}: {error}"));
         let (mut path, mut file) = (path.to_owned(), None);
@@ -74,7 +74,7 @@ impl Destination {
     }
 
     /// All is written: the file gets its name.
-    pub(super) fn complete(mut self) -> io::Result<()> {
+    pub(crate) fn complete(mut self) -> io::Result<()> {
         self.file.flush()?;
         let Some(whole) = self.whole else {
             return Ok(());

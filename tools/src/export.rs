@@ -5,7 +5,6 @@
 //! derived signals are computed anew by the code that computed them in the run.
 
 mod csv;
-mod destination;
 mod origin;
 mod parquet;
 mod selection;
@@ -19,12 +18,12 @@ use serde::Serialize;
 use shared_types::time::{Rate, Step};
 
 use crate::cli::export::{ExportArguments, ExportFormat};
+use crate::destination::Destination;
 use crate::exit::{Exit, Failure};
 use crate::interruption::Interruption;
 use crate::output;
 use crate::progress::Progress;
 use crate::run_reader::RunReader;
-use destination::Destination;
 use selection::{Offer, Selection};
 use table::{Column, Table};
 

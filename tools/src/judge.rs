@@ -147,6 +147,7 @@ pub(crate) fn plan(
         metrics: other.metrics,
         analyses: other.analyses,
         requirements: other.requirements,
+        plots: other.plots,
         ..own
     })
 }

@@ -15,7 +15,7 @@
 //! finds where two runs differ, [`repetition`] makes the scenario that repeats one, live faults
 //! included, and [`rerun`] runs that; [`judge`] evaluates metrics and [`requirements`] once more, or
 //! others; [`replay`] gives what was recorded to a controller once more, [`baseline`] keeps named runs to
-//! compare with; [`export`] makes a table of a run for other programs; [`recover`] makes a whole recording of
+//! compare with; [`report`] makes a page of runs to look at; [`export`] makes a table of a run for other programs; [`recover`] makes a whole recording of
 //! one that broke off.
 //!
 //! A [`checkpoint`] keeps the state of both sides before a step, for another run to go on from.
@@ -31,6 +31,7 @@
 
 use std::io::IsTerminal;
 
+mod account;
 mod audit;
 pub mod baseline;
 pub mod binaries;
@@ -39,6 +40,7 @@ pub mod cli;
 pub mod clock;
 pub mod compare;
 pub mod config;
+mod destination;
 pub mod doctor;
 pub mod duration;
 pub mod exit;
@@ -59,6 +61,7 @@ pub mod recording;
 pub mod recover;
 pub mod repetition;
 pub mod replay;
+pub mod report;
 pub mod requirements;
 pub mod rerun;
 mod reserve;
@@ -108,6 +111,7 @@ pub fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
         Command::Replay(arguments) => replay::replay(arguments),
         Command::Compare(arguments) => compare::command(arguments),
         Command::Judge(arguments) => judge::judge(arguments),
+        Command::Report(arguments) => report::report(arguments),
         Command::Export(arguments) => export::export(arguments),
         Command::Recover(arguments) => recover::recover(arguments),
         Command::Scenario(arguments) => match &arguments.action {

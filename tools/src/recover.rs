@@ -9,8 +9,6 @@
 //! A file that is damaged before its end is never replaced: what comes after the damage is not in the
 //! new one.
 
-mod account;
-
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -21,6 +19,7 @@ use rustix::io::Errno;
 use serde::Serialize;
 use shared_types::session;
 
+use crate::account::Account;
 use crate::cli::recover::RecoverArguments;
 use crate::cli::run::Compression;
 use crate::exit::{Exit, Failure};
@@ -28,7 +27,6 @@ use crate::part_file::PartFile;
 use crate::recording::copy::Copy;
 use crate::run_reader::content::{Content, End};
 use crate::{output, run};
-use account::Account;
 
 /// What became of a recording.
 #[derive(Debug, Serialize)]
@@ -75,7 +73,7 @@ pub fn recover(arguments: &RecoverArguments) -> Result<Exit, Failure> {
 }
 
 fn recovered(run: &Path, output: Option<&Path>) -> Result<Recovered, Failure> {
-    let account = Account::of(run).map_err(Failure::usage)?;
+    let account = Account::of(run, None).map_err(Failure::usage)?;
     let path = account.reader.path().to_owned();
     let shown = path.display();
     let (end, bytes) = account.reader.end();

@@ -201,6 +201,12 @@ impl RunReader {
         self.metadata.get("hil.run")?.get(name).map(String::as_str)
     }
 
+    /// All facts that were written down before the run.
+    pub fn facts(&self) -> impl Iterator<Item = (&str, &str)> {
+        let facts = self.metadata.get("hil.run").into_iter().flatten();
+        facts.map(|(name, fact)| (name.as_str(), fact.as_str()))
+    }
+
     /// A fact that was written down after the run; only at the end of the file.
     #[must_use]
     pub fn result(&self, name: &str) -> Option<&str> {

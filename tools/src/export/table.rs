@@ -5,8 +5,8 @@ use std::io;
 use serde::Serialize;
 
 use super::csv::Csv;
-use super::destination::Destination;
 use super::parquet::Parquet;
+use crate::destination::Destination;
 
 /// A column.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]

@@ -27,7 +27,7 @@ fn class_of(ns: u64) -> (u64, u64) {
 }
 
 /// Classes with their counts, in order; empty ones are left out.
-fn classes(times_ns: &Histogram<u64>) -> Vec<((u64, u64), u64)> {
+pub(crate) fn classes(times_ns: &Histogram<u64>) -> Vec<((u64, u64), u64)> {
     let mut classes: Vec<((u64, u64), u64)> = Vec::new();
     for cell in times_ns.iter_recorded() {
         let (class, count) = (class_of(cell.value_iterated_to()), cell.count_at_value());

@@ -1,0 +1,540 @@
+//! `hil report`: what is in the page, against readers of their own, and what a real browser makes of it.
+//!
+//! What a page must show comes from the recording, read without the reporter's code, and from `summary.json`,
+//! which the run wrote. The browser is a headless Chromium; without one its tests say so and pass, unless
+//! `HIL_TEST_CHROMIUM=1` demands it.
+
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+
+use serde_json::Value;
+
+use crate::harness::{Rig, Run};
+use crate::mcap_reader::Recording;
+use crate::programs::{skip, workspace};
+
+const LEAKAGE: &str = "tests/scenarios/leakage.toml";
+/// The teaching run at 1 kHz for 10 s with one spike of one step on its sensor.
+const SPIKE: &str = "
+[[faults]]
+kind = \"spike\"
+at_s = 6.789
+[[faults.effects]]
+target = \"measured.position_m\"
+amplitude = 0.5
+
+[[requirements]]
+name = \"stays_in_reach\"
+formula = \"always[1s,9s](abs(truth.position_m) < 0.4)\"
+
+[[requirements]]
+name = \"sensor_and_truth\"
+formula = \"always(measured.position_m - truth.position_m < 0.1)\"
+";
+
+/// A page and the data in it.
+struct Page {
+    path: PathBuf,
+    text: String,
+    data: Value,
+}
+
+impl Page {
+    fn of(rig: &Rig, runs: &[&Run], options: &[&str]) -> Self {
+        let path = rig.path("page.html");
+        let folders: Vec<&str> = runs
+            .iter()
+            .map(|run| run.folder.to_str().expect("text"))
+            .collect();
+        let file = ["-o", path.to_str().expect("text"), "--force"];
+        rig.hil(&[&["report"], &folders[..], &file, options].concat())
+            .expect(0);
+        let text = std::fs::read_to_string(&path).expect("the page is there");
+        let (_, rest) = text
+            .split_once("<script id=\"data\" type=\"application/json\">")
+            .expect("data");
+        let (json, _) = rest.split_once("</script>").expect("its end");
+        let data = serde_json::from_str(json).expect("JSON");
+        Self { path, text, data }
+    }
+
+    fn plots(&self) -> &[Value] {
+        self.data["plots"].as_array().expect("plots")
+    }
+
+    /// The plot that shows exactly these signals.
+    fn plot(&self, signals: &[&str]) -> &Value {
+        let is_it = |plot: &&Value| plot["signals"] == serde_json::json!(signals);
+        let titles: Vec<&Value> = self.plots().iter().map(|plot| &plot["signals"]).collect();
+        self.plots()
+            .iter()
+            .find(is_it)
+            .unwrap_or_else(|| panic!("{signals:?} in {titles:?}"))
+    }
+
+    /// Where buckets begin, in s.
+    fn grid(&self) -> Vec<f64> {
+        let bytes = base64(self.data["grid"].as_str().expect("text"));
+        bytes
+            .as_chunks()
+            .0
+            .iter()
+            .map(|bytes| f64::from_le_bytes(*bytes))
+            .collect()
+    }
+
+    /// The least and the greatest value of each bucket.
+    fn envelope(&self, run: usize, signal: &str) -> (Vec<f32>, Vec<f32>) {
+        let signal = &self.data["runs"][run]["signals"][signal];
+        if let Some(same) = signal["same"].as_str() {
+            return self.envelope(run, same);
+        }
+        if let Some(value) = signal["value"].as_f64() {
+            let flat = vec![value as f32; self.grid().len()];
+            return (flat.clone(), flat);
+        }
+        let numbers = |key: &str| -> Vec<f32> {
+            let bytes = base64(signal[key].as_str().unwrap_or_else(|| panic!("{signal}")));
+            bytes
+                .as_chunks()
+                .0
+                .iter()
+                .map(|bytes| f32::from_le_bytes(*bytes))
+                .collect()
+        };
+        let (least, greatest) = (numbers("least"), numbers("greatest"));
+        match greatest.is_empty() {
+            true => (least.clone(), least),
+            false => (least, greatest),
+        }
+    }
+}
+
+/// Base 64 by its definition (RFC 4648).
+fn base64(text: &str) -> Vec<u8> {
+    const LETTERS: &[u8] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let (mut bits, mut filled, mut bytes) = (0_u32, 0, Vec::new());
+    for letter in text.bytes().filter(|letter| *letter != b'=') {
+        let six = LETTERS
+            .iter()
+            .position(|one| *one == letter)
+            .expect("a letter");
+        bits = bits << 6 | six as u32;
+        filled += 6;
+        if filled >= 8 {
+            filled -= 8;
+            bytes.push((bits >> filled) as u8);
+        }
+    }
+    bytes
+}
+
+fn spike_scenario(rig: &Rig) -> PathBuf {
+    let text = std::fs::read_to_string(workspace().join("scenarios/spring-mass.toml"));
+    let text = text
+        .expect("a scenario")
+        .replace("duration_s = 5.0", "duration_s = 10.0");
+    rig.write("spike.toml", &(text + SPIKE))
+}
+
+#[test]
+fn every_bucket_has_the_least_and_the_greatest_value_of_its_records() {
+    let rig = Rig::new();
+    let run = rig.run(LEAKAGE).expect(0);
+    let page = Page::of(&rig, &[&run], &[]);
+    let starts_s = page.grid();
+    let recording = Recording::open(&run.recording());
+    for name in [
+        "truth.force_fight_n",
+        "command.actuator1_valve_current_a",
+        "internal.lyapunov_v3",
+        "sensed.surface_angle_rad",
+    ] {
+        let mut expected = vec![[f32::NAN; 2]; starts_s.len()];
+        for record in recording.records() {
+            let time_s = record.step() as f64 / 10_000.0;
+            let bucket = starts_s.partition_point(|start_s| *start_s < time_s + 1e-9) - 1;
+            let value = recording.value(&record, name) as f32;
+            if !value.is_nan() {
+                let [least, greatest] = expected[bucket];
+                expected[bucket] = [
+                    if least < value { least } else { value },
+                    if greatest > value { greatest } else { value },
+                ];
+            }
+        }
+        let (least, greatest) = page.envelope(0, name);
+        assert_eq!(
+            (least.len(), greatest.len()),
+            (starts_s.len(), starts_s.len())
+        );
+        for (bucket, expected) in expected.iter().enumerate() {
+            let found = [least[bucket], greatest[bucket]].map(f32::to_bits);
+            assert_eq!(found, expected.map(f32::to_bits), "{name}, bucket {bucket}");
+        }
+    }
+    // Around the fault a bucket is a step.
+    let near = starts_s
+        .iter()
+        .filter(|start_s| (**start_s - 1.0).abs() < 0.01045);
+    assert_eq!(near.count(), 209, "steps -104 to 104");
+}
+
+#[test]
+fn a_page_says_what_the_run_said_and_where_each_margin_comes_from() {
+    let rig = Rig::new();
+    let scenario = spike_scenario(&rig);
+    let run = rig.run(scenario.to_str().expect("text")).expect(1);
+    let summary = run.summary();
+    let page = Page::of(&rig, &[&run], &[]);
+    let digest = summary["digest"].as_str().expect("a digest");
+    assert!(
+        page.text.contains(&format!("title=\"{digest}\""))
+            && page.text.contains("recomputed: equal")
+    );
+    for requirement in summary["requirements"].as_array().expect("requirements") {
+        let name = requirement["name"].as_str().expect("a name");
+        let at = format!(
+            "data-requirement=\"{name}\" data-run=\"0\" data-at=\"{}\"",
+            requirement["at_s"]
+        );
+        assert!(page.text.contains(&at), "{at}");
+    }
+    // 0.5 m are added to the sensor at step 6789: the margin against 0.1 m is -0.4 m.
+    let sides = page.plot(&["measured.position_m - truth.position_m"]);
+    assert_eq!(sides["limits"][0]["level"], 0.1);
+    let mark = &sides["marks"][0];
+    assert_eq!(
+        (&mark["holds"], &mark["at_s"]),
+        (&Value::Bool(false), &6.789.into())
+    );
+    let value = mark["value"].as_f64().expect("a value");
+    assert!((value - 0.5).abs() < 1e-9, "{value}");
+    // A magnitude has two limits, in the time in which they count.
+    let reach = page.plot(&["reference.position_m", "truth.position_m"]);
+    let limits: Vec<_> = (reach["limits"].as_array().expect("limits").iter())
+        .filter(|limit| limit["requirement"] == "stays_in_reach")
+        .map(|limit| [&limit["level"], &limit["from_s"], &limit["until_s"]].map(|one| one.as_f64()))
+        .collect();
+    assert_eq!(
+        limits,
+        [
+            [Some(0.4), Some(1.0), Some(9.0)],
+            [Some(-0.4), Some(1.0), Some(9.0)]
+        ]
+    );
+    assert_eq!(page.data["runs"][0]["faults"][0]["from_s"], 6.789);
+    page.plot(&["truth.position_m", "measured.position_m"]);
+    for fact in [
+        "plant_blake3",
+        "hil_commit",
+        "kernel",
+        "cpufreq",
+        "software in the loop",
+        "duration_s = 10.0",
+    ] {
+        assert!(page.text.contains(fact), "{fact}");
+    }
+}
+
+#[test]
+fn a_page_loads_nothing_and_texts_of_a_recording_stay_texts() {
+    let rig = Rig::new();
+    let scenario = spike_scenario(&rig);
+    let text = std::fs::read_to_string(&scenario).expect("a scenario");
+    let text = text.replace(
+        "description = \"",
+        "description = \"</script><script>alert(1)</script><img src=x onerror=alert(2)> ",
+    );
+    let scenario = rig.write("hostile.toml", &text);
+    let run = rig.run(scenario.to_str().expect("text")).expect(1);
+    let page = Page::of(&rig, &[&run], &[]);
+    assert!(page.text.contains("&lt;img src=x"));
+    let page_alone = page.text.replace("https://github.com/leeoniya/uPlot", "");
+    for loads in [
+        "<img",
+        "<link",
+        "src=",
+        "@import",
+        "url(",
+        "http://www.w3.org/1999",
+        "alert(1)</script>",
+    ] {
+        let allowed = page_alone.matches("http://www.w3.org/2000/svg").count();
+        assert!(
+            allowed == 1 && !page_alone.replace("&lt;img src=x", "").contains(loads),
+            "{loads}"
+        );
+    }
+    assert!(page.text.contains("default-src 'none'"));
+}
+
+#[test]
+fn several_runs_lie_over_each_other_and_tell_apart() {
+    let rig = Rig::new();
+    let runs = ["pid", "nrsc", "ftsc"].map(|law| {
+        rig.run(&format!("scenarios/severe-leakage.toml --set run.duration_s=8 --set requirements=[] --set metrics=[] --set controller.law={law}")).expect(0)
+    });
+    let page = Page::of(&rig, &[&runs[0], &runs[1], &runs[2]], &[]);
+    let labels: Vec<&Value> = (0..3).map(|run| &page.data["runs"][run]["label"]).collect();
+    assert_eq!(labels, ["pid", "nrsc", "ftsc"]);
+    let figures: Vec<&str> = (page.plots().iter())
+        .filter_map(|plot| {
+            plot["title"]
+                .as_str()
+                .filter(|title| title.starts_with("Figure"))
+        })
+        .map(|title| title.split(':').next().expect("a number"))
+        .collect();
+    assert_eq!(
+        figures,
+        [
+            "Figure 3", "Figure 4", "Figure 5", "Figure 6", "Figure 6", "Figure 7", "Figure 7"
+        ]
+    );
+    let bound = page.plot(&["internal.lyapunov_v3", "internal.lyapunov_bound"]);
+    assert_eq!(
+        (&bound["runs"], &bound["log"]),
+        (&serde_json::json!([1, 2]), &Value::Bool(true))
+    );
+    // The same run three times needs numbers.
+    let page = Page::of(&rig, &[&runs[0], &runs[0]], &[]);
+    let labels: Vec<&Value> = (0..2).map(|run| &page.data["runs"][run]["label"]).collect();
+    assert_eq!(labels, ["1 pid", "2 pid"]);
+}
+
+#[test]
+fn what_cannot_be_reported_says_why() {
+    let rig = Rig::new();
+    let run = rig.run("scenarios/spring-mass.toml").expect(0);
+    let folder = run.folder.to_str().expect("text");
+    let path = rig.write("there.html", "mine");
+    let there = path.to_str().expect("text");
+    rig.hil(&["report", folder, "-o", there])
+        .expect(2)
+        .says(&["is there already", "--force"]);
+    assert_eq!(std::fs::read_to_string(&path).expect("it is there"), "mine");
+    rig.hil(&[
+        "report",
+        folder,
+        "-o",
+        there,
+        "--force",
+        "--signal",
+        "truth.positon_m",
+    ])
+    .expect(2)
+    .says(&[
+        "no run has a signal `truth.positon_m`",
+        "nearest: `truth.position_m`",
+    ]);
+    rig.hil(&["report", folder, "-o", "/dev/full"])
+        .expect(3)
+        .says(&["No space left"]);
+    rig.hil(&["report", "none", "-o", there, "--force"])
+        .expect(2)
+        .says(&["none"]);
+    rig.hil(&["report"]).expect(2);
+    rig.hil(&[&["report"], &[folder; 9][..]].concat())
+        .expect(2)
+        .says(&["at most 8"]);
+    let unrecorded = rig.run("scenarios/spring-mass.toml --no-record").expect(0);
+    let unrecorded = unrecorded.folder.to_str().expect("text");
+    rig.hil(&["report", unrecorded, "-o", there, "--force"])
+        .expect(2)
+        .says(&["--no-record"]);
+    let told = rig
+        .hil(&["report", folder, "-o", there, "--force", "--json"])
+        .expect(0)
+        .stdout;
+    let told: Value = serde_json::from_str(&told).expect("JSON");
+    let bytes = std::fs::metadata(&path).expect("it is there").len();
+    assert_eq!(
+        (&told["file"], told["bytes"].as_u64()),
+        (&there.into(), Some(bytes))
+    );
+}
+
+#[test]
+fn runs_that_ended_badly_or_kept_a_part_are_shown_as_far_as_they_go() {
+    let rig = Rig::new();
+    // The shaft is pushed out of its range of validity.
+    let run = rig
+        .run("scenarios/spring-mass.toml --set plant.limits.position_m=[-1,0.005]")
+        .expect(1);
+    let page = Page::of(&rig, &[&run], &[]);
+    assert!(page.text.contains("data-verdict=\"aborted\"") && page.text.contains("position_m"));
+    let excerpt = rig
+        .run("scenarios/spring-mass.toml --record truth.* --record-every 10")
+        .expect(0);
+    let page = Page::of(&rig, &[&excerpt], &[]);
+    assert!(page.text.contains("an excerpt") && page.text.contains("data-verdict=\"pass\""));
+    page.plot(&["truth.position_m"]);
+    // Cut off in the middle.
+    let whole = rig.run("scenarios/spring-mass.toml").expect(0);
+    let bytes = std::fs::read(whole.recording()).expect("a recording");
+    std::fs::write(whole.recording(), &bytes[..bytes.len() / 2]).expect("it can be written");
+    let page = Page::of(&rig, &[&whole], &[]);
+    assert!(
+        page.text.contains("broke off after") && page.text.contains("data-verdict=\"aborted\"")
+    );
+}
+
+// ---- In a browser ----
+
+/// Runs before the page's own scripts and keeps their errors.
+const CATCH: &str = "<script>window.wrong = [];
+addEventListener('error', (event) => wrong.push(String(event.message)));
+addEventListener('unhandledrejection', (event) => wrong.push(String(event.reason)));
+addEventListener('securitypolicyviolation', (event) => wrong.push('blocked ' + event.blockedURI));
+for (const level of ['error', 'warn']) { const tell = console[level]; console[level] = (...said) => { wrong.push(said.join(' ')); tell(...said); }; }
+</script>";
+
+/// Waits for every plot and tells what is drawn: of each figure its colours and, of its first series, the
+/// column whose ink is highest and how high that is, as parts of width and height.
+const LOOK: &str = "<script>(() => {
+  const tell = () => {
+    const figures = [...document.querySelectorAll('figure.plot')].map((figure) => {
+      const canvas = figure.querySelector('canvas');
+      const { width, height } = canvas;
+      const pixels = canvas.getContext('2d').getImageData(0, 0, width, height).data;
+      const lines = [...figure.querySelectorAll('.legend line')].map((line) => getComputedStyle(line).stroke.match(/[\\d.]+/g).map(Number));
+      const style = getComputedStyle(document.documentElement);
+      const probe = document.createElement('i'); document.body.append(probe);
+      const colours = lines.length ? lines : [(probe.style.color = style.getPropertyValue('--c0'), getComputedStyle(probe).color.match(/[\\d.]+/g).map(Number))];
+      probe.remove();
+      const ink = colours.map(() => 0);
+      let top = height; let column = 0;
+      for (let y = 0; y < height; y++) for (let x = 0; x < width; x++) {
+        const at = 4 * (y * width + x);
+        colours.forEach(([r, g, b], i) => {
+          if (pixels[at + 3] > 150 && Math.abs(pixels[at] - r) + Math.abs(pixels[at + 1] - g) + Math.abs(pixels[at + 2] - b) < 60) {
+            ink[i]++;
+            if (i === colours.length - 1 && y < top) { top = y; column = x; }
+          }
+        });
+      }
+      return { title: figure.querySelector('figcaption').textContent, ink, top: top / height, column: column / width, width: figure.getBoundingClientRect().width };
+    });
+    const said = { wrong, figures, theme: document.documentElement.dataset.theme, overflow: document.documentElement.scrollWidth - innerWidth };
+    const box = document.createElement('pre'); box.id = 'told'; box.textContent = btoa(unescape(encodeURIComponent(JSON.stringify(said)))); document.body.append(box);
+  };
+  const wait = () => document.querySelectorAll('[data-drawn]').length === document.querySelectorAll('figure.plot').length ? setTimeout(tell, 100) : setTimeout(wait, 50);
+  addEventListener('load', wait);
+})();</script>";
+
+/// What Chromium makes of a page at a width, in a theme.
+fn looked_at(rig: &Rig, page: &Page, width: u32, dark: bool) -> Option<Value> {
+    let chromium = ["chromium", "chromium-browser", "google-chrome"]
+        .into_iter()
+        .find(|name| {
+            let found = Command::new(name)
+                .arg("--version")
+                .stdout(Stdio::null())
+                .stderr(Stdio::null())
+                .status();
+            found.is_ok_and(|status| status.success())
+        });
+    let Some(chromium) = chromium else {
+        skip("report", "there is no Chromium", "HIL_TEST_CHROMIUM");
+        return None;
+    };
+    let text = page.text.replacen("<head>", &format!("<head>{CATCH}"), 1);
+    let text = text.replacen("</body>", &format!("{LOOK}</body>"), 1);
+    let path = rig.write("looked-at.html", &text);
+    let profile = rig.path(&format!("chromium-{width}-{dark}"));
+    let mut browser = Command::new(chromium);
+    browser
+        .args([
+            "--headless",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--disable-quic",
+            "--no-first-run",
+            "--disable-sync",
+        ])
+        .args([
+            "--disable-background-networking",
+            "--disable-component-update",
+            "--disable-dev-shm-usage",
+        ])
+        .args(["--virtual-time-budget=60000", "--dump-dom"])
+        .arg(format!("--window-size={width},900"))
+        .arg(format!("--user-data-dir={}", profile.display()))
+        .args(dark.then_some("--blink-settings=preferredColorScheme=0"))
+        .arg(format!("file://{}", path.display()));
+    let told = rig.program(browser).expect(0);
+    let (_, rest) = (told.stdout.split_once("<pre id=\"told\">"))
+        .unwrap_or_else(|| panic!("nothing told: {}", told.stderr));
+    let (json, _) = rest.split_once("</pre>").expect("its end");
+    Some(serde_json::from_slice(&base64(json)).expect("JSON"))
+}
+
+fn assert_drawn(told: &Value, page: &Page) {
+    assert_eq!(told["wrong"], serde_json::json!([]));
+    let figures = told["figures"].as_array().expect("figures");
+    assert!(figures.len() > page.plots().len(), "histograms too");
+    for figure in figures {
+        let ink = figure["ink"].as_array().expect("ink");
+        assert!(
+            !ink.is_empty() && ink.iter().all(|ink| ink.as_u64() > Some(20)),
+            "{figure}"
+        );
+    }
+    assert!(
+        told["overflow"].as_i64() <= Some(0),
+        "the page is wider than the window"
+    );
+}
+
+#[test]
+fn a_browser_draws_every_plot_without_a_word_in_both_themes_and_on_a_phone() {
+    let rig = Rig::new();
+    let scenario = spike_scenario(&rig);
+    let run = rig.run(scenario.to_str().expect("text")).expect(1);
+    let page = Page::of(&rig, &[&run], &[]);
+    for (width, dark) in [(1280, false), (1280, true), (500, false)] {
+        let Some(told) = looked_at(&rig, &page, width, dark) else {
+            return;
+        };
+        assert_eq!(told["theme"], if dark { "dark" } else { "light" });
+        assert_drawn(&told, &page);
+    }
+    assert!(page.path.exists());
+}
+
+#[test]
+fn a_spike_of_one_step_is_seen_from_as_far_away_as_one_can_be() {
+    let rig = Rig::new();
+    // Without a fault, so that nothing makes the grid fine there: 100 s at 1 kHz, one sample of 100,001.
+    let scenario = spike_scenario(&rig);
+    let run = rig
+        .run(&format!("{} --set run.duration_s=100", scenario.display()))
+        .expect(1);
+    let page = Page::of(&rig, &[&run], &[]);
+    let (_, greatest) = page.envelope(0, "measured.position_m");
+    let highest = greatest
+        .iter()
+        .fold(0.0, |a: f32, b| if *b > a { *b } else { a });
+    assert!((highest - 0.51).abs() < 0.01, "{highest}");
+    let Some(told) = looked_at(&rig, &page, 1280, false) else {
+        return;
+    };
+    let figures = told["figures"].as_array().expect("figures");
+    let is_it = |figure: &&Value| {
+        figure["title"]
+            .as_str()
+            .is_some_and(|title| title.starts_with("truth.position_m, measured.position_m"))
+    };
+    let figure = figures.iter().find(is_it).expect("the plot");
+    // The spike is what the axis ends at, so it reaches the top tenth, at 6.789 of 100 s of what is right
+    // of the axis, whose width is 70 px.
+    let (top, column) = (
+        figure["top"].as_f64().expect("a number"),
+        figure["column"].as_f64().expect("a number"),
+    );
+    assert!(top < 0.15, "{figure}");
+    let width = figure["width"].as_f64().expect("a number");
+    let expected = (70.0 + 0.06789 * (width - 70.0)) / width;
+    assert!((column - expected).abs() < 0.01, "{column} and {expected}");
+}

@@ -1,0 +1,655 @@
+"use strict";
+// Draws the plots of a report. Signals are envelopes over one grid of simulated time: the least and the
+// greatest value of each bucket, which may be a single step. Both are drawn, so no spike is ever hidden.
+(() => {
+  const data = JSON.parse(document.getElementById("data").textContent);
+  const root = document.documentElement;
+  const status = document.getElementById("status");
+
+  // ---- Numbers ----
+
+  const bytesOf = (text) => {
+    const raw = atob(text);
+    const bytes = new Uint8Array(raw.length);
+    for (let i = 0; i < raw.length; i++) bytes[i] = raw.charCodeAt(i);
+    return bytes.buffer;
+  };
+  const start = new Float64Array(bytesOf(data.grid));
+  const buckets = start.length;
+
+  const cache = new Map();
+  // The envelope of a run's signal, or undefined if the run has none.
+  const signalOf = (run, name) => {
+    const key = run + " " + name;
+    if (cache.has(key)) return cache.get(key);
+    const written = data.runs[run].signals[name];
+    let found;
+    if (written && written.same !== undefined) {
+      found = signalOf(run, written.same);
+    } else if (written && written.value !== undefined) {
+      const flat = new Float32Array(buckets).fill(written.value);
+      found = { least: flat, greatest: flat };
+    } else if (written) {
+      const least = new Float32Array(bytesOf(written.least));
+      found = { least, greatest: written.greatest ? new Float32Array(bytesOf(written.greatest)) : least };
+    }
+    cache.set(key, found);
+    return found;
+  };
+  const unitOf = (name) => {
+    const run = data.runs.find((one) => one.signals[name]);
+    return run ? run.signals[name].unit : "";
+  };
+
+  const nanoseconds = (ns) => {
+    const size = Math.abs(ns);
+    if (size < 1e3) return +ns.toPrecision(4) + " ns";
+    if (size < 1e6) return +(ns / 1e3).toPrecision(4) + " us";
+    if (size < 1e9) return +(ns / 1e6).toPrecision(4) + " ms";
+    return +(ns / 1e9).toPrecision(4) + " s";
+  };
+  const number = (value) => {
+    const size = Math.abs(value);
+    if (size !== 0 && (size < 1e-3 || size >= 1e6)) return value.toExponential(4);
+    return String(+value.toPrecision(6));
+  };
+  const shown = (value, unit) => (unit === "ns" ? nanoseconds(value) : number(value) + (unit && unit !== "1" ? " " + unit : ""));
+  // Ticks with as many digits as tell them apart.
+  const ticks = (splits, step, unit) => {
+    const most = Math.max(...splits.map((one) => Math.abs(one ?? 0)));
+    return splits.map((value) => {
+      if (value === null || value === undefined) return "";
+      if (unit === "ns") return nanoseconds(value);
+      if (value === 0) return "0";
+      const isOdd = most < 1e-2 || most >= 1e6;
+      if (!isOdd) return value.toFixed(decimals(step || 1));
+      const power = Math.floor(Math.log10(Math.abs(value)));
+      return value.toExponential(decimals((step || most) / 10 ** power)).replace("e+", "e");
+    });
+  };
+  // How many decimals it takes to write a step exactly.
+  const decimals = (step) => {
+    let digits = 0;
+    while (digits < 9 && Math.abs(step * 10 ** digits - Math.round(step * 10 ** digits)) > 1e-6 * step * 10 ** digits) digits++;
+    return digits;
+  };
+  // Powers of ten, every so many of them.
+  const powers = (min, max) => {
+    const first = Math.ceil(Math.log10(min) - 1e-9);
+    const last = Math.floor(Math.log10(max) + 1e-9);
+    const step = Math.max(1, Math.ceil((last - first) / 7));
+    return Array.from({ length: Math.max(0, Math.floor((last - first) / step) + 1) }, (_, i) => 10 ** (first + i * step));
+  };
+  const logTicks = (splits, unit) => splits.map((value) => (unit === "ns" ? nanoseconds(value) : value >= 1e-3 && value < 1e5 ? String(+value.toPrecision(1)) : value.toExponential(0).replace("e+", "e")));
+
+  // The bucket that holds a time.
+  const bucketOf = (time) => {
+    let low = 0;
+    let high = buckets - 1;
+    while (low < high) {
+      const middle = (low + high + 1) >> 1;
+      if (start[middle] <= time) low = middle;
+      else high = middle - 1;
+    }
+    return low;
+  };
+
+  // ---- Colours ----
+
+  let ink = {};
+  const readInk = () => {
+    const style = getComputedStyle(root);
+    const of = (name) => style.getPropertyValue(name).trim();
+    ink = {
+      text: of("--soft"), grid: of("--grid"), fault: of("--fault"), edge: of("--fault-edge"), limit: of("--limit"),
+      paper: of("--paper"), series: Array.from({ length: 8 }, (_, i) => of("--c" + i)),
+    };
+  };
+  const dashes = [[], [8, 4], [2, 3], [10, 3, 2, 3]];
+  const setTheme = (isDark) => {
+    root.dataset.theme = isDark ? "dark" : "light";
+    const button = document.getElementById("theme");
+    button.textContent = isDark ? "Light" : "Dark";
+    button.setAttribute("aria-pressed", String(isDark));
+    readInk();
+    for (const plot of plots) plot.redraw();
+  };
+
+  // ---- Plots over time ----
+
+  const plots = [];
+  const whole = [start[0], Math.max(data.end_s, start[0] + 1e-9)];
+  let view = whole.slice();
+
+  // Shows the same time in every plot; those out of sight follow when they are seen.
+  const show = (min, max) => {
+    const least = Math.min(...data.runs.map((run) => run.period_s));
+    const length = Math.min(Math.max(max - min, 2 * least), whole[1] - whole[0]);
+    min = Math.min(Math.max(min, whole[0]), whole[1] - length);
+    view = [min, min + length];
+    for (const plot of plots) plot.follow();
+    status.textContent = `${number(view[0])} to ${number(view[1])} s`;
+  };
+
+  const isOverlaid = data.runs.length > 1;
+
+  class TimePlot {
+    constructor(figure, spec) {
+      this.figure = figure;
+      this.spec = spec;
+      this.isVisible = false;
+      this.isStale = false;
+      this.series = [];
+      spec.signals.forEach((name, place) => {
+        data.runs.forEach((run, number) => {
+          if (spec.runs && !spec.runs.includes(number)) return;
+          const values = signalOf(number, name);
+          if (!values) return;
+          const wanted = /^(reference|stimulus)\./.test(name);
+          this.series.push({
+            name, run: number, values, isShown: true, period: run.period_s,
+            colour: isOverlaid ? number : place, dash: dashes[isOverlaid ? place % 4 : wanted ? 1 : 0],
+            label: isOverlaid ? `${run.label}: ${name}` : name,
+          });
+        });
+      });
+      figure.addEventListener("keydown", (event) => this.key(event));
+    }
+
+    create() {
+      if (this.plot) return;
+      const box = this.figure.querySelector(".canvas");
+      const { spec } = this;
+      const points = this.series.map((one) => Array.from(one.values.greatest, (value) => (value === value ? (spec.log ? Math.abs(value) || null : value) : null)));
+      const axis = { stroke: () => ink.text, grid: { stroke: () => ink.grid, width: 1 }, ticks: { stroke: () => ink.grid, width: 1 }, font: "12px system-ui, sans-serif" };
+      this.plot = new uPlot({
+        width: Math.max(280, box.clientWidth),
+        height: 240,
+        legend: { show: false },
+        cursor: { sync: { key: "report", setSeries: false, filters: { pub: (type) => type === "mousemove" || type === "mouseleave" } }, drag: { x: true, y: false, setScale: false }, points: { show: false }, y: false },
+        scales: {
+          x: { time: false, range: () => view },
+          y: { distr: spec.log ? 3 : 1, range: () => this.range() },
+        },
+        axes: [
+          { ...axis, size: 34, values: (u, splits, _i, _s, step) => ticks(splits, step, "").map((text, i) => (i === splits.length - 1 ? text + " s" : text)) },
+          { ...axis, size: 70, ...(spec.log ? { splits: (u, _i, min, max) => powers(min, max), filter: (u, splits) => splits, values: (u, splits) => logTicks(splits, spec.unit) } : { values: (u, splits, _i, _s, step) => ticks(splits, step, spec.unit) }) },
+        ],
+        series: [{}, ...this.series.map((one) => ({ stroke: () => ink.series[one.colour % 8], width: 1.25, dash: one.dash, points: { show: false }, paths: (u, index, from, to) => this.path(u, one, from, to) }))],
+        hooks: {
+          drawClear: [(u) => this.shade(u)],
+          draw: [(u) => this.judge(u)],
+          setSelect: [(u) => this.select(u)],
+          setCursor: [(u) => this.read(u.cursor.idx)],
+        },
+      }, [Array.from(start), ...points], box);
+      this.plot.over.addEventListener("dblclick", () => show(...whole));
+      this.plot.over.addEventListener("wheel", (event) => {
+        if (!event.ctrlKey) return;
+        event.preventDefault();
+        const at = this.plot.posToVal(event.offsetX, "x");
+        this.zoom(event.deltaY > 0 ? 1.25 : 0.8, at);
+      }, { passive: false });
+      this.legend();
+      this.figure.dataset.drawn = "true";
+      root.dataset.plots = String(document.querySelectorAll("[data-drawn]").length);
+    }
+
+    // The range of what is to be seen, levels included where they are near.
+    range() {
+      const { spec } = this;
+      const from = Math.max(0, bucketOf(view[0]));
+      const to = bucketOf(view[1]);
+      let min = Infinity;
+      let max = -Infinity;
+      for (const { values, isShown } of this.series) {
+        if (!isShown) continue;
+        for (let i = from; i <= to; i++) {
+          let low = values.least[i];
+          let high = values.greatest[i];
+          if (low !== low) continue;
+          if (spec.log) [low, high] = magnitudes(low, high);
+          if (low < min && (low > 0 || !spec.log)) min = low;
+          if (high > max) max = high;
+        }
+      }
+      const levels = spec.lines.concat(spec.limits.filter((one) => one.from_s <= view[1] && one.until_s >= view[0]).map((one) => one.level));
+      if (min > max) return spec.log ? [0.1, 1] : [0, 1];
+      if (spec.log) {
+        for (const level of levels) if (level > 0 && level < max * 100 && level > min / 100) [min, max] = [Math.min(min, level), Math.max(max, level)];
+        min = Math.max(min, max * 1e-24);
+        return [10 ** Math.floor(Math.log10(min) - 0.05), 10 ** Math.ceil(Math.log10(max) + 0.05)];
+      }
+      const height = max - min;
+      for (const level of levels) if (level < max + 4 * height && level > min - 4 * height) [min, max] = [Math.min(min, level), Math.max(max, level)];
+      const room = (max - min || Math.abs(max) || 1) * 0.06;
+      return [min - room, max + 2 * room];
+    }
+
+    // Through the least and the greatest value of each bucket, the nearer one first.
+    path(u, { values, period }, from, to) {
+      const stroke = new Path2D();
+      const { least, greatest } = values;
+      const { left, width } = u.bbox;
+      const scale = width / (view[1] - view[0]);
+      const floor = u.scales.y.min;
+      const isLog = this.spec.log;
+      const y = (value) => u.valToPos(isLog ? Math.max(value, floor) : value, "y", true);
+      let isDown = false;
+      let lastTime = -Infinity;
+      let last = 0;
+      for (let i = Math.max(0, from - 1); i <= Math.min(buckets - 1, to + 1); i++) {
+        let low = least[i];
+        let high = greatest[i];
+        if (low !== low) continue;
+        if (isLog) [low, high] = magnitudes(low, high);
+        // A run of a lower rate has no step in many a bucket; that is no gap.
+        const gap = i > 0 ? Math.max(1.5 * period, 1.01 * (start[i] - start[i - 1]) + period) : 0;
+        if (start[i] - lastTime > gap) isDown = false;
+        const x = left + (start[i] - view[0]) * scale;
+        const isRising = Math.abs(last - low) <= Math.abs(last - high);
+        const [first, second] = isRising ? [low, high] : [high, low];
+        if (isDown) stroke.lineTo(x, y(first));
+        else stroke.moveTo(x, y(first));
+        // At the bucket's last step: what only rises or falls in it is drawn as it was.
+        const end = i + 1 < buckets ? start[i + 1] - period : start[i];
+        if (first !== second) stroke.lineTo(left + (Math.max(end, start[i]) - view[0]) * scale, y(second));
+        else if (!isDown) stroke.lineTo(x + 0.01, y(first));
+        isDown = true;
+        last = second;
+        lastTime = start[i];
+      }
+      return { stroke, fill: null, clip: null, band: null, gaps: null, flags: 0 };
+    }
+
+    // Times in which faults act.
+    shade(u) {
+      const { ctx } = u;
+      const { left, top, width, height } = u.bbox;
+      const ratio = devicePixelRatio;
+      ctx.save();
+      ctx.beginPath();
+      ctx.rect(left, top, width, height);
+      ctx.clip();
+      ctx.font = `${11 * ratio}px system-ui, sans-serif`;
+      ctx.textBaseline = "top";
+      ctx.textAlign = "left";
+      const seen = new Set();
+      const rows = [];
+      for (const run of data.runs) {
+        for (const fault of run.faults) {
+          const key = `${fault.label} ${fault.from_s} ${fault.until_s}`;
+          if (seen.has(key)) continue;
+          seen.add(key);
+          const from = u.valToPos(fault.from_s, "x", true);
+          const to = u.valToPos(fault.until_s ?? whole[1], "x", true);
+          if (to < left || from > left + width) continue;
+          ctx.fillStyle = ink.fault;
+          ctx.fillRect(from, top, Math.max(to - from, ratio), height);
+          ctx.fillStyle = ink.edge;
+          ctx.fillRect(from, top, ratio, height);
+          const at = Math.max(from, left) + 4 * ratio;
+          const end = at + ctx.measureText(fault.label).width;
+          let row = 0;
+          while (rows[row] !== undefined && rows[row] > at) row++;
+          rows[row] = end + 6 * ratio;
+          if (row < 4) ctx.fillText(fault.label, at, top + (3 + 13 * row) * ratio);
+        }
+      }
+      ctx.restore();
+    }
+
+    // Level lines, limits of requirements, and where their margins come from.
+    judge(u) {
+      const { ctx } = u;
+      const { left, top, width, height } = u.bbox;
+      const ratio = devicePixelRatio;
+      const { spec } = this;
+      ctx.save();
+      ctx.beginPath();
+      ctx.rect(left, top, width, height);
+      ctx.clip();
+      ctx.lineWidth = 1.25 * ratio;
+      ctx.font = `${11 * ratio}px system-ui, sans-serif`;
+      ctx.textBaseline = "bottom";
+      ctx.textAlign = "left";
+      const y = (value) => u.valToPos(value, "y", true);
+      const x = (value) => u.valToPos(value, "x", true);
+      ctx.strokeStyle = ink.text;
+      ctx.setLineDash([2 * ratio, 4 * ratio]);
+      for (const level of spec.lines) {
+        ctx.beginPath();
+        ctx.moveTo(left, y(level));
+        ctx.lineTo(left + width, y(level));
+        ctx.stroke();
+      }
+      ctx.strokeStyle = ctx.fillStyle = ink.limit;
+      for (const limit of spec.limits) {
+        if (spec.log && limit.level <= 0) continue;
+        const from = Math.max(x(limit.from_s), left);
+        const to = Math.min(x(limit.until_s), left + width);
+        const at = y(limit.level);
+        ctx.setLineDash([6 * ratio, 3 * ratio]);
+        ctx.beginPath();
+        ctx.moveTo(from, at);
+        ctx.lineTo(Math.max(to, from + 4 * ratio), at);
+        ctx.stroke();
+        const room = ctx.measureText(limit.requirement).width;
+        if (room < to - from && limit.level >= 0) ctx.fillText(limit.requirement, from + 2 * ratio, at - 2 * ratio);
+      }
+      ctx.setLineDash([]);
+      for (const mark of spec.marks) {
+        const at = x(mark.at_s);
+        if (at < left || at > left + width) continue;
+        ctx.strokeStyle = ctx.fillStyle = isOverlaid ? ink.series[mark.run % 8] : mark.holds ? ink.text : ink.limit;
+        let { value, level } = mark;
+        const values = signalOf(mark.run, mark.signal);
+        if (values && mark.magnitude && value !== null) {
+          const bucket = bucketOf(mark.at_s);
+          if (values.least[bucket] + values.greatest[bucket] < 0) [value, level] = [-value, -level];
+        }
+        if (spec.log && value !== null) [value, level] = [Math.abs(value), Math.abs(level)];
+        if (value === null || level === null) {
+          ctx.setLineDash([2 * ratio, 3 * ratio]);
+          ctx.beginPath();
+          ctx.moveTo(at, top);
+          ctx.lineTo(at, top + height);
+          ctx.stroke();
+          ctx.setLineDash([]);
+          continue;
+        }
+        const size = 3 * ratio;
+        ctx.beginPath();
+        ctx.moveTo(at, y(value));
+        ctx.lineTo(at, y(level));
+        ctx.moveTo(at - size, y(level));
+        ctx.lineTo(at + size, y(level));
+        ctx.stroke();
+        ctx.beginPath();
+        ctx.arc(at, y(value), size, 0, 7);
+        ctx.fill();
+      }
+      ctx.restore();
+    }
+
+    select(u) {
+      if (u.select.width < 4) return;
+      const from = u.posToVal(u.select.left, "x");
+      const to = u.posToVal(u.select.left + u.select.width, "x");
+      u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+      show(from, to);
+    }
+
+    legend() {
+      const box = this.figure.querySelector(".legend");
+      box.textContent = "";
+      this.time = document.createElement("span");
+      this.time.className = "value";
+      this.series.forEach((one, index) => {
+        const button = document.createElement("button");
+        button.type = "button";
+        button.setAttribute("aria-pressed", "true");
+        const line = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+        line.setAttribute("width", "24");
+        line.setAttribute("height", "8");
+        const stroke = document.createElementNS("http://www.w3.org/2000/svg", "line");
+        for (const [name, value] of Object.entries({ x1: 0, y1: 4, x2: 24, y2: 4, "stroke-width": 2 })) stroke.setAttribute(name, value);
+        stroke.setAttribute("stroke-dasharray", one.dash.join(" "));
+        stroke.style.stroke = `var(--c${one.colour % 8})`;
+        line.append(stroke);
+        one.shownValue = document.createElement("span");
+        one.shownValue.className = "value";
+        button.append(line, one.label + " ", one.shownValue);
+        button.addEventListener("click", () => {
+          one.isShown = !one.isShown;
+          button.setAttribute("aria-pressed", String(one.isShown));
+          this.plot.setSeries(index + 1, { show: one.isShown });
+          this.redraw();
+        });
+        box.append(button);
+      });
+      box.append(this.time);
+    }
+
+    // Shows the values at the cursor.
+    read(bucket) {
+      const isThere = bucket !== null && bucket !== undefined;
+      if (this.time) this.time.textContent = isThere ? `at ${number(start[bucket])} s` : "";
+      for (const one of this.series) {
+        if (!one.shownValue) continue;
+        const low = isThere ? one.values.least[bucket] : NaN;
+        const high = isThere ? one.values.greatest[bucket] : NaN;
+        one.shownValue.textContent = low !== low ? "" : low === high ? shown(low, this.spec.unit) : `${number(low)} to ${shown(high, this.spec.unit)}`;
+      }
+    }
+
+    zoom(factor, at = (view[0] + view[1]) / 2) {
+      show(at - (at - view[0]) * factor, at + (view[1] - at) * factor);
+    }
+
+    moveCursor(by) {
+      const u = this.plot;
+      const now = u.cursor.idx ?? bucketOf((view[0] + view[1]) / 2);
+      const next = Math.min(Math.max(now + by, 0), buckets - 1);
+      u.setCursor({ left: u.valToPos(start[next], "x"), top: 10 });
+      this.read(next);
+      const values = this.series.filter((one) => one.isShown).map((one) => `${one.label} ${one.shownValue.textContent}`);
+      status.textContent = `${number(start[next])} s: ${values.join(", ")}`;
+    }
+
+    key(event) {
+      if (event.target !== this.figure || event.ctrlKey || event.metaKey || event.altKey) return;
+      const step = (view[1] - view[0]) / 10;
+      const actions = {
+        ArrowLeft: () => (event.shiftKey ? this.moveCursor(-1) : show(view[0] - step, view[1] - step)),
+        ArrowRight: () => (event.shiftKey ? this.moveCursor(1) : show(view[0] + step, view[1] + step)),
+        "+": () => this.zoom(0.5), "=": () => this.zoom(0.5), "-": () => this.zoom(2), 0: () => show(...whole),
+      };
+      if (!actions[event.key]) return;
+      event.preventDefault();
+      actions[event.key]();
+    }
+
+    follow() {
+      if (!this.plot) return;
+      if (!this.isVisible) {
+        this.isStale = true;
+        return;
+      }
+      this.isStale = false;
+      this.plot.setScale("x", { min: view[0], max: view[1] });
+    }
+
+    redraw() {
+      if (this.plot) this.plot.setScale("x", { min: view[0], max: view[1] });
+    }
+
+    resize(width) {
+      if (this.plot && Math.abs(this.plot.width - width) > 1) this.plot.setSize({ width: Math.max(280, width), height: 240 });
+    }
+  }
+
+  const magnitudes = (low, high) => (low > 0 ? [low, high] : high < 0 ? [-high, -low] : [0, Math.max(-low, high)]);
+
+  // ---- Histograms ----
+
+  const legs = { round_trip: "Round trip", controller: "Controller", exchange: "Exchange: round trip less controller", plant: "Plant", release: "Late by" };
+  class Histogram {
+    constructor(figure, leg) {
+      this.figure = figure;
+      this.leg = leg;
+    }
+
+    create() {
+      if (this.plot) return;
+      const runs = data.runs.map((run, number) => ({ number, found: run.histograms.find((one) => one.leg === this.leg) })).filter((one) => one.found);
+      const edges = [...new Set(runs.flatMap((one) => one.found.from_ns))].map((ns) => Math.max(ns, 0.5)).sort((a, b) => a - b);
+      const counts = runs.map(({ found }) => {
+        const of = new Map(found.from_ns.map((ns, i) => [Math.max(ns, 0.5), found.count[i]]));
+        return edges.map((ns) => of.get(ns) || null);
+      });
+      const box = this.figure.querySelector(".canvas");
+      const axis = { stroke: () => ink.text, grid: { stroke: () => ink.grid, width: 1 }, ticks: { stroke: () => ink.grid, width: 1 }, font: "12px system-ui, sans-serif" };
+      const most = Math.max(1, ...counts.flat().map((one) => one || 0));
+      this.plot = new uPlot({
+        width: Math.max(280, box.clientWidth), height: 220, legend: { show: false }, cursor: { show: false },
+        scales: { x: { time: false, distr: 3, range: () => [edges[0] / 1.1, edges[edges.length - 1] * 1.1] }, y: { distr: 3, range: () => [0.5, most * 2] } },
+        axes: [["ns", 34], ["", 70]].map(([unit, size]) => ({ ...axis, size, splits: (u, _i, min, max) => powers(min, max), filter: (u, splits) => splits, values: (u, splits) => logTicks(splits, unit) })),
+        series: [{}, ...runs.map(({ number }) => ({
+          stroke: () => ink.series[number % 8], width: 1.5, points: { show: false },
+          paths: (u, index) => steps(u, edges, counts[index - 1]),
+        }))],
+      }, [edges, ...counts], box);
+      this.figure.dataset.drawn = "true";
+      root.dataset.plots = String(document.querySelectorAll("[data-drawn]").length);
+      const legend = this.figure.querySelector(".legend");
+      if (isOverlaid) runs.forEach(({ number }) => legend.append(swatch(number), data.runs[number].label + " "));
+    }
+
+    follow() {}
+
+    redraw() {
+      if (this.plot) this.plot.redraw();
+    }
+
+    resize(width) {
+      if (this.plot && Math.abs(this.plot.width - width) > 1) this.plot.setSize({ width: Math.max(280, width), height: 220 });
+    }
+  }
+  // A bar from each class's begin to the next, none where nothing was.
+  const steps = (u, edges, counts) => {
+    const stroke = new Path2D();
+    const y = (value) => u.valToPos(value, "y", true);
+    const floor = y(0.5);
+    for (let i = 0; i + 1 < edges.length; i++) {
+      if (!counts[i]) continue;
+      const from = u.valToPos(edges[i], "x", true);
+      const to = u.valToPos(edges[i + 1], "x", true);
+      stroke.rect(from, y(counts[i]), to - from, floor - y(counts[i]));
+    }
+    return { stroke, fill: null, clip: null, band: null, gaps: null, flags: 0 };
+  };
+  const swatch = (run) => {
+    const box = document.createElement("span");
+    box.className = "swatch";
+    box.dataset.run = run;
+    return box;
+  };
+  const figureOf = (title, parent) => {
+    const figure = document.createElement("figure");
+    figure.className = "plot";
+    figure.tabIndex = 0;
+    figure.setAttribute("role", "group");
+    figure.setAttribute("aria-label", "Plot: " + title);
+    const caption = document.createElement("figcaption");
+    caption.textContent = title;
+    const canvas = document.createElement("div");
+    canvas.className = "canvas";
+    const legend = document.createElement("div");
+    legend.className = "legend";
+    figure.append(caption, canvas, legend);
+    parent.append(figure);
+    return figure;
+  };
+
+  // ---- The page ----
+
+  const byFigure = new Map();
+  const seen = new IntersectionObserver((entries) => {
+    for (const { target, isIntersecting } of entries) {
+      const plot = byFigure.get(target);
+      plot.isVisible = isIntersecting;
+      if (!isIntersecting) continue;
+      plot.create();
+      if (plot.isStale) plot.follow();
+    }
+  }, { rootMargin: "300px" });
+  const sized = new ResizeObserver((entries) => {
+    for (const { target } of entries) byFigure.get(target).resize(target.clientWidth);
+  });
+  const add = (figure, plot) => {
+    plots.push(plot);
+    byFigure.set(figure, plot);
+    seen.observe(figure);
+    sized.observe(figure);
+  };
+
+  readInk();
+  const wantsDark = matchMedia("(prefers-color-scheme: dark)");
+  setTheme(wantsDark.matches);
+  wantsDark.addEventListener("change", (event) => setTheme(event.matches));
+  document.getElementById("theme").addEventListener("click", () => setTheme(root.dataset.theme !== "dark"));
+  document.getElementById("whole").addEventListener("click", () => show(...whole));
+
+  for (const figure of document.querySelectorAll("figure[data-plot]")) add(figure, new TimePlot(figure, data.plots[figure.dataset.plot]));
+  const histograms = document.getElementById("histograms");
+  for (const [leg, title] of Object.entries(legs)) {
+    if (!data.runs.some((run) => run.histograms.some((one) => one.leg === leg))) continue;
+    const figure = figureOf(title + ": steps by time", histograms);
+    add(figure, new Histogram(figure, leg));
+  }
+
+  for (const button of document.querySelectorAll("[data-jump]")) {
+    const at = Number(button.dataset.jump);
+    const length = whole[1] - whole[0];
+    button.addEventListener("click", () => show(at - 0.01 * length, at + 0.05 * length));
+  }
+  for (const button of document.querySelectorAll("[data-requirement]")) {
+    const { requirement, run, at } = button.dataset;
+    button.addEventListener("click", () => {
+      const found = data.plots.findIndex((plot) => plot.marks.some((mark) => mark.requirement === requirement && mark.run === Number(run)));
+      const length = (whole[1] - whole[0]) / 100;
+      show(Number(at) - length, Number(at) + length);
+      const figure = document.getElementById("plot-" + found);
+      if (!figure) return;
+      figure.scrollIntoView({ block: "center" });
+      figure.focus({ preventScroll: true });
+    });
+  }
+
+  const filter = document.getElementById("filter");
+  const choices = [...document.querySelectorAll("input[name=signal]")];
+  filter.addEventListener("input", () => {
+    const words = filter.value.trim().split(/\s+/);
+    const fits = words.map((word) => new RegExp(word.replace(/[.+^${}()|[\]\\]/g, "\\$&").replace(/\*/g, ".*").replace(/\?/g, "."), "i"));
+    for (const choice of choices) choice.parentElement.hidden = !fits.every((one) => one.test(choice.value));
+  });
+  document.getElementById("plot").addEventListener("click", () => {
+    const chosen = choices.filter((choice) => choice.checked);
+    const units = [...new Set(chosen.map((choice) => unitOf(choice.value)))];
+    for (const unit of units) {
+      const signals = chosen.map((choice) => choice.value).filter((name) => unitOf(name) === unit);
+      const figure = figureOf(signals.join(", ") + (unit && unit !== "1" ? ` [${unit}]` : ""), document.getElementById("added"));
+      add(figure, new TimePlot(figure, { title: "", unit, log: unit === "ns", signals, lines: [], limits: [], marks: [] }));
+    }
+    for (const choice of chosen) choice.checked = false;
+  });
+
+  const drawAll = () => {
+    for (const plot of plots) {
+      plot.create();
+      if (plot.isStale) plot.redraw();
+    }
+  };
+  // What is not in sight is drawn when there is time, one after another.
+  const later = window.requestIdleCallback || ((work) => setTimeout(work, 20));
+  const drawNext = () => {
+    const next = plots.find((plot) => !plot.plot);
+    if (!next) return;
+    next.create();
+    later(drawNext);
+  };
+  later(drawNext);
+
+  let before;
+  addEventListener("beforeprint", () => {
+    before = root.dataset.theme === "dark";
+    setTheme(false);
+    drawAll();
+    for (const [figure, plot] of byFigure) plot.resize(Math.min(figure.clientWidth, 680));
+  });
+  addEventListener("afterprint", () => {
+    setTheme(before);
+    for (const [figure, plot] of byFigure) plot.resize(figure.clientWidth);
+  });
+})();

@@ -1,0 +1,339 @@
+//! Which plots a report has, for a plant that nobody has seen before.
+//!
+//! What the scenario asks for comes first, then what decides the verdict, then what follows from the
+//! signal tables: what is wanted beside what is, sensors that do not tell the truth, derived signals,
+//! commands, parameters that faults moved, and how long steps took. Any other signal can be added on the
+//! page.
+
+use std::collections::BTreeSet;
+
+use glob::Pattern;
+use hil_config::plan::Scale;
+use serde::Serialize;
+
+use super::bounds::{Bound, Other};
+use super::run::{Run, Signals};
+
+/// Most signals of one plot that nobody asked for, of one run and of several.
+const MOST: [usize; 2] = [4, 2];
+
+/// A plot.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub(super) struct Plot {
+    pub(super) section: &'static str,
+    pub(super) title: String,
+    pub(super) unit: String,
+    /// Whether its vertical axis is logarithmic, for magnitudes.
+    pub(super) log: bool,
+    pub(super) signals: Vec<String>,
+    /// The runs that it is for; null: all.
+    pub(super) runs: Option<Vec<usize>>,
+    /// Level lines.
+    pub(super) lines: Vec<f64>,
+    pub(super) limits: Vec<Limit>,
+    pub(super) marks: Vec<Mark>,
+}
+
+/// A level that a requirement compares with.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(super) struct Limit {
+    pub(super) level: f64,
+    pub(super) from_s: f64,
+    pub(super) until_s: f64,
+    pub(super) requirement: String,
+}
+
+/// Where the margin of a requirement comes from.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(super) struct Mark {
+    pub(super) run: usize,
+    pub(super) requirement: String,
+    pub(super) signal: String,
+    pub(super) at_s: f64,
+    /// From this value of the signal to this level; not known where several comparisons decide.
+    pub(super) value: Option<f64>,
+    pub(super) level: Option<f64>,
+    /// Whether both may have the other sign.
+    pub(super) magnitude: bool,
+    pub(super) holds: bool,
+}
+
+/// Everything that a choice of plots depends on.
+pub(super) struct Ground<'a> {
+    pub(super) runs: &'a [Run],
+    pub(super) signals: &'a [Signals],
+    pub(super) bounds: &'a [Bound],
+    /// Signals that the command line names.
+    pub(super) asked: &'a [Pattern],
+}
+
+struct Choice<'a> {
+    ground: &'a Ground<'a>,
+    plots: Vec<Plot>,
+}
+
+/// The plots in their order.
+pub(super) fn plots(ground: &Ground<'_>) -> Vec<Plot> {
+    let mut choice = Choice {
+        ground,
+        plots: Vec::new(),
+    };
+    choice.of_scenarios();
+    choice.of_command_line();
+    choice.of_requirements();
+    choice.of_references();
+    choice.of_sensors();
+    choice.of_groups();
+    choice.of_time();
+    for plot in &mut choice.plots {
+        bind(plot, ground);
+    }
+    choice.plots
+}
+
+/// Levels and marks of the requirements on a plot's signals.
+fn bind(plot: &mut Plot, ground: &Ground<'_>) {
+    for bound in ground
+        .bounds
+        .iter()
+        .filter(|bound| plot.signals.contains(&bound.signal))
+    {
+        if let Other::Level(level) = bound.other {
+            let mirrored = bound.magnitude.then_some(-level);
+            for level in std::iter::once(level).chain(mirrored) {
+                let limit = Limit {
+                    level,
+                    from_s: bound.window_s[0],
+                    until_s: bound.window_s[1],
+                    requirement: bound.requirement.clone(),
+                };
+                // Runs of one scenario have the same ones.
+                if !plot.limits.contains(&limit) {
+                    plot.limits.push(limit);
+                }
+            }
+        }
+        let judged = &ground.runs[bound.run].requirements;
+        let judged = judged.iter().find(|one| one.name == bound.requirement);
+        if let Some((judged, at_s)) = judged.and_then(|one| Some((one, one.at_s?)))
+            && (bound.window_s[0]..=bound.window_s[1]).contains(&at_s)
+        {
+            plot.marks.push(Mark {
+                run: bound.run,
+                requirement: bound.requirement.clone(),
+                signal: bound.signal.clone(),
+                at_s,
+                value: bound.decisive,
+                level: match bound.other {
+                    Other::Level(level) => Some(level),
+                    Other::Signal(_) => None,
+                },
+                magnitude: bound.magnitude,
+                holds: judged.verdict == "pass",
+            });
+        }
+    }
+}
+
+impl Choice<'_> {
+    fn of_scenarios(&mut self) {
+        let runs = self.ground.runs;
+        for plot in runs
+            .iter()
+            .flat_map(|run| &run.plan)
+            .flat_map(|plan| &plan.plots)
+        {
+            // Runs of other scenarios may well show it too.
+            let is_for = |run: &Run| run.plan.is_some() && plot.is_for(run.law());
+            let shown: Vec<usize> = (0..runs.len()).filter(|run| is_for(&runs[*run])).collect();
+            let is_known = self.plots.iter().any(|one| one.title == plot.title);
+            if !is_known && !shown.is_empty() {
+                self.push(Plot {
+                    section: "Figures",
+                    title: plot.title.clone(),
+                    log: plot.scale == Scale::Log,
+                    signals: plot.signals.clone(),
+                    runs: (shown.len() < runs.len()).then_some(shown),
+                    lines: plot.lines.clone(),
+                    ..Plot::default()
+                });
+            }
+        }
+    }
+
+    fn of_command_line(&mut self) {
+        for pattern in self.ground.asked {
+            let names = self.names(|name| pattern.matches(name));
+            self.by_unit("Signals asked for", names);
+        }
+    }
+
+    fn of_requirements(&mut self) {
+        for bound in self.ground.bounds {
+            let mut signals = vec![bound.signal.clone()];
+            if let Other::Signal(other) = &bound.other {
+                signals.push(other.clone());
+            }
+            self.push_new("Requirements", signals);
+        }
+    }
+
+    /// What is wanted, beside what is true of the same name or at least measured.
+    fn of_references(&mut self) {
+        for reference in self.names(|name| name.starts_with("reference.")) {
+            let name = &reference["reference.".len()..];
+            let found = ["truth", "measured"].map(|group| format!("{group}.{name}"));
+            if let Some(found) = found.into_iter().find(|name| self.exists(name)) {
+                self.push_new("Wanted and true", vec![reference, found]);
+            }
+        }
+    }
+
+    /// Sensors whose value is not the true one.
+    fn of_sensors(&mut self) {
+        for measured in self.names(|name| name.starts_with("measured.")) {
+            let truth = format!("truth.{}", &measured["measured.".len()..]);
+            let differs = |signals: &super::run::Signals| {
+                let pair = signals.get(&measured).zip(signals.get(&truth));
+                pair.is_some_and(|(measured, truth)| !measured.is_same(truth))
+            };
+            if self.ground.signals.iter().any(differs) {
+                self.push_new(
+                    "Sensors that do not tell the truth",
+                    vec![truth, measured.clone()],
+                );
+            }
+        }
+    }
+
+    /// Signals by what they are.
+    fn of_groups(&mut self) {
+        let derived = self.names(|name| {
+            let plans = self.ground.runs.iter().flat_map(|run| &run.plan);
+            plans
+                .flat_map(|plan| &plan.derived)
+                .any(|one| one.name == name)
+        });
+        self.by_unit("Derived", self.not_shown(derived));
+        let commands = self.names(|name| {
+            let applied = |command: &str| format!("applied.{command}");
+            name.starts_with("command.") || {
+                let command = name.strip_prefix("applied.");
+                command.is_some_and(|command| {
+                    self.differ(&format!("command.{command}"), &applied(command))
+                })
+            }
+        });
+        self.by_unit("Commands", self.not_shown(commands));
+        let moved = self.names(|name| {
+            let is_still =
+                |signals: &Signals| signals.get(name).is_none_or(|one| one.constant().is_some());
+            name.starts_with("parameter.") && !self.ground.signals.iter().all(is_still)
+        });
+        self.by_unit("Parameters that faults moved", self.not_shown(moved));
+    }
+
+    fn of_time(&mut self) {
+        for (name, title) in [
+            (
+                "round_trip_ns",
+                "Round trip of each step: spikes are the highest of their time",
+            ),
+            ("controller_ns", "Of that the controller"),
+            ("plant_ns", "Integration of the plant"),
+            ("late_ns", "How much later than due the sample was sent"),
+            (
+                "held_steps",
+                "For how many steps the command was held because a newer one was missed",
+            ),
+        ] {
+            self.push(Plot {
+                section: "Time",
+                title: title.into(),
+                log: name != "held_steps",
+                signals: vec![name.into()],
+                ..Plot::default()
+            });
+        }
+    }
+
+    /// The names of all signals of all runs, once each.
+    fn names(&self, wanted: impl Fn(&str) -> bool) -> Vec<String> {
+        let mut seen = BTreeSet::new();
+        let names = self.ground.signals.iter().flat_map(Signals::iter);
+        names
+            .map(|(name, ..)| name)
+            .filter(|name| wanted(name) && seen.insert(*name))
+            .map(str::to_owned)
+            .collect()
+    }
+
+    fn not_shown(&self, names: Vec<String>) -> Vec<String> {
+        let is_shown = |name: &String| self.plots.iter().any(|plot| plot.signals.contains(name));
+        names.into_iter().filter(|name| !is_shown(name)).collect()
+    }
+
+    fn exists(&self, name: &str) -> bool {
+        self.unit(name).is_some()
+    }
+
+    fn unit(&self, name: &str) -> Option<&str> {
+        self.ground
+            .signals
+            .iter()
+            .find_map(|signals| signals.unit(name))
+    }
+
+    fn differ(&self, a: &str, b: &str) -> bool {
+        self.ground.signals.iter().any(|signals| {
+            let pair = signals.get(a).zip(signals.get(b));
+            pair.is_some_and(|(a, b)| !a.is_same(b))
+        })
+    }
+
+    /// Plots of signals that share a unit, a few to each.
+    fn by_unit(&mut self, section: &'static str, names: Vec<String>) {
+        let mut units: Vec<(String, Vec<String>)> = Vec::new();
+        for name in names {
+            let unit = self.unit(&name).unwrap_or_default().to_owned();
+            match units.iter_mut().find(|(one, _)| *one == unit) {
+                Some((_, names)) => names.push(name),
+                None => units.push((unit, vec![name])),
+            }
+        }
+        let most = MOST[usize::from(self.ground.runs.len() > 1)];
+        for (_, names) in units {
+            for names in names.chunks(most) {
+                self.push(Plot {
+                    section,
+                    title: names.join(", "),
+                    signals: names.to_vec(),
+                    ..Plot::default()
+                });
+            }
+        }
+    }
+
+    /// A plot of signals, unless one shows them all.
+    fn push_new(&mut self, section: &'static str, signals: Vec<String>) {
+        let has_all = |plot: &Plot| signals.iter().all(|name| plot.signals.contains(name));
+        if !self.plots.iter().any(has_all) {
+            self.push(Plot {
+                section,
+                title: signals.join(", "),
+                signals,
+                ..Plot::default()
+            });
+        }
+    }
+
+    /// A plot of those of its signals that are there, if any is.
+    fn push(&mut self, mut plot: Plot) {
+        plot.signals.retain(|name| self.exists(name));
+        let Some(first) = plot.signals.first() else {
+            return;
+        };
+        plot.unit = self.unit(first).unwrap_or_default().to_owned();
+        self.plots.push(plot);
+    }
+}
