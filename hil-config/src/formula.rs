@@ -104,6 +104,34 @@ pub struct Compared<'a> {
     pub right: &'a Expression,
     /// First and last time in s at which it may count.
     pub window_s: [f64; 2],
+    /// Whether the formula's robustness can only rise with that of the comparison: it stands under no
+    /// `not`, `rise` or `fall` and not before `implies`.
+    pub is_direct: bool,
+}
+
+/// The times at which a part of a formula may count.
+#[derive(Clone, Copy, Debug)]
+struct Reach {
+    from_s: f64,
+    until_s: f64,
+    is_direct: bool,
+}
+
+impl Reach {
+    /// Those of the operand of a window, in a run of `end_s`.
+    fn moved(self, is_past: bool, window: &Window, end_s: f64) -> Self {
+        let (from_s, until_s) = match (is_past, window.bounds_s) {
+            (false, Some((a, b))) => (self.from_s + a, self.until_s + b),
+            (false, None) => (self.from_s, end_s),
+            (true, Some((a, b))) => (self.from_s - b, self.until_s - a),
+            (true, None) => (0.0, self.until_s),
+        };
+        Self {
+            from_s,
+            until_s,
+            ..self
+        }
+    }
 }
 
 /// Two expressions, compared.
@@ -223,74 +251,76 @@ impl Formula {
     /// Its comparisons, each with the time of a run of `end_s` at which it may count.
     #[must_use]
     pub fn comparisons(&self, end_s: f64) -> Vec<Compared<'_>> {
-        let mut windows_s = vec![None; self.nodes.len()];
-        if let Some(whole) = windows_s.last_mut() {
-            *whole = Some([0.0, 0.0]); // judged at step 0
-        }
+        // Judged at step 0.
+        let whole = Reach {
+            from_s: 0.0,
+            until_s: 0.0,
+            is_direct: true,
+        };
+        let mut reaches = vec![None; self.nodes.len()];
+        reaches[self.nodes.len() - 1] = Some(whole);
         let mut compared = Vec::new();
         // From the whole down to its operands.
         for (place, node) in self.nodes.iter().enumerate().rev() {
-            let Some([start_s, stop_s]) = windows_s[place] else {
+            let Some(reach) = reaches[place] else {
                 continue;
             };
-            let mut look = |operand: usize, window_s: [f64; 2]| {
-                let [start_s, stop_s]: [f64; 2] = windows_s[operand].unwrap_or(window_s);
-                let first_s = if window_s[0] < start_s {
-                    window_s[0]
-                } else {
-                    start_s
-                };
-                let last_s = if window_s[1] > stop_s {
-                    window_s[1]
-                } else {
-                    stop_s
-                };
-                windows_s[operand] = Some([first_s, last_s]);
-            };
-            let moved = |is_past: bool, window: &Window| match (is_past, window.bounds_s) {
-                (false, Some((a, b))) => [start_s + a, stop_s + b],
-                (false, None) => [start_s, end_s],
-                (true, Some((a, b))) => [start_s - b, stop_s - a],
-                (true, None) => [0.0, stop_s],
+            let turned = Reach {
+                is_direct: false,
+                ..reach
             };
             match node {
-                Node::Comparison(Comparison {
-                    relation,
-                    left,
-                    right,
-                }) => compared.push(Compared {
-                    left: &left.expression,
-                    relation: relation.symbol(),
-                    right: &right.expression,
+                Node::Comparison(comparison) => compared.push(Compared {
+                    left: &comparison.left.expression,
+                    relation: comparison.relation.symbol(),
+                    right: &comparison.right.expression,
                     window_s: [
-                        if start_s > 0.0 { start_s } else { 0.0 },
-                        if stop_s < end_s { stop_s } else { end_s },
+                        if reach.from_s > 0.0 {
+                            reach.from_s
+                        } else {
+                            0.0
+                        },
+                        if reach.until_s < end_s {
+                            reach.until_s
+                        } else {
+                            end_s
+                        },
                     ],
+                    is_direct: reach.is_direct,
                 }),
-                Node::Not(operand) | Node::Edge { operand, .. } => {
-                    look(*operand, [start_s, stop_s])
+                Node::Not(operand) | Node::Edge { operand, .. } => reaches[*operand] = Some(turned),
+                Node::And(a, b) | Node::Or(a, b) => {
+                    reaches[*a] = Some(reach);
+                    reaches[*b] = Some(reach);
                 }
-                Node::And(a, b) | Node::Or(a, b) | Node::Implies(a, b) => {
-                    look(*a, [start_s, stop_s]);
-                    look(*b, [start_s, stop_s]);
+                Node::Implies(a, b) => {
+                    reaches[*a] = Some(turned);
+                    reaches[*b] = Some(reach);
                 }
                 Node::Over {
                     is_past,
                     window,
                     operand,
                     ..
-                } => look(*operand, moved(*is_past, window)),
+                } => reaches[*operand] = Some(reach.moved(*is_past, window, end_s)),
                 Node::Chain {
                     is_past,
                     window,
                     hold,
-                    reach,
+                    reach: reached,
                 } => {
-                    let [reach_start_s, reach_stop_s] = moved(*is_past, window);
-                    look(*reach, [reach_start_s, reach_stop_s]);
-                    let first_s = if *is_past { reach_start_s } else { start_s };
-                    let last_s = if *is_past { stop_s } else { reach_stop_s };
-                    look(*hold, [first_s, last_s]);
+                    let moved = reach.moved(*is_past, window, end_s);
+                    reaches[*reached] = Some(moved);
+                    reaches[*hold] = Some(match is_past {
+                        true => Reach {
+                            until_s: reach.until_s,
+                            ..moved
+                        },
+                        false => Reach {
+                            from_s: reach.from_s,
+                            ..moved
+                        },
+                    });
                 }
             }
         }

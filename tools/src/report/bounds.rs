@@ -55,7 +55,7 @@ fn bounds_of(
         let mut name = |side: &Expression| match side.plain_signal() {
             Some((signal, magnitude)) => (signal.to_owned(), magnitude),
             None => {
-                let text = side.to_string();
+                let text = side.to_string().trim().to_owned();
                 extra.push(plan::Derived {
                     name: text.clone(),
                     unit: requirement.unit.clone(),
@@ -83,7 +83,7 @@ fn bounds_of(
                 Ok(level) => Other::Level(level),
                 Err(right) => Other::Signal(name(right).0),
             };
-            let is_order = compared.relation.starts_with(['<', '>']);
+            let is_order = compared.is_direct && compared.relation.starts_with(['<', '>']);
             let decisive = match (&other, margin) {
                 (Other::Level(level), Some(margin)) if is_order => Some(match is_below {
                     true => level - margin,

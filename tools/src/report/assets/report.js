@@ -5,6 +5,7 @@
   const data = JSON.parse(document.getElementById("data").textContent);
   const root = document.documentElement;
   const status = document.getElementById("status");
+  const svg = "http://www.w3.org/2000/svg";
 
   // ---- Numbers ----
 
@@ -175,7 +176,8 @@
           { ...axis, size: 34, values: (u, splits, _i, _s, step) => ticks(splits, step, "").map((text, i) => (i === splits.length - 1 ? text + " s" : text)) },
           { ...axis, size: 70, ...(spec.log ? { splits: (u, _i, min, max) => powers(min, max), filter: (u, splits) => splits, values: (u, splits) => logTicks(splits, spec.unit) } : { values: (u, splits, _i, _s, step) => ticks(splits, step, spec.unit) }) },
         ],
-        series: [{}, ...this.series.map((one) => ({ stroke: () => ink.series[one.colour % 8], width: 1.25, dash: one.dash, points: { show: false }, paths: (u, index, from, to) => this.path(u, one, from, to) }))],
+        // The first are wider, so that those of one course are seen beneath each other.
+        series: [{}, ...this.series.map((one, place) => ({ stroke: () => ink.series[one.colour % 8], width: 1.25 + Math.min(2, 0.9 * (this.series.length - 1 - place)), dash: one.dash, points: { show: false }, paths: (u, index, from, to) => this.path(u, one, from, to) }))],
         hooks: {
           drawClear: [(u) => this.shade(u)],
           draw: [(u) => this.judge(u)],
@@ -389,10 +391,10 @@
         const button = document.createElement("button");
         button.type = "button";
         button.setAttribute("aria-pressed", "true");
-        const line = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+        const line = document.createElementNS(svg, "svg");
         line.setAttribute("width", "24");
         line.setAttribute("height", "8");
-        const stroke = document.createElementNS("http://www.w3.org/2000/svg", "line");
+        const stroke = document.createElementNS(svg, "line");
         for (const [name, value] of Object.entries({ x1: 0, y1: 4, x2: 24, y2: 4, "stroke-width": 2 })) stroke.setAttribute(name, value);
         stroke.setAttribute("stroke-dasharray", one.dash.join(" "));
         stroke.style.stroke = `var(--c${one.colour % 8})`;
@@ -631,15 +633,14 @@
       if (plot.isStale) plot.redraw();
     }
   };
-  // What is not in sight is drawn when there is time, one after another.
-  const later = window.requestIdleCallback || ((work) => setTimeout(work, 20));
+  // What is not in sight is drawn one after another, so that the page answers meanwhile.
   const drawNext = () => {
     const next = plots.find((plot) => !plot.plot);
     if (!next) return;
     next.create();
-    later(drawNext);
+    setTimeout(drawNext, 10);
   };
-  later(drawNext);
+  setTimeout(drawNext, 10);
 
   let before;
   addEventListener("beforeprint", () => {
