@@ -9,7 +9,7 @@ use crate::exit::Failure;
 use crate::part_file::PartFile;
 
 /// What is written to.
-pub(super) struct Destination {
+pub(crate) struct Destination {
     file: BufWriter<File>,
     /// `None`: every byte is out at once, as on a pipe.
     whole: Option<Whole>,
@@ -34,7 +34,7 @@ impl Destination {
     }
 
     /// Begins a file under another name beside it.
-    pub(super) fn create(path: &Path, may_replace: bool) -> Result<Self, Failure> {
+    pub(crate) fn create(path: &Path, may_replace: bool) -> Result<Self, Failure> {
         let shown = path.display();
         let cannot = |error: io::Error| Failure::usage(format!("cannot write {shown}: {error}"));
         let (mut path, mut file) = (path.to_owned(), None);
@@ -74,7 +74,7 @@ impl Destination {
     }
 
     /// All is written: the file gets its name.
-    pub(super) fn complete(mut self) -> io::Result<()> {
+    pub(crate) fn complete(mut self) -> io::Result<()> {
         self.file.flush()?;
         let Some(whole) = self.whole else {
             return Ok(());
