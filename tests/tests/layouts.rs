@@ -135,19 +135,20 @@ fn every_curve_of_a_layout_is_a_signal_of_the_run_whatever_the_plant() {
     let rig = Rig::new();
     let (plant, controller) = (example("own-plant"), example("own-controller"));
     let own = format!(
-        "examples/own-plant/pendulum.toml --set run.duration_s=0.1 --plant-bin {} --controller-bin {}",
+        "examples/own-plant/pendulum.toml --plant-bin {} --controller-bin {}",
         plant.display(),
         controller.display()
     );
     let runs = [
         rig.run(&format!("{SCENARIO} {SHORT}")).expect(0),
-        rig.run(&format!("{SCENARIO} {SHORT} --set controller.law=pid")),
+        rig.run(&format!("{SCENARIO} {SHORT} --set controller.law=pid"))
+            .expect(0),
         rig.run(&format!(
             "{SCENARIO} {SHORT} --record measured.* --record command.*"
         ))
         .expect(0),
-        rig.run("scenarios/spring-mass.toml --set run.duration_s=0.1"),
-        rig.run(&own),
+        rig.run("scenarios/spring-mass.toml").expect(0),
+        rig.run(&own).expect(0),
     ];
     for run in &runs {
         assert_recorded(&foxglove(&layout(&rig, run, "foxglove")), run);
