@@ -69,7 +69,8 @@ fn foxglove(text: &str) -> Vec<String> {
     columns.collect()
 }
 
-/// The same for PlotJuggler: curves, the sources of errors, and the file that it opens.
+/// The same for PlotJuggler: curves, the sources of errors, and the file that it opens. Its question
+/// which topics and which time is answered.
 fn plotjuggler(text: &str) -> (Vec<String>, Option<String>) {
     let mut reader = Reader::from_str(text);
     reader.config_mut().trim_text(true);
@@ -105,6 +106,11 @@ fn plotjuggler(text: &str) -> (Vec<String>, Option<String>) {
             "curve" => series.push(attribute("name").expect("a name")),
             "snippet" => computed.push(attribute("name").expect("a name")),
             "fileInfo" => file = attribute("filename"),
+            "parameters" => {
+                // It has no parser of JSON yet when it loads what its command line names.
+                assert_eq!(attribute("selected_topics").as_deref(), Some("/record"));
+                assert_eq!(attribute("use_mcap_log_time").as_deref(), Some("1"));
+            }
             _ => {}
         }
         if is_open {

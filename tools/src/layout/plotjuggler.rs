@@ -161,7 +161,8 @@ fn text_of(xml: &mut Xml, name: &str, text: &str) -> io::Result<()> {
     element.write_text_content(BytesText::new(text)).map(drop)
 }
 
-/// The recording, over simulated time and without a question.
+/// The recording, over simulated time and without a question. Its events are left out: when PlotJuggler
+/// loads what its command line names, it has no parser for JSON yet.
 fn data_file(xml: &mut Xml, name: &str) -> io::Result<()> {
     let files = xml.create_element("previouslyLoaded_Datafiles");
     files.write_inner_content(|xml| {
@@ -173,7 +174,7 @@ fn data_file(xml: &mut Xml, name: &str) -> io::Result<()> {
                 .with_attribute(("ID", "DataLoad MCAP"));
             plugin.write_inner_content(|xml| {
                 let asked = [
-                    ("selected_topics", "/record;/events"),
+                    ("selected_topics", "/record"),
                     ("use_mcap_log_time", "1"),
                     ("use_timestamp", "0"),
                     ("clamp_large_arrays", "1"),
