@@ -319,6 +319,7 @@ pub struct RunEnd {
     /// In which way.
     pub outcome: Outcome,
     /// Why, if not completed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
     /// Frames that failed a check: of the controller, and those that a fault corrupted.
     pub rejected_frames: u64,

@@ -82,6 +82,19 @@ class HilRun(unittest.TestCase):
     def steps(self, **choice):
         return hil_run.load(self.folder).to_numpy("truth.angle_rad", **choice)["step"].tolist()
 
+    def test_words_in_parts_are_columns_as_whole_ones_are(self):
+        schema = f"""uint64 step
+uint32[4] sample_invalid
+hil_msgs/Surroundings plant_surroundings
+{hil_run.recording.RULER}
+MSG: hil_msgs/Surroundings
+uint8[3] page_faults # Of the thread so far.
+uint8[3] context_switches
+uint16 core
+"""
+        names = [column.name for column in hil_run.recording.columns_of(schema)]
+        self.assertEqual(names, ["step", "sample_invalid[0]", "sample_invalid[1]", "plant_surroundings"])
+
     def test_signals_have_their_values_and_units(self):
         for compression in CompressionType:
             write(self.path, compression)

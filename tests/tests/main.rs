@@ -20,6 +20,7 @@
 //! | [`intrusion`] | who does not belong to a session gets nowhere |
 //! | [`latency`] | every figure of a loop counts the right steps and follows from the others |
 //! | [`live`] | faults and pauses from another terminal |
+//! | [`layouts`] | what Foxglove and PlotJuggler are told to plot is there |
 //! | [`mutations`] | the explorer of the lockstep machines misses every guard that is taken out |
 //! | [`paper`] | the paper's experiment against its checked figures |
 //! | [`recording`] | what a recording holds, read without the recorder's code |
@@ -31,15 +32,17 @@
 //! | [`succession`] | lost controllers, and others that take over |
 //! | [`suite`] | several runs by one command |
 //! | [`survival`] | every law with every kind of fault |
+//! | [`viewers`] | recordings in the programs that engineers look at them with |
 //!
 //! [`programs`] builds what is run; [`harness`] gives each test a place of its own and a watchdog, and
 //! looks after every run that nothing of it is left. [`mcap_reader`] reads recordings.
 //!
 //! [`python`] finds an interpreter with what a test imports.
 //!
-//! Four parts need more than Rust; a test that lacks its part says so and passes, unless the
+//! Five parts need more than Rust; a test that lacks its part says so and passes, unless the
 //! environment demands it: `HIL_TEST_RELEASE=1` builds the binaries of the other profile, `HIL_TEST_PYTHON=1`
-//! makes a Python environment, `HIL_TEST_STRACE=1` wants `strace`, `HIL_TEST_CHROMIUM=1` a Chromium.
+//! makes a Python environment, `HIL_TEST_NODE=1` installs Foxglove's packages with npm,
+//! `HIL_TEST_STRACE=1` wants `strace`, `HIL_TEST_CHROMIUM=1` a Chromium.
 
 mod architecture;
 mod audit;
@@ -61,6 +64,7 @@ mod harness;
 mod hot_path;
 mod intrusion;
 mod latency;
+mod layouts;
 mod live;
 mod mcap_reader;
 mod mutations;
@@ -76,3 +80,4 @@ mod requirements;
 mod succession;
 mod suite;
 mod survival;
+mod viewers;

@@ -146,26 +146,32 @@ fn messages(bytes: &[u8]) -> impl Iterator<Item = mcap::Message<'static>> {
     stream.expect("an MCAP file").map_while(Result::ok)
 }
 
-/// The names of the words: `uint64` and `float64` fields, arrays of them, and one level of messages.
+/// The names of the words: `uint64` fields, arrays of two `uint32` for each word, messages of
+/// `float64`, and messages of eight bytes that are one word.
 fn columns_of(schema: &str) -> Vec<String> {
     let ruler = format!("{}\n", "=".repeat(80));
     let mut parts = schema.split(&ruler);
     let top = parts.next().expect("there is always a part");
-    let messages: BTreeMap<&str, Vec<&str>> = parts
+    let messages: BTreeMap<&str, Option<Vec<&str>>> = parts
         .map(|part| {
             let (head, fields) = part.split_once('\n').expect("a name");
             let name = head.strip_prefix("MSG: ").expect("MSG:");
-            (name, fields.lines().map(|line| field(line).1).collect())
+            let fields: Vec<_> = fields.lines().map(field).collect();
+            let is_group = fields.iter().all(|(kind, _)| *kind == "float64");
+            let names = fields.into_iter().map(|(_, name)| name);
+            (name, is_group.then(|| names.collect()))
         })
         .collect();
     let mut columns = Vec::new();
     for line in top.lines() {
         let (kind, name) = field(line);
-        if let Some(fields) = messages.get(kind) {
+        if let Some(Some(fields)) = messages.get(kind) {
             columns.extend(fields.iter().map(|field| format!("{name}.{field}")));
-        } else if let Some(count) = kind.strip_prefix("uint64[") {
+        } else if messages.contains_key(kind) {
+            columns.push(name.to_owned());
+        } else if let Some(count) = kind.strip_prefix("uint32[") {
             let count: usize = count.trim_end_matches(']').parse().expect("a number");
-            columns.extend((0..count).map(|i| format!("{name}[{i}]")));
+            columns.extend((0..count / 2).map(|i| format!("{name}[{i}]")));
         } else {
             assert_eq!(kind, "uint64", "{line}");
             columns.push(name.to_owned());

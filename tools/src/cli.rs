@@ -9,6 +9,7 @@ pub mod doctor;
 pub mod export;
 pub mod inject;
 pub mod latency;
+pub mod layout;
 pub mod realtime;
 pub mod recording;
 pub mod recordings;
@@ -29,6 +30,7 @@ use doctor::DoctorArguments;
 use export::ExportArguments;
 use inject::InjectArguments;
 use latency::{LatencyArguments, LatencyPeerArguments};
+use layout::LayoutArguments;
 use recordings::{CompareArguments, JudgeArguments, ScenarioCommand};
 use recover::RecoverArguments;
 use replay::ReplayArguments;
@@ -97,6 +99,9 @@ Examples:
     /// Write signals of a recorded run to a CSV or Parquet file
     #[command(after_help = export::EXAMPLES)]
     Export(ExportArguments),
+    /// Make a layout for Foxglove or PlotJuggler that plots a recorded run
+    #[command(after_help = layout::EXAMPLES)]
+    Layout(LayoutArguments),
     /// Make a whole recording of one that broke off: its writer was killed, the disk full, a copy cut
     #[command(after_help = recover::EXAMPLES)]
     Recover(RecoverArguments),

@@ -316,8 +316,15 @@ impl Work {
 fn unless_gone(path: Option<&Path>, error: &std::io::Error) -> Result<Option<Exported>, Failure> {
     match error.kind() {
         ErrorKind::BrokenPipe => Ok(None),
-        ErrorKind::AlreadyExists => Err(Failure::usage(error)),
-        _ => Err(cannot_write(path, error)),
+        _ => Err(not_written(path, error)),
+    }
+}
+
+/// Why a file was not completed.
+pub(crate) fn not_written(path: Option<&Path>, error: &std::io::Error) -> Failure {
+    match error.kind() {
+        ErrorKind::AlreadyExists => Failure::usage(error),
+        _ => cannot_write(path, error),
     }
 }
 

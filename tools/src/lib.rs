@@ -15,7 +15,7 @@
 //! finds where two runs differ, [`repetition`] makes the scenario that repeats one, live faults
 //! included, and [`rerun`] runs that; [`judge`] evaluates metrics and [`requirements`] once more, or
 //! others; [`replay`] gives what was recorded to a controller once more, [`baseline`] keeps named runs to
-//! compare with; [`report`] makes a page of runs to look at; [`export`] makes a table of a run for other programs; [`recover`] makes a whole recording of
+//! compare with; [`report`] makes a page of runs to look at; [`export`] makes a table of a run for other programs, [`layout`] says what these are to plot; [`recover`] makes a whole recording of
 //! one that broke off.
 //!
 //! A [`checkpoint`] keeps the state of both sides before a step, for another run to go on from.
@@ -51,6 +51,7 @@ pub mod inject;
 pub mod interruption;
 pub mod judge;
 pub mod latency;
+pub mod layout;
 pub mod live;
 mod missed;
 pub mod output;
@@ -113,6 +114,7 @@ pub fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
         Command::Judge(arguments) => judge::judge(arguments),
         Command::Report(arguments) => report::report(arguments),
         Command::Export(arguments) => export::export(arguments),
+        Command::Layout(arguments) => layout::layout(arguments),
         Command::Recover(arguments) => recover::recover(arguments),
         Command::Scenario(arguments) => match &arguments.action {
             ScenarioAction::From(arguments) => repetition::scenario_from(arguments),

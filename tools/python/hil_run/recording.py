@@ -200,20 +200,23 @@ class Recording:
 
 
 def columns_of(schema: str) -> List[Column]:
-    """The words of a record: `uint64`, arrays of it, and one level of messages of `float64`."""
+    """The words of a record: `uint64`, arrays of it, arrays of two `uint32` for each word, messages of
+    `float64`, and messages that are one word, taken apart for other programs."""
     top, *parts = schema.split(RULER)
     messages: Dict[str, List[Column]] = {}
     for part in parts:
         title, *lines = part.strip().splitlines()
-        fields = (field_of(line) for line in lines if line.strip())
-        messages[title.removeprefix("MSG: ")] = [Column(name, unit) for _, name, unit in fields]
+        fields = [field_of(line) for line in lines if line.strip()]
+        if all(kind == "float64" for kind, _, _ in fields):
+            messages[title.removeprefix("MSG: ")] = [Column(name, unit) for _, name, unit in fields]
     columns: List[Column] = []
     for line in filter(str.strip, top.splitlines()):
         kind, name, _ = field_of(line)
         if kind in messages:
             columns += [Column(f"{name}.{field.name}", field.unit) for field in messages[kind]]
-        elif kind.startswith("uint64["):
-            columns += [Column(f"{name}[{index}]", "") for index in range(int(kind[7:-1]))]
+        elif kind.startswith(("uint64[", "uint32[")):
+            words = int(kind[7:-1]) // (2 if kind.startswith("uint32") else 1)
+            columns += [Column(f"{name}[{index}]", "") for index in range(words)]
         else:
             columns.append(Column(name, ""))
     return columns

@@ -121,6 +121,8 @@ fn a_schema_of_absurd_width_is_refused() {
     for schema in [
         "uint64 step\nuint64[99999999999] sample_invalid\n",
         "uint64 step\nuint64[1025] sample_invalid\n",
+        "uint64 step\nuint32[2052] sample_invalid\n",
+        "uint64 step\nuint32[3] sample_invalid\n",
         "uint64[0] step\n",
         "",
     ] {

@@ -24,8 +24,9 @@ impl Column {
     }
 }
 
-/// The names of the words in a `ros2msg` schema: `uint64` and arrays of them, and one level of
-/// messages of `float64`.
+/// The names of the words in a `ros2msg` schema: `uint64` and arrays of them, arrays of two `uint32`
+/// for each word, messages of `float64`, and messages that are one word, taken apart for other
+/// programs.
 pub(super) fn columns_of(schema: &str) -> Option<Vec<Column>> {
     let mut parts = schema.split(crate::recording::RULER);
     let top = parts.next()?;
@@ -38,6 +39,13 @@ pub(super) fn columns_of(schema: &str) -> Option<Vec<Column>> {
     for line in top.lines().filter(|line| !line.trim().is_empty()) {
         let (kind, name, _) = field(line)?;
         if let Some(fields) = messages.get(kind) {
+            if is_one_word(fields) {
+                columns.push(Column {
+                    name: name.into(),
+                    unit: String::new(),
+                });
+                continue;
+            }
             for line in fields.lines().filter(|line| !line.trim().is_empty()) {
                 let ("float64", field, unit) = field(line)? else {
                     return None;
@@ -48,12 +56,16 @@ pub(super) fn columns_of(schema: &str) -> Option<Vec<Column>> {
                     unit: unit.into(),
                 });
             }
-        } else if let Some(count) = kind.strip_prefix("uint64[") {
-            let count: usize = count.strip_suffix(']')?.parse().ok()?;
-            if count > MOST_WORDS {
+        } else if let Some((scalar, count)) = array(kind) {
+            let words = match scalar {
+                "uint64" => count,
+                "uint32" if count.is_multiple_of(2) => count / 2,
+                _ => return None,
+            };
+            if words > MOST_WORDS {
                 return None;
             }
-            columns.extend((0..count).map(|index| Column {
+            columns.extend((0..words).map(|index| Column {
                 name: format!("{name}[{index}]"),
                 unit: String::new(),
             }));
@@ -67,6 +79,29 @@ pub(super) fn columns_of(schema: &str) -> Option<Vec<Column>> {
         }
     }
     (columns.first()?.name == "step").then_some(columns)
+}
+
+/// Type and length of an array.
+fn array(kind: &str) -> Option<(&str, usize)> {
+    let (scalar, count) = kind.strip_suffix(']')?.split_once('[')?;
+    Some((scalar, count.parse().ok()?))
+}
+
+/// Whether a message is of small integers that fill a word.
+fn is_one_word(fields: &str) -> bool {
+    let bytes = |line: &str| {
+        let (kind, ..) = field(line)?;
+        let (scalar, count) = array(kind).unwrap_or((kind, 1));
+        let bytes: usize = match scalar {
+            "uint8" => 1,
+            "uint16" => 2,
+            "uint32" => 4,
+            _ => return None,
+        };
+        bytes.checked_mul(count)
+    };
+    let mut lines = fields.lines().filter(|line| !line.trim().is_empty());
+    lines.try_fold(0_usize, |sum, line| sum.checked_add(bytes(line)?)) == Some(size_of::<u64>())
 }
 
 /// Type, name and unit of a field.

@@ -1,0 +1,105 @@
+//! Recordings in the programs that engineers look at them with: rerun's converter, and the packages
+//! that Foxglove decodes with.
+
+use std::path::PathBuf;
+use std::process::Command;
+
+use crate::harness::{Rig, Run};
+use crate::programs::{demanded, skip, target, workspace};
+use crate::python::{python, succeeds};
+
+const SCENARIO: &str = "tests/scenarios/leakage.toml";
+const SHORT: &str = "--set run.duration_s=0.2 --set faults[0].at_s=0.1";
+
+/// Recordings that differ in how they are written, and one that broke off and was recovered.
+fn recordings(rig: &Rig) -> Vec<Run> {
+    let ways = [
+        "",
+        "--compression none",
+        "--compression zstd",
+        "--record truth.* --record measured.surface_angle_rad --record-every 10",
+    ];
+    let run = |way: &&str| rig.run(&format!("{SCENARIO} {SHORT} {way}")).expect(0);
+    let mut runs: Vec<Run> = ways.iter().map(run).collect();
+    let torn = rig.run(&format!("{SCENARIO} {SHORT}")).expect(0);
+    let whole = std::fs::read(torn.recording()).expect("read");
+    std::fs::write(torn.recording(), &whole[..whole.len() * 2 / 3]).expect("cut");
+    let folder = torn.folder.to_str().expect("text");
+    rig.hil(&["recover", folder]).expect(0);
+    runs.push(torn);
+    runs
+}
+
+#[test]
+fn rerun_converts_recordings_to_columns_with_the_names_and_bits_of_the_signals() {
+    let test = "rerun_converts_recordings_to_columns_with_the_names_and_bits_of_the_signals";
+    let Some(python) = python("rerun.chunk, mcap, numpy, pyarrow") else {
+        return skip(test, "Python has no `rerun`", "HIL_TEST_PYTHON");
+    };
+    let rig = Rig::new();
+    let (runs, folder) = (recordings(&rig), rig.path("rerun"));
+    std::fs::create_dir(&folder).expect("a folder");
+    let script = workspace().join("tests/python/compare_rerun.py");
+    let folders = runs.iter().map(|run| &run.folder);
+    let mut compare = Command::new(&python);
+    let told = succeeds(compare.arg(script).arg(folder).args(folders));
+    let same = told.matches("the same bits in rerun").count();
+    assert_eq!(same, runs.len(), "{told}");
+}
+
+/// A folder with the packages of `tests/node`; made if that is demanded.
+fn node_packages() -> Option<PathBuf> {
+    let folder = target().join("node");
+    if folder.join("node_modules/@foxglove/rosmsg").exists() {
+        return Some(folder);
+    }
+    if !demanded("HIL_TEST_NODE") {
+        return None;
+    }
+    std::fs::create_dir_all(&folder).expect("a folder");
+    for file in ["package.json", "package-lock.json"] {
+        let from = workspace().join("tests/node").join(file);
+        std::fs::copy(from, folder.join(file)).expect("copied");
+    }
+    let mut npm = Command::new("npm");
+    succeeds(
+        npm.args([
+            "ci",
+            "--ignore-scripts",
+            "--no-audit",
+            "--no-fund",
+            "--prefix",
+        ])
+        .arg(&folder),
+    );
+    Some(folder)
+}
+
+#[test]
+fn foxgloves_decoders_read_what_is_exported_of_the_same_recording() {
+    let test = "foxgloves_decoders_read_what_is_exported_of_the_same_recording";
+    let Some(packages) = node_packages() else {
+        let why = "the packages of tests/node are not installed";
+        return skip(test, why, "HIL_TEST_NODE");
+    };
+    let rig = Rig::new();
+    for (number, run) in recordings(&rig).iter().enumerate() {
+        let table = rig.path(&format!("table-{number}.csv"));
+        let arguments = [run.folder.to_str(), Some("-o"), table.to_str()];
+        let arguments = arguments.map(|argument| argument.expect("text"));
+        rig.hil(&[&["export"], &arguments[..]].concat()).expect(0);
+        let script = workspace().join("tests/node/compare_export.mjs");
+        let mut compare = Command::new("node");
+        let told = succeeds(
+            compare
+                .arg(script)
+                .arg(&packages)
+                .arg(run.recording())
+                .arg(table),
+        );
+        assert!(
+            told.contains("the same numbers as decoded by Foxglove"),
+            "{told}"
+        );
+    }
+}

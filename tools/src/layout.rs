@@ -1,0 +1,60 @@
+//! `hil layout`: what Foxglove or PlotJuggler is to plot of a run.
+//!
+//! [`pages`] decides what belongs together, from names and units alone; one module for each program
+//! writes that in its form. Of the recording only the schema is read, no record.
+
+mod foxglove;
+pub mod pages;
+mod plotjuggler;
+
+use std::io::Write as _;
+use std::path::Path;
+
+use crate::cli::layout::{LayoutArguments, Viewer};
+use crate::destination::Destination;
+use crate::exit::{Exit, Failure};
+use crate::export::not_written;
+use crate::output;
+use crate::run_reader::RunReader;
+
+/// Runs the command.
+///
+/// # Errors
+/// If the run cannot be read, has no signal, or the file cannot be written.
+pub fn layout(arguments: &LayoutArguments) -> Result<Exit, Failure> {
+    let reader = RunReader::open(&arguments.run).map_err(Failure::usage)?;
+    let pages = pages::of(reader.columns());
+    if pages.is_empty() {
+        let run = reader.path().display();
+        return Err(Failure::usage(format!("{run} holds nothing to plot")));
+    }
+    let path = (arguments.output.as_deref()).filter(|path| *path != Path::new("-"));
+    let text = match arguments.viewer {
+        Viewer::Foxglove => foxglove::text(&pages)?,
+        Viewer::PlotJuggler => {
+            let beside = path.and_then(|path| name_of_neighbour(path, reader.path()));
+            plotjuggler::text(&pages, beside.as_deref()).map_err(Failure::infrastructure)?
+        }
+    };
+    let Some(path) = path else {
+        output::write(&text)?;
+        return Ok(Exit::Pass);
+    };
+    let mut destination = Destination::create(path, arguments.force)?;
+    let written = (destination.write_all(text.as_bytes())).and_then(|()| destination.complete());
+    written.map_err(|error| not_written(Some(path), &error))?;
+    let plots: usize = pages.iter().map(|page| page.plots.len()).sum();
+    let (shown, pages) = (path.display(), pages.len());
+    output::write(&format!("{shown}: {plots} plots on {pages} pages\n"))?;
+    Ok(Exit::Pass)
+}
+
+/// The name of a recording, if it lies in the folder that a file is written into.
+fn name_of_neighbour(file: &Path, recording: &Path) -> Option<String> {
+    let folder = |path: &Path| match path.parent()? {
+        here if here.as_os_str().is_empty() => Path::new(".").canonicalize().ok(),
+        folder => folder.canonicalize().ok(),
+    };
+    let name = recording.file_name()?.to_str()?.to_owned();
+    (folder(file)? == folder(recording)?).then_some(name)
+}

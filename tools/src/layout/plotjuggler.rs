@@ -1,0 +1,190 @@
+//! Pages as a layout of PlotJuggler 3: a tab for each page, two plots in a row. A tracking error is
+//! computed by PlotJuggler itself.
+
+use std::io;
+
+use quick_xml::Writer;
+use quick_xml::events::{BytesDecl, BytesText, Event};
+
+use super::pages::{Page, Plot};
+
+type Xml = Writer<Vec<u8>>;
+
+/// Curves get these in turns; without a colour they would all be black.
+const COLOURS: [&str; 8] = [
+    "#1f77b4", "#d62728", "#1ac938", "#ff7f0e", "#9467bd", "#17becf", "#bcbd22", "#f14cc1",
+];
+/// Two plots stand beside each other.
+const IN_ROW: usize = 2;
+
+/// The text; with the name of the recording, if it lies beside the layout, it is opened, too.
+pub(super) fn text(pages: &[Page], recording: Option<&str>) -> io::Result<String> {
+    let mut xml = Writer::new_with_indent(Vec::new(), b' ', 1);
+    xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
+    xml.create_element("root").write_inner_content(|xml| {
+        let window = [("name", "Main Window"), ("parent", "main_window")];
+        let tabs = xml.create_element("tabbed_widget").with_attributes(window);
+        tabs.write_inner_content(|xml| {
+            pages.iter().try_for_each(|page| tab(xml, page))?;
+            empty(xml, "currentTabIndex", &[("index", "0")])
+        })?;
+        empty(xml, "use_relative_time_offset", &[("enabled", "0")])?;
+        if let Some(name) = recording {
+            data_file(xml, name)?;
+        }
+        errors(xml, pages)
+    })?;
+    let text = String::from_utf8(xml.into_inner()).map_err(io::Error::other)?;
+    Ok(text + "\n")
+}
+
+fn empty(xml: &mut Xml, name: &str, attributes: &[(&str, &str)]) -> io::Result<()> {
+    let element = xml
+        .create_element(name)
+        .with_attributes(attributes.iter().copied());
+    element.write_empty().map(drop)
+}
+
+fn tab(xml: &mut Xml, page: &Page) -> io::Result<()> {
+    let attributes = [("tab_name", &*page.title), ("containers", "1")];
+    let tab = xml.create_element("Tab").with_attributes(attributes);
+    tab.write_inner_content(|xml| {
+        let container = xml.create_element("Container");
+        container.write_inner_content(|xml| {
+            let plots: Vec<Plot> = page.plots.iter().flat_map(with_error).collect();
+            let rows: Vec<_> = plots.chunks(IN_ROW).collect();
+            splitter(xml, "-", &rows, |xml, row| match row {
+                [plot] => area(xml, plot),
+                plots => splitter(xml, "|", plots, area),
+            })
+        })?;
+        Ok(())
+    })?;
+    Ok(())
+}
+
+/// Parts of the same size, below (`-`) or beside (`|`) each other.
+fn splitter<T>(
+    xml: &mut Xml,
+    orientation: &str,
+    parts: &[T],
+    write: impl Fn(&mut Xml, &T) -> io::Result<()>,
+) -> io::Result<()> {
+    let size = (1.0 / parts.len() as f64).to_string();
+    let sizes = vec![&*size; parts.len()].join(";");
+    let count = parts.len().to_string();
+    let attributes = [
+        ("orientation", orientation),
+        ("count", &*count),
+        ("sizes", &*sizes),
+    ];
+    let splitter = xml
+        .create_element("DockSplitter")
+        .with_attributes(attributes);
+    splitter.write_inner_content(|xml| parts.iter().try_for_each(|part| write(xml, part)))?;
+    Ok(())
+}
+
+fn area(xml: &mut Xml, plot: &Plot) -> io::Result<()> {
+    let title = match plot.unit.as_str() {
+        "" => plot.title.clone(),
+        unit => format!("{} [{unit}]", plot.title),
+    };
+    let area = xml
+        .create_element("DockArea")
+        .with_attribute(("name", &*title));
+    area.write_inner_content(|xml| {
+        let style = [
+            ("mode", "TimeSeries"),
+            ("style", "Lines"),
+            ("line_width", "1.0"),
+        ];
+        let element = xml.create_element("plot").with_attributes(style);
+        element.write_inner_content(|xml| {
+            empty(xml, "limitY", &[])?;
+            for (curve, colour) in plot.curves.iter().zip(COLOURS.iter().cycle()) {
+                empty(xml, "curve", &[("name", &series(curve)), ("color", colour)])?;
+            }
+            Ok(())
+        })?;
+        Ok(())
+    })?;
+    Ok(())
+}
+
+/// A plot and, if it has one, that of its error, which it would be too large to show.
+fn with_error(plot: &Plot) -> Vec<Plot> {
+    let error = plot.wanted.is_some().then(|| Plot {
+        title: format!("error of {}", plot.title),
+        unit: plot.unit.clone(),
+        curves: vec![format!("error.{}", plot.title)],
+        wanted: None,
+    });
+    [Some(plot.clone()), error].into_iter().flatten().collect()
+}
+
+/// What PlotJuggler calls a column, or an error.
+fn series(curve: &str) -> String {
+    let root = if curve.starts_with("error.") {
+        ""
+    } else {
+        "/record"
+    };
+    format!("{root}/{}", curve.replace('.', "/"))
+}
+
+fn errors(xml: &mut Xml, pages: &[Page]) -> io::Result<()> {
+    let plots = pages.iter().flat_map(|page| &page.plots);
+    let wanted = plots.filter_map(|plot| Some((plot, plot.wanted.as_ref()?)));
+    let equations = xml.create_element("customMathEquations");
+    equations.write_inner_content(|xml| {
+        for (plot, [reference, became]) in wanted {
+            let name = series(&format!("error.{}", plot.title));
+            let snippet = [("name", &*name), ("language", "lua")];
+            let element = xml.create_element("snippet").with_attributes(snippet);
+            element.write_inner_content(|xml| {
+                text_of(xml, "global", "")?;
+                text_of(xml, "function", "return value - v1")?;
+                text_of(xml, "linked_source", &series(became))?;
+                let sources = xml.create_element("additional_sources");
+                sources.write_inner_content(|xml| text_of(xml, "v1", &series(reference)))?;
+                Ok(())
+            })?;
+        }
+        Ok(())
+    })?;
+    Ok(())
+}
+
+fn text_of(xml: &mut Xml, name: &str, text: &str) -> io::Result<()> {
+    let element = xml.create_element(name);
+    element.write_text_content(BytesText::new(text)).map(drop)
+}
+
+/// The recording, over simulated time and without a question. Its events are left out: when PlotJuggler
+/// loads what its command line names, it has no parser for JSON yet.
+fn data_file(xml: &mut Xml, name: &str) -> io::Result<()> {
+    let files = xml.create_element("previouslyLoaded_Datafiles");
+    files.write_inner_content(|xml| {
+        let file = [("filename", name), ("prefix", "")];
+        let file = xml.create_element("fileInfo").with_attributes(file);
+        file.write_inner_content(|xml| {
+            let plugin = xml
+                .create_element("plugin")
+                .with_attribute(("ID", "DataLoad MCAP"));
+            plugin.write_inner_content(|xml| {
+                let asked = [
+                    ("selected_topics", "/record"),
+                    ("use_mcap_log_time", "1"),
+                    ("use_timestamp", "0"),
+                    ("clamp_large_arrays", "1"),
+                    ("max_array_size", "500"),
+                ];
+                empty(xml, "parameters", &asked)
+            })?;
+            Ok(())
+        })?;
+        Ok(())
+    })?;
+    Ok(())
+}
