@@ -223,15 +223,19 @@ fn a_page_says_what_the_run_said_and_where_each_margin_comes_from() {
     );
     assert_eq!(page.data["runs"][0]["faults"][0]["from_s"], 6.789);
     page.plot(&["truth.position_m", "measured.position_m"]);
-    for fact in [
-        "plant_blake3",
-        "hil_commit",
-        "kernel",
-        "cpufreq",
-        "software in the loop",
-        "duration_s = 10.0",
-    ] {
-        assert!(page.text.contains(fact), "{fact}");
+    let facts = &Recording::open(&run.recording()).metadata()["hil.run"];
+    assert!(
+        facts.keys().any(|name| name.starts_with("doctor_")) && facts.contains_key("hil_commit")
+    );
+    for (name, fact) in facts {
+        let escaped = fact
+            .replace('&', "&amp;")
+            .replace('<', "&lt;")
+            .replace('>', "&gt;");
+        assert!(page.text.contains(&escaped), "{name}: {fact}");
+    }
+    for text in ["software in the loop", "duration_s = 10.0"] {
+        assert!(page.text.contains(text), "{text}");
     }
 }
 

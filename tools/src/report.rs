@@ -29,6 +29,7 @@ use shared_types::table::nearest;
 use crate::cli::report::ReportArguments;
 use crate::destination::Destination;
 use crate::exit::{Exit, Failure};
+use crate::export::not_written;
 use crate::live::listed;
 use crate::output;
 use bounds::bounds;
@@ -71,12 +72,7 @@ pub fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
     match result {
         // A reader that went away wanted no more.
         Err(error) if !is_file && error.kind() == std::io::ErrorKind::BrokenPipe => {}
-        Err(error) => {
-            let path = path.display();
-            return Err(Failure::infrastructure(format!(
-                "cannot write {path}: {error}"
-            )));
-        }
+        Err(error) => return Err(not_written(is_file.then_some(path), &error)),
         Ok(()) => {}
     }
     written.file = path.display().to_string();
