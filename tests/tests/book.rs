@@ -190,7 +190,9 @@ fn every_key_of_a_summary_is_told() {
     let mut found = Vec::new();
     keys(&run.summary(), &mut found);
     let page = Page::read("docs/reading.md".into());
-    let (_, told) = (page.text).split_once("## `summary.json`").expect("the section");
+    let (_, told) = (page.text)
+        .split_once("## `summary.json`")
+        .expect("the section");
     found.retain(|key| !told.contains(&format!("`{key}`")));
     assert!(found.is_empty(), "{found:?}");
 }
