@@ -93,9 +93,15 @@ struct Grid {
 }
 
 impl Grid {
+    /// Also of a step before the first on this grid: a late answer may belong to one.
     fn due_ns(&self, rate: Rate, step: Step) -> u64 {
-        let since_ns = rate.nanoseconds(step) - rate.nanoseconds(self.first);
-        self.start_ns + (since_ns as f64 / self.factor + 0.5) as u64
+        let (step_ns, first_ns) = (rate.nanoseconds(step), rate.nanoseconds(self.first));
+        let away_ns = (step_ns.abs_diff(first_ns) as f64 / self.factor + 0.5) as u64;
+        if step_ns < first_ns {
+            self.start_ns.saturating_sub(away_ns)
+        } else {
+            self.start_ns + away_ns
+        }
     }
 }
 
@@ -228,6 +234,24 @@ mod tests {
         assert_eq!(pacer.release_ns(Step(1_000_000), 5), Ok(0));
         assert_eq!(pacer.deadline_ns(Step(7), 0.5), u64::MAX);
         assert_eq!(pacer.overruns(), Streaks::default());
+    }
+
+    #[test]
+    fn a_step_before_the_grid_was_moved_was_due_as_far_before() {
+        for policy in [OverrunPolicy::Skip, OverrunPolicy::Stretch] {
+            let mut pacer = paced(1000.0, 10_000_000, policy);
+            assert_eq!(pacer.release_ns(Step(3), 16_000_000), Ok(16_000_000));
+            assert_eq!(pacer.due_ns(Step(1)), 14_000_000);
+        }
+        let early = paced(1000.0, 500, OverrunPolicy::CatchUp);
+        let moved = Pacer {
+            grid: early.grid.map(|grid| Grid {
+                first: Step(7),
+                ..grid
+            }),
+            ..early
+        };
+        assert_eq!(moved.due_ns(Step(1)), 0);
     }
 
     #[test]

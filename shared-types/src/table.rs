@@ -145,6 +145,12 @@ pub trait Table:
 /// assert_eq!(Pair::fields()[1].name, "actuator2.mass_kg");
 /// assert_eq!(Pair::fields()[1].default, Some(60.0));
 /// ```
+///
+/// What is not a table is refused with what one looks like:
+///
+/// ```compile_fail
+/// shared_types::table! { struct Command { force_n: "N" } }
+/// ```
 #[macro_export]
 macro_rules! table {
     (
@@ -244,6 +250,14 @@ macro_rules! table {
                 fields
             }
         }
+    };
+    ($($other:tt)*) => {
+        ::core::compile_error!(
+            "a table is `/// What it is.` and `struct Name { .. }`; each of its lines is `/// What it is.` and \
+            `name: \"unit\"`, for a parameter with ` = default in min..=max` and perhaps `[faultable]` behind it. \
+            Numbers other than plain literals stand in parentheses. The `///` lines are what --describe says, so \
+            none may be missing"
+        );
     };
 }
 

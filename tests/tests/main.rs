@@ -8,6 +8,7 @@
 //! | [`bad_input`] | any bytes through every reader: taken or refused by name, never a panic |
 //! | [`checkpoints`] | a run that goes on is the straight run, and what cannot go on is refused |
 //! | [`baselines`] | runs against named runs, by digest, by samples and by figures |
+//! | [`book`] | what README and book tell can be done, shows what they show, and leads where they say |
 //! | [`cli`] | bad input: a clear error, exit code 2, nothing started |
 //! | [`determinism`] | one digest, however and wherever a scenario runs |
 //! | [`doctor`] | every check once, and a verdict that follows |
@@ -48,6 +49,7 @@ mod architecture;
 mod audit;
 mod bad_input;
 mod baselines;
+mod book;
 mod checkpoints;
 mod cli;
 mod clocks;

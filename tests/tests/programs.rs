@@ -107,14 +107,18 @@ pub(crate) fn other_hil() -> Option<PathBuf> {
     })
 }
 
-/// Builds a crate of `examples`, which is outside the workspace, and gives its program.
+/// Builds a crate of `examples` and gives its program.
 pub(crate) fn example(name: &str) -> PathBuf {
-    let folder = workspace().join("examples").join(name);
+    outside(&Path::new("examples").join(name), name)
+}
+
+/// Builds a crate that is outside the workspace and gives its program.
+pub(crate) fn outside(folder: &Path, program: &str) -> PathBuf {
     let target = target().join("examples-outside");
     let mut cargo = Command::new(env!("CARGO"));
-    cargo.arg("build").current_dir(folder);
+    cargo.arg("build").current_dir(workspace().join(folder));
     finish(cargo.arg("--target-dir").arg(&target));
-    target.join("debug").join(name)
+    target.join("debug").join(program)
 }
 
 /// Whether the environment insists on a part that not every machine has.

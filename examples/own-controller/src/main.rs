@@ -86,5 +86,6 @@ impl Controller for StateFeedback {
 
 fn main() -> ExitCode {
     let laws = vec![LawKind::of::<StateFeedback>()];
-    controller_process::program::run("own-controller", env!("CARGO_PKG_VERSION"), laws)
+    let (program, version) = (env!("CARGO_PKG_NAME"), env!("CARGO_PKG_VERSION"));
+    controller_process::program::run(program, version, laws)
 }

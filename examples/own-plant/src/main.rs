@@ -96,5 +96,6 @@ impl Plant for Pendulum {
 
 fn main() -> ExitCode {
     let plants = vec![PlantKind::of::<Pendulum>()];
-    plant_process::program::run("own-plant", env!("CARGO_PKG_VERSION"), plants)
+    let (program, version) = (env!("CARGO_PKG_NAME"), env!("CARGO_PKG_VERSION"));
+    plant_process::program::run(program, version, plants)
 }

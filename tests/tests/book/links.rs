@@ -1,0 +1,140 @@
+//! Links of the pages: what they point to exists, and every page can be reached.
+
+use std::collections::BTreeSet;
+use std::path::{Component, Path, PathBuf};
+
+use super::page::{Page, pages};
+use crate::programs::workspace;
+
+/// Every link of a page with its line; none from inside code.
+fn links(page: &Page) -> Vec<(usize, String)> {
+    let mut found = Vec::new();
+    let mut fenced = false;
+    for (number, line) in page.text.lines().enumerate() {
+        if line.trim_start().starts_with("```") {
+            fenced = !fenced;
+        }
+        if fenced {
+            continue;
+        }
+        // Every second piece between backticks is code.
+        let prose: String = line.split('`').step_by(2).collect::<Vec<_>>().join("code");
+        for piece in prose.split("](").skip(1) {
+            if let Some((target, _)) = piece.split_once(')') {
+                found.push((number + 1, target.to_owned()));
+            }
+        }
+        for attribute in ["src=\"", "srcset=\"", "href=\""] {
+            for piece in line.split(attribute).skip(1) {
+                let target = piece.split('"').next().unwrap_or_default();
+                found.push((number + 1, target.to_owned()));
+            }
+        }
+    }
+    found
+}
+
+/// What the headings of a page can be linked by, as code-hosting sites and mdBook make it.
+fn anchors(text: &str) -> BTreeSet<String> {
+    let mut anchors = BTreeSet::new();
+    let mut fenced = false;
+    for line in text.lines() {
+        fenced ^= line.trim_start().starts_with("```");
+        let heading = line.trim_start_matches('#');
+        if fenced || heading.len() == line.len() || !heading.starts_with(' ') {
+            continue;
+        }
+        let mut anchor = String::new();
+        for letter in heading.trim().to_lowercase().chars() {
+            match letter {
+                ' ' => anchor.push('-'),
+                '-' | '_' => anchor.push(letter),
+                letter if letter.is_alphanumeric() => anchor.push(letter),
+                _ => {}
+            }
+        }
+        let mut numbered = anchor.clone();
+        let mut count = 0;
+        while !anchors.insert(numbered.clone()) {
+            count += 1;
+            numbered = format!("{anchor}-{count}");
+        }
+    }
+    anchors
+}
+
+/// A path without `..` inside.
+fn plain(path: &Path) -> PathBuf {
+    let mut plain = PathBuf::new();
+    for part in path.components() {
+        if part == Component::ParentDir {
+            plain.pop();
+        } else {
+            plain.push(part);
+        }
+    }
+    plain
+}
+
+#[test]
+fn every_link_of_the_book_leads_somewhere() {
+    let mut broken = Vec::new();
+    let mut seen = 0;
+    for page in pages() {
+        let folder = page.path.parent().expect("a file is in a folder");
+        for (line, target) in links(&page) {
+            seen += 1;
+            if target.contains("://") || target.starts_with("mailto:") {
+                continue;
+            }
+            let (file, anchor) = match target.split_once('#') {
+                Some((file, anchor)) => (file, Some(anchor)),
+                None => (target.as_str(), None),
+            };
+            let path = if file.is_empty() {
+                page.path.clone()
+            } else {
+                plain(&folder.join(file))
+            };
+            let whole = workspace().join(&path);
+            let leads = match anchor {
+                None => whole.exists(),
+                Some(anchor) => std::fs::read_to_string(&whole)
+                    .is_ok_and(|text| anchors(&text).contains(anchor)),
+            };
+            if !leads {
+                broken.push(format!("{}:{line}: {target}", page.path.display()));
+            }
+        }
+    }
+    assert!(broken.is_empty(), "{broken:#?}");
+    assert!(seen > 100, "{seen}");
+}
+
+#[test]
+fn every_page_stands_in_the_summary_once() {
+    let summary = Page::read("docs/SUMMARY.md".into());
+    let mut listed: Vec<PathBuf> = (links(&summary).into_iter())
+        .map(|(_, target)| Path::new("docs").join(target))
+        .collect();
+    listed.sort();
+    let written: Vec<PathBuf> = (pages().into_iter())
+        .map(|page| page.path)
+        .filter(|path| path.starts_with("docs") && !path.ends_with("SUMMARY.md"))
+        .collect();
+    assert_eq!(listed, written);
+}
+
+#[test]
+fn anchors_are_those_of_code_hosting_sites() {
+    let text = "# What is `x`?\n## Once more, in lockstep\n```\n# no heading\n```\n## Once more, in lockstep\n";
+    let found: Vec<String> = anchors(text).into_iter().collect();
+    assert_eq!(
+        found,
+        [
+            "once-more-in-lockstep",
+            "once-more-in-lockstep-1",
+            "what-is-x"
+        ]
+    );
+}

@@ -1,0 +1,147 @@
+//! A page of the book as its blocks: what is shown, what is run, what is written to a file.
+//!
+//! Comments of a page speak to the test, where a reader need not see it: `<!-- file: PATH -->` before a
+//! block writes it to that file (`<!-- file: PATH, continued -->` appends), and `<!-- sh` .. `-->` holds
+//! commands that are run but not shown, such as those of the other terminal that a page tells about.
+
+use std::path::{Path, PathBuf};
+
+use crate::programs::workspace;
+
+/// A page: a file of Markdown, by its path from the top of the workspace.
+pub(super) struct Page {
+    pub(super) path: PathBuf,
+    pub(super) text: String,
+}
+
+/// A fenced block, or a hidden one.
+#[derive(Debug)]
+pub(super) struct Block<'p> {
+    /// Line of its fence, from 1.
+    pub(super) line: usize,
+    /// What stands behind the fence.
+    pub(super) language: &'p str,
+    /// Its text; a block without an end is a mistake that the parser refuses.
+    pub(super) text: String,
+    /// The file that a comment before it names, and whether it goes on with it.
+    pub(super) file: Option<(&'p str, bool)>,
+    /// Whether only blank lines stand between it and the block before.
+    pub(super) follows: bool,
+}
+
+/// Every page: the README, the architecture, the book and the examples.
+pub(super) fn pages() -> Vec<Page> {
+    let mut paths: Vec<PathBuf> = ["README.md", "ARCHITECTURE.md"].map(PathBuf::from).into();
+    let mut found: Vec<PathBuf> = ["docs", "docs/reference"]
+        .into_iter()
+        .flat_map(|folder| markdown(Path::new(folder)))
+        .collect();
+    let examples = std::fs::read_dir(workspace().join("examples")).expect("the examples");
+    found.extend(examples.map(|example| {
+        let name = example.expect("an example").file_name();
+        Path::new("examples").join(name).join("README.md")
+    }));
+    found.sort();
+    paths.append(&mut found);
+    paths.into_iter().map(Page::read).collect()
+}
+
+fn markdown(folder: &Path) -> Vec<PathBuf> {
+    let Ok(files) = std::fs::read_dir(workspace().join(folder)) else {
+        return Vec::new();
+    };
+    let names = files.map(|file| file.expect("a file").file_name());
+    let paths = names.map(|name| folder.join(name));
+    paths
+        .filter(|path| path.extension().is_some_and(|end| end == "md"))
+        .collect()
+}
+
+impl Page {
+    pub(super) fn read(path: PathBuf) -> Self {
+        let text = std::fs::read_to_string(workspace().join(&path));
+        let text = text.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        Self { path, text }
+    }
+
+    /// Its blocks in order.
+    pub(super) fn blocks(&self) -> Vec<Block<'_>> {
+        let mut blocks = Vec::new();
+        let mut lines = self.text.lines().enumerate();
+        let (mut file, mut follows) = (None, false);
+        while let Some((number, line)) = lines.next() {
+            let line_of = number + 1;
+            let start = line.trim_start();
+            let indent = line.len() - start.len();
+            let (language, end) = match (start.strip_prefix("```"), start) {
+                (Some(language), _) => (language.trim(), "```"),
+                (None, "<!-- sh") => ("sh", "-->"),
+                (None, _) => {
+                    if let Some(name) = comment(start, "file:") {
+                        let continued = name.strip_suffix(", continued");
+                        file = Some((continued.unwrap_or(name), continued.is_some()));
+                    } else if !start.is_empty() {
+                        (file, follows) = (None, false);
+                    }
+                    continue;
+                }
+            };
+            let mut text = String::new();
+            loop {
+                let Some((_, line)) = lines.next() else {
+                    panic!("{}:{line_of}: a block without an end", self.path.display());
+                };
+                if line.trim() == end {
+                    break;
+                }
+                text += line.get(indent..).unwrap_or_default();
+                text.push('\n');
+            }
+            blocks.push(Block {
+                line: line_of,
+                language,
+                text,
+                file: file.take(),
+                follows,
+            });
+            follows = true;
+        }
+        blocks
+    }
+}
+
+/// What a comment of one line says behind a word.
+fn comment<'l>(line: &'l str, word: &str) -> Option<&'l str> {
+    let said = line.strip_prefix("<!--")?.strip_suffix("-->")?;
+    Some(said.trim().strip_prefix(word)?.trim())
+}
+
+#[test]
+fn blocks_are_read_with_their_lines_files_and_hidden_commands() {
+    let page = Page {
+        path: "page.md".into(),
+        text: "Text.\n\n```sh\nhil run\n```\n\n```text\npass\n```\n<!-- sh\nhil resume\n-->\n\
+               <!-- file: src/main.rs -->\n```rust\nfn main() {}\n```\nMore.\n- in a list\n  ```sh\n  hil\n    two\n  ```\n"
+            .into(),
+    };
+    let blocks = page.blocks();
+    let found: Vec<_> = (blocks.iter())
+        .map(|block| {
+            (
+                block.line,
+                block.language,
+                block.text.as_str(),
+                block.follows,
+            )
+        })
+        .collect();
+    let expected = [
+        (3, "sh", "hil run\n", false),
+        (7, "text", "pass\n", true),
+        (10, "sh", "hil resume\n", true),
+        (14, "rust", "fn main() {}\n", true),
+        (19, "sh", "hil\n  two\n", false),
+    ];
+    assert_eq!(found, expected);
+    assert_eq!(blocks[3].file, Some(("src/main.rs", false)));
+}

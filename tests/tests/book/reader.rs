@@ -1,0 +1,291 @@
+//! A reader who does what a page says: one shell for each page, in a folder that looks like a fresh
+//! clone after `cargo build --release`.
+//!
+//! `hil` and `cargo` on the path of that shell are scripts in front of the real ones. `hil` names the
+//! session of the page, where a reader has only one that runs. `cargo` builds with the profile of the
+//! tests into a folder of theirs; tests and benches are only looked up, since they are what runs here.
+
+use std::fs::File;
+use std::os::unix::fs::{PermissionsExt, symlink};
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, Signal, kill_process_group};
+
+use super::page::Page;
+use super::shown;
+use crate::harness::Rig;
+use crate::programs::{program, target, workspace};
+use crate::python::python;
+
+/// How long a page may take before it counts as hanging.
+const WATCHDOG: Duration = Duration::from_secs(300);
+
+/// What the scripts are written into, and what is shared by pages.
+pub(super) struct Desk {
+    /// The same at each time: builds in it are found again.
+    folder: PathBuf,
+    programs: PathBuf,
+    /// Keeps a second test run with this target directory out.
+    _lock: File,
+}
+
+const HIL: &str = r#"#!/usr/bin/env bash
+# Names the session of the page for a command that would look for the only one.
+case "$1" in
+    inject | pause | resume | step | controller | monitor)
+        [[ " $* " == *" --list "* || " $* " == *" --session "* ]] || set -- "$@" --session "$SESSION" ;;
+esac
+exec "$PROGRAMS/hil" "$@"
+"#;
+
+const CARGO: &str = r#"#!/usr/bin/env bash
+# The reader's cargo: what the tests have built is not built again.
+set -euo pipefail
+words=("$@")
+folder=$PWD
+for ((i = 0; i < ${#words[@]}; i++)); do
+    case "${words[i]}" in
+        --release) unset 'words[i]' ;;
+        --manifest-path) folder=$(dirname "${words[i + 1]}") ;;
+        --bench) [ -e "tests/benches/${words[i + 1]}" ] || grep -q "name = \"${words[i + 1]}\"" tests/Cargo.toml ;;
+    esac
+done
+case "$1" in
+    build)
+        [ "$folder" -ef "$CLONE" ] && exit 0
+        "$CARGO" "${words[@]}" --offline --target-dir "$OUTSIDE"
+        mkdir -p "$folder/target"
+        ln -sfn "$OUTSIDE/debug" "$folder/target/release" ;;
+    test | bench) [ "$PWD" -ef "$CLONE" ] ;;
+    *) exec "$CARGO" "$@" ;;
+esac
+"#;
+
+const PROLOGUE: &str = r#"set -euo pipefail
+# Waits until the run of this page is held.
+held() {
+    until hil inject --active --json --session "$SESSION" 2>/dev/null | grep -q '"paused": *true'; do sleep 0.05; done
+}
+# Ends the run of this page as Ctrl-C would.
+interrupt() {
+    kill -INT "$!"
+    wait "$!" || test $? = 130
+}
+"#;
+
+impl Desk {
+    pub(super) fn new() -> Self {
+        let folder = target().join("book");
+        std::fs::create_dir_all(folder.join("bin")).expect("a folder");
+        let lock = File::create(folder.join("lock")).expect("a lock");
+        lock.lock().expect("a lock");
+        let hil = program("hil");
+        let desk = Self {
+            programs: hil.parent().expect("a folder").into(),
+            folder,
+            _lock: lock,
+        };
+        for (name, text) in [("hil", HIL), ("cargo", CARGO)] {
+            let path = desk.folder.join("bin").join(name);
+            std::fs::write(&path, text).expect("a script");
+            std::fs::set_permissions(path, PermissionsExt::from_mode(0o755)).expect("a script");
+        }
+        desk
+    }
+
+    /// What a fresh clone has, and nothing of the page before.
+    fn clone(&self) -> PathBuf {
+        let desk = self.folder.join("desk");
+        let _ = std::fs::remove_dir_all(&desk); // not there at first
+        let clone = desk.join("hil");
+        let release = clone.join("target/release");
+        std::fs::create_dir_all(&release).expect("a folder");
+        symlink(self.folder.join("bin/hil"), release.join("hil")).expect("a link");
+        for name in ["plant-process", "controller-process"] {
+            symlink(self.programs.join(name), release.join(name)).expect("a link");
+        }
+        for file in std::fs::read_dir(workspace()).expect("the workspace") {
+            let (from, name) = file.map(|f| (f.path(), f.file_name())).expect("a file");
+            let to = clone.join(&name);
+            match name.to_str().unwrap_or_default() {
+                "target" | "runs" | ".git" => {}
+                // Pages write there.
+                "examples" | "scenarios" => copy(&from, &to),
+                _ => symlink(from, to).expect("a link"),
+            }
+        }
+        clone
+    }
+
+    /// Does all that a page says.
+    ///
+    /// # Errors
+    /// What went wrong, with page and line.
+    pub(super) fn follow(&self, page: &Page) -> Result<(), String> {
+        let blocks = page.blocks();
+        if !blocks.iter().any(|block| block.language == "sh") {
+            return Ok(());
+        }
+        let rig = Rig::new();
+        let clone = self.clone();
+        let notes = self.folder.join("notes");
+        let _ = std::fs::remove_dir_all(&notes);
+        std::fs::create_dir_all(&notes).expect("a folder");
+        let script = notes.join("script");
+        let python = python("mcap, numpy, pandas, pyarrow");
+        let mut text = String::from(PROLOGUE);
+        for block in &blocks {
+            let line = block.line;
+            if let Some((file, continued)) = block.file {
+                let into = if continued { ">>" } else { ">" };
+                text += &format!("cat {into}'{file}' <<'_END_'\n{}_END_\n", block.text);
+            }
+            if block.language == "sh" {
+                text += &format!("echo {line} >\"$NOTES/line\"\n");
+                text += &format!("exec >\"$NOTES/{line}.out\" 2>\"$NOTES/{line}.err\"\n");
+                text += &with_exit_codes(&block.text);
+            }
+            if let ("python", Some(python)) = (block.language, &python) {
+                // Drawing needs more than the other tests; its code is only read.
+                let draws = block.text.contains("matplotlib");
+                let reads = if draws { "-m ast" } else { "-" };
+                text += &format!("echo {line} >\"$NOTES/line\"\nexec 2>\"$NOTES/{line}.err\"\n");
+                text += &format!(
+                    "PYTHONPATH=tools/python '{}' {reads} <<'_END_' >\"$NOTES/{line}.out\"\n{}_END_\n",
+                    python.display(),
+                    block.text
+                );
+            }
+        }
+        std::fs::write(&script, text).expect("a script");
+        let path = std::env::var("PATH").unwrap_or_default();
+        let bin = self.folder.join("bin");
+        let mut bash = Command::new("bash");
+        bash.arg(&script)
+            .current_dir(&clone)
+            .env("PATH", format!("{}:{path}", bin.display()))
+            .env("CLONE", &clone)
+            .env("NOTES", &notes)
+            .env("OUTSIDE", target().join("examples-outside"))
+            .env("PROGRAMS", &self.programs)
+            .env("CARGO", env!("CARGO"))
+            .env("SESSION", rig.session())
+            .env_remove("CARGO_TARGET_DIR")
+            .env_remove("RUST_BACKTRACE")
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .process_group(0);
+        let passed = finish(&mut bash);
+        let note = |name: &str| std::fs::read_to_string(notes.join(name)).unwrap_or_default();
+        let page_path = page.path.display();
+        if !passed {
+            let line = note("line").trim().to_owned();
+            let (out, err) = (note(&format!("{line}.out")), note(&format!("{line}.err")));
+            return Err(format!(
+                "{page_path}:{line}: a command failed\n{out}\n{err}"
+            ));
+        }
+        rig.assert_nothing_left();
+        for pair in blocks.windows(2) {
+            let [command, output] = pair else { continue };
+            if command.language == "sh" && output.language == "text" && output.follows {
+                let found = note(&format!("{}.out", command.line))
+                    + &note(&format!("{}.err", command.line));
+                shown::compare(&output.text, &found)
+                    .map_err(|missing| format!("{page_path}:{}: {missing}", output.line))?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Runs to the end, or until the watchdog barks; whether it succeeded.
+fn finish(bash: &mut Command) -> bool {
+    let mut child = bash.spawn().expect("bash is there");
+    let since = Instant::now();
+    loop {
+        if let Some(status) = child.try_wait().expect("it is our child") {
+            return status.success();
+        }
+        if since.elapsed() > WATCHDOG {
+            let group = i32::try_from(child.id()).ok().and_then(Pid::from_raw);
+            let _ = kill_process_group(group.expect("a number"), Signal::KILL); // gone already?
+            child.wait().expect("it is our child");
+            return false;
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+/// The command and the codes that the comment behind it names, as a pattern: `0|1`.
+fn exit_codes(command: &str) -> Option<(&str, String)> {
+    let (does, comment) = command
+        .rsplit_once(" # ")
+        .or_else(|| command.rsplit_once("  #"))?;
+    let (_, codes) = comment.split_once("exit code ")?;
+    let end = codes.find(|c: char| !c.is_ascii_digit() && !" or".contains(c));
+    let codes = &codes[..end.unwrap_or(codes.len())];
+    Some((does, codes.trim().replace(" or ", "|")))
+}
+
+/// A command whose comment says `exit code 1` has to end so; any other has to succeed.
+fn with_exit_codes(text: &str) -> String {
+    let mut script = String::new();
+    let mut command = String::new();
+    for line in text.lines() {
+        command += line;
+        command.push('\n');
+        if line.ends_with('\\') {
+            continue;
+        }
+        match exit_codes(&command) {
+            Some((does, codes)) => {
+                script += &format!("code=0\n{{ {does}\n}} || code=$?\n");
+                script += &format!(
+                    "case $code in {codes}) ;; *) echo \"exit code $code\"; false ;; esac\n"
+                );
+            }
+            None => script += &command,
+        }
+        command.clear();
+    }
+    script + &command
+}
+
+fn copy(from: &Path, to: &Path) {
+    if from.is_dir() {
+        std::fs::create_dir_all(to).expect("a folder");
+        for file in std::fs::read_dir(from).expect("a folder") {
+            let file = file.expect("a file");
+            if file.file_name() != "target" {
+                copy(&file.path(), &to.join(file.file_name()));
+            }
+        }
+    } else {
+        std::fs::copy(from, to).expect("a file");
+    }
+}
+
+#[test]
+fn a_command_has_the_exit_code_that_stands_behind_it() {
+    for (commands, passes) in [
+        ("true", true),
+        ("false", false),
+        ("false # exit code 1", true),
+        ("false # it fails: exit code 1", true),
+        ("false   # exit code 1: it fails", true),
+        ("true # exit code 1", false),
+        ("true # exit code 0 or 1", true),
+        ("sh -c 'exit 2' # exit code 0 or 1", false),
+        ("sh -c \\\n 'exit 2' # exit code 2\ntrue", true),
+    ] {
+        let script = format!("set -euo pipefail\n{}", with_exit_codes(commands));
+        let mut bash = Command::new("bash");
+        bash.arg("-c").arg(script).stdout(Stdio::null());
+        assert_eq!(finish(&mut bash), passes, "{commands}");
+    }
+}
