@@ -55,7 +55,7 @@ struct Written {
 /// # Errors
 /// If a run cannot be read, has no signal that is asked for, or the file cannot be written.
 pub fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
-    let path = &arguments.output;
+    let path = arguments.output.as_path();
     let is_file = path != Path::new("-");
     if arguments.json && !is_file {
         return Err(Failure::usage(
