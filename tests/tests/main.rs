@@ -20,6 +20,7 @@
 //! | [`intrusion`] | who does not belong to a session gets nowhere |
 //! | [`latency`] | every figure of a loop counts the right steps and follows from the others |
 //! | [`live`] | faults and pauses from another terminal |
+//! | [`monitor`] | a session watched in a terminal: the same digest, and the terminal as it was |
 //! | [`mutations`] | the explorer of the lockstep machines misses every guard that is taken out |
 //! | [`paper`] | the paper's experiment against its checked figures |
 //! | [`recording`] | what a recording holds, read without the recorder's code |
@@ -34,7 +35,7 @@
 //! [`programs`] builds what is run; [`harness`] gives each test a place of its own and a watchdog, and
 //! looks after every run that nothing of it is left. [`mcap_reader`] reads recordings.
 //!
-//! [`python`] finds an interpreter with what a test imports.
+//! [`terminal`] is one that a program of a test runs in. [`python`] finds an interpreter with what a test imports.
 //!
 //! Three parts need more than Rust; a test that lacks its part says so and passes, unless the
 //! environment demands it: `HIL_TEST_RELEASE=1` builds the binaries of the other profile, `HIL_TEST_PYTHON=1`
@@ -62,9 +63,12 @@ mod intrusion;
 mod latency;
 mod live;
 mod mcap_reader;
+mod monitor;
 mod mutations;
 mod paper;
 mod programs;
+#[path = "../pseudo_terminal.rs"]
+mod pseudo_terminal;
 mod python;
 mod realtime_settings;
 mod recording;
@@ -74,3 +78,4 @@ mod requirements;
 mod succession;
 mod suite;
 mod survival;
+mod terminal;
