@@ -130,6 +130,13 @@ impl Evaluation {
         self.requirements.values()
     }
 
+    /// Between which two sizes the robustness of each requirement will be by the rows so far, in the
+    /// plan's order; infinite where they say nothing.
+    #[must_use]
+    pub fn bounds(&self) -> Vec<[f64; 2]> {
+        self.requirements.bounds()
+    }
+
     /// The derived signals of the last row, in the plan's order.
     #[must_use]
     pub fn derived(&self) -> &[f64] {

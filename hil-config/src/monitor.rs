@@ -61,6 +61,8 @@ pub struct Monitor {
     margins: Vec<Margin>,
     /// The first row that any part looks at.
     from_row: u64,
+    /// Rows so far.
+    rows: u64,
     decided: Option<(bool, Step)>,
     judged: Option<Margin>,
 }
@@ -77,6 +79,7 @@ impl Monitor {
             margins: vec![Margin::BOTTOM; parts.len()],
             from_row: (parts.iter().map(|part| part.from_row).min()).unwrap_or(0),
             parts,
+            rows: 0,
             decided: None,
             judged: None,
         })
@@ -87,6 +90,7 @@ impl Monitor {
     /// # Panics
     /// If the row is shorter than the columns.
     pub fn observe(&mut self, step: Step, row: &[f64]) {
+        self.rows = step.0.saturating_add(1);
         if self.judged.is_some() || step.0 < self.from_row {
             return;
         }
@@ -142,6 +146,27 @@ impl Monitor {
         match self.judged {
             Some(margin) => Some(margin.size),
             None => None,
+        }
+    }
+
+    /// Between which two sizes the robustness will be, whatever comes; infinite where the rows so far
+    /// say nothing. Of an `always` the second is the least margin so far.
+    #[must_use]
+    pub fn bounds(&self) -> [f64; 2] {
+        match self.judged {
+            Some(margin) => [margin.size; 2],
+            None => self.bounds_of(self.parts.len() - 1),
+        }
+    }
+
+    fn bounds_of(&self, at: usize) -> [f64; 2] {
+        let part = &self.parts[at];
+        if !part.is_single() {
+            return margin::ANY;
+        }
+        match self.rows.checked_sub(1) {
+            Some(row) if part.is_done(row) => [self.margins[at].size; 2],
+            _ => part.bounds(&|operand| self.bounds_of(operand)),
         }
     }
 

@@ -90,6 +90,12 @@ impl Requirements {
         self.next = step.0.saturating_add(1);
     }
 
+    /// Between which two sizes the robustness of each will be.
+    pub(crate) fn bounds(&self) -> Vec<[f64; 2]> {
+        let monitors = self.monitors.iter();
+        monitors.map(|(_, monitor)| monitor.bounds()).collect()
+    }
+
     /// What came of each, in the plan's order.
     pub(crate) fn values(&self) -> Vec<RequirementValue> {
         let seconds = |step: Option<Step>| step.map(|step| self.rate.seconds(step));

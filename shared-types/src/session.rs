@@ -216,6 +216,27 @@ impl SessionInfo {
         open
     }
 
+    /// Whether it has not ended: its folder is still its own and its owner lives. Takes no lock, so
+    /// that one who looks again and again is in nobody's way.
+    #[must_use]
+    pub fn is_there(&self) -> bool {
+        self.has_folder() && self.owner.is_alive()
+    }
+
+    fn has_folder(&self) -> bool {
+        Self::read(&self.folder).is_ok_and(|found| found.id == self.id)
+    }
+
+    /// Removes what one who watched left after the owner had removed everything.
+    pub fn clear_after(&self) {
+        if !self.has_folder() {
+            for segment in self.segments() {
+                let _ = fs::remove_file(segment); // whoever else removes it does as well
+            }
+        }
+        let _ = sweep(); // what cannot be removed now the next one tries again
+    }
+
     fn remove(&self) -> Result<(), SessionError> {
         // The folder last: as long as it stands, the next sweep knows the prefix.
         for segment in self.segments() {

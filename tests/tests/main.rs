@@ -22,6 +22,7 @@
 //! | [`latency`] | every figure of a loop counts the right steps and follows from the others |
 //! | [`live`] | faults and pauses from another terminal |
 //! | [`layouts`] | what Foxglove and PlotJuggler are told to plot is there |
+//! | [`monitor`] | a session watched in a terminal: the same digest, and the terminal as it was |
 //! | [`mutations`] | the explorer of the lockstep machines misses every guard that is taken out |
 //! | [`paper`] | the paper's experiment against its checked figures |
 //! | [`recording`] | what a recording holds, read without the recorder's code |
@@ -38,7 +39,7 @@
 //! [`programs`] builds what is run; [`harness`] gives each test a place of its own and a watchdog, and
 //! looks after every run that nothing of it is left. [`mcap_reader`] reads recordings.
 //!
-//! [`python`] finds an interpreter with what a test imports.
+//! [`terminal`] is one that a program of a test runs in. [`python`] finds an interpreter with what a test imports.
 //!
 //! Five parts need more than Rust; a test that lacks its part says so and passes, unless the
 //! environment demands it: `HIL_TEST_RELEASE=1` builds the binaries of the other profile, `HIL_TEST_PYTHON=1`
@@ -69,9 +70,12 @@ mod latency;
 mod layouts;
 mod live;
 mod mcap_reader;
+mod monitor;
 mod mutations;
 mod paper;
 mod programs;
+#[path = "../pseudo_terminal.rs"]
+mod pseudo_terminal;
 mod python;
 mod realtime_settings;
 mod recording;
@@ -82,4 +86,5 @@ mod requirements;
 mod succession;
 mod suite;
 mod survival;
+mod terminal;
 mod viewers;

@@ -10,6 +10,7 @@ pub mod export;
 pub mod inject;
 pub mod latency;
 pub mod layout;
+pub mod monitor;
 pub mod realtime;
 pub mod recording;
 pub mod recordings;
@@ -31,6 +32,7 @@ use export::ExportArguments;
 use inject::InjectArguments;
 use latency::{LatencyArguments, LatencyPeerArguments};
 use layout::LayoutArguments;
+use monitor::MonitorArguments;
 use recordings::{CompareArguments, JudgeArguments, ScenarioCommand};
 use recover::RecoverArguments;
 use replay::ReplayArguments;
@@ -69,6 +71,9 @@ pub enum Command {
     /// Let a session go on for some steps, then hold it
     #[command(after_help = "Examples:\n  hil step\n  hil step 1000")]
     Step(StepArguments),
+    /// Watch a running session: clock, speed, latency, plots, faults, requirements
+    #[command(after_help = monitor::EXAMPLES)]
+    Monitor(MonitorArguments),
     /// Change the controller of a running session
     Controller(ControllerArguments),
     /// Repeat a recorded run, the faults of its command lines included, and compare the digests

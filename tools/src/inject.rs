@@ -64,7 +64,7 @@ fn answer(arguments: &InjectArguments, session: &SessionInfo) -> Result<Response
 }
 
 /// What faults a session can take.
-fn possible(session: &SessionInfo) -> Result<Possible, Unmet> {
+pub(crate) fn possible(session: &SessionInfo) -> Result<Possible, Unmet> {
     match live::ask(session, &Request::Possible)? {
         Response::Possible(possible) => Ok(*possible),
         other => Err(live::unexpected(&other)),
@@ -72,7 +72,7 @@ fn possible(session: &SessionInfo) -> Result<Possible, Unmet> {
 }
 
 /// An answer as a person reads it.
-fn told(response: &Response) -> Result<String, Unmet> {
+pub(crate) fn told(response: &Response) -> Result<String, Unmet> {
     let mut text = String::new();
     match response {
         Response::Injected { faults } => faults.iter().for_each(|fault| text += &injected(fault)),

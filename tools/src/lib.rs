@@ -11,7 +11,8 @@
 //! 5. [`summary`] says how it went, to a person and to a machine, and what became of the [`faults`].
 //!
 //! While it runs, another terminal asks its plant over [`live`]: [`inject`] puts faults into it,
-//! [`clock`] holds it and lets it go on; [`swap`] asks its `hil` for another controller. Afterwards [`run_reader`] reads the recording: [`compare`]
+//! [`clock`] holds it and lets it go on; [`swap`] asks its `hil` for another controller; [`monitor`] shows it by an
+//! [`observer`] of its records and by where its requirements [stand](standing). Afterwards [`run_reader`] reads the recording: [`compare`]
 //! finds where two runs differ, [`repetition`] makes the scenario that repeats one, live faults
 //! included, and [`rerun`] runs that; [`judge`] evaluates metrics and [`requirements`] once more, or
 //! others; [`replay`] gives what was recorded to a controller once more, [`baseline`] keeps named runs to
@@ -54,6 +55,8 @@ pub mod latency;
 pub mod layout;
 pub mod live;
 mod missed;
+pub mod monitor;
+pub mod observer;
 pub mod output;
 mod part_file;
 pub mod progress;
@@ -69,6 +72,7 @@ mod reserve;
 pub mod run;
 pub mod run_reader;
 pub mod sessions;
+pub mod standing;
 mod succession;
 mod suite;
 pub mod summary;
@@ -105,6 +109,7 @@ pub fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
             };
             clock::clock(&arguments.session, &request)
         }
+        Command::Monitor(arguments) => monitor::monitor(arguments),
         Command::Controller(arguments) => match &arguments.action {
             ControllerAction::Swap(arguments) => swap::swap(arguments),
         },

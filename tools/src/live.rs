@@ -63,7 +63,7 @@ impl Unmet {
 }
 
 /// Refusals as a person reads them.
-fn refused_text(problems: &[Refusal]) -> String {
+pub(crate) fn refused_text(problems: &[Refusal]) -> String {
     let mut text = String::new();
     for problem in problems {
         if !text.is_empty() {

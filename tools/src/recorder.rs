@@ -32,6 +32,7 @@ use crate::latency::{Latency, LatencySummary};
 use crate::recording::{Choice, Part, Provenance, Recording};
 use crate::run::realtime;
 use crate::run_reader::{ReadError, RunReader};
+use crate::standing::{self, Board};
 
 /// How often it is looked whether the stream is there.
 const LOOK: Duration = Duration::from_micros(500);
@@ -108,6 +109,8 @@ struct Shared {
     changes: Mutex<Vec<ControllerChange>>,
     /// What the recording is to say besides.
     facts: Mutex<BTreeMap<String, String>>,
+    /// Who wants to know where the requirements stand.
+    board: Arc<Board>,
 }
 
 impl Recorder {
@@ -182,6 +185,12 @@ impl Recorder {
     pub fn add_facts(&self, facts: impl IntoIterator<Item = (String, String)>) {
         let known = self.shared.facts.lock();
         (known.unwrap_or_else(PoisonError::into_inner)).extend(facts);
+    }
+
+    /// Where it is asked how the requirements stand.
+    #[must_use]
+    pub fn board(&self) -> Arc<Board> {
+        Arc::clone(&self.shared.board)
     }
 
     /// What became of controllers after the first so many changes.
@@ -484,6 +493,8 @@ impl Work {
 
     fn keep_up(&mut self) {
         self.write_facts();
+        let evaluation = self.evaluation.as_ref();
+        (self.shared.board).answer(|| evaluation.map(standing::of).unwrap_or_default());
         if let Some(recording) = &mut self.recording {
             let kept = recording.keep_up();
             self.note(kept);

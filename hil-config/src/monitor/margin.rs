@@ -1,5 +1,18 @@
 //! By how much something holds or fails, and which step says so.
 
+/// Bounds of a size that may be any.
+pub(super) const ANY: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
+
+/// The smaller of two sizes, which are never NaN.
+pub(super) const fn smaller(a: f64, b: f64) -> f64 {
+    if b < a { b } else { a }
+}
+
+/// The larger of two sizes, which are never NaN.
+pub(super) const fn larger(a: f64, b: f64) -> f64 {
+    if b > a { b } else { a }
+}
+
 /// A robustness with the step whose comparison it comes from. Never NaN: what does not exist fails
 /// by minus infinity. The sign bit is the verdict, so -0 fails and +0 holds.
 #[derive(Clone, Copy, Debug, PartialEq)]

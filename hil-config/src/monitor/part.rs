@@ -3,7 +3,7 @@
 //! Made by [`build`](super::build), called by the [`Monitor`](super::Monitor) at every row. At row `r`
 //! a part computes the margin of step `r - delay`.
 
-use super::margin::Margin;
+use super::margin::{self, Margin, larger, smaller};
 use super::window::{Greatest, Least, Since, Steps, Stretch, Until};
 use crate::expression::Program;
 use crate::formula::Relation;
@@ -162,6 +162,24 @@ impl Part {
 }
 
 impl Part {
+    /// Between which two sizes its only margin will be, before that is computed.
+    pub(super) fn bounds(&self, of: &dyn Fn(usize) -> [f64; 2]) -> [f64; 2] {
+        let both = |a: usize, b: usize, choose: fn(f64, f64) -> f64| {
+            let ([a_low, a_high], [b_low, b_high]) = (of(a), of(b));
+            [choose(a_low, b_low), choose(a_high, b_high)]
+        };
+        match &self.work {
+            Work::Comparison { .. } | Work::Since(..) | Work::NotSince(..) => margin::ANY,
+            Work::And(a, b) => both(*a, *b, smaller),
+            Work::Or(a, b) => both(*a, *b, larger),
+            Work::Delay(delay) => of(delay.operand),
+            Work::Every(_, window) => window.bounds(),
+            Work::Any(_, window) => window.bounds(),
+            Work::Until(_, window) => window.bounds(),
+            Work::NotUntil(_, window) => window.bounds(),
+        }
+    }
+
     /// Whether only one margin of it is wanted.
     #[inline]
     pub(super) const fn is_single(&self) -> bool {
@@ -239,6 +257,13 @@ impl<S: Stretch> Window<S> {
         match &self.steps {
             Steps::Growing(total) => total.certain(),
             Steps::Sliding(_) => None,
+        }
+    }
+
+    fn bounds(&self) -> [f64; 2] {
+        match &self.steps {
+            Steps::Growing(total) => total.bounds(),
+            Steps::Sliding(_) => margin::ANY,
         }
     }
 }

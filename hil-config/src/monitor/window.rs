@@ -4,7 +4,7 @@
 //! grows is one stretch; one that slides is a queue of two stacks (Tangwongsan, Hirzel and Schneider
 //! 2015, section 2): each step is pushed once, turned over once and taken away once.
 
-use super::margin::Margin;
+use super::margin::{self, Margin, larger, smaller};
 
 /// What some steps in a row come to.
 pub(super) trait Stretch: Copy {
@@ -19,6 +19,9 @@ pub(super) trait Stretch: Copy {
 
     /// Whether the operator holds whatever comes after, or fails whatever comes.
     fn certain(self) -> Option<bool>;
+
+    /// Between which two sizes the operator's margin will be, whatever comes after.
+    fn bounds(self) -> [f64; 2];
 }
 
 /// `always` and `historically`: the least margin.
@@ -64,6 +67,10 @@ impl Stretch for Least {
     fn certain(self) -> Option<bool> {
         (!self.0.holds()).then_some(false)
     }
+
+    fn bounds(self) -> [f64; 2] {
+        [f64::NEG_INFINITY, self.0.size]
+    }
 }
 
 impl Stretch for Greatest {
@@ -81,6 +88,10 @@ impl Stretch for Greatest {
     #[inline]
     fn certain(self) -> Option<bool> {
         self.0.holds().then_some(true)
+    }
+
+    fn bounds(self) -> [f64; 2] {
+        [self.0.size, f64::INFINITY]
     }
 }
 
@@ -131,6 +142,16 @@ impl<const FALLS: bool> Stretch for Until<FALLS> {
             None
         }
     }
+
+    fn bounds(self) -> [f64; 2] {
+        // What comes reaches no further than what must hold until then.
+        let (reach, hold) = (self.reach.size, self.hold.size);
+        if FALLS {
+            [smaller(reach, hold), reach]
+        } else {
+            [reach, larger(reach, hold)]
+        }
+    }
 }
 
 impl<const FALLS: bool> Stretch for Since<FALLS> {
@@ -157,6 +178,10 @@ impl<const FALLS: bool> Stretch for Since<FALLS> {
 
     fn certain(self) -> Option<bool> {
         None
+    }
+
+    fn bounds(self) -> [f64; 2] {
+        margin::ANY
     }
 }
 

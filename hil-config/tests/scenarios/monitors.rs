@@ -377,6 +377,7 @@ fn ten_thousand_random_formulas_are_judged_as_the_definitions_say() {
     let mut draws = Draws(2010);
     let mut judged = 0;
     let (mut passed, mut early, mut without_value, mut too_long) = (0, 0, 0, 0);
+    let mut narrowed = 0;
     while judged < 10_000 {
         let depth = 1 + draws.below(4);
         let tree = Tree::random(&mut draws, depth, true);
@@ -397,8 +398,16 @@ fn ten_thousand_random_formulas_are_judged_as_the_definitions_say() {
         } else {
             Verdict::Fail
         };
+        let mut bounds = [f64::NEG_INFINITY, f64::INFINITY];
         for (k, row) in (0..).zip(&trace.rows) {
             monitor.observe(Step(k), row);
+            // What is promised of the robustness is kept, and each row promises no less.
+            let [low, high] = monitor.bounds();
+            let is_kept = bounds[0] <= low && low <= size && size <= high && high <= bounds[1];
+            assert!(is_kept, "{text} at {k}: {low} to {high} for {size}");
+            bounds = [low, high];
+            narrowed += u32::from(monitor.robustness().is_none() && low > f64::NEG_INFINITY);
+            narrowed += u32::from(monitor.robustness().is_none() && high < f64::INFINITY);
             // Once certain it is the verdict that the whole run gives.
             if monitor.verdict() != Verdict::Undecided {
                 assert_eq!(monitor.verdict(), wanted, "{text} at {k}: {:?}", trace.rows);
@@ -406,6 +415,7 @@ fn ten_thousand_random_formulas_are_judged_as_the_definitions_say() {
             }
         }
         let found = monitor.robustness().expect("the run is over");
+        assert_eq!(bounds, [found; 2], "{text}");
         let told = || format!("{text}: {found} not {size}, {:?}", trace.rows);
         assert_eq!(monitor.verdict(), wanted, "{}", told());
         assert_eq!(found.to_bits(), size.to_bits(), "{}", told());
@@ -419,6 +429,7 @@ fn ten_thousand_random_formulas_are_judged_as_the_definitions_say() {
     // The cases are not all of one sort.
     assert!((2_000..8_000).contains(&passed), "{passed} pass");
     assert!(early > 5_000, "{early} rows between certainty and the end");
+    assert!(narrowed > 5_000, "{narrowed} bounds before the end");
     assert!(without_value > 200, "{without_value} hang on NaN");
     assert!(too_long > 100, "{too_long} do not fit their run");
 }
@@ -546,6 +557,59 @@ fn a_verdict_comes_as_soon_as_it_is_certain_and_the_robustness_with_the_last_ste
         let monitor = watched(text, &a);
         assert_eq!(monitor.verdict(), verdict, "{text}");
         assert_eq!(monitor.decided_at(), Some(Step(decided_at)), "{text}");
+    }
+}
+
+#[test]
+fn bounds_of_a_robustness_close_as_rows_come() {
+    const NO: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
+    let up = f64::INFINITY;
+    let a = [0.0, 1.0, 3.0, 2.0, 5.0, 4.0];
+    for (text, expected) in [
+        (
+            "always[0.1s,0.4s](truth.a < 6)",
+            [NO, [-up, 5.0], [-up, 3.0], [-up, 3.0], [1.0; 2], [1.0; 2]],
+        ),
+        (
+            "eventually[0s,0.4s](truth.a > 2)",
+            [
+                [-2.0, up],
+                [-1.0, up],
+                [1.0, up],
+                [1.0, up],
+                [3.0; 2],
+                [3.0; 2],
+            ],
+        ),
+        (
+            "truth.a < 4 until[0s,0.4s] truth.a > 2",
+            [
+                [-2.0, 4.0],
+                [-1.0, 3.0],
+                [1.0; 2],
+                [1.0; 2],
+                [1.0; 2],
+                [1.0; 2],
+            ],
+        ),
+        (
+            "always(truth.a < 6) or truth.a > 7",
+            [
+                [-7.0, 6.0],
+                [-7.0, 5.0],
+                [-7.0, 3.0],
+                [-7.0, 3.0],
+                [-7.0, 1.0],
+                [1.0; 2],
+            ],
+        ),
+    ] {
+        let mut monitor = monitor(text, 5).expect("right");
+        assert_eq!(monitor.bounds(), NO, "{text}");
+        for (k, expected) in (0..).zip(expected) {
+            monitor.observe(Step(k), &[a[k as usize], 0.0, 0.0]);
+            assert_eq!(monitor.bounds(), expected, "{text} at {k}");
+        }
     }
 }
 

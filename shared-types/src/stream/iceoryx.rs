@@ -4,8 +4,9 @@
 //! items and sees the gap in their numbers.
 
 use iceoryx2::port::publisher::Publisher;
-use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::port::subscriber::{Subscriber, SubscriberCreateError};
 use iceoryx2::prelude::*;
+use iceoryx2::service::port_factory::PortFactory as _;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
 use super::{Assembler, Item, ItemKind, Owed, RecordSink, RecordSource, send_in_parts};
@@ -21,8 +22,12 @@ pub const LAYOUT_FILE: &str = "layout.json";
 /// Items that wait for an observer; large enough for its stalls, small enough to stay in cache
 /// pages that are touched again and again.
 pub const BUFFER: usize = 8192;
+/// Items that wait for one who only watches: as many pages as a recorder touches anyway.
+const WATCHERS_BUFFER: usize = BUFFER / 4;
 /// Most observers of one session.
 const OBSERVERS: usize = 4;
+/// Most of them that only watch.
+pub const WATCHERS: usize = OBSERVERS - 1;
 /// The credit is looked at when so many items may be under way.
 const LOOK_AT: u64 = BUFFER as u64 / 4;
 /// The loop is held back when fewer free places than this may be left: an event may take thousands, as
@@ -206,18 +211,48 @@ impl IceoryxSource {
     /// [`LinkError::Absent`] as long as the plant has not created the stream.
     pub fn open(session: &SessionInfo, gives_credit: bool) -> Result<Self, LinkError> {
         let node = node(session, "observer")?;
+        let credit = gives_credit.then(|| credit(&node, false)).transpose()?;
+        Self::subscribe(node, BUFFER, credit.as_ref())
+    }
+
+    /// Attaches beside the recorder, to watch. What it is too slow for it loses; the plant does not
+    /// notice.
+    ///
+    /// # Errors
+    /// [`LinkError::Absent`] as long as there is no recorder: its place must stay free for it.
+    /// [`LinkError::Taken`] if [`WATCHERS`] others watch.
+    pub fn watch(session: &SessionInfo) -> Result<Self, LinkError> {
+        let node = node(session, "watcher")?;
+        let recorders = credit(&node, false)?
+            .dynamic_config()
+            .number_of_publishers();
+        if recorders == 0 {
+            return Err(absent(CREDIT, &"nobody records yet"));
+        }
+        Self::subscribe(node, WATCHERS_BUFFER, None)
+    }
+
+    fn subscribe(
+        node: Node<Ipc>,
+        buffer: usize,
+        credit: Option<&Credit>,
+    ) -> Result<Self, LinkError> {
         let records = (records(&node, false)?.subscriber_builder())
-            .buffer_size(BUFFER)
+            .buffer_size(buffer)
             .create()
-            .map_err(|e| failed(RECORDS, &e))?;
-        let credit = if gives_credit {
-            let publisher = credit(&node, false)?
-                .publisher_builder()
-                .create()
-                .map_err(|e| failed(CREDIT, &e))?;
-            Some(publisher)
-        } else {
-            None
+            .map_err(|error| match error {
+                SubscriberCreateError::ExceedsMaxSupportedSubscribers => LinkError::Taken {
+                    service: RECORDS.into(),
+                    role: "observers",
+                },
+                other => failed(RECORDS, &other),
+            })?;
+        let credit = match credit {
+            Some(credit) => {
+                let publisher = credit.publisher_builder().create();
+                Some(publisher.map_err(|e| failed(CREDIT, &e))?)
+            }
+            None => None,
         };
         Ok(Self {
             records,

@@ -11,7 +11,8 @@
 //! - `one_core`: everything on one core;
 //! - `idle`: what a held and a slowly paced run cost;
 //! - `faults`: what the fault layer costs with no fault and with ten;
-//! - `requirements`: what twenty requirements cost.
+//! - `requirements`: what twenty requirements cost;
+//! - `monitor`: what `hil monitor` in a terminal costs the run that it watches.
 //!
 //! What is compared is measured in turns. There is no time limit on any number; how much of the
 //! machine other programs took meanwhile is printed beside them. `HIL_BENCH_QUICK=1` only tries whether
@@ -26,10 +27,13 @@ mod faults;
 mod idle;
 #[path = "../measure.rs"]
 mod measure;
+mod monitor;
 mod null;
 mod one_core;
 #[path = "../programs.rs"]
 mod programs;
+#[path = "../../pseudo_terminal.rs"]
+mod pseudo_terminal;
 mod requirements;
 #[path = "../round_trips/mod.rs"]
 mod round_trips;
@@ -50,7 +54,7 @@ fn main() -> ExitCode {
         println!("machine: {}\n", measure::machine());
         let programs = programs::Programs::built();
         let names = null::Names::given();
-        let tables: [(&str, &dyn Fn()); 7] = [
+        let tables: [(&str, &dyn Fn()); 8] = [
             ("runs", &|| runs::compare(&programs)),
             ("steps", &steps::compare),
             ("costs", &|| costs::compare(&programs, &names)),
@@ -58,6 +62,7 @@ fn main() -> ExitCode {
             ("idle", &|| idle::compare(&programs)),
             ("faults", &|| faults::compare(&programs)),
             ("requirements", &|| requirements::compare(&programs)),
+            ("monitor", &|| monitor::compare(&programs)),
         ];
         let wanted: Vec<String> = (std::env::args().skip(1))
             .filter(|argument| !argument.starts_with('-'))

@@ -25,6 +25,7 @@ use crate::checkpoint::past::{Past, PastRecords};
 use crate::cli::run::{LinkKind, RunArguments, RunOptions};
 use crate::exit::{Exit, Failure};
 use crate::interruption::Interruption;
+use crate::observer::Notice;
 use crate::progress::Progress;
 use crate::recorder::{Recorded, RecordingPlan};
 use crate::recording::{Choice, Enclosure, Provenance, size};
@@ -241,6 +242,12 @@ pub(crate) fn execute(
         }
     }
     check(&binaries, &info, &plant, &controller, &interruption)?;
+    Notice::write(
+        &info,
+        &effective,
+        &binaries,
+        options.link == LinkKind::InProcess,
+    )?;
     let run_dir = folder::create(options.out.as_deref(), &plan.name, &info.name)?;
     session
         .set_run_dir(&absolute(&run_dir))

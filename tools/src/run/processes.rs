@@ -23,6 +23,7 @@ use crate::binaries::end_group;
 use crate::exit::Failure;
 use crate::progress::Progress;
 use crate::recorder::{Recorded, Recorder};
+use crate::standing;
 use crate::succession::told;
 use crate::swap::{self, Ground, Wanted};
 
@@ -220,6 +221,8 @@ pub(super) fn run(
             wait_limit_s: prepared.plant.wait_limit_s,
         },
     )?;
+
+    let _standing = standing::listen(&info, recorder.board())?;
 
     let mut progress = prepared.progress(&session.info().name);
     let mut watched = Watch {

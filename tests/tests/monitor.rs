@@ -1,0 +1,286 @@
+//! `hil monitor`: a run that is watched is the run that is not, and the terminal is given back.
+
+use std::process::Command;
+
+use rustix::process::Signal;
+use serde_json::Value;
+use tools::monitor::terminal::Screen;
+
+use crate::harness::{Rig, Run, send, until};
+use crate::programs::{program, workspace};
+use crate::terminal::Terminal;
+
+const SCENARIO: &str = "scenarios/spring-mass.toml";
+const USUAL: (u16, u16) = (80, 24);
+
+/// A monitor of this test's session in a terminal, attached.
+fn monitor(rig: &Rig, arguments: &[&str]) -> Terminal {
+    let mut hil = Command::new(program("hil"));
+    hil.current_dir(workspace());
+    hil.args(["monitor", "--session", rig.session()])
+        .args(arguments);
+    let terminal = Terminal::start(hil, USUAL);
+    until("the view is there", || {
+        terminal.is_taken() && terminal.text().contains("q quit")
+    });
+    terminal
+}
+
+fn beside(rig: &Rig, arguments: &[&str]) -> Run {
+    let mut all = arguments.to_vec();
+    all.extend(["--session", rig.session()]);
+    rig.beside(&all)
+}
+
+fn json(rig: &Rig) -> Value {
+    let told = beside(rig, &["monitor", "--json"]).expect(0).stdout;
+    serde_json::from_str(&told).unwrap_or_else(|error| panic!("{error}: {told}"))
+}
+
+#[test]
+fn a_run_has_the_same_digest_watched_by_a_live_a_stopped_and_a_killed_monitor() {
+    let rig = Rig::new();
+    let alone = rig.run(SCENARIO).expect(0).digest();
+
+    let run = rig.start(&format!("{SCENARIO} --pause-at 0.001 --wait-limit 60"));
+    until("the run is held", || json_state(&rig) == "paused");
+    let mut live = monitor(&rig, &["--signal", "*_m"]);
+    let mut stopped = monitor(&rig, &[]);
+    let killed = monitor(&rig, &[]);
+    send(stopped.pid(), Signal::STOP);
+    beside(&rig, &["step", "1000"]).expect(0);
+    send(killed.pid(), Signal::KILL);
+    beside(&rig, &["resume"]).expect(0);
+    let watched = run.finish().expect(0);
+    assert_eq!(watched.digest(), alone);
+    assert_eq!(watched.summary()["recording"]["lost"], 0);
+
+    send(stopped.pid(), Signal::CONT);
+    for (name, terminal) in [("live", &mut live), ("stopped", &mut stopped)] {
+        terminal.until_it_shows("spring-mass ended: pass");
+        terminal.press(" ");
+        assert_eq!(terminal.wait().code(), Some(0), "{name}");
+        terminal.assert_restored(name);
+        let told = terminal.text();
+        assert!(
+            told.contains("spring-mass ended: pass, 5000 steps"),
+            "{told}"
+        );
+    }
+    rig.assert_nothing_left();
+}
+
+/// The state that a monitor tells of; empty as long as there is none.
+fn json_state(rig: &Rig) -> String {
+    let told = beside(rig, &["monitor", "--json"]).stdout;
+    let told: Value = serde_json::from_str(&told).unwrap_or_default();
+    told["state"].as_str().unwrap_or_default().to_owned()
+}
+
+#[test]
+fn whatever_ends_the_view_gives_the_terminal_back() {
+    let rig = Rig::new();
+    let run = rig.held();
+    for (key, code) in [("q", 0), ("\u{3}", 130)] {
+        let mut terminal = monitor(&rig, &[]);
+        terminal.press(key);
+        assert_eq!(terminal.wait().code(), Some(code), "{key:?}");
+        terminal.assert_restored(key);
+    }
+    for signal in [Signal::INT, Signal::TERM, Signal::HUP] {
+        let mut terminal = monitor(&rig, &[]);
+        send(terminal.pid(), signal);
+        assert_eq!(terminal.wait().code(), Some(130), "{signal:?}");
+        terminal.assert_restored(&format!("{signal:?}"));
+    }
+    let mut terminal = monitor(&rig, &[]);
+    terminal.until_it_shows("PAUSED");
+    terminal.press("r");
+    terminal.until_it_shows("spring-mass ended: pass");
+    assert!(terminal.is_taken(), "it stays until a key is pressed");
+    terminal.press("x");
+    assert_eq!(terminal.wait().code(), Some(0));
+    terminal.assert_restored("the session's end");
+    run.finish().expect(0);
+}
+
+#[test]
+fn a_panic_gives_the_terminal_back_before_it_speaks() {
+    let mut own = Command::new(std::env::current_exe().expect("this program"));
+    own.args([
+        "--ignored",
+        "--exact",
+        "--nocapture",
+        "monitor::a_view_that_panics",
+    ]);
+    let mut terminal = Terminal::start(own, USUAL);
+    assert!(!terminal.wait().success());
+    terminal.assert_restored("a panic");
+    terminal.until_it_shows("the view went wrong");
+}
+
+#[test]
+#[ignore = "the other half of a test: it panics"]
+fn a_view_that_panics() {
+    let _screen = Screen::take().expect("a terminal");
+    panic!("the view went wrong");
+}
+
+#[test]
+fn no_more_than_three_may_watch_and_a_killed_one_makes_room() {
+    let rig = Rig::new();
+    let run = rig.held();
+    let mut monitors: Vec<Terminal> = (0..3).map(|_| monitor(&rig, &[])).collect();
+    beside(&rig, &["monitor", "--json"])
+        .expect(2)
+        .says(&["is watched by 3 others"]);
+    for watching in &mut monitors {
+        send(watching.pid(), Signal::KILL);
+        watching.wait();
+        *watching = monitor(&rig, &[]);
+    }
+    beside(&rig, &["resume"]).expect(0);
+    run.finish().expect(0);
+}
+
+#[test]
+fn keys_step_put_in_and_end_faults() {
+    let rig = Rig::new();
+    let run = rig.held();
+    let fault = "bias measured.position_m 0.001";
+    let mut terminal = monitor(&rig, &["--inject", fault]);
+    terminal.until_it_shows("step 2500 of 5000");
+    terminal.press("S");
+    terminal.until_it_shows("paused before step 2600");
+    terminal.press("s");
+    terminal.until_it_shows("step 2601 of 5000");
+    terminal.press("1");
+    terminal.until_it_shows("inject bias measured.position_m 0.001? y");
+    terminal.press("n");
+    terminal.until_it_shows("left as it is");
+    terminal.press("1y");
+    terminal.until_it_shows("fault 1 bias takes hold at step 2601");
+    terminal.press("S");
+    terminal.until_it_shows("1 active");
+    terminal.press("cy");
+    terminal.until_it_shows("fault 1 ends");
+    terminal.press("?");
+    terminal.until_it_shows(&format!("1     inject {fault}"));
+    terminal.press("?r");
+    terminal.until_it_shows("spring-mass ended:");
+    terminal.press("q");
+    assert_eq!(terminal.wait().code(), Some(0));
+    let run = run.finish();
+    let summary = run.summary();
+    assert_eq!(summary["faults"][0]["effective_step"], 2601, "{summary}");
+    assert_eq!(summary["faults"][0]["effects"][0]["ended_step"], 2701);
+}
+
+#[test]
+fn the_view_follows_the_size_of_the_terminal() {
+    let rig = Rig::new();
+    let run = rig.held();
+    let mut terminal = monitor(&rig, &[]);
+    for (columns, rows) in [(120, 40), (40, 12), (80, 24)] {
+        terminal.resize(columns, rows);
+        until("the keys are in the last line", || {
+            let text = terminal.text();
+            let lines: Vec<&str> = text.lines().collect();
+            lines.len() == usize::from(rows) && lines[lines.len() - 1].starts_with("q quit")
+        });
+        terminal.until_it_shows("PAUSED");
+    }
+    terminal.press("q");
+    terminal.wait();
+    beside(&rig, &["resume"]).expect(0);
+    run.finish().expect(0);
+}
+
+#[test]
+fn without_a_terminal_one_line_tells_where_the_run_is() {
+    let rig = Rig::new();
+    let run = rig.held();
+    let told = beside(&rig, &["monitor"]).expect(0).stdout;
+    assert!(
+        told.starts_with("spring-mass: paused, step 2500, 2.5 of 5 s"),
+        "{told}"
+    );
+    let status = json(&rig);
+    assert_eq!(
+        (&status["step"], &status["steps"]),
+        (&2500.into(), &5000.into())
+    );
+    // Judged from step 0 on, though it came late.
+    let settles = &status["requirements"][0];
+    assert_eq!(
+        (&settles["name"], &settles["verdict"], &settles["at_most"]),
+        (&"settles".into(), &"undecided".into(), &Value::Null)
+    );
+    let at_most = status["requirements"][1]["at_most"].as_f64();
+    beside(&rig, &["step", "2000"]).expect(0);
+    until("a margin of what has begun", || {
+        json(&rig)["requirements"][0]["at_most"].is_f64()
+    });
+    let later = json(&rig)["requirements"][0]["at_most"].as_f64();
+    beside(&rig, &["resume"]).expect(0);
+    let summary = run.finish().expect(0).summary();
+    let final_margin = |number: usize| summary["requirements"][number]["robustness"].as_f64();
+    assert!(final_margin(0) <= later, "{later:?} {summary}");
+    assert!(final_margin(1) <= at_most, "{at_most:?} {summary}");
+}
+
+#[test]
+fn what_cannot_be_watched_is_refused_with_the_reason() {
+    let rig = Rig::new();
+    rig.hil(&["monitor", "--session", "nobody"])
+        .expect(2)
+        .says(&["no session `nobody` is running"]);
+    rig.hil(&["monitor", "--window", "0s"])
+        .expect(2)
+        .says(&["no width of a time axis"]);
+    let run = rig.held();
+    for (arguments, says) in [
+        (&["--signal", "truth.positon_m"][..], "`truth.position_m`"),
+        (&["--inject", "leek x 1"], "no fault `leek`"),
+        (&["--inject", "bias measured.position_m"], "bias"),
+        (&["--inject", "bias 'x"], "quote"),
+    ] {
+        let mut all = vec!["monitor"];
+        all.extend(arguments);
+        beside(&rig, &all).expect(2).says(&[says]);
+    }
+    beside(&rig, &["resume"]).expect(0);
+    run.finish().expect(0);
+
+    let run = rig.start(&format!("{SCENARIO} --link in-process --pause-at 1"));
+    until("the session says what it is", || {
+        rig.session_folder().join("run.json").exists()
+    });
+    beside(&rig, &["monitor"])
+        .expect(2)
+        .says(&["in one process"]);
+    until("the run is held", || {
+        beside(&rig, &["resume"]).code == Some(0)
+    });
+    run.finish().expect(0);
+}
+
+#[test]
+fn a_monitor_waits_for_a_session_and_says_when_it_was_killed() {
+    let rig = Rig::alone();
+    let mut hil = Command::new(program("hil"));
+    hil.current_dir(workspace());
+    hil.args(["monitor", "--wait", "100s", "--session", rig.session()]);
+    let mut terminal = Terminal::start(hil, USUAL);
+    terminal.until_it_shows("waiting up to 100 s");
+    let run = rig.held();
+    terminal.until_it_shows("PAUSED");
+    run.kill();
+    // What the plant still said, if it did, or nothing.
+    terminal.until_it_shows("spring-mass ended:");
+    terminal.press("q");
+    assert_eq!(terminal.wait().code(), Some(0));
+    terminal.assert_restored("the death of hil");
+    rig.hil(&["sessions"]).expect(0);
+    rig.assert_nothing_left();
+}

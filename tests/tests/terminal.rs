@@ -1,0 +1,131 @@
+//! A terminal of a test's own: a pseudo terminal with a program in it, and what its screen shows.
+
+use std::fs::File;
+use std::io::{Read, Write};
+use std::os::fd::OwnedFd;
+use std::process::{Child, Command, ExitStatus};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use rustix::termios::tcgetattr;
+
+use crate::harness::until;
+use crate::pseudo_terminal::{open_terminal, resize};
+
+/// A program in a terminal. Dropped before its end, it is killed.
+pub(crate) struct Terminal {
+    keyboard: File,
+    /// Kept open, so that its settings can be asked for after the program ended.
+    line: OwnedFd,
+    settings: String,
+    screen: Arc<Mutex<vt100::Parser>>,
+    process: Child,
+}
+
+impl Terminal {
+    /// Starts a program in a terminal of some columns and rows.
+    pub(crate) fn start(mut program: Command, (columns, rows): (u16, u16)) -> Self {
+        let (master, line) = open_terminal(columns, rows);
+        let settings = format!("{:?}", tcgetattr(&line).expect("its settings"));
+        let end = || line.try_clone().expect("another handle");
+        let process = program
+            .stdin(end())
+            .stdout(end())
+            .stderr(end())
+            .env("TERM", "xterm-256color")
+            .env("LC_ALL", "C.UTF-8")
+            .env_remove("NO_COLOR")
+            .env_remove("RUST_BACKTRACE")
+            .spawn()
+            .expect("starts");
+        let screen = Arc::new(Mutex::new(vt100::Parser::new(rows, columns, 0)));
+        let shown = Arc::clone(&screen);
+        let mut output = File::from(master.try_clone().expect("another handle"));
+        std::thread::spawn(move || {
+            let mut bytes = [0; 4096];
+            // An error is the end, as when the terminal is closed.
+            while let Ok(count @ 1..) = output.read(&mut bytes) {
+                let mut shown = shown.lock().unwrap_or_else(PoisonError::into_inner);
+                shown.process(&bytes[..count]);
+            }
+        });
+        Self {
+            keyboard: File::from(master),
+            line,
+            settings,
+            screen,
+            process,
+        }
+    }
+
+    /// What the screen shows.
+    pub(crate) fn text(&self) -> String {
+        self.with_screen(vt100::Screen::contents)
+    }
+
+    fn with_screen<T>(&self, read: impl FnOnce(&vt100::Screen) -> T) -> T {
+        read(
+            self.screen
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .screen(),
+        )
+    }
+
+    /// Waits until the screen shows something.
+    pub(crate) fn until_it_shows(&self, wanted: &str) {
+        until(&format!("`{wanted}` is shown"), || {
+            self.text().contains(wanted)
+        });
+    }
+
+    /// Types.
+    pub(crate) fn press(&mut self, keys: &str) {
+        (self.keyboard.write_all(keys.as_bytes())).expect("the terminal takes keys");
+    }
+
+    /// Makes it another size, as a person who drags its corner.
+    pub(crate) fn resize(&self, columns: u16, rows: u16) {
+        let mut screen = self.screen.lock().unwrap_or_else(PoisonError::into_inner);
+        screen.screen_mut().set_size(rows, columns);
+        resize(&self.keyboard, columns, rows);
+        drop(screen);
+        // A terminal tells its foreground processes, of which a test's program is none.
+        crate::harness::send(self.pid(), rustix::process::Signal::WINCH);
+    }
+
+    /// Number of the program's process.
+    pub(crate) fn pid(&self) -> u32 {
+        self.process.id()
+    }
+
+    /// Waits for the program's end.
+    pub(crate) fn wait(&mut self) -> ExitStatus {
+        let mut status = None;
+        until("the program in the terminal ends", || {
+            status = self.process.try_wait().expect("it is our child");
+            status.is_some()
+        });
+        status.expect("it ended")
+    }
+
+    /// Fails unless the terminal is as it was before the program.
+    pub(crate) fn assert_restored(&self, after: &str) {
+        until(&format!("the screen is given back after {after}"), || {
+            self.with_screen(|screen| !screen.alternate_screen() && !screen.hide_cursor())
+        });
+        let settings = format!("{:?}", tcgetattr(&self.line).expect("its settings"));
+        assert_eq!(settings, self.settings, "after {after}");
+    }
+
+    /// Whether the program has the screen to itself.
+    pub(crate) fn is_taken(&self) -> bool {
+        self.with_screen(|screen| screen.alternate_screen() && screen.hide_cursor())
+    }
+}
+
+impl Drop for Terminal {
+    fn drop(&mut self) {
+        let _ = self.process.kill(); // it may have ended by itself
+        let _ = self.process.wait();
+    }
+}

@@ -1,0 +1,225 @@
+//! What a signal did: the least and the greatest value in every stretch of time, near and far.
+//!
+//! Fed with every value by the [model](super::model), read column by column by the
+//! [view](super::view). However many values a column stands for, their extremes are in it: no spike is
+//! hidden. Memory is fixed; old values go.
+
+/// Bins of each level.
+const BINS: u64 = 4096;
+/// Each bin of a level is as long as so many of the level below, as a power of two.
+const SHIFT: u32 = 3;
+/// Levels: the coarsest reaches `BINS` times 8^6 steps back, a day at 10 kHz.
+const LEVELS: usize = 7;
+
+/// The least and the greatest of some values.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Range {
+    /// The least.
+    pub min: f64,
+    /// The greatest.
+    pub max: f64,
+}
+
+impl Range {
+    /// Of one value.
+    #[must_use]
+    pub const fn of(value: f64) -> Self {
+        Self {
+            min: value,
+            max: value,
+        }
+    }
+
+    /// Of all that two stand for.
+    #[must_use]
+    pub const fn and(self, other: Self) -> Self {
+        Self {
+            min: if other.min < self.min {
+                other.min
+            } else {
+                self.min
+            },
+            max: if other.max > self.max {
+                other.max
+            } else {
+                self.max
+            },
+        }
+    }
+}
+
+/// A stretch of a level.
+#[derive(Clone, Copy)]
+struct Bin {
+    /// Which of its level, from step 0.
+    number: u64,
+    range: Range,
+}
+
+/// No bin has this number.
+const NONE: u64 = u64::MAX;
+
+/// The history of a signal.
+pub struct History {
+    /// The finest first; in each the bins at their numbers modulo [`BINS`].
+    levels: [Vec<Bin>; LEVELS],
+    /// The newest bin of each level, which may still grow.
+    open: [Option<Bin>; LEVELS],
+}
+
+impl Default for History {
+    fn default() -> Self {
+        let empty = Bin {
+            number: NONE,
+            range: Range::of(0.0),
+        };
+        Self {
+            levels: std::array::from_fn(|_| vec![empty; BINS as usize]),
+            open: [None; LEVELS],
+        }
+    }
+}
+
+impl History {
+    /// Takes the value of a step. Steps must rise; what is no number leaves a gap.
+    pub fn take(&mut self, step: u64, value: f64) {
+        if !value.is_finite() {
+            return;
+        }
+        let mut bin = Bin {
+            number: step,
+            range: Range::of(value),
+        };
+        for level in 0..LEVELS {
+            let closed = match &mut self.open[level] {
+                Some(open) if open.number == bin.number => {
+                    open.range = open.range.and(bin.range);
+                    return;
+                }
+                open => open.replace(bin),
+            };
+            let Some(closed) = closed else { return };
+            self.levels[level][(closed.number % BINS) as usize] = closed;
+            bin = Bin {
+                number: closed.number >> SHIFT,
+                range: closed.range,
+            };
+        }
+    }
+
+    /// The extremes in each of some columns of equal width, the last of which ends with step `last`;
+    /// `None` where there was no value. `steps` is the width of all columns together.
+    #[must_use]
+    pub fn columns(&self, last: u64, steps: u64, columns: usize) -> Vec<Option<Range>> {
+        let mut found = vec![None; columns];
+        let count = columns as u64;
+        if count == 0 || steps == 0 {
+            return found;
+        }
+        // A margin of one bin, as a bin may begin before the first column.
+        let level = (0..LEVELS)
+            .find(|level| (steps >> (SHIFT * *level as u32)) + 2 < BINS)
+            .unwrap_or(LEVELS - 1);
+        let mut put = |bin: &Bin, level: usize| {
+            let shift = SHIFT * level as u32;
+            let (begin, end) = (bin.number << shift, (bin.number + 1) << shift);
+            // Steps before the window count down from its first column.
+            let first = (last + 1).saturating_sub(steps);
+            if end <= first || begin > last {
+                return;
+            }
+            // In the window of `steps` that ends with `last`, which may begin before step 0.
+            let place = |step: u64| {
+                let from_end = last - step;
+                let place = steps.saturating_sub(1).saturating_sub(from_end);
+                (u128::from(place) * u128::from(count) / u128::from(steps)) as usize
+            };
+            let (begin, end) = (begin.max(first), (end - 1).min(last));
+            for column in &mut found[place(begin)..=place(end)] {
+                *column = Some(match *column {
+                    Some(range) => bin.range.and(range),
+                    None => bin.range,
+                });
+            }
+        };
+        for bin in &self.levels[level] {
+            if bin.number != NONE {
+                put(bin, level);
+            }
+        }
+        // What is not closed yet is in no coarser level.
+        for (level, open) in self.open.iter().enumerate().take(level + 1) {
+            if let Some(open) = open {
+                put(open, level);
+            }
+        }
+        found
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_step_s_spike_is_in_its_column_at_every_zoom() {
+        for (steps, columns) in [(100, 10), (4000, 160), (40_000, 158), (1_000_000, 40)] {
+            let mut history = History::default();
+            let spike = 1_000_000 - steps / 3;
+            for step in 0..=1_000_000 {
+                history.take(step, if step == spike { 9.0 } else { -1.0 });
+            }
+            let found = history.columns(1_000_000, steps, columns);
+            let peaks: Vec<usize> = (0..columns)
+                .filter(|&column| found[column].is_some_and(|range| range.max == 9.0))
+                .collect();
+            // From the end of the window a third of it back.
+            let expected = (steps - 1 - steps / 3) as usize * columns / steps as usize;
+            assert!(peaks.contains(&expected), "{steps} {peaks:?} {expected}");
+            assert!(peaks.len() <= 2, "{steps}: {peaks:?}");
+            let lowest = found.iter().map(|range| range.expect("values").min);
+            assert!(lowest.into_iter().all(|min| min == -1.0));
+        }
+    }
+
+    #[test]
+    fn a_column_has_exactly_the_extremes_of_its_steps() {
+        let value = |step: u64| ((step * 7919) % 1009) as f64;
+        let mut history = History::default();
+        for step in 0..3000 {
+            history.take(step, value(step));
+        }
+        let found = history.columns(2999, 1000, 50);
+        for (column, range) in found.iter().enumerate() {
+            let steps = 2000 + 20 * column as u64..2020 + 20 * column as u64;
+            let expected = steps.map(|step| Range::of(value(step)));
+            assert_eq!(*range, expected.reduce(Range::and), "column {column}");
+        }
+    }
+
+    #[test]
+    fn what_was_lost_or_is_no_number_is_a_gap() {
+        let mut history = History::default();
+        for step in (0..50).chain(150..200) {
+            history.take(step, 1.0);
+        }
+        history.take(200, f64::NAN);
+        let found = history.columns(199, 200, 4);
+        assert_eq!(
+            found.iter().map(Option::is_some).collect::<Vec<_>>(),
+            [true, false, false, true]
+        );
+        assert_eq!(history.columns(200, 1, 1), [None]);
+    }
+
+    #[test]
+    fn a_window_longer_than_the_run_is_empty_at_its_begin() {
+        let mut history = History::default();
+        for step in 0..10 {
+            history.take(step, step as f64);
+        }
+        let found = history.columns(9, 40, 4);
+        assert_eq!(found[..3], [None; 3]);
+        assert_eq!(found[3], Some(Range { min: 0.0, max: 9.0 }));
+    }
+}

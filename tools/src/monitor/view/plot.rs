@@ -1,0 +1,262 @@
+//! One plot: signals of one unit over simulated time.
+//!
+//! Every column of dots goes from the least to the greatest value of its stretch of time.
+
+use ratatui::Frame;
+use ratatui::layout::{Alignment, Constraint, Layout, Rect};
+use ratatui::style::{Color, Modifier};
+use ratatui::symbols::Marker;
+use ratatui::text::{Line, Span};
+use ratatui::widgets::Paragraph;
+use ratatui::widgets::canvas::{self, Canvas};
+
+use super::{bold, fitting, time, with_unit};
+use crate::monitor::display::Display;
+use crate::monitor::history::Range;
+use crate::monitor::model::Model;
+use crate::monitor::plots::Plot;
+use crate::summary::short;
+
+/// Width of the scale beside a plot.
+const SCALE: u16 = 11;
+/// From this width on there is one.
+const WITH_SCALE: u16 = 50;
+/// Colours of a plot's signals, readable on light and on dark.
+const COLOURS: [Color; 4] = [Color::Reset, Color::Cyan, Color::Magenta, Color::Green];
+
+/// Steps that the window is wide.
+fn window_steps(model: &Model, display: &Display) -> u64 {
+    let steps = (display.window_s * model.rate().hz()) as u64;
+    if steps < 2 { 2 } else { steps }
+}
+
+/// Draws a plot.
+pub(super) fn draw(
+    frame: &mut Frame<'_>,
+    area: Rect,
+    model: &Model,
+    plot: &Plot,
+    number: usize,
+    display: &Display,
+) {
+    let [title, area] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(area);
+    if area.height == 0 {
+        return;
+    }
+    let scale = if area.width >= WITH_SCALE { SCALE } else { 0 };
+    let [beside, area] =
+        Layout::horizontal([Constraint::Length(scale), Constraint::Min(0)]).areas(area);
+    let dots = if display.abilities.unicode { 2 } else { 1 };
+    let columns = usize::from(area.width) * dots;
+    let last = model.seen().unwrap_or(0);
+    let steps = window_steps(model, display);
+    let signals: Vec<Vec<Option<Range>>> = (plot.signals.iter())
+        .filter_map(|&signal| model.history(signal))
+        .map(|history| history.columns(last, steps, columns))
+        .collect();
+    let all = signals.iter().flatten().flatten().copied();
+    let all = all.reduce(Range::and);
+
+    let width = title.width;
+    let title_line = title_line(width, model, plot, display, (number, scale == 0), all);
+    frame.render_widget(Paragraph::new(title_line), title);
+    let Some(all) = all else { return };
+    if scale > 0 {
+        let mut lines = vec![Line::default(); usize::from(beside.height)];
+        if let Some(last) = lines.last_mut() {
+            *last = Line::from(format!("{} ", short(all.min)));
+        }
+        lines[0] = Line::from(format!("{} ", short(all.max)));
+        let told = Paragraph::new(lines).alignment(Alignment::Right);
+        frame.render_widget(told, beside);
+    }
+    let marks = fault_marks(model, last, steps, columns);
+    let marker = if display.abilities.unicode {
+        Marker::Braille
+    } else {
+        Marker::Custom('*')
+    };
+    let y = bounds(all);
+    let canvas = Canvas::default()
+        .marker(marker)
+        .x_bounds([0.0, (columns.saturating_sub(1)) as f64])
+        .y_bounds(y)
+        .paint(|context| {
+            for mark in &marks {
+                let colour = colour(display, Color::Red);
+                draw_mark(context, *mark, y, colour);
+            }
+            context.layer();
+            // The first signal last, so that it is on top.
+            for (at, ranges) in signals.iter().enumerate().rev() {
+                let colour = colour(display, COLOURS[at % COLOURS.len()]);
+                // Without colours what tells the others apart are gaps.
+                let is_dashed = !display.abilities.colour && at > 0;
+                // Steps that are wider than a column are joined.
+                let reach = columns.div_ceil(steps as usize);
+                draw_signal(context, ranges, colour, reach, is_dashed);
+                context.layer();
+            }
+        });
+    frame.render_widget(canvas, area);
+}
+
+fn colour(display: &Display, colour: Color) -> Color {
+    if display.abilities.colour {
+        colour
+    } else {
+        Color::Reset
+    }
+}
+
+fn title_line<'a>(
+    width: u16,
+    model: &Model,
+    plot: &'a Plot,
+    display: &Display,
+    (number, has_no_scale): (usize, bool),
+    all: Option<Range>,
+) -> Line<'a> {
+    let mut parts = vec![];
+    if !plot.title.is_empty() {
+        parts.push(bold(plot.title.as_str()));
+    }
+    for (at, (label, &signal)) in plot.labels.iter().zip(&plot.signals).enumerate() {
+        let is_last = at + 1 == plot.signals.len();
+        let unit = if is_last { plot.unit.as_str() } else { "" };
+        let value = with_unit(model.value(signal), unit);
+        let gap = if label.is_empty() { "" } else { " " };
+        let colour = colour(display, COLOURS[at % COLOURS.len()]);
+        parts.push(Span::styled(format!("{label}{gap}{value}"), colour));
+    }
+    if let (true, Some(all)) = (has_no_scale, all) {
+        parts.push(Span::from(format!(
+            "{} to {}",
+            short(all.min),
+            short(all.max)
+        )));
+    }
+    parts.push(Span::styled(
+        format!("{}/{}", number + 1, model.plots().len()),
+        Modifier::DIM,
+    ));
+    fitting(width, parts)
+}
+
+/// A range that has a height.
+fn bounds(all: Range) -> [f64; 2] {
+    let Range { min, max } = all;
+    if max > min {
+        return [min, max];
+    }
+    let size = max.abs();
+    let pad = if size > 0.0 { 0.01 * size } else { 1.0 };
+    [min - pad, max + pad]
+}
+
+fn draw_signal(
+    context: &mut canvas::Context<'_>,
+    ranges: &[Option<Range>],
+    colour: Color,
+    reach: usize,
+    is_dashed: bool,
+) {
+    let mut before: Option<(usize, Range)> = None;
+    for (column, range) in ranges.iter().enumerate() {
+        let Some(range) = *range else { continue };
+        let is_gap = is_dashed && column % 8 >= 4;
+        if !is_gap {
+            let x = column as f64;
+            let line = |x1, y1, y2| canvas::Line::new(x1, y1, x, y2, colour);
+            context.draw(&line(x, range.min, range.max));
+            if let Some((last, last_range)) = before
+                && column - last <= reach
+            {
+                // From the nearer end of the one to that of the other, if they do not overlap.
+                let ends = if last_range.max < range.min {
+                    Some((last_range.max, range.min))
+                } else if last_range.min > range.max {
+                    Some((last_range.min, range.max))
+                } else if column - last > 1 {
+                    Some((last_range.max, range.max))
+                } else {
+                    None
+                };
+                if let Some((from, to)) = ends {
+                    context.draw(&line(last as f64, from, to));
+                }
+            }
+        }
+        before = Some((column, range));
+    }
+}
+
+/// The columns at which faults took hold.
+fn fault_marks(model: &Model, last: u64, steps: u64, columns: usize) -> Vec<usize> {
+    let first = (last + 1).saturating_sub(steps);
+    let effects = model.faults().iter().flat_map(|fault| &fault.effects);
+    let begins = effects.filter_map(|effect| effect.step);
+    let mut marks: Vec<usize> = begins
+        .filter(|step| (first..=last).contains(step))
+        .map(|step| {
+            let place = steps - 1 - (last - step);
+            (u128::from(place) * columns as u128 / u128::from(steps)) as usize
+        })
+        .collect();
+    marks.sort_unstable();
+    marks.dedup();
+    marks
+}
+
+/// A dotted line from top to bottom.
+fn draw_mark(context: &mut canvas::Context<'_>, column: usize, y: [f64; 2], colour: Color) {
+    let points: Vec<(f64, f64)> = (0..=12)
+        .map(|at| (column as f64, y[0] + (y[1] - y[0]) * f64::from(at) / 12.0))
+        .collect();
+    context.draw(&canvas::Points {
+        coords: &points,
+        color: colour,
+    });
+}
+
+/// Draws the time axis that the plots above it share, and how many plots there are beside them.
+pub(super) fn draw_axis(
+    frame: &mut Frame<'_>,
+    area: Rect,
+    model: &Model,
+    display: &Display,
+    places: usize,
+) {
+    let scale = if area.width >= WITH_SCALE { SCALE } else { 0 };
+    let [_, area] = Layout::horizontal([Constraint::Length(scale), Constraint::Min(0)]).areas(area);
+    let Some(last) = model.seen() else { return };
+    let end_s = model.seconds(last);
+    let begin_s = end_s - display.window_s;
+    let end = format!("{} s", time(end_s, model));
+    let begin = if begin_s < 0.0 {
+        String::new()
+    } else {
+        format!("{} s", time(begin_s, model))
+    };
+    let hidden = model.plots().len().saturating_sub(places);
+    let middle = match hidden {
+        0 => format!("window {} s", display.window_s),
+        hidden => format!("window {} s, {hidden} more plots", display.window_s),
+    };
+    let used = |texts: &[&String]| -> usize { texts.iter().map(|text| text.len() + 2).sum() };
+    let width = usize::from(area.width);
+    let middle = if used(&[&begin, &middle, &end]) <= width {
+        middle
+    } else {
+        format!("{} s", display.window_s)
+    };
+    let texts = if used(&[&begin, &middle, &end]) <= width {
+        vec![(begin, Alignment::Left), (middle, Alignment::Center)]
+    } else {
+        Vec::new()
+    };
+    for (text, alignment) in texts.into_iter().chain([(end, Alignment::Right)]) {
+        let line = Line::styled(text, Modifier::DIM);
+        frame.render_widget(Paragraph::new(line).alignment(alignment), area);
+    }
+}

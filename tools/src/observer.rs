@@ -1,0 +1,194 @@
+//! Watching a session from outside: its records and events as they come.
+//!
+//! Used by `hil monitor`. Passive: it gives no credit, so the loop never waits for it; what it is too
+//! slow for it loses, and it counts that. It attaches beside the recorder, never in its place, and
+//! leaves nothing in shared memory. Asks nobody anything.
+
+use std::time::Duration;
+
+use hil_config::plan::Plan;
+use serde::{Deserialize, Serialize};
+use shared_types::describe::Description;
+use shared_types::link::LinkError;
+use shared_types::record::{Event, RecordLayout, RecordView};
+use shared_types::session::SessionInfo;
+use shared_types::stream::iceoryx::{IceoryxSource, LAYOUT_FILE, WATCHERS};
+use shared_types::stream::{Item, RecordSource};
+
+use crate::binaries::Binaries;
+use crate::exit::Failure;
+use crate::repetition::checked;
+
+/// File of the session's folder that tells what is run.
+const FILE: &str = "run.json";
+/// Shortest and longest sleep between two looks at the stream. The shortest empties it often enough
+/// for the fastest loop; one that is longer is not seen on a screen.
+const NAPS: [Duration; 2] = [Duration::from_millis(4), Duration::from_millis(32)];
+/// With more items than this at one look it looks more often, with fewer than an eighth less often.
+const MANY: usize = 1024;
+
+/// What a session tells those who watch it.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Notice {
+    /// Both sides run in one process, whose records nobody else can see.
+    pub is_in_process: bool,
+    /// The complete scenario.
+    pub scenario: String,
+    /// What the plant says of itself.
+    pub plant: Description,
+    /// What the controller says of itself.
+    pub controller: Description,
+}
+
+impl Notice {
+    /// Tells it, before the processes are started.
+    ///
+    /// # Errors
+    /// If the session's folder cannot be written.
+    pub fn write(
+        session: &SessionInfo,
+        scenario: &str,
+        binaries: &Binaries,
+        is_in_process: bool,
+    ) -> Result<(), Failure> {
+        let notice = Self {
+            is_in_process,
+            scenario: scenario.into(),
+            plant: binaries.plant.description.clone(),
+            controller: binaries.controller.description.clone(),
+        };
+        (session.write_file(FILE, &notice)).map_err(Failure::infrastructure)
+    }
+
+    /// Reads it; `None` as long as it is not there.
+    #[must_use]
+    pub fn read(session: &SessionInfo) -> Option<Self> {
+        session.read_file(FILE).ok()
+    }
+
+    /// The scenario, checked.
+    ///
+    /// # Errors
+    /// If it does not suit what plant and controller say of themselves.
+    pub fn plan(&self) -> Result<Plan, Failure> {
+        let origin = "the running scenario".as_ref();
+        checked(&self.scenario, origin, &self.plant, &self.controller)
+    }
+}
+
+/// What is seen of a run.
+#[derive(Debug)]
+pub enum Seen<'a> {
+    /// A record, and its words.
+    Record(RecordView<'a>, &'a [u64]),
+    /// Something happened.
+    Event(Event),
+    /// So many records and events were lost before the next one.
+    Lost(u64),
+    /// Something could not be read, and why.
+    Broken(String),
+}
+
+/// One who watches a session, until it is dropped.
+pub struct Observer {
+    session: SessionInfo,
+    source: Option<IceoryxSource>,
+    layout: RecordLayout,
+    has_joined: bool,
+    nap: Duration,
+}
+
+impl Observer {
+    /// Attaches to a session; `None` as long as it exchanges no samples yet.
+    ///
+    /// # Errors
+    /// If enough others watch it, or shared memory cannot be used.
+    pub fn attach(session: &SessionInfo) -> Result<Option<Self>, Failure> {
+        // The last thing that a plant makes before step 0.
+        let Ok(layout) = session.read_file(LAYOUT_FILE) else {
+            return Ok(None);
+        };
+        let mut observer = Self {
+            session: session.clone(),
+            source: None,
+            layout,
+            has_joined: false,
+            nap: NAPS[0],
+        };
+        match IceoryxSource::watch(session) {
+            Ok(source) => observer.source = Some(source),
+            Err(LinkError::Taken { .. }) => {
+                return Err(Failure::usage(format!(
+                    "session `{}` is watched by {WATCHERS} others, which is as many as it takes",
+                    session.name
+                )));
+            }
+            Err(LinkError::Absent { .. }) => return Ok(None),
+            // What ends while one attaches to it fails in many ways.
+            Err(_) if !session.is_there() => return Ok(None),
+            Err(error) => return Err(Failure::infrastructure(error)),
+        }
+        session.tighten();
+        Ok(Some(observer))
+    }
+
+    /// Which signals a record holds.
+    #[must_use]
+    pub const fn layout(&self) -> &RecordLayout {
+        &self.layout
+    }
+
+    /// Takes what is there, and returns how many items that were.
+    ///
+    /// # Errors
+    /// If the stream failed.
+    pub fn look(&mut self, mut take: impl FnMut(Seen<'_>)) -> Result<usize, Failure> {
+        let Some(source) = &mut self.source else {
+            return Ok(0);
+        };
+        let (layout, has_joined) = (&self.layout, &mut self.has_joined);
+        let taken = source.drain(&mut |item| match item {
+            Item::Record(words) if words.len() == layout.words() => {
+                *has_joined = true;
+                take(Seen::Record(layout.view(words), words));
+            }
+            Item::Record(words) => {
+                let (got, wanted) = (words.len(), layout.words());
+                take(Seen::Broken(format!(
+                    "a record of {got} words, not {wanted}"
+                )));
+            }
+            Item::Event(event) => {
+                *has_joined = true;
+                take(Seen::Event(event));
+            }
+            // What was before it came is not lost to it.
+            Item::Lost(_) if !*has_joined => {}
+            Item::Lost(count) => take(Seen::Lost(count)),
+            // The rest of an event whose begin was before that.
+            Item::Broken(_) if !*has_joined => {}
+            Item::Broken(what) => take(Seen::Broken(what)),
+        });
+        let taken = taken.map_err(Failure::infrastructure)?;
+        let [shortest, longest] = NAPS;
+        if taken >= MANY {
+            self.nap = (self.nap / 2).clamp(shortest, longest);
+        } else if taken < MANY / 8 {
+            self.nap = (self.nap * 2).clamp(shortest, longest);
+        }
+        Ok(taken)
+    }
+
+    /// How long to sleep until the next look: by how much there was at the last ones.
+    #[must_use]
+    pub const fn nap(&self) -> Duration {
+        self.nap
+    }
+}
+
+impl Drop for Observer {
+    fn drop(&mut self) {
+        self.source = None;
+        self.session.clear_after();
+    }
+}
