@@ -228,10 +228,14 @@ fn a_page_says_what_the_run_said_and_where_each_margin_comes_from() {
         facts.keys().any(|name| name.starts_with("doctor_")) && facts.contains_key("hil_commit")
     );
     for (name, fact) in facts {
-        let escaped = fact
-            .replace('&', "&amp;")
-            .replace('<', "&lt;")
-            .replace('>', "&gt;");
+        let escape = |text: String, (from, to): (char, &str)| text.replace(from, to);
+        let escapes = [
+            ('&', "&amp;"),
+            ('<', "&lt;"),
+            ('>', "&gt;"),
+            ('"', "&quot;"),
+        ];
+        let escaped = escapes.into_iter().fold(fact.clone(), escape);
         assert!(page.text.contains(&escaped), "{name}: {fact}");
     }
     for text in ["software in the loop", "duration_s = 10.0"] {

@@ -28,7 +28,7 @@ pub(super) struct Desk {
     /// The same at each time: builds in it are found again.
     folder: PathBuf,
     programs: PathBuf,
-    /// Keeps a second test run with this target directory out.
+    /// Keeps a second test run of this user out.
     _lock: File,
 }
 
@@ -76,9 +76,17 @@ interrupt() {
 }
 "#;
 
+impl Drop for Desk {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.folder); // the next one begins by that, too
+    }
+}
+
 impl Desk {
     pub(super) fn new() -> Self {
-        let folder = target().join("book");
+        // Not in the target directory: `cargo new` enters a crate into the workspace that it finds above.
+        let user = rustix::process::geteuid().as_raw();
+        let folder = std::env::temp_dir().join(format!("hil-book-{user}"));
         std::fs::create_dir_all(folder.join("bin")).expect("a folder");
         let lock = File::create(folder.join("lock")).expect("a lock");
         lock.lock().expect("a lock");
