@@ -20,8 +20,8 @@ use crate::harness::Rig;
 use crate::programs::{program, target, workspace};
 use crate::python::python;
 
-/// How long a page may take before it counts as hanging.
-const WATCHDOG: Duration = Duration::from_secs(300);
+/// How long a page may take before it counts as hanging. On busy cores a run of 20 s takes minutes.
+const WATCHDOG: Duration = Duration::from_secs(1200);
 
 /// What the scripts are written into, and what is shared by pages.
 pub(super) struct Desk {
