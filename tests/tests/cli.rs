@@ -61,9 +61,9 @@ fn wrong_values_are_refused() {
     #[rustfmt::skip] // a table
     let cases: [(&str, &[&str]); 19] = [
         ("run.duraton_s=2", &["unknown key `duraton_s`", "`duration_s`"]),
-        ("controller.law=lqr", &["unknown law `lqr`", "`pid`"]),
+        ("controller.law=lqr", &["unknown law `lqr`", "`pid`", "--controller-bin"]),
         ("controller.law=ftsc", &["`ftsc`", "spring-mass"]),
-        ("plant.model=pendulum", &["unknown plant `pendulum`", "`spring-mass`"]),
+        ("plant.model=pendulum", &["unknown plant `pendulum`", "`spring-mass`", "--plant-bin"]),
         ("plant.parameters.mass_kg=0", &["mass_kg", "out of range", "in kg"]),
         ("plant.parameters.mass_kg=nan", &["mass_kg", "not a number"]),
         ("plant.parameters.mass_kg=inf", &["mass_kg", "out of range"]),

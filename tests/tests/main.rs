@@ -45,6 +45,9 @@
 //! environment demands it: `HIL_TEST_RELEASE=1` builds the binaries of the other profile, `HIL_TEST_PYTHON=1`
 //! makes a Python environment, `HIL_TEST_NODE=1` installs Foxglove's packages with npm,
 //! `HIL_TEST_STRACE=1` wants `strace`, `HIL_TEST_CHROMIUM=1` a Chromium.
+//!
+//! `HIL_WRITE_BOOK=1` writes the references of the book anew; `HIL_TEST_PAGE=docs/faults` runs the commands of
+//! the pages with that in their path alone.
 
 mod architecture;
 mod audit;

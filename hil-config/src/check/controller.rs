@@ -71,7 +71,9 @@ pub(super) fn find<'d>(
             problem.help(format!("law `{name}` is made for {plants}"));
         }
         None => {
-            problem.nearest(name, names);
+            problem
+                .nearest(name, names)
+                .help("a law of your own is in a program of its own: --controller-bin PATH");
         }
     }
     None

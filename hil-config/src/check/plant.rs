@@ -26,7 +26,8 @@ pub(super) fn find<'d>(
                 format!("unknown plant `{model}`"),
             )
             .expected(format!("one of {}", listed(names.clone())))
-            .nearest(model, names);
+            .nearest(model, names)
+            .help("a plant of your own is a program of its own: --plant-bin PATH");
     }
     found
 }

@@ -20,8 +20,8 @@ use crate::harness::Rig;
 use crate::programs::{program, target, workspace};
 use crate::python::python;
 
-/// How long a page may take before it counts as hanging.
-const WATCHDOG: Duration = Duration::from_secs(300);
+/// How long a page may take before it counts as hanging. On busy cores a run of 20 s takes minutes.
+const WATCHDOG: Duration = Duration::from_secs(1200);
 
 /// What the scripts are written into, and what is shared by pages.
 pub(super) struct Desk {
@@ -31,6 +31,9 @@ pub(super) struct Desk {
     /// Keeps a second test run of this user out.
     _lock: File,
 }
+
+/// What Python's blocks may import to be run: what is in the clone, and what other tests need as well.
+const MODULES: [&str; 6] = ["hil_run", "json", "mcap", "numpy", "pandas", "pyarrow"];
 
 const HIL: &str = r#"#!/usr/bin/env bash
 # Names the session of the page for a command that would look for the only one.
@@ -143,7 +146,7 @@ impl Desk {
         let _ = std::fs::remove_dir_all(&notes);
         std::fs::create_dir_all(&notes).expect("a folder");
         let script = notes.join("script");
-        let python = python("mcap, numpy, pandas, pyarrow");
+        let python = python(&MODULES[2..].join(", "));
         let mut text = String::from(PROLOGUE);
         for block in &blocks {
             let line = block.line;
@@ -157,9 +160,9 @@ impl Desk {
                 text += &with_exit_codes(&block.text);
             }
             if let ("python", Some(python)) = (block.language, &python) {
-                // Drawing needs more than the other tests; its code is only read.
-                let draws = block.text.contains("matplotlib");
-                let reads = if draws { "-m ast" } else { "-" };
+                // What needs more than the other tests do is only read.
+                let runs = imports(&block.text).all(|module| MODULES.contains(&module));
+                let reads = if runs { "-" } else { "-m ast" };
                 text += &format!("echo {line} >\"$NOTES/line\"\nexec 2>\"$NOTES/{line}.err\"\n");
                 text += &format!(
                     "PYTHONPATH=tools/python '{}' {reads} <<'_END_' >\"$NOTES/{line}.out\"\n{}_END_\n",
@@ -229,6 +232,16 @@ fn finish(bash: &mut Command) -> bool {
     }
 }
 
+/// The modules that a block of Python imports, each by its first name.
+fn imports(text: &str) -> impl Iterator<Item = &str> {
+    let lines = text.lines().filter_map(|line| {
+        let names = line.strip_prefix("import ");
+        names.or_else(|| line.strip_prefix("from ")?.split(" import").next())
+    });
+    let names = lines.flat_map(|names| names.split(','));
+    names.filter_map(|name| name.trim().split(['.', ' ']).next())
+}
+
 /// The command and the codes that the comment behind it names, as a pattern: `0|1`.
 fn exit_codes(command: &str) -> Option<(&str, String)> {
     let (does, comment) = command
@@ -276,6 +289,13 @@ fn copy(from: &Path, to: &Path) {
     } else {
         std::fs::copy(from, to).expect("a file");
     }
+}
+
+#[test]
+fn modules_of_python_are_found() {
+    let text = "import json, pyarrow.parquet\nimport numpy as np\nfrom mcap.reader import x\n";
+    let found: Vec<&str> = imports(text).collect();
+    assert_eq!(found, ["json", "pyarrow", "numpy", "mcap"]);
 }
 
 #[test]
