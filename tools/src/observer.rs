@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use shared_types::describe::Description;
 use shared_types::link::LinkError;
 use shared_types::record::{Event, RecordLayout, RecordView};
-use shared_types::session::SessionInfo;
+use shared_types::session::{SessionError, SessionInfo};
 use shared_types::stream::iceoryx::{IceoryxSource, LAYOUT_FILE, WATCHERS};
 use shared_types::stream::{Item, RecordSource};
 
@@ -21,6 +21,8 @@ use crate::repetition::checked;
 
 /// File of the session's folder that tells what is run.
 const FILE: &str = "run.json";
+/// File of the session's folder that lets others watch.
+const ADMITTED: &str = "admitted.json";
 /// Shortest and longest sleep between two looks at the stream. The shortest empties it often enough
 /// for the fastest loop; one that is longer is not seen on a screen.
 const NAPS: [Duration; 2] = [Duration::from_millis(4), Duration::from_millis(32)];
@@ -76,6 +78,15 @@ impl Notice {
     }
 }
 
+/// Lets others watch a session: the recorder is there, and what it looked at was closed to other users.
+/// Not before, because what iceoryx2 makes for one who attaches is open for a moment.
+///
+/// # Errors
+/// If the session's folder cannot be written.
+pub fn admit(session: &SessionInfo) -> Result<(), SessionError> {
+    session.write_file(ADMITTED, &true)
+}
+
 /// What is seen of a run.
 #[derive(Debug)]
 pub enum Seen<'a> {
@@ -104,8 +115,11 @@ impl Observer {
     /// # Errors
     /// If enough others watch it, or shared memory cannot be used.
     pub fn attach(session: &SessionInfo) -> Result<Option<Self>, Failure> {
-        // The last thing that a plant makes before step 0.
-        let Ok(layout) = session.read_file(LAYOUT_FILE) else {
+        let is_admitted = session.folder.join(ADMITTED).exists();
+        let Some(layout) = is_admitted
+            .then(|| session.read_file(LAYOUT_FILE).ok())
+            .flatten()
+        else {
             return Ok(None);
         };
         let mut observer = Self {
