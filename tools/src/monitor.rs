@@ -5,7 +5,8 @@
 //! 2. Both feed the [`model`]: the [`pace`] of the run, the [`history`] of the signals that the
 //!    [`plots`] show, faults, requirements.
 //! 3. The [`screen`] draws a [`view`] of it on the [`terminal`] and reads keys into the [`display`];
-//!    [`prepared`] faults are among what keys can ask for. Without a terminal one [`line`] tells it.
+//!    [`prepared`] faults are among what keys can ask for. Without a terminal one
+//!    [line](mod@line) tells it.
 //!
 //! With the feature `foxglove` it can also serve what it sees to Foxglove.
 //!
