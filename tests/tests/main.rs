@@ -17,6 +17,7 @@
 //! | [`excerpts`] | recordings of which not all is kept |
 //! | [`failures`] | deaths, stops and divergence: who, what, which step, and what is left |
 //! | [`faults`] | faults of scenarios in whole runs |
+//! | `foxglove` | a client that shares no code with `hil monitor --foxglove`; with the feature |
 //! | [`hot_path`] | no system call and no allocation in a step |
 //! | [`intrusion`] | who does not belong to a session gets nowhere |
 //! | [`latency`] | every figure of a loop counts the right steps and follows from the others |
@@ -66,6 +67,8 @@ mod excerpts;
 mod export;
 mod failures;
 mod faults;
+#[cfg(feature = "foxglove")]
+mod foxglove;
 mod harness;
 mod hot_path;
 mod intrusion;

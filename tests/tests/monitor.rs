@@ -86,6 +86,7 @@ fn whatever_ends_the_view_gives_the_terminal_back() {
         terminal.press(key);
         assert_eq!(terminal.wait().code(), Some(code), "{key:?}");
         terminal.assert_restored(key);
+        assert!(!terminal.text().contains("ended"), "the run goes on");
     }
     for signal in [Signal::INT, Signal::TERM, Signal::HUP] {
         let mut terminal = monitor(&rig, &[]);

@@ -72,7 +72,14 @@ fn finish(cargo: &mut Command) {
 pub(crate) fn program(name: &str) -> PathBuf {
     static BUILT: OnceLock<()> = OnceLock::new();
     let profile = Profile::own();
-    BUILT.get_or_init(|| finish(profile.build().args(["--workspace", "--bins"])));
+    BUILT.get_or_init(|| {
+        let mut cargo = profile.build();
+        cargo.args(["--workspace", "--bins"]);
+        if cfg!(feature = "foxglove") {
+            cargo.args(["--features", "tools/foxglove"]);
+        }
+        finish(&mut cargo);
+    });
     profile.folder().join(name)
 }
 

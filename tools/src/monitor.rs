@@ -5,12 +5,17 @@
 //! 2. Both feed the [`model`]: the [`pace`] of the run, the [`history`] of the signals that the
 //!    [`plots`] show, faults, requirements.
 //! 3. The [`screen`] draws a [`view`] of it on the [`terminal`] and reads keys into the [`display`];
-//!    [`prepared`] faults are among what keys can ask for. Without a terminal one [`line`] tells it.
+//!    [`prepared`] faults are among what keys can ask for. Without a terminal one
+//!    [line](mod@line) tells it.
+//!
+//! With the feature `foxglove` it can also serve what it sees to Foxglove.
 //!
 //! Passive: the run has the same digest with and without it, unless a key changes the run.
 
 pub mod asking;
 pub mod display;
+#[cfg(feature = "foxglove")]
+pub mod foxglove;
 pub mod history;
 pub mod line;
 pub mod model;
@@ -22,10 +27,12 @@ pub mod terminal;
 pub mod view;
 pub mod watch;
 
+use std::any::Any;
 use std::io::IsTerminal;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use hil_config::plan::Plan;
 use shared_types::clock::monotonic_ns;
 use shared_types::session::{self, SessionInfo};
 
@@ -38,7 +45,7 @@ use crate::output;
 use asking::Asking;
 use display::{Abilities, Display};
 use model::Model;
-use watch::Watch;
+use watch::{Audience, Watch};
 
 /// How often it is looked for a session.
 const LOOK: Duration = Duration::from_millis(20);
@@ -63,34 +70,98 @@ impl SharedModel {
 /// # Errors
 /// If there is no session to watch, it cannot be watched, or a prepared fault is none.
 pub fn monitor(arguments: &MonitorArguments) -> Result<Exit, Failure> {
+    if arguments.foxglove.is_some() && cfg!(not(feature = "foxglove")) {
+        return Err(Failure::usage(
+            "--foxglove: this hil was built without it; `cargo build --release -p tools --features foxglove` builds one with it",
+        ));
+    }
     let interruption = Interruption::listen()?;
     let session = find(arguments, &interruption).map_err(|unmet| unmet.tell(false))?;
     let plan = notice(&session, &interruption)?.plan()?;
     let prepared = prepared::all(&arguments.inject, &session, &plan);
     let prepared = prepared.map_err(|unmet| unmet.tell(false))?;
+    let mut served = serve(arguments, &session, &plan)?;
+    let audience = served.as_mut().and_then(|served| served.audience.take());
     let run_dir = session.run_dir.clone();
     let model = Model::new(&session.name, run_dir, plan, &arguments.signal);
     let model = SharedModel(Arc::new(Mutex::new(model)));
 
-    let watch = Watch::start(session.clone(), model.clone());
+    let watch = Watch::start(session.clone(), model.clone(), audience);
     watch.wait_for_first();
     if let Some(failure) = watch.failure() {
         return Err(failure);
     }
-    let asking = Asking::start(session, model.clone());
     let is_shown = std::io::stdout().is_terminal() && std::io::stdin().is_terminal();
+    if let (Some(served), false) = (&served, is_shown) {
+        eprintln!("{}", served.told);
+        wait_for_end(&watch, &interruption)?;
+        return tell(&model.lock(), false);
+    }
+    let asking = Asking::start(session, model.clone());
     if arguments.once || arguments.choice.json || !is_shown {
         gather(&model, &watch, &interruption)?;
         return tell(&model.lock(), arguments.choice.json);
     }
-    let display = Display::new(Abilities::of_environment(), arguments.window, prepared);
+    let mut display = Display::new(Abilities::of_environment(), arguments.window, prepared);
+    display.answer = served.as_ref().map(|served| served.told.clone());
     screen::show(&model, &watch, &asking, display, &interruption)?;
     drop(watch);
+    drop(served);
     let model = model.lock();
     if let Some(ending) = model.ending() {
         output::write(&format!("{}\n", line::ended(&model, ending)))?;
     }
     Ok(Exit::Pass)
+}
+
+/// What serves the session to others, as long as it is kept.
+struct Served {
+    /// Where, as a person reads it.
+    told: String,
+    /// What takes what is seen, until the watch has it.
+    audience: Option<Box<dyn Audience>>,
+    _server: Box<dyn Any>,
+}
+
+/// Serves the session if that is asked for.
+#[cfg(feature = "foxglove")]
+fn serve(
+    arguments: &MonitorArguments,
+    session: &SessionInfo,
+    plan: &Plan,
+) -> Result<Option<Served>, Failure> {
+    let Some(address) = arguments.foxglove else {
+        return Ok(None);
+    };
+    let serving = foxglove::Serving::start(address, session, plan)?;
+    let outlet = serving.outlet(plan, arguments.rate);
+    let told = format!(
+        "serving ws://{} for Foxglove, at most {} records a second",
+        serving.address(),
+        arguments.rate
+    );
+    Ok(Some(Served {
+        told,
+        audience: Some(Box::new(outlet)),
+        _server: Box::new(serving),
+    }))
+}
+
+/// This one cannot, and was not asked to.
+#[cfg(not(feature = "foxglove"))]
+fn serve(_: &MonitorArguments, _: &SessionInfo, _: &Plan) -> Result<Option<Served>, Failure> {
+    Ok(None)
+}
+
+/// Waits until there is nothing more to be seen.
+fn wait_for_end(watch: &Watch, interruption: &Interruption) -> Result<(), Failure> {
+    while !watch.has_ended() {
+        if interruption.came() {
+            return Err(Failure::Interrupted);
+        }
+        std::thread::sleep(LOOK);
+    }
+    watch.failure().map_or(Ok(()), Err)
 }
 
 /// The session that is meant, which may be awaited.

@@ -11,8 +11,8 @@ use serde::{Deserialize, Serialize};
 use shared_types::describe::Description;
 use shared_types::link::LinkError;
 use shared_types::record::{Event, RecordLayout, RecordView};
-use shared_types::session::SessionInfo;
-use shared_types::stream::iceoryx::{IceoryxSource, LAYOUT_FILE, WATCHERS};
+use shared_types::session::{SessionError, SessionInfo};
+use shared_types::stream::iceoryx::{BUFFER, IceoryxSource, LAYOUT_FILE, WATCHERS};
 use shared_types::stream::{Item, RecordSource};
 
 use crate::binaries::Binaries;
@@ -21,11 +21,14 @@ use crate::repetition::checked;
 
 /// File of the session's folder that tells what is run.
 const FILE: &str = "run.json";
+/// File of the session's folder that lets others watch.
+const ADMITTED: &str = "admitted.json";
 /// Shortest and longest sleep between two looks at the stream. The shortest empties it often enough
 /// for the fastest loop; one that is longer is not seen on a screen.
 const NAPS: [Duration; 2] = [Duration::from_millis(4), Duration::from_millis(32)];
-/// With more items than this at one look it looks more often, with fewer than an eighth less often.
-const MANY: usize = 1024;
+/// With so many items at one look, which takes no more, it looks again at once and then more often;
+/// with fewer than an eighth less often.
+const MANY: usize = BUFFER / 8;
 
 /// What a session tells those who watch it.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -76,6 +79,15 @@ impl Notice {
     }
 }
 
+/// Lets others watch a session: the recorder is there, and what it looked at was closed to other users.
+/// Not before, because what iceoryx2 makes for one who attaches is open for a moment.
+///
+/// # Errors
+/// If the session's folder cannot be written.
+pub fn admit(session: &SessionInfo) -> Result<(), SessionError> {
+    session.write_file(ADMITTED, &true)
+}
+
 /// What is seen of a run.
 #[derive(Debug)]
 pub enum Seen<'a> {
@@ -95,6 +107,8 @@ pub struct Observer {
     source: Option<IceoryxSource>,
     layout: RecordLayout,
     has_joined: bool,
+    /// There may be more than was taken at the last look.
+    has_more: bool,
     nap: Duration,
 }
 
@@ -104,8 +118,11 @@ impl Observer {
     /// # Errors
     /// If enough others watch it, or shared memory cannot be used.
     pub fn attach(session: &SessionInfo) -> Result<Option<Self>, Failure> {
-        // The last thing that a plant makes before step 0.
-        let Ok(layout) = session.read_file(LAYOUT_FILE) else {
+        let is_admitted = session.folder.join(ADMITTED).exists();
+        let Some(layout) = is_admitted
+            .then(|| session.read_file(LAYOUT_FILE).ok())
+            .flatten()
+        else {
             return Ok(None);
         };
         let mut observer = Self {
@@ -113,6 +130,7 @@ impl Observer {
             source: None,
             layout,
             has_joined: false,
+            has_more: false,
             nap: NAPS[0],
         };
         match IceoryxSource::watch(session) {
@@ -171,7 +189,8 @@ impl Observer {
         });
         let taken = taken.map_err(Failure::infrastructure)?;
         let [shortest, longest] = NAPS;
-        if taken >= MANY {
+        self.has_more = taken >= MANY;
+        if self.has_more {
             self.nap = (self.nap / 2).clamp(shortest, longest);
         } else if taken < MANY / 8 {
             self.nap = (self.nap * 2).clamp(shortest, longest);
@@ -182,7 +201,11 @@ impl Observer {
     /// How long to sleep until the next look: by how much there was at the last ones.
     #[must_use]
     pub const fn nap(&self) -> Duration {
-        self.nap
+        if self.has_more {
+            Duration::ZERO
+        } else {
+            self.nap
+        }
     }
 }
 

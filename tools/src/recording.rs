@@ -11,7 +11,7 @@ pub(crate) mod copy;
 mod excerpt;
 mod lz4;
 mod mcap_file;
-mod schema;
+pub(crate) mod schema;
 pub mod size;
 pub(crate) mod unpack;
 
@@ -157,11 +157,29 @@ impl Recording {
                 schema::of(sample, command, groups)
             }
         };
-        let schema = file.schema("hil_msgs/msg/Record", "ros2msg", schema.as_bytes())?;
+        let schema = file.schema(
+            schema::RECORD_NAME,
+            schema::RECORD_LANGUAGE,
+            schema.as_bytes(),
+        )?;
         let version = BTreeMap::from([("version".into(), RECORD_VERSION.to_string())]);
-        let records = file.channel(schema, "/record", "cdr", version)?;
-        let schema = file.schema("hil.Event", "jsonschema", schema::EVENT.as_bytes())?;
-        let events = file.channel(schema, "/events", "json", BTreeMap::new())?;
+        let records = file.channel(
+            schema,
+            schema::RECORD_TOPIC,
+            schema::RECORD_ENCODING,
+            version,
+        )?;
+        let schema = file.schema(
+            schema::EVENT_NAME,
+            schema::EVENT_LANGUAGE,
+            schema::EVENT.as_bytes(),
+        )?;
+        let events = file.channel(
+            schema,
+            schema::EVENT_TOPIC,
+            schema::EVENT_ENCODING,
+            BTreeMap::new(),
+        )?;
         Ok(Self {
             file,
             records,

@@ -1,5 +1,7 @@
 //! The command line of `hil monitor`.
 
+use std::net::{Ipv4Addr, SocketAddr};
+
 use clap::Args;
 
 use super::SessionChoice;
@@ -45,6 +47,43 @@ pub struct MonitorArguments {
     /// Tell once where the run is, also on a terminal
     #[arg(long)]
     pub once: bool,
+    /// Serve the signals over a WebSocket for Foxglove, without a terminal nothing else; other
+    /// machines reach it only at an address that is given
+    #[arg(
+        long,
+        value_name = "ADDRESS",
+        value_parser = address,
+        num_args = 0..=1,
+        default_missing_value = "127.0.0.1:8765",
+        conflicts_with_all = ["once", "json"],
+        hide = cfg!(not(feature = "foxglove"))
+    )]
+    pub foxglove: Option<SocketAddr>,
+    /// Serve at most so many records a second, picked and not averaged; inf is every one
+    #[arg(
+        long,
+        value_name = "HZ",
+        value_parser = rate,
+        default_value = "200",
+        hide = cfg!(not(feature = "foxglove"))
+    )]
+    pub rate: f64,
+}
+
+/// An address, or a port of this machine that only this machine reaches.
+fn address(text: &str) -> Result<SocketAddr, String> {
+    if let Ok(port) = text.parse() {
+        return Ok(SocketAddr::from((Ipv4Addr::LOCALHOST, port)));
+    }
+    text.parse()
+        .map_err(|_| "a port, or an address as 127.0.0.1:8765".into())
+}
+
+fn rate(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(rate) if rate > 0.0 => Ok(rate),
+        _ => Err("records a second, above 0".into()),
+    }
 }
 
 fn window(text: &str) -> Result<f64, String> {

@@ -10,11 +10,12 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
+use shared_types::record::RecordLayout;
 use shared_types::session::SessionInfo;
 
-use super::SharedModel;
+use super::{SharedModel, line};
 use crate::exit::Failure;
-use crate::observer::Observer;
+use crate::observer::{Observer, Seen};
 
 /// How often it is looked whether the session begins.
 const BEGIN: Duration = Duration::from_millis(20);
@@ -22,6 +23,18 @@ const BEGIN: Duration = Duration::from_millis(20);
 const LOOK: Duration = Duration::from_millis(200);
 /// How long a session may take to go after its last word, and its summary to come after that.
 const END_LIMIT: Duration = Duration::from_secs(20);
+
+/// Who gets what is seen besides the model; called by the watching thread, which it must not hold up.
+pub trait Audience: Send {
+    /// The signals are known.
+    fn attach(&mut self, layout: &RecordLayout);
+
+    /// Something was seen.
+    fn take(&mut self, seen: &Seen<'_>);
+
+    /// Nothing will be seen any more; why, as a person reads it.
+    fn end(&mut self, last_word: &str);
+}
 
 /// The thread as its owner sees it.
 pub struct Watch {
@@ -34,13 +47,18 @@ pub struct Watch {
 impl Watch {
     /// Watches a session from now on, until this is dropped.
     #[must_use]
-    pub fn start(session: SessionInfo, model: SharedModel) -> Self {
+    pub fn start(
+        session: SessionInfo,
+        model: SharedModel,
+        audience: Option<Box<dyn Audience>>,
+    ) -> Self {
         let stop = Arc::new(AtomicBool::new(false));
         let (failed, failures) = channel();
         let (tried, first) = channel();
-        let work = Work {
+        let mut work = Work {
             session,
             model,
+            audience,
             stop: Arc::clone(&stop),
         };
         let thread = std::thread::spawn(move || {
@@ -86,16 +104,21 @@ impl Drop for Watch {
 struct Work {
     session: SessionInfo,
     model: SharedModel,
+    audience: Option<Box<dyn Audience>>,
     stop: Arc<AtomicBool>,
 }
 
 impl Work {
-    fn watch(&self, tried: &Sender<()>) -> Result<(), Failure> {
+    fn watch(&mut self, tried: &Sender<()>) -> Result<(), Failure> {
         let attached = self.attach(tried)?;
         if let Some(mut observer) = attached {
             self.look(&mut observer)?;
         }
         self.wait_for_summary();
+        let model = self.model.lock();
+        if let (Some(audience), Some(ending)) = (&mut self.audience, model.ending()) {
+            audience.end(&line::ended(&model, ending));
+        }
         Ok(())
     }
 
@@ -104,10 +127,13 @@ impl Work {
     }
 
     /// Attaches as soon as there is something to attach to; `None` if there will not be.
-    fn attach(&self, tried: &Sender<()>) -> Result<Option<Observer>, Failure> {
+    fn attach(&mut self, tried: &Sender<()>) -> Result<Option<Observer>, Failure> {
         while !self.is_over() && self.session.is_there() {
             if let Some(observer) = Observer::attach(&self.session)? {
                 self.model.lock().attach(observer.layout())?;
+                if let Some(audience) = &mut self.audience {
+                    audience.attach(observer.layout());
+                }
                 let _ = tried.send(()); // whoever waited may not any more
                 return Ok(Some(observer));
             }
@@ -118,14 +144,19 @@ impl Work {
     }
 
     /// Looks until the run ends.
-    fn look(&self, observer: &mut Observer) -> Result<(), Failure> {
+    fn look(&mut self, observer: &mut Observer) -> Result<(), Failure> {
         let mut looked = Instant::now();
         while !self.is_over() {
             // Asked before the look: what came until then must be in it.
             let is_last = looked.elapsed() > LOOK && !self.session.is_there();
             let taken = {
                 let mut model = self.model.lock();
-                let taken = observer.look(|seen| model.take(seen))?;
+                let taken = observer.look(|seen| {
+                    if let Some(audience) = &mut self.audience {
+                        audience.take(&seen);
+                    }
+                    model.take(seen);
+                })?;
                 if model.ending().is_some() {
                     return Ok(());
                 }
@@ -163,6 +194,9 @@ impl Work {
                 break;
             }
             std::thread::sleep(BEGIN);
+        }
+        if self.is_over() {
+            return; // it is not watched any more, which is no end
         }
         let mut model = self.model.lock();
         model.run_dir = model.run_dir.take().or(run_dir);

@@ -11,12 +11,11 @@ use mcap::records::{MessageHeader, op};
 use shared_types::zerocopy::IntoBytes;
 
 use super::lz4::Encoder;
+use super::schema::ENCAPSULATION;
 use crate::cli::run::Compression;
 
 /// Bytes of a message in front of its content.
 const HEAD_BYTES: usize = 31;
-/// CDR, little-endian, no options.
-pub(super) const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
 /// Zeros that make whole words of the head of a record.
 const PADDING: usize = 5;
 const HEAD_WORDS: usize = (PADDING + HEAD_BYTES + ENCAPSULATION.len()) / size_of::<u64>();

@@ -11,8 +11,9 @@ use std::io;
 use mcap::records::{MessageHeader, Metadata, Record};
 use shared_types::record::Event;
 
-use super::chunk::{Chunk, ENCAPSULATION};
+use super::chunk::Chunk;
 use super::mcap_file::McapFile;
+use super::schema::ENCAPSULATION;
 use super::{CHANNELS, CHUNK_BYTES, RESULT};
 use crate::cli::run::Compression;
 use crate::run_reader::{EVENTS, RECORDS};

@@ -13,9 +13,28 @@ use shared_types::table::Field;
 pub(crate) const RULER: &str =
     "================================================================================";
 
+/// CDR, little-endian, no options.
+pub(crate) const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
+/// Topic of the records.
+pub(crate) const RECORD_TOPIC: &str = "/record";
+/// How a record is written.
+pub(crate) const RECORD_ENCODING: &str = "cdr";
+/// Name of a record's schema.
+pub(crate) const RECORD_NAME: &str = "hil_msgs/msg/Record";
+/// In what it is written.
+pub(crate) const RECORD_LANGUAGE: &str = "ros2msg";
+/// Topic of the events.
+pub(crate) const EVENT_TOPIC: &str = "/events";
+/// How an event is written.
+pub(crate) const EVENT_ENCODING: &str = "json";
+/// Name of an event's schema.
+pub(crate) const EVENT_NAME: &str = "hil.Event";
+/// In what it is written.
+pub(crate) const EVENT_LANGUAGE: &str = "jsonschema";
+
 /// The schema of a record: a message of words with one nested message for each group of signals.
 /// An empty group has no message, because an empty message takes a byte in CDR.
-pub(super) fn record(layout: &RecordLayout) -> String {
+pub(crate) fn record(layout: &RecordLayout) -> String {
     let (sample, command) = (
         layout.sample_validity_words(),
         layout.command_validity_words(),
@@ -99,7 +118,7 @@ fn packed(name: &str) -> Option<&'static str> {
 }
 
 /// Events are few and differ in form; the schema has what any of them may have.
-pub(super) const EVENT: &str = r#"{
+pub(crate) const EVENT: &str = r#"{
   "$schema": "https://json-schema.org/draft/2020-12/schema",
   "title": "hil.Event",
   "type": "object",

@@ -23,9 +23,9 @@ use crate::binaries::end_group;
 use crate::exit::Failure;
 use crate::progress::Progress;
 use crate::recorder::{Recorded, Recorder};
-use crate::standing;
 use crate::succession::told;
 use crate::swap::{self, Ground, Wanted};
+use crate::{observer, standing};
 
 /// How often the processes are looked at.
 pub(crate) const LOOK: Duration = Duration::from_millis(2);
@@ -284,6 +284,7 @@ fn attach(
         return Err(format!("{} is open to other users", open.display()));
     }
     let layout = session.read_file(LAYOUT_FILE).map_err(|e| e.to_string())?;
+    observer::admit(session).map_err(|e| e.to_string())?;
     Ok(source.take().map(|source| (source, layout)))
 }
 

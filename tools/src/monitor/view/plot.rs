@@ -243,14 +243,19 @@ pub(super) fn draw_axis(
         0 => format!("window {} s", display.window_s),
         hidden => format!("window {} s, {hidden} more plots", display.window_s),
     };
-    let used = |texts: &[&String]| -> usize { texts.iter().map(|text| text.len() + 2).sum() };
-    let width = usize::from(area.width);
-    let middle = if used(&[&begin, &middle, &end]) <= width {
+    // What is in the middle needs as much room on its left as on its right.
+    let beside = if begin.len() > end.len() {
+        begin.len()
+    } else {
+        end.len()
+    };
+    let fits = |middle: &str| middle.len() + 2 * (beside + 1) <= usize::from(area.width);
+    let middle = if fits(&middle) {
         middle
     } else {
         format!("{} s", display.window_s)
     };
-    let texts = if used(&[&begin, &middle, &end]) <= width {
+    let texts = if fits(&middle) {
         vec![(begin, Alignment::Left), (middle, Alignment::Center)]
     } else {
         Vec::new()

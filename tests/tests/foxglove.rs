@@ -1,0 +1,246 @@
+//! `hil monitor --foxglove`: what a client that shares no code with it gets is what is recorded.
+//!
+//! Built with the feature `foxglove` alone.
+
+use std::collections::BTreeMap;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::process::{Child, ChildStderr, ChildStdout, Command, Stdio};
+
+use rustix::process::Signal;
+use serde_json::{Value, json};
+
+use crate::harness::{Rig, send, until};
+use crate::mcap_reader::Recording;
+use crate::programs::{program, skip, workspace};
+use crate::python::python;
+
+const FIELD: &str = "truth.position_m";
+
+/// A monitor that serves the session of a test.
+struct Server {
+    process: Child,
+    /// Kept open: it still has something to say.
+    _stderr: BufReader<ChildStderr>,
+    url: String,
+}
+
+impl Server {
+    fn start(rig: &Rig, arguments: &[&str]) -> Self {
+        let mut process = Command::new(program("hil"))
+            .current_dir(workspace())
+            .args(["monitor", "--session", rig.session(), "--foxglove", "0"])
+            .args(arguments)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("hil");
+        let mut told = String::new();
+        let mut stderr = BufReader::new(process.stderr.take().expect("piped"));
+        stderr.read_line(&mut told).expect("it tells where");
+        let url = told
+            .split_ascii_whitespace()
+            .find(|word| word.starts_with("ws://"));
+        let url = url.unwrap_or_else(|| panic!("{told}")).to_owned();
+        Self {
+            process,
+            _stderr: stderr,
+            url,
+        }
+    }
+
+    fn address(&self) -> &str {
+        self.url.trim_start_matches("ws://")
+    }
+
+    /// Waits for its end; what it printed.
+    fn finish(mut self) -> (Option<i32>, String) {
+        let mut status = None;
+        until("the server ends", || {
+            status = self.process.try_wait().expect("our child");
+            status.is_some()
+        });
+        let mut text = String::new();
+        let stdout = self.process.stdout.as_mut().expect("piped");
+        stdout.read_to_string(&mut text).expect("text");
+        (status.and_then(|status| status.code()), text)
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        let _ = self.process.kill(); // it may have ended by itself
+        let _ = self.process.wait();
+    }
+}
+
+/// The client, and what it was told so far.
+struct Client {
+    process: Child,
+    lines: BufReader<ChildStdout>,
+}
+
+impl Client {
+    fn start(python: &std::path::Path, server: &Server, subprotocol: &str) -> Self {
+        let script = workspace().join("tests/python/foxglove_client.py");
+        let mut process = Command::new(python)
+            .arg(script)
+            .args([&server.url, subprotocol, FIELD])
+            .stdout(Stdio::piped())
+            .spawn()
+            .expect("python");
+        let lines = BufReader::new(process.stdout.take().expect("piped"));
+        Self { process, lines }
+    }
+
+    fn next(&mut self) -> Option<Value> {
+        let mut line = String::new();
+        self.lines.read_line(&mut line).expect("text");
+        (!line.is_empty()).then(|| serde_json::from_str(&line).expect("JSON"))
+    }
+
+    /// Everything until it was closed.
+    fn rest(&mut self) -> Vec<Value> {
+        let rest: Vec<Value> = std::iter::from_fn(|| self.next()).collect();
+        assert!(self.process.wait().expect("our child").success());
+        rest
+    }
+}
+
+#[test]
+fn a_client_gets_the_records_that_are_recorded_and_changes_nothing() {
+    let name = "a_client_gets_the_records_that_are_recorded_and_changes_nothing";
+    let Some(python) = python("mcap_ros2, websockets.sync.client") else {
+        let why = "there is no Python with mcap-ros2-support and websockets";
+        return skip(name, why, "HIL_TEST_PYTHON");
+    };
+    let rig = Rig::new();
+    let alone = rig.run("scenarios/spring-mass.toml").expect(0).digest();
+
+    let run = rig.start("scenarios/spring-mass.toml --pace 10 --pause-at 0.001 --wait-limit 60");
+    until("the run is held", || {
+        let at = ["inject", "--active", "--json", "--session", rig.session()];
+        let told: Value = serde_json::from_str(&rig.beside(&at).stdout).unwrap_or_default();
+        told["status"]["paused"] == true
+    });
+    let server = Server::start(&rig, &["--rate", "500"]);
+    let mut clients: Vec<Client> = ["foxglove.websocket.v1", "foxglove.sdk.v1"]
+        .map(|subprotocol| Client::start(&python, &server, subprotocol))
+        .into();
+    for (client, subprotocol) in clients
+        .iter_mut()
+        .zip(["foxglove.websocket.v1", "foxglove.sdk.v1"])
+    {
+        assert_eq!(client.next(), Some(json!({"subprotocol": subprotocol})));
+        let info = client.next().expect("who serves");
+        assert_eq!(info["said"]["op"], "serverInfo");
+        assert_eq!(info["said"]["metadata"]["scenario"], "spring-mass");
+        let channels = client.next().expect("channels");
+        let topics: Vec<&Value> = (channels["said"]["channels"]
+            .as_array()
+            .expect("a list")
+            .iter())
+        .map(|channel| &channel["topic"])
+        .collect();
+        assert_eq!(topics, ["/record", "/events"]);
+        // By this answer it is known that the subscriptions arrived, too.
+        let refused = client.next().expect("an answer");
+        assert_eq!(refused["said"]["op"], "status", "{refused}");
+        let message = refused["said"]["message"].as_str().expect("text");
+        assert!(message.contains("`setParameters`"), "{message}");
+    }
+    rig.beside(&["resume", "--session", rig.session()])
+        .expect(0);
+    let run = run.finish().expect(0);
+    assert_eq!(run.digest(), alone);
+
+    let recorded = recorded(&Recording::open(&run.recording()));
+    for client in &mut clients {
+        let rest = client.rest();
+        assert_eq!(rest.last(), Some(&json!({"closed": true})));
+        let of = |topic: &str| -> Vec<Value> {
+            let mut messages = rest.clone();
+            messages.retain(|message| message["topic"] == topic);
+            messages
+        };
+        let records = of("/record");
+        let wall_time_s = run.summary()["wall_time_s"].as_f64().expect("a time");
+        let most = 500.0 * wall_time_s + 2.0;
+        let count = records.len();
+        assert!(
+            (3.0..most).contains(&(count as f64)),
+            "{count} of at most {most}"
+        );
+        let mut last = None;
+        for record in &records {
+            let step = record["content"]["step"].as_u64().expect("a step");
+            assert!(last < Some(step), "steps rise");
+            last = Some(step);
+            let value = record["content"]["value"].as_f64().expect("a number");
+            let log_time_ns = record["log_time"].as_u64().expect("a time");
+            assert_eq!(
+                (log_time_ns, value.to_bits()),
+                recorded[&step],
+                "step {step}"
+            );
+        }
+        let events = of("/events");
+        assert_eq!(events.last().expect("one")["content"]["event"], "end");
+        let told = rest.iter().rev().find(|line| line["said"]["id"] == "ended");
+        let told = told.expect("the end is told")["said"]["message"].to_string();
+        assert!(told.contains("spring-mass ended: pass"), "{told}");
+    }
+    let (code, text) = server.finish();
+    assert_eq!(code, Some(0));
+    assert!(
+        text.starts_with("spring-mass ended: pass, 5000 steps"),
+        "{text}"
+    );
+    rig.assert_nothing_left();
+}
+
+/// Log time and value of the field at each step.
+fn recorded(recording: &Recording) -> BTreeMap<u64, (u64, u64)> {
+    let at = recording.columns.iter().position(|column| column == FIELD);
+    let at = at.expect("it is recorded");
+    (recording.records())
+        .map(|record| (record.step(), (record.log_time_ns, record.words[at])))
+        .collect()
+}
+
+#[test]
+fn who_speaks_something_else_is_refused_and_holds_nobody_up() {
+    let rig = Rig::new();
+    let run = rig.held();
+    let server = Server::start(&rig, &[]);
+    // One that says nothing, one that says nonsense, one of another protocol.
+    let _silent = TcpStream::connect(server.address()).expect("it listens");
+    let mut nonsense = TcpStream::connect(server.address()).expect("it listens");
+    nonsense
+        .write_all(b"\0\xff\r\n\r\n")
+        .expect("it takes bytes");
+    let mut other = TcpStream::connect(server.address()).expect("it listens");
+    let request = "GET / HTTP/1.1\r\nHost: x\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n\
+                   Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\
+                   Sec-WebSocket-Protocol: chat\r\n\r\n";
+    other.write_all(request.as_bytes()).expect("it takes bytes");
+    let mut answer = String::new();
+    other.read_to_string(&mut answer).expect("it closes");
+    assert!(answer.starts_with("HTTP/1.1 400"), "{answer}");
+    assert!(answer.contains("foxglove.websocket.v1"), "{answer}");
+    let at = ["monitor", "--session", rig.session(), "--foxglove"];
+    let mut taken = at.to_vec();
+    taken.push(server.address());
+    rig.beside(&taken).expect(3).says(&["cannot serve at"]);
+    let mut wrong = at.to_vec();
+    wrong.push("nowhere");
+    rig.beside(&wrong)
+        .expect(2)
+        .says(&["a port, or an address"]);
+    send(server.process.id(), Signal::TERM);
+    assert_eq!(server.finish().0, Some(130));
+    rig.beside(&["resume", "--session", rig.session()])
+        .expect(0);
+    run.finish().expect(0);
+}
