@@ -93,14 +93,23 @@ impl Page {
             let flat = vec![value as f32; self.grid().len()];
             return (flat.clone(), flat);
         }
+        let is_double = signal["is_double"] == true;
         let numbers = |key: &str| -> Vec<f32> {
             let bytes = base64(signal[key].as_str().unwrap_or_else(|| panic!("{signal}")));
-            bytes
-                .as_chunks()
-                .0
-                .iter()
-                .map(|bytes| f32::from_le_bytes(*bytes))
-                .collect()
+            match is_double {
+                true => bytes
+                    .as_chunks()
+                    .0
+                    .iter()
+                    .map(|one| f64::from_le_bytes(*one) as f32)
+                    .collect(),
+                false => bytes
+                    .as_chunks()
+                    .0
+                    .iter()
+                    .map(|one| f32::from_le_bytes(*one))
+                    .collect(),
+            }
         };
         let (least, greatest) = (numbers("least"), numbers("greatest"));
         match greatest.is_empty() {
@@ -374,6 +383,16 @@ fn runs_that_ended_badly_or_kept_a_part_are_shown_as_far_as_they_go() {
     let page = Page::of(&rig, &[&excerpt], &[]);
     assert!(page.text.contains("an excerpt") && page.text.contains("data-verdict=\"pass\""));
     page.plot(&["truth.position_m"]);
+    // One bit of one byte is another: something that is shown was never recorded.
+    let damaged = rig
+        .run("scenarios/spring-mass.toml --compression none")
+        .expect(0);
+    let mut bytes = std::fs::read(damaged.recording()).expect("a recording");
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(damaged.recording(), &bytes).expect("it can be written");
+    let page = Page::of(&rig, &[&damaged], &[]);
+    assert!(page.text.contains("data-verdict=\"not judged\"") && page.text.contains("damaged"));
     // Cut off in the middle.
     let whole = rig.run("scenarios/spring-mass.toml").expect(0);
     let bytes = std::fs::read(whole.recording()).expect("a recording");

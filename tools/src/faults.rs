@@ -183,7 +183,11 @@ impl Fault {
             FaultSource::Cli => " (live)",
         };
         let (event, kind) = (self.event, &self.kind);
-        let mut text = format!("fault {event} {kind}{live}");
+        let name = self
+            .name
+            .iter()
+            .fold(String::new(), |_, name| format!(" `{name}`"));
+        let mut text = format!("fault {event} {kind}{name}{live}");
         // Writing to a string cannot fail.
         let _ = match (self.effective_step, &self.reason) {
             (Some(step), _) => write!(text, " at step {step}"),

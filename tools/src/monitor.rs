@@ -91,7 +91,8 @@ pub fn monitor(arguments: &MonitorArguments) -> Result<Exit, Failure> {
     if let Some(failure) = watch.failure() {
         return Err(failure);
     }
-    let is_shown = std::io::stdout().is_terminal() && std::io::stdin().is_terminal();
+    let is_dumb = std::env::var_os("TERM").is_some_and(|term| term == "dumb");
+    let is_shown = std::io::stdout().is_terminal() && std::io::stdin().is_terminal() && !is_dumb;
     if let (Some(served), false) = (&served, is_shown) {
         eprintln!("{}", served.told);
         wait_for_end(&watch, &interruption)?;

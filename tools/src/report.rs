@@ -30,6 +30,7 @@ use crate::cli::report::ReportArguments;
 use crate::destination::Destination;
 use crate::exit::{Exit, Failure};
 use crate::export::not_written;
+use crate::interruption::Interruption;
 use crate::live::listed;
 use crate::output;
 use bounds::bounds;
@@ -62,12 +63,16 @@ pub fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
             "--json goes to standard output, where the report goes too; name a file with -o",
         ));
     }
+    let interruption = Interruption::listen()?;
     // A file that cannot be written is told before the work.
     let mut destination = match is_file {
         true => Destination::create(path, arguments.force)?,
         false => Destination::standard_output()?,
     };
     let (text, mut written) = made(arguments)?;
+    if interruption.came() {
+        return Err(Failure::Interrupted);
+    }
     let result = (destination.write_all(text.as_bytes())).and_then(|()| destination.complete());
     match result {
         // A reader that went away wanted no more.

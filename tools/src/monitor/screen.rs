@@ -3,6 +3,8 @@
 use std::time::{Duration, Instant};
 
 use ratatui::crossterm::event::{self, Event, KeyEventKind};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
 use shared_types::clock::monotonic_ns;
 
 use super::asking::Asking;
@@ -12,6 +14,25 @@ use super::watch::Watch;
 use super::{SharedModel, view};
 use crate::exit::Failure;
 use crate::interruption::Interruption;
+
+/// Whether there is something to read within a time.
+///
+/// # Errors
+/// [`Failure::Interrupted`] if the terminal is gone. crossterm would look for keys in it for ever.
+fn has_input(timeout: Duration) -> Result<bool, Failure> {
+    let input = std::io::stdin();
+    let mut looked = [PollFd::new(&input, PollFlags::IN)];
+    let timeout = Timespec::try_from(timeout).map_err(Failure::infrastructure)?;
+    match poll(&mut looked, Some(&timeout)) {
+        Ok(_) | Err(Errno::INTR) => {}
+        Err(error) => return Err(Failure::infrastructure(error)),
+    }
+    let found = looked[0].revents();
+    if found.intersects(PollFlags::HUP | PollFlags::ERR | PollFlags::NVAL) {
+        return Err(Failure::Interrupted);
+    }
+    Ok(found.contains(PollFlags::IN))
+}
 
 /// How often a picture is drawn, if no key asks for one.
 const PICTURE: Duration = Duration::from_millis(100);
@@ -59,7 +80,7 @@ pub fn show(
             drawn = Some(Instant::now());
         }
         let left = PICTURE.saturating_sub(drawn.map_or(Duration::ZERO, |drawn| drawn.elapsed()));
-        if !event::poll(left).map_err(no_terminal)? {
+        if !has_input(left)? || !event::poll(Duration::ZERO).map_err(no_terminal)? {
             continue;
         }
         match event::read().map_err(no_terminal)? {

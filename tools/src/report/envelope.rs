@@ -1,35 +1,42 @@
 //! The least and the greatest value of a signal in each bucket of a grid.
 //!
 //! Both are kept, so a spike of one step is as high in the report as in the record however far away it is
-//! seen from. What a bucket of one step shows is the value itself, in single precision.
+//! seen from. What a bucket of one step shows is the value itself, in single precision where that is enough.
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
 
+/// What half the range of single precision is: beyond it, and below its inverse, values are written in double.
+const SINGLE: f64 = 1e37;
+/// Values that differ by less than this part of themselves are written in double, too.
+const FINE: f64 = 1e-4;
+
 /// A signal over a grid.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Envelope {
-    least: Vec<f32>,
-    greatest: Vec<f32>,
+    least: Vec<f64>,
+    greatest: Vec<f64>,
 }
 
-/// An envelope as the page reads it: a value that does not change, or little-endian single precision.
+/// An envelope as the page reads it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub(super) enum Written {
     /// It has one value wherever it exists.
     Constant {
         /// The value.
-        value: f32,
+        value: f64,
     },
     /// It is another signal's.
     Same {
         /// That signal's name.
         same: String,
     },
-    /// It has these.
+    /// It has these, little-endian.
     Values {
+        /// Whether they are in double precision and not in single.
+        is_double: bool,
         /// The least of each bucket.
         least: String,
         /// The greatest; empty where there is one step to a bucket and both are the same.
@@ -41,22 +48,23 @@ impl Envelope {
     /// One without any value.
     pub(super) fn new(buckets: usize) -> Self {
         Self {
-            least: vec![f32::NAN; buckets],
-            greatest: vec![f32::NAN; buckets],
+            least: vec![f64::NAN; buckets],
+            greatest: vec![f64::NAN; buckets],
         }
     }
 
     /// Takes a value in; one that does not exist changes nothing.
     #[inline]
     pub(super) fn take(&mut self, bucket: usize, value: f64) {
-        // What is beyond single precision is shown at its end.
-        let value = value.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32;
-        // Comparisons that NaN makes true: the first value replaces it, and as a value it replaces none.
-        if !(self.least[bucket] <= value) && !value.is_nan() {
-            self.least[bucket] = value;
+        if value.is_nan() {
+            return;
         }
-        if !(self.greatest[bucket] >= value) && !value.is_nan() {
-            self.greatest[bucket] = value;
+        let (least, greatest) = (&mut self.least[bucket], &mut self.greatest[bucket]);
+        if least.is_nan() || value < *least {
+            *least = value;
+        }
+        if greatest.is_nan() || value > *greatest {
+            *greatest = value;
         }
     }
 
@@ -66,24 +74,44 @@ impl Envelope {
     }
 
     /// Its one value, if it exists in every bucket and never changes.
-    pub(super) fn constant(&self) -> Option<f32> {
+    pub(super) fn constant(&self) -> Option<f64> {
         let first = *self.least.first()?;
-        let is_it = |value: &f32| *value == first;
-        (self.least.iter().all(is_it) && self.greatest.iter().all(is_it)).then_some(first)
+        let is_it = |value: &f64| *value == first;
+        (first.is_finite() && self.least.iter().all(is_it) && self.greatest.iter().all(is_it))
+            .then_some(first)
     }
 
     /// Whether it looks the same as another.
     pub(super) fn is_same(&self, other: &Self) -> bool {
-        let bits = |values: &[f32]| {
-            values
-                .iter()
-                .map(|value| value.to_bits())
-                .collect::<Vec<_>>()
+        let are_same = |a: &[f64], b: &[f64]| {
+            let bits = a.iter().zip(b).map(|(a, b)| (a.to_bits(), b.to_bits()));
+            a.len() == b.len() && bits.into_iter().all(|(a, b)| a == b)
         };
-        // Cheap differences first.
-        self.least[self.least.len() / 2].to_bits() == other.least[self.least.len() / 2].to_bits()
-            && bits(&self.least) == bits(&other.least)
-            && bits(&self.greatest) == bits(&other.greatest)
+        are_same(&self.least, &other.least) && are_same(&self.greatest, &other.greatest)
+    }
+
+    /// Whether single precision would show something else.
+    fn is_double(&self) -> bool {
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        for value in self
+            .least
+            .iter()
+            .chain(&self.greatest)
+            .filter(|value| !value.is_nan())
+        {
+            let size = value.abs();
+            if size > SINGLE || (size > 0.0 && size < 1.0 / SINGLE) {
+                return true;
+            }
+            low = if *value < low { *value } else { low };
+            high = if *value > high { *value } else { high };
+        }
+        let size = if high.abs() > low.abs() {
+            high.abs()
+        } else {
+            low.abs()
+        };
+        high - low < FINE * size
     }
 
     /// As the page reads it.
@@ -91,24 +119,31 @@ impl Envelope {
         if let Some(value) = self.constant() {
             return Written::Constant { value };
         }
+        let is_double = self.is_double();
         let is_thin =
             (self.least.iter().zip(&self.greatest)).all(|(a, b)| a.to_bits() == b.to_bits());
         Written::Values {
-            least: text_of(&self.least),
-            greatest: if is_thin {
-                String::new()
-            } else {
-                text_of(&self.greatest)
+            is_double,
+            least: text_of(&self.least, is_double),
+            greatest: match is_thin {
+                true => String::new(),
+                false => text_of(&self.greatest, is_double),
             },
         }
     }
 }
 
-fn text_of(values: &[f32]) -> String {
-    let bytes: Vec<u8> = values
-        .iter()
-        .flat_map(|value| value.to_le_bytes())
-        .collect();
+fn text_of(values: &[f64], is_double: bool) -> String {
+    let bytes: Vec<u8> = match is_double {
+        true => values
+            .iter()
+            .flat_map(|value| value.to_le_bytes())
+            .collect(),
+        false => values
+            .iter()
+            .flat_map(|value| (*value as f32).to_le_bytes())
+            .collect(),
+    };
     STANDARD.encode(bytes)
 }
 
@@ -144,14 +179,33 @@ mod tests {
     }
 
     #[test]
-    fn numbers_beyond_single_precision_stay_finite() {
-        let mut envelope = Envelope::new(1);
-        envelope.take(0, 1e300);
-        envelope.take(0, f64::NEG_INFINITY);
-        assert_eq!(
-            (envelope.least[0], envelope.greatest[0]),
-            (f32::MIN, f32::MAX)
-        );
+    fn what_single_precision_cannot_show_is_written_in_double() {
+        for (values, expected) in [
+            ([1.0, 2.0], false),
+            ([-1.0, 0.0], false),
+            ([0.0, 1e300], true),
+            ([0.0, f64::INFINITY], true),
+            ([0.0, 1e-300], true),
+            ([1e6, 1e6 + 1e-6], true),
+        ] {
+            let mut envelope = Envelope::new(2);
+            envelope.take(0, values[0]);
+            envelope.take(1, values[1]);
+            let Written::Values {
+                is_double,
+                least,
+                greatest,
+            } = envelope.written()
+            else {
+                panic!("{values:?}");
+            };
+            assert_eq!((is_double, greatest.as_str()), (expected, ""), "{values:?}");
+            let bytes = STANDARD.decode(least).expect("base 64");
+            if expected {
+                let second: [u8; 8] = bytes[8..].try_into().expect("two numbers");
+                assert_eq!(f64::from_le_bytes(second), values[1]);
+            }
+        }
     }
 
     #[test]
@@ -163,6 +217,7 @@ mod tests {
         envelope.take(1, 2.0);
         // 1.0 is 00 00 80 3f and 2.0 is 00 00 00 40.
         let expected = Written::Values {
+            is_double: false,
             least: "AACAPwAAgD8=".into(),
             greatest: "AACAPwAAAEA=".into(),
         };

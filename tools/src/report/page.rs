@@ -170,7 +170,7 @@ fn picker(data: &Data) -> Markup {
                 }
             }
             button #plot type="button" { "Plot chosen" }
-            div.plots #added {}
         }
+        div.plots #added {}
     }
 }

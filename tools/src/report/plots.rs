@@ -26,6 +26,8 @@ pub(super) struct Plot {
     /// Whether its vertical axis is logarithmic, for magnitudes.
     pub(super) log: bool,
     pub(super) signals: Vec<String>,
+    /// Signals that it should show and that have no value in any run.
+    pub(super) missing: Vec<String>,
     /// The runs that it is for; null: all.
     pub(super) runs: Option<Vec<usize>>,
     /// Level lines.
@@ -329,7 +331,8 @@ impl Choice<'_> {
 
     /// A plot of those of its signals that are there, if any is.
     fn push(&mut self, mut plot: Plot) {
-        plot.signals.retain(|name| self.exists(name));
+        let (there, missing) = (plot.signals.into_iter()).partition(|name| self.exists(name));
+        (plot.signals, plot.missing) = (there, missing);
         let Some(first) = plot.signals.first() else {
             return;
         };

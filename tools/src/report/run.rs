@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use hil_config::evaluation::Evaluation;
 use hil_config::plan::{self, Plan};
 use serde_json::Value;
-use shared_types::record::Outcome;
+use shared_types::record::{Outcome, RunEnd};
 use shared_types::time::{Rate, Step};
 
 use super::envelope::Envelope;
@@ -148,6 +148,16 @@ impl Run {
         } else if plan.is_none() {
             verdict = "not judged".into();
         }
+        let written = account.reader.result("digest").unwrap_or_default();
+        let is_other = (recorded.digest.as_deref())
+            .is_some_and(|found| !written.is_empty() && found != written);
+        if is_other {
+            notes.push("the digest of its records is not the recorded one: some of what is shown is not what was recorded".into());
+        }
+        if (is_other || account.damage.is_some()) && verdict == "pass" {
+            verdict = "not judged".into();
+        }
+        notes.extend(account.recorded.end.iter().flat_map(missed));
         let spans = spans(&account, rate);
         Ok(Self {
             label: String::new(),
@@ -360,6 +370,21 @@ impl Signals {
             .find(|one| one.0 == name)
             .map(|(_, unit, _)| unit)
     }
+}
+
+/// What came too late, as the plant counted it.
+fn missed(end: &RunEnd) -> Vec<String> {
+    let counts = [
+        (end.overruns, "steps overran"),
+        (end.missed_commands, "commands missed their deadline"),
+    ];
+    let counts = counts.into_iter().filter_map(|(streaks, what)| {
+        let (count, longest, first) = (streaks.count, streaks.longest, streaks.first_step?);
+        Some(format!(
+            "{count} {what}, {longest} in a row at most, the first at step {first}"
+        ))
+    });
+    counts.collect()
 }
 
 /// When faults acted: one span for each event, from its first effect to the end of its last.

@@ -19,6 +19,7 @@
   const buckets = start.length;
 
   const cache = new Map();
+  const numbersOf = (text, isDouble) => (isDouble ? new Float64Array(bytesOf(text)) : new Float32Array(bytesOf(text)));
   // The envelope of a run's signal, or undefined if the run has none.
   const signalOf = (run, name) => {
     const key = run + " " + name;
@@ -28,11 +29,11 @@
     if (written && written.same !== undefined) {
       found = signalOf(run, written.same);
     } else if (written && written.value !== undefined) {
-      const flat = new Float32Array(buckets).fill(written.value);
+      const flat = new Float64Array(buckets).fill(written.value);
       found = { least: flat, greatest: flat };
     } else if (written) {
-      const least = new Float32Array(bytesOf(written.least));
-      found = { least, greatest: written.greatest ? new Float32Array(bytesOf(written.greatest)) : least };
+      const least = numbersOf(written.least, written.is_double);
+      found = { least, greatest: written.greatest ? numbersOf(written.greatest, written.is_double) : least };
     }
     cache.set(key, found);
     return found;
@@ -211,8 +212,8 @@
           let high = values.greatest[i];
           if (low !== low) continue;
           if (spec.log) [low, high] = magnitudes(low, high);
-          if (low < min && (low > 0 || !spec.log)) min = low;
-          if (high > max) max = high;
+          if (low < min && Number.isFinite(low) && (low > 0 || !spec.log)) min = low;
+          if (high > max && Number.isFinite(high)) max = high;
         }
       }
       const levels = spec.lines.concat(spec.limits.filter((one) => one.from_s <= view[1] && one.until_s >= view[0]).map((one) => one.level));
@@ -222,6 +223,9 @@
         min = Math.max(min, max * 1e-24);
         return [10 ** Math.floor(Math.log10(min) - 0.05), 10 ** Math.ceil(Math.log10(max) + 0.05)];
       }
+      // What differs by the last bits alone is no plot of them.
+      const size = Math.max(Math.abs(min), Math.abs(max));
+      if (max - min < 1e-9 * size) [min, max] = [min - 1e-9 * size, max + 1e-9 * size];
       const height = max - min;
       for (const level of levels) if (level < max + 4 * height && level > min - 4 * height) [min, max] = [Math.min(min, level), Math.max(max, level)];
       const room = (max - min || Math.abs(max) || 1) * 0.06;
@@ -236,7 +240,10 @@
       const scale = width / (view[1] - view[0]);
       const floor = u.scales.y.min;
       const isLog = this.spec.log;
-      const y = (value) => u.valToPos(isLog ? Math.max(value, floor) : value, "y", true);
+      const ceiling = u.scales.y.max;
+      const room = ceiling - floor;
+      // What is far beyond what is seen, infinite even, is drawn to the edge.
+      const y = (value) => u.valToPos(isLog ? Math.min(Math.max(value, floor), ceiling * 10) : Math.min(Math.max(value, floor - room), ceiling + room), "y", true);
       let isDown = false;
       let lastTime = -Infinity;
       let last = 0;
@@ -410,6 +417,7 @@
         });
         box.append(button);
       });
+      for (const name of this.spec.missing) box.append(`${name}: no value`);
       box.append(this.time);
     }
 
@@ -622,7 +630,7 @@
     for (const unit of units) {
       const signals = chosen.map((choice) => choice.value).filter((name) => unitOf(name) === unit);
       const figure = figureOf(signals.join(", ") + (unit && unit !== "1" ? ` [${unit}]` : ""), document.getElementById("added"));
-      add(figure, new TimePlot(figure, { title: "", unit, log: unit === "ns", signals, lines: [], limits: [], marks: [] }));
+      add(figure, new TimePlot(figure, { title: "", unit, log: unit === "ns", signals, missing: [], lines: [], limits: [], marks: [] }));
     }
     for (const choice of chosen) choice.checked = false;
   });
@@ -643,14 +651,18 @@
   setTimeout(drawNext, 10);
 
   let before;
+  let closed = [];
   addEventListener("beforeprint", () => {
     before = root.dataset.theme === "dark";
+    closed = [...document.querySelectorAll("details:not([open]):not(.keys)")];
+    for (const one of closed) one.open = true;
     setTheme(false);
     drawAll();
     for (const [figure, plot] of byFigure) plot.resize(Math.min(figure.clientWidth, 680));
   });
   addEventListener("afterprint", () => {
     setTheme(before);
+    for (const one of closed) one.open = false;
     for (const [figure, plot] of byFigure) plot.resize(figure.clientWidth);
   });
 })();
