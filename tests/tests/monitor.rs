@@ -1,5 +1,7 @@
 //! `hil monitor`: a run that is watched is the run that is not, and the terminal is given back.
 
+use std::fs::File;
+use std::io::Read;
 use std::process::Command;
 
 use rustix::process::Signal;
@@ -8,6 +10,7 @@ use tools::monitor::terminal::Screen;
 
 use crate::harness::{Rig, Run, send, until};
 use crate::programs::{program, workspace};
+use crate::pseudo_terminal::open_terminal;
 use crate::terminal::Terminal;
 
 const SCENARIO: &str = "scenarios/spring-mass.toml";
@@ -102,6 +105,41 @@ fn whatever_ends_the_view_gives_the_terminal_back() {
     terminal.press("x");
     assert_eq!(terminal.wait().code(), Some(0));
     terminal.assert_restored("the session's end");
+    run.finish().expect(0);
+}
+
+#[test]
+fn a_view_whose_terminal_is_gone_ends() {
+    let rig = Rig::new();
+    let run = rig.held();
+    let (master, line) = open_terminal(USUAL.0, USUAL.1);
+    let end = || line.try_clone().expect("another handle");
+    let mut hil = Command::new(program("hil"));
+    hil.args(["monitor", "--session", rig.session()])
+        .current_dir(workspace());
+    hil.env("TERM", "xterm-256color")
+        .stdin(end())
+        .stdout(end())
+        .stderr(end());
+    let mut view = hil.spawn().expect("starts");
+    drop((hil, line));
+    // The window, which is closed when the view is there.
+    std::thread::spawn(move || {
+        let (mut window, mut seen, mut bytes) = (File::from(master), Vec::new(), [0; 4096]);
+        while let Ok(count @ 1..) = window.read(&mut bytes) {
+            seen.extend_from_slice(&bytes[..count]);
+            if seen.windows(4).any(|part| part == b"quit") {
+                return;
+            }
+        }
+    });
+    let mut status = None;
+    until("the view ends", || {
+        status = view.try_wait().expect("it is our child");
+        status.is_some()
+    });
+    assert_eq!(status.expect("it ended").code(), Some(130));
+    beside(&rig, &["resume"]).expect(0);
     run.finish().expect(0);
 }
 

@@ -90,9 +90,10 @@ impl Desk {
         // Not in the target directory: `cargo new` enters a crate into the workspace that it finds above.
         let user = rustix::process::geteuid().as_raw();
         let folder = std::env::temp_dir().join(format!("hil-book-{user}"));
-        std::fs::create_dir_all(folder.join("bin")).expect("a folder");
-        let lock = File::create(folder.join("lock")).expect("a lock");
+        // Beside the folder, which goes when all is done.
+        let lock = File::create(folder.with_extension("lock")).expect("a lock");
         lock.lock().expect("a lock");
+        std::fs::create_dir_all(folder.join("bin")).expect("a folder");
         let hil = program("hil");
         let desk = Self {
             programs: hil.parent().expect("a folder").into(),

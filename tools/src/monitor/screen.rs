@@ -48,8 +48,9 @@ pub fn show(
     mut display: Display,
     interruption: &Interruption,
 ) -> Result<(), Failure> {
-    let no_terminal = |error| {
-        if interruption.came() {
+    let no_terminal = |error: std::io::Error| {
+        let is_gone = std::io::Error::raw_os_error(&error) == Some(Errno::IO.raw_os_error());
+        if interruption.came() || is_gone {
             Failure::Interrupted // as when the terminal was closed
         } else {
             Failure::infrastructure(format!("error: the terminal does not answer: {error}"))

@@ -181,7 +181,7 @@ impl Work {
             let info = SessionInfo::read(&self.session.folder).ok()?;
             info.run_dir
         });
-        let mut verdict = None;
+        let (mut verdict, mut standings) = (None, None);
         while !self.is_over() && verdict.is_none() && since.elapsed() < END_LIMIT {
             // Asked before the look. Killed, it writes none.
             let is_last = !self.session.owner.is_alive();
@@ -189,7 +189,10 @@ impl Work {
                 .as_ref()
                 .and_then(|folder| std::fs::read_to_string(folder.join("summary.json")).ok());
             let summary: Option<Value> = text.and_then(|text| serde_json::from_str(&text).ok());
-            verdict = summary.and_then(|summary| Some(summary["verdict"].as_str()?.to_owned()));
+            if let Some(mut summary) = summary {
+                verdict = summary["verdict"].as_str().map(str::to_owned);
+                standings = serde_json::from_value(summary["requirements"].take()).ok();
+            }
             if verdict.is_none() && is_last {
                 break;
             }
@@ -200,6 +203,8 @@ impl Work {
         }
         let mut model = self.model.lock();
         model.run_dir = model.run_dir.take().or(run_dir);
+        // What was asked last is older than the end.
+        model.hear_standings(standings);
         model.end(verdict);
     }
 }
