@@ -1,5 +1,6 @@
 //! `hil`, the one program a person calls.
 
+use std::io::Write;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
@@ -7,7 +8,8 @@ fn main() -> ExitCode {
     match tools::execute(&command_line) {
         Ok(exit) => exit.into(),
         Err(failure) => {
-            eprintln!("{failure}");
+            // Standard error may be gone, as a terminal that was closed.
+            let _ = writeln!(std::io::stderr(), "{failure}");
             failure.exit().into()
         }
     }

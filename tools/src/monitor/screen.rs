@@ -15,11 +15,11 @@ use super::{SharedModel, view};
 use crate::exit::Failure;
 use crate::interruption::Interruption;
 
-/// Whether there is something to read within a time.
+/// Waits until there is something to read, for a time at most.
 ///
 /// # Errors
 /// [`Failure::Interrupted`] if the terminal is gone. crossterm would look for keys in it for ever.
-fn has_input(timeout: Duration) -> Result<bool, Failure> {
+fn wait_for_input(timeout: Duration) -> Result<(), Failure> {
     let input = std::io::stdin();
     let mut looked = [PollFd::new(&input, PollFlags::IN)];
     let timeout = Timespec::try_from(timeout).map_err(Failure::infrastructure)?;
@@ -27,11 +27,11 @@ fn has_input(timeout: Duration) -> Result<bool, Failure> {
         Ok(_) | Err(Errno::INTR) => {}
         Err(error) => return Err(Failure::infrastructure(error)),
     }
-    let found = looked[0].revents();
-    if found.intersects(PollFlags::HUP | PollFlags::ERR | PollFlags::NVAL) {
-        return Err(Failure::Interrupted);
+    let is_gone = PollFlags::HUP | PollFlags::ERR | PollFlags::NVAL;
+    match looked[0].revents().intersects(is_gone) {
+        true => Err(Failure::Interrupted),
+        false => Ok(()),
     }
-    Ok(found.contains(PollFlags::IN))
 }
 
 /// How often a picture is drawn, if no key asks for one.
@@ -81,8 +81,13 @@ pub fn show(
             drawn = Some(Instant::now());
         }
         let left = PICTURE.saturating_sub(drawn.map_or(Duration::ZERO, |drawn| drawn.elapsed()));
-        if !has_input(left)? || !event::poll(Duration::ZERO).map_err(no_terminal)? {
-            continue;
+        // Keys that came together are read together, and wait in crossterm for their turn.
+        wait_for_input(Duration::ZERO)?;
+        if !event::poll(Duration::ZERO).map_err(no_terminal)? {
+            wait_for_input(left)?;
+            if !event::poll(Duration::ZERO).map_err(no_terminal)? {
+                continue;
+            }
         }
         match event::read().map_err(no_terminal)? {
             Event::Key(key) if key.kind != KeyEventKind::Release => {
