@@ -1,9 +1,9 @@
 //! `hil report`: one HTML file that shows recorded runs, for eyes and for the file of evidence.
 //!
-//! 1. Each [`Run`] is read for what came of it: verdict, requirements, faults, latency.
-//! 2. A [`Grid`] of simulated time follows from that, fine where something happened.
+//! 1. Each `Run` is read for what came of it: verdict, requirements, faults, latency.
+//! 2. A `Grid` of simulated time follows from that, fine where something happened.
 //! 3. Each run is read once more, its signals as envelopes over that grid.
-//! 4. [`plots`] chooses what to show, `page` writes it.
+//! 4. `plots` chooses what to show, `page` writes it.
 //!
 //! The page asks for nothing from anywhere: its script is vendored, its policy forbids connections, and
 //! whatever a recording says is escaped. Nothing here judges: requirements come from the same code as in
