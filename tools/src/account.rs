@@ -5,17 +5,15 @@
 //! had the run ended there.
 
 use std::collections::BTreeMap;
-use std::ops::Range;
 use std::path::Path;
 
-use hil_config::evaluation::Evaluation;
 use hil_config::plan::Plan;
 use shared_types::record::{Event, Outcome};
 use shared_types::time::Step;
 
 use crate::exit::Failure;
 use crate::faults::{FaultLog, LiveFault};
-use crate::judge;
+use crate::judge::{self, RecordedEvaluation};
 use crate::latency::Latency;
 use crate::latency::recorded::TimingPlaces;
 use crate::recorder::Recorded;
@@ -37,43 +35,21 @@ pub(crate) struct Account {
     pub(crate) plan: Result<Plan, Failure>,
 }
 
-/// Metrics and requirements on their way through the records.
-struct Judge {
-    evaluation: Evaluation,
-    /// Where the signals are in a record.
-    values: Range<usize>,
-    row: Vec<f64>,
-}
-
-impl Judge {
-    /// The scenario of a run, and what judges its records; an excerpt has too few of them.
-    fn of(
-        reader: &RunReader,
-        run: &Path,
-        by: Option<&Path>,
-    ) -> Result<(Plan, Option<Self>), Failure> {
-        let plant = reader.enclosed("plant-description.json");
-        let plant = plant.map_err(Failure::usage)?;
-        let plan = judge::plan(reader, &plant, run, by)?;
-        if reader.is_excerpt() {
-            return Ok((plan, None));
-        }
-        let (columns, values) = judge::columns(reader, &plant)?;
-        let evaluation = Evaluation::new(&plan, &columns).map_err(Failure::usage)?;
-        let judge = Self {
-            evaluation,
-            row: vec![f64::NAN; values.len()],
-            values,
-        };
-        Ok((plan, Some(judge)))
+/// The scenario of a run, and what judges its records; an excerpt has too few of them.
+fn judge(
+    reader: &RunReader,
+    run: &Path,
+    by: Option<&Path>,
+) -> Result<(Plan, Option<RecordedEvaluation>), Failure> {
+    let plant = reader.enclosed("plant-description.json");
+    let plant = plant.map_err(Failure::usage)?;
+    let plan = judge::plan(reader, &plant, run, by)?;
+    if reader.is_excerpt() {
+        return Ok((plan, None));
     }
-
-    fn observe(&mut self, record: &[u64]) {
-        for (value, word) in self.row.iter_mut().zip(&record[self.values.clone()]) {
-            *value = f64::from_bits(*word);
-        }
-        self.evaluation.observe(Step(record[0]), &self.row);
-    }
+    let (columns, values) = judge::columns(reader, &plant)?;
+    let judge = RecordedEvaluation::new(&plan, &columns, values).map_err(Failure::usage)?;
+    Ok((plan, Some(judge)))
 }
 
 impl Account {
@@ -83,7 +59,7 @@ impl Account {
     /// If it is none.
     pub(crate) fn of(run: &Path, by: Option<&Path>) -> Result<Self, ReadError> {
         let mut reader = RunReader::open(run)?;
-        let (plan, mut judge) = match Judge::of(&reader, run, by) {
+        let (plan, mut judge) = match judge(&reader, run, by) {
             Ok((plan, judge)) => (Ok(plan), judge),
             Err(failure) => (Err(failure), None),
         };

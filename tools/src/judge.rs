@@ -8,7 +8,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use hil_config::evaluation::Evaluation;
-use hil_config::expression::{Columns, Group};
+use hil_config::expression::{Columns, ExpressionError, Group};
 use hil_config::plan::Plan;
 use hil_config::scenario::read_regular;
 use serde::Serialize;
@@ -69,15 +69,14 @@ pub fn judged(run: &Path, by: Option<&Path>) -> Result<(Judgement, Plan), Failur
     let plan = plan(&reader, &plant, run, by)?;
     let (columns, values) = columns(&reader, &plant)?;
     let origin = by.unwrap_or(run).display();
-    let mut evaluation = Evaluation::new(&plan, &columns)
+    let mut judge = RecordedEvaluation::new(&plan, &columns, values)
         .map_err(|error| Failure::usage(format!("{origin} does not fit the run: {error}")))?;
     let mut outcome = None;
-    let mut row = vec![f64::NAN; columns.len()];
     loop {
         let goes_on = reader.advance().map_err(refused)?;
         for event in reader.events() {
             match event {
-                Event::Fault(taken) => evaluation.fault(taken.id, Step(taken.step)),
+                Event::Fault(taken) => judge.evaluation.fault(taken.id, Step(taken.step)),
                 Event::End(end) => outcome = Some(format!("{:?}", end.outcome).to_lowercase()),
                 Event::Accepted(_) | Event::FaultEnded(_) | Event::Controller(_) => {}
             }
@@ -85,17 +84,14 @@ pub fn judged(run: &Path, by: Option<&Path>) -> Result<(Judgement, Plan), Failur
         if !goes_on {
             break;
         }
-        for (value, word) in row.iter_mut().zip(&reader.words()[values.clone()]) {
-            *value = f64::from_bits(*word);
-        }
-        evaluation.observe(Step(reader.step()), &row);
+        judge.observe(reader.words());
     }
     if let Some(torn) = reader.torn() {
         eprintln!("note: {torn}");
     }
     // A plant that died told no end; who ended its recording did.
     let outcome = outcome.or_else(|| reader.result("outcome").map(str::to_owned));
-    let requirements: Vec<Requirement> = (evaluation.requirements().iter())
+    let requirements: Vec<Requirement> = (judge.evaluation.requirements().iter())
         .map(Requirement::from)
         .collect();
     let verdict = match outcome.as_deref() {
@@ -108,7 +104,12 @@ pub fn judged(run: &Path, by: Option<&Path>) -> Result<(Judgement, Plan), Failur
         verdict,
         outcome,
         records: reader.records(),
-        metrics: evaluation.results().iter().map(Metric::from).collect(),
+        metrics: judge
+            .evaluation
+            .results()
+            .iter()
+            .map(Metric::from)
+            .collect(),
         requirements,
     };
     Ok((judgement, plan))
@@ -150,6 +151,41 @@ pub(crate) fn plan(
         plots: other.plots,
         ..own
     })
+}
+
+/// An evaluation that is fed with the records of a recording.
+pub(crate) struct RecordedEvaluation {
+    pub(crate) evaluation: Evaluation,
+    /// Where the signals are in a record.
+    values: Range<usize>,
+    row: Vec<f64>,
+}
+
+impl RecordedEvaluation {
+    /// That of a plan, for records that have these columns there.
+    ///
+    /// # Errors
+    /// If the plan does not fit the columns.
+    pub(crate) fn new(
+        plan: &Plan,
+        columns: &Columns,
+        values: Range<usize>,
+    ) -> Result<Self, ExpressionError> {
+        Ok(Self {
+            evaluation: Evaluation::new(plan, columns)?,
+            row: vec![f64::NAN; columns.len()],
+            values,
+        })
+    }
+
+    /// Takes a record; the derived signals at its step.
+    pub(crate) fn observe(&mut self, record: &[u64]) -> &[f64] {
+        for (value, word) in self.row.iter_mut().zip(&record[self.values.clone()]) {
+            *value = f64::from_bits(*word);
+        }
+        self.evaluation.observe(Step(record[0]), &self.row);
+        self.evaluation.derived()
+    }
 }
 
 /// The columns of a recording that are signals, and where they are among the words of a record.

@@ -9,7 +9,7 @@ use hil_config::evaluation::MetricValue;
 use hil_config::plan::{Clock, Plan, Published};
 use serde::Serialize;
 use shared_types::pacer::Streaks;
-use shared_types::record::Outcome;
+use shared_types::record::{Outcome, RunEnd};
 use shared_types::session::SessionInfo;
 use shared_types::time::Step;
 
@@ -140,7 +140,7 @@ struct Overruns {
 
 /// Steps that something happened to.
 #[derive(Clone, Copy, Debug, Serialize)]
-struct Missed {
+pub(crate) struct Missed {
     count: u64,
     longest_streak: u64,
     first_step: Option<u64>,
@@ -156,7 +156,17 @@ impl From<Streaks> for Missed {
     }
 }
 
+/// What is told of both.
+const OVERRAN: &str = "steps overran";
+const MISSED: &str = "commands missed their deadline";
+
 impl Missed {
+    /// What came too late in a run, as a person reads it.
+    pub(crate) fn of_end(end: &RunEnd) -> impl Iterator<Item = String> {
+        let counts = [(end.overruns, OVERRAN), (end.missed_commands, MISSED)];
+        (counts.into_iter()).filter_map(|(streaks, what)| Self::from(streaks).told(what))
+    }
+
     /// As a person reads it, if there is anything to tell.
     fn told(&self, what: &str) -> Option<String> {
         let first_step = self.first_step?;
@@ -348,9 +358,8 @@ impl Summary {
             writeln!(text, "  {}", resumed.told())?;
         }
         let overruns = self.overruns.as_ref();
-        let overran = overruns.and_then(|overruns| overruns.steps.told("steps overran"));
-        let missed = (self.missed_commands.as_ref())
-            .and_then(|missed| missed.told("commands missed their deadline"));
+        let overran = overruns.and_then(|overruns| overruns.steps.told(OVERRAN));
+        let missed = (self.missed_commands.as_ref()).and_then(|missed| missed.told(MISSED));
         for told in overran.iter().chain(&missed) {
             writeln!(text, "  {told}")?;
         }

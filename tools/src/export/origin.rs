@@ -3,14 +3,13 @@
 
 use std::collections::BTreeMap;
 
-use hil_config::evaluation::Evaluation;
 use hil_config::expression::Columns;
 use hil_config::plan::{self, Plan};
 use shared_types::describe::{Description, LawDescription, PlantDescription};
 use shared_types::table::Field;
-use shared_types::time::Step;
 
 use super::table::Column;
+use crate::judge::RecordedEvaluation;
 use crate::repetition::checked;
 use crate::run_reader::RunReader;
 
@@ -65,13 +64,10 @@ impl Origin {
         self.plan.metrics.clear();
         self.plan.analyses.clear();
         self.plan.requirements.clear();
-        let evaluation =
-            Evaluation::new(&self.plan, &columns).map_err(|error| error.to_string())?;
+        let evaluation = RecordedEvaluation::new(&self.plan, &columns, first..first + signals);
         Ok(Derived {
+            evaluation: evaluation.map_err(|error| error.to_string())?,
             signals: self.plan.derived,
-            first,
-            row: vec![f64::NAN; columns.len()],
-            evaluation,
         })
     }
 }
@@ -79,20 +75,13 @@ impl Origin {
 /// The derived signals of a run, computed again from its records.
 pub(super) struct Derived {
     pub(super) signals: Vec<plan::Derived>,
-    /// Where a record has its first signal.
-    first: usize,
-    row: Vec<f64>,
-    evaluation: Evaluation,
+    evaluation: RecordedEvaluation,
 }
 
 impl Derived {
     /// Their values at the step of a record.
-    pub(super) fn of(&mut self, step: Step, words: &[u64]) -> &[f64] {
-        for (value, word) in self.row.iter_mut().zip(&words[self.first..]) {
-            *value = f64::from_bits(*word);
-        }
-        self.evaluation.observe(step, &self.row);
-        self.evaluation.derived()
+    pub(super) fn of(&mut self, record: &[u64]) -> &[f64] {
+        self.evaluation.observe(record)
     }
 }
 

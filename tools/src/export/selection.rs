@@ -225,7 +225,7 @@ impl Selection {
     /// The row of a record.
     pub(super) fn row(&mut self, step: Step, time_s: f64, words: &[u64], cells: &mut Vec<Cell>) {
         let derived = match &mut self.derived {
-            Some(derived) => derived.of(step, words),
+            Some(derived) => derived.of(words),
             None => &[],
         };
         cells.extend(self.sources.iter().map(|source| match *source {

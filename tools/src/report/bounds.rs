@@ -3,7 +3,8 @@
 use hil_config::expression::Expression;
 use hil_config::plan::{self, Plan};
 
-use super::run::{Judged, Run};
+use super::run::Run;
+use crate::requirements::Requirement;
 
 /// One comparison of a requirement of a run.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,7 +43,7 @@ pub(super) fn bounds(number: usize, run: &Run) -> (Vec<Bound>, Vec<plan::Derived
 fn bounds_of(
     number: usize,
     plan: &Plan,
-    judged: &[Judged],
+    judged: &[Requirement],
     end_s: f64,
 ) -> (Vec<Bound>, Vec<plan::Derived>) {
     let (mut bounds, mut extra) = (Vec::new(), Vec::new());

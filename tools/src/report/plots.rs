@@ -195,11 +195,7 @@ impl Choice<'_> {
     fn of_sensors(&mut self) {
         for measured in self.names(|name| name.starts_with("measured.")) {
             let truth = format!("truth.{}", &measured["measured.".len()..]);
-            let differs = |signals: &super::run::Signals| {
-                let pair = signals.get(&measured).zip(signals.get(&truth));
-                pair.is_some_and(|(measured, truth)| !measured.is_same(truth))
-            };
-            if self.ground.signals.iter().any(differs) {
+            if self.differ(&measured, &truth) {
                 self.push_new(
                     "Sensors that do not tell the truth",
                     vec![truth, measured.clone()],

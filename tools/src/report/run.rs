@@ -5,24 +5,22 @@
 //! matter.
 
 use std::collections::BTreeMap;
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use hil_config::evaluation::Evaluation;
 use hil_config::plan::{self, Plan};
 use serde_json::Value;
-use shared_types::record::{Outcome, RunEnd};
+use shared_types::record::Outcome;
 use shared_types::time::{Rate, Step};
 
 use super::envelope::Envelope;
 use super::grid::Grid;
 use crate::account::Account;
 use crate::exit::Failure;
-use crate::judge;
+use crate::judge::{self, RecordedEvaluation};
 use crate::latency::spikes::KEPT;
 use crate::requirements::{self, Requirement};
 use crate::run_reader::{ReadError, RunReader};
-use crate::summary::Metric;
+use crate::summary::{Metric, Missed};
 
 /// Words of measured time that are worth a plot.
 const TIMES: [&str; 5] = [
@@ -45,24 +43,12 @@ pub(super) struct Run {
     pub(super) last: Step,
     pub(super) reason: Option<String>,
     pub(super) verdict: String,
-    pub(super) requirements: Vec<Judged>,
+    pub(super) requirements: Vec<Requirement>,
     pub(super) metrics: Vec<Metric>,
     /// Effects of faults in the order in which they took hold.
     pub(super) spans: Vec<Span>,
     /// What a reader should know before anything else.
     pub(super) notes: Vec<String>,
-}
-
-/// A requirement and what came of it.
-#[derive(Clone, Debug)]
-pub(super) struct Judged {
-    pub(super) name: String,
-    pub(super) formula: String,
-    pub(super) verdict: String,
-    pub(super) robustness: Option<f64>,
-    pub(super) unit: String,
-    pub(super) at_s: Option<f64>,
-    pub(super) decided_at_s: Option<f64>,
 }
 
 /// A time in which a fault acts.
@@ -73,20 +59,6 @@ pub(super) struct Span {
     pub(super) from_s: f64,
     /// `None`: to the end.
     pub(super) until_s: Option<f64>,
-}
-
-impl From<Requirement> for Judged {
-    fn from(one: Requirement) -> Self {
-        Self {
-            name: one.name,
-            formula: one.formula,
-            verdict: one.verdict.into(),
-            robustness: one.robustness,
-            unit: one.unit,
-            at_s: one.at_s,
-            decided_at_s: one.decided_at_s,
-        }
-    }
 }
 
 impl Run {
@@ -121,18 +93,11 @@ impl Run {
             }
         };
         let recorded = &account.recorded;
-        let mut requirements: Vec<Judged> = (recorded.requirements.iter())
-            .map(|one| Requirement::from(one).into())
+        let mut requirements: Vec<Requirement> = (recorded.requirements.iter())
+            .map(Requirement::from)
             .collect();
         let mut verdict = match outcome {
-            Outcome::Completed => {
-                let values: Vec<_> = recorded
-                    .requirements
-                    .iter()
-                    .map(Requirement::from)
-                    .collect();
-                requirements::verdict(&values).to_owned()
-            }
+            Outcome::Completed => requirements::verdict(&requirements).to_owned(),
             _ => "aborted".to_owned(),
         };
         if let Some(kept) = account.reader.fact(crate::run_reader::EXCERPT) {
@@ -157,7 +122,7 @@ impl Run {
         if (is_other || account.damage.is_some()) && verdict == "pass" {
             verdict = "not judged".into();
         }
-        notes.extend(account.recorded.end.iter().flat_map(missed));
+        notes.extend(account.recorded.end.iter().flat_map(Missed::of_end));
         let spans = spans(&account, rate);
         Ok(Self {
             label: String::new(),
@@ -252,7 +217,7 @@ impl Reading<'_> {
             }
         }
         let mut derived = self.derived(&reader);
-        for one in derived.iter().flat_map(|derived| &derived.signals) {
+        for one in derived.iter().flat_map(|(signals, _)| signals) {
             signals.push(&one.name, &one.unit, grid);
         }
         let mut bucket = 0;
@@ -271,8 +236,8 @@ impl Reading<'_> {
                     true => {}
                 }
             }
-            if let Some(derived) = &mut derived {
-                for (envelope, value) in computed.iter_mut().zip(derived.at(step, words)) {
+            if let Some((_, evaluation)) = &mut derived {
+                for (envelope, value) in computed.iter_mut().zip(evaluation.observe(words)) {
                     envelope.take(bucket, *value);
                 }
             }
@@ -281,9 +246,9 @@ impl Reading<'_> {
         Ok(signals)
     }
 
-    /// What computes its derived signals and the extra ones; `None` of an excerpt, which lacks what they
-    /// are made of.
-    fn derived(&self, reader: &RunReader) -> Option<Derived> {
+    /// Its derived signals and the extra ones, and what computes them; `None` of an excerpt, which lacks
+    /// what they are made of.
+    fn derived(&self, reader: &RunReader) -> Option<(Vec<plan::Derived>, RecordedEvaluation)> {
         let plan = self.plan.filter(|_| !reader.is_excerpt())?;
         let plant = reader.enclosed("plant-description.json").ok()?;
         let (columns, words) = judge::columns(reader, &plant).ok()?;
@@ -300,31 +265,8 @@ impl Reading<'_> {
             requirements: Vec::new(),
             ..plan.clone()
         };
-        Some(Derived {
-            evaluation: Evaluation::new(&plan, &columns).ok()?,
-            row: vec![f64::NAN; words.len()],
-            words,
-            signals,
-        })
-    }
-}
-
-/// Derived signals, computed from records.
-struct Derived {
-    signals: Vec<plan::Derived>,
-    evaluation: Evaluation,
-    row: Vec<f64>,
-    /// Where the signals are in a record.
-    words: Range<usize>,
-}
-
-impl Derived {
-    fn at(&mut self, step: Step, record: &[u64]) -> &[f64] {
-        for (value, word) in self.row.iter_mut().zip(&record[self.words.clone()]) {
-            *value = f64::from_bits(*word);
-        }
-        self.evaluation.observe(step, &self.row);
-        self.evaluation.derived()
+        let evaluation = RecordedEvaluation::new(&plan, &columns, words).ok()?;
+        Some((signals, evaluation))
     }
 }
 
@@ -372,21 +314,6 @@ impl Signals {
     }
 }
 
-/// What came too late, as the plant counted it.
-fn missed(end: &RunEnd) -> Vec<String> {
-    let counts = [
-        (end.overruns, "steps overran"),
-        (end.missed_commands, "commands missed their deadline"),
-    ];
-    let counts = counts.into_iter().filter_map(|(streaks, what)| {
-        let (count, longest, first) = (streaks.count, streaks.longest, streaks.first_step?);
-        Some(format!(
-            "{count} {what}, {longest} in a row at most, the first at step {first}"
-        ))
-    });
-    counts.collect()
-}
-
 /// When faults acted: one span for each event, from its first effect to the end of its last.
 fn spans(account: &Account, rate: Rate) -> Vec<Span> {
     let faults = &account.recorded.faults;
@@ -420,7 +347,7 @@ fn spans(account: &Account, rate: Rate) -> Vec<Span> {
 }
 
 /// Verdict and requirements of the `summary.json` beside a recording.
-fn summary_beside(run: &Path) -> Option<(String, Vec<Judged>)> {
+fn summary_beside(run: &Path) -> Option<(String, Vec<Requirement>)> {
     let folder = if run.is_dir() { run } else { run.parent()? };
     let text = std::fs::read_to_string(folder.join("summary.json")).ok()?;
     let summary: Value = serde_json::from_str(&text).ok()?;
@@ -428,10 +355,14 @@ fn summary_beside(run: &Path) -> Option<(String, Vec<Judged>)> {
     let requirements = summary["requirements"]
         .as_array()?
         .iter()
-        .map(|one| Judged {
+        .map(|one| Requirement {
             name: text(&one["name"]),
             formula: text(&one["formula"]),
-            verdict: text(&one["verdict"]),
+            verdict: match one["verdict"].as_str() {
+                Some("pass") => "pass",
+                Some("fail") => "fail",
+                _ => "undecided",
+            },
             robustness: one["robustness"].as_f64(),
             unit: text(&one["unit"]),
             at_s: one["at_s"].as_f64(),

@@ -6,9 +6,10 @@ use hil_config::plan::Published;
 use maud::{Markup, html};
 use shared_types::time::Step;
 
-use super::run::{Judged, Run};
+use super::run::Run;
 use crate::doctor::measure::shown_ns;
 use crate::latency::percentiles::Percentiles;
+use crate::requirements::Requirement;
 use crate::summary::{Metric, short};
 
 /// What levels of evidence mean.
@@ -84,7 +85,7 @@ fn digest(run: &Run) -> Markup {
 
 /// Every requirement with its margin in every run.
 pub(super) fn requirements(runs: &[Run]) -> Markup {
-    let mut names: Vec<&Judged> = Vec::new();
+    let mut names: Vec<&Requirement> = Vec::new();
     for one in runs.iter().flat_map(|run| &run.requirements) {
         if !names.iter().any(|known| known.name == one.name) {
             names.push(one);
@@ -111,9 +112,9 @@ pub(super) fn requirements(runs: &[Run]) -> Markup {
     }
 }
 
-fn margin(run: usize, judged: &Judged) -> Markup {
+fn margin(run: usize, judged: &Requirement) -> Markup {
     html! {
-        (badge(&judged.verdict)) " "
+        (badge(judged.verdict)) " "
         @if let Some(robustness) = judged.robustness {
             @if let Some(at_s) = judged.at_s {
                 button.link type="button" data-requirement=(judged.name) data-run=(run) data-at=(at_s) {
