@@ -90,6 +90,15 @@ pub fn listed<S: AsRef<str>>(names: &[S]) -> String {
     names.join(", ")
 }
 
+/// The names closest to an unknown one, to be put behind what is said of it; empty if none is close.
+pub(crate) fn near<'a>(name: &str, names: impl IntoIterator<Item = &'a str>) -> String {
+    let near = nearest(name, names);
+    match near.is_empty() {
+        true => String::new(),
+        false => format!("; nearest: {}", listed(&near)),
+    }
+}
+
 /// An answer as a line of JSON.
 ///
 /// # Errors

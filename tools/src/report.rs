@@ -24,14 +24,13 @@ use std::thread;
 
 use glob::Pattern;
 use serde::Serialize;
-use shared_types::table::nearest;
 
 use crate::cli::report::ReportArguments;
 use crate::destination::Destination;
 use crate::exit::{Exit, Failure};
 use crate::export::not_written;
 use crate::interruption::Interruption;
-use crate::live::listed;
+use crate::live::near;
 use crate::output;
 use bounds::bounds;
 use grid::Grid;
@@ -183,11 +182,7 @@ fn refuse_unknown(asked: &[Pattern], signals: &[Signals]) -> Result<(), Failure>
     };
     for pattern in asked {
         if !names().any(|name| pattern.matches(name)) {
-            let near = nearest(pattern.as_str(), names());
-            let near = match near.is_empty() {
-                true => String::new(),
-                false => format!("; nearest: {}", listed(&near)),
-            };
+            let near = near(pattern.as_str(), names());
             return Err(Failure::usage(format!(
                 "no run has a signal `{pattern}`{near}\n  `hil export RUN --list` shows all"
             )));

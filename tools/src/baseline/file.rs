@@ -22,12 +22,11 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
-use shared_types::table::nearest;
 use toml_edit::{DocumentMut, InlineTable, Item, Table, TableLike, Value};
 
 use super::figures::{Figures, STATISTICS};
 use crate::exit::Failure;
-use crate::live::listed;
+use crate::live::near;
 use crate::part_file::PartFile;
 use crate::run;
 
@@ -177,12 +176,7 @@ impl BaselineFile {
     /// If there is none, with the nearest names.
     pub(super) fn find(&self, name: &str) -> Result<&Baseline, Failure> {
         self.get(name).ok_or_else(|| {
-            let near = nearest(name, self.content.baselines.keys().map(String::as_str));
-            let near = if near.is_empty() {
-                String::new()
-            } else {
-                format!("; nearest: {}", listed(&near))
-            };
+            let near = near(name, self.content.baselines.keys().map(String::as_str));
             let shown = self.path.display();
             Failure::usage(format!(
                 "{shown} has no baseline `{name}`{near}; --update makes one"

@@ -5,9 +5,7 @@
 use std::collections::BTreeMap;
 use std::str::FromStr;
 
-use shared_types::table::nearest;
-
-use crate::live::listed;
+use crate::live::near;
 
 /// One `--tolerance`, as it is typed: `X` for every signal, or `SIGNAL=X`.
 #[derive(Clone, Debug, PartialEq)]
@@ -77,12 +75,7 @@ impl Tolerances {
         let Some(name) = self.of.keys().find(unknown) else {
             return Ok(());
         };
-        let near = nearest(name, known);
-        let near = if near.is_empty() {
-            String::new()
-        } else {
-            format!("; nearest: {}", listed(&near))
-        };
+        let near = near(name, known);
         Err(format!("--tolerance: no signal `{name}` is compared{near}"))
     }
 }

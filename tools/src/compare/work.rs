@@ -4,14 +4,13 @@ use std::path::Path;
 
 use serde_json::Value;
 use shared_types::record::Event;
-use shared_types::table::nearest;
 use shared_types::time::{Rate, Step};
 
 use super::tolerance::Tolerances;
 use super::{
     CompareError, Comparison, Deviation, Difference, Side, SignalDifference, Verdict, number,
 };
-use crate::live::listed;
+use crate::live::near;
 use crate::run_reader::{Column, RunReader};
 
 /// A comparison going on.
@@ -83,12 +82,7 @@ impl Work {
                 let known: Vec<&str> = known.map(|column| column.name.as_str()).collect();
                 if !known.contains(&name.as_str()) {
                     let path = reader.path().display();
-                    let near = nearest(name, known);
-                    let near = if near.is_empty() {
-                        String::new()
-                    } else {
-                        format!("; nearest: {}", listed(&near))
-                    };
+                    let near = near(name, known);
                     return Err(CompareError::NotComparable(format!(
                         "{path} has no signal `{name}`{near}"
                     )));

@@ -3,13 +3,13 @@
 use std::collections::BTreeSet;
 
 use glob::Pattern;
-use shared_types::table::{Field, nearest};
+use shared_types::table::Field;
 use shared_types::time::Step;
 
 use super::origin::{Derived, Origin};
 use super::table::{Cell, Column, Kind};
 use crate::exit::Failure;
-use crate::live::listed;
+use crate::live::near;
 use crate::run_reader::RunReader;
 
 /// The columns of a table.
@@ -131,11 +131,8 @@ impl Offer {
     }
 
     fn unknown(&self, reader: &RunReader, text: &str) -> Failure {
-        let near = nearest(text, self.columns.iter().map(|column| column.name.as_str()));
-        let mut message = format!("{} has no signal `{text}`", reader.path().display());
-        if !near.is_empty() {
-            message += &format!("; nearest: {}", listed(&near));
-        }
+        let near = near(text, self.columns.iter().map(|column| column.name.as_str()));
+        let mut message = format!("{} has no signal `{text}`{near}", reader.path().display());
         if let Some(why) = &self.why_not {
             message += &format!("\n  its derived signals are not known: {why}");
         }

@@ -222,8 +222,12 @@ impl Model {
         self.faults = faults;
     }
 
-    /// What is said of the requirements. A silence does not unsay what was known.
+    /// What is said of the requirements. A silence does not unsay what was known, and an answer that
+    /// comes after the end is older than the summary.
     pub fn hear_standings(&mut self, standings: Option<Vec<Standing>>) {
+        if self.ending.as_ref().is_some_and(|ending| ending.is_gone) {
+            return;
+        }
         match standings {
             Some(standings) => self.judged = Judged::Known(standings),
             None if matches!(self.judged, Judged::Known(_)) => {}

@@ -5,10 +5,9 @@
 
 use glob::Pattern;
 use hil_config::expression::Group;
-use shared_types::table::nearest;
 
 use crate::exit::Failure;
-use crate::live::listed;
+use crate::live::near;
 
 /// Most signals in one plot.
 const TOGETHER: usize = 4;
@@ -110,11 +109,7 @@ pub fn chosen(columns: &[Column], patterns: &[String]) -> Result<Vec<Plot>, Fail
             .collect();
         if matching.is_empty() {
             let names: Vec<String> = columns.iter().map(Column::full_name).collect();
-            let near = nearest(text, names.iter().map(String::as_str));
-            let near = match near.is_empty() {
-                true => String::new(),
-                false => format!("; nearest: {}", listed(&near)),
-            };
+            let near = near(text, names.iter().map(String::as_str));
             return Err(Failure::usage(format!(
                 "the session has no signal `{text}`{near}"
             )));

@@ -10,11 +10,11 @@ use std::ops::Range;
 
 use glob::Pattern;
 use shared_types::record::{GROUPS, RecordLayout, RecordView, Timing};
-use shared_types::table::{Field, nearest};
+use shared_types::table::Field;
 use shared_types::time::{Rate, Step};
 
 use super::Head;
-use crate::live::listed;
+use crate::live::near;
 
 /// What is to be kept.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -66,11 +66,7 @@ impl Choice {
                 }
             }
             if !fits {
-                let near = nearest(text, names.iter().map(String::as_str));
-                let near = match near.len() {
-                    0 => String::new(),
-                    _ => format!("; nearest: {}", listed(&near)),
-                };
+                let near = near(text, names.iter().map(String::as_str));
                 return Err(format!("no signal of this run fits `{text}`{near}"));
             }
         }

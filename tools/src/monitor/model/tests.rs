@@ -213,6 +213,24 @@ fn a_silence_about_requirements_does_not_unsay_what_was_known() {
 }
 
 #[test]
+fn an_answer_that_comes_after_the_end_does_not_replace_the_summary() {
+    let late = Standing {
+        name: "settles".into(),
+        verdict: "undecided".into(),
+        robustness: None,
+        at_least: None,
+        at_most: None,
+        unit: "m".into(),
+        decided_at_s: None,
+    };
+    let mut model = attached(spring_mass(), &[]);
+    model.hear_standings(Some(Vec::new()));
+    model.end(None);
+    model.hear_standings(Some(vec![late]));
+    assert_eq!(*model.judged(), Judged::Known(Vec::new()));
+}
+
+#[test]
 fn values_that_are_no_numbers_stay_visible_as_such() {
     let plan = spring_mass();
     let layout = layout(&plan);
