@@ -122,7 +122,8 @@ mod tests {
             .iter()
             .filter(|edge| **edge > 15_000_000_000)
             .count();
-        assert_eq!(far, 5 * 100, "even buckets of 10 ms in the last 5 s");
+        // 200,001 steps in at most 2000 buckets are 101 to each.
+        assert_eq!(far, 50_000 / 101);
     }
 
     #[test]
