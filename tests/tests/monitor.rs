@@ -112,6 +112,15 @@ fn whatever_ends_the_view_gives_the_terminal_back() {
 fn a_view_whose_terminal_is_gone_ends() {
     let rig = Rig::new();
     let run = rig.held();
+    // Often, because it may be doing anything when its window goes.
+    for _ in 0..10 {
+        assert_eq!(exit_of_a_view_without_its_window(&rig), Some(130));
+    }
+    beside(&rig, &["resume"]).expect(0);
+    run.finish().expect(0);
+}
+
+fn exit_of_a_view_without_its_window(rig: &Rig) -> Option<i32> {
     let (master, line) = open_terminal(USUAL.0, USUAL.1);
     let end = || line.try_clone().expect("another handle");
     let mut hil = Command::new(program("hil"));
@@ -138,9 +147,7 @@ fn a_view_whose_terminal_is_gone_ends() {
         status = view.try_wait().expect("it is our child");
         status.is_some()
     });
-    assert_eq!(status.expect("it ended").code(), Some(130));
-    beside(&rig, &["resume"]).expect(0);
-    run.finish().expect(0);
+    status.expect("it ended").code()
 }
 
 #[test]

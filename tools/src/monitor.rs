@@ -17,6 +17,7 @@ pub mod display;
 #[cfg(feature = "foxglove")]
 pub mod foxglove;
 pub mod history;
+pub mod keys;
 pub mod line;
 pub mod model;
 pub mod pace;

@@ -2,37 +2,17 @@
 
 use std::time::{Duration, Instant};
 
-use ratatui::crossterm::event::{self, Event, KeyEventKind};
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::io::Errno;
+use ratatui::crossterm::event::{Event, KeyEventKind};
 use shared_types::clock::monotonic_ns;
 
 use super::asking::Asking;
 use super::display::{Action, Display};
+use super::keys::{Keys, terminal_is_gone};
 use super::terminal::Screen;
 use super::watch::Watch;
 use super::{SharedModel, view};
 use crate::exit::Failure;
 use crate::interruption::Interruption;
-
-/// Waits until there is something to read, for a time at most.
-///
-/// # Errors
-/// [`Failure::Interrupted`] if the terminal is gone. crossterm would look for keys in it for ever.
-fn wait_for_input(timeout: Duration) -> Result<(), Failure> {
-    let input = std::io::stdin();
-    let mut looked = [PollFd::new(&input, PollFlags::IN)];
-    let timeout = Timespec::try_from(timeout).map_err(Failure::infrastructure)?;
-    match poll(&mut looked, Some(&timeout)) {
-        Ok(_) | Err(Errno::INTR) => {}
-        Err(error) => return Err(Failure::infrastructure(error)),
-    }
-    let is_gone = PollFlags::HUP | PollFlags::ERR | PollFlags::NVAL;
-    match looked[0].revents().intersects(is_gone) {
-        true => Err(Failure::Interrupted),
-        false => Ok(()),
-    }
-}
 
 /// How often a picture is drawn, if no key asks for one.
 const PICTURE: Duration = Duration::from_millis(100);
@@ -49,14 +29,14 @@ pub fn show(
     interruption: &Interruption,
 ) -> Result<(), Failure> {
     let no_terminal = |error: std::io::Error| {
-        let is_gone = std::io::Error::raw_os_error(&error) == Some(Errno::IO.raw_os_error());
-        if interruption.came() || is_gone {
+        if interruption.came() || terminal_is_gone() {
             Failure::Interrupted // as when the terminal was closed
         } else {
             Failure::infrastructure(format!("error: the terminal does not answer: {error}"))
         }
     };
     let mut screen = Screen::take().map_err(no_terminal)?;
+    let keys = Keys::start();
     let mut drawn: Option<Instant> = None;
     loop {
         if interruption.came() {
@@ -81,16 +61,8 @@ pub fn show(
             drawn = Some(Instant::now());
         }
         let left = PICTURE.saturating_sub(drawn.map_or(Duration::ZERO, |drawn| drawn.elapsed()));
-        // Keys that came together are read together, and wait in crossterm for their turn.
-        wait_for_input(Duration::ZERO)?;
-        if !event::poll(Duration::ZERO).map_err(no_terminal)? {
-            wait_for_input(left)?;
-            if !event::poll(Duration::ZERO).map_err(no_terminal)? {
-                continue;
-            }
-        }
-        match event::read().map_err(no_terminal)? {
-            Event::Key(key) if key.kind != KeyEventKind::Release => {
+        match keys.next(left).map_err(no_terminal)? {
+            Some(Event::Key(key)) if key.kind != KeyEventKind::Release => {
                 let (plots, ended) = {
                     let model = model.lock();
                     (model.plots().len(), model.ending().is_some())
@@ -103,7 +75,7 @@ pub fn show(
                 }
                 drawn = None;
             }
-            Event::Resize(..) => drawn = None,
+            Some(Event::Resize(..)) => drawn = None,
             _ => {}
         }
     }

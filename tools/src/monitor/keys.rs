@@ -1,0 +1,57 @@
+//! What the terminal tells the view: keys, and its new size.
+//!
+//! It is read on a thread of its own, because crossterm looks for keys in a terminal that is gone for
+//! ever. Whether it is gone, the loop of the view looks itself.
+
+use std::io;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::time::Duration;
+
+use ratatui::crossterm::event::{self, Event};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
+
+/// The thread as its owner sees it.
+pub struct Keys {
+    events: Receiver<io::Result<Event>>,
+}
+
+impl Keys {
+    /// Reads the terminal from now on. It must be in raw mode.
+    #[must_use]
+    pub fn start() -> Self {
+        let (sender, events) = channel();
+        // Not joined: nothing wakes it but a key.
+        std::thread::spawn(move || {
+            loop {
+                let event = event::read();
+                let is_last = event.is_err();
+                if sender.send(event).is_err() || is_last {
+                    return;
+                }
+            }
+        });
+        Self { events }
+    }
+
+    /// The next event, if one comes in time.
+    ///
+    /// # Errors
+    /// If the terminal cannot be read, or is gone.
+    pub fn next(&self, timeout: Duration) -> io::Result<Option<Event>> {
+        match self.events.recv_timeout(timeout) {
+            Ok(event) => event.map(Some),
+            Err(RecvTimeoutError::Timeout) if !terminal_is_gone() => Ok(None),
+            Err(_) => Err(Errno::IO.into()), // as when it is written to
+        }
+    }
+}
+
+/// Whether nobody is at the other end of the terminal any more.
+#[must_use]
+pub fn terminal_is_gone() -> bool {
+    let input = io::stdin();
+    let mut looked = [PollFd::new(&input, PollFlags::empty())];
+    let found = poll(&mut looked, Some(&Timespec::default()));
+    found.is_ok_and(|with_something_to_tell| with_something_to_tell > 0)
+}
