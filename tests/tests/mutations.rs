@@ -7,7 +7,7 @@ use std::process::{Command, Output};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::programs::{target, workspace};
+use crate::programs::{build, workspace};
 
 /// A file of the machines, what stands there, what the mutant has instead.
 const MUTANTS: [(&str, &str, &str); 9] = [
@@ -98,10 +98,8 @@ struct Libraries {
 
 impl Libraries {
     fn built() -> Self {
-        let mut cargo = Command::new(env!("CARGO"));
-        cargo.args(["build", "--package", "shared-types", "--lib"]);
-        cargo.args(["--message-format", "json", "--target-dir"]);
-        let output = cargo.arg(target()).current_dir(workspace()).output();
+        let mut cargo = build();
+        let output = cargo.args(["--message-format", "json"]).output();
         let output = output.expect("cargo can be run");
         assert!(output.status.success(), "{cargo:?}");
         let said = String::from_utf8_lossy(&output.stdout);

@@ -43,11 +43,23 @@ impl Profile {
         let mut cargo = Command::new(env!("CARGO"));
         cargo.arg("build").current_dir(workspace());
         cargo.arg("--target-dir").arg(target());
+        cargo.args(["--workspace", "--bins"]);
         if self == Self::Release {
             cargo.arg("--release");
         }
         cargo
     }
+}
+
+/// A `cargo build` of all programs with the profile of this test binary. With the examples, because
+/// dependencies then have the features that they have for the tests and are not built once more.
+pub(crate) fn build() -> Command {
+    let mut cargo = Profile::own().build();
+    cargo.arg("--examples");
+    if cfg!(feature = "foxglove") {
+        cargo.args(["--features", "tests/foxglove"]);
+    }
+    cargo
 }
 
 fn own_folder() -> PathBuf {
@@ -71,16 +83,8 @@ fn finish(cargo: &mut Command) {
 /// A program of the workspace, as fresh as the sources.
 pub(crate) fn program(name: &str) -> PathBuf {
     static BUILT: OnceLock<()> = OnceLock::new();
-    let profile = Profile::own();
-    BUILT.get_or_init(|| {
-        let mut cargo = profile.build();
-        cargo.args(["--workspace", "--bins"]);
-        if cfg!(feature = "foxglove") {
-            cargo.args(["--features", "tools/foxglove"]);
-        }
-        finish(&mut cargo);
-    });
-    profile.folder().join(name)
+    BUILT.get_or_init(|| finish(&mut build()));
+    Profile::own().folder().join(name)
 }
 
 /// The controller that does everything wrong, from `tests/examples`.
@@ -95,10 +99,7 @@ pub(crate) fn misbehaving_plant() -> PathBuf {
 
 /// A plant or controller from `tests/examples`.
 pub(crate) fn program_of_tests(name: &str) -> PathBuf {
-    static BUILT: OnceLock<()> = OnceLock::new();
-    let profile = Profile::own();
-    BUILT.get_or_init(|| finish(profile.build().args(["-p", "tests", "--examples"])));
-    profile.folder().join("examples").join(name)
+    program("examples").join(name)
 }
 
 /// `hil` of the other profile, if `HIL_TEST_RELEASE` asks for the minutes that its build may take.
@@ -109,7 +110,7 @@ pub(crate) fn other_hil() -> Option<PathBuf> {
         Profile::Release => Profile::Debug,
     };
     demanded("HIL_TEST_RELEASE").then(|| {
-        finish(other.build().args(["--workspace", "--bins"]));
+        finish(&mut other.build());
         other.folder().join("hil")
     })
 }
