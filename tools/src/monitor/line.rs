@@ -12,6 +12,7 @@ pub fn ended(model: &Model, ending: &Ending) -> String {
     let mut text = format!("{} ended: ", model.plan().name);
     text += &match (&ending.verdict, ending.outcome) {
         (Some(verdict), _) => verdict.clone(),
+        (None, _) if ending.is_abandoned => "hil was killed".into(),
         (None, Some(outcome)) => told(outcome).into(),
         (None, None) if ending.is_gone => "without a word".into(),
         (None, None) => "no record comes any more".into(),
@@ -23,7 +24,11 @@ pub fn ended(model: &Model, ending: &Ending) -> String {
         text += &format!(", {reason}");
     }
     if let Some(folder) = &model.run_dir {
-        text += &format!(", {}", folder.display());
+        let folder = folder.display();
+        text += &match ending.is_abandoned {
+            true => format!(", `hil recover {folder}` makes whole what it recorded"),
+            false => format!(", {folder}"),
+        };
     }
     text
 }
@@ -48,7 +53,9 @@ pub fn text(model: &Model, now_ns: u64) -> String {
         let (time_s, total_s) = (model.seconds(step), model.seconds(model.plan().run.steps));
         parts.push(format!("step {step}, {time_s} of {total_s} s"));
     }
-    if let Some(speed) = model.speed(now_ns) {
+    if model.is_owner_stopped {
+        parts.push("hil is stopped".into());
+    } else if let Some(speed) = model.speed(now_ns) {
         parts.push(format!("{speed:.2}x real time"));
     }
     if let Some(trips) = model.pace().round_trips() {

@@ -32,6 +32,8 @@ pub struct Ending {
     pub verdict: Option<String>,
     /// `hil` has removed the session.
     pub is_gone: bool,
+    /// `hil` was killed before it could write a summary.
+    pub is_abandoned: bool,
 }
 
 /// What is known of the requirements.
@@ -73,6 +75,8 @@ pub struct Model {
     joined: Option<u64>,
     /// Records and events that were lost since it joined.
     pub lost: u64,
+    /// `hil` is stopped, by a signal or a debugger, and the run with it.
+    pub is_owner_stopped: bool,
     status: Option<Status>,
     faults: Vec<FaultState>,
     judged: Judged,
@@ -97,6 +101,7 @@ impl Model {
             step: None,
             joined: None,
             lost: 0,
+            is_owner_stopped: false,
             status: None,
             faults: Vec::new(),
             judged: Judged::Unknown,
@@ -240,6 +245,12 @@ impl Model {
         let ending = self.ending.get_or_insert_default();
         ending.is_gone = true;
         ending.verdict = verdict;
+    }
+
+    /// The session is no more, because `hil` was killed.
+    pub fn abandon(&mut self) {
+        self.end(None);
+        self.ending.get_or_insert_default().is_abandoned = true;
     }
 
     /// The scenario.

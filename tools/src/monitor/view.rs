@@ -29,11 +29,11 @@ const PLOT_ROWS: u16 = 5;
 pub fn draw(frame: &mut Frame<'_>, model: &Model, display: &Display, now_ns: u64) {
     let area = frame.area();
     let head_rows = if area.height >= 9 { 3 } else { 1 };
-    let foot_rows = if area.height >= 6 { 2 } else { 1 };
-    let [head, middle, foot] = Layout::vertical([
+    let foot = foot_lines(model, display, area.width, area.height);
+    let [head, middle, below] = Layout::vertical([
         Constraint::Length(head_rows),
         Constraint::Min(0),
-        Constraint::Length(foot_rows),
+        Constraint::Length(foot.len() as u16),
     ])
     .areas(area);
     let lines = head_lines(model, display.abilities, head.width, now_ns);
@@ -43,8 +43,7 @@ pub fn draw(frame: &mut Frame<'_>, model: &Model, display: &Display, now_ns: u64
     } else {
         draw_middle(frame, middle, model, display);
     }
-    let lines = foot_lines(model, display, foot.width, foot_rows);
-    frame.render_widget(Paragraph::new(lines), foot);
+    frame.render_widget(Paragraph::new(foot), below);
 }
 
 fn draw_middle(frame: &mut Frame<'_>, area: Rect, model: &Model, display: &Display) {
@@ -138,9 +137,10 @@ fn head_lines<'a>(
     };
     let share = model.step().unwrap_or(0) as f64 / plan.run.steps as f64;
     let speed = match model.speed(now_ns) {
-        Some(speed) if model.state() == "running" => {
+        Some(speed) if model.state() == "running" && !model.is_owner_stopped => {
             format!("{speed:.*}x real time", usize::from(speed < 100.0))
         }
+        _ if model.is_owner_stopped => "hil is stopped".into(),
         _ => "- x real time".into(),
     };
     let lost = match model.lost {
@@ -218,8 +218,9 @@ fn emphasis(abilities: Abilities, word: &str) -> Style {
     }
 }
 
-fn foot_lines<'a>(model: &'a Model, display: &'a Display, width: u16, rows: u16) -> Vec<Line<'a>> {
-    let message = if let Some(question) = &display.question {
+/// A message, of as many lines as the height allows, and the keys if there is room for both.
+fn foot_lines(model: &Model, display: &Display, width: u16, height: u16) -> Vec<Line<'static>> {
+    let (text, style) = if let Some(question) = &display.question {
         let text = format!("{} y: yes, any other key: no", question.text);
         let width = usize::from(width);
         let short = format!("{} y/n", question.text);
@@ -230,13 +231,13 @@ fn foot_lines<'a>(model: &'a Model, display: &'a Display, width: u16, rows: u16)
         } else {
             format!("y/n? {}", question.text)
         };
-        Line::styled(text, Modifier::REVERSED)
+        (text, Modifier::REVERSED.into())
     } else if let Some(ending) = model.ending() {
-        Line::styled(super::line::ended(model, ending), Modifier::BOLD)
+        (super::line::ended(model, ending), Modifier::BOLD.into())
     } else if let Some(answer) = &display.answer {
-        Line::from(answer.as_str())
+        (answer.clone(), Style::new())
     } else {
-        Line::from(model.note().unwrap_or_default())
+        (model.note().unwrap_or_default().into(), Style::new())
     };
     let prepared = match display.prepared.len() {
         0 => String::new(),
@@ -270,12 +271,34 @@ fn foot_lines<'a>(model: &'a Model, display: &'a Display, width: u16, rows: u16)
         )
     };
     let keys = keys.style(Modifier::DIM);
-    let has_something = message.width() > 0;
-    match rows {
-        1 if has_something => vec![message],
-        1 => vec![keys],
-        _ => vec![message, keys],
+    if height < 6 && text.is_empty() {
+        return vec![keys];
     }
+    let most = usize::from((height / 4).max(1));
+    let mut lines: Vec<Line<'_>> = wrapped(&text, usize::from(width))
+        .into_iter()
+        .take(most)
+        .map(|line| Line::styled(line, style))
+        .collect();
+    if height >= 6 {
+        lines.push(keys);
+    }
+    lines
+}
+
+/// A text in lines that are no longer than `width`, unless a word is.
+fn wrapped(text: &str, width: usize) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split(' ') {
+        match lines.last_mut() {
+            Some(line) if line.chars().count() + 1 + word.chars().count() <= width => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.into()),
+        }
+    }
+    lines
 }
 
 fn help(frame: &mut Frame<'_>, area: Rect, display: &Display) {

@@ -167,6 +167,7 @@ impl Work {
             }
             if looked.elapsed() > LOOK {
                 looked = Instant::now();
+                self.model.lock().is_owner_stopped = self.session.owner.is_stopped();
             }
             std::thread::sleep(observer.nap());
         }
@@ -205,6 +206,10 @@ impl Work {
         model.run_dir = model.run_dir.take().or(run_dir);
         // What was asked last is older than the end.
         model.hear_standings(standings);
-        model.end(verdict);
+        if verdict.is_none() && !self.session.owner.is_alive() {
+            model.abandon();
+        } else {
+            model.end(verdict);
+        }
     }
 }

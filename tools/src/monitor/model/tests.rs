@@ -203,6 +203,18 @@ fn a_session_that_vanishes_is_told_without_a_verdict() {
 }
 
 #[test]
+fn a_killed_and_a_stopped_hil_are_named() {
+    let mut model = attached(spring_mass(), &[]);
+    model.is_owner_stopped = true;
+    let told = crate::monitor::line::text(&model, 0);
+    assert_eq!(told, "spring-mass: starting, hil is stopped");
+    model.abandon();
+    let told = crate::monitor::line::text(&model, 0);
+    let mend = "`hil recover /runs/demo` makes whole what it recorded";
+    assert_eq!(told, format!("spring-mass ended: hil was killed, {mend}"));
+}
+
+#[test]
 fn a_silence_about_requirements_does_not_unsay_what_was_known() {
     let mut model = attached(spring_mass(), &[]);
     model.hear_standings(None);

@@ -234,10 +234,15 @@ fn a_question_a_pause_and_the_end_are_told() {
         text.contains("PAUSED") && text.contains("7.0001 of 20 s"),
         "{text}"
     );
+    model.run_dir = Some("/home/somebody/runs/severe-leakage-20261121T140715Z-demo".into());
     model.end(Some("pass".into()));
-    for (width, height) in [(80, 24), (40, 12)] {
+    for (width, height) in [(80, 24), (60, 12)] {
         let (text, _) = drawn(&model, &display, width, height);
         assert!(text.contains("severe-leakage ended: pass"), "{text}");
+        assert!(text.contains("20261121T140715Z-demo"), "{text}");
         assert!(text.contains("any key leaves"), "{text}");
     }
+    let (text, _) = drawn(&model, &display, 40, 12);
+    assert!(text.contains("severe-leakage ended: pass"), "{text}");
+    assert!(text.contains("any key leaves"), "{text}");
 }
