@@ -104,9 +104,6 @@ pub struct Compared<'a> {
     pub right: &'a Expression,
     /// First and last time in s at which it may count.
     pub window_s: [f64; 2],
-    /// Whether the formula's robustness can only rise with that of the comparison: it stands under no
-    /// `not`, `rise` or `fall` and not before `implies`.
-    pub is_direct: bool,
 }
 
 /// The times at which a part of a formula may count.
@@ -114,7 +111,6 @@ pub struct Compared<'a> {
 struct Reach {
     from_s: f64,
     until_s: f64,
-    is_direct: bool,
 }
 
 impl Reach {
@@ -126,11 +122,7 @@ impl Reach {
             (true, Some((a, b))) => (self.from_s - b, self.until_s - a),
             (true, None) => (0.0, self.until_s),
         };
-        Self {
-            from_s,
-            until_s,
-            ..self
-        }
+        Self { from_s, until_s }
     }
 }
 
@@ -255,7 +247,6 @@ impl Formula {
         let whole = Reach {
             from_s: 0.0,
             until_s: 0.0,
-            is_direct: true,
         };
         let mut reaches = vec![None; self.nodes.len()];
         reaches[self.nodes.len() - 1] = Some(whole);
@@ -264,10 +255,6 @@ impl Formula {
         for (place, node) in self.nodes.iter().enumerate().rev() {
             let Some(reach) = reaches[place] else {
                 continue;
-            };
-            let turned = Reach {
-                is_direct: false,
-                ..reach
             };
             match node {
                 Node::Comparison(comparison) => compared.push(Compared {
@@ -286,15 +273,10 @@ impl Formula {
                             end_s
                         },
                     ],
-                    is_direct: reach.is_direct,
                 }),
-                Node::Not(operand) | Node::Edge { operand, .. } => reaches[*operand] = Some(turned),
-                Node::And(a, b) | Node::Or(a, b) => {
+                Node::Not(operand) | Node::Edge { operand, .. } => reaches[*operand] = Some(reach),
+                Node::And(a, b) | Node::Or(a, b) | Node::Implies(a, b) => {
                     reaches[*a] = Some(reach);
-                    reaches[*b] = Some(reach);
-                }
-                Node::Implies(a, b) => {
-                    reaches[*a] = Some(turned);
                     reaches[*b] = Some(reach);
                 }
                 Node::Over {

@@ -30,6 +30,10 @@ formula = \"always[1s,9s](abs(truth.position_m) < 0.4)\"
 [[requirements]]
 name = \"sensor_and_truth\"
 formula = \"always(measured.position_m - truth.position_m < 0.1)\"
+
+[[requirements]]
+name = \"one_of_two\"
+formula = \"always(not measured.position_m > 0.3 and truth.position_m > -2)\"
 ";
 
 /// A page and the data in it.
@@ -215,8 +219,21 @@ fn a_page_says_what_the_run_said_and_where_each_margin_comes_from() {
         (&mark["holds"], &mark["at_s"]),
         (&Value::Bool(false), &6.789.into())
     );
-    let value = mark["value"].as_f64().expect("a value");
+    let value = mark["decisive"][0].as_f64().expect("a value");
     assert!((value - 0.5).abs() < 1e-9, "{value}");
+    // The other comparison has 2 m left, so it is not marked.
+    let both = page.plot(&["truth.position_m", "measured.position_m"]);
+    let marks: Vec<&Value> = (both["marks"].as_array().expect("marks").iter())
+        .filter(|mark| mark["requirement"] == "one_of_two")
+        .collect();
+    let recording = Recording::open(&run.recording());
+    let record = recording.records().find(|record| record.step() == 6789);
+    let sensed = recording.value(&record.expect("a record"), "measured.position_m");
+    let [mark] = marks[..] else {
+        panic!("{marks:?}");
+    };
+    assert_eq!(mark["signal"], "measured.position_m");
+    assert_eq!(mark["decisive"], serde_json::json!([sensed, 0.3]));
     // A magnitude has two limits, in the time in which they count.
     let reach = page.plot(&["reference.position_m", "truth.position_m"]);
     let limits: Vec<_> = (reach["limits"].as_array().expect("limits").iter())

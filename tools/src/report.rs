@@ -134,6 +134,7 @@ fn made(arguments: &ReportArguments) -> Result<(String, Written), Failure> {
         runs: &runs,
         signals: &signals,
         bounds: &all_bounds,
+        grid: &grid,
         asked: &asked,
     });
     let data = data::Data::new(&runs, &signals, &grid, &plots);

@@ -189,19 +189,3 @@ fn each_comparison_is_told_with_the_time_at_which_it_may_count() {
         assert_eq!(found, expected, "{formula}");
     }
 }
-
-#[test]
-fn a_comparison_under_a_negation_does_not_decide_directly() {
-    for (formula, expected) in [
-        ("always(a < 1) and eventually(b > 2)", vec![true, true]),
-        ("not a < 1 or b > 2", vec![false, true]),
-        ("always(a < 1 implies b > 2)", vec![false, true]),
-        ("eventually(rise(a > 1))", vec![false]),
-    ] {
-        let read = Formula::parse(formula).expect(formula);
-        let found: Vec<bool> = (read.comparisons(20.0).iter())
-            .map(|one| one.is_direct)
-            .collect();
-        assert_eq!(found, expected, "{formula}");
-    }
-}

@@ -1,26 +1,28 @@
 //! What requirements compare, as far as a plot can show it: a signal against a level or another signal.
 
 use hil_config::expression::Expression;
-use hil_config::plan::{self, Plan};
+use hil_config::plan;
 
-use super::run::Run;
-use crate::requirements::Requirement;
+use super::run::{Run, Signals};
 
 /// One comparison of a requirement of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Bound {
     pub(super) run: usize,
     pub(super) requirement: String,
-    /// The signal, by a name that the run's signals have.
-    pub(super) signal: String,
-    /// Whether its magnitude is compared.
-    pub(super) magnitude: bool,
+    pub(super) side: Side,
     pub(super) other: Other,
     /// First and last time in s at which it may count.
     pub(super) window_s: [f64; 2],
-    /// The value of the signal at the time that the margin comes from, or its magnitude; only where the
-    /// requirement is this comparison alone.
-    pub(super) decisive: Option<f64>,
+}
+
+/// A signal that is compared.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Side {
+    /// A name that the run's signals have.
+    pub(super) signal: String,
+    /// Whether its magnitude is compared.
+    pub(super) magnitude: bool,
 }
 
 /// What a signal is compared with.
@@ -29,32 +31,18 @@ pub(super) enum Other {
     /// A number.
     Level(f64),
     /// Another signal.
-    Signal(String),
+    Signal(Side),
 }
 
 /// The comparisons of a run's requirements, and the signals that must be computed to show them.
 pub(super) fn bounds(number: usize, run: &Run) -> (Vec<Bound>, Vec<plan::Derived>) {
-    let Some(plan) = &run.plan else {
-        return (Vec::new(), Vec::new());
-    };
-    bounds_of(number, plan, &run.requirements, run.end_s())
-}
-
-fn bounds_of(
-    number: usize,
-    plan: &Plan,
-    judged: &[Requirement],
-    end_s: f64,
-) -> (Vec<Bound>, Vec<plan::Derived>) {
     let (mut bounds, mut extra) = (Vec::new(), Vec::new());
-    for requirement in &plan.requirements {
-        let comparisons = requirement.formula.comparisons(end_s);
-        let of_it = judged.iter().find(|one| one.name == requirement.name);
-        let margin = of_it
-            .filter(|_| comparisons.len() == 1)
-            .and_then(|one| one.robustness);
-        let mut name = |side: &Expression| match side.plain_signal() {
-            Some((signal, magnitude)) => (signal.to_owned(), magnitude),
+    for requirement in run.plan.iter().flat_map(|plan| &plan.requirements) {
+        let mut side = |side: &Expression| match side.plain_signal() {
+            Some((signal, magnitude)) => Side {
+                signal: signal.to_owned(),
+                magnitude,
+            },
             None => {
                 let text = side.to_string().trim().to_owned();
                 extra.push(plan::Derived {
@@ -62,46 +50,72 @@ fn bounds_of(
                     unit: requirement.unit.clone(),
                     expression: side.clone(),
                 });
-                (text, false)
+                Side {
+                    signal: text,
+                    magnitude: false,
+                }
             }
         };
-        for compared in comparisons {
-            let levels = (compared.left.constant(), compared.right.constant());
-            // A level first is the same comparison the other way round.
-            let (side, other, is_below) = match levels {
-                (Some(level), _) => (
-                    compared.right,
-                    Ok(level),
-                    compared.relation.starts_with('>'),
-                ),
-                (None, Some(level)) => {
-                    (compared.left, Ok(level), compared.relation.starts_with('<'))
-                }
-                (None, None) => (compared.left, Err(compared.right), false),
-            };
-            let (signal, magnitude) = name(side);
-            let other = match other {
-                Ok(level) => Other::Level(level),
-                Err(right) => Other::Signal(name(right).0),
-            };
-            let is_order = compared.is_direct && compared.relation.starts_with(['<', '>']);
-            let decisive = match (&other, margin) {
-                (Other::Level(level), Some(margin)) if is_order => Some(match is_below {
-                    true => level - margin,
-                    false => level + margin,
-                }),
-                _ => None,
+        for compared in requirement.formula.comparisons(run.end_s()) {
+            let (left, right) = (compared.left, compared.right);
+            let (side, other) = match (left.constant(), right.constant()) {
+                (Some(level), _) => (side(right), Other::Level(level)),
+                (None, Some(level)) => (side(left), Other::Level(level)),
+                (None, None) => (side(left), Other::Signal(side(right))),
             };
             bounds.push(Bound {
                 run: number,
                 requirement: requirement.name.clone(),
-                signal,
-                magnitude,
+                side,
                 other,
                 window_s: compared.window_s,
-                decisive,
             });
         }
     }
     (bounds, extra)
+}
+
+impl Side {
+    /// The least and the greatest value of its signal in a bucket; empty if it has none.
+    fn ends<'a>(&'a self, signals: &'a Signals, bucket: usize) -> impl Iterator<Item = f64> + 'a {
+        let envelope = signals.get(&self.signal).into_iter();
+        envelope.flat_map(move |envelope| envelope.ends(bucket))
+    }
+
+    /// What of a value is compared.
+    fn compared(&self, value: f64) -> f64 {
+        if self.magnitude { value.abs() } else { value }
+    }
+}
+
+impl Bound {
+    /// The value of its signal in a bucket that is as far from what it is compared with as the margin of
+    /// the whole requirement says, and what that is: this comparison decides. `None` if none is.
+    pub(super) fn decisive(
+        &self,
+        margin: f64,
+        signals: &Signals,
+        bucket: usize,
+    ) -> Option<[f64; 2]> {
+        let decides = |value: f64, level: f64| {
+            let rounding = 1e-9 * (value.abs() + level.abs());
+            ((value - level).abs() - margin.abs()).abs() <= rounding
+        };
+        let pairs = self.side.ends(signals, bucket).flat_map(|value| {
+            let levels: Vec<[f64; 2]> = match &self.other {
+                // That of a negative value's magnitude stands below zero.
+                Other::Level(level) if self.side.magnitude => {
+                    vec![[*level, level.copysign(value)]]
+                }
+                Other::Level(level) => vec![[*level; 2]],
+                Other::Signal(other) => (other.ends(signals, bucket))
+                    .map(|level| [other.compared(level), level])
+                    .collect(),
+            };
+            levels.into_iter().map(move |level| (value, level))
+        });
+        let mut deciding =
+            pairs.filter(|(value, [level, _])| decides(self.side.compared(*value), *level));
+        deciding.next().map(|(value, [_, shown])| [value, shown])
+    }
 }

@@ -68,6 +68,12 @@ impl Envelope {
         }
     }
 
+    /// The least and the greatest value in a bucket that has one.
+    pub(super) fn ends(&self, bucket: usize) -> impl Iterator<Item = f64> {
+        let ends = [self.least[bucket], self.greatest[bucket]];
+        ends.into_iter().filter(|value| !value.is_nan())
+    }
+
     /// Whether there is a value at all.
     pub(super) fn exists(&self) -> bool {
         self.least.iter().any(|value| !value.is_nan())

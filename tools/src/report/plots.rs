@@ -12,6 +12,7 @@ use hil_config::plan::Scale;
 use serde::Serialize;
 
 use super::bounds::{Bound, Other};
+use super::grid::Grid;
 use super::run::{Run, Signals};
 
 /// Most signals of one plot that nobody asked for, of one run and of several.
@@ -52,11 +53,8 @@ pub(super) struct Mark {
     pub(super) requirement: String,
     pub(super) signal: String,
     pub(super) at_s: f64,
-    /// From this value of the signal to this level; not known where several comparisons decide.
-    pub(super) value: Option<f64>,
-    pub(super) level: Option<f64>,
-    /// Whether both may have the other sign.
-    pub(super) magnitude: bool,
+    /// The value of the signal and what it is compared with; null if no comparison alone gives the margin.
+    pub(super) decisive: Option<[f64; 2]>,
     pub(super) holds: bool,
 }
 
@@ -65,6 +63,7 @@ pub(super) struct Ground<'a> {
     pub(super) runs: &'a [Run],
     pub(super) signals: &'a [Signals],
     pub(super) bounds: &'a [Bound],
+    pub(super) grid: &'a Grid,
     /// Signals that the command line names.
     pub(super) asked: &'a [Pattern],
 }
@@ -87,21 +86,60 @@ pub(super) fn plots(ground: &Ground<'_>) -> Vec<Plot> {
     choice.of_sensors();
     choice.of_groups();
     choice.of_time();
+    let marks = marks(ground);
     for plot in &mut choice.plots {
-        bind(plot, ground);
+        bind(plot, ground.bounds, &marks);
     }
     choice.plots
 }
 
+/// Where the margins come from: the comparisons that give them, or all of which none does alone.
+fn marks(ground: &Ground<'_>) -> Vec<Mark> {
+    let mut marks = Vec::new();
+    for (number, run) in ground.runs.iter().enumerate() {
+        for judged in &run.requirements {
+            let Some(at_s) = judged.at_s else {
+                continue;
+            };
+            let step = run.rate.step_at_or_after(at_s);
+            let bucket = ground.grid.bucket(0, run.rate.nanoseconds(step));
+            let counts = |bound: &&Bound| {
+                let [from_s, until_s] = bound.window_s;
+                bound.run == number
+                    && bound.requirement == judged.name
+                    && (from_s..=until_s).contains(&at_s)
+            };
+            let of_it: Vec<Mark> = (ground.bounds.iter().filter(counts))
+                .map(|bound| Mark {
+                    run: number,
+                    requirement: judged.name.clone(),
+                    signal: bound.side.signal.clone(),
+                    at_s,
+                    decisive: judged
+                        .robustness
+                        .and_then(|margin| bound.decisive(margin, &ground.signals[number], bucket)),
+                    holds: judged.verdict == "pass",
+                })
+                .collect();
+            let is_known = of_it.iter().any(|mark| mark.decisive.is_some());
+            marks.extend(
+                of_it
+                    .into_iter()
+                    .filter(|mark| mark.decisive.is_some() == is_known),
+            );
+        }
+    }
+    marks
+}
+
 /// Levels and marks of the requirements on a plot's signals.
-fn bind(plot: &mut Plot, ground: &Ground<'_>) {
-    for bound in ground
-        .bounds
-        .iter()
-        .filter(|bound| plot.signals.contains(&bound.signal))
-    {
+fn bind(plot: &mut Plot, bounds: &[Bound], marks: &[Mark]) {
+    let of_plot = |signal: &String| plot.signals.contains(signal);
+    let shown = marks.iter().filter(|mark| of_plot(&mark.signal));
+    plot.marks = shown.cloned().collect();
+    for bound in bounds.iter().filter(|bound| of_plot(&bound.side.signal)) {
         if let Other::Level(level) = bound.other {
-            let mirrored = bound.magnitude.then_some(-level);
+            let mirrored = bound.side.magnitude.then_some(-level);
             for level in std::iter::once(level).chain(mirrored) {
                 let limit = Limit {
                     level,
@@ -114,25 +152,6 @@ fn bind(plot: &mut Plot, ground: &Ground<'_>) {
                     plot.limits.push(limit);
                 }
             }
-        }
-        let judged = &ground.runs[bound.run].requirements;
-        let judged = judged.iter().find(|one| one.name == bound.requirement);
-        if let Some((judged, at_s)) = judged.and_then(|one| Some((one, one.at_s?)))
-            && (bound.window_s[0]..=bound.window_s[1]).contains(&at_s)
-        {
-            plot.marks.push(Mark {
-                run: bound.run,
-                requirement: bound.requirement.clone(),
-                signal: bound.signal.clone(),
-                at_s,
-                value: bound.decisive,
-                level: match bound.other {
-                    Other::Level(level) => Some(level),
-                    Other::Signal(_) => None,
-                },
-                magnitude: bound.magnitude,
-                holds: judged.verdict == "pass",
-            });
         }
     }
 }
@@ -172,9 +191,9 @@ impl Choice<'_> {
 
     fn of_requirements(&mut self) {
         for bound in self.ground.bounds {
-            let mut signals = vec![bound.signal.clone()];
+            let mut signals = vec![bound.side.signal.clone()];
             if let Other::Signal(other) = &bound.other {
-                signals.push(other.clone());
+                signals.push(other.signal.clone());
             }
             self.push_new("Requirements", signals);
         }

@@ -333,6 +333,23 @@
         ctx.stroke();
       }
       ctx.strokeStyle = ctx.fillStyle = ink.limit;
+      // Names stand above their limit or else below it, none over another.
+      const named = [];
+      const label = (limit, from, to, at) => {
+        const wide = ctx.measureText(limit.requirement).width;
+        const isThere = named.some((one) => one.requirement === limit.requirement && one.level === -limit.level);
+        if (isThere || wide > to - from) return;
+        const high = 11 * ratio;
+        for (const base of [at - 2 * ratio, at + high]) {
+          const box = { ...limit, left: from, right: from + wide + 6 * ratio, base };
+          const isFree = named.every((one) => one.right < box.left || one.left > box.right || Math.abs(one.base - base) > high);
+          if (isFree && base > top + high && base < top + height) {
+            named.push(box);
+            ctx.fillText(limit.requirement, from + 2 * ratio, base);
+            return;
+          }
+        }
+      };
       for (const limit of spec.limits) {
         if (spec.log && limit.level <= 0) continue;
         const from = Math.max(x(limit.from_s), left);
@@ -343,22 +360,14 @@
         ctx.moveTo(from, at);
         ctx.lineTo(Math.max(to, from + 4 * ratio), at);
         ctx.stroke();
-        const room = ctx.measureText(limit.requirement).width;
-        if (room < to - from && limit.level >= 0) ctx.fillText(limit.requirement, from + 2 * ratio, at - 2 * ratio);
+        label(limit, from, to, at);
       }
       ctx.setLineDash([]);
       for (const mark of spec.marks) {
         const at = x(mark.at_s);
         if (at < left || at > left + width) continue;
         ctx.strokeStyle = ctx.fillStyle = isOverlaid ? ink.series[mark.run % 8] : mark.holds ? ink.text : ink.limit;
-        let { value, level } = mark;
-        const values = signalOf(mark.run, mark.signal);
-        if (values && mark.magnitude && value !== null) {
-          const bucket = bucketOf(mark.at_s);
-          if (values.least[bucket] + values.greatest[bucket] < 0) [value, level] = [-value, -level];
-        }
-        if (spec.log && value !== null) [value, level] = [Math.abs(value), Math.abs(level)];
-        if (value === null || level === null) {
+        if (!mark.decisive) {
           ctx.setLineDash([2 * ratio, 3 * ratio]);
           ctx.beginPath();
           ctx.moveTo(at, top);
@@ -367,6 +376,7 @@
           ctx.setLineDash([]);
           continue;
         }
+        const [value, level] = spec.log ? mark.decisive.map(Math.abs) : mark.decisive;
         const size = 3 * ratio;
         ctx.beginPath();
         ctx.moveTo(at, y(value));
