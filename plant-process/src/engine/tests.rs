@@ -11,13 +11,15 @@ use shared_types::checkpoint::Checkpoints;
 use shared_types::describe::{Operation, PROTOCOL, Settings};
 use shared_types::hello::Hello;
 use shared_types::link::in_process::{InProcessLink, pair};
-use shared_types::link::{Peer, Rejected};
+use shared_types::link::{FrameSpec, Peer, Rejected};
 use shared_types::lockstep::OnLoss;
+use shared_types::pacer::OverrunPolicy;
+use shared_types::record::Event;
 use shared_types::stream::in_process::{InProcessSink, InProcessSource};
 use shared_types::stream::{Item, RecordSource};
 use shared_types::supervision::Supervision;
 use shared_types::table::Table;
-use shared_types::time::Rate;
+use shared_types::time::{Interval, Rate};
 use shared_types::wait::{WaitLimit, Waiter};
 
 use super::*;

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use shared_types::describe::{Description, LawDescription};
 use shared_types::link::LinkError;
+use shared_types::stream::Item;
 
 use super::*;
 use crate::inject::a_rig;

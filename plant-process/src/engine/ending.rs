@@ -1,0 +1,83 @@
+//! How a run ends: complete, diverged or given up, and what is said of it then.
+
+use shared_types::frame::{FrameKind, Header};
+use shared_types::hello::Control;
+use shared_types::link::{Link, LinkError};
+use shared_types::lockstep::{Abort, AbortCode, PlantEvent};
+use shared_types::record::{Event, Outcome, RunEnd};
+use shared_types::stream::RecordSink;
+use shared_types::time::Step;
+
+use super::Engine;
+
+impl<L: Link, S: RecordSink> Engine<L, S> {
+    pub(super) fn diverged(&mut self, step: Step, what: &str) -> Result<(), LinkError> {
+        let time_s = self.job.run.rate.seconds(step);
+        let reason = format!("plant diverged at step {step} ({time_s} s): {what}");
+        self.give_up(Outcome::Diverged, AbortCode::Diverged, reason)
+    }
+
+    pub(super) fn abort(&mut self, abort: &Abort) -> Result<(), LinkError> {
+        let outcome = match abort {
+            Abort::Stopped { .. } => Outcome::Stopped,
+            _ => Outcome::Failed,
+        };
+        self.give_up(outcome, abort.code(), abort.to_string())
+    }
+
+    /// Tells the controller, publishes what is there and ends.
+    pub(super) fn give_up(
+        &mut self,
+        outcome: Outcome,
+        code: AbortCode,
+        reason: String,
+    ) -> Result<(), LinkError> {
+        let header = Header {
+            directive: code as u64,
+            ..Header::new(FrameKind::Abort, self.side.at())
+        };
+        match self.link.send(&header, &[]) {
+            // Before the frames are open there is only the control channel.
+            Err(LinkError::NotOpen) => {
+                let refusal = Control::Refusal {
+                    reason: reason.clone(),
+                };
+                self.link.send_control(&refusal.to_bytes())?;
+            }
+            other => other?,
+        }
+        self.finish(outcome, Some(reason))
+    }
+
+    pub(super) fn finish(
+        &mut self,
+        outcome: Outcome,
+        reason: Option<String>,
+    ) -> Result<(), LinkError> {
+        self.desk.close();
+        self.side.on(&PlantEvent::Stop); // whatever it was in, it is over now
+        // Room or not: nothing comes after it that could be lost.
+        let published = if std::mem::take(&mut self.pending) {
+            self.sink.record(&self.rows.record)
+        } else {
+            Ok(())
+        };
+        let end = RunEnd {
+            steps: self.executed,
+            outcome,
+            reason,
+            rejected_frames: self.link.rejected().count + self.plant.faults.rejected(),
+            effects: self.plant.faults.effects(),
+            overruns: (self.pacer)
+                .map(|pacer| pacer.overruns())
+                .unwrap_or_default(),
+            missed_commands: self.missed,
+        };
+        self.end = Some(end.clone());
+        published?;
+        match self.sink.event(&Event::End(end)) {
+            Err(LinkError::NotOpen) => Ok(()), // nobody records a run that never began
+            other => other,
+        }
+    }
+}

@@ -1,0 +1,216 @@
+//! After a sample was sent: the command that answers it, in time or not, the record, and the step itself.
+
+use shared_types::clock::monotonic_ns;
+use shared_types::frame::{FrameKind, Header};
+use shared_types::link::{Link, LinkError};
+use shared_types::lockstep::{AbortCode, PlantAction, PlantEvent};
+use shared_types::pacer::OverrunPolicy;
+use shared_types::record::{Outcome, Timing};
+use shared_types::stream::RecordSink;
+use shared_types::time::{Interval, Step};
+use shared_types::wait::WaitLimit;
+
+use super::{Command, Engine, Progress};
+use crate::guard::first_bad;
+
+impl<L: Link, S: RecordSink> Engine<L, S> {
+    /// After a sample was sent: take the command that answers it and integrate to the next step.
+    pub(super) fn collect(&mut self) -> Result<Progress, LinkError> {
+        if !self.tell()? {
+            return Ok(Progress::Recorder);
+        }
+        if let Some(step) = self.ending.take() {
+            self.record_final_truth(step)?;
+            if self.side.is_over() {
+                return Ok(Progress::Over);
+            }
+            self.link.send(&Header::new(FrameKind::End, step), &[])?;
+            return Ok(Progress::Busy);
+        }
+        if self.side.is_alone() {
+            return self.go_on_alone();
+        }
+        let Some(header) = self.link.receive(self.rows.receiver())? else {
+            return match self.deadline_ns {
+                u64::MAX => Ok(Progress::Controller),
+                deadline_ns if monotonic_ns() < deadline_ns => {
+                    Ok(Progress::ControllerUntil(deadline_ns))
+                }
+                _ => self.miss(),
+            };
+        };
+        match self.side.on(&PlantEvent::Frame(&header)) {
+            PlantAction::Apply(step) => {
+                let header = self.rows.translate(header);
+                self.take(step, header)?;
+            }
+            PlantAction::Keep => {
+                let header = self.rows.translate(header);
+                self.keep(header);
+            }
+            PlantAction::Finish => self.finish(Outcome::Completed, None)?,
+            action => self.react(&action)?,
+        }
+        Ok(Progress::Busy)
+    }
+
+    /// Takes the command that answers a step, or what it had to do with in the run that is repeated.
+    fn take(&mut self, step: Step, header: Header) -> Result<(), LinkError> {
+        let received_ns = monotonic_ns();
+        self.heard_ns = received_ns;
+        if step == self.first
+            && let Some(pacer) = &mut self.pacer
+        {
+            // Time begins when the controller has answered once.
+            pacer.anchor(step, received_ns);
+        }
+        self.came(header, received_ns - self.sent_ns);
+        if let Some(repetition) = &mut self.repetition {
+            match repetition.exchange(step, header, &mut self.rows.frame) {
+                Ok(header) => self.newest.header = header,
+                Err(reason) => return self.give_up(Outcome::Failed, AbortCode::Other, reason),
+            }
+        }
+        self.meet(step, received_ns)
+    }
+
+    /// Keeps a command that came too late for its own step.
+    fn keep(&mut self, header: Header) {
+        self.heard_ns = monotonic_ns();
+        let due_ns = (self.pacer).map_or(0, |pacer| pacer.due_ns(Step(header.step)));
+        self.came(header, self.heard_ns.saturating_sub(due_ns));
+    }
+
+    /// A command is the newest there is.
+    fn came(&mut self, header: Header, round_trip_ns: u64) {
+        let newest = &mut self.newest;
+        newest.header = header;
+        if round_trip_ns > newest.round_trip_ns {
+            (newest.round_trip_ns, newest.work_ns) = (round_trip_ns, header.work_ns);
+        }
+    }
+
+    /// The command missed its deadline: the step meets the newest there is.
+    fn miss(&mut self) -> Result<Progress, LinkError> {
+        let now_ns = monotonic_ns();
+        let limit = WaitLimit::from_seconds(self.job.wait_limit_s);
+        if now_ns - self.heard_ns >= limit.ns() {
+            self.interrupt(&PlantEvent::Deadline(limit.ms()))?;
+            return Ok(Progress::Busy);
+        }
+        let PlantAction::Hold(step) = self.side.on(&PlantEvent::Missed) else {
+            return Ok(Progress::Controller);
+        };
+        if self.job.run.overrun == OverrunPolicy::Abort {
+            self.missed.note(step);
+            let late = format!(
+                "controller did not answer step {step} by its deadline, and the policy for overruns is `abort`"
+            );
+            return self.overran(late);
+        }
+        self.meet(step, now_ns)?;
+        Ok(Progress::Busy)
+    }
+
+    pub(super) fn overran(&mut self, reason: String) -> Result<Progress, LinkError> {
+        self.give_up(Outcome::Failed, AbortCode::Overrun, reason)?;
+        Ok(Progress::Over)
+    }
+
+    /// A step meets the newest command: it is applied and the plant integrates to the next step.
+    pub(super) fn meet(&mut self, step: Step, received_ns: u64) -> Result<(), LinkError> {
+        self.newest.held_steps = (step.0 - self.newest.header.step) as u32;
+        if self.newest.held_steps > 0 && !self.side.is_alone() {
+            self.missed.note(step);
+        }
+        let met = self.newest;
+        (self.newest.round_trip_ns, self.newest.work_ns) = (0, 0);
+        let header = &Header {
+            age_steps: met.header.age_steps.saturating_add(met.held_steps),
+            work_ns: met.work_ns,
+            ..met.header
+        };
+        let (rows, plant) = (&mut self.rows, &mut self.plant);
+        rows.take_command(header);
+        let commands = &plant.description.commands;
+        if let Err(bad) = first_bad(commands, &rows.command) {
+            let reason = format!("controller's command of step {}: {bad}", header.step);
+            return self.give_up(Outcome::Failed, AbortCode::NotANumber, reason);
+        }
+        let command = (&rows.command[..], &rows.command_invalid);
+        let age_steps = (plant.faults).command(step, header, command, &mut rows.applied);
+
+        let rate = self.job.run.rate;
+        let time_s = rate.seconds(step);
+        plant.model.truth(time_s, &rows.applied, &mut rows.truth);
+        if let Err(bad) = plant.guard.check(&rows.truth) {
+            if rows.truth.iter().all(|value| value.is_finite()) {
+                self.note_record(step, &met, age_steps, received_ns);
+            }
+            return self.diverged(step, &bad.to_string());
+        }
+        self.note_record(step, &met, age_steps, received_ns);
+
+        let interval = Interval {
+            start_s: time_s,
+            length_s: rate.period_s(),
+            substeps: self.job.plant.substeps,
+        };
+        self.plant.model.advance(&interval, &self.rows.applied);
+        self.executed += 1;
+        self.timing.plant_ns = monotonic_ns() - received_ns;
+        Ok(())
+    }
+
+    /// Writes down the record of a step; it is published while the controller works on the next.
+    fn note_record(&mut self, step: Step, met: &Command, age_steps: u32, received_ns: u64) {
+        let Command {
+            header,
+            held_steps,
+            round_trip_ns,
+            work_ns,
+        } = met;
+        let round_trip_ns = *round_trip_ns;
+        let took_ns = received_ns - self.sent_ns + self.timing.plant_ns;
+        self.timing = Timing {
+            time_ns: self.job.run.rate.nanoseconds(step),
+            epoch: u64::from(header.epoch),
+            sample_age_steps: u64::from(self.sample_age_steps),
+            command_age_steps: u64::from(age_steps),
+            published_ns: received_ns,
+            round_trip_ns,
+            controller_ns: *work_ns,
+            plant_ns: self.timing.plant_ns,
+            late_ns: self.late_ns,
+            held_steps: u64::from(*held_steps),
+            answered: header.directive,
+            plant_surroundings: self.lookout.after(took_ns),
+            controller_surroundings: header.surroundings,
+            directive: self.directive,
+        };
+        self.rows.write_record(step, header, &self.timing);
+        self.pending = true;
+    }
+
+    /// Record N: the truth after the last step, which no command answers.
+    fn record_final_truth(&mut self, step: Step) -> Result<(), LinkError> {
+        let time_s = self.job.run.rate.seconds(step);
+        let rows = &mut self.rows;
+        self.plant
+            .model
+            .truth(time_s, &rows.applied, &mut rows.truth);
+        if let Err(bad) = self.plant.guard.check(&rows.truth) {
+            return self.diverged(step, &bad.to_string());
+        }
+        self.timing = Timing {
+            time_ns: self.job.run.rate.nanoseconds(step),
+            epoch: u64::from(self.side.epoch()),
+            published_ns: monotonic_ns(),
+            plant_ns: self.timing.plant_ns,
+            ..Timing::default()
+        };
+        self.rows.write_final_record(step, &self.timing);
+        self.pending = true;
+        Ok(())
+    }
+}

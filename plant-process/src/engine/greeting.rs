@@ -1,0 +1,82 @@
+//! Before the first step: agreeing with a controller on what the frames carry.
+
+use shared_types::describe::Invalid;
+use shared_types::hello::{Control, Welcome};
+use shared_types::layout::SignalKind;
+use shared_types::link::{FrameSpec, Link, LinkError};
+use shared_types::lockstep::{AbortCode, PlantAction};
+use shared_types::record::{Outcome, RecordLayout};
+use shared_types::stream::RecordSink;
+
+use super::{Engine, Progress};
+use crate::repeat::Repetition;
+use crate::rows::Rows;
+
+impl<L: Link, S: RecordSink> Engine<L, S> {
+    /// Before the first step: agree with a controller on what the frames carry.
+    pub(super) fn greet(&mut self) -> Result<Progress, LinkError> {
+        let Some(message) = self.hear()? else {
+            return Ok(Progress::Controller);
+        };
+        match self.told(&message, 1) {
+            PlantAction::Welcome(welcome) => self.welcome(*welcome)?,
+            PlantAction::Refuse(reason) => {
+                let refusal = Control::Refusal {
+                    reason: reason.clone(),
+                };
+                self.link.send_control(&refusal.to_bytes())?;
+                self.finish(
+                    Outcome::Failed,
+                    Some(format!("refused the controller: {reason}")),
+                )?;
+            }
+            action => self.react(&action)?,
+        }
+        Ok(Progress::Busy)
+    }
+
+    fn welcome(&mut self, welcome: Welcome) -> Result<(), LinkError> {
+        let description = &self.plant.description;
+        let layout = RecordLayout {
+            truth: description.truth.clone(),
+            measured: description.measured.clone(),
+            reference: self.plant.reference.clone(),
+            command: description.commands.clone(),
+            internal: welcome.command.fields(SignalKind::Internal),
+            command_signals: welcome.command.len(),
+            parameter: (description.parameters.iter())
+                .filter(|field| field.faultable)
+                .cloned()
+                .collect(),
+        };
+        self.link.open_frames(&FrameSpec {
+            seal: welcome.seal(),
+            outgoing: welcome.sample.len(),
+            incoming: welcome.command.len(),
+        })?;
+        self.sink.open(&layout)?;
+        self.desk.opened(&layout);
+        let opened = self.plant.faults.open(&self.plant.workshop, &layout);
+        self.rows = Rows::new(layout, &welcome);
+        let opened = opened.and_then(|()| self.restore());
+        let missed = std::mem::take(&mut self.job.missed);
+        self.repetition =
+            (!missed.is_empty()).then(|| Repetition::new(missed, welcome.command.len()));
+        self.plant.faults.faultable(&mut self.rows.parameter);
+        self.link
+            .send_control(&Control::Welcome(Box::new(welcome)).to_bytes())?;
+        match opened {
+            Ok(()) => Ok(()),
+            Err(invalid) => self.give_up(Outcome::Failed, AbortCode::Stopped, invalid.to_string()),
+        }
+    }
+
+    /// Puts back what the run goes on from; the model has its state since the start.
+    fn restore(&mut self) -> Result<(), Invalid> {
+        let Some(saved) = self.saved.take() else {
+            return Ok(());
+        };
+        self.plant.faults.restore(saved.faults)?;
+        self.rows.restore_record(&saved.record)
+    }
+}

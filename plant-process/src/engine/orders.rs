@@ -1,0 +1,100 @@
+//! What others ask of a running run, served between two steps: faults, and to hold it or let it go on.
+
+use shared_types::clock::monotonic_ns;
+use shared_types::frame::{FrameKind, Header};
+use shared_types::link::{Link, LinkError};
+use shared_types::record::{Event, FaultAccepted};
+use shared_types::stream::RecordSink;
+use shared_types::time::Step;
+
+use super::{Engine, NEVER};
+use crate::desk::Order;
+
+impl<L: Link, S: RecordSink> Engine<L, S> {
+    /// Serves what waits at the desk before a step; true if the run is held there.
+    pub(super) fn attend(&mut self, step: Step) -> Result<bool, LinkError> {
+        while self.sink.has_room()?
+            && let Some(order) = self.desk.next_order()
+        {
+            self.serve(order, step)?;
+        }
+        if !self.desk.holds(step) {
+            if self.told_held_ns.take().is_some() {
+                let held_ns = monotonic_ns() - self.held_since_ns;
+                self.heard_ns += held_ns;
+                if let Some(pacer) = &mut self.pacer {
+                    pacer.delay(held_ns);
+                }
+            }
+            return Ok(false);
+        }
+        self.tell()?; // an observer should see all that happened
+        let now_ns = monotonic_ns();
+        let again_ns = self.hold_again_ns();
+        let due = |told_ns: u64| now_ns - told_ns >= again_ns;
+        if self.told_held_ns.is_none() {
+            self.held_since_ns = now_ns;
+        }
+        if self.told_held_ns.is_none_or(due) {
+            self.told_held_ns = Some(now_ns);
+            self.link.send(&Header::new(FrameKind::Hold, step), &[])?;
+        }
+        Ok(true)
+    }
+
+    /// How often the controller is told that the run is held: well before its patience ends.
+    fn hold_again_ns(&self) -> u64 {
+        const OFTEN_NS: u64 = 100_000_000;
+        let patience_ns = (self.job.wait_limit_s * 0.25e9) as u64;
+        patience_ns.min(OFTEN_NS)
+    }
+
+    fn serve(&mut self, order: Order, step: Step) -> Result<(), LinkError> {
+        let (desk, faults) = (&self.desk, &mut self.plant.faults);
+        // Whoever asked may have gone away; what was asked is done all the same.
+        match order {
+            Order::Admit(prepared, answer) => {
+                let events: Vec<_> = (prepared.iter().map(|fault| fault.event().clone())).collect();
+                let admitted = if step.0 < self.job.run.steps {
+                    faults.admit(prepared, step)
+                } else {
+                    Err("the run is over".into())
+                };
+                if let Ok(admitted) = &admitted {
+                    for (fault, event) in admitted.iter().zip(events) {
+                        self.sink.event(&Event::Accepted(FaultAccepted {
+                            id: fault.id,
+                            step: step.0,
+                            fault: serde_json::to_value(event).unwrap_or_default(),
+                        }))?;
+                    }
+                }
+                let _ = answer.send(admitted);
+            }
+            Order::Clear(id, answer) => {
+                let _ = answer.send((faults.clear(id, step), step));
+            }
+            Order::Show(answer) => {
+                let _ = answer.send(faults.states());
+            }
+            Order::Pause(answer) => {
+                desk.hold_at(step);
+                let _ = answer.send(());
+            }
+            Order::Resume(answer) => {
+                desk.hold_at(NEVER);
+                let _ = answer.send(());
+            }
+            Order::Advance(steps, answer) => {
+                let until = Step(step.0.saturating_add(steps));
+                let _ = answer.send(if self.told_held_ns.is_some() {
+                    desk.hold_at(until);
+                    Ok(until)
+                } else {
+                    Err("the run is not paused; `hil pause` first".into())
+                });
+            }
+        }
+        Ok(())
+    }
+}

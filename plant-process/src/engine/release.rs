@@ -1,0 +1,182 @@
+//! Between two steps: saving, waiting for the clock, and sending the sample of the next one.
+
+use hil_config::plan::Clock;
+use shared_types::clock::monotonic_ns;
+use shared_types::frame::{FrameKind, Header};
+use shared_types::link::{Link, LinkError};
+use shared_types::lockstep::{AbortCode, PlantAction, PlantEvent};
+use shared_types::pacer::Pacer;
+use shared_types::record::Outcome;
+use shared_types::stream::RecordSink;
+use shared_types::time::Step;
+
+use super::{Engine, Plant, Progress};
+use crate::checkpoint::SavedPlant;
+use crate::guard::first_bad;
+use crate::stimulus;
+
+impl<L: Link, S: RecordSink> Engine<L, S> {
+    /// Between two steps: wait for the clock, then send the sample of the next one.
+    pub(super) fn release(&mut self, step: Step) -> Result<Progress, LinkError> {
+        if self.saves.are_due(step) {
+            if !self.tell()? {
+                return Ok(Progress::Recorder);
+            }
+            if let Err(reason) = self.save(step) {
+                let reason = format!("no checkpoint before step {step}: {reason}");
+                self.give_up(Outcome::Failed, AbortCode::Other, reason)?;
+                return Ok(Progress::Over);
+            }
+        }
+        if !self.desk.is_open_for(step) && self.attend(step)? {
+            return Ok(Progress::Held);
+        }
+        if !self.sink.has_room()? {
+            return Ok(Progress::Recorder);
+        }
+        let run = self.job.run;
+        let mut release_ns = 0;
+        if let Some(factor) = self.pace() {
+            let now_ns = monotonic_ns();
+            let first = self.first;
+            let start = || {
+                let mut pacer = Pacer::paced(run.rate, now_ns, factor, run.overrun);
+                pacer.anchor(first, now_ns);
+                pacer
+            };
+            let released = (self.pacer.get_or_insert_with(start)).release_ns(step, now_ns);
+            release_ns = match released {
+                Ok(release_ns) => release_ns,
+                Err(overrun) => return self.overran(overrun.to_string()),
+            };
+            if release_ns > now_ns {
+                self.tell()?; // an observer should not have to wait for the next step
+                return Ok(Progress::Until(release_ns));
+            }
+        }
+        match self.side.on(&PlantEvent::Release) {
+            PlantAction::SendSample(step) => {
+                if !self.measure(step)? {
+                    return Ok(Progress::Over);
+                }
+                let (mut directive, busy_ns) = self.plant.faults.timing(step);
+                if let Some(repetition) = &mut self.repetition {
+                    directive.unseen = !repetition.is_seen(step);
+                }
+                self.directive = directive.to_wire();
+                let header = self.sample_header(step);
+                if busy_ns > 0 {
+                    self.plant.faults.plant_was_busy(spin(busy_ns));
+                }
+                self.sent_ns = monotonic_ns();
+                self.late_ns = match release_ns {
+                    0 => 0,
+                    _ => self.sent_ns - release_ns,
+                };
+                self.deadline_ns = self.deadline_of(step);
+                self.link.send(&header, &self.rows.sample)?;
+                // While the controller works: what observers need, and what needs no command.
+                self.tell()?;
+                self.prepare(step.next());
+            }
+            PlantAction::SendEnd(step) => {
+                if !self.measure(step)? {
+                    return Ok(Progress::Over);
+                }
+                self.ending = Some(step);
+                self.deadline_ns = u64::MAX;
+            }
+            _ => {}
+        }
+        Ok(Progress::Busy)
+    }
+
+    /// Saves the state before a step, of which nothing was done yet; every record before it was
+    /// published.
+    fn save(&mut self, step: Step) -> Result<(), String> {
+        let Plant { model, faults, .. } = &mut self.plant;
+        let saved = model.save().and_then(|model| {
+            Ok(SavedPlant {
+                model,
+                faults: faults.save()?,
+                record: self.rows.record.clone(),
+            })
+        });
+        self.saves.write(step, &saved.map_err(|e| e.to_string())?)
+    }
+
+    pub(super) fn sample_header(&self, step: Step) -> Header {
+        Header {
+            time_ns: self.job.run.rate.nanoseconds(step),
+            work_ns: self.timing.plant_ns,
+            directive: self.directive,
+            age_steps: self.sample_age_steps,
+            surroundings: self.timing.plant_surroundings,
+            held_steps: self.newest.held_steps,
+            invalid: self.rows.invalid,
+            ..Header::new(FrameKind::Sample, step)
+        }
+    }
+
+    /// Until when the command of a step is awaited. The first waits for the controller: time has not
+    /// begun.
+    fn deadline_of(&self, step: Step) -> u64 {
+        match (&self.pacer, self.job.run.clock) {
+            (Some(pacer), Clock::Realtime) if step > self.first => {
+                pacer.deadline_ns(step, self.job.run.deadline)
+            }
+            _ => u64::MAX,
+        }
+    }
+
+    /// Makes the reference signals of a step, which depend on time alone.
+    fn prepare(&mut self, step: Step) {
+        let time_s = self.job.run.rate.seconds(step);
+        let mut reference = &mut self.rows.stimulus[..];
+        for stimulus in &self.job.stimuli {
+            let count = 1 + stimulus.waveform.derivatives();
+            let (row, rest) = reference.split_at_mut(count);
+            stimulus::evaluate(&stimulus.waveform, time_s, row);
+            reference = rest;
+        }
+        self.prepared = Some(step);
+    }
+
+    /// Fills the sample of a step; false if the plant diverged.
+    fn measure(&mut self, step: Step) -> Result<bool, LinkError> {
+        let (plant, rows) = (&mut self.plant, &mut self.rows);
+        if plant.faults.advance(step, rows.last_values(step)) {
+            plant.model.retune(plant.faults.parameters());
+            plant.faults.faultable(&mut rows.parameter);
+        }
+        if self.prepared != Some(step) {
+            self.prepare(step);
+        }
+        let (plant, rows) = (&mut self.plant, &mut self.rows);
+        plant.model.measure(&mut rows.sensed);
+        if let Err(bad) = first_bad(&plant.description.measured, &rows.sensed) {
+            self.diverged(step, &format!("measured {bad}"))?;
+            return Ok(false);
+        }
+        rows.sent_stimulus.copy_from_slice(&rows.stimulus);
+        self.sample_age_steps = plant.faults.sample(
+            step,
+            (&rows.sensed, &rows.sent_stimulus),
+            &mut rows.sample,
+            &mut rows.invalid,
+        );
+        Ok(true)
+    }
+}
+
+/// Spins for so long; gives how long it was.
+fn spin(busy_ns: u64) -> u64 {
+    let since_ns = monotonic_ns();
+    loop {
+        let spun_ns = monotonic_ns() - since_ns;
+        if spun_ns >= busy_ns {
+            return spun_ns;
+        }
+        std::hint::spin_loop();
+    }
+}

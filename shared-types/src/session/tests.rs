@@ -1,0 +1,110 @@
+use super::*;
+
+#[test]
+fn a_dropped_session_leaves_nothing() {
+    let session = Session::create(None).expect("a session");
+    let info = session.info().clone();
+    let node = crate::link::iceoryx::node(&info, "test").expect("a node");
+    assert!(info.folder.is_dir());
+    assert!(
+        !info.segments().is_empty(),
+        "iceoryx2 keeps a file for each prefix"
+    );
+    drop(node);
+    drop(session);
+    assert!(!info.folder.exists());
+    assert_eq!(info.segments(), Vec::<PathBuf>::new());
+}
+
+#[test]
+fn everything_is_closed_to_others() {
+    let session = Session::create(None).expect("a session");
+    let _node = crate::link::iceoryx::node(session.info(), "test").expect("a node");
+    let mode = |path: &Path| fs::metadata(path).expect("there").mode() & 0o777;
+    assert_eq!(mode(&session.info().folder), 0o700);
+    assert_eq!(mode(&session.info().folder.join("session.json")), 0o600);
+    assert!(!session.info().segments().is_empty());
+    assert_eq!(session.info().open_to_others(), Vec::<PathBuf>::new());
+
+    let opened = session.info().folder.join("i").join("open");
+    fs::write(&opened, "x").expect("writes");
+    fs::set_permissions(&opened, Permissions::from_mode(0o604)).expect("sets");
+    assert_eq!(session.info().open_to_others(), [opened]);
+}
+
+#[test]
+fn a_file_that_iceoryx2_still_fills_keeps_its_mark() {
+    let session = Session::create(None).expect("a session");
+    let prefix = &session.info().prefix;
+    let file = |name: &str, mode| {
+        let path = Path::new(SHARED_MEMORY).join(format!("{prefix}{name}"));
+        fs::write(&path, "x").expect("writes");
+        fs::set_permissions(&path, Permissions::from_mode(mode)).expect("sets");
+        path
+    };
+    let (filling, open) = (file("filling", 0o200), file("open", 0o666));
+    session.info().tighten();
+    let mode = |path: &Path| fs::metadata(path).expect("there").mode() & 0o777;
+    assert_eq!((mode(&filling), mode(&open)), (0o200, 0o600));
+}
+
+#[test]
+fn a_taken_name_is_refused_and_names_its_owner() {
+    let session = Session::create(None).expect("a session");
+    let error = Session::create(Some(&session.info().name)).expect_err("taken");
+    assert!(matches!(error, SessionError::Taken { pid, .. } if pid == std::process::id()));
+}
+
+#[test]
+fn a_file_that_is_not_of_its_folder_is_refused() {
+    let session = Session::create(None).expect("a session");
+    let info = session.info();
+    assert_eq!(&SessionInfo::read(&info.folder).expect("its own"), info);
+    for (prefix, folder) in [
+        ("", info.folder.clone()),
+        ("hil_", info.folder.clone()),
+        ("hil_0123456_", info.folder.clone()),
+        ("hil_01234567", info.folder.clone()),
+        (&info.prefix, "/".into()),
+        (&info.prefix, "/nowhere".into()),
+    ] {
+        let other = SessionInfo {
+            prefix: prefix.into(),
+            folder,
+            ..info.clone()
+        };
+        info.write_file("session.json", &other).expect("writes");
+        let read = SessionInfo::read(&info.folder);
+        assert!(read.is_err(), "{other:?}");
+    }
+    info.write_file("session.json", info).expect("writes");
+}
+
+#[test]
+fn unusable_names_are_refused() {
+    for name in ["", "a/b", "..", "UPPER", "a-name-that-is-far-too-long", "é"] {
+        assert!(
+            matches!(Session::create(Some(name)), Err(SessionError::Name(_))),
+            "{name}"
+        );
+    }
+}
+
+#[test]
+fn a_sweep_removes_dead_sessions_and_leaves_live_ones() {
+    let dead_ones = || super::dead().expect("lists");
+    let live = Session::create(None).expect("a session");
+    let dead = Session::create(None).expect("a session");
+    let info = dead.info().clone();
+    // As after a kill: the lock is gone, the files are not.
+    let segment = Path::new(SHARED_MEMORY).join(format!("{}left", info.prefix));
+    fs::write(&segment, "x").expect("writes");
+    flock(&dead._lock, FlockOperation::Unlock).expect("unlocks");
+    assert!(dead_ones().contains(&info.name));
+    assert!(!dead_ones().contains(&live.info().name));
+    sweep().expect("sweeps");
+    assert!(!info.folder.exists() && !segment.exists());
+    assert!(live.info().folder.exists());
+    assert!(list().expect("lists").contains(live.info()));
+    drop(dead);
+}
