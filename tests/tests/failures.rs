@@ -117,9 +117,15 @@ fn misbehaves_as(rig: &Rig, law: &str, controller: &Path) -> Run {
         [controller]\nlaw = \"LAW\"\n";
     let scenario = rig.write("scenario.toml", &shipped.replace("LAW", law));
     let (scenario, controller) = (scenario.display(), controller.display());
+    let wait_limit_s = wait_limit_s(law);
     rig.run(&format!(
-        "{scenario} --controller-bin {controller} --wait-limit 0.5"
+        "{scenario} --controller-bin {controller} --wait-limit {wait_limit_s}"
     ))
+}
+
+/// Only who sleeps is to be found out by waiting; a busy machine is slow to give memory.
+fn wait_limit_s(deed: &str) -> f64 {
+    if deed == "sleeps" { 0.5 } else { 30.0 }
 }
 
 #[test]
@@ -157,8 +163,7 @@ fn plant_misbehaves(rig: &Rig, model: &str) -> Run {
     let scenario = rig.write("scenario.toml", &text);
     let plant = poor(rig, &misbehaving_plant());
     let (scenario, plant) = (scenario.display(), plant.display());
-    // Only who sleeps is to be found out by waiting; a busy machine is slow to give memory.
-    let wait_limit_s = if model == "sleeps" { 0.5 } else { 30.0 };
+    let wait_limit_s = wait_limit_s(model);
     rig.run(&format!(
         "{scenario} --plant-bin {plant} --wait-limit {wait_limit_s}"
     ))
