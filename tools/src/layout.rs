@@ -1,12 +1,13 @@
 //! `hil layout`: what Foxglove or PlotJuggler is to plot of a run.
 //!
 //! [`pages`] decides what belongs together, from names and units alone; one module for each program
-//! writes that in its form. Of the recording only the schema is read, no record.
+//! writes that in its form. Records are read for their ranges only, by who needs them.
 
 mod foxglove;
 pub mod pages;
 mod plotjuggler;
 
+use std::collections::BTreeMap;
 use std::io::Write as _;
 use std::path::Path;
 
@@ -17,12 +18,17 @@ use crate::export::not_written;
 use crate::output;
 use crate::run_reader::RunReader;
 
+/// The least and the greatest value of signals, by name.
+type Ranges = BTreeMap<String, [f64; 2]>;
+
 /// Runs the command.
 ///
 /// # Errors
 /// If the run cannot be read, has no signal, or the file cannot be written.
 pub fn layout(arguments: &LayoutArguments) -> Result<Exit, Failure> {
-    let reader = RunReader::open(&arguments.run).map_err(Failure::usage)?;
+    let mut reader = RunReader::open(&arguments.run)
+        .map_err(Failure::usage)?
+        .without_digest();
     let pages = pages::of(reader.columns());
     if pages.is_empty() {
         let run = reader.path().display();
@@ -30,7 +36,7 @@ pub fn layout(arguments: &LayoutArguments) -> Result<Exit, Failure> {
     }
     let path = (arguments.output.as_deref()).filter(|path| *path != Path::new("-"));
     let text = match arguments.viewer {
-        Viewer::Foxglove => foxglove::text(&pages)?,
+        Viewer::Foxglove => foxglove::text(&pages, &ranges(&mut reader))?,
         Viewer::PlotJuggler => {
             let beside = path.and_then(|path| name_of_neighbour(path, reader.path()));
             plotjuggler::text(&pages, beside.as_deref()).map_err(Failure::infrastructure)?
@@ -47,6 +53,29 @@ pub fn layout(arguments: &LayoutArguments) -> Result<Exit, Failure> {
     let (shown, pages) = (path.display(), pages.len());
     output::write(&format!("{shown}: {plots} plots on {pages} pages\n"))?;
     Ok(Exit::Pass)
+}
+
+/// The least and the greatest value of each signal that has one, as far as the recording can be read.
+fn ranges(reader: &mut RunReader) -> Ranges {
+    let signals = reader.columns().iter().enumerate();
+    let signals = signals.filter(|(_, column)| column.is_signal());
+    let mut ranges: Vec<(usize, String, Option<[f64; 2]>)> = signals
+        .map(|(place, column)| (place, column.name.clone(), None))
+        .collect();
+    while let Ok(true) = reader.advance() {
+        for (place, _, range) in &mut ranges {
+            let value = f64::from_bits(reader.words()[*place]);
+            if value.is_finite() {
+                let [least, greatest] = range.get_or_insert([value; 2]);
+                *least = if value < *least { value } else { *least };
+                *greatest = if value > *greatest { value } else { *greatest };
+            }
+        }
+    }
+    let known = ranges.into_iter();
+    known
+        .filter_map(|(_, name, range)| Some((name, range?)))
+        .collect()
 }
 
 /// The name of a recording, if it lies in the folder that a file is written into.

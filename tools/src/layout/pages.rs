@@ -7,6 +7,8 @@ use crate::run_reader::Column;
 
 /// Most plots on a page; further ones go to the next.
 const PLOTS: usize = 8;
+/// Longest list of names that is a title, and longest name beside curves.
+const SHORT: usize = 16;
 /// Measured time and counts, by unit.
 const LOOP: [(&str, &[&str]); 3] = [
     ("ns", &["round_trip_ns", "controller_ns", "plant_ns"]),
@@ -115,6 +117,12 @@ impl<'a> Signal<'a> {
         family + unit
     }
 
+    /// The numbers in its name that are none of the unit.
+    fn numbers(&self) -> Vec<&'a str> {
+        let parts = self.stem().0.split(|c: char| !c.is_ascii_digit());
+        parts.filter(|part| !part.is_empty()).collect()
+    }
+
     /// Words of its name without numbers.
     fn words(&self) -> impl Iterator<Item = &'a str> {
         let words = self.stem().0.split('_');
@@ -132,6 +140,46 @@ impl<'a> Signal<'a> {
     fn is_twin(&self, other: &Self) -> bool {
         self.name == other.name && self.unit == other.unit
     }
+}
+
+/// What tells the curves of a plot apart beside its title: short names as they are; of longer ones the
+/// group and the numbers that the title's `*` stand for, or else all but the unit.
+pub(super) fn labels(plot: &Plot) -> Vec<String> {
+    let unit = plot.unit.as_str();
+    let signals: Vec<Option<Signal<'_>>> = (plot.curves.iter())
+        .map(|column| {
+            let (group, name) = column.split_once('.')?;
+            Some(Signal {
+                column,
+                group,
+                name,
+                unit,
+            })
+        })
+        .collect();
+    let whole = |(column, signal): (&String, &Option<Signal<'_>>)| {
+        let unit = signal.map_or(0, |signal| signal.stem().1.len());
+        column[..column.len() - unit].to_owned()
+    };
+    let whole: Vec<String> = plot.curves.iter().zip(&signals).map(whole).collect();
+    let short: Option<Vec<String>> = signals
+        .iter()
+        .map(|signal| {
+            let signal = signal.as_ref()?;
+            let numbers = signal.numbers();
+            let is_told = !numbers.is_empty() || signal.name == plot.title;
+            is_told.then(|| [&[signal.group], &numbers[..]].concat().join(" "))
+        })
+        .collect();
+    let is_long = whole.len() > 1 && whole.iter().any(|label| label.len() > SHORT);
+    let are_distinct = |labels: &Vec<String>| {
+        let mut sorted: Vec<&String> = labels.iter().collect();
+        sorted.sort_unstable();
+        sorted.windows(2).all(|pair| pair[0] != pair[1])
+    };
+    short
+        .filter(|labels| is_long && are_distinct(labels))
+        .unwrap_or(whole)
 }
 
 /// Whether the end of a name says this unit: `m3ps_per_sqrt_pa` says `m3/s/sqrt(Pa)`, `nm` and `n_m`
@@ -261,8 +309,11 @@ fn plot(signals: &[Signal<'_>]) -> Plot {
     let families: Vec<String> = signals.iter().map(Signal::family).collect();
     let names: Vec<&str> = signals.iter().map(|signal| signal.name).collect();
     let is_one = |all: &[&str]| all.iter().all(|one| *one == all[0]);
+    let all_names = names.join(", ");
     let title = if is_one(&names) {
         names[0].to_owned()
+    } else if all_names.len() <= SHORT {
+        all_names
     } else if families.iter().all(|family| *family == families[0]) {
         families[0].clone()
     } else {
@@ -345,6 +396,38 @@ mod tests {
     }
 
     #[test]
+    fn labels_tell_curves_apart_and_leave_out_what_the_title_says() {
+        let labels = |title: &str, unit: &str, curves: &[&str]| {
+            labels(&Plot {
+                title: title.into(),
+                unit: unit.into(),
+                curves: curves.iter().map(|curve| (*curve).into()).collect(),
+                wanted: None,
+            })
+        };
+        let angles = ["reference.surface_angle_rad", "truth.surface_angle_rad"];
+        let told = labels("surface_angle_rad", "rad", &angles);
+        assert_eq!(told, ["reference", "truth"]);
+        let pressures = ["truth.pump1_pressure2_pa", "truth.pump2_pressure1_pa"];
+        let told = labels("pump*_pressure*_pa", "Pa", &pressures);
+        assert_eq!(told, ["truth 1 2", "truth 2 1"]);
+        let told = labels("z11, z12", "N", &["internal.z11", "internal.z12"]);
+        assert_eq!(told, ["internal.z11", "internal.z12"]);
+        let functions = ["internal.lyapunov_v3", "internal.lyapunov_bound"];
+        assert_eq!(labels("lyapunov_*", "1", &functions), functions);
+        let told = labels(
+            "*_m",
+            "m",
+            &["truth.spring1_length_m", "truth.damper1_length_m"],
+        );
+        assert_eq!(told, ["truth.spring1_length", "truth.damper1_length"]);
+        let told = labels("surface_angle_rad", "rad", &angles[1..]);
+        assert_eq!(told, ["truth.surface_angle"]);
+        let times = ["round_trip_ns", "controller_ns"];
+        assert_eq!(labels("*_ns", "ns", &times), times);
+    }
+
+    #[test]
     fn a_reference_is_plotted_with_truth_and_measurement_of_its_name() {
         let plots = of(&columns(&[
             ("truth.angle_rad", "rad"),
@@ -391,7 +474,7 @@ mod tests {
             "Controller/leakage_estimate1_m3ps",
             &[estimate, "truth.valve1_leakage_m3ps"],
         );
-        expected("Controller/z*", &["internal.z11", "internal.z12"]);
+        expected("Controller/z11, z12", &["internal.z11", "internal.z12"]);
         expected("Tracking/force_n", &["truth.force_n"]);
         expected("Plant/valve1_flow_m3ps", &["truth.valve1_flow_m3ps"]);
     }
