@@ -234,7 +234,7 @@ fn a_question_a_pause_and_the_end_are_told() {
         text.contains("PAUSED") && text.contains("7.0001 of 20 s"),
         "{text}"
     );
-    model.run_dir = Some("/home/somebody/runs/severe-leakage-20261121T140715Z-demo".into());
+    model.run_dir = Some("november/evening/runs/severe-leakage-20261121T140715Z-demo".into());
     model.end(Some("pass".into()));
     for (width, height) in [(80, 24), (60, 12)] {
         let (text, _) = drawn(&model, &display, width, height);
