@@ -104,13 +104,17 @@ pub struct Compared<'a> {
     pub right: &'a Expression,
     /// First and last time in s at which it may count.
     pub window_s: [f64; 2],
+    /// Whether the robustness of the formula falls where that of the comparison rises, as under `not`;
+    /// `None` if it may do both, as under `rise`.
+    pub is_turned: Option<bool>,
 }
 
-/// The times at which a part of a formula may count.
+/// When a part of a formula may count, and how.
 #[derive(Clone, Copy, Debug)]
 struct Reach {
     from_s: f64,
     until_s: f64,
+    is_turned: Option<bool>,
 }
 
 impl Reach {
@@ -122,7 +126,11 @@ impl Reach {
             (true, Some((a, b))) => (self.from_s - b, self.until_s - a),
             (true, None) => (0.0, self.until_s),
         };
-        Self { from_s, until_s }
+        Self {
+            from_s,
+            until_s,
+            ..self
+        }
     }
 }
 
@@ -247,6 +255,7 @@ impl Formula {
         let whole = Reach {
             from_s: 0.0,
             until_s: 0.0,
+            is_turned: Some(false),
         };
         let mut reaches = vec![None; self.nodes.len()];
         reaches[self.nodes.len() - 1] = Some(whole);
@@ -256,6 +265,7 @@ impl Formula {
             let Some(reach) = reaches[place] else {
                 continue;
             };
+            let turned = |is_turned| Some(Reach { is_turned, ..reach });
             match node {
                 Node::Comparison(comparison) => compared.push(Compared {
                     left: &comparison.left.expression,
@@ -273,10 +283,18 @@ impl Formula {
                             end_s
                         },
                     ],
+                    is_turned: reach.is_turned,
                 }),
-                Node::Not(operand) | Node::Edge { operand, .. } => reaches[*operand] = Some(reach),
-                Node::And(a, b) | Node::Or(a, b) | Node::Implies(a, b) => {
+                Node::Not(operand) => {
+                    reaches[*operand] = turned(reach.is_turned.map(|it| !it));
+                }
+                Node::Edge { operand, .. } => reaches[*operand] = turned(None),
+                Node::And(a, b) | Node::Or(a, b) => {
                     reaches[*a] = Some(reach);
+                    reaches[*b] = Some(reach);
+                }
+                Node::Implies(a, b) => {
+                    reaches[*a] = turned(reach.is_turned.map(|it| !it));
                     reaches[*b] = Some(reach);
                 }
                 Node::Over {

@@ -189,3 +189,24 @@ fn each_comparison_is_told_with_the_time_at_which_it_may_count() {
         assert_eq!(found, expected, "{formula}");
     }
 }
+
+#[test]
+fn a_negation_turns_the_margin_of_a_comparison_round() {
+    for (formula, expected) in [
+        (
+            "always(a < 1) and eventually(b > 2)",
+            vec![Some(false), Some(false)],
+        ),
+        ("not a < 1 or b > 2", vec![Some(true), Some(false)]),
+        ("not not a < 1", vec![Some(false)]),
+        ("always(a < 1 implies b > 2)", vec![Some(true), Some(false)]),
+        ("eventually(rise(a > 1))", vec![None]),
+        ("not rise(a > 1)", vec![None]),
+    ] {
+        let read = Formula::parse(formula).expect(formula);
+        let found: Vec<Option<bool>> = (read.comparisons(20.0).iter())
+            .map(|one| one.is_turned)
+            .collect();
+        assert_eq!(found, expected, "{formula}");
+    }
+}

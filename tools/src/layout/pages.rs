@@ -31,7 +31,7 @@ pub struct Page {
 /// Signals over one time axis.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Plot {
-    /// The name that its signals share, `*` for what differs.
+    /// The name that its signals share, `*` for what differs, or their names if those are short.
     pub title: String,
     /// Their unit.
     pub unit: String,
@@ -171,6 +171,11 @@ pub(super) fn labels(plot: &Plot) -> Vec<String> {
             is_told.then(|| [&[signal.group], &numbers[..]].concat().join(" "))
         })
         .collect();
+    let of_one_family = |one: &Signal<'_>| {
+        let mut of_group = (signals.iter().flatten()).filter(|other| other.group == one.group);
+        of_group.all(|other| other.family() == one.family())
+    };
+    let are_akin = signals.iter().flatten().all(of_one_family);
     let is_long = whole.len() > 1 && whole.iter().any(|label| label.len() > SHORT);
     let are_distinct = |labels: &Vec<String>| {
         let mut sorted: Vec<&String> = labels.iter().collect();
@@ -178,7 +183,7 @@ pub(super) fn labels(plot: &Plot) -> Vec<String> {
         sorted.windows(2).all(|pair| pair[0] != pair[1])
     };
     short
-        .filter(|labels| is_long && are_distinct(labels))
+        .filter(|labels| is_long && are_akin && are_distinct(labels))
         .unwrap_or(whole)
 }
 
@@ -309,7 +314,9 @@ fn plot(signals: &[Signal<'_>]) -> Plot {
     let families: Vec<String> = signals.iter().map(Signal::family).collect();
     let names: Vec<&str> = signals.iter().map(|signal| signal.name).collect();
     let is_one = |all: &[&str]| all.iter().all(|one| *one == all[0]);
-    let all_names = names.join(", ");
+    let mut distinct = names.clone();
+    distinct.dedup(); // twins of other groups stand beside each other
+    let all_names = distinct.join(", ");
     let title = if is_one(&names) {
         names[0].to_owned()
     } else if all_names.len() <= SHORT {
@@ -418,9 +425,9 @@ mod tests {
         let told = labels(
             "*_m",
             "m",
-            &["truth.spring1_length_m", "truth.damper1_length_m"],
+            &["truth.spring1_length_m", "truth.damper2_length_m"],
         );
-        assert_eq!(told, ["truth.spring1_length", "truth.damper1_length"]);
+        assert_eq!(told, ["truth.spring1_length", "truth.damper2_length"]);
         let told = labels("surface_angle_rad", "rad", &angles[1..]);
         assert_eq!(told, ["truth.surface_angle"]);
         let times = ["round_trip_ns", "controller_ns"];

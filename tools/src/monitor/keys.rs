@@ -1,7 +1,7 @@
 //! What the terminal tells the view: keys, and its new size.
 //!
-//! It is read on a thread of its own, because crossterm looks for keys in a terminal that is gone for
-//! ever. Whether it is gone, the loop of the view looks itself.
+//! It is read on a thread of its own, because crossterm never stops looking for keys in a terminal that
+//! is gone. Whether it is gone, the loop of the view looks itself.
 
 use std::io;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};

@@ -25,7 +25,7 @@ pub fn ended(model: &Model, ending: &Ending) -> String {
     }
     if let Some(folder) = &model.run_dir {
         let folder = folder.display();
-        text += &match ending.is_abandoned {
+        text += &match ending.is_recoverable {
             true => format!(", `hil recover {folder}` makes whole what it recorded"),
             false => format!(", {folder}"),
         };
@@ -120,8 +120,10 @@ pub fn json(model: &Model, now_ns: u64) -> Value {
         "requirements": requirements,
         "first_step_seen": model.joined_late().or(model.seen().map(|_| 0)),
         "lost": model.lost,
+        "hil_is_stopped": model.is_owner_stopped,
         "ending": model.ending().map(|ending| json!({
             "verdict": ending.verdict,
+            "hil_was_killed": ending.is_abandoned,
             "outcome": ending.outcome,
             "reason": ending.reason,
             "steps": ending.steps,

@@ -34,6 +34,8 @@ pub struct Ending {
     pub is_gone: bool,
     /// `hil` was killed before it could write a summary.
     pub is_abandoned: bool,
+    /// What it recorded until then is there to be recovered.
+    pub is_recoverable: bool,
 }
 
 /// What is known of the requirements.
@@ -245,12 +247,15 @@ impl Model {
         let ending = self.ending.get_or_insert_default();
         ending.is_gone = true;
         ending.verdict = verdict;
+        self.is_owner_stopped = false;
     }
 
-    /// The session is no more, because `hil` was killed.
-    pub fn abandon(&mut self) {
+    /// The session is no more, because `hil` was killed; perhaps it has left a recording.
+    pub fn abandon(&mut self, is_recoverable: bool) {
         self.end(None);
-        self.ending.get_or_insert_default().is_abandoned = true;
+        let ending = self.ending.get_or_insert_default();
+        ending.is_abandoned = true;
+        ending.is_recoverable = is_recoverable;
     }
 
     /// The scenario.

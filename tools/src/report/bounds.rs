@@ -11,7 +11,11 @@ pub(super) struct Bound {
     pub(super) run: usize,
     pub(super) requirement: String,
     pub(super) side: Side,
+    /// `<`, `<=`, `>`, `>=`, `==` or `!=`, as it stands between the side and the other.
+    relation: &'static str,
     pub(super) other: Other,
+    /// Whether the requirement turns the margin of the comparison round; `None` if it does both.
+    is_turned: Option<bool>,
     /// First and last time in s at which it may count.
     pub(super) window_s: [f64; 2],
 }
@@ -58,21 +62,35 @@ pub(super) fn bounds(number: usize, run: &Run) -> (Vec<Bound>, Vec<plan::Derived
         };
         for compared in requirement.formula.comparisons(run.end_s()) {
             let (left, right) = (compared.left, compared.right);
-            let (side, other) = match (left.constant(), right.constant()) {
-                (Some(level), _) => (side(right), Other::Level(level)),
-                (None, Some(level)) => (side(left), Other::Level(level)),
-                (None, None) => (side(left), Other::Signal(side(right))),
+            let relation = compared.relation;
+            let (side, relation, other) = match (left.constant(), right.constant()) {
+                (Some(level), _) => (side(right), mirrored(relation), Other::Level(level)),
+                (None, Some(level)) => (side(left), relation, Other::Level(level)),
+                (None, None) => (side(left), relation, Other::Signal(side(right))),
             };
             bounds.push(Bound {
                 run: number,
                 requirement: requirement.name.clone(),
                 side,
+                relation,
                 other,
+                is_turned: compared.is_turned,
                 window_s: compared.window_s,
             });
         }
     }
     (bounds, extra)
+}
+
+/// A relation as it reads from right to left.
+fn mirrored(relation: &'static str) -> &'static str {
+    match relation {
+        "<" => ">",
+        "<=" => ">=",
+        ">" => "<",
+        ">=" => "<=",
+        same => same,
+    }
 }
 
 impl Side {
@@ -89,33 +107,46 @@ impl Side {
 }
 
 impl Bound {
-    /// The value of its signal in a bucket that is as far from what it is compared with as the margin of
-    /// the whole requirement says, and what that is: this comparison decides. `None` if none is.
+    /// The value of its signal in a bucket and what it is compared with, if their margin is that of the
+    /// whole requirement: this comparison decides.
     pub(super) fn decisive(
         &self,
         margin: f64,
         signals: &Signals,
         bucket: usize,
     ) -> Option<[f64; 2]> {
-        let decides = |value: f64, level: f64| {
-            let rounding = 1e-9 * (value.abs() + level.abs());
-            ((value - level).abs() - margin.abs()).abs() <= rounding
-        };
         let pairs = self.side.ends(signals, bucket).flat_map(|value| {
-            let levels: Vec<[f64; 2]> = match &self.other {
-                // That of a negative value's magnitude stands below zero.
-                Other::Level(level) if self.side.magnitude => {
-                    vec![[*level, level.copysign(value)]]
-                }
-                Other::Level(level) => vec![[*level; 2]],
-                Other::Signal(other) => (other.ends(signals, bucket))
-                    .map(|level| [other.compared(level), level])
-                    .collect(),
+            let levels: Vec<f64> = match &self.other {
+                Other::Level(level) => vec![*level],
+                Other::Signal(other) => other.ends(signals, bucket).collect(),
             };
-            levels.into_iter().map(move |level| (value, level))
+            levels.into_iter().map(move |level| [value, level])
         });
-        let mut deciding =
-            pairs.filter(|(value, [level, _])| decides(self.side.compared(*value), *level));
-        deciding.next().map(|(value, [_, shown])| [value, shown])
+        let [value, level] = pairs.into_iter().find(|pair| self.decides(*pair, margin))?;
+        // That of a negative value's magnitude stands below zero.
+        let is_mirrored =
+            self.side.magnitude && value < 0.0 && matches!(self.other, Other::Level(_));
+        Some([value, if is_mirrored { -level } else { level }])
+    }
+
+    fn decides(&self, [value, level]: [f64; 2], margin: f64) -> bool {
+        let value = self.side.compared(value);
+        let level = match &self.other {
+            Other::Level(_) => level,
+            Other::Signal(other) => other.compared(level),
+        };
+        let own = match self.relation {
+            "<" | "<=" => level - value,
+            ">" | ">=" => value - level,
+            "==" => -(value - level).abs(),
+            _ => (value - level).abs(),
+        };
+        let rounding = 1e-9 * (value.abs() + level.abs());
+        let is_it = |own: f64| own.is_finite() && (own - margin).abs() <= rounding;
+        match self.is_turned {
+            Some(false) => is_it(own),
+            Some(true) => is_it(-own),
+            None => is_it(own) || is_it(-own),
+        }
     }
 }

@@ -103,11 +103,12 @@ fn marks(ground: &Ground<'_>) -> Vec<Mark> {
             };
             let step = run.rate.step_at_or_after(at_s);
             let bucket = ground.grid.bucket(0, run.rate.nanoseconds(step));
+            // An edge looks at the step before, and times have roundings.
+            let period_s = run.rate.period_s();
             let counts = |bound: &&Bound| {
                 let [from_s, until_s] = bound.window_s;
-                bound.run == number
-                    && bound.requirement == judged.name
-                    && (from_s..=until_s).contains(&at_s)
+                let near_s = from_s - 1.5 * period_s..=until_s + 0.5 * period_s;
+                bound.run == number && bound.requirement == judged.name && near_s.contains(&at_s)
             };
             let of_it: Vec<Mark> = (ground.bounds.iter().filter(counts))
                 .map(|bound| Mark {

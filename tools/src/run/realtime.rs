@@ -54,6 +54,7 @@ pub(super) struct Watched {
     controller: Option<Report>,
     awaits_controller: bool,
     refusals: Refusals,
+    has_told_sides: bool,
     recorder: RecorderCore,
     dma_latency_us: Granted<Option<u32>>,
     /// Holds the latency down as long as it is open.
@@ -145,6 +146,7 @@ impl Watched {
             controller: None,
             awaits_controller: link == LinkKind::Iceoryx2,
             refusals,
+            has_told_sides: false,
             recorder: RecorderCore {
                 asked: asked.recorder_core,
                 granted: Arc::default(),
@@ -161,15 +163,16 @@ impl Watched {
 
     /// Looks whether the sides have told what they run with; once all have, what was refused.
     pub(super) fn look(&mut self) -> Option<String> {
-        for (side, file, report) in [
-            ("plant", PLANT_FILE, &mut self.plant),
-            ("controller", CONTROLLER_FILE, &mut self.controller),
+        for (file, report, is_awaited) in [
+            (PLANT_FILE, &mut self.plant, true),
+            (
+                CONTROLLER_FILE,
+                &mut self.controller,
+                self.awaits_controller,
+            ),
         ] {
-            if report.is_none() && (side == "plant" || self.awaits_controller) {
+            if report.is_none() && is_awaited {
                 *report = self.session.read_file(file).ok();
-                if let Some(report) = report {
-                    self.refusals.add_side(side, report);
-                }
             }
         }
         let all = self.plant.is_some() && (self.controller.is_some() || !self.awaits_controller);
@@ -178,6 +181,14 @@ impl Watched {
 
     /// What was refused and not told yet.
     fn refused(&mut self) -> Option<String> {
+        // In this order, whoever told first.
+        if !std::mem::replace(&mut self.has_told_sides, true) {
+            for (side, report) in [("plant", &self.plant), ("controller", &self.controller)] {
+                if let Some(report) = report {
+                    self.refusals.add_side(side, report);
+                }
+            }
+        }
         let refusals = std::mem::take(&mut self.refusals);
         (!refusals.is_empty()).then(|| refusals.to_string())
     }

@@ -208,7 +208,11 @@ fn a_killed_and_a_stopped_hil_are_named() {
     model.is_owner_stopped = true;
     let told = crate::monitor::line::text(&model, 0);
     assert_eq!(told, "spring-mass: starting, hil is stopped");
-    model.abandon();
+    model.abandon(false);
+    assert!(!model.is_owner_stopped, "it is not any more");
+    let told = crate::monitor::line::text(&model, 0);
+    assert_eq!(told, "spring-mass ended: hil was killed, /runs/demo");
+    model.abandon(true);
     let told = crate::monitor::line::text(&model, 0);
     let mend = "`hil recover /runs/demo` makes whole what it recorded";
     assert_eq!(told, format!("spring-mass ended: hil was killed, {mend}"));

@@ -36,10 +36,7 @@ impl Refusals {
     ) {
         let mut known = self.0.iter_mut();
         match known.find(|known| known.setting == setting && known.reason == reason) {
-            Some(known) => {
-                known.who.push(who);
-                known.who.sort_by_key(|who| *who != "plant"); // first, whoever told first
-            }
+            Some(known) => known.who.push(who),
             None => self.0.push(Refusal {
                 who: vec![who],
                 setting,
@@ -102,8 +99,6 @@ mod tests {
         assert!(refusals.is_empty());
         refusals.add("plant", "priority", "no", Some("ask"));
         refusals.add("plant", "lock_memory", "too much", Some("ask"));
-        refusals.add("controller", "wait", "one core", None);
-        refusals.add("plant", "wait", "one core", None);
         refusals.add("controller", "priority", "no", Some("ask"));
         refusals.add("controller", "lock_memory", "nothing at all", Some("ask"));
         refusals.add("recorder", "core", "gone", None);
@@ -111,7 +106,6 @@ mod tests {
             refusals.to_string(),
             "warning: plant and controller: priority was not granted: no\n\
              warning: plant: lock_memory was not granted: too much\n\
-             warning: plant and controller: wait was not granted: one core\n\
              warning: controller: lock_memory was not granted: nothing at all\n\
              warning: recorder: core was not granted: gone\n  mend: ask"
         );
