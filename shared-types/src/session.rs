@@ -9,7 +9,6 @@ use std::fs::{self, DirBuilder, File, Permissions};
 use std::io::{self, ErrorKind};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use iceoryx2::prelude::{Config, FileName, Path as IceoryxPath, SemanticString};
 use rustix::fs::{FlockOperation, flock};
@@ -25,8 +24,6 @@ mod all;
 const SHARED_MEMORY: &str = "/dev/shm";
 /// Longest session name: the paths of sockets below the folder must stay under 108 bytes.
 const LONGEST_NAME: usize = 24;
-/// How long another `hil` may hold the lock over all sessions while it creates or sweeps.
-const LOCK_LIMIT: Duration = Duration::from_secs(10);
 
 /// What a session is called and where it lives; the content of its `session.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

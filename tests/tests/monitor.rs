@@ -151,6 +151,23 @@ fn exit_of_a_view_without_its_window(rig: &Rig) -> Option<i32> {
 }
 
 #[test]
+fn a_stopped_and_a_killed_hil_are_named() {
+    // Alone: another `hil` would sweep the dead session away.
+    let rig = Rig::alone();
+    let run = rig.held();
+    let mut terminal = monitor(&rig, &[]);
+    terminal.until_it_shows("PAUSED");
+    send(run.pid(), Signal::STOP);
+    terminal.until_it_shows("hil is stopped");
+    run.kill();
+    terminal.until_it_shows("hil is gone without a summary");
+    terminal.until_it_shows("hil recover");
+    terminal.press("q");
+    assert_eq!(terminal.wait().code(), Some(0));
+    rig.hil(&["sessions", "--clean"]).expect(0);
+}
+
+#[test]
 fn a_panic_gives_the_terminal_back_before_it_speaks() {
     let mut own = Command::new(std::env::current_exe().expect("this program"));
     own.args([

@@ -8,10 +8,11 @@ use std::time::{Duration, Instant};
 
 use rustix::fs::{FlockOperation, flock};
 
-use super::{
-    LOCK_LIMIT, SHARED_MEMORY, SessionError, SessionInfo, private_file, private_folder, unless_gone,
-};
+use super::{SHARED_MEMORY, SessionError, SessionInfo, private_file, private_folder, unless_gone};
 use crate::process::ProcessId;
+
+/// How long another `hil` may hold the lock over all sessions while it creates or sweeps.
+const LOCK_LIMIT: Duration = Duration::from_secs(10);
 
 /// The folder of all sessions of this user.
 fn all_sessions() -> PathBuf {

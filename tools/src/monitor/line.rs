@@ -12,7 +12,7 @@ pub fn ended(model: &Model, ending: &Ending) -> String {
     let mut text = format!("{} ended: ", model.plan().name);
     text += &match (&ending.verdict, ending.outcome) {
         (Some(verdict), _) => verdict.clone(),
-        (None, _) if ending.is_abandoned => "hil was killed".into(),
+        (None, _) if ending.is_abandoned => "hil is gone without a summary".into(),
         (None, Some(outcome)) => told(outcome).into(),
         (None, None) if ending.is_gone => "without a word".into(),
         (None, None) => "no record comes any more".into(),
@@ -123,7 +123,7 @@ pub fn json(model: &Model, now_ns: u64) -> Value {
         "hil_is_stopped": model.is_owner_stopped,
         "ending": model.ending().map(|ending| json!({
             "verdict": ending.verdict,
-            "hil_was_killed": ending.is_abandoned,
+            "is_without_summary": ending.is_abandoned,
             "outcome": ending.outcome,
             "reason": ending.reason,
             "steps": ending.steps,

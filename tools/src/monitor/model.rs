@@ -32,7 +32,7 @@ pub struct Ending {
     pub verdict: Option<String>,
     /// `hil` has removed the session.
     pub is_gone: bool,
-    /// `hil` was killed before it could write a summary.
+    /// `hil` is gone and wrote no summary, as when it was killed.
     pub is_abandoned: bool,
     /// What it recorded until then is there to be recovered.
     pub is_recoverable: bool,
@@ -250,7 +250,7 @@ impl Model {
         self.is_owner_stopped = false;
     }
 
-    /// The session is no more, because `hil` was killed; perhaps it has left a recording.
+    /// The session is no more, and `hil` is gone without a summary; perhaps it has left a recording.
     pub fn abandon(&mut self, is_recoverable: bool) {
         self.end(None);
         let ending = self.ending.get_or_insert_default();

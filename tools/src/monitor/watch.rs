@@ -206,9 +206,7 @@ impl Work {
         model.run_dir = model.run_dir.take().or(run_dir);
         // What was asked last is older than the end.
         model.hear_standings(standings);
-        // One that ends by itself, however badly, removes its session.
-        let is_abandoned = self.session.folder.exists() && !self.session.owner.is_alive();
-        if verdict.is_none() && is_abandoned {
+        if verdict.is_none() && !self.session.owner.is_alive() {
             let recording = model.run_dir.as_ref().map(|folder| folder.join("run.mcap"));
             model.abandon(recording.is_some_and(|file| file.exists()));
         } else {

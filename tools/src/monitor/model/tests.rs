@@ -211,11 +211,17 @@ fn a_killed_and_a_stopped_hil_are_named() {
     model.abandon(false);
     assert!(!model.is_owner_stopped, "it is not any more");
     let told = crate::monitor::line::text(&model, 0);
-    assert_eq!(told, "spring-mass ended: hil was killed, /runs/demo");
+    assert_eq!(
+        told,
+        "spring-mass ended: hil is gone without a summary, /runs/demo"
+    );
     model.abandon(true);
     let told = crate::monitor::line::text(&model, 0);
     let mend = "`hil recover /runs/demo` makes whole what it recorded";
-    assert_eq!(told, format!("spring-mass ended: hil was killed, {mend}"));
+    assert_eq!(
+        told,
+        format!("spring-mass ended: hil is gone without a summary, {mend}")
+    );
 }
 
 #[test]
