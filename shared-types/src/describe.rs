@@ -3,10 +3,12 @@
 //! The launcher checks scenarios against this, so that it can refuse an unknown key or a value out
 //! of range also for a model it has never seen. JSON on standard output; any language can write it.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
+use crate::frame::MAX_SIGNALS;
+use crate::layout::{MOST_FIELDS, Unusable, check_fields, check_title};
 use crate::table::{Field, Table, number};
 
 /// Version of the protocol between launcher, plant and controller: description, job file, control
@@ -47,6 +49,92 @@ impl Description {
             faults: Vec::new(),
         }
     }
+
+    /// Checks that everything in it has a name of its own that can be written down, and that tables have
+    /// no more columns than fit.
+    ///
+    /// # Errors
+    /// The first that does not, and what is wrong.
+    pub fn check(&self) -> Result<(), String> {
+        let mut names = BTreeSet::new();
+        for plant in &self.plants {
+            let name = shown("plant", &plant.name)?;
+            if !names.insert(&plant.name) {
+                return Err(format!("{name} is there twice"));
+            }
+            check_tables(
+                &name,
+                [
+                    ("parameters", &plant.parameters, MOST_FIELDS),
+                    ("truth", &plant.truth, MOST_FIELDS),
+                    ("measured", &plant.measured, MAX_SIGNALS),
+                    ("commands", &plant.commands, MAX_SIGNALS),
+                ],
+            )?;
+            let mut kinds: BTreeSet<&str> = self.faults.iter().map(|f| f.kind.as_str()).collect();
+            for fault in &plant.faults {
+                let kind = shown("fault", &fault.kind)?;
+                if !kinds.insert(&fault.kind) {
+                    return Err(format!("{kind} of {name} is there twice"));
+                }
+                check_tables(&kind, [("sizes", &fault.sizes, MOST_FIELDS)])?;
+            }
+        }
+        let mut kinds = BTreeSet::new();
+        for fault in &self.faults {
+            let kind = shown("fault", &fault.kind)?;
+            if !kinds.insert(&fault.kind) {
+                return Err(format!("{kind} is there twice"));
+            }
+            check_tables(&kind, [("parameters", &fault.parameters, MOST_FIELDS)])?;
+        }
+        for (place, law) in self.laws.iter().enumerate() {
+            let name = shown("law", &law.name)?;
+            if self.laws[..place]
+                .iter()
+                .any(|before| before.is_for_one_with(law))
+            {
+                return Err(format!("{name} is there twice for one plant"));
+            }
+            let commands = law.commands.as_deref().unwrap_or_default();
+            let (commanded, inner) = (commands.len(), law.internals.len());
+            if commanded <= MAX_SIGNALS && commanded + inner > MAX_SIGNALS {
+                return Err(format!(
+                    "{name} has {commanded} commands and {inner} internals, and a frame carries {MAX_SIGNALS} of both at most"
+                ));
+            }
+            check_tables(
+                &name,
+                [
+                    ("parameters", &law.parameters, MOST_FIELDS),
+                    ("model", &law.model, MOST_FIELDS),
+                    ("measured", &law.measured, MAX_SIGNALS),
+                    ("reference", &law.reference, MAX_SIGNALS),
+                    ("commands", commands, MAX_SIGNALS),
+                    ("internals", &law.internals, MAX_SIGNALS),
+                ],
+            )?;
+        }
+        Ok(())
+    }
+}
+
+/// The name of a thing with what it is in front, if it can be shown.
+fn shown(what: &str, name: &str) -> Result<String, String> {
+    check_title(name).map_err(|wrong| format!("the name of a {what}: {wrong}"))?;
+    Ok(format!("{what} `{name}`"))
+}
+
+/// Checks tables of which each may have so many columns.
+fn check_tables<const N: usize>(
+    whose: &str,
+    tables: [(&str, &[Field], usize); N],
+) -> Result<(), String> {
+    for (table, fields, most) in tables {
+        let said = |wrong: Unusable| format!("{table} of {whose}: {wrong}");
+        check_fields(fields, most).map_err(said)?;
+    }
+    Ok(())
 }
 
 /// One plant.
@@ -230,6 +318,15 @@ pub struct LawDescription {
     pub saves: bool,
 }
 
+impl LawDescription {
+    /// Whether a scenario could mean either of the two.
+    fn is_for_one_with(&self, other: &Self) -> bool {
+        let is_shared = self.plants.iter().any(|plant| other.plants.contains(plant));
+        let is_for_any = self.plants.is_empty() || other.plants.is_empty();
+        self.name == other.name && (is_for_any || is_shared)
+    }
+}
+
 /// Values by name, as a job file carries them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
@@ -240,10 +337,19 @@ pub struct Settings(pub BTreeMap<String, Setting>);
 #[serde(transparent)]
 pub struct Setting(#[serde(with = "number")] pub f64);
 
-/// A row cannot be made from settings.
+/// A row cannot be made from settings, because one of them is missing.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("parameter `{0}` is missing from the job")]
-pub struct MissingSetting(pub String);
+#[error("parameter `{key}` is missing from the job; a scenario sets it under this key")]
+pub struct MissingSetting {
+    /// The key in a scenario.
+    pub key: String,
+}
+
+impl From<MissingSetting> for Invalid {
+    fn from(missing: MissingSetting) -> Self {
+        Self(missing.to_string())
+    }
+}
 
 impl Settings {
     /// Sets a value.
@@ -267,14 +373,17 @@ impl Settings {
         settings
     }
 
-    /// The row of a table.
+    /// The row of a table, whose settings a scenario has in `section`, for example `plant.parameters`.
     ///
     /// # Errors
     /// If a column of the table has no setting.
-    pub fn to_table<T: Table>(&self) -> Result<T, MissingSetting> {
+    pub fn to_table<T: Table>(&self, section: &str) -> Result<T, MissingSetting> {
+        let missing = |name| MissingSetting {
+            key: format!("{section}.{name}"),
+        };
         let row = T::fields()
             .into_iter()
-            .map(|field| self.get(&field.name).ok_or(MissingSetting(field.name)))
+            .map(|field| self.get(&field.name).ok_or_else(|| missing(field.name)))
             .collect::<Result<Vec<f64>, _>>()?;
         Ok(T::from_row(&row))
     }
@@ -284,3 +393,6 @@ impl Settings {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct Invalid(pub String);
+
+#[cfg(test)]
+mod tests;

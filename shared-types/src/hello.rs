@@ -6,9 +6,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::describe::PROTOCOL;
-use crate::frame::Seal;
-use crate::layout::{SignalKind, SignalTable, Unbound, layout_hash};
+use crate::describe::{LawDescription, PROTOCOL};
+use crate::frame::{MAX_SIGNALS, Seal};
+use crate::layout::{
+    SignalKind, SignalTable, Unbound, Unusable, check_fields, check_title, difference, layout_hash,
+};
 use crate::table::Field;
 use crate::time::{Rate, Step};
 
@@ -124,7 +126,88 @@ impl Welcome {
         if self.layout != layout_hash(&self.sample, &self.command) {
             return Err(Refused::Layout);
         }
+        self.sample.check().and_then(|()| self.command.check())
+    }
+}
+
+impl Hello {
+    /// Checks that its names can be written down and told apart.
+    ///
+    /// # Errors
+    /// The first that cannot.
+    fn check(&self) -> Result<(), Refused> {
+        let unusable = |kind| move |why| Refused::Unusable { kind, why };
+        check_title(&self.law).map_err(unusable("law"))?;
+        for (kind, fields) in self.tables() {
+            check_fields(fields, MAX_SIGNALS).map_err(unusable(kind.prefix()))?;
+        }
         Ok(())
+    }
+
+    /// Checks it against what the binary said of its law before, when it was asked with `--describe`.
+    ///
+    /// # Errors
+    /// The first thing that is otherwise.
+    pub fn check_described(&self, law: &LawDescription) -> Result<(), Refused> {
+        let described = Self {
+            law: law.name.clone(),
+            measured: law.measured.clone(),
+            reference: law.reference.clone(),
+            commands: law.commands.clone(),
+            internals: law.internals.clone(),
+            ..*self
+        };
+        let otherwise = |what| Err(Refused::Otherwise(what));
+        if self.law != described.law {
+            let (said, described) = (&self.law, &described.law);
+            return otherwise(format!(
+                "law {said:?}, and its --describe says {described:?}"
+            ));
+        }
+        if self.commands.is_some() != described.commands.is_some() {
+            return otherwise(
+                "commands of its own or of the plant, and its --describe the other".into(),
+            );
+        }
+        let both = self.tables().into_iter().zip(described.tables());
+        let mut differences = both.filter_map(|((kind, said), (_, described))| {
+            difference(kind.prefix(), said, described)
+        });
+        differences.next().map_or(Ok(()), otherwise)
+    }
+
+    fn tables(&self) -> [(SignalKind, &[Field]); 4] {
+        [
+            (SignalKind::Measured, &self.measured),
+            (SignalKind::Reference, &self.reference),
+            (
+                SignalKind::Command,
+                self.commands.as_deref().unwrap_or_default(),
+            ),
+            (SignalKind::Internal, &self.internals),
+        ]
+    }
+}
+
+impl SignalTable {
+    /// Checks that a frame carries it, and that its names can be written down and told apart.
+    fn check(&self) -> Result<(), Refused> {
+        for kind in [
+            SignalKind::Measured,
+            SignalKind::Reference,
+            SignalKind::Command,
+            SignalKind::Internal,
+        ] {
+            let unusable = |why| Refused::Unusable {
+                kind: kind.prefix(),
+                why,
+            };
+            check_fields(&self.fields(kind), MAX_SIGNALS).map_err(unusable)?;
+        }
+        match self.len() {
+            0..=MAX_SIGNALS => Ok(()),
+            count => Err(Refused::Many(count)),
+        }
     }
 }
 
@@ -145,6 +228,20 @@ pub enum Refused {
     /// A table and its hash do not go together.
     #[error("the tables do not have the layout hash that came with them")]
     Layout,
+    /// What the other side calls its signals cannot be used.
+    #[error("{kind}: {why}")]
+    Unusable {
+        /// Which of its names.
+        kind: &'static str,
+        /// Why not.
+        why: Unusable,
+    },
+    /// More signals go in one direction than a frame carries.
+    #[error("{0} signals in one direction; a frame carries at most {most}", most = MAX_SIGNALS)]
+    Many(usize),
+    /// The controller says other things than its binary did.
+    #[error("at hello it says {0}")]
+    Otherwise(String),
     /// Signals without a counterpart.
     #[error("{}", list(signals))]
     Unbound {
@@ -199,11 +296,13 @@ pub fn agree(hello: &Hello, offer: &Offer<'_>) -> Result<Welcome, Refused> {
     if hello.session != offer.session {
         return Err(Refused::Session);
     }
+    hello.check()?;
     let sample = SignalTable::of(SignalKind::Measured, offer.measured)
         .and(SignalKind::Reference, offer.reference);
     let commands = hello.commands.as_deref().unwrap_or(offer.commands);
     let command =
         SignalTable::of(SignalKind::Command, commands).and(SignalKind::Internal, &hello.internals);
+    sample.check().and_then(|()| command.check())?;
     let mut signals = Vec::new();
     let mut bind = |table: &SignalTable, kind: SignalKind, wanted: &[Field], whose: &str| {
         let unbound = table.bind(kind, wanted).err().unwrap_or_default();
@@ -246,104 +345,4 @@ pub fn agree(hello: &Hello, offer: &Offer<'_>) -> Result<Welcome, Refused> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn field(name: &str) -> Field {
-        Field::signal(name, "rad", "x")
-    }
-
-    fn hello() -> Hello {
-        Hello {
-            protocol: PROTOCOL,
-            session: 5,
-            law: "pid".into(),
-            measured: vec![field("angle_rad")],
-            reference: vec![],
-            commands: Some(vec![field("spare_rad"), field("drive_rad")]),
-            internals: vec![field("integral_rad")],
-        }
-    }
-
-    fn answer(hello: &Hello) -> Result<Welcome, Refused> {
-        agree(
-            hello,
-            &Offer {
-                session: 5,
-                epoch: 1,
-                rate: Rate::new(10.0).expect("legal"),
-                steps: 3,
-                first: Step(0),
-                against_clock: false,
-                measured: &[field("extra_rad"), field("angle_rad")],
-                reference: &[field("angle_rad")],
-                commands: &[field("drive_rad")],
-            },
-        )
-    }
-
-    #[test]
-    fn signals_too_many_are_no_obstacle() {
-        let welcome = answer(&hello()).expect("agreed");
-        welcome.check(&hello()).expect("checks");
-        assert_eq!((welcome.sample.len(), welcome.command.len()), (3, 3));
-    }
-
-    #[test]
-    fn everything_missing_is_named_at_once() {
-        let mut hello = hello();
-        hello.measured.push(field("angel_rad"));
-        hello.commands = Some(vec![]);
-        let told = answer(&hello).unwrap_err().to_string();
-        assert!(
-            told.contains("no signal `angel_rad`, nearest: angle_rad"),
-            "{told}"
-        );
-        assert!(told.contains("no signal `drive_rad`"), "{told}");
-    }
-
-    #[test]
-    fn a_law_for_any_plant_gets_the_plants_commands() {
-        let welcome = answer(&Hello {
-            commands: None,
-            ..hello()
-        })
-        .expect("agreed");
-        assert_eq!(
-            welcome.command.fields(SignalKind::Command),
-            [field("drive_rad")]
-        );
-    }
-
-    #[test]
-    fn other_versions_and_sessions_are_refused() {
-        let refused = answer(&Hello {
-            protocol: 99,
-            ..hello()
-        });
-        assert_eq!(
-            refused,
-            Err(Refused::Protocol {
-                theirs: 99,
-                ours: PROTOCOL
-            })
-        );
-        assert_eq!(
-            answer(&Hello {
-                session: 6,
-                ..hello()
-            }),
-            Err(Refused::Session)
-        );
-        let mut welcome = answer(&hello()).expect("agreed");
-        welcome.sample.0.pop();
-        assert_eq!(welcome.check(&hello()), Err(Refused::Layout));
-    }
-
-    #[test]
-    fn messages_survive_the_wire() {
-        let message = Control::Welcome(Box::new(answer(&hello()).expect("agreed")));
-        assert_eq!(Control::from_bytes(&message.to_bytes()), Ok(message));
-        assert!(Control::from_bytes(b"\xff{").is_err());
-    }
-}
+mod tests;

@@ -3,10 +3,23 @@
 //!
 //! Written once before step 0; after that only positions and the layout hash are used.
 
+use std::collections::BTreeSet;
+
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::Xxh3Default;
 
 use crate::table::{Field, nearest};
+
+/// Most columns of a table that no frame carries.
+pub const MOST_FIELDS: usize = 4096;
+/// Most bytes of a name.
+const LONGEST_NAME: usize = 256;
+/// Most bytes of a unit.
+const LONGEST_UNIT: usize = 64;
+/// Most bytes of a description.
+const LONGEST_DESCRIPTION: usize = 4096;
+/// So many of these in a row part the schema of a recording.
+const RULER: &str = "========";
 
 /// The signals of one direction, in the order of the wire.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -159,6 +172,128 @@ impl SignalTable {
     }
 }
 
+/// Why a table of another process cannot be used: its columns must be written in expressions and in the
+/// schema of a recording, and be told apart there.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Unusable {
+    /// A name is none.
+    #[error("{0:?} is no name of letters, digits and _, with a dot after a group")]
+    Name(String),
+    /// A unit would not be read as it was written.
+    #[error("{unit:?} is no unit, that of `{name}`")]
+    Unit {
+        /// The column.
+        name: String,
+        /// Its unit.
+        unit: String,
+    },
+    /// A description would not be read as it was written.
+    #[error("the description of `{0}` is too long or has characters that are none to read")]
+    Description(String),
+    /// Two columns have one name.
+    #[error("`{0}` is there twice")]
+    Twice(String),
+    /// There are too many columns.
+    #[error("there are {count}, and {most} is the most")]
+    Many {
+        /// How many there are.
+        count: usize,
+        /// How many there may be.
+        most: usize,
+    },
+}
+
+/// Whether a text can be shown on one line.
+#[must_use]
+pub fn is_line(text: &str) -> bool {
+    !text.contains(|c: char| c.is_control() || matches!(c, '\u{2028}' | '\u{2029}'))
+}
+
+/// Checks a name of a model, a law or a kind of fault.
+///
+/// # Errors
+/// If it cannot be shown.
+pub fn check_title(name: &str) -> Result<(), Unusable> {
+    if name.is_empty() || name.len() > LONGEST_NAME || !is_line(name) {
+        return Err(Unusable::Name(beginning(name)));
+    }
+    Ok(())
+}
+
+/// Checks the columns of a table that may have so many.
+///
+/// # Errors
+/// The first thing that is wrong.
+pub fn check_fields(fields: &[Field], most: usize) -> Result<(), Unusable> {
+    let count = fields.len();
+    if count > most {
+        return Err(Unusable::Many { count, most });
+    }
+    let mut names = BTreeSet::new();
+    for Field {
+        name,
+        unit,
+        description,
+        ..
+    } in fields
+    {
+        if name.len() > LONGEST_NAME || !name.split('.').all(is_name) {
+            return Err(Unusable::Name(beginning(name)));
+        }
+        if unit.len() > LONGEST_UNIT || !is_line(unit) || unit.contains(['[', ']']) {
+            let (name, unit) = (name.clone(), beginning(unit));
+            return Err(Unusable::Unit { name, unit });
+        }
+        if description.len() > LONGEST_DESCRIPTION
+            || !description.split(['\n', '\t']).all(is_line)
+            || description.contains(RULER)
+        {
+            return Err(Unusable::Description(name.clone()));
+        }
+        // As the schema of a recording has it, which knows no dots.
+        if !names.insert(name.replace('.', "_")) {
+            return Err(Unusable::Twice(name.clone()));
+        }
+    }
+    Ok(())
+}
+
+/// Whether a text is a name, or the part of one before or after a dot.
+fn is_name(text: &str) -> bool {
+    let is_first = |c: char| c.is_ascii_alphabetic() || c == '_';
+    text.starts_with(is_first) && (text.chars()).all(|c| is_first(c) || c.is_ascii_digit())
+}
+
+/// The begin of a text that may have any length.
+fn beginning(text: &str) -> String {
+    text.chars().take(80).collect()
+}
+
+/// The first thing in which columns that were said differ from those that were described: their
+/// number, a name or a unit.
+#[must_use]
+pub fn difference(what: &str, said: &[Field], described: &[Field]) -> Option<String> {
+    if said.len() != described.len() {
+        let (said, described) = (said.len(), described.len());
+        return Some(format!(
+            "{said} {what} signals, and its --describe says {described}"
+        ));
+    }
+    let is_other = |(said, described): &(&Field, &Field)| {
+        (&said.name, &said.unit) != (&described.name, &described.unit)
+    };
+    let (said, described) = said.iter().zip(described).find(is_other)?;
+    let shown = |field: &Field| {
+        let (name, unit) = (beginning(&field.name), beginning(&field.unit));
+        format!("{name:?} in {unit:?}")
+    };
+    Some(format!(
+        "the {what} signal {}, and its --describe says {}",
+        shown(said),
+        shown(described)
+    ))
+}
+
 /// The hash that guards a link: kind, name and unit of every signal of both directions, in order.
 #[must_use]
 pub fn layout_hash(sample: &SignalTable, command: &SignalTable) -> u64 {
@@ -213,6 +348,71 @@ mod tests {
             unbound[1].to_string(),
             "signal `rate_radps` is wanted in `deg/s` and sent in `rad/s`"
         );
+    }
+
+    #[test]
+    fn columns_that_cannot_be_written_down_are_refused_by_name() {
+        let sound = [field("a.b_m", "m"), field("_c2", "rad/s2")];
+        assert_eq!(check_fields(&sound, 2), Ok(()));
+        let many = Unusable::Many { count: 2, most: 1 };
+        assert_eq!(check_fields(&sound, 1), Err(many));
+        for name in [
+            "",
+            ".",
+            "a.",
+            ".a",
+            "a..b",
+            "a b",
+            "2a",
+            "a-b",
+            "ä",
+            "a\nfloat64 b",
+            "a#",
+        ] {
+            let refused = check_fields(&[field(name, "m")], 9);
+            assert_eq!(refused, Err(Unusable::Name(name.into())), "{name:?}");
+        }
+        assert!(check_fields(&[field(&"a".repeat(300), "m")], 9).is_err());
+        for unit in ["m]", "[m", "m\n", "\u{1b}[2J", "m\u{2028}"] {
+            let (name, unit) = ("a_m".to_owned(), unit.to_owned());
+            let refused = check_fields(&[field(&name, &unit)], 9);
+            assert_eq!(refused, Err(Unusable::Unit { name, unit }));
+        }
+        for description in ["\r", "\u{7}", &"=".repeat(80), &"long ".repeat(1000)] {
+            let told = Field::signal("a_m", "m", &format!("It is {description} so."));
+            let refused = check_fields(&[told], 9);
+            assert_eq!(refused, Err(Unusable::Description("a_m".into())));
+        }
+        for [one, other] in [["a_m", "a_m"], ["a.b_m", "a_b_m"]] {
+            let refused = check_fields(&[field(one, "m"), field(other, "m")], 9);
+            assert_eq!(refused, Err(Unusable::Twice(other.into())));
+        }
+    }
+
+    #[test]
+    fn what_is_said_otherwise_than_described_is_named() {
+        let (one, two) = (field("a_m", "m"), field("b_m", "m"));
+        let described = [one.clone(), two.clone()];
+        let differs = |said: &[Field]| difference("internal", said, &described);
+        assert_eq!(differs(&described), None);
+        let retold = Field::signal("a_m", "m", "told otherwise");
+        assert_eq!(differs(&[retold, two.clone()]), None);
+        for (said, wanted) in [
+            (
+                vec![one.clone()],
+                "1 internal signals, and its --describe says 2",
+            ),
+            (
+                vec![two.clone(), one.clone()],
+                "the internal signal \"b_m\" in \"m\", and its --describe says \"a_m\" in \"m\"",
+            ),
+            (
+                vec![field("a_m", "m\n"), two],
+                "the internal signal \"a_m\" in \"m\\n\", and its --describe says \"a_m\" in \"m\"",
+            ),
+        ] {
+            assert_eq!(differs(&said).as_deref(), Some(wanted));
+        }
     }
 
     #[test]

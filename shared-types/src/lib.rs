@@ -17,7 +17,9 @@
 //! they have in common. A [`checkpoint`] keeps the [`state`] of both sides before a step, so that a run
 //! can go on from there; [`random`] gives
 //! each consumer of random numbers a stream of its own; [`clock`] is the meters' clock;
-//! [`realtime`] is what a process can ask of the system for its loop.
+//! [`mod@shared_memory`] knows what keeps that from being used;
+//! [`realtime`] is what a process can ask of the system for its loop; [`text`] is what others say, made
+//! fit to be shown, and [`number`] writes numbers with their units.
 
 extern crate self as shared_types; // the names that `table!` writes must hold in here too
 
@@ -32,6 +34,7 @@ pub mod layout;
 pub mod link;
 pub mod live;
 pub mod lockstep;
+pub mod number;
 pub mod pacer;
 pub mod process;
 pub mod program;
@@ -39,11 +42,13 @@ pub mod random;
 pub mod realtime;
 pub mod record;
 pub mod session;
+pub mod shared_memory;
 pub mod state;
 pub mod stream;
 pub mod supervision;
 pub mod surroundings;
 pub mod table;
+pub mod text;
 pub mod time;
 pub mod wait;
 

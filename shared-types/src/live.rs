@@ -180,10 +180,14 @@ impl Refusal {
 #[derive(Debug, thiserror::Error)]
 pub enum LiveError {
     /// Nobody listens: the plant has not begun to, or has ended.
-    #[error("the plant of session `{0}` takes no requests: it is starting or has ended")]
+    #[error(
+        "the plant of session `{0}` takes no requests: it is starting or has ended; see `hil sessions`"
+    )]
     Absent(String),
     /// It listens and is silent.
-    #[error("the plant of session `{session}` gave no answer within {limit_s} s")]
+    #[error(
+        "the plant of session `{session}` gave no answer within {limit_s} s; is it stopped, or held by a debugger?"
+    )]
     Silent {
         /// The session.
         session: String,

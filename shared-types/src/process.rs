@@ -4,9 +4,22 @@
 //! Used by sessions and by the launcher's supervision; read from `/proc`.
 
 use std::fs;
+use std::os::unix::fs::MetadataExt;
+use std::time::{Duration, Instant};
 
-use rustix::process::{Pid, Signal, getpgid, kill_process, kill_process_group};
+use rustix::process::{
+    Pid, PidfdFlags, Signal, getpgid, kill_process, kill_process_group, pidfd_open,
+    pidfd_send_signal,
+};
 use serde::{Deserialize, Serialize};
+
+/// Environment variable that a launched process has and all that it starts inherit: by its value they
+/// are found wherever they went.
+pub const MARK: &str = "HIL_STARTED_FOR";
+/// How often the environment of a process that has none is looked at again.
+const LOOKS: u32 = 5;
+/// How long processes that were killed may take to be gone.
+const DEATH_LIMIT: Duration = Duration::from_secs(1);
 
 /// A process that cannot be taken for a later one with the same number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -93,6 +106,69 @@ impl ProcessId {
             let _ = kill_process(pid, Signal::KILL);
         }
     }
+}
+
+/// Ends every process of this user with this value of [`MARK`], also one that made a group or a
+/// session of its own and lost its parent, and waits until they are gone.
+pub fn end_marked(value: &str) {
+    let line = format!("{MARK}={value}");
+    let since = Instant::now();
+    // Again until none is found: one may have started another just before its end.
+    while kill_those_with(line.as_bytes()) > 0 && since.elapsed() < DEATH_LIMIT {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+/// Kills the processes with this line in their environment; returns how many there were.
+fn kill_those_with(line: &[u8]) -> usize {
+    let uid = rustix::process::geteuid().as_raw();
+    let own = std::process::id();
+    let processes = fs::read_dir("/proc").into_iter().flatten().flatten();
+    let mut found = 0;
+    for process in processes {
+        let pid: Option<u32> = process
+            .file_name()
+            .to_str()
+            .and_then(|name| name.parse().ok());
+        let is_own = process.metadata().is_ok_and(|process| process.uid() == uid);
+        let Some(pid) = pid.filter(|pid| is_own && *pid != own) else {
+            continue;
+        };
+        if !has_in_environment(pid, line) {
+            continue;
+        }
+        // Held by its descriptor and looked at once more, it cannot be a later process of that number.
+        let held = number(pid).and_then(|pid| pidfd_open(pid, PidfdFlags::empty()).ok());
+        if let Some(held) = held
+            && has_in_environment(pid, line)
+        {
+            found += 1;
+            let _ = pidfd_send_signal(held, Signal::KILL); // it may have ended just now
+        }
+    }
+    found
+}
+
+fn has_in_environment(pid: u32, line: &[u8]) -> bool {
+    let read = || fs::read(format!("/proc/{pid}/environ"));
+    let mut environment = read();
+    // A process that is just becoming another program has none for a moment.
+    for _ in 0..LOOKS {
+        if !(environment.as_ref()).is_ok_and(|found| found.is_empty() && becomes_another(pid)) {
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(1));
+        environment = read();
+    }
+    let environment = environment.unwrap_or_default();
+    environment.split(|byte| *byte == 0).any(|one| one == line)
+}
+
+/// Whether a process without an environment may still get one: it is no thread of the kernel, and has not
+/// ended.
+fn becomes_another(pid: u32) -> bool {
+    let is_program = fs::read_link(format!("/proc/{pid}/exe")).is_ok();
+    is_program && ProcessId::of(pid).is_some()
 }
 
 /// A process number as the system calls take it.

@@ -109,7 +109,7 @@ pub fn check_protocol(theirs: u32) -> Result<(), String> {
         Ok(())
     } else {
         Err(format!(
-            "the launcher speaks protocol {theirs}, this binary {PROTOCOL}"
+            "the launcher speaks protocol {theirs}, this binary {PROTOCOL}; build both of one version"
         ))
     }
 }

@@ -8,7 +8,7 @@
 //! |---|---|
 //! | 1 | step |
 //! | one for each 64 sample signals, at least 1 | invalid bits of measured and reference |
-//! | one for each 64 command signals, at least 1 | invalid bits of commands and internals |
+//! | one for each 64 command signals, at least 1 | invalid bits of commands, as the plant got them, and of internals |
 //! | truth, measured, reference, command, applied, internal | `f64` each |
 //! | sensed, stimulus, parameter | `f64` each, outside the digest |
 //! | 14 | [`Timing`], outside the digest |
@@ -18,13 +18,18 @@
 //! controller sent, `applied` what the plant made of it. `parameter` are the plant's faultable
 //! parameters as they act.
 
+use std::ops::Range;
+
 use serde::{Deserialize, Serialize};
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
+use crate::describe::PlantDescription;
 use crate::frame::VALIDITY_WORDS;
+use crate::layout::{SignalKind, SignalTable, difference};
 use crate::lockstep::OnLoss;
 use crate::pacer::Streaks;
 use crate::table::Field;
+use crate::text;
 
 /// Version of records and of the recording made of them.
 pub const RECORD_VERSION: u32 = 4;
@@ -60,8 +65,11 @@ pub struct RecordLayout {
     pub command: Vec<Field>,
     /// What the controller showed of itself.
     pub internal: Vec<Field>,
-    /// Commands and internals in a command frame, which the validity bits count.
+    /// Commands and internals in a command frame, which the validity bits count; internals are the last.
     pub command_signals: usize,
+    /// Where each of the plant's commands is among them.
+    #[serde(default)]
+    pub command_places: Vec<usize>,
     /// The plant's faultable parameters.
     pub parameter: Vec<Field>,
 }
@@ -127,6 +135,55 @@ impl Timing {
 }
 
 impl RecordLayout {
+    /// That of a plant with these reference signals, under a controller whose command frames carry this.
+    #[must_use]
+    pub fn of(plant: &PlantDescription, reference: Vec<Field>, command: &SignalTable) -> Self {
+        Self {
+            truth: plant.truth.clone(),
+            measured: plant.measured.clone(),
+            reference,
+            command: plant.commands.clone(),
+            internal: command.fields(SignalKind::Internal),
+            command_signals: command.len(),
+            // Those of a controller that does not send them all are refused at hello.
+            command_places: (command.bind(SignalKind::Command, &plant.commands))
+                .unwrap_or_default(),
+            parameter: (plant.parameters.iter())
+                .filter(|field| field.faultable)
+                .cloned()
+                .collect(),
+        }
+    }
+
+    /// The first thing in which a layout that was said differs from this one, which was described.
+    #[must_use]
+    pub fn difference(&self, said: &Self) -> Option<String> {
+        let both = [
+            ("truth", &said.truth, &self.truth),
+            ("measured", &said.measured, &self.measured),
+            ("reference", &said.reference, &self.reference),
+            ("command", &said.command, &self.command),
+            ("internal", &said.internal, &self.internal),
+            ("parameter", &said.parameter, &self.parameter),
+        ];
+        let mut differences =
+            (both.into_iter()).filter_map(|(what, said, ours)| difference(what, said, ours));
+        differences.next().or_else(|| {
+            let of = |layout: &Self| (layout.command_signals, layout.command_places.clone());
+            let ((signals, places), (our_signals, our_places)) = (of(said), of(self));
+            if signals != our_signals {
+                return Some(format!(
+                    "{signals} signals in command frames, and --describe says {our_signals}"
+                ));
+            }
+            (places != our_places).then(|| {
+                format!(
+                    "commands at {places:?} of their frames, and --describe says {our_places:?}"
+                )
+            })
+        })
+    }
+
     /// The fields of each group, in the order of [`GROUPS`].
     #[must_use]
     pub fn groups(&self) -> [&[Field]; GROUPS.len()] {
@@ -167,6 +224,29 @@ impl RecordLayout {
         1 + self.sample_validity_words() + self.command_validity_words()
     }
 
+    /// Where the validity of each signal is told, by its place among the [values](RecordView::values).
+    #[must_use]
+    pub fn validity(&self) -> Validity {
+        let [truth, measured, reference, command, applied, internal, ..] =
+            self.groups().map(<[Field]>::len);
+        let sample = 1;
+        let answer = sample + self.sample_validity_words();
+        let marks = |first: usize, bits: Range<usize>, value: usize| {
+            (bits.zip(value..)).map(move |(bit, value)| (first, bit, value))
+        };
+        let commands = self
+            .command_places
+            .iter()
+            .zip(truth + measured + reference..);
+        let internals = self.command_signals.saturating_sub(internal)..self.command_signals;
+        let first_internal = truth + measured + reference + command + applied;
+        let all = marks(sample, 0..measured + reference, truth)
+            .chain(commands.map(|(bit, value)| (answer, *bit, value)))
+            .chain(marks(answer, internals, first_internal));
+        // A layout that somebody says may have bits that no record has.
+        Validity::new(all.filter(|(first, bit, _)| first + bit / 64 < self.values_start()))
+    }
+
     /// Words that the digest covers, from the first.
     #[must_use]
     pub fn hashed_words(&self) -> usize {
@@ -199,6 +279,52 @@ impl RecordLayout {
 
 fn validity_words(signals: usize) -> usize {
     signals.div_ceil(64).clamp(1, VALIDITY_WORDS)
+}
+
+/// Which bits of a record mark which signals as invalid: what did not come, so that its value is an
+/// older one or none at all.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Validity {
+    marks: Vec<Mark>,
+    /// The words that have such bits.
+    words: Range<usize>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Mark {
+    word: usize,
+    bit: usize,
+    value: usize,
+}
+
+impl Validity {
+    /// Of each signal the word of a record from which its bit is counted, the bit, and the place of the
+    /// signal's value among those that are judged.
+    pub fn new(marks: impl Iterator<Item = (usize, usize, usize)>) -> Self {
+        let marks: Vec<Mark> = marks
+            .map(|(first, bit, value)| Mark {
+                word: first + bit / 64,
+                bit: bit % 64,
+                value,
+            })
+            .collect();
+        let words = || marks.iter().map(|mark| mark.word);
+        Self {
+            words: words().min().unwrap_or(0)..words().max().map_or(0, |last| last + 1),
+            marks,
+        }
+    }
+
+    /// The places of the signals that a record marks as invalid; nearly always there is none.
+    ///
+    /// # Panics
+    /// If the record has not all words that have such bits.
+    pub fn invalid<'a>(&'a self, record: &'a [u64]) -> impl Iterator<Item = usize> + 'a {
+        let is_any = record[self.words.clone()].iter().any(|bits| *bits != 0);
+        let marks = if is_any { &self.marks[..] } else { &[] };
+        let is_invalid = |mark: &&Mark| record[mark.word] >> mark.bit & 1 == 1;
+        marks.iter().filter(is_invalid).map(|mark| mark.value)
+    }
 }
 
 /// A record, taken apart.
@@ -249,6 +375,7 @@ pub enum Change {
     /// It is lost, and the run goes on.
     Lost {
         /// Why.
+        #[serde(deserialize_with = "text::line_of")]
         reason: String,
         /// How the run goes on.
         policy: OnLoss,
@@ -256,11 +383,13 @@ pub enum Change {
     /// It took over.
     Joined {
         /// Its law.
+        #[serde(deserialize_with = "text::line_of")]
         law: String,
     },
     /// It was announced and did not take over.
     Refused {
         /// Why not.
+        #[serde(deserialize_with = "text::line_of")]
         reason: String,
     },
 }
@@ -286,10 +415,13 @@ pub struct FaultTaken {
     /// The step from which it acts.
     pub step: u64,
     /// Kind.
+    #[serde(deserialize_with = "text::line_of")]
     pub kind: String,
     /// Target.
+    #[serde(deserialize_with = "text::line_of")]
     pub target: String,
     /// Parameters or signal that it changes.
+    #[serde(deserialize_with = "text::line_of")]
     pub parameter: String,
     /// Everything that decides its course, in one fixed form; part of the digest.
     pub canonical: String,
@@ -320,6 +452,7 @@ pub struct RunEnd {
     pub outcome: Outcome,
     /// Why, if not completed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "text::line_if_any")]
     pub reason: Option<String>,
     /// Frames that failed a check: of the controller, and those that a fault corrupted.
     pub rejected_frames: u64,
@@ -341,10 +474,13 @@ pub struct FaultEffectSize {
     /// Which effect of the event, from 0.
     pub effect: u32,
     /// Kind.
+    #[serde(deserialize_with = "text::line_of")]
     pub kind: String,
     /// Target.
+    #[serde(deserialize_with = "text::line_of")]
     pub target: String,
     /// Parameters or signal.
+    #[serde(deserialize_with = "text::line_of")]
     pub parameter: String,
     /// The step at which it took hold; `None`: it never did.
     pub step: Option<u64>,
@@ -355,6 +491,7 @@ pub struct FaultEffectSize {
     /// Largest magnitude of what it changed.
     pub max_effect: f64,
     /// Unit of that: the target's; `steps` for what comes late, `ns` for lost time.
+    #[serde(deserialize_with = "text::line_of")]
     pub unit: String,
 }
 
@@ -388,9 +525,26 @@ mod tests {
             reference: fields(5),
             command: fields(2),
             internal: fields(1),
-            command_signals: 3,
+            command_signals: 4,
+            command_places: vec![2, 0],
             parameter: fields(4),
         }
+    }
+
+    #[test]
+    fn the_signals_that_a_record_marks_as_invalid_are_found() {
+        let layout = layout();
+        let (validity, mut words) = (layout.validity(), vec![0; layout.words()]);
+        let found = |words: &[u64]| validity.invalid(words).collect::<Vec<usize>>();
+        assert!(found(&words).is_empty());
+        // Truth is 0 to 2, measured 3 to 62, reference 63 to 67, command 68 and 69, applied 70 and 71.
+        words[1] = 1 << 63 | 0b1;
+        words[2] = 0b100;
+        words[3] = 0b1110;
+        assert_eq!(found(&words), [3, 66, 68, 72]);
+        words[2] = 0b1;
+        words[3] = 0b0001;
+        assert_eq!(found(&words), [3, 66, 67, 69]);
     }
 
     #[test]
@@ -439,6 +593,38 @@ mod tests {
         for event in [event, lost] {
             let text = serde_json::to_string(&event).expect("serialises");
             assert_eq!(serde_json::from_str::<Event>(&text).expect("parses"), event);
+        }
+    }
+
+    #[test]
+    fn an_event_says_nothing_that_a_terminal_obeys() {
+        let said = r#""a\u001b[2J\u009b1A\u001b]52;c;eA==\u0007b\nverdict pass""#;
+        let clean = "a\u{fffd}[2J\u{fffd}1A\u{fffd}]52;c;eA==\u{fffd}b verdict pass";
+        let texts = [
+            format!(
+                r#"{{"event":"end","steps":3,"outcome":"failed","reason":{said},"rejected_frames":0,"effects":[]}}"#
+            ),
+            format!(
+                r#"{{"event":"controller","epoch":1,"step":7,"change":"lost","reason":{said},"policy":"hold"}}"#
+            ),
+            format!(
+                r#"{{"event":"controller","epoch":1,"step":7,"change":"refused","reason":{said}}}"#
+            ),
+            format!(
+                r#"{{"event":"controller","epoch":1,"step":7,"change":"joined","law":{said}}}"#
+            ),
+        ];
+        for text in texts {
+            let event: Event = serde_json::from_str(&text).expect("an event");
+            let shown = match event {
+                Event::End(end) => end.reason,
+                Event::Controller(change) => match change.change {
+                    Change::Lost { reason, .. } | Change::Refused { reason } => Some(reason),
+                    Change::Joined { law } => Some(law),
+                },
+                _ => None,
+            };
+            assert_eq!(shown.as_deref(), Some(clean));
         }
     }
 }

@@ -11,17 +11,19 @@ use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsE
 use std::path::{Path, PathBuf};
 
 use iceoryx2::prelude::{Config, FileName, Path as IceoryxPath, SemanticString};
-use rustix::fs::{FlockOperation, flock};
+use rustix::fs::{FlockOperation, OFlags, flock};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use crate::process::ProcessId;
+use crate::shared_memory::FOLDER as SHARED_MEMORY;
 use all::AllSessions;
-pub use all::{dead, list, sweep};
+pub use all::{abandon, dead, list, sweep};
+use prefix::{is_prefix, noted_prefix, remove_below, segments_of};
 
 mod all;
+mod counter;
+mod prefix;
 
-/// Where shared memory lives.
-const SHARED_MEMORY: &str = "/dev/shm";
 /// Longest session name: the paths of sockets below the folder must stay under 108 bytes.
 const LONGEST_NAME: usize = 24;
 
@@ -115,12 +117,7 @@ impl SessionInfo {
         let path = folder.join("session.json");
         let info: Self = read_json(&path)?;
         // What is swept away goes by these two: a torn or foreign file must not decide it.
-        let is_prefix = (info.prefix.strip_prefix("hil_"))
-            .and_then(|rest| rest.strip_suffix('_'))
-            .is_some_and(|number| {
-                number.len() == 8 && number.bytes().all(|byte| byte.is_ascii_hexdigit())
-            });
-        if is_prefix && is_same(&info.folder, folder) {
+        if is_prefix(&info.prefix) && is_same(&info.folder, folder) {
             Ok(info)
         } else {
             let error = io::Error::new(ErrorKind::InvalidData, "it is not of this folder");
@@ -171,13 +168,7 @@ impl SessionInfo {
     /// there; those are theirs.
     #[must_use]
     pub fn segments(&self) -> Vec<PathBuf> {
-        let uid = rustix::process::geteuid().as_raw();
-        let entries = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
-        entries
-            .filter(|entry| (entry.file_name().to_string_lossy()).starts_with(&self.prefix))
-            .map(|entry| entry.path())
-            .filter(|path| fs::symlink_metadata(path).is_ok_and(|found| found.uid() == uid))
-            .collect()
+        segments_of(&self.prefix)
     }
 
     /// Closes the files and folders of the session that are open to other users; iceoryx2 leaves
@@ -240,12 +231,13 @@ impl SessionInfo {
 
     fn remove(&self) -> Result<(), SessionError> {
         // The folder last: as long as it stands, the next sweep knows the prefix.
-        for segment in self.segments() {
-            unless_gone(fs::remove_file(&segment)).map_err(SessionError::io("remove", &segment))?;
-        }
-        unless_gone(fs::remove_dir_all(&self.folder))
-            .map_err(SessionError::io("remove", &self.folder))
+        remove_below(&self.prefix)?;
+        remove_folder(&self.folder)
     }
+}
+
+fn remove_folder(folder: &Path) -> Result<(), SessionError> {
+    unless_gone(fs::remove_dir_all(folder)).map_err(SessionError::io("remove", folder))
 }
 
 /// Whether two paths lead to one folder.
@@ -264,13 +256,22 @@ fn unless_gone(result: io::Result<()>) -> io::Result<()> {
 }
 
 fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, SessionError> {
-    let text = fs::read_to_string(path).map_err(SessionError::io("read", path))?;
+    let file = open_at_once(path).map_err(SessionError::io("open", path))?;
+    let text = io::read_to_string(file).map_err(SessionError::io("read", path))?;
     serde_json::from_str(&text).map_err(|e| SessionError::io("read", path)(e.into()))
 }
 
+/// Opens a file to read it, without waiting for anybody: a pipe of that name has no writer.
+fn open_at_once(path: &Path) -> io::Result<File> {
+    let flags = OFlags::NONBLOCK.bits().cast_signed();
+    File::options().read(true).custom_flags(flags).open(path)
+}
+
+/// Makes a file that is closed to other users, or empties the one that is there, without waiting either.
 fn private_file(path: &Path) -> io::Result<File> {
     let mut options = File::options();
     options.write(true).create(true).truncate(true).mode(0o600);
+    options.custom_flags(OFlags::NONBLOCK.bits().cast_signed());
     options.open(path)
 }
 
@@ -375,16 +376,20 @@ impl SessionInfo {
         let lock = private_file(&path).map_err(SessionError::io("create", &path))?;
         flock(&lock, FlockOperation::NonBlockingLockExclusive)
             .map_err(|e| SessionError::io("lock", &path)(e.into()))?;
+        self.note_prefix(&lock)
+            .map_err(SessionError::io("write", &path))?;
         let root = self.folder.join("i");
         private_folder(&root).map_err(SessionError::io("create", &root))?;
         self.write_file("session.json", self)?;
-        // iceoryx2 makes one file of a prefix open to everybody. Made and closed here, it is never open
-        // while a run goes on.
+        let counter = self.node_counter();
+        (self.make_node_counter()).map_err(SessionError::io("create", &counter))?;
+        // The first node shows that iceoryx2 takes that file for its own.
         crate::link::iceoryx::node(self, "session").map_err(|error| SessionError::Io {
             action: "use shared memory below",
             path: root,
             error: io::Error::other(error.to_string()),
         })?;
+        (self.check_node_counter()).map_err(SessionError::io("use", &counter))?;
         Ok(lock)
     }
 }

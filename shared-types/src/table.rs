@@ -5,6 +5,11 @@
 //! [`table!`](crate::table!), so that equations read `measured.surface_angle_rad` while everything
 //! around the model (binding, recording, faults, expressions, plots) reads the table.
 
+#[doc(hidden)]
+pub mod flag;
+#[doc(hidden)]
+pub mod rule;
+
 use serde::{Deserialize, Serialize};
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
@@ -146,69 +151,77 @@ pub trait Table:
 /// assert_eq!(Pair::fields()[1].default, Some(60.0));
 /// ```
 ///
-/// What is not a table is refused with what one looks like:
+/// A row with a mistake is an error of the compiler that points at the row: a range that begins above
+/// its end, a default outside its range, an unknown flag, no description, no unit, a negative number
+/// without parentheses, no default where other rows have one.
 ///
 /// ```compile_fail
-/// shared_types::table! { struct Command { force_n: "N" } }
+/// shared_types::table! {
+///     /// What the plant can be told.
+///     pub struct Parameters {
+///         /// Mass m.
+///         mass_kg: "kg" = 1.0 in 1e3..=1e-3,
+///     }
+/// }
 /// ```
 #[macro_export]
 macro_rules! table {
-    (
-        $(#[doc = $table_doc:expr])+
-        $vis:vis struct $table:ident {
-            $(
-                $(#[doc = $doc:expr])+
-                $name:ident : $unit:literal
-                    $(= $default:tt)? $(in $min:tt ..= $max:tt)? $([$flag:ident])?
-            ),* $(,)?
-        }
-    ) => {
-        $(#[doc = $table_doc])+
-        #[derive(
-            Clone, Copy, Debug, PartialEq,
-            $crate::zerocopy::FromBytes,
-            $crate::zerocopy::IntoBytes,
-            $crate::zerocopy::Immutable,
-            $crate::zerocopy::KnownLayout,
-        )]
-        #[zerocopy(crate = "shared_types::zerocopy")]
-        #[repr(C)]
-        $vis struct $table {
-            $( $(#[doc = $doc])+ $vis $name: f64, )*
-        }
-
-        impl ::core::default::Default for $table {
-            #[allow(unused_parens, reason = "a number that is no literal stands in parentheses")]
-            fn default() -> Self {
-                Self { $( $name: { let _value = 0.0_f64; $( let _value: f64 = $default; )? _value }, )* }
-            }
-        }
-
-        impl $crate::table::Table for $table {
-            #[allow(unused_parens, reason = "a number that is no literal stands in parentheses")]
-            fn fields() -> ::std::vec::Vec<$crate::table::Field> {
-                ::std::vec![
-                    $({
-                        #[allow(unused_mut, reason = "a plain signal changes nothing below")]
-                        let mut field = $crate::table::Field::signal(
-                            stringify!($name),
-                            $unit,
-                            concat!($($doc),+),
-                        );
-                        $( field.default = Some($default); )?
-                        $( (field.min, field.max) = ($min, $max); )?
-                        $( field.faultable = $crate::table::is_faultable(stringify!($flag)); )?
-                        field
-                    },)*
-                ]
-            }
-        }
+    // The checks of a row. What is passed on as `tt` or `expr` keeps its place in the source.
+    (@row $name:ident $docs:tt $unit:tt $default:tt $min:tt $max:tt) => {
+        $crate::table!(@described $name $docs $unit);
+        $crate::table!(@measured $docs $unit);
+        $crate::table!(@parenthesised $default);
+        $crate::table!(@parenthesised $min);
+        $crate::table!(@parenthesised $max);
+        $crate::table!(@ordered $min $max);
+        $crate::table!(@inside $min $max $default);
     };
+    (@described $name:ident [$($doc:expr)+] $unit:tt) => {};
+    (@described $name:ident [] [$unit:tt]) => {
+        $crate::table::rule::Kept::<false>::described($unit)
+    };
+    (@described $name:ident [] []) => {
+        ::core::compile_error!(::core::concat!(
+            "the row `", ::core::stringify!($name), "` of a table has no description and no unit: \
+            write `/// What it is.` above it and `: \"unit\"` behind it"
+        ))
+    };
+    (@measured [$($doc:expr)*] []) => { $( $crate::table::rule::Kept::<false>::measured($doc); )* };
+    (@measured $docs:tt $unit:tt) => {};
+    (@parenthesised [$sign:tt $number:literal]) => {
+        $crate::table::rule::Kept::<false>::parenthesised($number)
+    };
+    (@parenthesised $number:tt) => {};
+    (@ordered [$min:tt] [$max:tt]) => {
+        $crate::table::rule::Kept::<{ $crate::table::rule::is_range($min, $max) }>::ordered($max)
+    };
+    (@ordered $min:tt $max:tt) => {};
+    (@inside [$min:tt] [$max:tt] [$default:tt]) => {
+        $crate::table::rule::Kept::<{
+            $crate::table::rule::is_inside($min, $max, $default)
+        }>::inside($default)
+    };
+    (@inside $min:tt $max:tt $default:tt) => {};
+    // Rows with defaults make a table of parameters, rows without one of signals.
+    (@kind $table:ident $([$($default:tt)+] $unit:tt $flag:tt)*) => {
+        impl $crate::table::Parameters for $table {}
+    };
+    (@kind $table:ident $([] $unit:tt [])*) => {};
+    (@kind $table:ident $([] $unit:tt [$($flag:ident)?])*) => {
+        const _: () = { $( $crate::table!(@closed [$($flag)?] $unit); )* };
+    };
+    (@kind $table:ident $($default:tt $unit:tt $flag:tt)*) => {
+        const _: () = { $( $crate::table!(@settable $default $unit); )* };
+    };
+    (@closed [$flag:ident] [$unit:tt]) => { $crate::table::rule::Kept::<false>::settable($unit) };
+    (@closed $flag:tt $unit:tt) => {};
+    (@settable [] [$unit:tt]) => { $crate::table::rule::Kept::<false>::settable($unit) };
+    (@settable $default:tt $unit:tt) => {};
     (
         $(#[doc = $table_doc:expr])+
         $vis:vis struct $table:ident {
             $(
-                $(#[doc = $doc:expr])+
+                $(#[doc = $doc:expr])*
                 $name:ident : $group:ty $(= $default:expr)?
             ),+ $(,)?
         }
@@ -224,7 +237,7 @@ macro_rules! table {
         #[zerocopy(crate = "shared_types::zerocopy")]
         #[repr(C)]
         $vis struct $table {
-            $( $(#[doc = $doc])+ $vis $name: $group, )+
+            $( $(#[doc = $doc])* $vis $name: $group, )+
         }
 
         impl ::core::default::Default for $table {
@@ -250,6 +263,75 @@ macro_rules! table {
                 fields
             }
         }
+
+        // `for<'a>`: a group of signals is a table as well.
+        impl $crate::table::Parameters for $table where $( for<'a> $group: $crate::table::Parameters, )+ {}
+    };
+    (
+        $(#[doc = $table_doc:expr])+
+        $vis:vis struct $table:ident {
+            $(
+                $(#[doc = $doc:expr])*
+                $name:ident $(: $unit:tt)?
+                    $(= $default:tt $($default_size:literal)?)?
+                    $(in $min:tt $($min_size:literal)? ..= $max:tt $($max_size:literal)?)?
+                    $([$flag:ident])?
+            ),* $(,)?
+        }
+    ) => {
+        $(#[doc = $table_doc])+
+        #[derive(
+            Clone, Copy, Debug, PartialEq,
+            $crate::zerocopy::FromBytes,
+            $crate::zerocopy::IntoBytes,
+            $crate::zerocopy::Immutable,
+            $crate::zerocopy::KnownLayout,
+        )]
+        #[zerocopy(crate = "shared_types::zerocopy")]
+        #[repr(C)]
+        $vis struct $table {
+            $( $(#[doc = $doc])* $vis $name: f64, )*
+        }
+
+        #[allow(unused_parens, reason = "a number that is no literal stands in parentheses")]
+        const _: () = {
+            $( $crate::table!(
+                @row $name [$($doc)*] [$($unit)?] [$($default $($default_size)?)?]
+                [$($min $($min_size)?)?] [$($max $($max_size)?)?]
+            ); )*
+        };
+        $crate::table!(@kind $table $( [$($default $($default_size)?)?] [$($unit)?] [$($flag)?] )*);
+
+        impl ::core::default::Default for $table {
+            #[allow(unused_parens, reason = "a number that is no literal stands in parentheses")]
+            fn default() -> Self {
+                Self { $( $name: {
+                    let _value = 0.0_f64;
+                    $( let _value: f64 = $default $($default_size)?; )?
+                    _value
+                }, )* }
+            }
+        }
+
+        impl $crate::table::Table for $table {
+            #[allow(unused_parens, reason = "a number that is no literal stands in parentheses")]
+            fn fields() -> ::std::vec::Vec<$crate::table::Field> {
+                ::std::vec![
+                    $({
+                        #[allow(unused_mut, reason = "a plain signal changes nothing below")]
+                        let mut field = $crate::table::Field::signal(
+                            stringify!($name),
+                            concat!($($unit)?),
+                            concat!($($doc),*),
+                        );
+                        $( field.default = Some($default $($default_size)?); )?
+                        $( (field.min, field.max) = ($min $($min_size)?, $max $($max_size)?); )?
+                        $( field.faultable = $crate::table::flag::$flag(); )?
+                        field
+                    },)*
+                ]
+            }
+        }
     };
     ($($other:tt)*) => {
         ::core::compile_error!(
@@ -261,13 +343,13 @@ macro_rules! table {
     };
 }
 
-/// Whether a flag of [`table!`](crate::table!) is the one that exists.
-#[doc(hidden)]
-#[must_use]
-pub fn is_faultable(flag: &str) -> bool {
-    assert_eq!(flag, "faultable", "a table knows one flag, `faultable`");
-    true
-}
+/// A table whose every row has a default, so that a scenario need not set it.
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` is no table of parameters: a parameter has a default",
+    label = "a row of it has no default",
+    note = "write each row as `name: \"unit\" = default in min..=max`"
+)]
+pub trait Parameters: Table + Default {}
 
 /// Adds a group's columns with the group's name in front and the group's own defaults.
 #[doc(hidden)]

@@ -3,6 +3,7 @@
 //! Used by everything that knows time. Seconds exist only inside equations and are always computed
 //! from a step, never accumulated.
 
+use crate::number::{exact, exact_in};
 use serde::{Deserialize, Serialize};
 
 /// Index of a step. Step `k` is the instant `k / rate_hz`.
@@ -101,7 +102,10 @@ impl Rate {
 
 /// A number that is no rate.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("{0} Hz is no rate: from {min} to {max} Hz", min = Rate::MIN_HZ, max = Rate::MAX_HZ)]
+#[error("{} is no rate: from {} to {}",
+    exact_in(*.0, "Hz"),
+    exact(Rate::MIN_HZ),
+    exact_in(Rate::MAX_HZ, "Hz"))]
 pub struct NoRate(pub f64);
 
 impl TryFrom<f64> for Rate {

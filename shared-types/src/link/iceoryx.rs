@@ -7,20 +7,29 @@
 //! Control messages use publish-subscribe, for each epoch its own too. The plant creates every service
 //! and verifies what it got; the controller opens them and proves the layout hash.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use iceoryx2::identifiers::UniqueNodeId;
 use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
 use iceoryx2::port::reader::{BlackboardValue, EntryHandle};
-use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::port::subscriber::{Subscriber, SubscriberCreateError};
 use iceoryx2::port::writer::EntryValueUninit;
+use iceoryx2::port::{DegradationAction, ReceiveError};
 use iceoryx2::prelude::*;
-use iceoryx2::service::builder::publish_subscribe::PublishSubscribeCreateError;
+use iceoryx2::service::builder::blackboard::BlackboardOpenError;
+use iceoryx2::service::builder::publish_subscribe::{
+    PublishSubscribeCreateError, PublishSubscribeOpenError,
+};
 use iceoryx2::service::port_factory::blackboard::PortFactory as Blackboard;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as Topic;
+use iceoryx2::service::port_factory::subscriber::PortFactorySubscriber;
 
 use super::{FrameSpec, Link, LinkError, Peer, Rejected};
 use crate::frame::{Frame, FrameError, Header, Seal, SizeClass};
 use crate::process::ProcessId;
 use crate::session::SessionInfo;
+use crate::shared_memory;
 
 /// The iceoryx2 service flavour in use.
 pub type Ipc = ipc::Service;
@@ -34,18 +43,17 @@ const CONTROL_BUFFER: usize = 8;
 /// # Errors
 /// If the session's shared memory cannot be used.
 pub fn node(session: &SessionInfo, name: &str) -> Result<Node<Ipc>, LinkError> {
-    let failed = |reason: String| LinkError::Transport {
-        service: "shared memory".into(),
-        reason,
-    };
-    let config = session.iceoryx_config().map_err(failed)?;
-    let name = name.try_into().map_err(|e| failed(format!("{e:?}")))?;
+    let service = "shared memory";
+    let config = session
+        .iceoryx_config()
+        .map_err(|e| transport(service, e))?;
+    let name = name.try_into().map_err(|e| transport(service, e))?;
     let node = NodeBuilder::new()
         .name(&name)
         .config(&config)
         .signal_handling_mode(SignalHandlingMode::Disabled)
         .create::<Ipc>()
-        .map_err(|e| failed(format!("{e:?}")))?;
+        .map_err(|e| transport(service, e))?;
     session.tighten();
     Ok(node)
 }
@@ -138,7 +146,7 @@ impl ControlChannel {
         // The ear first: who finds the service that this side speaks on may say something at once,
         // and what nobody hears is lost.
         let heard = topic(node, side, hears)?;
-        let listen = (heard.subscriber_builder().create()).map_err(|e| transport(hears, e))?;
+        let listen = subscribe(hears, heard.subscriber_builder())?;
         let speak = (topic(node, side, speaks)?.publisher_builder())
             .initial_max_slice_len(1 << 14)
             .allocation_strategy(AllocationStrategy::PowerOfTwo)
@@ -159,10 +167,85 @@ impl ControlChannel {
     }
 }
 
-fn transport(service: &str, error: impl std::fmt::Debug) -> LinkError {
+/// What iceoryx2 could not do, which says no more than that, and what may have kept it from that.
+pub fn transport(service: &str, error: impl std::fmt::Debug) -> LinkError {
+    let hindrance = shared_memory::hindrance().unwrap_or_else(|| {
+        "nothing is known that keeps shared memory from being used; try again, then see `hil doctor`"
+            .into()
+    });
     LinkError::Transport {
         service: service.into(),
-        reason: format!("{error:?}"),
+        reason: format!("iceoryx2 says {error:?}: {hindrance}"),
+    }
+}
+
+/// What cannot be opened: it may not be there yet, or the machine is in the way.
+pub(crate) fn absent(service: &str, error: PublishSubscribeOpenError) -> LinkError {
+    use PublishSubscribeOpenError as Open;
+    let may_be_refused = matches!(
+        error,
+        Open::InternalFailure | Open::InsufficientPermissions | Open::UnableToCreateServiceTag
+    );
+    if may_be_refused && shared_memory::hindrance().is_some() {
+        return transport(service, error);
+    }
+    LinkError::Absent {
+        service: service.into(),
+        reason: match error {
+            Open::DoesNotExist => "the plant has not made it".into(),
+            other => format!("iceoryx2 says {other:?}"),
+        },
+    }
+}
+
+/// A subscriber that fails where it cannot reach a publisher. Left alone, iceoryx2 goes on without what
+/// that sends.
+pub(crate) fn subscribe<Payload, Header>(
+    service: &str,
+    builder: PortFactorySubscriber<'_, Ipc, Payload, Header>,
+) -> Result<Subscriber<Ipc, Payload, Header>, LinkError>
+where
+    Payload: std::fmt::Debug + IceoryxSend + ?Sized,
+    Header: std::fmt::Debug + ZeroCopySend,
+{
+    let is_cut_off = Arc::new(AtomicBool::new(false));
+    let noted = is_cut_off.clone();
+    let subscriber = builder.set_degradation_handler(move |_, _| {
+        noted.store(true, Ordering::Relaxed);
+        DegradationAction::DegradeAndFail
+    });
+    let subscriber = subscriber.create().map_err(|error| match error {
+        SubscriberCreateError::ExceedsMaxSupportedSubscribers => LinkError::Taken {
+            service: service.into(),
+            role: "observers",
+        },
+        error => transport(service, error),
+    })?;
+    // Of a publisher that was there before this is noted, but no error.
+    if is_cut_off.load(Ordering::Relaxed) {
+        let what = "its publisher cannot be reached";
+        return Err(match shared_memory::hindrance() {
+            Some(_) => transport(service, format_args!("{what}")),
+            None => LinkError::Absent {
+                service: service.into(),
+                reason: what.into(),
+            },
+        });
+    }
+    Ok(subscriber)
+}
+
+/// What was received: nothing, if it was a publisher that is gone.
+pub(crate) fn received<T>(
+    service: &str,
+    received: Result<Option<T>, ReceiveError>,
+) -> Result<Option<T>, LinkError> {
+    // The kinds of failure have no public names.
+    let is_gone = |error: &ReceiveError| format!("{error:?}").contains("DoesNotExist");
+    match received {
+        Ok(received) => Ok(received),
+        Err(error) if is_gone(&error) => Ok(None),
+        Err(error) => Err(transport(service, error)),
     }
 }
 
@@ -194,10 +277,7 @@ fn topic(node: &Node<Ipc>, side: Side, name: &str) -> Result<Topic<Ipc, [u8], ()
             }
             Ok(topic)
         }
-        Side::Controller => builder.open().map_err(|e| LinkError::Absent {
-            service: name.into(),
-            reason: format!("{e:?}"),
-        }),
+        Side::Controller => builder.open().map_err(|e| absent(name, e)),
     }
 }
 
@@ -293,9 +373,14 @@ fn board<const N: usize>(
             builder
                 .blackboard_opener::<u8>()
                 .open_with_attributes(&attributes.map_err(|e| transport(name, e))?)
-                .map_err(|e| LinkError::Foreign {
-                    service: name.into(),
-                    reason: format!("{e:?}"),
+                .map_err(|error| match error {
+                    BlackboardOpenError::InternalFailure
+                    | BlackboardOpenError::InsufficientPermissions
+                    | BlackboardOpenError::UnableToCreateServiceTag => transport(name, error),
+                    error => LinkError::Foreign {
+                        service: name.into(),
+                        reason: format!("iceoryx2 says {error:?}; both sides must be of one run"),
+                    },
                 })
         }
     }
@@ -357,7 +442,11 @@ impl Link for IceoryxLink {
     }
 
     fn receive_control(&mut self) -> Result<Option<Vec<u8>>, LinkError> {
-        let sample = (self.control.listen.receive()).map_err(|e| transport("control", e))?;
+        let sample = match self.control.listen.receive() {
+            // Who speaks may have been killed meanwhile, which shows elsewhere and need not end the run.
+            Err(ReceiveError::ConnectionFailure(_)) if shared_memory::hindrance().is_none() => None,
+            sample => received("control", sample)?,
+        };
         Ok(sample.map(|message| message.payload().to_vec()))
     }
 
@@ -369,7 +458,10 @@ impl Link for IceoryxLink {
     fn peer(&self) -> Result<Peer, LinkError> {
         // Read anew: the launcher notes a process after it started it.
         let session = SessionInfo::read(&self.session.folder);
-        let session = session.map_err(|e| transport("session.json", e))?;
+        let session = session.map_err(|e| LinkError::Transport {
+            service: "session.json".into(),
+            reason: e.to_string(),
+        })?;
         let launched = session.controller.filter(|c| c.epoch == self.control.epoch);
         let Some(launched) = launched else {
             return Ok(Peer::Unknown);

@@ -1,6 +1,6 @@
 //! The controller's side of lockstep.
 
-use super::{Abort, AbortCode};
+use super::{Abort, AbortCode, Standing};
 use crate::frame::{FrameKind, Header};
 use crate::hello::{Control, Hello, Welcome};
 use crate::time::Step;
@@ -60,6 +60,20 @@ enum State {
     Over,
 }
 
+impl State {
+    /// A number of its own for each but the step.
+    const fn number(&self) -> u64 {
+        match self {
+            Self::Start => 0,
+            Self::AwaitWelcome(_) => 1,
+            Self::Opening { .. } => 2,
+            Self::AwaitFirst(_) => 3,
+            Self::AwaitSample(_) => 4,
+            Self::Over => 5,
+        }
+    }
+}
+
 /// The controller's side: says hello, answers every sample, confirms the end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ControllerSide {
@@ -113,6 +127,12 @@ impl ControllerSide {
     #[must_use]
     pub const fn ignored(&self) -> u64 {
         self.ignored
+    }
+
+    /// How far it has come with the plant.
+    #[must_use]
+    pub const fn standing(&self) -> Standing {
+        Standing([self.state.number(), self.at().0, 0, 0, 0])
     }
 
     /// The step awaited, for messages.
@@ -252,14 +272,10 @@ impl ControllerSide {
     /// All that decides what it does next, of one that says the same hello as the others.
     #[cfg(test)]
     pub(super) fn key(&self) -> [u64; 3] {
-        let (state, step) = match self.state {
-            State::Start => (0, 0),
-            State::AwaitWelcome(_) => (1, 0),
-            State::Opening { first, .. } => (2, first.0),
-            State::AwaitFirst(step) => (3, step.0),
-            State::AwaitSample(step) => (4, step.0),
-            State::Over => (5, 0),
+        let step = match self.state {
+            State::Opening { first, .. } => first,
+            _ => self.at(),
         };
-        [state, step, u64::from(self.takes_over)]
+        [self.state.number(), step.0, u64::from(self.takes_over)]
     }
 }

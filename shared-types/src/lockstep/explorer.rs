@@ -83,14 +83,16 @@ struct World {
     used: u32,
     /// The next step to be executed.
     next: u64,
+    /// The first step whose command would be newer than all that the plant took.
+    newer: u64,
     /// How the plant said it ended.
     end: Option<Result<(), String>>,
     left: Bound,
 }
 
 type Key = (
-    [u64; 6],
-    (bool, u32, u32, u64, bool, Bound),
+    [u64; 7],
+    (bool, u32, u32, (u64, u64), bool, Bound),
     Vec<(
         [u64; 3],
         ([bool; 4], u64, Option<u64>),
@@ -209,6 +211,7 @@ impl World {
             heard: 1,
             used: 0,
             next: 0,
+            newer: 0,
             end: None,
             left: bound,
         }
@@ -237,7 +240,7 @@ impl World {
                 self.plant_lives,
                 self.heard,
                 self.used,
-                self.next,
+                (self.next, self.newer),
                 self.end.is_some(),
                 self.left,
             ),
@@ -335,12 +338,17 @@ impl World {
             }
             PlantAction::Apply(step) => match event {
                 PlantEvent::Frame(header) if header.step == step.0 && !was_alone => {
+                    self.newer = step.0 + 1;
                     self.execute(step)?;
                 }
                 other => return Err(format!("step {step} met a stale command: {other:?}")),
             },
             PlantAction::Keep => match event {
-                PlantEvent::Frame(header) if self.against_clock && header.step < self.next => {}
+                PlantEvent::Frame(header)
+                    if self.against_clock && (self.newer..self.next).contains(&header.step) =>
+                {
+                    self.newer = header.step + 1;
+                }
                 other => return Err(format!("kept {other:?}")),
             },
             PlantAction::Hold(step) => {

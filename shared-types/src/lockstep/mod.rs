@@ -23,6 +23,9 @@
 //!
 //! Against the clock the plant does not wait for a command beyond its deadline: it goes on with the
 //! newest one that it has, and a controller that comes late finds a later sample.
+//!
+//! A wait begins anew when the [`Standing`] of a side moves, and not when something comes: what moves
+//! nothing is as good as silence, so nobody can talk a wait beyond its limit.
 
 mod controller;
 mod loss;
@@ -33,6 +36,11 @@ pub use loss::OnLoss;
 pub use plant::{PlantAction, PlantEvent, PlantSide};
 
 use crate::time::Step;
+
+/// How far a side has come with the other one. Where two are equal, nothing that came between them got
+/// the run on, whatever the side answered: the wait of the first is still the wait of the second.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Standing([u64; 5]);
 
 /// Why a side gave up, as it is told to the other side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -163,6 +171,8 @@ impl Abort {
     }
 }
 
+#[cfg(test)]
+mod chatter;
 #[cfg(test)]
 mod explorer;
 #[cfg(test)]

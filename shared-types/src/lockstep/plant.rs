@@ -1,6 +1,6 @@
 //! The plant's side of lockstep.
 
-use super::{Abort, AbortCode, OnLoss};
+use super::{Abort, AbortCode, OnLoss, Standing};
 use crate::frame::{FrameKind, Header};
 use crate::hello::{Hello, Offer, Welcome, agree};
 use crate::time::Step;
@@ -20,6 +20,8 @@ pub enum PlantEvent<'a> {
     Release,
     /// A frame came that passed the link's checks.
     Frame(&'a Header),
+    /// A frame that was passed over says something else than the command of this step that was taken.
+    Contradiction(Step),
     /// No command for this step comes in time: it missed its deadline, against the clock, or there
     /// is no controller.
     Missed,
@@ -80,6 +82,20 @@ enum State {
     Over,
 }
 
+impl State {
+    /// A number of its own for each but the step.
+    const fn number(&self) -> u64 {
+        match self {
+            Self::AwaitHello => 0,
+            Self::AwaitReady => 1,
+            Self::Between(_) => 2,
+            Self::AwaitCommand(_) => 3,
+            Self::AwaitConfirmation => 4,
+            Self::Over => 5,
+        }
+    }
+}
+
 /// A controller that was announced and is not in office yet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 struct Candidate {
@@ -100,6 +116,8 @@ pub struct PlantSide {
     /// It is not there any more.
     lost: bool,
     candidate: Option<Candidate>,
+    /// The first step whose command is newer than every one that was taken.
+    newer: Step,
     ignored: u64,
 }
 
@@ -116,6 +134,7 @@ impl PlantSide {
             epoch: 1,
             lost: false,
             candidate: None,
+            newer: Step(0),
             ignored: 0,
         }
     }
@@ -139,6 +158,7 @@ impl PlantSide {
     #[must_use]
     pub const fn beginning_at(mut self, first: Step) -> Self {
         self.first = first;
+        self.newer = first;
         self
     }
 
@@ -191,6 +211,18 @@ impl PlantSide {
     #[must_use]
     pub const fn ignored(&self) -> u64 {
         self.ignored
+    }
+
+    /// How far it has come with the controller in office.
+    #[must_use]
+    pub const fn standing(&self) -> Standing {
+        Standing([
+            self.state.number(),
+            self.at().0,
+            self.epoch as u64,
+            self.lost as u64,
+            self.newer.0,
+        ])
     }
 
     /// The step in work, for messages.
@@ -255,6 +287,9 @@ impl PlantSide {
             // Whoever it is from, nobody is in office.
             (_, PlantEvent::Frame(_)) if self.lost => self.ignore(),
             (_, PlantEvent::Frame(header)) => self.on_frame(header),
+            (_, PlantEvent::Contradiction(step)) => {
+                self.broken(format!("it answered step {step} twice, and not the same"))
+            }
 
             (State::AwaitHello, PlantEvent::Deadline(ms)) => self.late("say hello".into(), *ms),
             (State::AwaitReady, PlantEvent::Deadline(ms)) => {
@@ -291,6 +326,7 @@ impl PlantSide {
             }
             (State::AwaitCommand(step), Some(FrameKind::Command)) if got == *step => {
                 self.state = State::Between(got.next());
+                self.newer = got.next();
                 PlantAction::Apply(got)
             }
             (State::AwaitConfirmation, Some(FrameKind::EndConfirmed)) => {
@@ -303,8 +339,9 @@ impl PlantSide {
                 }
             }
             (State::AwaitCommand(step), Some(FrameKind::Command))
-                if self.against_clock && got < *step =>
+                if self.against_clock && got < *step && got >= self.newer =>
             {
+                self.newer = got.next();
                 PlantAction::Keep
             }
             // A command that was sent before, seen again.
@@ -366,6 +403,8 @@ impl PlantSide {
         self.candidate = None;
         self.epoch = epoch;
         self.lost = false;
+        // Its first sample is that of this step; the ones before it never saw.
+        self.newer = self.at();
         PlantAction::TakeOver(match self.state {
             State::AwaitCommand(step) => Some(step),
             _ => None,
@@ -458,22 +497,15 @@ impl PlantSide {
 
     /// All that decides what it does next.
     #[cfg(test)]
-    pub(super) fn key(&self) -> [u64; 6] {
-        let state = match self.state {
-            State::AwaitHello => 0,
-            State::AwaitReady => 1,
-            State::Between(_) => 2,
-            State::AwaitCommand(_) => 3,
-            State::AwaitConfirmation => 4,
-            State::Over => 5,
-        };
+    pub(super) fn key(&self) -> [u64; 7] {
         let (epoch, welcomed) =
             (self.candidate).map_or((0, false), |one| (one.epoch, one.welcomed));
         [
-            state,
+            self.state.number(),
             self.at().0,
             u64::from(self.epoch),
             u64::from(self.lost),
+            self.newer.0,
             u64::from(epoch),
             u64::from(welcomed),
         ]

@@ -419,3 +419,47 @@ fn samples_may_be_missed_against_the_clock_only() {
         ControllerAction::Abort(Abort::Protocol { .. })
     ));
 }
+
+#[test]
+fn against_the_clock_only_a_command_that_is_newer_than_all_before_is_kept() {
+    let mut plant = plant(9).against_clock();
+    let command = |step| header(FrameKind::Command, step);
+    for step in 0..5 {
+        plant.on(&PlantEvent::Release);
+        if step < 4 {
+            assert_eq!(plant.on(&PlantEvent::Missed), PlantAction::Hold(Step(step)));
+        }
+    }
+    for (step, action) in [
+        (1, PlantAction::Keep),
+        (1, PlantAction::Ignore),
+        (0, PlantAction::Ignore),
+        (3, PlantAction::Keep),
+        (2, PlantAction::Ignore),
+        (4, PlantAction::Apply(Step(4))),
+    ] {
+        let before = plant.standing();
+        let moves = action != PlantAction::Ignore;
+        assert_eq!(plant.on(&PlantEvent::Frame(&command(step))), action);
+        assert_eq!(plant.standing() != before, moves, "command {step}");
+    }
+}
+
+#[test]
+fn two_answers_to_one_step_that_differ_are_a_broken_protocol() {
+    let told =
+        "controller broke the protocol at step 1: it answered step 0 twice, and not the same";
+    for on_loss in [OnLoss::Abort, OnLoss::Hold] {
+        let mut plant = plant(3).on_loss(on_loss);
+        plant.on(&PlantEvent::Release);
+        plant.on(&PlantEvent::Frame(&header(FrameKind::Command, 0)));
+        plant.on(&PlantEvent::Release);
+        let (PlantAction::Abort(why) | PlantAction::Lose(why)) =
+            plant.on(&PlantEvent::Contradiction(Step(0)))
+        else {
+            panic!("it is taken");
+        };
+        assert_eq!(why.to_string(), told);
+        assert_eq!(plant.is_over(), on_loss == OnLoss::Abort);
+    }
+}

@@ -1,14 +1,18 @@
 //! All sessions of this user: their folder, and who may create and sweep in it.
 
 use std::fs::{self, File};
-use std::io::ErrorKind;
+use std::io::{self, ErrorKind};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use rustix::fs::{FlockOperation, flock};
+use rustix::io::Errno;
 
-use super::{SHARED_MEMORY, SessionError, SessionInfo, private_file, private_folder, unless_gone};
+use super::{
+    SHARED_MEMORY, SessionError, SessionInfo, noted_prefix, open_at_once, private_file,
+    private_folder, remove_below, remove_folder,
+};
 use crate::process::ProcessId;
 
 /// How long another `hil` may hold the lock over all sessions while it creates or sweeps.
@@ -28,41 +32,60 @@ pub(super) struct AllSessions {
 
 impl AllSessions {
     pub(super) fn lock() -> Result<Self, SessionError> {
-        let (uid, folder) = (rustix::process::geteuid().as_raw(), all_sessions());
-        let path = folder.join(".lock");
+        Self::lock_in(&all_sessions(), LOCK_LIMIT)
+    }
+
+    /// Locks a folder of sessions. What stands in the way for longer than the limit is named.
+    fn lock_in(folder: &Path, limit: Duration) -> Result<Self, SessionError> {
         let since = Instant::now();
         loop {
-            if since.elapsed() > LOCK_LIMIT {
-                return Err(SessionError::Locked(path));
-            }
-            match private_folder(&folder) {
-                Err(error) if error.kind() != ErrorKind::AlreadyExists => {
-                    return Err(SessionError::io("create", &folder)(error));
-                }
-                _ => {}
-            }
-            // Not `metadata`: a link to a folder of ours elsewhere is not ours to use. Whoever ends
-            // its last session removes the folder, also between two of these lines.
-            let found = match fs::symlink_metadata(&folder) {
-                Err(error) if error.kind() == ErrorKind::NotFound => continue,
-                found => found.map_err(SessionError::io("read", &folder))?,
+            let obstacle = match Self::try_lock(folder)? {
+                Ok(locked) => return Ok(locked),
+                Err(obstacle) => obstacle,
             };
-            if !found.is_dir() || found.uid() != uid || found.mode() & 0o077 != 0 {
-                return Err(SessionError::NotPrivate(folder));
-            }
-            let lock = match private_file(&path) {
-                Err(error) if error.kind() == ErrorKind::NotFound => continue,
-                lock => lock.map_err(SessionError::io("create", &path))?,
-            };
-            if flock(&lock, FlockOperation::NonBlockingLockExclusive).is_ok() && is_at(&lock, &path)
-            {
-                return Ok(Self {
-                    folder,
-                    _lock: lock,
-                });
+            if since.elapsed() > limit {
+                return Err(obstacle);
             }
             std::thread::sleep(Duration::from_millis(2));
         }
+    }
+
+    /// Tries once: the folder, or what stands in the way and may pass.
+    fn try_lock(folder: &Path) -> Result<Result<Self, SessionError>, SessionError> {
+        let (uid, path) = (rustix::process::geteuid().as_raw(), folder.join(".lock"));
+        match private_folder(folder) {
+            Err(error) if error.kind() != ErrorKind::AlreadyExists => {
+                return Err(SessionError::io("create", folder)(error));
+            }
+            _ => {}
+        }
+        // Not `metadata`: a link to a folder of ours elsewhere is not ours to use. Whoever ends
+        // its last session removes the folder, also between two of these lines.
+        let passing = |error: io::Error, action, path: &Path| match error.kind() {
+            ErrorKind::NotFound => Ok(SessionError::io(action, path)(error)),
+            _ => Err(SessionError::io(action, path)(error)),
+        };
+        let found = match fs::symlink_metadata(folder) {
+            Err(error) => return passing(error, "read", folder).map(Err),
+            Ok(found) => found,
+        };
+        if !found.is_dir() || found.uid() != uid || found.mode() & 0o077 != 0 {
+            return Err(SessionError::NotPrivate(folder.to_owned()));
+        }
+        let lock = match private_file(&path) {
+            Err(error) => return passing(error, "open", &path).map(Err),
+            Ok(lock) => lock,
+        };
+        Ok(
+            match flock(&lock, FlockOperation::NonBlockingLockExclusive) {
+                Ok(()) if is_at(&lock, &path) => Ok(Self {
+                    folder: folder.to_owned(),
+                    _lock: lock,
+                }),
+                Ok(()) | Err(Errno::WOULDBLOCK) => Err(SessionError::Locked(path)),
+                Err(error) => return Err(SessionError::io("lock", &path)(error.into())),
+            },
+        )
     }
 
     fn folders(&self) -> Result<Vec<PathBuf>, SessionError> {
@@ -93,9 +116,13 @@ impl AllSessions {
                     end_orphans(&info.children);
                     info.remove()?;
                 }
-                // Its owner died before it could write down anything else to remove.
-                Err(_) => unless_gone(fs::remove_dir_all(&folder))
-                    .map_err(SessionError::io("remove", &folder))?,
+                // Its owner died before it could write it, or it is damaged: the lock has the prefix too.
+                Err(_) => {
+                    if let Some(prefix) = noted_prefix(&folder) {
+                        remove_below(&prefix)?;
+                    }
+                    remove_folder(&folder)?;
+                }
             }
         }
         Ok(swept)
@@ -121,12 +148,13 @@ fn is_at(file: &File, path: &Path) -> bool {
     }
 }
 
-/// Whether someone holds the session's lock.
+/// Whether someone holds the session's lock, or nobody can tell: what is not known to be dead is left
+/// alone.
 fn is_live(folder: &Path) -> bool {
-    let Ok(lock) = File::open(folder.join("lock")) else {
-        return false;
-    };
-    flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err()
+    match open_at_once(&folder.join("lock")) {
+        Ok(lock) => flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err(),
+        Err(error) => error.kind() != ErrorKind::NotFound,
+    }
 }
 
 /// Children of a dead owner end by themselves when their input closes; a stopped one cannot.
@@ -143,6 +171,17 @@ fn end_orphans(children: &[ProcessId]) {
     while children.iter().any(|child| child.is_alive()) && since.elapsed() < 5 * grace {
         std::thread::sleep(Duration::from_millis(2));
     }
+}
+
+/// Removes the sessions of this process, with the processes that it started, without a word to those
+/// who use them.
+pub fn abandon() {
+    let own = ProcessId::own();
+    let sessions = list().unwrap_or_default();
+    for session in sessions.iter().filter(|session| session.owner == own) {
+        let _ = session.remove(); // the next sweep tries again
+    }
+    drop(AllSessions::lock());
 }
 
 /// The live sessions of this user.
@@ -178,4 +217,76 @@ pub fn sweep() -> Result<Vec<String>, SessionError> {
         return Ok(Vec::new());
     }
     AllSessions::lock()?.sweep()
+}
+
+#[cfg(test)]
+mod tests {
+    use rustix::fs::{CWD, FileType, Mode, mknodat};
+
+    use super::*;
+
+    #[test]
+    fn a_lock_that_cannot_be_had_is_explained_by_its_cause() {
+        let place = std::env::temp_dir().join(format!("hil-lock-{}", std::process::id()));
+        let limit = Duration::from_millis(20);
+        let folder = place.join("hil-0");
+        fs::create_dir(&place).expect("made");
+        let told = || match AllSessions::lock_in(&folder, limit) {
+            Ok(_) => "locked".to_owned(),
+            Err(error) => error.to_string(),
+        };
+        assert_eq!(told(), "locked");
+        private_folder(&folder).expect("made");
+        let path = folder.join(".lock");
+        let open = |why: &str| format!("cannot open {}: {why}", path.display());
+
+        std::os::unix::fs::symlink(place.join("none/none"), &path).expect("linked");
+        assert_eq!(told(), open("No such file or directory (os error 2)"));
+        fs::remove_file(&path).expect("removed");
+        fs::create_dir(&path).expect("made");
+        assert_eq!(told(), open("Is a directory (os error 21)"));
+        fs::remove_dir(&path).expect("removed");
+
+        let held = private_file(&path).expect("made");
+        flock(&held, FlockOperation::NonBlockingLockExclusive).expect("free");
+        assert!(
+            told().ends_with("is a stopped `hil` holding it?"),
+            "{}",
+            told()
+        );
+        drop(held);
+        assert_eq!(told(), "locked");
+        fs::remove_dir_all(&place).expect("removed");
+    }
+
+    #[test]
+    fn a_session_whose_lock_cannot_be_looked_at_is_not_dead() {
+        let folder = std::env::temp_dir().join(format!("hil-live-{}", std::process::id()));
+        private_folder(&folder).expect("made");
+        assert!(!is_live(&folder));
+        // Neither to be opened nor missing, whoever asks.
+        std::os::unix::fs::symlink("lock", folder.join("lock")).expect("linked");
+        assert!(is_live(&folder));
+        fs::remove_dir_all(&folder).expect("removed");
+    }
+
+    #[test]
+    fn a_pipe_in_place_of_a_file_keeps_nobody_waiting() {
+        let folder = std::env::temp_dir().join(format!("hil-pipe-{}", std::process::id()));
+        private_folder(&folder).expect("made");
+        for name in ["lock", "session.json", ".lock"] {
+            let mode = Mode::RUSR | Mode::WUSR;
+            mknodat(CWD, folder.join(name), FileType::Fifo, mode, 0).expect("made");
+        }
+        let (done, waits) = std::sync::mpsc::channel();
+        let place = folder.clone();
+        std::thread::spawn(move || {
+            let read = SessionInfo::read(&place).is_ok();
+            let found = (is_live(&place), noted_prefix(&place), read);
+            let _ = done.send((found, AllSessions::lock_in(&place, Duration::ZERO).is_ok()));
+        });
+        let found = waits.recv_timeout(Duration::from_secs(60));
+        fs::remove_dir_all(&folder).expect("removed");
+        assert_eq!(found, Ok(((false, None, false), false)));
+    }
 }

@@ -1,3 +1,8 @@
+use std::ffi::CStr;
+use std::mem::MaybeUninit;
+
+use rustix::fs::inotify::{self, CreateFlags, ReadFlags, Reader, WatchFlags};
+
 use super::*;
 
 #[test]
@@ -30,6 +35,40 @@ fn everything_is_closed_to_others() {
     fs::write(&opened, "x").expect("writes");
     fs::set_permissions(&opened, Permissions::from_mode(0o604)).expect("sets");
     assert_eq!(session.info().open_to_others(), [opened]);
+}
+
+#[test]
+fn the_node_counter_is_closed_from_the_moment_of_its_making() {
+    let watch = inotify::init(CreateFlags::NONBLOCK).expect("inotify");
+    let made_or_changed = WatchFlags::CREATE | WatchFlags::ATTRIB;
+    inotify::add_watch(&watch, SHARED_MEMORY, made_or_changed).expect("watched");
+    let session = Session::create(None).expect("a session");
+    let _node = crate::link::iceoryx::node(session.info(), "test").expect("a node");
+
+    let segments = session.info().segments();
+    let [counter] = &segments[..] else {
+        panic!("{segments:?} are not one file");
+    };
+    // An update of iceoryx2 that names it otherwise would have made a second one, or another.
+    assert_eq!(*counter, session.info().node_counter());
+    let found = fs::metadata(counter).expect("there");
+    assert_eq!(found.mode() & 0o777, 0o600);
+    // The second of the 64-bit words counts nodes: that of the session, and that of this test.
+    let content = fs::read(counter).expect("readable");
+    assert_eq!(content[8..], [2, 0, 0, 0, 0, 0, 0, 0]);
+
+    let name = counter.file_name().expect("a name").as_encoded_bytes();
+    let mut buffer = [MaybeUninit::uninit(); 1 << 16];
+    let mut events = Reader::new(&watch, &mut buffer);
+    let mut seen = Vec::new();
+    while let Ok(event) = events.next() {
+        assert!(!event.events().contains(ReadFlags::QUEUE_OVERFLOW));
+        if event.file_name().map(CStr::to_bytes) == Some(name) {
+            seen.push(event.events());
+        }
+    }
+    // Made once, and its mode never changed: it always was what it is.
+    assert_eq!(seen, [ReadFlags::CREATE]);
 }
 
 #[test]
@@ -106,5 +145,28 @@ fn a_sweep_removes_dead_sessions_and_leaves_live_ones() {
     assert!(!info.folder.exists() && !segment.exists());
     assert!(live.info().folder.exists());
     assert!(list().expect("lists").contains(live.info()));
+    drop(dead);
+}
+
+#[test]
+fn a_sweep_needs_no_readable_description() {
+    let live = Session::create(None).expect("a session");
+    let dead = Session::create(None).expect("a session");
+    let (info, folder) = (dead.info().clone(), dead.info().folder.clone());
+    fs::write(folder.join("session.json"), "{\"schema\":").expect("writes");
+    assert_eq!(info.segments(), [info.node_counter()]);
+    // Somebody copied the folder of a live one, and what is in the copy is damaged too. It appears at
+    // once, because other tests sweep at any time.
+    let made = Path::new(SHARED_MEMORY).join(format!("{}-copy", live.info().name));
+    private_folder(&made).expect("made");
+    fs::copy(live.info().folder.join("lock"), made.join("lock")).expect("copied");
+    let copy = folder.with_file_name(format!("{}-copy", live.info().name));
+    fs::rename(&made, &copy).expect("moved");
+    flock(&dead._lock, FlockOperation::Unlock).expect("unlocks");
+
+    sweep().expect("sweeps");
+    assert_eq!(info.segments(), Vec::<PathBuf>::new());
+    assert!(!folder.exists() && !copy.exists());
+    assert_eq!(live.info().segments(), [live.info().node_counter()]);
     drop(dead);
 }

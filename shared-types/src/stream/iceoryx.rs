@@ -4,14 +4,14 @@
 //! items and sees the gap in their numbers.
 
 use iceoryx2::port::publisher::Publisher;
-use iceoryx2::port::subscriber::{Subscriber, SubscriberCreateError};
+use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::PortFactory as _;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
 use super::{Assembler, Item, ItemKind, Owed, RecordSink, RecordSource, send_in_parts};
 use crate::link::LinkError;
-use crate::link::iceoryx::{Ipc, node};
+use crate::link::iceoryx::{Ipc, absent, node, received, subscribe, transport};
 use crate::record::{Event, RecordLayout};
 use crate::session::SessionInfo;
 
@@ -43,25 +43,11 @@ struct ItemHeader {
     bytes: u64,
 }
 
-fn absent(service: &str, error: &dyn std::fmt::Debug) -> LinkError {
-    LinkError::Absent {
-        service: service.into(),
-        reason: format!("{error:?}"),
-    }
-}
-
-fn failed(service: &str, error: &dyn std::fmt::Debug) -> LinkError {
-    LinkError::Transport {
-        service: service.into(),
-        reason: format!("{error:?}"),
-    }
-}
-
 type Records = PortFactory<Ipc, [u64], ItemHeader>;
 type Credit = PortFactory<Ipc, u64, ()>;
 
 fn records(node: &Node<Ipc>, create: bool) -> Result<Records, LinkError> {
-    let name = RECORDS.try_into().map_err(|e| failed(RECORDS, &e))?;
+    let name = RECORDS.try_into().map_err(|e| transport(RECORDS, e))?;
     let records = (node.service_builder(&name).publish_subscribe::<[u64]>())
         .user_header::<ItemHeader>()
         .max_publishers(1)
@@ -71,14 +57,14 @@ fn records(node: &Node<Ipc>, create: bool) -> Result<Records, LinkError> {
         .subscriber_max_borrowed_samples(1)
         .enable_safe_overflow(true);
     if create {
-        records.create().map_err(|e| failed(RECORDS, &e))
+        records.create().map_err(|e| transport(RECORDS, e))
     } else {
-        records.open().map_err(|e| absent(RECORDS, &e))
+        records.open().map_err(|e| absent(RECORDS, e))
     }
 }
 
 fn credit(node: &Node<Ipc>, create: bool) -> Result<Credit, LinkError> {
-    let name = CREDIT.try_into().map_err(|e| failed(CREDIT, &e))?;
+    let name = CREDIT.try_into().map_err(|e| transport(CREDIT, e))?;
     let credit = (node.service_builder(&name).publish_subscribe::<u64>())
         .max_publishers(1)
         .max_subscribers(1)
@@ -86,9 +72,9 @@ fn credit(node: &Node<Ipc>, create: bool) -> Result<Credit, LinkError> {
         .subscriber_max_buffer_size(1)
         .enable_safe_overflow(true);
     if create {
-        credit.create().map_err(|e| failed(CREDIT, &e))
+        credit.create().map_err(|e| transport(CREDIT, e))
     } else {
-        credit.open().map_err(|e| absent(CREDIT, &e))
+        credit.open().map_err(|e| absent(CREDIT, e))
     }
 }
 
@@ -114,10 +100,8 @@ impl IceoryxSink {
         let node = node(session, "records")?;
         // The credit's subscriber stands before the service that observers look for: their first
         // credit, sent as soon as they attach, would otherwise find nobody and be lost.
-        let credit = (credit(&node, true)?.subscriber_builder())
-            .buffer_size(1)
-            .create()
-            .map_err(|e| failed(CREDIT, &e))?;
+        let of_credit = credit(&node, true)?;
+        let credit = subscribe(CREDIT, of_credit.subscriber_builder().buffer_size(1))?;
         let records = records(&node, true)?;
         Ok(Self {
             session: session.clone(),
@@ -135,7 +119,7 @@ impl IceoryxSink {
     fn send(&mut self, kind: ItemKind, bytes: usize, words: &[u64]) -> Result<(), LinkError> {
         let publisher = self.publisher.as_ref().ok_or(LinkError::NotOpen)?;
         let mut item =
-            (publisher.loan_slice_uninit(words.len())).map_err(|e| failed(RECORDS, &e))?;
+            (publisher.loan_slice_uninit(words.len())).map_err(|e| transport(RECORDS, e))?;
         self.sent += 1;
         *item.user_header_mut() = ItemHeader {
             sequence: self.sent,
@@ -144,7 +128,16 @@ impl IceoryxSink {
         };
         item.write_from_slice(words)
             .send()
-            .map_err(|e| failed(RECORDS, &e))?;
+            .map_err(|e| transport(RECORDS, e))?;
+        Ok(())
+    }
+}
+
+impl IceoryxSink {
+    fn hear_credit(&mut self) -> Result<(), LinkError> {
+        while let Some(credit) = received(CREDIT, self.credit.receive())? {
+            self.credited = *credit;
+        }
         Ok(())
     }
 }
@@ -156,10 +149,14 @@ impl RecordSink for IceoryxSink {
             .initial_max_slice_len(self.words)
             .max_loaned_samples(1)
             .create()
-            .map_err(|e| failed(RECORDS, &e))?;
+            .map_err(|e| transport(RECORDS, e))?;
         self.publisher = Some(publisher);
         // The file tells observers that the publisher is there.
-        (self.session.write_file(LAYOUT_FILE, layout)).map_err(|e| failed(RECORDS, &e))
+        let written = self.session.write_file(LAYOUT_FILE, layout);
+        written.map_err(|error| LinkError::Transport {
+            service: RECORDS.into(),
+            reason: error.to_string(),
+        })
     }
 
     fn has_room(&mut self) -> Result<bool, LinkError> {
@@ -174,11 +171,17 @@ impl RecordSink for IceoryxSink {
         if is_free {
             return Ok(true);
         }
-        while let Some(credit) = self.credit.receive().map_err(|e| failed(CREDIT, &e))? {
-            self.credited = *credit;
-        }
+        self.hear_credit()?;
         Ok(self.credited > 0
             && (self.owed == Owed::Start || under_way(self) < BUFFER as u64 - RESERVE))
+    }
+
+    fn sent_and_taken(&mut self) -> Result<(u64, u64), LinkError> {
+        if self.owed == Owed::Nothing {
+            return Ok((0, 0));
+        }
+        self.hear_credit()?;
+        Ok((self.sent, self.credited.saturating_sub(1)))
     }
 
     fn record(&mut self, words: &[u64]) -> Result<(), LinkError> {
@@ -227,7 +230,10 @@ impl IceoryxSource {
             .dynamic_config()
             .number_of_publishers();
         if recorders == 0 {
-            return Err(absent(CREDIT, &"nobody records yet"));
+            return Err(LinkError::Absent {
+                service: CREDIT.into(),
+                reason: "nobody records yet".into(),
+            });
         }
         Self::subscribe(node, WATCHERS_BUFFER, None)
     }
@@ -237,20 +243,12 @@ impl IceoryxSource {
         buffer: usize,
         credit: Option<&Credit>,
     ) -> Result<Self, LinkError> {
-        let records = (records(&node, false)?.subscriber_builder())
-            .buffer_size(buffer)
-            .create()
-            .map_err(|error| match error {
-                SubscriberCreateError::ExceedsMaxSupportedSubscribers => LinkError::Taken {
-                    service: RECORDS.into(),
-                    role: "observers",
-                },
-                other => failed(RECORDS, &other),
-            })?;
+        let of_records = records(&node, false)?;
+        let records = subscribe(RECORDS, of_records.subscriber_builder().buffer_size(buffer))?;
         let credit = match credit {
             Some(credit) => {
                 let publisher = credit.publisher_builder().create();
-                Some(publisher.map_err(|e| failed(CREDIT, &e))?)
+                Some(publisher.map_err(|e| transport(CREDIT, e))?)
             }
             None => None,
         };
@@ -269,7 +267,7 @@ impl RecordSource for IceoryxSource {
         let mut count = 0;
         // At most one buffer at a time, so that credit flows while the plant keeps publishing.
         while count < BUFFER / 8
-            && let Some(item) = self.records.receive().map_err(|e| failed(RECORDS, &e))?
+            && let Some(item) = received(RECORDS, self.records.receive())?
         {
             let header = *item.user_header();
             self.items.take(
@@ -287,7 +285,7 @@ impl RecordSource for IceoryxSource {
         {
             credit
                 .send_copy(self.items.last + 1)
-                .map_err(|e| failed(CREDIT, &e))?;
+                .map_err(|e| transport(CREDIT, e))?;
         }
         Ok(count)
     }

@@ -61,6 +61,15 @@ pub trait RecordSink {
     /// If the transport failed.
     fn has_room(&mut self) -> Result<bool, LinkError>;
 
+    /// Items sent so far, and how many of them the recorder said to have taken. Always equal where no
+    /// recorder is another process.
+    ///
+    /// # Errors
+    /// If the transport failed.
+    fn sent_and_taken(&mut self) -> Result<(u64, u64), LinkError> {
+        Ok((0, 0))
+    }
+
     /// Publishes a record.
     ///
     /// # Errors

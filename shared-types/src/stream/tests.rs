@@ -142,6 +142,38 @@ fn a_stream_that_is_not_there_cannot_be_opened() {
     assert!(matches!(opened, Err(LinkError::Absent { .. })));
 }
 
+/// Puts a folder where each of these segments is, so that nobody can map it; whoever did still has it.
+fn made_unusable(segments: &[std::path::PathBuf]) {
+    for segment in segments {
+        std::fs::remove_file(segment).expect("removed");
+        std::fs::create_dir(segment).expect("a folder");
+    }
+}
+
+#[test]
+fn a_stream_whose_memory_cannot_be_mapped_fails_by_name_and_is_not_taken_for_silent() {
+    let session = Session::create(None).expect("a session");
+    let info = session.info();
+    let mut sink = iceoryx::IceoryxSink::create(info, Owed::Everything).expect("creates");
+    let mut source = iceoryx::IceoryxSource::open(info, true).expect("opens");
+    let before = info.segments();
+    sink.open(&layout()).expect("opens");
+    let mut made = info.segments();
+    made.retain(|segment| !before.contains(segment) && segment.is_file());
+    made_unusable(&made);
+    let told = source.drain(&mut |_| {}).expect_err("it cannot be mapped");
+    let later = iceoryx::IceoryxSource::watch(info);
+    for folder in &made {
+        std::fs::remove_dir(folder).expect("removed");
+    }
+    assert!(matches!(told, LinkError::Transport { .. }), "{told}");
+    assert!(
+        told.to_string().contains("iceoryx2 says ConnectionFailure"),
+        "{told}"
+    );
+    assert!(later.is_err(), "a publisher that was there before");
+}
+
 /// What an assembler makes of items of these numbers, kinds and bytes.
 fn assembled(items: &[(u64, u64, &[u8])]) -> Vec<String> {
     let mut assembler = Assembler::default();

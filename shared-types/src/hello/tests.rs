@@ -1,0 +1,171 @@
+//! What plant and controller agree on, and what is refused.
+
+use super::*;
+
+fn field(name: &str) -> Field {
+    Field::signal(name, "rad", "x")
+}
+
+fn hello() -> Hello {
+    Hello {
+        protocol: PROTOCOL,
+        session: 5,
+        law: "pid".into(),
+        measured: vec![field("angle_rad")],
+        reference: vec![],
+        commands: Some(vec![field("spare_rad"), field("drive_rad")]),
+        internals: vec![field("integral_rad")],
+    }
+}
+
+fn answer(hello: &Hello) -> Result<Welcome, Refused> {
+    agree(
+        hello,
+        &Offer {
+            session: 5,
+            epoch: 1,
+            rate: Rate::new(10.0).expect("legal"),
+            steps: 3,
+            first: Step(0),
+            against_clock: false,
+            measured: &[field("extra_rad"), field("angle_rad")],
+            reference: &[field("angle_rad")],
+            commands: &[field("drive_rad")],
+        },
+    )
+}
+
+#[test]
+fn signals_too_many_are_no_obstacle() {
+    let welcome = answer(&hello()).expect("agreed");
+    welcome.check(&hello()).expect("checks");
+    assert_eq!((welcome.sample.len(), welcome.command.len()), (3, 3));
+}
+
+#[test]
+fn everything_missing_is_named_at_once() {
+    let mut hello = hello();
+    hello.measured.push(field("angel_rad"));
+    hello.commands = Some(vec![]);
+    let told = answer(&hello).unwrap_err().to_string();
+    assert!(
+        told.contains("no signal `angel_rad`, nearest: angle_rad"),
+        "{told}"
+    );
+    assert!(told.contains("no signal `drive_rad`"), "{told}");
+}
+
+#[test]
+fn names_that_cannot_be_used_are_refused_on_both_sides() {
+    let with = |names: &[&str]| Hello {
+        internals: names.iter().map(|name| field(name)).collect(),
+        ..hello()
+    };
+    let numbered: Vec<String> = (0..600).map(|number| format!("x{number}_rad")).collect();
+    let many: Vec<&str> = numbered.iter().map(String::as_str).collect();
+    for (names, wanted) in [
+        (&["a rad"][..], "internal: \"a rad\" is no name"),
+        (&["a_rad", "a_rad"], "internal: `a_rad` is there twice"),
+        (&many, "internal: there are 600, and 512 is the most"),
+        (&many[..511], "513 signals in one direction"),
+    ] {
+        let told = answer(&with(names)).unwrap_err().to_string();
+        assert!(told.starts_with(wanted), "{told}");
+        let mut welcome = answer(&hello()).expect("agreed");
+        welcome.command = SignalTable::of(SignalKind::Command, &hello().commands.expect("some"))
+            .and(SignalKind::Internal, &with(names).internals);
+        welcome.layout = layout_hash(&welcome.sample, &welcome.command);
+        let told = welcome.check(&hello()).unwrap_err().to_string();
+        assert!(told.starts_with(wanted), "{told}");
+    }
+    let law = "pid\u{1b}[2J".into();
+    let told = answer(&Hello { law, ..hello() }).unwrap_err().to_string();
+    assert!(
+        told.starts_with("law: \"pid\\u{1b}[2J\" is no name"),
+        "{told}"
+    );
+}
+
+#[test]
+fn a_hello_that_says_other_things_than_the_description_is_refused() {
+    let said = hello();
+    let described = |change: &dyn Fn(&mut LawDescription)| {
+        let mut law = LawDescription {
+            name: said.law.clone(),
+            summary: String::new(),
+            plants: vec![],
+            parameters: vec![],
+            model: vec![],
+            measured: said.measured.clone(),
+            reference: said.reference.clone(),
+            commands: said.commands.clone(),
+            internals: said.internals.clone(),
+            saves: false,
+        };
+        change(&mut law);
+        (said.check_described(&law)).map_err(|refused| refused.to_string())
+    };
+    assert_eq!(described(&|_| ()), Ok(()));
+    assert_eq!(
+        described(&|law| law.name = "pd".into()),
+        Err("at hello it says law \"pid\", and its --describe says \"pd\"".into())
+    );
+    assert_eq!(
+        described(&|law| law.measured.clear()),
+        Err("at hello it says 1 measured signals, and its --describe says 0".into())
+    );
+    assert_eq!(
+        described(&|law| law.internals[0].unit = "m".into()),
+        Err(
+            "at hello it says the internal signal \"integral_rad\" in \"rad\", \
+             and its --describe says \"integral_rad\" in \"m\""
+                .into()
+        )
+    );
+    assert!(described(&|law| law.commands = None).is_err());
+}
+
+#[test]
+fn a_law_for_any_plant_gets_the_plants_commands() {
+    let welcome = answer(&Hello {
+        commands: None,
+        ..hello()
+    })
+    .expect("agreed");
+    assert_eq!(
+        welcome.command.fields(SignalKind::Command),
+        [field("drive_rad")]
+    );
+}
+
+#[test]
+fn other_versions_and_sessions_are_refused() {
+    let refused = answer(&Hello {
+        protocol: 99,
+        ..hello()
+    });
+    assert_eq!(
+        refused,
+        Err(Refused::Protocol {
+            theirs: 99,
+            ours: PROTOCOL
+        })
+    );
+    assert_eq!(
+        answer(&Hello {
+            session: 6,
+            ..hello()
+        }),
+        Err(Refused::Session)
+    );
+    let mut welcome = answer(&hello()).expect("agreed");
+    welcome.sample.0.pop();
+    assert_eq!(welcome.check(&hello()), Err(Refused::Layout));
+}
+
+#[test]
+fn messages_survive_the_wire() {
+    let message = Control::Welcome(Box::new(answer(&hello()).expect("agreed")));
+    assert_eq!(Control::from_bytes(&message.to_bytes()), Ok(message));
+    assert!(Control::from_bytes(b"\xff{").is_err());
+}

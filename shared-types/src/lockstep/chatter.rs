@@ -1,0 +1,413 @@
+//! Peers that say whatever they like for as long as they like: none can keep a run from its end.
+//!
+//! Each machine is driven as its process drives it. At every poll the other side says nothing, or
+//! anything at all: any frame of any step within reach, any control message, in office or announced.
+//! A wait is over after a few polls, and begins anew only when the [`Standing`] moves. From the start
+//! every state that can be reached is visited, and none may ever come again: where it did, the other
+//! side could lead the run round in a circle for ever.
+
+use std::collections::HashMap;
+use std::hash::Hash;
+
+use super::*;
+use crate::describe::PROTOCOL;
+use crate::frame::{FrameKind, Header};
+use crate::hello::{Control, Hello, Offer, agree};
+use crate::time::Rate;
+
+/// A limit of a wait, for messages.
+const LIMIT_MS: u64 = 5000;
+/// Polls of a wait that brings nothing.
+const PATIENCE: u8 = 2;
+/// Against the clock: steps that may miss their command before the controller counts as lost.
+const MISSES: u8 = 2;
+/// Steps of a run.
+const STEPS: u64 = 3;
+/// Most controllers of one run.
+const CREW: u32 = 3;
+const KINDS: [FrameKind; 6] = [
+    FrameKind::Sample,
+    FrameKind::Command,
+    FrameKind::End,
+    FrameKind::EndConfirmed,
+    FrameKind::Abort,
+    FrameKind::Hold,
+];
+
+fn hello() -> Hello {
+    Hello {
+        protocol: PROTOCOL,
+        session: 5,
+        law: "any".into(),
+        measured: vec![],
+        reference: vec![],
+        commands: None,
+        internals: vec![],
+    }
+}
+
+fn offer(epoch: u32, first: Step, against_clock: bool) -> Offer<'static> {
+    Offer {
+        session: 5,
+        epoch,
+        rate: Rate::new(10.0).expect("legal"),
+        steps: STEPS,
+        first,
+        against_clock,
+        measured: &[],
+        reference: &[],
+        commands: &[],
+    }
+}
+
+/// One side, how it is driven, and what the other may say to it.
+trait Pestered: Clone {
+    type Said: Clone + std::fmt::Debug;
+    type Key: Eq + Hash;
+
+    /// All that decides what it does next.
+    fn key(&self) -> Self::Key;
+
+    fn is_over(&self) -> bool;
+
+    /// All that may be said at the next poll.
+    fn sayings(&self) -> Vec<Self::Said>;
+
+    /// The next poll.
+    fn poll(&mut self, said: &Self::Said) -> Result<(), String>;
+}
+
+/// Visits every state that can be reached; gives how many there are. Fails where one comes again.
+fn explore<S: Pestered>(start: S) -> Result<usize, String> {
+    /// A state on the way from the start, and what may still be said in it.
+    struct Place<S: Pestered> {
+        state: S,
+        left: Vec<S::Said>,
+        said: Option<S::Said>,
+    }
+    // Whether each state that was seen lies on the way to the present one.
+    let mut seen = HashMap::from([(start.key(), true)]);
+    let mut way = vec![Place {
+        left: start.sayings(),
+        state: start,
+        said: None,
+    }];
+    while let Some(place) = way.last_mut() {
+        let Some(said) = place.left.pop() else {
+            seen.insert(place.state.key(), false);
+            way.pop();
+            continue;
+        };
+        place.said = Some(said.clone());
+        let mut state = place.state.clone();
+        let polled = state.poll(&said);
+        let so_far = |way: &[Place<S>]| {
+            let said: Vec<_> = way.iter().filter_map(|place| place.said.clone()).collect();
+            format!("{said:?}")
+        };
+        polled.map_err(|wrong| format!("{wrong}: {}", so_far(&way)))?;
+        if state.is_over() {
+            continue;
+        }
+        match seen.get(&state.key()) {
+            Some(false) => {}
+            Some(true) => return Err(format!("it never ends: {}", so_far(&way))),
+            None => {
+                seen.insert(state.key(), true);
+                let left = state.sayings();
+                way.push(Place {
+                    state,
+                    left,
+                    said: None,
+                });
+            }
+        }
+    }
+    Ok(seen.len())
+}
+
+/// A control message to the plant.
+#[derive(Clone, Copy, Debug)]
+enum Word {
+    Hello,
+    Ready(u32),
+}
+
+/// What a plant may hear at a poll.
+#[derive(Clone, Copy, Debug)]
+struct Heard {
+    frame: Option<(FrameKind, u64)>,
+    word: Option<Word>,
+    /// Somebody asks for another controller.
+    swap: bool,
+}
+
+/// A plant, as its engine and its wait loop drive it.
+#[derive(Clone)]
+struct PesteredPlant {
+    side: PlantSide,
+    against_clock: bool,
+    policy: OnLoss,
+    /// Polls left of this wait, of that for the one announced, and misses left.
+    left: u8,
+    candidate_left: u8,
+    misses_left: u8,
+    swaps: u8,
+    expected: u32,
+}
+
+impl PesteredPlant {
+    fn new(policy: OnLoss, against_clock: bool) -> Self {
+        let side = PlantSide::new(STEPS).on_loss(policy);
+        Self {
+            side: if against_clock {
+                side.against_clock()
+            } else {
+                side
+            },
+            against_clock,
+            policy,
+            left: PATIENCE,
+            candidate_left: 0,
+            misses_left: MISSES,
+            swaps: 1,
+            expected: 1,
+        }
+    }
+
+    /// Tells the machine; true if that moved it.
+    fn tell(&mut self, event: &PlantEvent<'_>) -> bool {
+        let before = self.side.standing();
+        match self.side.on(event) {
+            PlantAction::Expect(epoch) => {
+                (self.expected, self.candidate_left) = (epoch, 2 * PATIENCE);
+            }
+            PlantAction::Apply(_) | PlantAction::Keep | PlantAction::TakeOver(_) => {
+                self.misses_left = MISSES;
+            }
+            PlantAction::Lose(_) => {
+                self.misses_left = MISSES;
+                if self.policy == OnLoss::WaitForRestart && self.side.candidate().is_none() {
+                    self.tell(&PlantEvent::Expect(self.expected + 1));
+                }
+            }
+            _ => {}
+        }
+        self.side.standing() != before
+    }
+
+    fn speak(&mut self, word: Word, epoch: u32) -> bool {
+        match word {
+            Word::Hello => {
+                let offer = offer(epoch, self.side.at(), self.against_clock);
+                self.tell(&PlantEvent::Hello(&hello(), &offer))
+            }
+            Word::Ready(epoch) => self.tell(&PlantEvent::Ready(epoch)),
+        }
+    }
+
+    /// One poll of the engine; true if it got the run on.
+    fn gets_on(&mut self, heard: &Heard) -> bool {
+        if self.side.is_greeting() {
+            return heard.word.is_some_and(|word| self.speak(word, 1));
+        }
+        if self.side.candidate().is_some() {
+            if self.candidate_left == 0 {
+                if self.tell(&PlantEvent::CandidateLate(LIMIT_MS)) {
+                    return true;
+                }
+            } else {
+                self.candidate_left -= 1;
+                // The launcher starts no more than so many.
+                let word = heard.word.filter(|_| self.expected <= CREW);
+                if word.is_some_and(|word| self.speak(word, self.expected)) {
+                    return true;
+                }
+            }
+        }
+        if self.side.unreleased().is_some() {
+            return self.tell(&PlantEvent::Release);
+        }
+        if self.side.is_alone() {
+            return self.tell(&PlantEvent::Missed);
+        }
+        heard.frame.is_some_and(|(kind, step)| {
+            self.tell(&PlantEvent::Frame(&Header::new(kind, Step(step))))
+        })
+    }
+
+    /// The wait, or against the clock the time of a step, is over.
+    fn is_late(&mut self) {
+        // The first command and the confirmation are waited for even so.
+        let has_deadline = self.against_clock && (1..STEPS).contains(&self.side.at().0);
+        if has_deadline && !self.side.is_greeting() && self.misses_left > 0 {
+            self.misses_left -= 1;
+            self.tell(&PlantEvent::Missed);
+        } else {
+            self.tell(&PlantEvent::Deadline(LIMIT_MS));
+        }
+    }
+}
+
+impl Pestered for PesteredPlant {
+    type Said = Heard;
+    type Key = ([u64; 7], [u8; 4], u32);
+
+    fn key(&self) -> Self::Key {
+        let counts = [self.left, self.candidate_left, self.misses_left, self.swaps];
+        (self.side.key(), counts, self.expected)
+    }
+
+    fn is_over(&self) -> bool {
+        self.side.is_over()
+    }
+
+    fn sayings(&self) -> Vec<Heard> {
+        let of_kind = |kind| (0..=STEPS).map(move |step| Some((kind, step)));
+        let frames: Vec<_> = (KINDS.into_iter().flat_map(of_kind))
+            .chain([None])
+            .collect();
+        let ready = (1..=CREW).map(|epoch| Some(Word::Ready(epoch)));
+        let words: Vec<_> = ready.chain([None, Some(Word::Hello)]).collect();
+        let mut sayings = Vec::new();
+        for swap in [false, true] {
+            if swap && (self.swaps == 0 || self.side.is_greeting()) {
+                continue;
+            }
+            for &frame in &frames {
+                sayings.extend(words.iter().map(|&word| Heard { frame, word, swap }));
+            }
+        }
+        sayings
+    }
+
+    fn poll(&mut self, heard: &Heard) -> Result<(), String> {
+        if heard.swap {
+            self.swaps -= 1;
+            self.tell(&PlantEvent::Expect(self.expected + 1));
+        }
+        if self.gets_on(heard) {
+            self.left = PATIENCE;
+        } else if self.left > 0 {
+            self.left -= 1;
+        } else {
+            self.is_late();
+            self.left = PATIENCE;
+        }
+        Ok(())
+    }
+}
+
+/// What a controller may hear at a poll.
+#[derive(Clone, Debug)]
+enum Told {
+    Nothing,
+    Frame(FrameKind, u64),
+    Message(Control),
+}
+
+/// A controller, as its runner and its wait loop drive it.
+#[derive(Clone)]
+struct PesteredController {
+    side: ControllerSide,
+    against_clock: bool,
+    epoch: u32,
+    left: u8,
+}
+
+impl PesteredController {
+    fn new(against_clock: bool, epoch: u32) -> Self {
+        let mut side = ControllerSide::new();
+        side.on(&ControllerEvent::Begin(&hello()));
+        Self {
+            side,
+            against_clock,
+            epoch,
+            left: PATIENCE,
+        }
+    }
+}
+
+impl Pestered for PesteredController {
+    type Said = Told;
+    type Key = ([u64; 3], u8);
+
+    fn key(&self) -> Self::Key {
+        (self.side.key(), self.left)
+    }
+
+    fn is_over(&self) -> bool {
+        self.side.is_over()
+    }
+
+    /// All but a hold: whoever may hold a run may hold it for ever.
+    fn sayings(&self) -> Vec<Told> {
+        let kinds = KINDS.into_iter().filter(|kind| *kind != FrameKind::Hold);
+        let of_kind = |kind| (0..=STEPS).map(move |step| Told::Frame(kind, step));
+        let offer = offer(self.epoch, Step(0), self.against_clock);
+        let welcome = agree(&hello(), &offer).expect("agreed");
+        let messages = [
+            Control::Hello(hello()),
+            Control::Welcome(Box::new(welcome)),
+            Control::Ready { epoch: 1 },
+            Control::Refusal {
+                reason: "no".into(),
+            },
+        ];
+        (kinds.flat_map(of_kind))
+            .chain(messages.map(Told::Message))
+            .chain([Told::Nothing])
+            .collect()
+    }
+
+    fn poll(&mut self, told: &Told) -> Result<(), String> {
+        let before = self.side.standing();
+        match told {
+            Told::Message(message) if self.side.is_greeting() || self.side.awaits_first() => {
+                let action = self.side.on(&ControllerEvent::Control(message));
+                if matches!(action, ControllerAction::OpenFrames(_)) {
+                    self.side.on(&ControllerEvent::Opened);
+                }
+            }
+            Told::Frame(kind, step) if !self.side.is_greeting() => {
+                let header = Header::new(*kind, Step(*step));
+                self.side.on(&ControllerEvent::Frame(&header));
+            }
+            _ => {}
+        }
+        if self.side.standing() != before {
+            self.left = PATIENCE;
+        } else if self.left > 0 {
+            self.left -= 1;
+        } else {
+            self.side.on(&ControllerEvent::Deadline(LIMIT_MS));
+        }
+        Ok(())
+    }
+}
+
+#[test]
+fn whatever_controllers_say_for_ever_a_plant_comes_to_its_end() {
+    let mut states = 0;
+    for policy in OnLoss::ALL {
+        for against_clock in [false, true] {
+            let explored = explore(PesteredPlant::new(policy, against_clock));
+            states += explored.unwrap_or_else(|wrong| {
+                panic!("{policy:?}, against the clock: {against_clock}: {wrong}")
+            });
+        }
+    }
+    println!("{states} states");
+}
+
+#[test]
+fn whatever_a_plant_says_for_ever_a_controller_comes_to_its_end() {
+    for against_clock in [false, true] {
+        for epoch in [1, 2] {
+            let explored = explore(PesteredController::new(against_clock, epoch));
+            explored.unwrap_or_else(|wrong| {
+                panic!("epoch {epoch}, against the clock: {against_clock}: {wrong}")
+            });
+        }
+    }
+}

@@ -1,0 +1,57 @@
+//! The prefix of a session: where it is noted, and what carries it.
+
+use std::fs::{self, File};
+use std::io;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+
+use super::{SHARED_MEMORY, SessionError, SessionInfo, open_at_once, unless_gone};
+use crate::process;
+
+/// The files of this user in shared memory that have a session's prefix.
+pub(super) fn segments_of(prefix: &str) -> Vec<PathBuf> {
+    let uid = rustix::process::geteuid().as_raw();
+    let entries = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
+    entries
+        .filter(|entry| (entry.file_name().to_string_lossy()).starts_with(prefix))
+        .map(|entry| entry.path())
+        .filter(|path| fs::symlink_metadata(path).is_ok_and(|found| found.uid() == uid))
+        .collect()
+}
+
+/// Removes what has a session's prefix: what its processes started and left, and its segments, which
+/// those may still have mapped.
+pub(super) fn remove_below(prefix: &str) -> Result<(), SessionError> {
+    process::end_marked(prefix);
+    for segment in segments_of(prefix) {
+        unless_gone(fs::remove_file(&segment)).map_err(SessionError::io("remove", &segment))?;
+    }
+    Ok(())
+}
+
+/// Whether a session may have such a prefix.
+pub(super) fn is_prefix(text: &str) -> bool {
+    (text.strip_prefix("hil_"))
+        .and_then(|rest| rest.strip_suffix('_'))
+        .is_some_and(|number| {
+            number.len() == 8 && number.bytes().all(|byte| byte.is_ascii_hexdigit())
+        })
+}
+
+impl SessionInfo {
+    /// Writes the prefix into the session's lock, for a sweep that cannot read `session.json`; with the
+    /// number of the file, so that a copy of it elsewhere says nothing.
+    pub(super) fn note_prefix(&self, mut lock: &File) -> io::Result<()> {
+        let number = lock.metadata()?.ino();
+        io::Write::write_all(&mut lock, format!("{} {number}\n", self.prefix).as_bytes())
+    }
+}
+
+/// The prefix that the lock of a session's folder notes.
+pub(super) fn noted_prefix(folder: &Path) -> Option<String> {
+    let lock = open_at_once(&folder.join("lock")).ok()?;
+    let number = lock.metadata().ok()?.ino().to_string();
+    let text = io::read_to_string(io::Read::take(lock, 64)).ok()?;
+    let (prefix, noted) = text.trim_end().split_once(' ')?;
+    (is_prefix(prefix) && noted == number).then(|| prefix.to_owned())
+}

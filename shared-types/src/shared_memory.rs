@@ -1,0 +1,196 @@
+//! What keeps shared memory from being used.
+//!
+//! iceoryx2 tells of most that the system refuses it no more than `InternalError`. Who reports that
+//! looks here for what may be the cause, and what to do. `hil doctor` looks at the same before a run.
+
+use std::io;
+
+use rustix::fs::{Access, StatVfsMountFlags, access, statvfs};
+use rustix::process::{Resource, getrlimit};
+
+/// Where it lives.
+pub const FOLDER: &str = "/dev/shm";
+/// Less than this is none: the segments of a run take a few MiB.
+const LEAST_BYTES: u64 = 8 << 20;
+/// Files, folders and sockets of a run: 70 in all were too few, 90 enough; each handover takes some more.
+pub const LEAST_INODES: u64 = 128;
+/// What a process of a run maps at once, at most.
+const LEAST_ADDRESSES: u64 = 128 << 20;
+/// Files that a process of a run opens at once, at most.
+const LEAST_FILES: u64 = 16;
+
+/// The file system of shared memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SharedMemory {
+    /// Nothing can be written.
+    pub is_read_only: bool,
+    /// This process may make files there.
+    pub is_open: bool,
+    /// Room, in bytes.
+    pub free_bytes: u64,
+    /// Files that can be made; `None` if they are not limited.
+    pub free_inodes: Option<u64>,
+}
+
+impl SharedMemory {
+    /// Looks at it.
+    ///
+    /// # Errors
+    /// If it is not there.
+    pub fn look() -> io::Result<Self> {
+        let found = statvfs(FOLDER)?;
+        Ok(Self {
+            is_read_only: found.f_flag.contains(StatVfsMountFlags::RDONLY),
+            is_open: access(FOLDER, Access::WRITE_OK | Access::EXEC_OK).is_ok(),
+            free_bytes: found.f_bavail.saturating_mul(found.f_frsize),
+            free_inodes: (found.f_files > 0).then_some(found.f_favail),
+        })
+    }
+
+    /// What is wrong with it, and what to do; `None` if a run has what it needs.
+    #[must_use]
+    pub fn hindrance(&self) -> Option<String> {
+        const CLEAN: &str = "`hil sessions --clean` removes what dead sessions left";
+        let mib = self.free_bytes >> 20;
+        if self.is_read_only {
+            return Some(format!(
+                "{FOLDER} is read-only: `sudo mount -o remount,rw {FOLDER}`"
+            ));
+        }
+        if !self.is_open {
+            return Some(format!(
+                "this user may not write to {FOLDER}: `sudo chmod 1777 {FOLDER}`"
+            ));
+        }
+        if let Some(left) = self.free_inodes.filter(|left| *left < LEAST_INODES) {
+            return Some(format!(
+                "{FOLDER} has {left} free inodes, and a run takes up to {LEAST_INODES}: {CLEAN}, `sudo mount -o remount,nr_inodes=1m {FOLDER}` allows more"
+            ));
+        }
+        (self.free_bytes < LEAST_BYTES).then(|| {
+            format!(
+                "{FOLDER} has only {mib} MiB free, and a run needs {} at least: {CLEAN}, `sudo mount -o remount,size=256m {FOLDER}` makes it larger",
+                LEAST_BYTES >> 20
+            )
+        })
+    }
+}
+
+/// What may keep this process from using shared memory, and what to do; `None` if nothing is known that
+/// does.
+#[must_use]
+pub fn hindrance() -> Option<String> {
+    let found = match SharedMemory::look() {
+        Ok(found) => found.hindrance(),
+        Err(_) => Some(format!(
+            "{FOLDER} is not there: `sudo mount -t tmpfs -o mode=1777,nosuid,nodev tmpfs {FOLDER}`"
+        )),
+    };
+    found.or_else(limit)
+}
+
+/// A limit of this process that it is close to.
+fn limit() -> Option<String> {
+    let left = |resource, used: u64| Some((getrlimit(resource).current?, used));
+    let addresses = left(Resource::As, addresses()).filter(|l| is_near(*l, LEAST_ADDRESSES));
+    if let Some((most, used)) = addresses {
+        return Some(format!(
+            "a process may have {} MiB of addresses and this one has {} already: `ulimit -v unlimited`",
+            most >> 20,
+            used >> 20
+        ));
+    }
+    let open = std::fs::read_dir("/proc/self/fd").map_or(0, |all| all.count() as u64);
+    let files = left(Resource::Nofile, open).filter(|l| is_near(*l, LEAST_FILES));
+    if let Some((most, used)) = files {
+        return Some(format!(
+            "a process may have {most} files open and this one has {used} already: `ulimit -n 4096`"
+        ));
+    }
+    let (most, _) = left(Resource::Fsize, 0).filter(|l| is_near(*l, LEAST_BYTES))?;
+    Some(format!(
+        "a file may have {most} bytes at most: `ulimit -f unlimited`"
+    ))
+}
+
+/// Whether less than this is left of a limit.
+const fn is_near((most, used): (u64, u64), least: u64) -> bool {
+    most.saturating_sub(used) < least
+}
+
+/// Bytes of addresses that this process has.
+fn addresses() -> u64 {
+    let told = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let size = told.lines().find_map(|line| line.strip_prefix("VmSize:"));
+    let kib = size.and_then(|size| size.trim().strip_suffix(" kB")?.parse::<u64>().ok());
+    kib.unwrap_or(0) << 10
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GOOD: SharedMemory = SharedMemory {
+        is_read_only: false,
+        is_open: true,
+        free_bytes: 1 << 30,
+        free_inodes: Some(100_000),
+    };
+
+    #[test]
+    fn what_a_run_needs_of_shared_memory_is_said_when_it_is_not_there() {
+        let (free_inodes, read_only) = (Some(LEAST_INODES - 1), true);
+        for (found, told) in [
+            (GOOD, None),
+            (
+                SharedMemory {
+                    free_inodes: None,
+                    ..GOOD
+                },
+                None,
+            ),
+            (
+                SharedMemory {
+                    is_read_only: read_only,
+                    ..GOOD
+                },
+                Some("remount,rw"),
+            ),
+            (
+                SharedMemory {
+                    is_open: false,
+                    ..GOOD
+                },
+                Some("chmod 1777"),
+            ),
+            (
+                SharedMemory {
+                    free_inodes,
+                    ..GOOD
+                },
+                Some("127 free inodes"),
+            ),
+            (
+                SharedMemory {
+                    free_bytes: 7 << 20,
+                    ..GOOD
+                },
+                Some("only 7 MiB free"),
+            ),
+        ] {
+            let said = found.hindrance();
+            match told {
+                None => assert_eq!(said, None),
+                Some(part) => assert!(said.clone().unwrap_or_default().contains(part), "{said:?}"),
+            }
+        }
+    }
+
+    #[test]
+    fn a_limit_counts_by_what_is_left_of_it() {
+        assert!(is_near((100, 90), 11));
+        assert!(!is_near((100, 90), 10));
+        assert!(is_near((100, 200), 1));
+        assert!(addresses() > 1 << 20);
+    }
+}
