@@ -4,8 +4,10 @@
 //! Used by an [`Evaluation`](crate::evaluation::Evaluation). Taking a row allocates nothing, and
 //! memory does not grow with the run.
 
+mod chirp;
 mod detection;
 mod frequency_response;
+mod low_end;
 mod step_response;
 
 use shared_types::time::{Rate, Step};
@@ -33,7 +35,7 @@ enum Work {
     Frequency {
         input: Program,
         output: Program,
-        response: FrequencyResponse,
+        response: Box<FrequencyResponse>,
     },
     Detection {
         alarm: Program,
@@ -84,7 +86,7 @@ impl RunningAnalysis {
             AnalysisKind::FrequencyResponse(plan) => Work::Frequency {
                 input: bind(&plan.input)?,
                 output: bind(&plan.output)?,
-                response: FrequencyResponse::new(plan),
+                response: Box::new(FrequencyResponse::new(plan)),
             },
             AnalysisKind::Detection(plan) => Work::Detection {
                 alarm: bind(&plan.alarm)?,

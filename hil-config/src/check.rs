@@ -15,6 +15,7 @@ mod parameters;
 mod plant;
 mod plots;
 mod points;
+mod programs;
 mod realtime;
 mod requirements;
 mod run;
@@ -29,7 +30,7 @@ use shared_types::table::Field;
 use crate::expression::{Columns, Group};
 use crate::keys;
 use crate::live_faults::FaultContext;
-use crate::plan::{FaultEvent, Plan, Stimulus};
+use crate::plan::{FaultEvent, Plan, Programs, Stimulus};
 use crate::problem::{ProblemKind, Problems};
 use crate::reader::{Reader, Section};
 use crate::scenario::Scenario;
@@ -125,7 +126,7 @@ fn parts(
     let plant_section = reader.section(root, "plant");
     let plant = plant_section
         .as_ref()
-        .and_then(|section| plant::find(reader, section, plants));
+        .and_then(|section| plant::find(reader, section, plants, &scenario.advice.plant));
     let plant_plan = plant_section
         .as_ref()
         .and_then(|section| plant::check(reader, section, plant));
@@ -133,8 +134,9 @@ fn parts(
     let controller_section = reader.section(root, "controller");
     let law = controller_section
         .as_ref()
-        .and_then(|section| controller::find(reader, section, laws, plant));
-    let folder = scenario.path.parent().unwrap_or(Path::new(""));
+        .and_then(|section| controller::find(reader, section, laws, plant, &scenario.advice.law));
+    let folder = folder(scenario);
+    let programs = programs::check(reader, root, folder);
     let stimuli = stimuli::check(reader, root, folder, grid, law);
     let controller_plan = controller_section.as_ref().and_then(|section| {
         let nominal = plant_plan.as_ref().map(|plan| &plan.parameters);
@@ -188,7 +190,19 @@ fn parts(
         analyses,
         requirements,
         plots,
+        programs,
     })
+}
+
+/// Folder that the files named by a scenario are relative to.
+fn folder(scenario: &Scenario) -> &Path {
+    scenario.path.parent().unwrap_or(Path::new(""))
+}
+
+/// The programs that a scenario names, as far as they are named in order; the [`check`] tells the rest.
+pub(crate) fn programs(scenario: &Scenario) -> Programs {
+    let mut reader = Reader::new(scenario.sources.clone(), Vec::new());
+    programs::check(&mut reader, &root(scenario), folder(scenario))
 }
 
 /// The scenario's name, which becomes part of folder names.

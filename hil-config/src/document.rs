@@ -3,6 +3,8 @@
 //! Made from TOML text; `--set` values are put into the same tree. Knows nothing of what the keys
 //! mean.
 
+use std::collections::HashMap;
+
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
@@ -56,8 +58,9 @@ impl Value {
 /// A table in the order of the text.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Table {
-    /// Its entries.
-    pub entries: Vec<Entry>,
+    entries: Vec<Entry>,
+    /// The place of each key.
+    places: HashMap<String, usize>,
 }
 
 /// A key and its value.
@@ -74,7 +77,28 @@ pub(crate) struct Entry {
 impl Table {
     /// The entry of a key.
     pub(crate) fn get(&self, key: &str) -> Option<&Entry> {
-        self.entries.iter().find(|entry| entry.key == key)
+        self.places.get(key).map(|place| &self.entries[*place])
+    }
+
+    /// Its entries.
+    pub(crate) fn entries(&self) -> &[Entry] {
+        &self.entries
+    }
+
+    /// The entry of a key, or the one that is made for it.
+    pub(crate) fn entry(&mut self, key: &str, new: impl FnOnce() -> Entry) -> &mut Entry {
+        let place = match self.places.get(key) {
+            Some(place) => *place,
+            None => self.push(new()),
+        };
+        &mut self.entries[place]
+    }
+
+    fn push(&mut self, entry: Entry) -> usize {
+        let place = self.entries.len();
+        self.places.insert(entry.key.clone(), place);
+        self.entries.push(entry);
+        place
     }
 
     /// Reads a document. The errors are those of the TOML syntax.
@@ -115,7 +139,11 @@ fn table(table: DeTable<'_>, source: usize) -> Table {
         .collect();
     // The parser's map is sorted by name; people expect their own order.
     entries.sort_by_key(|entry| entry.key_place.span.start);
-    Table { entries }
+    let mut table = Table::default();
+    for entry in entries {
+        table.push(entry);
+    }
+    table
 }
 
 fn node(value: Spanned<DeValue<'_>>, source: usize, key_place: Option<&Place>) -> Node {

@@ -99,12 +99,17 @@ impl Evaluation {
         })
     }
 
-    /// Takes the row of a step. Steps must rise.
+    /// Takes the row of a step. Steps must rise. Signals at the places `invalid`, those that the record
+    /// marks so ([`Validity`](shared_types::record::Validity)), do not exist in it, whatever the row has
+    /// there.
     ///
     /// # Panics
-    /// If the row does not have as many numbers as there are columns.
-    pub fn observe(&mut self, step: Step, row: &[f64]) {
+    /// If the row does not have as many numbers as there are columns, or has no such place.
+    pub fn observe(&mut self, step: Step, row: &[f64], invalid: impl IntoIterator<Item = usize>) {
         self.row[..self.signals].copy_from_slice(row);
+        for place in invalid {
+            self.row[place] = f64::NAN;
+        }
         for (index, program) in self.derived.iter().enumerate() {
             self.row[self.signals + index] = canonical(program.evaluate(&self.row));
         }

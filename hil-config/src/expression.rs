@@ -26,6 +26,9 @@
 //! signals before any fault. A `parameter` has its full name, as in
 //! `parameter.actuator1.bulk_modulus_pa`.
 //!
+//! Values of two known units are neither added nor compared; a plain number fits every unit, and so does
+//! a product or quotient.
+//!
 //! A comparison is 1 where it holds and 0 where not; every number but 0 counts as true.
 //!
 //! **A value that does not exist** is NaN, as the command in the final record, and so is the root
@@ -41,10 +44,13 @@ pub(crate) mod lexer;
 mod parser;
 mod program;
 mod reduction;
+mod units;
 
 use std::ops::Range;
 
 use shared_types::table::unit_of_name;
+
+use crate::reader::MOST_PROBLEMS;
 
 pub use columns::{Columns, Group};
 pub use program::Program;
@@ -173,13 +179,11 @@ impl Expression {
         self.ops.last().is_some_and(|last| last.is_truth())
     }
 
-    /// Every name that no column has.
+    /// The names that no column has, as many as are told.
     #[must_use]
     pub fn unknown_names(&self, columns: &Columns) -> Vec<ExpressionError> {
-        self.names
-            .iter()
-            .filter_map(|name| self.column(name, columns).err())
-            .collect()
+        let unknown = (self.names.iter()).filter_map(|name| self.column(name, columns).err());
+        unknown.take(MOST_PROBLEMS + 1).collect()
     }
 
     /// Refuses reductions, which a derived signal cannot have.

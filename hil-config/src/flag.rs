@@ -7,7 +7,7 @@
 use std::ops::Range;
 
 use crate::document::{Entry, Node, Table, Value};
-use crate::source::Place;
+use crate::source::{Place, Sources};
 
 /// What is wrong with a flag, and which bytes of it.
 #[derive(Debug, PartialEq, Eq)]
@@ -16,6 +16,8 @@ pub(crate) struct FlagError {
     pub span: Range<usize>,
     /// The key up to there.
     pub key: String,
+    /// The source of an earlier flag that it contradicts.
+    pub earlier: Option<usize>,
 }
 
 /// Most parts of a key: no value lies so deep, and who goes down there must come up again.
@@ -46,7 +48,14 @@ pub(crate) fn apply(root: &mut Table, flag: &str, source: usize) -> Result<(), F
         span: start..flag.len(),
     };
     let value = Value::parse(text, &place).unwrap_or_else(|| Value::Text(text.trim().into()));
-    put(root, &parts, Node { value, place }, source)
+    put(root, &parts, Node { value, place }, source).map_err(|found| match found.earlier {
+        Some(_) => FlagError {
+            span: 0..key.len(),
+            key: key.into(),
+            ..found
+        },
+        None => found,
+    })
 }
 
 fn error(span: Range<usize>, key: &str, message: impl Into<String>) -> FlagError {
@@ -54,6 +63,20 @@ fn error(span: Range<usize>, key: &str, message: impl Into<String>) -> FlagError
         message: message.into(),
         span,
         key: key.into(),
+        earlier: None,
+    }
+}
+
+/// The source of an earlier flag that a value, or a part of it, comes from.
+fn earlier(node: &Node, source: usize) -> Option<usize> {
+    let own = node.place.source;
+    if own != Sources::SCENARIO && own != source {
+        return Some(own);
+    }
+    match &node.value {
+        Value::Table(table) => (table.entries().iter()).find_map(|one| earlier(&one.node, source)),
+        Value::List(items) => items.iter().find_map(|one| earlier(one, source)),
+        _ => None,
     }
 }
 
@@ -103,25 +126,18 @@ fn put(table: &mut Table, parts: &[Placed], value: Node, source: usize) -> Resul
         source,
         span: span.clone(),
     };
-    let index = match table.entries.iter().position(|entry| entry.key == *name) {
-        Some(index) => index,
-        None => {
-            if let Some((Part::Index(_), span)) = rest.first() {
-                let message = format!("there is no list `{name}`");
-                return Err(error(span.clone(), name, message));
-            }
-            table.entries.push(Entry {
-                key: name.clone(),
-                key_place: key_place.clone(),
-                node: Node {
-                    value: Value::Table(Table::default()),
-                    place: key_place.clone(),
-                },
-            });
-            table.entries.len() - 1
-        }
-    };
-    let entry = &mut table.entries[index];
+    if let (Some((Part::Index(_), span)), None) = (rest.first(), table.get(name)) {
+        let message = format!("there is no list `{name}`");
+        return Err(error(span.clone(), name, message));
+    }
+    let entry = table.entry(name, || Entry {
+        key: name.clone(),
+        key_place: key_place.clone(),
+        node: Node {
+            value: Value::Table(Table::default()),
+            place: key_place.clone(),
+        },
+    });
     if rest.is_empty() {
         entry.key_place = key_place;
     }
@@ -137,10 +153,16 @@ fn put_below(
     source: usize,
 ) -> Result<(), FlagError> {
     match rest.first() {
-        None => {
-            *node = value;
-            Ok(())
-        }
+        None => match earlier(node, source) {
+            Some(earlier) => Err(FlagError {
+                earlier: Some(earlier),
+                ..error(0..0, name, "the same value is set by")
+            }),
+            None => {
+                *node = value;
+                Ok(())
+            }
+        },
         Some((Part::Key(_), span)) => match &mut node.value {
             Value::Table(table) => put(table, rest, value, source),
             other => {

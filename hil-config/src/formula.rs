@@ -52,6 +52,7 @@ mod parser;
 use std::ops::Range;
 
 use crate::expression::{Columns, Expression, ExpressionError};
+use crate::reader::MOST_PROBLEMS;
 
 pub(crate) use parser::is_operator;
 
@@ -230,14 +231,36 @@ impl Formula {
         parser::parse(text)
     }
 
-    /// Every name that no column has.
+    /// The names that no column has, as many as are told.
     #[must_use]
     pub fn unknown_names(&self, columns: &Columns) -> Vec<ExpressionError> {
         let errors = self.sides().flat_map(|side| {
             let errors = side.expression.unknown_names(columns).into_iter();
             errors.map(|error| self.inside(error, side.start))
         });
-        errors.collect()
+        errors.take(MOST_PROBLEMS + 1).collect()
+    }
+
+    /// The first sum or comparison of values of two known units.
+    pub(crate) fn mixed_units(&self, columns: &Columns) -> Option<ExpressionError> {
+        self.nodes.iter().find_map(|node| {
+            let Node::Comparison(Comparison { left, right, .. }) = node else {
+                return None;
+            };
+            let inside = |side: &Side, error| self.inside(error, side.start);
+            let a = match left.expression.known_unit(columns) {
+                Ok(unit) => unit,
+                Err(error) => return Some(inside(left, error)),
+            };
+            let b = match right.expression.known_unit(columns) {
+                Ok(unit) => unit,
+                Err(error) => return Some(inside(right, error)),
+            };
+            let (a, b) = a.zip(b)?;
+            let message = a.refusal(&b, "compared")?;
+            let span = left.start + a.span().start..right.start + b.span().end;
+            Some(self.error(span, message))
+        })
     }
 
     /// The unit that all its comparisons have, if the names of their signals tell one.

@@ -91,6 +91,8 @@ pub(crate) enum Kind {
     List(&'static [Key]),
     /// A table whose keys come from the description of a plant or law.
     Described,
+    /// A file, or one for each type of machine.
+    Program,
 }
 
 impl Key {
@@ -137,7 +139,7 @@ const fn integer(min: i64, max: i64, default: i64) -> Kind {
     }
 }
 
-const TEXT: Kind = Kind::Text {
+pub(crate) const TEXT: Kind = Kind::Text {
     choices: &[],
     default: None,
 };
@@ -268,6 +270,11 @@ pub(crate) const RUN: &[Key] = &[
 pub(crate) const PLANT: &[Key] = &[
     Key::new("model", TEXT, "Name of the plant.").required(),
     Key::new(
+        "program",
+        TEXT,
+        "Plant program, relative to the scenario; a scenario that names one runs it. Default: plant-process beside hil.",
+    ),
+    Key::new(
         "substeps",
         integer(1, 1000, 4),
         "Integration steps in one exchange step.",
@@ -293,6 +300,11 @@ pub(crate) const PLANT: &[Key] = &[
 pub(crate) const CONTROLLER: &[Key] = &[
     Key::new("law", TEXT, "Name of the control law.").required(),
     Key::new(
+        "program",
+        Kind::Program,
+        "Controller program, relative to the scenario, or a table of them by the machine's name in `uname -m`; a scenario that names one runs it. Default: controller-process beside hil.",
+    ),
+    Key::new(
         "rate_hz",
         number("Hz", Rate::MIN_HZ, Rate::MAX_HZ),
         "Rate of the law, a whole fraction of run.rate_hz; the command is held between. Default: run.rate_hz.",
@@ -305,7 +317,7 @@ pub(crate) const CONTROLLER: &[Key] = &[
     Key::new(
         "model",
         Kind::Described,
-        "What the law believes of the plant. Default: the plant's nominal parameter of the same name.",
+        "What the law believes of the plant. Default: the plant's parameter of the same name and unit as plant.parameters sets it, which no fault moves; else the law's own default.",
     ),
 ];
 

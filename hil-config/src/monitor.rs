@@ -18,12 +18,13 @@ mod margin;
 mod part;
 mod window;
 
+use std::collections::HashSet;
+
 use serde::Serialize;
 use shared_types::time::{Rate, Step};
 
 use crate::expression::{Columns, ExpressionError};
 use crate::formula::Formula;
-use crate::plan::Derived;
 use margin::Margin;
 use part::Part;
 
@@ -39,17 +40,15 @@ pub enum Verdict {
     Undecided,
 }
 
-/// What a formula is bound to.
-#[derive(Clone, Copy, Debug)]
+/// Signals, rate and end of the run that formulas are bound to.
+#[derive(Clone, Debug)]
 pub struct Ground<'a> {
-    /// The columns of a row, derived signals included.
-    pub columns: &'a Columns,
-    /// The derived signals among them.
-    pub derived: &'a [Derived],
-    /// Steps per second.
-    pub rate: Rate,
+    columns: &'a Columns,
+    /// The derived signals that do not exist in the last row, because they use a command.
+    without_end: HashSet<&'a str>,
+    rate: Rate,
     /// The last step of the run, whose row has no command.
-    pub steps: u64,
+    steps: u64,
 }
 
 /// A formula that is being judged.
@@ -59,6 +58,10 @@ pub struct Monitor {
     parts: Vec<Part>,
     /// The newest margin of each part.
     margins: Vec<Margin>,
+    /// The parts that the verdict hangs on before they are computed, operands first.
+    deciding: Vec<usize>,
+    /// What is certain of the only margin of each part; of the deciding ones alone it is looked at.
+    certain: Vec<Option<bool>>,
     /// The first row that any part looks at.
     from_row: u64,
     /// Rows so far.
@@ -77,6 +80,8 @@ impl Monitor {
         let parts = build::parts(formula, ground)?;
         Ok(Self {
             margins: vec![Margin::BOTTOM; parts.len()],
+            deciding: deciding(&parts),
+            certain: vec![None; parts.len()],
             from_row: (parts.iter().map(|part| part.from_row).min()).unwrap_or(0),
             parts,
             rows: 0,
@@ -100,24 +105,27 @@ impl Monitor {
         }
         let whole = self.parts.len() - 1;
         if self.decided.is_none() {
-            let certain = self.certain(whole, step.0);
-            self.decided = certain.map(|holds| (holds, step));
+            self.ascertain(step.0);
+            self.decided = self.certain[whole].map(|holds| (holds, step));
         }
         if self.parts[whole].is_done(step.0) {
             self.judged = Some(self.margins[whole]);
         }
     }
 
-    /// What is certain of the only margin of a part after the row of a step.
-    fn certain(&self, at: usize, row: u64) -> Option<bool> {
-        let part = &self.parts[at];
-        if !part.is_single() {
-            return None;
+    /// Finds what is certain after the row of a step.
+    fn ascertain(&mut self, row: u64) {
+        for &at in &self.deciding {
+            // What is certain stays so.
+            if self.certain[at].is_none() {
+                let part = &self.parts[at];
+                self.certain[at] = if part.is_done(row) {
+                    Some(self.margins[at].holds())
+                } else {
+                    part.certain(&self.certain)
+                };
+            }
         }
-        if part.is_done(row) {
-            return Some(self.margins[at].holds());
-        }
-        part.certain(&|operand| self.certain(operand, row))
     }
 
     /// The verdict so far.
@@ -155,19 +163,21 @@ impl Monitor {
     pub fn bounds(&self) -> [f64; 2] {
         match self.judged {
             Some(margin) => [margin.size; 2],
-            None => self.bounds_of(self.parts.len() - 1),
+            None => self.bounds_so_far(),
         }
     }
 
-    fn bounds_of(&self, at: usize) -> [f64; 2] {
-        let part = &self.parts[at];
-        if !part.is_single() {
-            return margin::ANY;
+    fn bounds_so_far(&self) -> [f64; 2] {
+        let last_row = self.rows.checked_sub(1);
+        let mut bounds = vec![margin::ANY; self.parts.len()];
+        for &at in &self.deciding {
+            let part = &self.parts[at];
+            bounds[at] = match last_row {
+                Some(row) if part.is_done(row) => [self.margins[at].size; 2],
+                _ => part.bounds(&bounds),
+            };
         }
-        match self.rows.checked_sub(1) {
-            Some(row) if part.is_done(row) => [self.margins[at].size; 2],
-            _ => part.bounds(&|operand| self.bounds_of(operand)),
-        }
+        bounds[self.parts.len() - 1]
     }
 
     /// The step whose comparison the robustness comes from: the worst for `always`, the best for
@@ -183,4 +193,21 @@ impl Monitor {
     pub fn kept_bytes(&self) -> usize {
         self.parts.iter().map(Part::kept_bytes).sum()
     }
+}
+
+/// The parts with a single margin that the whole is made of without a window, operands first.
+fn deciding(parts: &[Part]) -> Vec<usize> {
+    let mut is_deciding = vec![false; parts.len()];
+    if let Some(whole) = is_deciding.last_mut() {
+        *whole = true;
+    }
+    for (at, part) in parts.iter().enumerate().rev() {
+        is_deciding[at] &= part.is_single();
+        if is_deciding[at] {
+            for operand in part.joined().into_iter().flatten() {
+                is_deciding[operand] = true;
+            }
+        }
+    }
+    (0..parts.len()).filter(|at| is_deciding[*at]).collect()
 }

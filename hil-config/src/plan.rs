@@ -7,6 +7,9 @@ mod analysis;
 mod plot;
 mod requirement;
 
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
 use serde::{Deserialize, Serialize};
 use shared_types::describe::{Operation, Settings};
 use shared_types::lockstep::OnLoss;
@@ -53,6 +56,38 @@ pub struct Plan {
     pub requirements: Vec<Requirement>,
     /// What a report begins with.
     pub plots: Vec<Plot>,
+    /// Programs of its own.
+    pub programs: Programs,
+}
+
+/// The programs that a scenario names, as absolute paths; a side without one has the program beside
+/// `hil`.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Programs {
+    /// That of the plant.
+    pub plant: Option<PathBuf>,
+    /// That of the controller.
+    pub controller: Option<ControllerProgram>,
+}
+
+/// The controller program of a scenario.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ControllerProgram {
+    /// The same file on every machine.
+    One(PathBuf),
+    /// A file for each type of machine, by its name in `uname -m`.
+    ByMachine(BTreeMap<String, PathBuf>),
+}
+
+impl ControllerProgram {
+    /// The file for a type of machine, if there is one.
+    #[must_use]
+    pub fn for_machine(&self, machine: &str) -> Option<&Path> {
+        match self {
+            Self::One(file) => Some(file),
+            Self::ByMachine(files) => files.get(machine).map(PathBuf::as_path),
+        }
+    }
 }
 
 /// Duration, rate and clock of a run.
@@ -267,8 +302,8 @@ pub enum Waveform {
         /// Offset.
         offset: f64,
     },
-    /// `offset + amplitude sin(2 pi (f0 t + (f1 - f0) t^2 / (2 d)))`: linear sweep from f0 to f1 in
-    /// `duration_s`, then on at f1 without a jump in phase.
+    /// `offset + amplitude sin(2 pi n(t))`: a sweep from f0 to f1 in `duration_s`, then on at f1 without
+    /// a jump in phase. [`Sweep`] has the turns n.
     Chirp {
         /// Amplitude.
         amplitude: f64,
@@ -278,6 +313,9 @@ pub enum Waveform {
         end_hz: f64,
         /// d in s, above 0.
         duration_s: f64,
+        /// How the frequency goes from f0 to f1.
+        #[serde(default, skip_serializing_if = "Sweep::is_linear")]
+        sweep: Sweep,
         /// Offset.
         offset: f64,
     },
@@ -288,6 +326,37 @@ pub enum Waveform {
         /// Values, as many as times.
         values: Vec<f64>,
     },
+}
+
+/// How the frequency of a chirp goes from f0 to f1 in d, and the turns that it has made at t.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Sweep {
+    /// `f0 + (f1 - f0) t / d`; `n = f0 t + (f1 - f0) t^2 / (2 d)`.
+    #[default]
+    Linear,
+    /// `f0 e^(k t)` with `k = ln(f1 / f0) / d`; `n = f0 (e^(k t) - 1) / k`. Both frequencies are above 0
+    /// and differ.
+    Logarithmic,
+}
+
+impl Sweep {
+    /// Every sweep.
+    pub const ALL: [Self; 2] = [Self::Linear, Self::Logarithmic];
+
+    /// Its name in a scenario.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Linear => "linear",
+            Self::Logarithmic => "logarithmic",
+        }
+    }
+
+    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
+    fn is_linear(&self) -> bool {
+        *self == Self::Linear
+    }
 }
 
 impl Waveform {

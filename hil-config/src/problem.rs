@@ -12,6 +12,8 @@ use crate::source::Excerpt;
 
 /// What the name of a source begins with that is a flag and not a file.
 pub(crate) const FLAG: &str = "--set ";
+/// Most names that are listed to choose from.
+const MOST_LISTED: usize = 100;
 
 /// What sort of thing is wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -75,6 +77,10 @@ impl Problem {
         wanted: &str,
         known: impl IntoIterator<Item = &'a str>,
     ) -> &mut Self {
+        // Without its line it is one too many and not told.
+        if self.excerpt.is_none() {
+            return self;
+        }
         self.nearest = shared_types::table::nearest(wanted, known)
             .into_iter()
             .map(Into::into)
@@ -82,9 +88,9 @@ impl Problem {
         self
     }
 
-    /// Adds how to mend it.
+    /// Adds how to mend it, if there is something to say.
     pub(crate) fn help(&mut self, help: impl Into<String>) -> &mut Self {
-        self.help = Some(help.into());
+        self.help = Some(help.into()).filter(|help| !help.is_empty());
         self
     }
 }
@@ -164,13 +170,16 @@ impl fmt::Display for Problems {
     }
 }
 
-/// Names as text: `` `a`, `b` ``, or `none`.
+/// Names as text: `` `a`, `b` ``, or `none`; of very many the first.
 pub(crate) fn listed<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
-    let names: Vec<String> = names.into_iter().map(|name| format!("`{name}`")).collect();
-    if names.is_empty() {
-        return "none".into();
+    let mut names = names.into_iter();
+    let quoted = |name| format!("`{name}`");
+    let first: Vec<String> = names.by_ref().take(MOST_LISTED).map(quoted).collect();
+    match (first.join(", "), names.count()) {
+        (first, 0) if first.is_empty() => "none".into(),
+        (first, 0) => first,
+        (first, more) => format!("{first} and {more} more"),
     }
-    names.join(", ")
 }
 
 #[cfg(test)]

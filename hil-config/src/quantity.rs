@@ -3,6 +3,7 @@
 //! The common form of the scenario's own keys and of the parameters, sizes and speeds that plants
 //! and laws describe, so that all of them are checked and explained in one way.
 
+use shared_types::number::{exact as number, unit_shown};
 use shared_types::table::Field;
 
 /// A number with its unit and range.
@@ -50,8 +51,8 @@ impl Quantity<'_> {
         if !range.is_empty() {
             number = format!("{number} {range}");
         }
-        match self.unit {
-            "" | "1" => number,
+        match unit_shown(self.unit) {
+            "" => number,
             unit => format!("{number} in {unit}"),
         }
     }
@@ -75,25 +76,11 @@ fn counts(field: &Field) -> bool {
     COUNTED.contains(&field.unit.as_str()) || last.is_some_and(|last| COUNTED.contains(&last))
 }
 
-/// A number as people write it and TOML reads it, exact to the last bit.
-pub(crate) fn number(value: f64) -> String {
-    let text = toml_float(value);
-    text.strip_suffix(".0").map_or(text.clone(), Into::into)
-}
-
 /// A number as a TOML float, exact to the last bit.
 pub(crate) fn toml_float(value: f64) -> String {
-    if value.is_nan() {
-        return "nan".into();
-    }
-    // Debug writes the shortest text that reads back the same, but many zeros before an exponent.
-    let text = format!("{value:?}");
-    let exponent = format!("{value:e}");
-    if value.abs() >= 1e6 && exponent.len() < text.len() {
-        exponent
-    } else {
-        text
-    }
+    let text = number(value);
+    let is_integer = text.bytes().all(|c| c.is_ascii_digit() || c == b'-');
+    if is_integer { text + ".0" } else { text }
 }
 
 #[cfg(test)]

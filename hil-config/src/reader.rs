@@ -4,14 +4,16 @@
 //! Used by every part of the [`check`](crate::check). A value that is not right is reported and
 //! read as nothing, so that the rest is still checked; whoever reads goes on with what it has.
 
+use shared_types::number::exact as number;
+
 use crate::document::{Entry, Node, Table, Value};
 use crate::keys::{Key, Kind};
 use crate::problem::{Problem, ProblemKind, Problems, listed};
-use crate::quantity::{Quantity, number};
+use crate::quantity::Quantity;
 use crate::source::{Place, Sources};
 
 /// Most problems that are told: a file of another kind may have a million, each with its line.
-const MOST_PROBLEMS: usize = 100;
+pub(crate) const MOST_PROBLEMS: usize = 100;
 /// Longest message, in characters: a name in it may be as long as the file.
 const LONGEST_MESSAGE: usize = 1000;
 
@@ -145,7 +147,7 @@ impl Reader {
             .map(|key| key.name)
             .chain(further.iter().copied())
             .collect();
-        for entry in &section.table.entries {
+        for entry in section.table.entries() {
             if !known.contains(&entry.key.as_str()) {
                 self.unknown_key(section, entry, &known);
             }
@@ -472,7 +474,7 @@ impl Reader {
     }
 
     /// Text that a terminal can show.
-    fn printable<'a>(
+    pub(crate) fn printable<'a>(
         &mut self,
         path: &str,
         node: &'a Node,
@@ -614,5 +616,6 @@ pub(crate) fn describe(kind: &Kind) -> String {
         Kind::Event => "the name or number of a fault event".into(),
         Kind::Section(_) | Kind::Described => "a table".into(),
         Kind::List(_) => "a list of tables".into(),
+        Kind::Program => "a file, or a table of files by the machine's name in `uname -m`".into(),
     }
 }

@@ -53,12 +53,7 @@ pub struct RequirementValue {
 impl Requirements {
     /// The requirements of a plan before the first row, whose columns include the derived signals.
     pub(crate) fn new(plan: &Plan, columns: &Columns) -> Result<Self, ExpressionError> {
-        let ground = Ground {
-            columns,
-            derived: &plan.derived,
-            rate: plan.run.rate,
-            steps: plan.run.steps,
-        };
+        let ground = Ground::new(columns, &plan.derived, plan.run.rate, plan.run.steps);
         let monitors = plan.requirements.iter().map(|requirement| {
             let stated = Stated {
                 name: requirement.name.clone(),

@@ -3,14 +3,14 @@
 //! The launcher reads one, applies its flags and has it [checked](Scenario::check) against the
 //! plants and laws that the binaries describe. Nothing in here is known to be right.
 
-use std::io::Read;
+use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
 use shared_types::describe::{FaultKindDescription, LawDescription, PlantDescription};
 
 use crate::document::Table;
 use crate::flag;
-use crate::plan::Plan;
+use crate::plan::{Plan, Programs};
 use crate::problem::{FLAG, Problem, ProblemKind, Problems};
 use crate::reader::Reader;
 use crate::source::{Place, Sources};
@@ -23,6 +23,17 @@ pub struct Scenario {
     pub(crate) table: Table,
     /// Problems of flags, kept until the check so that all are reported at once.
     problems: Vec<Problem>,
+    pub(crate) advice: Advice,
+}
+
+/// What helps whoever names a plant or a law that is not described: depends on the command and on what
+/// it was given.
+#[derive(Clone, Debug, Default)]
+pub struct Advice {
+    /// Told of an unknown plant; nothing if empty.
+    pub plant: String,
+    /// Told of an unknown law; nothing if empty.
+    pub law: String,
 }
 
 impl Scenario {
@@ -73,11 +84,37 @@ impl Scenario {
             sources,
             table,
             problems: Vec::new(),
+            advice: Advice::default(),
         })
     }
 
-    /// Puts `KEY=VALUE` flags over it, the last one last. Flags that cannot be applied are reported
-    /// by the [check](Self::check), with everything else.
+    /// The same with what helps whoever names an unknown plant or law.
+    #[must_use]
+    pub fn advise(self, advice: Advice) -> Self {
+        Self { advice, ..self }
+    }
+
+    /// Its file.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The text of its file.
+    #[must_use]
+    pub fn text(&self) -> &str {
+        self.sources.whole(Sources::SCENARIO)
+    }
+
+    /// The programs that it names, before anything is known of them; what is wrong with a name is told
+    /// by the [check](Self::check).
+    #[must_use]
+    pub fn programs(&self) -> Programs {
+        crate::check::programs(self)
+    }
+
+    /// Puts `KEY=VALUE` flags over it, one after the other; none may replace what an earlier one set.
+    /// Flags that cannot be applied are reported by the [check](Self::check), with everything else.
     #[must_use]
     pub fn set<S: AsRef<str>>(mut self, flags: &[S]) -> Self {
         for text in flags {
@@ -91,9 +128,19 @@ impl Scenario {
                     span: error.span,
                 };
                 let message = format!("--set: {}", error.message);
-                reader
-                    .report(ProblemKind::Syntax, error.key, &place, message)
-                    .help("--set takes KEY=VALUE, for example faults[0].effects[1].speed_per_s=2");
+                match error.earlier.map(|source| reader.sources.name(source)) {
+                    Some(earlier) => {
+                        let message = format!("{message} `{earlier}`");
+                        reader
+                            .report(ProblemKind::Duplicate, error.key, &place, message)
+                            .help("leave one of them out");
+                    }
+                    None => {
+                        reader
+                            .report(ProblemKind::Syntax, error.key, &place, message)
+                            .help("--set takes KEY=VALUE, for example faults[0].effects[1].speed_per_s=2");
+                    }
+                }
                 (self.sources, self.problems) = (reader.sources, reader.problems);
             }
         }
@@ -133,7 +180,11 @@ pub fn read_regular(path: &Path) -> std::io::Result<String> {
     // Files of the kernel say that they are empty and may go on for ever.
     let read = std::fs::File::open(path)?
         .take(LARGEST + 1)
-        .read_to_string(&mut text)?;
+        .read_to_string(&mut text)
+        .map_err(|error| match error.kind() {
+            ErrorKind::InvalidData => std::io::Error::other("it is no text in UTF-8"),
+            _ => error,
+        })?;
     if read as u64 > LARGEST {
         return Err(refused());
     }

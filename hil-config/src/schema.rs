@@ -7,6 +7,7 @@ mod faults;
 
 use serde_json::{Map, Value, json};
 use shared_types::describe::{FaultKindDescription, LawDescription, PlantDescription};
+use shared_types::number::unit_shown;
 use shared_types::table::Field;
 
 use crate::keys::{self, Key, Kind, METRICS, WAVEFORMS};
@@ -126,6 +127,10 @@ fn property(key: &Key) -> Value {
         Kind::Section(keys) => section(keys),
         Kind::List(keys) => json!({"type": "array", "items": section(keys)}),
         Kind::Described => json!({"type": "object"}),
+        Kind::Program => json!({"anyOf": [
+            {"type": "string"},
+            {"type": "object", "additionalProperties": {"type": "string"}, "minProperties": 1},
+        ]}),
     };
     let text = match key.kind {
         Kind::Number { .. } | Kind::Integer { .. } => {
@@ -215,7 +220,10 @@ fn limits(fields: &[&Field]) -> Value {
         .iter()
         .map(|field| {
             let mut value = pair();
-            value["description"] = json!(format!("{} In {}.", field.description, field.unit));
+            value["description"] = json!(match unit_shown(&field.unit) {
+                "" => field.description.clone(),
+                unit => format!("{} In {unit}.", field.description),
+            });
             (field.name.clone(), value)
         })
         .collect();

@@ -9,6 +9,7 @@ mod plots;
 mod requirements;
 
 use std::fmt::{self, Write};
+use std::path::Path;
 
 use shared_types::describe::{FaultKindDescription, LawDescription, PlantDescription, Settings};
 use shared_types::table::Field;
@@ -17,7 +18,8 @@ use shared_types::time::{Rate, Step};
 use crate::check::law_for;
 use crate::keys::SCHEMA;
 use crate::plan::{
-    Clock, ControllerPlan, FaultEvent, Metric, Plan, PlantPlan, Realtime, Run, Stimulus, Waveform,
+    Clock, ControllerPlan, ControllerProgram, FaultEvent, Metric, Plan, PlantPlan, Realtime, Run,
+    Stimulus, Sweep, Waveform,
 };
 use crate::quantity::{Quantity, toml_float};
 
@@ -116,8 +118,10 @@ fn write(
     }
     run(text, &plan.run)?;
     realtime(text, &plan.realtime)?;
-    plant_tables(text, &plan.plant, plant)?;
-    controller(text, &plan.controller, law, plan.run.rate)?;
+    let programs = &plan.programs;
+    plant_tables(text, &plan.plant, plant, programs.plant.as_deref())?;
+    let program = programs.controller.as_ref();
+    controller(text, &plan.controller, law, plan.run.rate, program)?;
     for one in &plan.stimuli {
         stimulus(text, one)?;
     }
@@ -191,9 +195,17 @@ fn realtime(text: &mut String, realtime: &Realtime) -> Written {
     Ok(())
 }
 
-fn plant_tables(text: &mut String, plan: &PlantPlan, plant: &PlantDescription) -> Written {
+fn plant_tables(
+    text: &mut String,
+    plan: &PlantPlan,
+    plant: &PlantDescription,
+    program: Option<&Path>,
+) -> Written {
     writeln!(text, "\n[plant] # {}", comment(&plant.summary))?;
     writeln!(text, "model = {}", string(&plan.model))?;
+    if let Some(program) = program.and_then(|program| program.to_str()) {
+        writeln!(text, "program = {}", string(program))?;
+    }
     writeln!(text, "substeps = {}", plan.substeps)?;
     settings(
         text,
@@ -217,9 +229,25 @@ fn controller(
     plan: &ControllerPlan,
     law: &LawDescription,
     rate: Rate,
+    program: Option<&ControllerProgram>,
 ) -> Written {
     writeln!(text, "\n[controller] # {}", comment(&law.summary))?;
     writeln!(text, "law = {}", string(&plan.law))?;
+    match program {
+        None => {}
+        Some(ControllerProgram::One(file)) => {
+            if let Some(file) = file.to_str() {
+                writeln!(text, "program = {}", string(file))?;
+            }
+        }
+        Some(ControllerProgram::ByMachine(files)) => {
+            let named =
+                (files.iter()).filter_map(|(machine, file)| Some((machine, file.to_str()?)));
+            for (machine, file) in named {
+                writeln!(text, "program.{} = {}", key(machine), string(file))?;
+            }
+        }
+    }
     let rate_hz = toml_float(rate.hz() / f64::from(plan.rate_divisor));
     writeln!(text, "rate_hz = {rate_hz}")?;
     writeln!(text, "command_delay_steps = {}", plan.command_delay_steps)?;
@@ -315,6 +343,7 @@ fn stimulus(text: &mut String, stimulus: &Stimulus) -> Written {
             start_hz,
             end_hz,
             duration_s,
+            sweep: _,
             offset,
         } => (
             "chirp",
@@ -331,6 +360,11 @@ fn stimulus(text: &mut String, stimulus: &Stimulus) -> Written {
     writeln!(text, "kind = \"{kind}\"")?;
     for (name, value) in numbers {
         writeln!(text, "{name} = {}", toml_float(value))?;
+    }
+    if let Waveform::Chirp { sweep, .. } = stimulus.waveform
+        && sweep != Sweep::Linear
+    {
+        writeln!(text, "sweep = \"{}\"", sweep.name())?;
     }
     // The points themselves, so that the text does not depend on another file.
     if let Waveform::Table { time_s, values } = &stimulus.waveform {

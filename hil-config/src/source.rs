@@ -46,6 +46,11 @@ impl Sources {
         &self.0[source].name
     }
 
+    /// The whole text of a source.
+    pub(crate) fn whole(&self, source: usize) -> &str {
+        &self.0[source].text
+    }
+
     /// The text of a place.
     pub(crate) fn text(&self, place: &Place) -> &str {
         self.0[place.source]

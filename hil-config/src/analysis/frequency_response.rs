@@ -3,39 +3,42 @@
 use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2, PI};
 
 use super::Figure;
+use super::chirp::Chirp;
+use super::low_end::LowEnd;
 use crate::plan::FrequencyResponsePlan;
 
-/// Points at most between the first and the last frequency.
-const POINTS: f64 = 512.0;
+/// Ratio of the last to the first frequency of a point, where a whole number of turns allows it.
+const RATIO: f64 = 1.01;
 
-/// The answer to a linear sweep from `f_0` to `f_1` in `d`, whose phase is
-/// `phi(t) = 2 pi (f_0 t + (f_1 - f_0) t^2 / (2 d))`.
+/// The answer to a chirp of phase `phi(t)`.
 ///
-/// Over a whole number of its turns input and output are each fitted by least squares with
-/// `a sin(phi) + b cos(phi) + c`; the ratio of their `a + j b` is the response at the mean
-/// frequency of these turns. Exact for a sweep so slow that the signals are in the steady state of
-/// each frequency: a resonance must have died away before the sweep has left it.
+/// Over whole turns, as many as raise the frequency by a hundredth and at least one, input and output
+/// are each fitted by least squares with `a sin(phi) + b cos(phi) + c`; the ratio of their `a + j b` is
+/// the response at the mean frequency of these turns. Right as far as the signals are in the steady
+/// state of each frequency: a resonance must have died away before the sweep has left it. The response
+/// at the first frequency comes from the [low end](LowEnd).
 ///
-/// - low-frequency gain: that of the first point;
+/// - low-frequency gain: that at the first frequency;
 /// - bandwidth: where the gain first falls below `1 / sqrt(2)` of that (-3 dB);
-/// - peak gain, as a multiple of the low-frequency gain, and its frequency;
+/// - peak gain, as a multiple of the low-frequency gain, and its frequency, from the parabola through
+///   the largest gain and its neighbours;
 /// - the frequency at which the output first lags by 90 degrees.
 ///
-/// Between points the logarithms of gain and frequency, and the phase over frequency, are straight
-/// lines.
+/// Between points the logarithm of the gain, and the phase, are straight lines over frequency.
 #[derive(Clone, Debug)]
 pub(super) struct FrequencyResponse {
-    start_hz: f64,
-    slope_hz_per_s: f64,
-    duration_s: f64,
-    /// Turns of a point.
-    turns: f64,
+    chirp: Chirp,
+    low_end: LowEnd,
     points: Vec<Point>,
+    /// The point of the last sample.
+    at: usize,
 }
 
 /// The sums of the fits over one point's turns.
 #[derive(Clone, Debug, Default)]
 struct Point {
+    /// First and last turn.
+    turns: [f64; 2],
     rows: f64,
     sin: f64,
     cos: f64,
@@ -64,96 +67,147 @@ struct Response {
 
 impl FrequencyResponse {
     pub(super) fn new(plan: &FrequencyResponsePlan) -> Self {
-        let all = 0.5 * (plan.start_hz + plan.end_hz) * plan.duration_s;
-        let turns = libm::ceil(all / POINTS);
+        let chirp = Chirp::new(plan);
+        let (all, mut points) = (chirp.turns(), Vec::new());
+        let mut first = 0.0;
+        loop {
+            let last = match libm::floor(chirp.turns_to(RATIO * chirp.frequency_hz(first))) {
+                turns if turns > first + 1.0 => turns,
+                _ => first + 1.0,
+            };
+            if last > all {
+                break;
+            }
+            points.push(Point {
+                turns: [first, last],
+                ..Point::default()
+            });
+            first = last;
+        }
         Self {
-            start_hz: plan.start_hz,
-            slope_hz_per_s: (plan.end_hz - plan.start_hz) / plan.duration_s,
-            duration_s: plan.duration_s,
-            turns,
-            // Points of whole turns only; the check sees to it that there are some.
-            points: vec![Point::default(); libm::floor(all / turns) as usize],
+            chirp,
+            low_end: LowEnd::new(chirp),
+            points,
+            at: 0,
         }
     }
 
     /// Whether a time lies in the sweep.
     pub(super) fn wants(&self, time_s: f64) -> bool {
-        time_s <= self.duration_s
+        self.chirp.wants(time_s)
     }
 
-    /// Takes a sample of the sweep; one that does not exist is passed over.
+    /// Takes a sample of the sweep; times rise. One that does not exist is passed over.
     pub(super) fn take(&mut self, time_s: f64, input: f64, output: f64) {
-        let turned = self.start_hz * time_s + 0.5 * self.slope_hz_per_s * time_s * time_s;
-        let point = libm::floor(turned / self.turns) as usize;
-        if let Some(point) = self.points.get_mut(point)
-            && input.is_finite()
-            && output.is_finite()
-        {
-            let (sin, cos) = libm::sincos(2.0 * PI * (turned - libm::floor(turned)));
+        if !(input.is_finite() && output.is_finite()) {
+            return;
+        }
+        let turns = self.chirp.turns_at(time_s);
+        let (sin, cos) = libm::sincos(2.0 * PI * (turns - libm::floor(turns)));
+        (self.low_end).take(time_s, (turns, sin, cos), input, output);
+        while (self.points.get(self.at)).is_some_and(|point| turns >= point.turns[1]) {
+            self.at += 1;
+        }
+        if let Some(point) = self.points.get_mut(self.at) {
             point.take(sin, cos, input, output);
         }
     }
 
-    /// The mean frequency of a point's turns.
-    fn frequency_hz(&self, point: usize) -> f64 {
-        // f^2 = f_0^2 + 2 slope turns.
-        let at = |turns: f64| {
-            let square = self.start_hz * self.start_hz + 2.0 * self.slope_hz_per_s * turns;
-            square.sqrt()
-        };
-        let first = point as f64 * self.turns;
-        0.5 * (at(first) + at(first + self.turns))
-    }
-
-    fn responses(&self) -> impl Iterator<Item = Response> {
-        let mut before_rad = 0.0;
-        (self.points.iter().enumerate()).filter_map(move |(index, point)| {
-            let (gain, turned_rad) = point.response()?;
-            let jumped = libm::round((turned_rad - before_rad) / (2.0 * PI));
-            before_rad = turned_rad - 2.0 * PI * jumped;
+    /// The response at the first frequency, then that of each point.
+    fn responses(&self) -> Vec<Response> {
+        let low = self.low_end.response().map(|(real, imaginary)| Response {
+            frequency_hz: self.chirp.start_hz(),
+            gain: libm::hypot(real, imaginary),
+            phase_rad: libm::atan2(imaginary, real),
+        });
+        let points = self.points.iter().filter_map(|point| {
+            let (gain, phase_rad) = point.response()?;
+            let [from, until] = point.turns;
             Some(Response {
-                frequency_hz: self.frequency_hz(index),
+                frequency_hz: self.chirp.mean_frequency_hz(from, until),
                 gain,
-                phase_rad: before_rad,
+                phase_rad,
             })
-        })
+        });
+        let mut responses: Vec<Response> = low.into_iter().chain(points).collect();
+        let mut before_rad = 0.0;
+        for response in &mut responses {
+            let jumped = libm::round((response.phase_rad - before_rad) / (2.0 * PI));
+            response.phase_rad -= 2.0 * PI * jumped;
+            before_rad = response.phase_rad;
+        }
+        responses
     }
 
     pub(super) fn figures(&self) -> Vec<Figure> {
-        let (mut low, mut peak) = (f64::NAN, (f64::NAN, f64::NAN));
-        let (mut bandwidth_hz, mut lagging_hz) = (f64::NAN, f64::NAN);
-        let mut before: Option<Response> = None;
-        for now in self.responses() {
-            let first = *before.get_or_insert(now);
-            if low.is_nan() {
-                low = now.gain;
-            }
-            if peak.0.is_nan() || now.gain / low > peak.0 {
-                peak = (now.gain / low, now.frequency_hz);
-            }
-            let level = low * FRAC_1_SQRT_2;
-            if bandwidth_hz.is_nan() && now.gain < level {
-                let part = libm::log(level / first.gain) / libm::log(now.gain / first.gain);
-                bandwidth_hz =
-                    first.frequency_hz * libm::pow(now.frequency_hz / first.frequency_hz, part);
-            }
-            if lagging_hz.is_nan() && now.phase_rad <= -FRAC_PI_2 {
-                let part = if now.phase_rad < first.phase_rad {
-                    (-FRAC_PI_2 - first.phase_rad) / (now.phase_rad - first.phase_rad)
-                } else {
-                    0.0 // the first point
-                };
-                lagging_hz = first.frequency_hz + part * (now.frequency_hz - first.frequency_hz);
-            }
-            before = Some(now);
-        }
+        let responses = self.responses();
+        let low = responses.first().map_or(f64::NAN, |first| first.gain);
+        let level = low * FRAC_1_SQRT_2;
+        let bandwidth_hz = first_hz(
+            &responses,
+            |now| now.gain < level,
+            |[before, now]| libm::log(level / before.gain) / libm::log(now.gain / before.gain),
+        );
+        let lagging_hz = first_hz(
+            &responses,
+            |now| now.phase_rad <= -FRAC_PI_2,
+            |[before, now]| (-FRAC_PI_2 - before.phase_rad) / (now.phase_rad - before.phase_rad),
+        );
+        let (peak, peak_hz) = peak(&responses);
         vec![
             Figure::new("low_frequency_gain", "1", low),
             Figure::new("bandwidth_hz", "Hz", bandwidth_hz),
-            Figure::new("peak_gain", "1", peak.0),
-            Figure::new("peak_frequency_hz", "Hz", peak.1),
+            Figure::new("peak_gain", "1", peak / low),
+            Figure::new("peak_frequency_hz", "Hz", peak_hz),
             Figure::new("phase_lag_90_frequency_hz", "Hz", lagging_hz),
         ]
+    }
+}
+
+/// The frequency from which on something holds, `part` of the way from the response before to the first
+/// at which it does; NaN if it never does.
+fn first_hz(
+    responses: &[Response],
+    holds: impl Fn(&Response) -> bool,
+    part: impl Fn([&Response; 2]) -> f64,
+) -> f64 {
+    match responses.iter().position(holds) {
+        None => f64::NAN,
+        Some(0) => responses[0].frequency_hz,
+        Some(place) => {
+            let (before, now) = (&responses[place - 1], &responses[place]);
+            let way_hz = now.frequency_hz - before.frequency_hz;
+            before.frequency_hz + part([before, now]) * way_hz
+        }
+    }
+}
+
+/// The largest gain and its frequency; NaN of none.
+fn peak(responses: &[Response]) -> (f64, f64) {
+    let more = |best: usize, now: usize| {
+        let is_more = responses[now].gain > responses[best].gain;
+        if is_more { now } else { best }
+    };
+    let Some(largest) = (0..responses.len()).reduce(more) else {
+        return (f64::NAN, f64::NAN);
+    };
+    let Response {
+        frequency_hz, gain, ..
+    } = responses[largest];
+    if largest == 0 || largest + 1 == responses.len() {
+        return (gain, frequency_hz);
+    }
+    // z = c x + d x^2, with x and z counted from the largest.
+    let from_largest = |of: &Response| (of.frequency_hz - frequency_hz, of.gain - gain);
+    let (a, z_a) = from_largest(&responses[largest - 1]);
+    let (b, z_b) = from_largest(&responses[largest + 1]);
+    let d = (z_b / b - z_a / a) / (b - a);
+    let c = z_a / a - d * a;
+    if d < 0.0 {
+        let x = -0.5 * c / d;
+        (gain + 0.5 * c * x, frequency_hz + x)
+    } else {
+        (gain, frequency_hz)
     }
 }
 
@@ -207,21 +261,31 @@ impl Point {
 mod tests {
     use super::*;
     use crate::expression::Expression;
+    use crate::plan::Sweep;
 
-    const SWEEP: (f64, f64, f64) = (0.05, 6.0, 600.0);
-
-    /// Figures of a linear system under a slow sweep: in its steady state at each frequency.
-    fn figures(offset: f64, system: impl Fn(f64) -> (f64, f64)) -> Vec<f64> {
-        let (start_hz, end_hz, duration_s) = SWEEP;
+    fn plan(sweep: Sweep, [start_hz, end_hz]: [f64; 2], duration_s: f64) -> FrequencyResponsePlan {
         let y = || Expression::parse("y").expect("an expression");
-        let mut response = FrequencyResponse::new(&FrequencyResponsePlan {
+        FrequencyResponsePlan {
             input: y(),
             output: y(),
             stimulus: "r".into(),
             start_hz,
             end_hz,
             duration_s,
-        });
+            sweep,
+        }
+    }
+
+    fn values(response: &FrequencyResponse) -> Vec<f64> {
+        let figures = response.figures();
+        figures.iter().map(|figure| figure.value).collect()
+    }
+
+    /// Figures of a linear system under a slow sweep: in its steady state at each frequency.
+    fn figures(offset: f64, system: impl Fn(f64) -> (f64, f64)) -> Vec<f64> {
+        let (start_hz, end_hz, duration_s) = (0.05, 6.0, 600.0);
+        let plan = plan(Sweep::Linear, [start_hz, end_hz], duration_s);
+        let mut response = FrequencyResponse::new(&plan);
         for k in 0..=600_000 {
             let t = f64::from(k) / 1e3;
             let frequency_hz = start_hz + (end_hz - start_hz) * t / duration_s;
@@ -231,11 +295,115 @@ mod tests {
             let (input, output) = (libm::sin(angle), gain * libm::sin(angle + phase_rad));
             response.take(t, 0.3 * input + 7.0, 0.3 * output - offset);
         }
-        response
-            .figures()
-            .iter()
-            .map(|figure| figure.value)
-            .collect()
+        values(&response)
+    }
+
+    /// The chirp at a time, by its own formula.
+    fn wave(sweep: Sweep, [f_0, f_1]: [f64; 2], d: f64, t: f64) -> f64 {
+        let turns = match sweep {
+            Sweep::Linear => f_0 * t + 0.5 * (f_1 - f_0) * t * t / d,
+            Sweep::Logarithmic => {
+                let l = d / libm::log(f_1 / f_0);
+                f_0 * l * (libm::exp(t / l) - 1.0)
+            }
+        };
+        libm::sin(2.0 * PI * turns)
+    }
+
+    /// The teaching plant's loop, `m = 1`, `c = 2`, `k = 100`, under its `pid` with 300, 2000 and 30:
+    /// `(k_d s^2 + k_p s + k_i) / (m s^3 + (c + k_d) s^2 + (k + k_p) s + k_i)`, lowest power first.
+    const NUMERATOR: [f64; 3] = [2000.0, 300.0, 30.0];
+    const DENOMINATOR: [f64; 4] = [2000.0, 400.0, 32.0, 1.0];
+
+    fn loop_gain(frequency_hz: f64) -> f64 {
+        let w = 2.0 * PI * frequency_hz;
+        let size = |of: &[f64]| {
+            let at = |n: usize| of.get(n).copied().unwrap_or(0.0);
+            libm::hypot(at(0) - at(2) * w * w, at(1) * w - at(3) * w * w * w)
+        };
+        size(&NUMERATOR) / size(&DENOMINATOR)
+    }
+
+    /// Its low-frequency gain, bandwidth, peak and frequency of the peak, from the formula alone.
+    fn loop_figures(start_hz: f64) -> [f64; 4] {
+        let low = loop_gain(start_hz);
+        let grid = || (0..100_000).map(|k| start_hz + 1e-4 * f64::from(k));
+        let bandwidth_hz = grid().find(|f| loop_gain(*f) < low * FRAC_1_SQRT_2);
+        let more = |best: f64, f: f64| {
+            if loop_gain(f) > loop_gain(best) {
+                f
+            } else {
+                best
+            }
+        };
+        let (bandwidth_hz, peak_hz) = (bandwidth_hz.unwrap(), grid().reduce(more).unwrap());
+        [low, bandwidth_hz, loop_gain(peak_hz) / low, peak_hz]
+    }
+
+    /// Figures of a sweep of the loop from rest, integrated in steps of 1 ms by the classic Runge-Kutta
+    /// method; its state is the input behind `1 / DENOMINATOR`, and two derivatives of that.
+    fn swept(sweep: Sweep, span_hz: [f64; 2], duration_s: f64) -> Vec<f64> {
+        let rates = |x: [f64; 3], r: f64| {
+            let [a, b, c, _] = DENOMINATOR;
+            [x[1], x[2], r - c * x[2] - b * x[1] - a * x[0]]
+        };
+        let moved = |x: [f64; 3], by: [f64; 3], h: f64| std::array::from_fn(|i| x[i] + h * by[i]);
+        let mut response = FrequencyResponse::new(&plan(sweep, span_hz, duration_s));
+        let (h, mut x) = (1e-3, [0.0; 3]);
+        for k in 0..=(1e3 * duration_s) as u32 {
+            let t = f64::from(k) * h;
+            let r = |t| wave(sweep, span_hz, duration_s, t);
+            let y: f64 = x.iter().zip(NUMERATOR).map(|(x, n)| x * n).sum();
+            response.take(t, r(t), y);
+            let middle = r(t + 0.5 * h);
+            let k_1 = rates(x, r(t));
+            let k_2 = rates(moved(x, k_1, 0.5 * h), middle);
+            let k_3 = rates(moved(x, k_2, 0.5 * h), middle);
+            let k_4 = rates(moved(x, k_3, h), r(t + h));
+            for i in 0..3 {
+                x[i] += h / 6.0 * (k_1[i] + 2.0 * (k_2[i] + k_3[i]) + k_4[i]);
+            }
+        }
+        values(&response)
+    }
+
+    /// By how much each of the first four figures is off, as a part of it.
+    fn errors(sweep: Sweep, span_hz: [f64; 2], duration_s: f64) -> Vec<f64> {
+        let found = swept(sweep, span_hz, duration_s);
+        let pairs = found.iter().zip(loop_figures(span_hz[0]));
+        pairs.map(|(found, wanted)| found / wanted - 1.0).collect()
+    }
+
+    #[test]
+    fn a_sweep_of_400_s_finds_the_loop_of_the_teaching_plant_within_half_a_percent() {
+        for span_hz in [
+            [0.05, 10.0],
+            [0.1, 20.0],
+            [0.2, 20.0],
+            [0.2, 40.0],
+            [0.1, 40.0],
+        ] {
+            for sweep in Sweep::ALL {
+                let errors = errors(sweep, span_hz, 400.0);
+                let is_near = errors.iter().all(|error| error.abs() < 5e-3);
+                assert!(is_near, "{sweep:?} {span_hz:?}: {errors:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_shorter_sweep_errs_no_more_than_the_page_says() {
+        for (sweep, duration_s, largest) in [
+            (Sweep::Linear, 25.0, 0.04),
+            (Sweep::Linear, 100.0, 0.007),
+            (Sweep::Logarithmic, 25.0, 0.025),
+            (Sweep::Logarithmic, 100.0, 0.006),
+        ] {
+            let errors = errors(sweep, [0.1, 20.0], duration_s);
+            let are_so = errors.iter().all(|error| error.abs() < largest)
+                && errors.iter().any(|error| error.abs() > 0.5 * largest);
+            assert!(are_so, "{sweep:?} {duration_s}: {errors:?}");
+        }
     }
 
     fn near(found: f64, expected: f64) {

@@ -1,5 +1,6 @@
 //! `[[metrics]]` of the kinds that analyse: what they look at, and the stimulus or fault they need.
 
+use shared_types::number::exact as number;
 use shared_types::table::unit_of_name;
 use shared_types::time::{Rate, Step};
 
@@ -9,10 +10,9 @@ use crate::document::Value;
 use crate::expression::{Columns, Expression};
 use crate::plan::{
     Analysis, AnalysisKind, DetectionPlan, FaultEvent, FrequencyResponsePlan, StepResponsePlan,
-    Stimulus, Waveform,
+    Stimulus, Sweep, Waveform,
 };
 use crate::problem::{ProblemKind, listed};
-use crate::quantity::number;
 use crate::reader::{Reader, Section};
 
 /// Samples that a turn of a chirp must have, so that sine and cosine can be told apart with noise.
@@ -142,12 +142,18 @@ impl Ground<'_> {
             start_hz,
             end_hz,
             duration_s,
+            sweep,
             ..
         } = stimulus.waveform
         else {
             return None;
         };
         let target = &stimulus.target;
+        let turns = duration_s
+            * match sweep {
+                Sweep::Linear => 0.5 * (start_hz + end_hz),
+                Sweep::Logarithmic => (end_hz - start_hz) / libm::log(end_hz / start_hz),
+            };
         let highest_hz = grid.rate.hz() / SAMPLES_PER_TURN;
         let wrong = if end_hz <= start_hz {
             Some(format!("the chirp `{target}` does not rise"))
@@ -161,7 +167,7 @@ impl Ground<'_> {
             Some(format!(
                 "the chirp `{target}` goes on after the end of the run"
             ))
-        } else if 0.5 * (start_hz + end_hz) * duration_s < 2.0 {
+        } else if turns < 2.0 {
             Some(format!("the chirp `{target}` makes less than two turns"))
         } else {
             None
@@ -189,6 +195,7 @@ impl Ground<'_> {
             start_hz,
             end_hz,
             duration_s,
+            sweep,
         })
     }
 

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use shared_types::describe::{LawDescription, PlantDescription, Settings};
+use shared_types::number::exact as number;
 use shared_types::table::Field;
 
 use super::parameters;
@@ -10,7 +11,7 @@ use super::run::Grid;
 use crate::keys::CONTROLLER;
 use crate::plan::ControllerPlan;
 use crate::problem::{ProblemKind, listed};
-use crate::quantity::{Quantity, number};
+use crate::quantity::Quantity;
 use crate::reader::{Reader, Section};
 
 /// The law of a name for a plant. Laws for different plants may share a name; if none fits the
@@ -34,6 +35,7 @@ pub(super) fn find<'d>(
     section: &Section<'_>,
     laws: &'d [LawDescription],
     plant: Option<&PlantDescription>,
+    advice: &str,
 ) -> Option<&'d LawDescription> {
     let name = reader.text(section, "law")?;
     let plant = plant.map(|plant| plant.name.as_str());
@@ -71,9 +73,7 @@ pub(super) fn find<'d>(
             problem.help(format!("law `{name}` is made for {plants}"));
         }
         None => {
-            problem
-                .nearest(name, names)
-                .help("a law of your own is in a program of its own: --controller-bin PATH");
+            problem.nearest(name, names).help(advice);
         }
     }
     None

@@ -98,13 +98,13 @@ fn collect<'a>(
     fields: &[Field],
     leaves: &mut Vec<(String, &'a Entry)>,
 ) {
-    for entry in &table.entries {
+    for entry in table.entries() {
         let key = format!("{prefix}{}", entry.key);
         let group = format!("{key}.");
         match &entry.node.value {
             Value::Table(inner) => {
                 let known = fields.iter().any(|field| field.name.starts_with(&group));
-                if inner.entries.is_empty() && !known {
+                if inner.entries().is_empty() && !known {
                     leaves.push((key, entry));
                 }
                 collect(inner, &group, fields, leaves);

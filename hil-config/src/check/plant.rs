@@ -13,6 +13,7 @@ pub(super) fn find<'d>(
     reader: &mut Reader,
     section: &Section<'_>,
     plants: &'d [PlantDescription],
+    advice: &str,
 ) -> Option<&'d PlantDescription> {
     let model = reader.text(section, "model")?;
     let found = plants.iter().find(|plant| plant.name == model);
@@ -27,7 +28,7 @@ pub(super) fn find<'d>(
             )
             .expected(format!("one of {}", listed(names.clone())))
             .nearest(model, names)
-            .help("a plant of your own is a program of its own: --plant-bin PATH");
+            .help(advice);
     }
     found
 }
@@ -76,7 +77,7 @@ fn safe_command(
     for field in &plant.commands {
         commands.set(&field.name, 0.0);
     }
-    for entry in section.iter().flat_map(|section| &section.table.entries) {
+    for entry in section.iter().flat_map(|section| section.table.entries()) {
         let path = format!("plant.safe_command.{}", entry.key);
         let names = || plant.commands.iter().map(|field| field.name.as_str());
         let Some(field) = (plant.commands.iter()).find(|field| field.name == entry.key) else {
@@ -103,7 +104,7 @@ fn safe_command(
 
 fn limits(reader: &mut Reader, section: &Section<'_>, plant: &PlantDescription) -> Vec<Limit> {
     let mut limits = Vec::new();
-    for entry in &section.table.entries {
+    for entry in section.table.entries() {
         let path = section.path_of(&entry.key);
         let Some(signal) = plant.truth.iter().find(|field| field.name == entry.key) else {
             let names = plant.truth.iter().map(|field| field.name.as_str());

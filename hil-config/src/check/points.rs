@@ -3,9 +3,10 @@
 
 use std::path::Path;
 
+use shared_types::number::exact as number;
+
 use super::csv;
 use crate::problem::ProblemKind;
-use crate::quantity::number;
 use crate::reader::{Reader, Section};
 
 /// Times in s, strictly rising, and as many values.

@@ -1,5 +1,7 @@
 //! `[[requirements]]`: names and formulas.
 
+use std::collections::HashSet;
+
 use super::run::Grid;
 use super::signals::report;
 use crate::expression::Columns;
@@ -19,14 +21,16 @@ pub(super) fn check(
     grid: Option<Grid>,
 ) -> Vec<Requirement> {
     let sections = reader.list(root, "requirements");
-    let mut names: Vec<&str> = Vec::new();
+    let ground = (columns.zip(grid))
+        .map(|(columns, grid)| Ground::new(columns, derived, grid.rate, grid.steps));
+    let mut names = HashSet::new();
     let mut requirements = Vec::new();
     for section in &sections {
         reader.refuse_unknown(section, &[]);
         let name = name(reader, section, &mut names);
         let description = reader.text(section, "description").unwrap_or_default();
         let unit = reader.text(section, "unit");
-        let formula = formula(reader, section, columns, derived, grid);
+        let formula = formula(reader, section, columns, ground.as_ref());
         if let (Some(name), Some(formula)) = (name, formula) {
             let told = formula.unit().unwrap_or_default();
             requirements.push(Requirement {
@@ -44,7 +48,7 @@ pub(super) fn check(
 fn name<'a>(
     reader: &mut Reader,
     section: &Section<'a>,
-    names: &mut Vec<&'a str>,
+    names: &mut HashSet<&'a str>,
 ) -> Option<&'a str> {
     let name = reader.text(section, "name")?;
     let (path, place) = (section.path_of("name"), section.place_of("name"));
@@ -56,12 +60,11 @@ fn name<'a>(
             .expected("1 to 64 letters, digits, - and _");
         return None;
     }
-    if names.contains(&name) {
+    if !names.insert(name) {
         let message = format!("a requirement is already named `{name}`");
         reader.report(ProblemKind::Duplicate, path, place, message);
         return None;
     }
-    names.push(name);
     Some(name)
 }
 
@@ -69,23 +72,17 @@ fn formula(
     reader: &mut Reader,
     section: &Section<'_>,
     columns: Option<&Columns>,
-    derived: &[Derived],
-    grid: Option<Grid>,
+    ground: Option<&Ground<'_>>,
 ) -> Option<Formula> {
     let text = reader.text(section, "formula")?;
     let (formula, errors) = match Formula::parse(text) {
         Ok(formula) => {
             let mut errors = columns.map_or_else(Vec::new, |known| formula.unknown_names(known));
-            if let (Some(columns), Some(Grid { rate, steps }), true) =
-                (columns, grid, errors.is_empty())
-            {
-                let ground = Ground {
-                    columns,
-                    derived,
-                    rate,
-                    steps,
-                };
-                errors.extend(Monitor::new(&formula, &ground).err());
+            if let (Some(known), true) = (columns, errors.is_empty()) {
+                errors.extend(formula.mixed_units(known));
+            }
+            if let (Some(ground), true) = (ground, errors.is_empty()) {
+                errors.extend(Monitor::new(&formula, ground).err());
             }
             (Some(formula), errors)
         }

@@ -1,13 +1,13 @@
 //! `[run]`: rate, number of steps, seed and clock.
 
 use shared_types::lockstep::OnLoss;
+use shared_types::number::exact as number;
 use shared_types::pacer::OverrunPolicy;
 use shared_types::time::{Rate, Step};
 
 use crate::keys::MAX_STEPS;
 use crate::plan::{Clock, Run};
 use crate::problem::ProblemKind;
-use crate::quantity::number;
 use crate::reader::{Reader, Section};
 
 /// The steps of a run and their times: what the rest of a scenario must fit into.

@@ -1,5 +1,8 @@
 //! `[[derived]]` and `[[metrics]]`: names, expressions and windows.
 
+use std::collections::HashSet;
+
+use shared_types::number::exact as number;
 use shared_types::table::unit_of_name;
 use shared_types::time::Step;
 
@@ -11,7 +14,6 @@ use crate::formula::is_operator;
 use crate::keys::METRICS;
 use crate::plan::{Derived, Metric, Published, Window};
 use crate::problem::ProblemKind;
-use crate::quantity::number;
 use crate::reader::{Reader, Section};
 
 /// A metric whose kind is an analysis, to be checked when stimuli and faults are.
@@ -33,8 +35,8 @@ pub(super) fn check<'a>(
 ) -> (Vec<Derived>, Vec<Metric>, Vec<Analysed<'a>>) {
     let derived_sections = reader.list(root, "derived");
     let metric_sections = reader.list(root, "metrics");
-    let mut names: Vec<&str> = Vec::new();
-    let later: Vec<&str> = derived_sections
+    let mut names = HashSet::new();
+    let later: HashSet<&str> = derived_sections
         .iter()
         .filter_map(|section| match &section.table.get("name")?.node.value {
             Value::Text(name) => Some(name.as_str()),
@@ -46,7 +48,7 @@ pub(super) fn check<'a>(
     for section in &derived_sections {
         reader.refuse_unknown(section, &[]);
         let name = name(reader, section, &mut names);
-        let unit = unit(reader, section, name);
+        let unit = unit(reader, section, name, None);
         let expression = expression(
             reader,
             section,
@@ -56,7 +58,8 @@ pub(super) fn check<'a>(
             Use::Signal,
         );
         if let (Some(name), Some(columns)) = (name, columns.as_mut()) {
-            columns.push(Group::Derived, name);
+            let unit = unit.as_deref().unwrap_or_default();
+            columns.push_with_unit(Group::Derived, name, unit);
         }
         if let (Some(name), Some(unit), Some(expression)) = (name, unit, expression) {
             derived.push(Derived {
@@ -83,15 +86,15 @@ pub(super) fn check<'a>(
             continue;
         }
         let section = &section;
-        let unit = unit(reader, section, name);
         let expression = expression(
             reader,
             section,
             "expression",
             columns.as_ref(),
-            &[],
+            &HashSet::new(),
             Use::Metric,
         );
+        let unit = unit(reader, section, name, expression.as_ref());
         let windows = windows(reader, section, grid);
         let published = published(reader, section, windows.as_deref());
         let published_note = reader.text(section, "published_note").map(Into::into);
@@ -118,14 +121,15 @@ pub(super) fn signal(
     key: &'static str,
     columns: Option<&Columns>,
 ) -> Option<Expression> {
-    expression(reader, section, key, columns, &[], Use::Signal)
+    let later = HashSet::new();
+    expression(reader, section, key, columns, &later, Use::Signal)
 }
 
 /// A name that is one and that nothing before has.
 fn name<'a>(
     reader: &mut Reader,
     section: &Section<'a>,
-    names: &mut Vec<&'a str>,
+    names: &mut HashSet<&'a str>,
 ) -> Option<&'a str> {
     let name = reader.text(section, "name")?;
     let path = section.path_of("name");
@@ -137,21 +141,27 @@ fn name<'a>(
             .expected("a name of letters, digits and _ that is no function, for example error_m");
         return None;
     }
-    if names.contains(&name) {
+    if !names.insert(name) {
         let message = format!("a derived signal or metric is already named `{name}`");
         reader.report(ProblemKind::Duplicate, path, place, message);
         return None;
     }
-    names.push(name);
     Some(name)
 }
 
-/// The unit: written, or that of the name's ending, or none.
-fn unit(reader: &mut Reader, section: &Section<'_>, name: Option<&str>) -> Option<String> {
+/// The unit: written, or that of the expression, or that of the name's ending, or none.
+fn unit(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    name: Option<&str>,
+    expression: Option<&Expression>,
+) -> Option<String> {
     if section.table.get("unit").is_some() {
         return reader.text(section, "unit").map(Into::into);
     }
-    Some(unit_of_name(name?).unwrap_or("1").into())
+    let name = name?;
+    let of_expression = expression.and_then(Expression::unit);
+    Some(of_expression.unwrap_or_else(|| unit_of_name(name).unwrap_or("1").into()))
 }
 
 /// What an expression is for.
@@ -168,7 +178,7 @@ fn expression(
     section: &Section<'_>,
     key: &'static str,
     columns: Option<&Columns>,
-    later: &[&str],
+    later: &HashSet<&str>,
     usage: Use,
 ) -> Option<Expression> {
     let text = reader.text(section, key)?;
@@ -184,6 +194,9 @@ fn expression(
     let mut errors = Vec::new();
     if columns.is_some() {
         errors = expression.unknown_names(known);
+        if errors.is_empty() {
+            errors.extend(expression.known_unit(known).err());
+        }
     }
     // What kind of expression it is can be told without columns.
     let misused = match usage {
@@ -193,7 +206,7 @@ fn expression(
     errors.extend(misused.err());
     for error in &errors {
         let name = &text[error.span.clone()];
-        let is_later = later.contains(&name);
+        let is_later = later.contains(name);
         let help = is_later.then_some("a derived signal may use only those above it");
         report(reader, section, key, text, error, help);
     }

@@ -1,16 +1,17 @@
 //! `[[stimuli]]`: reference signals and their waveforms.
 
+use std::collections::HashSet;
 use std::path::Path;
 
 use shared_types::describe::LawDescription;
+use shared_types::number::exact as number;
 use shared_types::table::unit_of_name;
 
 use super::run::Grid;
 use super::{is_signal_name, points};
 use crate::keys::WAVEFORMS;
-use crate::plan::{Stimulus, Waveform};
+use crate::plan::{Stimulus, Sweep, Waveform};
 use crate::problem::ProblemKind;
-use crate::quantity::number;
 use crate::reader::{Reader, Section};
 
 /// The stimuli; `None` if one of them is not right.
@@ -23,7 +24,7 @@ pub(super) fn check(
 ) -> Option<Vec<Stimulus>> {
     let sections = reader.list(root, "stimuli");
     let mut stimuli = Vec::new();
-    let mut given: Vec<String> = Vec::new();
+    let mut given: HashSet<String> = HashSet::new();
     for section in &sections {
         let stimulus = stimulus(reader, section, folder, grid, law);
         if let Some(stimulus) = &stimulus {
@@ -164,11 +165,14 @@ fn waveform(
             let (start_hz, end_hz) = (number("start_hz"), number("end_hz"));
             let (amplitude, duration_s) = (number("amplitude"), number("duration_s"));
             let offset = number("offset");
+            let sweep = reader.text(section, "sweep");
+            let (start_hz, end_hz) = (start_hz?, end_hz?);
             Waveform::Chirp {
                 amplitude: amplitude?,
-                start_hz: start_hz?,
-                end_hz: end_hz?,
+                start_hz,
+                end_hz,
                 duration_s: duration_s?,
+                sweep: sweep_between(reader, section, sweep?, [start_hz, end_hz])?,
                 offset: offset?,
             }
         }
@@ -179,6 +183,35 @@ fn waveform(
         _ => unreachable!("every kind is read"),
     };
     Some(waveform)
+}
+
+/// The sweep of this name; a logarithmic one needs a ratio of frequencies.
+fn sweep_between(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    name: &str,
+    [start_hz, end_hz]: [f64; 2],
+) -> Option<Sweep> {
+    let sweep = Sweep::ALL.into_iter().find(|sweep| sweep.name() == name)?;
+    let has_ratio = start_hz > 0.0 && end_hz > 0.0 && start_hz != end_hz;
+    if sweep == Sweep::Linear || has_ratio {
+        return Some(sweep);
+    }
+    let path = section.path_of("sweep");
+    let message = format!(
+        "`{path}` is logarithmic from {} to {} Hz",
+        number(start_hz),
+        number(end_hz)
+    );
+    reader
+        .report(
+            ProblemKind::OutOfRange,
+            path,
+            section.place_of("sweep"),
+            message,
+        )
+        .expected("`start_hz` and `end_hz` above 0 that differ, or a linear sweep");
+    None
 }
 
 /// A time that must not lie behind the end of the run, where it would have no effect.

@@ -3,8 +3,10 @@
 //! Filled by the check from descriptions and by the launcher from the layout of a record; in a
 //! record the groups follow each other in the order of [`Group`].
 
+use std::collections::HashMap;
+
 use shared_types::describe::PlantDescription;
-use shared_types::table::{Field, nearest};
+use shared_types::table::{Field, nearest, unit_of_name};
 
 use crate::plan::Stimulus;
 
@@ -70,6 +72,10 @@ impl Group {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Columns {
     names: Vec<String>,
+    /// The unit of each; empty if it is not known.
+    units: Vec<String>,
+    /// The first column of each name.
+    places: HashMap<String, usize>,
 }
 
 impl Columns {
@@ -91,28 +97,43 @@ impl Columns {
         }
         let faultable = plant.parameters.iter().filter(|field| field.faultable);
         for field in faultable {
-            columns.push(Group::Parameter, &field.name);
+            columns.push_with_unit(Group::Parameter, &field.name, &field.unit);
         }
         columns
     }
 
     /// Columns whose names are whole already.
-    pub(crate) const fn named(names: Vec<String>) -> Self {
-        Self { names }
+    pub(crate) fn named(names: Vec<String>) -> Self {
+        let mut columns = Self::default();
+        names.into_iter().for_each(|name| columns.add(name, ""));
+        columns
     }
 
-    /// Adds a column.
+    fn add(&mut self, name: String, unit: &str) {
+        let place = self.names.len();
+        self.places.entry(name.clone()).or_insert(place);
+        self.names.push(name);
+        self.units.push(unit.into());
+    }
+
+    /// Adds a column, whose unit is that of the name's ending.
     pub fn push(&mut self, group: Group, name: &str) {
-        self.names.push(match group {
+        self.push_with_unit(group, name, unit_of_name(name).unwrap_or_default());
+    }
+
+    /// Adds a column of this unit; `1` is that of a plain number.
+    pub fn push_with_unit(&mut self, group: Group, name: &str, unit: &str) {
+        let name = match group {
             Group::Derived => name.into(),
             _ => format!("{}.{name}", group.prefix()),
-        });
+        };
+        self.add(name, if unit == "1" { "" } else { unit });
     }
 
     /// Adds the columns of a table.
     pub fn push_fields(&mut self, group: Group, fields: &[Field]) {
         for field in fields {
-            self.push(group, &field.name);
+            self.push_with_unit(group, &field.name, &field.unit);
         }
     }
 
@@ -136,7 +157,13 @@ impl Columns {
     /// The index of a name as expressions write it, for example `truth.surface_angle_rad`.
     #[must_use]
     pub fn index_of(&self, path: &str) -> Option<usize> {
-        self.names.iter().position(|name| name == path)
+        self.places.get(path).copied()
+    }
+
+    /// The unit of a signal, if it is known.
+    pub(super) fn unit_of(&self, path: &str) -> Option<&str> {
+        let unit = &self.units[self.index_of(path)?];
+        (!unit.is_empty()).then_some(unit)
     }
 
     /// Whether the first part of a name is one that exists.

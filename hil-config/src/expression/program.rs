@@ -119,6 +119,7 @@ pub(super) fn keeps_unit(ops: &[Op]) -> bool {
             op,
             Op::Constant(_)
                 | Op::Name(_)
+                | Op::Reduced(_)
                 | Op::Unary(Unary::Negate | Unary::Abs)
                 | Op::Binary(Binary::Add | Binary::Subtract | Binary::Min | Binary::Max)
         )

@@ -140,7 +140,7 @@ const EXPRESSION: &[Key] = &[
     Key::new(
         "unit",
         TEXT,
-        "Unit. Default: the unit that the name's ending stands for, else 1.",
+        "Unit. Default: that of the expression, whose integrals are over time, else the unit that the name's ending stands for, else 1.",
     ),
     Key::new(
         "windows_s",

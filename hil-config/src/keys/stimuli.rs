@@ -102,6 +102,14 @@ pub(crate) const WAVEFORMS: &[WaveformKind] = &[
             Key::new("start_hz", FREQUENCY, "Frequency at the begin.").required(),
             Key::new("end_hz", FREQUENCY, "Frequency at the end.").required(),
             Key::new("duration_s", LENGTH, "Length of the sweep.").required(),
+            Key::new(
+                "sweep",
+                Kind::Text {
+                    choices: &["linear", "logarithmic"],
+                    default: Some("linear"),
+                },
+                "linear: the frequency rises by the same amount in each second; logarithmic: by the same ratio, both frequencies above 0.",
+            ),
             Key::new("offset", ANY_OR_ZERO, "Mean value."),
         ],
     },
@@ -124,7 +132,7 @@ pub(crate) const WAVEFORMS: &[WaveformKind] = &[
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::Waveform;
+    use crate::plan::{Sweep, Waveform};
 
     #[test]
     fn the_waveforms_have_the_derivatives_that_the_plan_says() {
@@ -174,6 +182,7 @@ mod tests {
                     start_hz: zero,
                     end_hz: zero,
                     duration_s: 1.0,
+                    sweep: Sweep::Linear,
                     offset: zero,
                 },
             ),

@@ -3,17 +3,19 @@
 //! Called once, by [`Monitor::new`](super::Monitor::new). Works from the operands up: what each part
 //! computes and how many rows later; then from the whole down: which of its steps are wanted.
 
+use std::collections::HashSet;
 use std::ops::Range;
 
+use shared_types::number::exact as number;
 use shared_types::time::{Rate, Step};
 
 use super::Ground;
 use super::margin::Margin;
 use super::part::{Chained, Delay, Part, Window, Work};
 use super::window::{Greatest, Least, Since, Steps, Stretch, Until};
-use crate::expression::{ExpressionError, Program};
+use crate::expression::{Columns, Expression, ExpressionError, Program};
 use crate::formula::{self, Comparison, Formula, Node, Relation, Side};
-use crate::quantity::number;
+use crate::plan::Derived;
 
 /// Most margins that a formula may keep: 64 MiB of them.
 const MOST_KEPT: u64 = 1 << 22;
@@ -24,40 +26,50 @@ pub(super) fn parts(formula: &Formula, ground: &Ground<'_>) -> Result<Vec<Part>,
     let mut builder = Builder {
         formula,
         ground,
-        without_end: without_end(ground),
         drafts: Vec::new(),
         known: vec![[None; 2]; nodes.len()],
     };
-    let whole = nodes.len() - 1;
-    let whole = builder.draft(whole, true, true)?;
+    let whole = builder.draft(nodes.len() - 1)?;
     builder.want(whole);
     builder.refuse_too_many()?;
     Ok(builder.drafts.into_iter().map(Draft::part).collect())
 }
 
-/// The derived signals that do not exist in the last row, because they use a command.
-fn without_end<'a>(ground: &Ground<'a>) -> Vec<&'a str> {
-    let mut names = Vec::new();
-    for derived in ground.derived {
-        let mut signals = derived.expression.signals();
-        if signals.any(|signal| is_without_end(signal, &names)) {
-            names.push(derived.name.as_str());
+impl<'a> Ground<'a> {
+    /// The ground of a run to step `steps`. The columns are those of a row with the derived signals.
+    #[must_use]
+    pub fn new(columns: &'a Columns, derived: &'a [Derived], rate: Rate, steps: u64) -> Self {
+        let mut ground = Self {
+            columns,
+            without_end: HashSet::new(),
+            rate,
+            steps,
+        };
+        for Derived {
+            name, expression, ..
+        } in derived
+        {
+            if ground.is_without_end(expression) {
+                ground.without_end.insert(name);
+            }
         }
+        ground
     }
-    names
-}
 
-fn is_without_end(signal: &str, derived: &[&str]) -> bool {
-    match signal.split_once('.') {
-        Some((group, _)) => matches!(group, "command" | "applied" | "internal"),
-        None => derived.contains(&signal),
+    /// Whether an expression has no value in the last row.
+    fn is_without_end(&self, expression: &Expression) -> bool {
+        expression
+            .signals()
+            .any(|signal| match signal.split_once('.') {
+                Some((group, _)) => matches!(group, "command" | "applied" | "internal"),
+                None => self.without_end.contains(signal),
+            })
     }
 }
 
 struct Builder<'a> {
     formula: &'a Formula,
     ground: &'a Ground<'a>,
-    without_end: Vec<&'a str>,
     drafts: Vec<Draft>,
     /// The drafts of each node and of its opposite: what `rise` and `until` need twice is made once.
     known: Vec<[Option<usize>; 2]>,
@@ -112,64 +124,111 @@ enum Kind {
 
 type Drafted = Result<usize, ExpressionError>;
 
+/// A node whose part is wanted.
+#[derive(Clone, Copy, Debug)]
+struct Wanted {
+    node: usize,
+    /// Whether the part is that of the node, not of its opposite.
+    holds: bool,
+    /// Whether it is judged at step 0 only.
+    at_start: bool,
+}
+
 impl Builder<'_> {
-    /// The part of a node, or with `holds` false that of its opposite. `at_start` is whether it is
-    /// judged at step 0 only.
-    fn draft(&mut self, node: usize, holds: bool, at_start: bool) -> Drafted {
-        if let Some(known) = self.known[node][usize::from(holds)] {
-            return Ok(known);
+    /// The part of a formula whose last node this is.
+    ///
+    /// Operands come first, from a stack of its own: a chain of `and` is as deep as it is long.
+    fn draft(&mut self, node: usize) -> Drafted {
+        let whole = Wanted {
+            node,
+            holds: true,
+            at_start: true,
+        };
+        let mut waiting = vec![whole];
+        while let Some(&next) = waiting.last() {
+            let operands = self.operands(next).into_iter().flatten().rev();
+            let missing: Vec<Wanted> =
+                (operands.filter(|one| self.known(*one).is_none())).collect();
+            if !missing.is_empty() {
+                waiting.extend(missing);
+                continue;
+            }
+            waiting.pop();
+            if self.known(next).is_none() {
+                let drafted = self.join_operands(next)?;
+                self.known[next.node][usize::from(next.holds)] = Some(drafted);
+            }
         }
+        Ok(self.drafted(whole))
+    }
+
+    fn known(&self, wanted: Wanted) -> Option<usize> {
+        self.known[wanted.node][usize::from(wanted.holds)]
+    }
+
+    fn drafted(&self, wanted: Wanted) -> usize {
+        self.known(wanted).expect("operands are drafted first")
+    }
+
+    /// What a node is made of, a single operand twice; none if it is a comparison.
+    fn operands(&self, wanted: Wanted) -> Option<[Wanted; 2]> {
+        let Wanted {
+            holds, at_start, ..
+        } = wanted;
+        let of = |node, holds, at_start| Wanted {
+            node,
+            holds,
+            at_start,
+        };
+        Some(match self.formula.nodes()[wanted.node] {
+            Node::Comparison(_) => return None,
+            Node::Not(operand) => [of(operand, !holds, at_start); 2],
+            Node::And(a, b) | Node::Or(a, b) => [a, b].map(|node| of(node, holds, at_start)),
+            Node::Implies(a, b) => [of(a, !holds, at_start), of(b, holds, at_start)],
+            Node::Over { operand, .. } => [of(operand, holds, false); 2],
+            Node::Chain { hold, reach, .. } => [hold, reach].map(|node| of(node, holds, false)),
+            // `rise f` is `f and once[1 step] not f`, whose opposite turns all of it.
+            Node::Edge { rises, operand } => {
+                [rises == holds, rises != holds].map(|holds| of(operand, holds, false))
+            }
+        })
+    }
+
+    /// The part of a node whose operands are drafted.
+    fn join_operands(&mut self, wanted: Wanted) -> Drafted {
+        let Wanted {
+            node,
+            holds,
+            at_start,
+        } = wanted;
         let formula = self.formula;
-        let drafted = match &formula.nodes()[node] {
-            Node::Comparison(comparison) => self.comparison(comparison, holds)?,
-            Node::Not(operand) => self.draft(*operand, !holds, at_start)?,
-            Node::And(a, b) => {
-                let a = self.draft(*a, holds, at_start)?;
-                let b = self.draft(*b, holds, at_start)?;
-                self.join(a, b, holds)
-            }
-            Node::Or(a, b) => {
-                let a = self.draft(*a, holds, at_start)?;
-                let b = self.draft(*b, holds, at_start)?;
-                self.join(a, b, !holds)
-            }
-            Node::Implies(a, b) => {
-                let a = self.draft(*a, !holds, at_start)?;
-                let b = self.draft(*b, holds, at_start)?;
-                self.join(a, b, !holds)
-            }
+        let operands = self.operands(wanted);
+        let drafted = operands.map(|both| both.map(|one| self.drafted(one)));
+        let [one, other] = drafted.unwrap_or_default();
+        match &formula.nodes()[node] {
+            Node::Comparison(comparison) => self.comparison(comparison, holds),
+            Node::Not(_) => Ok(one),
+            Node::And(..) => Ok(self.join(one, other, holds)),
+            Node::Or(..) | Node::Implies(..) => Ok(self.join(one, other, !holds)),
             Node::Over {
                 is_past,
                 every,
                 window,
-                operand,
+                ..
             } => {
-                let operand = self.draft(*operand, holds, false)?;
-                let until = self.drafts[operand].until;
+                let until = self.drafts[one].until;
                 let (begin, end) = self.offsets(window, *is_past, at_start, until)?;
-                self.over(*every == holds, operand, begin, end, &window.span)?
+                self.over(*every == holds, one, begin, end, &window.span)
             }
             Node::Chain {
-                is_past,
-                window,
-                hold,
-                reach,
-            } => {
-                let hold = self.draft(*hold, holds, false)?;
-                let reach = self.draft(*reach, holds, false)?;
-                self.chain(*is_past, window, hold, reach, holds, at_start)?
-            }
-            Node::Edge { rises, operand } => {
-                // `rise f` is `f and once[1 step] not f`, whose opposite turns all of it.
-                let now = self.draft(*operand, *rises == holds, false)?;
-                let before = self.draft(*operand, *rises != holds, false)?;
+                is_past, window, ..
+            } => self.chain(*is_past, window, one, other, holds, at_start),
+            Node::Edge { .. } => {
                 let nowhere = 0..0; // a step earlier is always inside the run
-                let before = self.over(!holds, before, -1, -1, &nowhere)?;
-                self.join(now, before, holds)
+                let before = self.over(!holds, other, -1, -1, &nowhere)?;
+                Ok(self.join(one, before, holds))
             }
-        };
-        self.known[node][usize::from(holds)] = Some(drafted);
-        Ok(drafted)
+        }
     }
 
     fn comparison(&mut self, comparison: &Comparison, holds: bool) -> Drafted {
@@ -178,10 +237,8 @@ impl Builder<'_> {
             left,
             right,
         } = comparison;
-        let ends_early = [left, right].into_iter().any(|side| {
-            let mut signals = side.expression.signals();
-            signals.any(|signal| is_without_end(signal, &self.without_end))
-        });
+        let mut sides = [left, right].into_iter();
+        let ends_early = sides.any(|side| self.ground.is_without_end(&side.expression));
         let task = Task::Comparison {
             relation: if holds { *relation } else { relation.negated() },
             left: self.program(left)?,

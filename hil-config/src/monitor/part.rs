@@ -135,22 +135,31 @@ impl Part {
         }
     }
 
-    /// What is certain of its only margin before that is computed.
+    /// The operands that it joins or delays, whose margins it has.
+    pub(super) const fn joined(&self) -> [Option<usize>; 2] {
+        match self.work {
+            Work::And(a, b) | Work::Or(a, b) => [Some(a), Some(b)],
+            Work::Delay(Delay { operand, .. }) => [Some(operand), None],
+            _ => [None; 2],
+        }
+    }
+
+    /// What is certain of its only margin before that is computed; `of` is that of each part before.
     #[inline]
-    pub(super) fn certain(&self, of: &dyn Fn(usize) -> Option<bool>) -> Option<bool> {
+    pub(super) fn certain(&self, of: &[Option<bool>]) -> Option<bool> {
         match &self.work {
             Work::Comparison { .. } => None,
-            Work::And(a, b) => match (of(*a), of(*b)) {
+            Work::And(a, b) => match (of[*a], of[*b]) {
                 (Some(false), _) | (_, Some(false)) => Some(false),
                 (Some(true), Some(true)) => Some(true),
                 _ => None,
             },
-            Work::Or(a, b) => match (of(*a), of(*b)) {
+            Work::Or(a, b) => match (of[*a], of[*b]) {
                 (Some(true), _) | (_, Some(true)) => Some(true),
                 (Some(false), Some(false)) => Some(false),
                 _ => None,
             },
-            Work::Delay(delay) => of(delay.operand),
+            Work::Delay(delay) => of[delay.operand],
             Work::Every(_, window) => window.certain(),
             Work::Any(_, window) => window.certain(),
             Work::Until(_, window) => window.certain(),
@@ -162,17 +171,18 @@ impl Part {
 }
 
 impl Part {
-    /// Between which two sizes its only margin will be, before that is computed.
-    pub(super) fn bounds(&self, of: &dyn Fn(usize) -> [f64; 2]) -> [f64; 2] {
+    /// Between which two sizes its only margin will be, before that is computed; `of` are those of
+    /// each part before.
+    pub(super) fn bounds(&self, of: &[[f64; 2]]) -> [f64; 2] {
         let both = |a: usize, b: usize, choose: fn(f64, f64) -> f64| {
-            let ([a_low, a_high], [b_low, b_high]) = (of(a), of(b));
+            let ([a_low, a_high], [b_low, b_high]) = (of[a], of[b]);
             [choose(a_low, b_low), choose(a_high, b_high)]
         };
         match &self.work {
             Work::Comparison { .. } | Work::Since(..) | Work::NotSince(..) => margin::ANY,
             Work::And(a, b) => both(*a, *b, smaller),
             Work::Or(a, b) => both(*a, *b, larger),
-            Work::Delay(delay) => of(delay.operand),
+            Work::Delay(delay) => of[delay.operand],
             Work::Every(_, window) => window.bounds(),
             Work::Any(_, window) => window.bounds(),
             Work::Until(_, window) => window.bounds(),

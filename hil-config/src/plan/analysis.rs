@@ -2,6 +2,7 @@
 
 use shared_types::time::Step;
 
+use super::Sweep;
 use crate::expression::Expression;
 
 /// An analysis; each of its figures is a metric `name.figure`.
@@ -72,6 +73,8 @@ pub struct FrequencyResponsePlan {
     pub end_hz: f64,
     /// Length of the sweep in s.
     pub duration_s: f64,
+    /// How the frequency rises.
+    pub sweep: Sweep,
 }
 
 /// How soon a fault is found and overcome.

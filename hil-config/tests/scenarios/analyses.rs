@@ -77,7 +77,7 @@ fn each_analysis_is_fed_with_its_signals_and_its_fault() {
         if k == 200 {
             evaluation.fault(1, Step(200));
         }
-        evaluation.observe(Step(k), &row);
+        evaluation.observe(Step(k), &row, []);
     }
     let results = evaluation.results();
     let figures = results
@@ -112,7 +112,7 @@ fn each_analysis_is_fed_with_its_signals_and_its_fault() {
 
 #[test]
 fn what_is_shown_checks_to_the_same_plan() {
-    let first = plan(TEXT);
+    let first = plan(&TEXT.replace("end_hz = 5.0", "end_hz = 5.0\nsweep = \"logarithmic\""));
     let (plants, laws, kinds) = (
         descriptions::plants(),
         descriptions::laws(),
@@ -121,6 +121,10 @@ fn what_is_shown_checks_to_the_same_plan() {
     let shown = hil_config::show::show(&first, &plants, &laws, &kinds).expect("described");
     let again = plan(&shown);
     assert_eq!(again.analyses, first.analyses);
+    assert_eq!(again.stimuli, first.stimuli);
+    assert!(shown.contains("sweep = \"logarithmic\""), "{shown}");
+    let linear = hil_config::show::show(&plan(TEXT), &plants, &laws, &kinds).expect("described");
+    assert!(!linear.contains("sweep"), "{linear}");
     let AnalysisKind::Detection(found) = &first.analyses[2].kind else {
         panic!("{:?}", first.analyses[2]);
     };
@@ -183,6 +187,30 @@ fn what_cannot_be_analysed_is_refused_with_its_place() {
             "end_hz = 0.5",
             "metrics[1].stimulus",
             "does not rise",
+        ),
+        (
+            "start_hz = 1.0",
+            "start_hz = 0\nsweep = \"logarithmic\"",
+            "stimuli[1].sweep",
+            "logarithmic from 0 to 5 Hz",
+        ),
+        (
+            "end_hz = 5.0",
+            "end_hz = 1.0\nsweep = \"logarithmic\"",
+            "stimuli[1].sweep",
+            "above 0 that differ",
+        ),
+        (
+            "end_hz = 5.0",
+            "end_hz = 5.0\nsweep = \"log\"",
+            "stimuli[1].sweep",
+            "`logarithmic`",
+        ),
+        (
+            "start_hz = 1.0\nend_hz = 5.0",
+            "start_hz = 0.001\nend_hz = 1.6\nsweep = \"logarithmic\"",
+            "metrics[1].stimulus",
+            "less than two turns",
         ),
         (
             "duration_s = 4.0\n\n[[faults]]",

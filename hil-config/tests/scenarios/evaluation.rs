@@ -58,7 +58,7 @@ fn run(position_m: impl Fn(u64) -> f64, force_n: impl Fn(u64) -> f64) -> Vec<Met
         row[columns.index_of("truth.position_m").expect("a column")] = position_m(k);
         let force_n = if k == 10 { f64::NAN } else { force_n(k) };
         row[columns.index_of("command.force_n").expect("a column")] = force_n;
-        evaluation.observe(Step(k), &row);
+        evaluation.observe(Step(k), &row, []);
         assert_eq!(
             evaluation.derived(),
             [2.0 * position_m(k), 3.0 * position_m(k)]
@@ -111,4 +111,51 @@ proptest! {
         window.sort_by(f64::total_cmp);
         prop_assert_eq!(results[1].value, window[3] - window[0]);
     }
+}
+
+#[test]
+fn a_signal_that_is_marked_invalid_does_not_exist() {
+    let text = format!(
+        "{TEXT}
+[[metrics]]
+name = \"mean_m\"
+expression = \"mean(measured.position_m)\"
+[[derived]]
+name = \"seen_m\"
+expression = \"abs(measured.position_m)\"
+[[requirements]]
+name = \"small\"
+formula = \"always(seen_m < 100)\"
+[[requirements]]
+name = \"seen\"
+formula = \"always(truth.position_m < 100 or measured.position_m < 100)\"
+"
+    );
+    let columns = columns();
+    let measured = columns.index_of("measured.position_m").expect("a column");
+    let values = |invalid: &[u64]| {
+        let mut evaluation = Evaluation::new(&plan(&text), &columns).expect("known names");
+        for k in 0..=10 {
+            let mut row = vec![0.0; columns.len()];
+            // What an invalid signal keeps is any value.
+            row[measured] = if invalid.contains(&k) { 50.0 } else { k as f64 };
+            let missing = invalid.contains(&k).then_some(measured);
+            evaluation.observe(Step(k), &row, missing);
+            assert_eq!(evaluation.derived()[2].is_nan(), missing.is_some());
+        }
+        let results = evaluation.results();
+        let mean = results
+            .iter()
+            .find(|one| one.name == "mean_m")
+            .expect("asked for");
+        let requirements = evaluation.requirements();
+        let robustness = requirements
+            .iter()
+            .map(|one| one.robustness.expect("known"));
+        (mean.value, mean.skipped, robustness.collect::<Vec<f64>>())
+    };
+    assert_eq!(values(&[]), (5.0, 0, vec![90.0, 100.0]));
+    // 0 + 1 + .. + 10 without 3 and 4, over nine rows.
+    let lost = vec![f64::NEG_INFINITY, 100.0];
+    assert_eq!(values(&[3, 4]), (48.0 / 9.0, 2, lost));
 }

@@ -71,8 +71,48 @@ fn the_law_changes_by_one_flag() {
 }
 
 #[test]
-fn the_last_flag_wins() {
-    assert_eq!(set(&["run.seed=1", "run.seed=2"]).run.seed, 2);
+fn a_value_that_two_flags_set_is_refused() {
+    for (flags, place) in [
+        (["run.seed=8", "run.seed=9"], "run.seed"),
+        (["run.seed=8", "run.seed=8"], "run.seed"),
+        (
+            [
+                "faults[0].effects[1].speed_per_s=2",
+                "faults[0].effects[1]={}",
+            ],
+            "faults[0].effects[1]",
+        ),
+        (
+            [
+                "plant.parameters.actuator1.piston_mass_kg=9",
+                "plant.parameters={}",
+            ],
+            "plant.parameters",
+        ),
+    ] {
+        let problems = with(&flags).expect_err("one of them would be lost");
+        let twice = (problems
+            .iter()
+            .find(|one| one.kind == ProblemKind::Duplicate))
+        .unwrap_or_else(|| panic!("{problems:?}"));
+        assert_eq!(twice.key, place);
+        let earlier = format!("set by `--set {}`", flags[0]);
+        assert!(twice.message.contains(&earlier), "{}", twice.message);
+    }
+}
+
+#[test]
+fn a_flag_may_change_a_part_of_what_an_earlier_one_set() {
+    let table = "plant.parameters={ piston_mass_kg = 50 }";
+    let found = set(&[table, "plant.parameters.actuator2.piston_mass_kg=61"]);
+    let mass_kg = |actuator: &str| {
+        found
+            .plant
+            .parameters
+            .get(&format!("{actuator}.piston_mass_kg"))
+    };
+    assert_eq!(mass_kg("actuator1"), Some(50.0));
+    assert_eq!(mass_kg("actuator2"), Some(61.0));
 }
 
 #[test]

@@ -2,8 +2,8 @@
 
 use hil_config::formula::Formula;
 use hil_config::plan::{
-    Clock, FaultAction, FaultEffect, FaultEnd, FaultSource, Move, Plan, Plot, Profile, Realtime,
-    Requirement, Scale, Trigger, Waveform,
+    Clock, FaultAction, FaultEffect, FaultEnd, FaultSource, Move, Plan, Plot, Profile, Programs,
+    Realtime, Requirement, Scale, Trigger, Waveform,
 };
 use proptest::prelude::*;
 use shared_types::describe::{Operation, Settings};
@@ -32,8 +32,10 @@ fn the_base_means_what_it_says() {
         analyses,
         requirements,
         plots,
+        programs,
     } = plan(BASE);
     assert!(analyses.is_empty());
+    assert_eq!(programs, Programs::default());
     let wanted = Requirement {
         name: "stays-small".into(),
         description: "the surface stays near its middle".into(),
@@ -349,5 +351,45 @@ proptest! {
     ) {
         let scenario = parse(BASE).expect("TOML").set(&[format!("{key}={value}")]);
         let _ = scenario.check(&descriptions::plants(), &descriptions::laws(), &descriptions::kinds());
+    }
+}
+
+#[test]
+fn a_metric_has_the_unit_of_its_expression_and_an_integral_that_of_the_area() {
+    let added = |metrics: &str| plan(&format!("{BASE}\n{metrics}")).metrics;
+    for (name, expression, unit) in [
+        (
+            "area_rad",
+            "integral(abs(truth.surface_angle_rad))",
+            "rad s",
+        ),
+        (
+            "leaked",
+            "integral(truth.actuator1_leakage_flow_m3ps)",
+            "m3",
+        ),
+        ("worst", "max_abs(truth.surface_angle_rad)", "rad"),
+        (
+            "both",
+            "integral(truth.actuator1_leakage_flow_m3ps) + integral(truth.actuator2_leakage_flow_m3ps)",
+            "m3",
+        ),
+        // What is multiplied or mixed is not told by its names, only by its own.
+        ("power_n", "2 * max_abs(truth.surface_angle_rad)", "N"),
+        (
+            "odd_s",
+            "max(truth.surface_angle_rad) + integral(truth.surface_angle_rad)",
+            "s",
+        ),
+    ] {
+        let text = format!("[[metrics]]\nname = \"{name}\"\nexpression = \"{expression}\"\n");
+        let metrics = added(&text);
+        assert_eq!(
+            metrics.last().map(|last| &*last.unit),
+            Some(unit),
+            "{expression}"
+        );
+        let written = added(&format!("{text}unit = \"Nm\"\n"));
+        assert_eq!(written.last().map(|last| &*last.unit), Some("Nm"));
     }
 }

@@ -337,12 +337,8 @@ fn columns() -> Columns {
 
 fn monitor(text: &str, end: u64) -> Result<Monitor, String> {
     let formula = Formula::parse(text).map_err(|error| error.to_string())?;
-    let ground = Ground {
-        columns: &columns(),
-        derived: &[],
-        rate: Rate::new(10.0).expect("a rate"),
-        steps: end,
-    };
+    let (columns, rate) = (columns(), Rate::new(10.0).expect("a rate"));
+    let ground = Ground::new(&columns, &[], rate, end);
     Monitor::new(&formula, &ground).map_err(|error| error.to_string())
 }
 

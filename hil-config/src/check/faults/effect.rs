@@ -1,6 +1,7 @@
 //! One effect of an event: its target, its sizes or parameters, its profile and its skew.
 
 use shared_types::describe::{FaultDescription, MoveBy, Settings};
+use shared_types::number::exact as number;
 use shared_types::table::Field;
 use shared_types::time::Step;
 
@@ -9,7 +10,7 @@ use super::{Event, Kind, list, moves, profile, target};
 use crate::keys::TARGET;
 use crate::plan::{FaultAction, FaultEffect, Move, Trigger};
 use crate::problem::ProblemKind;
-use crate::quantity::{Quantity, number};
+use crate::quantity::Quantity;
 use crate::reader::{Reader, Section};
 
 const SKEW: Keys = Keys {

@@ -1,5 +1,6 @@
 //! When an event ends.
 
+use shared_types::number::exact as number;
 use shared_types::time::Step;
 
 use super::span::{Given, Keys, Reported, refuse_alone};
@@ -7,7 +8,6 @@ use super::trigger::condition;
 use super::{Event, Ground};
 use crate::plan::{FaultEffect, FaultEnd};
 use crate::problem::ProblemKind;
-use crate::quantity::number;
 use crate::reader::{Reader, Section};
 
 const DURATION: Keys = Keys {

@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use shared_types::describe::ListDescription;
+use shared_types::number::exact as number;
 
 use crate::check::csv;
 use crate::document::{Node, Value};
 use crate::keys::FILE;
 use crate::problem::ProblemKind;
-use crate::quantity::number;
 use crate::reader::{Reader, Section};
 
 /// The list's rows one after another; empty if it is not given.

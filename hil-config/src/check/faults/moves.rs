@@ -1,13 +1,14 @@
 //! Where the plant's own faults move its parameters, which must not leave their ranges.
 
 use shared_types::describe::{Operation, Settings};
+use shared_types::number::exact as number;
 use shared_types::table::Field;
 
 use super::Ground;
 use super::span::Reported;
 use crate::plan::{FaultAction, FaultEnd, FaultEvent, Move, Profile, Trigger};
 use crate::problem::ProblemKind;
-use crate::quantity::{Quantity, number};
+use crate::quantity::Quantity;
 use crate::reader::{Reader, Section};
 
 /// The value that a move makes of `value` with profile `gain`, and how it comes about.

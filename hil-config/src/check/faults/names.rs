@@ -1,5 +1,7 @@
 //! Names of events, and the numbers that `after` finds by them.
 
+use std::collections::HashMap;
+
 use super::Origin;
 use super::span::Reported;
 use crate::document::Value;
@@ -9,7 +11,10 @@ use crate::reader::{Reader, Section};
 /// The events that `after` can speak of.
 #[derive(Debug)]
 pub(super) struct Names<'a> {
-    known: Vec<(&'a str, u32)>,
+    /// In the order in which they were given.
+    known: Vec<&'a str>,
+    by_name: HashMap<&'a str, u32>,
+    by_id: HashMap<u32, &'a str>,
     /// The number of the last event.
     last_id: u32,
 }
@@ -21,13 +26,16 @@ impl<'a> Names<'a> {
         sections: &[Section<'a>],
         origin: Origin<'a>,
     ) -> Self {
-        let mut known: Vec<(&str, u32)> = match origin {
-            Origin::Scenario { .. } => Vec::new(),
-            Origin::Live { names, .. } => {
-                (names.iter().map(|(name, id)| (name.as_str(), *id))).collect()
-            }
-        };
         let first_id = origin.first_id();
+        let mut all = Self {
+            known: Vec::new(),
+            by_name: HashMap::new(),
+            by_id: HashMap::new(),
+            last_id: first_id + sections.len() as u32 - 1,
+        };
+        if let Origin::Live { names, .. } = origin {
+            names.iter().for_each(|(name, id)| all.add(name, *id));
+        }
         for (id, section) in (first_id..).zip(sections) {
             let Some(entry) = section.table.get("name") else {
                 continue;
@@ -41,23 +49,26 @@ impl<'a> Names<'a> {
                 reader
                     .report(ProblemKind::OutOfRange, path, &entry.node.place, message)
                     .expected("1 to 64 letters, digits, - and _, a letter first");
-            } else if known.iter().any(|(other, _)| other == name) {
+            } else if all.by_name.contains_key(name.as_str()) {
                 let message = format!("another fault event is already named `{name}`");
                 reader.report(ProblemKind::Duplicate, path, &entry.node.place, message);
             }
-            known.push((name, id));
+            all.add(name, id);
         }
-        Self {
-            known,
-            last_id: first_id + sections.len() as u32 - 1,
-        }
+        all
+    }
+
+    fn add(&mut self, name: &'a str, id: u32) {
+        self.known.push(name);
+        self.by_name.entry(name).or_insert(id);
+        self.by_id.insert(id, name);
     }
 
     /// The number of the event that a section's `after` speaks of.
     pub(super) fn find(&self, reader: &mut Reader, section: &Section<'_>) -> Result<u32, Reported> {
         let entry = section.table.get("after").ok_or(Reported)?;
         let path = section.path_of("after");
-        let known = || self.known.iter().map(|(name, _)| *name);
+        let known = || self.known.iter().copied();
         let expected = || {
             let numbers = format!("a number from 1 to {}", self.last_id);
             match self.known.len() {
@@ -67,8 +78,8 @@ impl<'a> Names<'a> {
         };
         match &entry.node.value {
             Value::Text(name) => {
-                let found = self.known.iter().find(|(known, _)| known == name);
-                found.map(|(_, id)| *id).ok_or_else(|| {
+                let found = self.by_name.get(name.as_str());
+                found.copied().ok_or_else(|| {
                     let message = format!("there is no fault event `{name}`");
                     reader
                         .report(ProblemKind::UnknownName, path, &entry.node.place, message)
@@ -97,8 +108,8 @@ impl<'a> Names<'a> {
 
     /// How messages call an event.
     pub(super) fn label(&self, id: u32) -> String {
-        match self.known.iter().find(|(_, known)| *known == id) {
-            Some((name, _)) => format!("`{name}`"),
+        match self.by_id.get(&id) {
+            Some(name) => format!("`{name}`"),
             None => format!("event {id}"),
         }
     }

@@ -1,11 +1,11 @@
 //! Times and lengths of time of an event, each under a key in seconds or one in steps.
 
+use shared_types::number::exact as number;
 use shared_types::time::{Rate, Step};
 
 use super::super::run::Grid;
 use crate::keys::MAX_STEPS;
 use crate::problem::{ProblemKind, listed};
-use crate::quantity::number;
 use crate::reader::{Reader, Section};
 
 /// Something was wrong and is reported.

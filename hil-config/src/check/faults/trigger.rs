@@ -1,5 +1,6 @@
 //! When an event takes hold.
 
+use shared_types::number::exact as number;
 use shared_types::time::Step;
 
 use super::names::Names;
@@ -9,7 +10,6 @@ use crate::check::signals;
 use crate::keys::TRIGGERS;
 use crate::plan::{Condition, Trigger};
 use crate::problem::{ProblemKind, listed};
-use crate::quantity::number;
 use crate::reader::{Reader, Section};
 
 const AT: Keys = Keys {
@@ -133,35 +133,28 @@ pub(super) fn earliest(
     ground: &Ground<'_>,
     names: &Names<'_>,
 ) -> Vec<Option<u64>> {
-    (0..sections.len())
-        .map(|index| {
-            let section = &sections[index];
-            let first_id = ground.origin.first_id();
-            match follow(index, triggers, first_id) {
-                Chain::From(step) => in_time(reader, section, ground, step).ok(),
-                Chain::Unknown => None,
-                Chain::Circular(events) => {
-                    // Once for a circle, at its first event.
-                    if events.iter().all(|event| *event >= index) {
-                        let ids = events
-                            .iter()
-                            .map(|event| names.label(first_id + *event as u32));
-                        let ids: Vec<String> = ids.collect();
-                        let message = match ids.as_slice() {
-                            [one] => format!("{one} waits for itself"),
-                            several => format!("{} wait for each other", several.join(", ")),
-                        };
-                        reader
-                            .report(
-                                ProblemKind::Mismatch,
-                                section.path_of("after"),
-                                section.place_of("after"),
-                                message,
-                            )
-                            .expected("an event that takes hold by itself");
-                    }
-                    None
-                }
+    let first_id = ground.origin.first_id();
+    let begins = begins(triggers, first_id);
+    (sections.iter().zip(begins))
+        .map(|(section, begin)| match begin {
+            Begin::From(step) => in_time(reader, section, ground, step).ok(),
+            Begin::Unknown => None,
+            Begin::Circular(events) => {
+                let ids = (events.iter()).map(|event| names.label(first_id + *event as u32));
+                let ids: Vec<String> = ids.collect();
+                let message = match ids.as_slice() {
+                    [one] => format!("{one} waits for itself"),
+                    several => format!("{} wait for each other", several.join(", ")),
+                };
+                reader
+                    .report(
+                        ProblemKind::Mismatch,
+                        section.path_of("after"),
+                        section.place_of("after"),
+                        message,
+                    )
+                    .expected("an event that takes hold by itself");
+                None
             }
         })
         .collect()
@@ -198,40 +191,67 @@ fn in_time(
     Err(Reported)
 }
 
-/// Where the events that wait for each other begin.
-enum Chain {
+/// Earliest time at which an event can take hold.
+#[derive(Clone, Debug, PartialEq)]
+enum Begin {
     /// At this step at the earliest.
     From(u64),
-    /// Nowhere: these events, by place, the first one first.
+    /// The first of events that wait for each other, and these by place from it on.
     Circular(Vec<usize>),
-    /// One of them is not right itself, or leads into a circle.
+    /// Never, or one that it follows is not right itself.
     Unknown,
 }
 
-fn follow(index: usize, triggers: &[Option<Trigger>], first_id: u32) -> Chain {
-    let mut path = vec![index];
-    let mut delay = 0;
-    loop {
-        let last = path[path.len() - 1];
-        match &triggers[last] {
-            None => return Chain::Unknown,
-            Some(Trigger::Step { step, .. }) => return Chain::From(step.0 + delay),
-            Some(Trigger::Now) => return Chain::From(delay),
-            Some(Trigger::Condition(condition)) => return Chain::From(condition.records + delay),
-            Some(Trigger::After { event, delay_steps }) => {
-                delay += delay_steps;
-                let Some(next) = event.checked_sub(first_id) else {
-                    return Chain::From(delay); // of the run already
-                };
-                let next = next as usize;
-                if next == index {
-                    return Chain::Circular(path);
-                }
-                if path.contains(&next) {
-                    return Chain::Unknown;
-                }
-                path.push(next);
+/// Finds when each event can take hold at the earliest, looking at each once however long the chains are.
+fn begins(triggers: &[Option<Trigger>], first_id: u32) -> Vec<Begin> {
+    let mut begins: Vec<Option<Begin>> = vec![None; triggers.len()];
+    // Places in the chain that is followed; what was followed before has begun.
+    let mut followed: Vec<Option<usize>> = vec![None; triggers.len()];
+    for first in 0..triggers.len() {
+        let mut chain: Vec<(usize, u64)> = Vec::new();
+        let mut at = first;
+        let (mut step, circle) = loop {
+            match (&begins[at], followed[at]) {
+                (Some(Begin::From(step)), _) => break (Some(*step), chain.len()),
+                (Some(_), _) => break (None, chain.len()),
+                (None, Some(place)) => break (None, place),
+                (None, None) => {}
             }
+            begins[at] = Some(match &triggers[at] {
+                None => Begin::Unknown,
+                Some(Trigger::Step { step, .. }) => Begin::From(step.0),
+                Some(Trigger::Now) => Begin::From(0),
+                Some(Trigger::Condition(condition)) => Begin::From(condition.records),
+                Some(Trigger::After { event, delay_steps }) => {
+                    match event.checked_sub(first_id) {
+                        None => Begin::From(*delay_steps), // of the run already
+                        Some(next) => {
+                            followed[at] = Some(chain.len());
+                            chain.push((at, *delay_steps));
+                            at = next as usize;
+                            continue;
+                        }
+                    }
+                }
+            });
+        };
+        let mut events: Vec<usize> = chain.drain(circle..).map(|(event, _)| event).collect();
+        for event in &events {
+            begins[*event] = Some(Begin::Unknown);
+        }
+        let least = (0..events.len()).min_by_key(|place| events[*place]);
+        if let Some(place) = least {
+            events.rotate_left(place);
+            let first = events[0];
+            begins[first] = Some(Begin::Circular(events));
+        }
+        for (event, delay_steps) in chain.into_iter().rev() {
+            step = step.map(|step: u64| step.saturating_add(delay_steps));
+            begins[event] = Some(step.map_or(Begin::Unknown, Begin::From));
         }
     }
+    begins
+        .into_iter()
+        .map(|begin| begin.unwrap_or(Begin::Unknown))
+        .collect()
 }

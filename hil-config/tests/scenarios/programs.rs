@@ -1,0 +1,125 @@
+//! Programs that a scenario names.
+
+use std::path::{Path, PathBuf};
+
+use hil_config::plan::{ControllerProgram, Programs};
+use hil_config::problem::ProblemKind;
+use hil_config::scenario::Advice;
+use hil_config::show::show;
+
+use crate::{BASE, base_with, descriptions, parse, plan, problems};
+
+/// The base with programs named in both tables.
+fn naming(plant: &str, controller: &str) -> String {
+    let text = base_with("substeps = 2", &format!("substeps = 2\nprogram = {plant}"));
+    let law = "law = \"ftsc\"";
+    text.replacen(law, &format!("{law}\nprogram = {controller}"), 1)
+}
+
+/// A path from the folder of the scenario, as the tests name it.
+fn beside(path: &str) -> PathBuf {
+    std::path::absolute(Path::new("folder").join(path)).expect("a folder")
+}
+
+#[test]
+fn a_program_is_found_from_the_folder_of_the_scenario() {
+    let text = naming("\"target/plant\"", "\"/opt/laws\"");
+    let programs = Programs {
+        plant: Some(beside("target/plant")),
+        controller: Some(ControllerProgram::One("/opt/laws".into())),
+    };
+    assert_eq!(parse(&text).expect("TOML").programs(), programs);
+    assert_eq!(plan(&text).programs, programs);
+    assert_eq!(plan(BASE).programs, Programs::default());
+}
+
+#[test]
+fn a_controller_may_have_a_program_for_each_type_of_machine() {
+    let table = "{ x86_64 = \"host/law\", aarch64 = \"target/law\" }";
+    let found = plan(&naming("\"plant\"", table)).programs.controller;
+    let found = found.expect("it is named");
+    assert_eq!(found.for_machine("x86_64"), Some(&*beside("host/law")));
+    assert_eq!(found.for_machine("aarch64"), Some(&*beside("target/law")));
+    assert_eq!(found.for_machine("riscv64"), None);
+    let one = ControllerProgram::One("/a".into());
+    assert_eq!(one.for_machine("riscv64"), Some(Path::new("/a")));
+}
+
+#[test]
+fn what_names_no_program_is_refused_where_it_stands() {
+    for (plant, controller, key, kind) in [
+        ("3", "\"a\"", "plant.program", ProblemKind::WrongType),
+        (
+            "{ x86_64 = \"a\" }",
+            "\"a\"",
+            "plant.program",
+            ProblemKind::WrongType,
+        ),
+        ("\"\"", "\"a\"", "plant.program", ProblemKind::OutOfRange),
+        (
+            "\"a\\u0007\"",
+            "\"a\"",
+            "plant.program",
+            ProblemKind::OutOfRange,
+        ),
+        (
+            "\"a\"",
+            "[\"a\"]",
+            "controller.program",
+            ProblemKind::WrongType,
+        ),
+        (
+            "\"a\"",
+            "{ x86_64 = 1 }",
+            "controller.program.x86_64",
+            ProblemKind::WrongType,
+        ),
+    ] {
+        let text = naming(plant, controller);
+        let found = problems(&text);
+        let [found] = &found[..] else {
+            panic!("{found:?}")
+        };
+        assert_eq!((found.key.as_str(), found.kind), (key, kind));
+        // Before the check the wrong one counts as not named.
+        let programs = parse(&text).expect("TOML").programs();
+        assert!(programs.plant.is_none() || programs.controller.is_none());
+    }
+}
+
+#[test]
+fn programs_are_shown_with_their_whole_path() {
+    let table = "{ x86_64 = \"host/law\", aarch64 = \"target/law\" }";
+    for controller in ["\"laws/one\"", table] {
+        let plan = plan(&naming("\"target/plant\"", controller));
+        let (plants, laws) = (descriptions::plants(), descriptions::laws());
+        let shown = show(&plan, &plants, &laws, &descriptions::kinds()).expect("described");
+        let again = crate::plan(&shown);
+        assert_eq!(again.programs, plan.programs, "{shown}");
+    }
+}
+
+#[test]
+fn an_unknown_name_is_told_with_the_advice_that_was_given_and_no_other() {
+    let text =
+        base_with("model = \"drhas\"", "model = \"x\"").replace("law = \"ftsc\"", "law = \"y\"");
+    let help = |advice: Advice| {
+        let scenario = parse(&text).expect("TOML").advise(advice);
+        let (plants, laws) = (descriptions::plants(), descriptions::laws());
+        let problems = scenario.check(&plants, &laws, &descriptions::kinds());
+        let problems = problems.expect_err("neither is known").0;
+        ["plant.model", "controller.law"].map(|key| {
+            let told = problems.iter().find(|one| one.key == key);
+            told.expect("it is told").help.clone()
+        })
+    };
+    let advice = Advice {
+        plant: "of plants".into(),
+        law: "of laws".into(),
+    };
+    assert_eq!(
+        help(advice),
+        [Some("of plants".into()), Some("of laws".into())]
+    );
+    assert_eq!(help(Advice::default()), [None, None]);
+}

@@ -1,0 +1,197 @@
+//! Sums and comparisons of signals of two units.
+
+use crate::{check, plan};
+
+const TEXT: &str = r#"
+schema = 1
+run = {duration_s = 1.0, rate_hz = 10}
+plant.model = "spring-mass"
+controller.law = "hold"
+
+[[derived]]
+name = "way_m"
+expression = "DERIVED"
+
+[[derived]]
+name = "share"
+expression = "way_m / 2"
+
+[[metrics]]
+name = "largest"
+expression = "METRIC"
+
+[[metrics]]
+name = "found"
+kind = "detection"
+alarm = "ALARM"
+
+[[requirements]]
+name = "stays"
+formula = "FORMULA"
+
+[[faults]]
+kind = "bias"
+when = "WHEN"
+[[faults.effects]]
+target = "measured.position_m"
+bias = 1.0
+"#;
+
+fn text(place: &str, expression: &str) -> String {
+    let fitting = [
+        ("DERIVED", "truth.position_m - 1"),
+        ("METRIC", "max(truth.position_m) - min(way_m)"),
+        ("ALARM", "truth.velocity_mps > 1"),
+        ("FORMULA", "always(abs(truth.velocity_mps) < 3)"),
+        ("WHEN", "command.force_n > applied.force_n"),
+    ];
+    fitting.iter().fold(TEXT.to_owned(), |text, (name, fits)| {
+        text.replace(name, if *name == place { expression } else { fits })
+    })
+}
+
+#[test]
+fn two_known_units_are_neither_added_nor_compared() {
+    let cases = [
+        (
+            "DERIVED",
+            "truth.position_m + truth.velocity_mps",
+            "derived[0].expression",
+            "m",
+            "m/s",
+            "added",
+        ),
+        (
+            "DERIVED",
+            "2 + truth.position_m - -truth.velocity_mps",
+            "derived[0].expression",
+            "m",
+            "m/s",
+            "subtracted",
+        ),
+        (
+            "DERIVED",
+            "max(truth.position_m, truth.velocity_mps)",
+            "derived[0].expression",
+            "m",
+            "m/s",
+            "compared",
+        ),
+        (
+            "METRIC",
+            "max(truth.position_m - truth.velocity_mps)",
+            "metrics[0].expression",
+            "m",
+            "m/s",
+            "subtracted",
+        ),
+        (
+            "METRIC",
+            "max(truth.position_m) + rms(way_m + 1) - mean(command.force_n)",
+            "metrics[0].expression",
+            "m",
+            "N",
+            "subtracted",
+        ),
+        (
+            "METRIC",
+            "mean(truth.position_m < truth.velocity_mps)",
+            "metrics[0].expression",
+            "m",
+            "m/s",
+            "compared",
+        ),
+        (
+            "ALARM",
+            "abs(measured.velocity_mps) >= way_m",
+            "metrics[1].alarm",
+            "m/s",
+            "m",
+            "compared",
+        ),
+        (
+            "FORMULA",
+            "always(truth.position_m < truth.velocity_mps)",
+            "requirements[0].formula",
+            "m",
+            "m/s",
+            "compared",
+        ),
+        (
+            "FORMULA",
+            "not eventually[0s,0.5s](truth.position_m + 1 == applied.force_n)",
+            "requirements[0].formula",
+            "m",
+            "N",
+            "compared",
+        ),
+        (
+            "FORMULA",
+            "always(truth.position_m + truth.velocity_mps > 0)",
+            "requirements[0].formula",
+            "m",
+            "m/s",
+            "added",
+        ),
+        (
+            "WHEN",
+            "command.force_n > truth.position_m",
+            "faults[0].when",
+            "N",
+            "m",
+            "compared",
+        ),
+    ];
+    for (place, expression, key, unit, other, joined) in cases {
+        let problems = check(&text(place, expression)).expect_err(expression);
+        let told: Vec<String> = problems.0.iter().map(ToString::to_string).collect();
+        let [problem] = &problems.0[..] else {
+            panic!("{expression}: {told:?}");
+        };
+        assert_eq!(problem.key, key, "{expression}");
+        assert!(problem.excerpt.is_some());
+        let parts = [
+            format!("is in {unit} and `"),
+            format!(
+                "` in {other}, which cannot be {joined}; if it is meant, write a factor, as in `1 * "
+            ),
+        ];
+        assert!(
+            parts.iter().all(|part| told[0].contains(part)),
+            "{}",
+            told[0]
+        );
+    }
+}
+
+#[test]
+fn plain_numbers_products_and_factors_fit_everything() {
+    for (place, expression) in [
+        ("DERIVED", "100 * truth.position_m - truth.velocity_mps"),
+        ("DERIVED", "truth.position_m + 1 * truth.velocity_mps"),
+        (
+            "DERIVED",
+            "truth.position_m / truth.velocity_mps + truth.velocity_mps",
+        ),
+        ("DERIVED", "sqrt(truth.velocity_mps) + truth.position_m + 1"),
+        (
+            "METRIC",
+            "integral(truth.position_m) - max(truth.velocity_mps)",
+        ),
+        (
+            "METRIC",
+            "mean(truth.position_m > 0) + max(truth.velocity_mps)",
+        ),
+        ("ALARM", "share > truth.velocity_mps and way_m < 1"),
+        (
+            "FORMULA",
+            "always(share < truth.velocity_mps and 0 < way_m + 1)",
+        ),
+        (
+            "FORMULA",
+            "always(truth.position_m < 1 * truth.velocity_mps)",
+        ),
+    ] {
+        plan(&text(place, expression));
+    }
+}
