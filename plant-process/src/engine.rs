@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use hil_config::plan::Clock;
 use shared_types::checkpoint::{Saves, Side};
+use shared_types::clock::monotonic_ns;
 use shared_types::describe::{Invalid, PlantDescription};
 use shared_types::frame::{FrameKind, Header};
 use shared_types::hello::Control;
@@ -29,6 +30,7 @@ use crate::plant::{Model, PlantKind};
 use crate::repeat::Repetition;
 use crate::rows::Rows;
 use succession::Agreed;
+use watch::Watch;
 
 /// A step that no run reaches.
 const NEVER: Step = Step(u64::MAX);
@@ -36,7 +38,7 @@ const NEVER: Step = Step(u64::MAX);
 /// What the engine waits for, if it does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
-    /// It did something; poll again.
+    /// It did something that got the run on; poll again, and any wait begins anew.
     Busy,
     /// The controller's next message or frame.
     Controller,
@@ -87,6 +89,7 @@ pub struct Engine<L, S> {
     /// When a command came last.
     heard_ns: u64,
     missed: Streaks,
+    watch: Watch,
     /// What is repeated, if a run against the clock is.
     repetition: Option<Repetition>,
     /// The first step that is exchanged.
@@ -218,6 +221,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             newest: Command::default(),
             heard_ns: 0,
             missed: Streaks::default(),
+            watch: Watch::default(),
             repetition: None,
             first,
             saves: Saves::new(Side::Plant, &name, job.checkpoints.clone()),
@@ -237,6 +241,15 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     /// # Errors
     /// If the link or the record stream failed.
     pub fn poll(&mut self) -> Result<Progress, LinkError> {
+        let progress = self.proceed()?;
+        if progress == Progress::Recorder && self.recorder_is_stuck(monotonic_ns())? {
+            self.recorder_late()?;
+            return Ok(Progress::Over);
+        }
+        Ok(progress)
+    }
+
+    fn proceed(&mut self) -> Result<Progress, LinkError> {
         if self.side.is_over() {
             Ok(Progress::Over)
         } else if self.side.is_greeting() {
@@ -250,13 +263,15 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         }
     }
 
-    /// What the wait limit, a death or a request to stop means now.
+    /// What the wait limit, a death or a request to stop means now; true if another wait begins.
     ///
     /// # Errors
     /// If the link or the record stream failed.
-    pub fn interrupt(&mut self, event: &PlantEvent<'_>) -> Result<(), LinkError> {
+    pub fn interrupt(&mut self, event: &PlantEvent<'_>) -> Result<bool, LinkError> {
+        let before = self.side.standing();
         let action = self.side.on(event);
-        self.react(&action)
+        self.react(&action)?;
+        Ok(self.side.standing() != before)
     }
 
     /// What an answer of the protocol means that any event may bring about.
@@ -333,6 +348,9 @@ mod greeting;
 mod orders;
 mod release;
 mod succession;
+mod watch;
 
+#[cfg(test)]
+mod chatter;
 #[cfg(test)]
 mod tests;

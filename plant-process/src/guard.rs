@@ -3,8 +3,11 @@
 //!
 //! Called by the engine with every row that leaves the plant. It never corrects anything.
 
+use std::fmt;
+
 use hil_config::plan::Limit;
 use shared_types::describe::Invalid;
+use shared_types::number::{exact, exact_in};
 use shared_types::table::Field;
 
 /// Limits on the truth signals, in their order.
@@ -13,9 +16,8 @@ pub struct Guard {
     fields: Vec<Field>,
 }
 
-/// A signal outside its range.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("{signal} = {value} {unit} is outside {min} to {max} {unit}")]
+/// A signal outside its range, or not a finite number.
+#[derive(Clone, Debug, PartialEq)]
 pub struct OutOfRange {
     /// The signal.
     pub signal: String,
@@ -27,6 +29,26 @@ pub struct OutOfRange {
     pub min: f64,
     /// Upper limit.
     pub max: f64,
+}
+
+impl std::error::Error for OutOfRange {}
+
+impl fmt::Display for OutOfRange {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            signal,
+            value,
+            unit,
+            min,
+            max,
+        } = self;
+        if value.is_finite() {
+            let (value, min, max) = (exact_in(*value, unit), exact(*min), exact_in(*max, unit));
+            write!(f, "{signal} = {value} is outside {min} to {max}")
+        } else {
+            write!(f, "{signal} = {value} is not a finite number")
+        }
+    }
 }
 
 impl Guard {
@@ -99,7 +121,8 @@ mod tests {
     fn nothing_but_finite_numbers_passes() {
         let guard = guard(&[]).expect("legal");
         for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-            assert_eq!(guard.check(&[value, 1.0]).unwrap_err().signal, "angle_rad");
+            let told = guard.check(&[value, 1.0]).unwrap_err().to_string();
+            assert_eq!(told, format!("angle_rad = {value} is not a finite number"));
         }
     }
 

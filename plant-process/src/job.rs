@@ -3,6 +3,7 @@
 use hil_config::plan::{FaultEvent, PlantPlan, Run, Stimulus};
 use serde::{Deserialize, Serialize};
 use shared_types::checkpoint::Checkpoints;
+use shared_types::describe::LawDescription;
 use shared_types::realtime;
 use shared_types::table::number;
 
@@ -32,6 +33,10 @@ pub struct Job {
     /// order of steps.
     #[serde(default)]
     pub missed: Vec<Missed>,
+    /// What the first controller's binary says of its law; one that says other things at hello is
+    /// refused.
+    #[serde(default)]
+    pub law: Option<LawDescription>,
     /// Hold before the first step at or after this time in s.
     pub pause_at_s: Option<f64>,
     /// Whether a recorder must see every record: the loop then waits for it.

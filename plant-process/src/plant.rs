@@ -5,7 +5,7 @@
 
 use shared_types::describe::{FaultDescription, Invalid, PlantDescription, Settings};
 use shared_types::state::{State, StateOf};
-use shared_types::table::Table;
+use shared_types::table::{self, Table};
 use shared_types::time::Interval;
 
 /// A plant, called in this order:
@@ -28,8 +28,8 @@ pub trait Plant: Sized + 'static {
     const NAME: &'static str;
     /// One sentence.
     const SUMMARY: &'static str;
-    /// Parameters; mark those open to faults `faultable`.
-    type Parameters: Table + Default;
+    /// Parameters, each with a default; mark those open to faults `faultable`.
+    type Parameters: table::Parameters;
     /// True state and outputs. A range on a signal is its limit of validity: outside it the run
     /// ends as diverged, with the signal named.
     type Truth: Table;
@@ -152,8 +152,7 @@ impl PlantKind {
                 saves: P::state().is_some(),
             },
             start: |settings| {
-                let parameters: P::Parameters =
-                    settings.to_table().map_err(|e| Invalid(e.to_string()))?;
+                let parameters = settings.to_table("plant.parameters")?;
                 Ok(Box::new(P::start(&parameters)?))
             },
         }

@@ -154,21 +154,20 @@ pub fn drive<L: Link, S: RecordSink>(
                 });
                 waiter.done();
             }
-            Progress::ControllerUntil(deadline_ns) => {
-                if let Some(epoch) = engine.news(gone) {
-                    engine.interrupt(&PlantEvent::PeerGone(epoch))?;
-                    waiter.done();
+            waits @ (Progress::Controller | Progress::ControllerUntil(_)) => {
+                let deadline_ns = match waits {
+                    Progress::ControllerUntil(deadline_ns) => deadline_ns,
+                    _ => u64::MAX,
+                };
+                let event = if let Some(epoch) = engine.news(gone) {
+                    PlantEvent::PeerGone(epoch)
                 } else if waiter.pause_until(deadline_ns) {
-                    engine.interrupt(&PlantEvent::Deadline(waiter.limit().ms()))?;
-                    waiter.done();
-                }
-            }
-            Progress::Controller => {
-                if let Some(epoch) = engine.news(gone) {
-                    engine.interrupt(&PlantEvent::PeerGone(epoch))?;
-                    waiter.done();
-                } else if waiter.pause() {
-                    engine.interrupt(&PlantEvent::Deadline(waiter.limit().ms()))?;
+                    PlantEvent::Deadline(waiter.limit().ms())
+                } else {
+                    continue;
+                };
+                // The end of one that was announced is nothing that is awaited.
+                if engine.interrupt(&event)? {
                     waiter.done();
                 }
             }

@@ -6,7 +6,7 @@ use shared_types::describe::{Invalid, Settings};
 use shared_types::frame::{Header, VALIDITY_WORDS};
 use shared_types::hello::Welcome;
 use shared_types::layout::{Signal, SignalKind, SignalTable};
-use shared_types::record::{RecordLayout, Timing};
+use shared_types::record::{RecordLayout, Timing, Validity};
 use shared_types::table::canonical;
 use shared_types::time::Step;
 use shared_types::zerocopy::IntoBytes;
@@ -26,11 +26,11 @@ pub struct Rows {
     pub parameter: Vec<f64>,
     /// Invalid bits of the sample that was sent last.
     pub invalid: [u64; VALIDITY_WORDS],
-    /// What the controller sent: its commands, then its internals.
+    /// What the controller sent last that was taken: its commands, then its internals.
     pub frame: Vec<f64>,
     /// The plant's commands as sent.
     pub command: Vec<f64>,
-    /// Invalid bits of the plant's commands.
+    /// Invalid bits of the plant's commands, as they were sent and then as the plant got them.
     pub command_invalid: [u64; VALIDITY_WORDS],
     /// The plant's commands as applied.
     pub applied: Vec<f64>,
@@ -39,22 +39,20 @@ pub struct Rows {
     /// The last record.
     pub record: Vec<u64>,
     layout: RecordLayout,
+    validity: Validity,
+    /// The values of the last record without those that it marks as invalid, if there are such.
+    known: Vec<f64>,
     /// What the frame holds, as agreed with the first controller.
     table: SignalTable,
     /// Where each of the plant's commands stands in `frame`.
     commands: Vec<usize>,
     /// Where the internals begin in `frame`.
     internals: usize,
-    /// What the frame is made of, if a later controller sends other signals.
-    translation: Option<Translation>,
-}
-
-/// The frame of another controller than the first.
-#[derive(Debug)]
-struct Translation {
+    /// What came last from the controller in office, taken or not.
     received: Vec<f64>,
-    /// For each signal of the first controller's frame where it stands in this one, if it is there.
-    places: Vec<Option<usize>>,
+    /// For each signal of the frame where it stands in what is received, if it is there; `None` if all
+    /// stand where they do in the frame.
+    places: Option<Vec<Option<usize>>>,
 }
 
 impl Rows {
@@ -79,7 +77,10 @@ impl Rows {
             commands: bound.unwrap_or_default(),
             internals: welcome.command.len() - layout.internal.len(),
             table: welcome.command.clone(),
-            translation: None,
+            received: vec![0.0; welcome.command.len()],
+            places: None,
+            validity: layout.validity(),
+            known: vec![0.0; layout.values()],
             layout,
         }
     }
@@ -91,32 +92,39 @@ impl Rows {
             let bound = (welcome.command).bind(signal.kind, std::slice::from_ref(&signal.field));
             bound.ok().and_then(|places| places.first().copied())
         };
-        self.translation = (welcome.command != self.table).then(|| Translation {
-            received: vec![0.0; welcome.command.len()],
-            places: self.table.0.iter().map(place).collect(),
-        });
+        self.received = vec![0.0; welcome.command.len()];
+        self.places =
+            (welcome.command != self.table).then(|| self.table.0.iter().map(place).collect());
     }
 
     /// Where a frame of the controller in office is received.
     pub fn receiver(&mut self) -> &mut [f64] {
-        match &mut self.translation {
-            Some(translation) => &mut translation.received,
-            None => &mut self.frame,
-        }
+        &mut self.received
     }
 
-    /// Makes the frame of one that was received; gives the header that goes with it.
-    pub fn translate(&mut self, header: Header) -> Header {
-        let Some(Translation { received, places }) = &self.translation else {
+    /// Makes the frame of what was received; gives the header that goes with it.
+    pub fn take_frame(&mut self, header: Header) -> Header {
+        let Some(places) = &self.places else {
+            std::mem::swap(&mut self.frame, &mut self.received);
             return header;
         };
         let mut invalid = [0; VALIDITY_WORDS];
         for (index, place) in places.iter().enumerate() {
-            self.frame[index] = place.map_or(f64::NAN, |place| received[place]);
-            let is_valid = place.is_some_and(|place| header.is_valid(place));
+            let (value, is_valid) = received(&self.received, &header, *place);
+            self.frame[index] = value;
             invalid[index / 64] |= u64::from(!is_valid) << (index % 64);
         }
         Header { invalid, ..header }
+    }
+
+    /// Whether what was received with this header says anything else than the frame with that one.
+    pub fn differs(&self, header: &Header, taken: &Header) -> bool {
+        let differs = |(index, value): (usize, &f64)| {
+            let place = (self.places.as_ref()).map_or(Some(index), |places| places[index]);
+            let (other, is_valid) = received(&self.received, header, place);
+            other.to_bits() != value.to_bits() || is_valid != taken.is_valid(index)
+        };
+        header.age_steps != taken.age_steps || self.frame.iter().enumerate().any(differs)
     }
 
     /// Fills the frame with the plant's commands as they are set; all else is NaN. Gives the invalid
@@ -149,10 +157,19 @@ impl Rows {
         Ok(())
     }
 
-    /// All signals of the record before a step; `None` at step 0.
-    #[must_use]
-    pub fn last_values(&self, step: Step) -> Option<&[f64]> {
-        (step.0 > 0).then(|| self.layout.view(&self.record).values)
+    /// All signals of the record before a step, NaN where it marks them as invalid; `None` at step 0.
+    pub fn last_values(&mut self, step: Step) -> Option<&[f64]> {
+        if step.0 == 0 {
+            return None;
+        }
+        let values = self.layout.view(&self.record).values;
+        let mut invalid = self.validity.invalid(&self.record).peekable();
+        if invalid.peek().is_none() {
+            return Some(values);
+        }
+        self.known.copy_from_slice(values);
+        invalid.for_each(|place| self.known[place] = f64::NAN);
+        Some(&self.known)
     }
 
     /// Takes the plant's commands out of the frame, and their invalid bits out of its header.
@@ -169,7 +186,13 @@ impl Rows {
         let mut words = Words(&mut self.record);
         words.put(&[step.0]);
         words.put(&self.invalid[..self.layout.sample_validity_words()]);
-        words.put(&header.invalid[..self.layout.command_validity_words()]);
+        let mut invalid = header.invalid;
+        for (index, place) in self.commands.iter().enumerate() {
+            let is_invalid = self.command_invalid[index / 64] >> (index % 64) & 1;
+            let (word, bit) = (&mut invalid[place / 64], place % 64);
+            *word = *word & !(1 << bit) | is_invalid << bit;
+        }
+        words.put(&invalid[..self.layout.command_validity_words()]);
         words.values(&self.truth);
         words.values(&self.sample);
         words.values(&self.command);
@@ -196,6 +219,13 @@ impl Rows {
         words.values(&self.parameter);
         words.timing(timing);
     }
+}
+
+/// The value of a signal that stands here, if anywhere, and whether it is valid.
+fn received(values: &[f64], header: &Header, place: Option<usize>) -> (f64, bool) {
+    place.map_or((f64::NAN, false), |place| {
+        (values[place], header.is_valid(place))
+    })
 }
 
 /// What is left of a record to be written.
@@ -287,7 +317,7 @@ mod tests {
         rows.receiver().copy_from_slice(&[1.0, 2.0, 3.0]);
         let mut header = Header::new(FrameKind::Command, Step(0));
         header.invalid[0] = 0b100; // its error_m
-        let header = rows.translate(header);
+        let header = rows.take_frame(header);
         // spare_m, drive_m, error_m, sum_m as the first controller sent them.
         assert!(rows.frame[0].is_nan() && rows.frame[3].is_nan());
         assert_eq!(rows.frame[1..3], [1.0, 3.0]);
@@ -302,8 +332,35 @@ mod tests {
         rows.rebind(&welcome(2, &["spare_m", "drive_m"], &["error_m", "sum_m"]));
         rows.receiver().copy_from_slice(&[1.0, 2.0, 3.0, 4.0]);
         let header = Header::new(FrameKind::Command, Step(0));
-        assert_eq!(rows.translate(header), header);
+        assert_eq!(rows.take_frame(header), header);
         assert_eq!(rows.frame, [1.0, 2.0, 3.0, 4.0]);
+    }
+
+    #[test]
+    fn what_is_received_and_not_taken_leaves_the_frame_and_is_compared_with_it() {
+        for rebound in [false, true] {
+            let mut rows = rows();
+            if rebound {
+                rows.rebind(&welcome(2, &["drive_m", "spare_m"], &["sum_m", "error_m"]));
+            }
+            let header = Header::new(FrameKind::Command, Step(0));
+            rows.receiver().copy_from_slice(&[1.0, 2.0, 3.0, 4.0]);
+            let taken = rows.take_frame(header);
+            let frame = rows.frame.clone();
+            rows.receiver().copy_from_slice(&[1.0, 2.0, 3.0, 4.0]);
+            assert!(!rows.differs(&header, &taken));
+            let mut invalid = header;
+            invalid.invalid[0] = 0b1000;
+            assert!(rows.differs(&invalid, &taken));
+            let older = Header {
+                age_steps: 1,
+                ..header
+            };
+            assert!(rows.differs(&older, &taken));
+            rows.receiver()[3] = 4.5;
+            assert!(rows.differs(&header, &taken));
+            assert_eq!(rows.frame, frame);
+        }
     }
 
     #[test]

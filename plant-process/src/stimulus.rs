@@ -8,7 +8,7 @@ mod taylor;
 
 use std::f64::consts::TAU;
 
-use hil_config::plan::Waveform;
+use hil_config::plan::{Sweep, Waveform};
 
 use self::taylor::Taylor;
 
@@ -43,9 +43,10 @@ pub fn evaluate(waveform: &Waveform, time_s: f64, row: &mut [f64]) {
             start_hz,
             end_hz,
             duration_s,
+            sweep,
             offset,
         } => {
-            let turns = chirp_turns(time_s, *start_hz, *end_hz, *duration_s);
+            let turns = chirp_turns(time_s, *sweep, [*start_hz, *end_hz], *duration_s);
             let wave = sine(turns, 0.0, *amplitude) + *offset;
             row.copy_from_slice(&wave.derivatives());
         }
@@ -76,15 +77,23 @@ fn sine(turns: Taylor, phase_rad: f64, amplitude: f64) -> Taylor {
     ((turns + -whole) * TAU + phase_rad).sin() * amplitude
 }
 
-/// `f0 t + (f1 - f0) t^2 / (2 d)` until `d`, then on at `f1`.
-fn chirp_turns(time_s: f64, start_hz: f64, end_hz: f64, duration_s: f64) -> Taylor {
-    let (f_0, f_1, d) = (start_hz, end_hz, duration_s);
+/// The turns of a [`Sweep`] until `d`, then on at `f1`.
+fn chirp_turns(time_s: f64, sweep: Sweep, [f_0, f_1]: [f64; 2], duration_s: f64) -> Taylor {
+    let d = duration_s;
     let t = Taylor::time(time_s);
-    if time_s < d {
-        t * f_0 + t * t * ((f_1 - f_0) / (2.0 * d))
-    } else {
+    match sweep {
+        Sweep::Linear if time_s < d => t * f_0 + t * t * ((f_1 - f_0) / (2.0 * d)),
         // The sweep ends at (f0 + f1) d / 2 turns; f1 (t - d) more.
-        t * f_1 + 0.5 * (f_0 - f_1) * d
+        Sweep::Linear => t * f_1 + 0.5 * (f_0 - f_1) * d,
+        Sweep::Logarithmic => {
+            let k = libm::log(f_1 / f_0) / d;
+            if time_s < d {
+                (t * k).exp_m1() * (f_0 / k)
+            } else {
+                // It ends at (f1 - f0) / k turns.
+                t * f_1 + ((f_1 - f_0) / k - f_1 * d)
+            }
+        }
     }
 }
 
@@ -240,6 +249,7 @@ mod tests {
         start_hz: 0.5,
         end_hz: 20.0,
         duration_s: 8.0,
+        sweep: Sweep::Linear,
         offset: -0.5,
     };
 
@@ -261,11 +271,41 @@ mod tests {
         assert_close(&row(&CHIRP, 9.0078125), &expected, 2.0, 20.0);
     }
 
+    const LOGARITHMIC_CHIRP: Waveform = Waveform::Chirp {
+        amplitude: 2.0,
+        start_hz: 0.5,
+        end_hz: 20.0,
+        duration_s: 8.0,
+        sweep: Sweep::Logarithmic,
+        offset: -0.5,
+    };
+
+    // k = log(mpf(20) / 0.5) / 8, f = lambda t: mpf(-0.5) + 2*sin(2*pi * mpf(0.5) * (exp(k*t) - 1) / k)
+    #[test]
+    fn a_logarithmic_chirp_has_exact_derivatives_during_its_sweep() {
+        #[rustfmt::skip]
+        let expected = [-1.3259701237866164, -66.76828429760836, 1079.0465615831736,
+            91235.83737761217, -1241399.0232440592, -126945155.3560124];
+        // The exponent is rounded, and with it some thirty turns.
+        assert_close(&row(&LOGARITHMIC_CHIRP, 5.328125), &expected, 10.0, 20.0);
+    }
+
+    // f = lambda t: mpf(-0.5) + 2*sin(2*pi*(mpf(19.5) / k + 20*(t - 8)))
+    #[test]
+    fn a_logarithmic_chirp_goes_on_at_its_end_frequency() {
+        #[rustfmt::skip]
+        let expected = [0.171385753090683, -236.7432576521893, -10602.098853651996,
+            3738499.676243647, 167421634.4108611, -59036020573.0007];
+        assert_close(&row(&LOGARITHMIC_CHIRP, 9.0078125), &expected, 2.0, 20.0);
+    }
+
     #[test]
     fn a_chirp_has_no_jump_where_its_sweep_ends() {
-        let (before, at) = (row(&CHIRP, 8.0 - 1e-9), row(&CHIRP, 8.0));
-        assert!((before[0] - at[0]).abs() < 1e-6);
-        assert!((before[1] - at[1]).abs() < 1e-4);
+        for chirp in [CHIRP, LOGARITHMIC_CHIRP] {
+            let (before, at) = (row(&chirp, 8.0 - 1e-9), row(&chirp, 8.0));
+            assert!((before[0] - at[0]).abs() < 1e-6);
+            assert!((before[1] - at[1]).abs() < 1e-4);
+        }
     }
 
     #[test]

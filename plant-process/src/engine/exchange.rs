@@ -30,28 +30,50 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         if self.side.is_alone() {
             return self.go_on_alone();
         }
-        let Some(header) = self.link.receive(self.rows.receiver())? else {
-            return match self.deadline_ns {
-                u64::MAX => Ok(Progress::Controller),
-                deadline_ns if monotonic_ns() < deadline_ns => {
-                    Ok(Progress::ControllerUntil(deadline_ns))
-                }
-                _ => self.miss(),
-            };
-        };
+        if let Some(header) = self.link.receive(self.rows.receiver())?
+            && self.hears(header)?
+        {
+            return Ok(Progress::Busy);
+        }
+        match self.deadline_ns {
+            u64::MAX => Ok(Progress::Controller),
+            deadline_ns if monotonic_ns() < deadline_ns => {
+                Ok(Progress::ControllerUntil(deadline_ns))
+            }
+            _ => self.miss(),
+        }
+    }
+
+    /// Does what a frame of the controller asks for; false if it gets the run no further, and what was
+    /// awaited still is.
+    fn hears(&mut self, header: Header) -> Result<bool, LinkError> {
+        let before = self.side.standing();
         match self.side.on(&PlantEvent::Frame(&header)) {
             PlantAction::Apply(step) => {
-                let header = self.rows.translate(header);
+                let header = self.rows.take_frame(header);
                 self.take(step, header)?;
             }
             PlantAction::Keep => {
-                let header = self.rows.translate(header);
+                let header = self.rows.take_frame(header);
                 self.keep(header);
             }
             PlantAction::Finish => self.finish(Outcome::Completed, None)?,
+            PlantAction::Ignore if self.contradicts(&header) => {
+                self.interrupt(&PlantEvent::Contradiction(Step(header.step)))?;
+            }
             action => self.react(&action)?,
         }
-        Ok(Progress::Busy)
+        Ok(self.side.standing() != before)
+    }
+
+    /// Whether a command that is passed over says something else than the newest one, of the same step.
+    /// That may be another's, as in a run that is repeated or after a loss.
+    fn contradicts(&self, header: &Header) -> bool {
+        let newest = &self.newest.header;
+        header.kind() == Some(FrameKind::Command)
+            && (header.epoch, header.step) == (newest.epoch, newest.step)
+            && self.repetition.is_none()
+            && self.rows.differs(header, newest)
     }
 
     /// Takes the command that answers a step, or what it had to do with in the run that is repeated.
@@ -119,6 +141,9 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
 
     /// A step meets the newest command: it is applied and the plant integrates to the next step.
     pub(super) fn meet(&mut self, step: Step, received_ns: u64) -> Result<(), LinkError> {
+        if self.recorder_is_stuck(received_ns)? {
+            return self.recorder_late();
+        }
         self.newest.held_steps = (step.0 - self.newest.header.step) as u32;
         if self.newest.held_steps > 0 && !self.side.is_alone() {
             self.missed.note(step);
@@ -137,7 +162,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             let reason = format!("controller's command of step {}: {bad}", header.step);
             return self.give_up(Outcome::Failed, AbortCode::NotANumber, reason);
         }
-        let command = (&rows.command[..], &rows.command_invalid);
+        let command = (&rows.command[..], &mut rows.command_invalid);
         let age_steps = (plant.faults).command(step, header, command, &mut rows.applied);
 
         let rate = self.job.run.rate;

@@ -2,13 +2,12 @@
 
 use shared_types::describe::Invalid;
 use shared_types::hello::{Control, Welcome};
-use shared_types::layout::SignalKind;
 use shared_types::link::{FrameSpec, Link, LinkError};
 use shared_types::lockstep::{AbortCode, PlantAction};
 use shared_types::record::{Outcome, RecordLayout};
 use shared_types::stream::RecordSink;
 
-use super::{Engine, Progress};
+use super::{Engine, Plant, Progress};
 use crate::repeat::Repetition;
 use crate::rows::Rows;
 
@@ -18,6 +17,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         let Some(message) = self.hear()? else {
             return Ok(Progress::Controller);
         };
+        let before = self.side.standing();
         match self.told(&message, 1) {
             PlantAction::Welcome(welcome) => self.welcome(*welcome)?,
             PlantAction::Refuse(reason) => {
@@ -32,23 +32,20 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             }
             action => self.react(&action)?,
         }
-        Ok(Progress::Busy)
+        Ok(if self.side.standing() == before {
+            Progress::Controller
+        } else {
+            Progress::Busy
+        })
     }
 
     fn welcome(&mut self, welcome: Welcome) -> Result<(), LinkError> {
-        let description = &self.plant.description;
-        let layout = RecordLayout {
-            truth: description.truth.clone(),
-            measured: description.measured.clone(),
-            reference: self.plant.reference.clone(),
-            command: description.commands.clone(),
-            internal: welcome.command.fields(SignalKind::Internal),
-            command_signals: welcome.command.len(),
-            parameter: (description.parameters.iter())
-                .filter(|field| field.faultable)
-                .cloned()
-                .collect(),
-        };
+        let Plant {
+            description,
+            reference,
+            ..
+        } = &self.plant;
+        let layout = RecordLayout::of(description, reference.clone(), &welcome.command);
         self.link.open_frames(&FrameSpec {
             seal: welcome.seal(),
             outgoing: welcome.sample.len(),

@@ -33,7 +33,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             self.agreed = None;
             if let Err(error) = self.link.expect(epoch) {
                 program::say(&error.to_string());
-                return self.interrupt(&PlantEvent::PeerGone(epoch));
+                self.interrupt(&PlantEvent::PeerGone(epoch))?;
             }
         }
         Ok(())
@@ -86,6 +86,11 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     pub(super) fn told(&mut self, message: &Control, epoch: u32) -> PlantAction {
         match message {
             Control::Hello(hello) => {
+                let described = (self.job.law.as_ref()).filter(|_| self.side.is_greeting());
+                let said = described.map_or(Ok(()), |law| hello.check_described(law));
+                if let Err(refused) = said {
+                    return PlantAction::Refuse(refused.to_string());
+                }
                 let offer = Offer {
                     session: self.job.session,
                     epoch,
@@ -104,16 +109,17 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         }
     }
 
-    /// Hears the controller that was announced; false if there was nothing to hear.
+    /// Hears the controller that was announced; true if that changed anything for the run, as it takes
+    /// over or was the last hope. Else the one in office goes on, and has no more time for it.
     pub(super) fn attend_candidate(&mut self) -> Result<bool, LinkError> {
         let limit = WaitLimit::from_seconds(self.job.wait_limit_s);
         if monotonic_ns() - self.expected_ns >= limit.ns() {
-            self.interrupt(&PlantEvent::CandidateLate(limit.ms()))?;
-            return Ok(true);
+            return self.interrupt(&PlantEvent::CandidateLate(limit.ms()));
         }
         let Some(message) = self.hear()? else {
             return Ok(false);
         };
+        let standing = self.side.standing();
         let before = (self.side.is_alone(), self.side.waits_for_controller());
         match self.told(&message, self.expected) {
             PlantAction::Welcome(welcome) => {
@@ -134,7 +140,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             PlantAction::TakeOver(unanswered) => self.take_over(unanswered, before)?,
             action => self.react(&action)?,
         }
-        Ok(true)
+        Ok(self.side.standing() != standing)
     }
 
     /// The one that was announced is in office; before it the run was alone, and waited, or neither.

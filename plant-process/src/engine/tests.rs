@@ -103,7 +103,11 @@ impl PlantTrait for Mover {
     }
 }
 
-fn job(steps: u64) -> Job {
+pub(super) fn kind() -> PlantKind {
+    PlantKind::of::<Mover>()
+}
+
+pub(super) fn job(steps: u64) -> Job {
     let effect = FaultEffect {
         target: "mover".into(),
         skew_steps: 0,
@@ -161,6 +165,7 @@ fn job(steps: u64) -> Job {
         }],
         derived: vec![],
         missed: vec![],
+        law: None,
         pause_at_s: None,
         observed: true,
         checkpoints: Checkpoints::default(),
@@ -175,8 +180,7 @@ type TestEngine = Engine<InProcessLink, InProcessSink>;
 fn greeted(job: Job) -> (TestEngine, InProcessLink, InProcessSource) {
     let (link, mut controller) = pair();
     let (sink, source) = shared_types::stream::in_process::pair();
-    let kind = PlantKind::of::<Mover>();
-    let mut engine = Engine::new(&kind, &kinds::all(), job, link, sink).expect("starts");
+    let mut engine = Engine::new(&kind(), &kinds::all(), job, link, sink).expect("starts");
     let hello = Hello {
         protocol: PROTOCOL,
         session: 5,
@@ -379,8 +383,7 @@ fn a_stop_tells_the_controller_and_keeps_what_was_recorded() {
 fn a_controller_that_does_not_fit_is_refused_with_the_reason() {
     let (link, mut controller) = pair();
     let (sink, _source) = shared_types::stream::in_process::pair();
-    let kind = PlantKind::of::<Mover>();
-    let mut engine = Engine::new(&kind, &kinds::all(), job(3), link, sink).expect("starts");
+    let mut engine = Engine::new(&kind(), &kinds::all(), job(3), link, sink).expect("starts");
     let hello = Hello {
         protocol: PROTOCOL,
         session: 5,
@@ -470,8 +473,7 @@ fn what_a_controller_confirmed_before_it_ended_counts() {
         supervision: supervision.clone(),
     };
     let (sink, _source) = shared_types::stream::in_process::pair();
-    let kind = PlantKind::of::<Mover>();
-    let mut engine = Engine::new(&kind, &kinds::all(), job(0), link, sink).expect("starts");
+    let mut engine = Engine::new(&kind(), &kinds::all(), job(0), link, sink).expect("starts");
     let hello = Hello {
         protocol: PROTOCOL,
         session: 5,

@@ -1,7 +1,7 @@
 //! One effect of a fault: where it is in its life, what it does, and how much it did.
 //!
 //! Made in the workshop with all the space it needs, owned by the layer. An effect waits, acts and
-//! has ended; it never goes back.
+//! has ended; it never goes back, and keeps no more than what is told of it.
 
 use std::fmt::Write;
 
@@ -50,6 +50,8 @@ pub(super) enum Action {
     Skip(Box<dyn Fault>, u32),
     /// Costs time and changes nothing else; with it how much at this step, in ns.
     Busy(Side, Box<dyn Fault>, u32),
+    /// Nothing any more: it has ended, and what it needed is gone.
+    Over,
 }
 
 /// Where an effect is in its life.
@@ -98,7 +100,7 @@ impl Action {
     /// The fault of a kind, if it is one.
     fn fault(&mut self) -> Option<&mut dyn Fault> {
         match self {
-            Self::Move(_) => None,
+            Self::Move(_) | Self::Over => None,
             Self::Parameter(_, fault)
             | Self::Signal(_, _, fault)
             | Self::Link(_, fault, _)
@@ -240,6 +242,13 @@ impl Effect {
         self.life = Life::Ended;
     }
 
+    /// Lets go of what it needed to act; it has ended.
+    pub(super) fn retire(&mut self) {
+        self.action = Action::Over;
+        self.profile = Profile::Step;
+        self.taken = None;
+    }
+
     /// The step at which it ends of itself, if that is known.
     pub(super) const fn own_end(&self) -> Option<u64> {
         match (self.life, self.after_steps) {
@@ -286,7 +295,7 @@ impl Effect {
     pub(super) fn is_spent(&self) -> bool {
         let occurrences = match self.action {
             Action::Link(..) | Action::Skip(..) | Action::Busy(..) => self.size.acted_steps,
-            Action::Move(_) | Action::Parameter(..) | Action::Signal(..) => {
+            Action::Move(_) | Action::Parameter(..) | Action::Signal(..) | Action::Over => {
                 self.runs - u64::from(self.acting)
             }
         };

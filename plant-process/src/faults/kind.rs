@@ -239,9 +239,8 @@ impl FaultKindEntry {
                 saves: K::state().is_some(),
             },
             start: |setup| {
-                let parameters = setup.parameters.to_table();
                 let fault = K::start(&Setup {
-                    parameters: parameters.map_err(|e| Invalid(e.to_string()))?,
+                    parameters: setup.parameters.to_table("faults.effects")?,
                     list: setup.list,
                     rate: setup.rate,
                 })?;

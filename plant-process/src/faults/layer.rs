@@ -29,6 +29,9 @@ use super::schedule::{Change, SavedEvent, Schedule, waits_for};
 use super::timing::Timing;
 use super::workshop::{FaultWorkshop, Prepared};
 
+/// Ended faults that are let go of for each that is taken.
+const MOST_RETIRED: usize = 4;
+
 /// The faults of a run.
 pub struct FaultLayer {
     rate: Rate,
@@ -168,6 +171,7 @@ impl FaultLayer {
             let prepared = workshop.prepare(event, &columns)?;
             self.arm(prepared, Step(0));
         }
+        self.schedule.look_ahead(&self.effects);
         Ok(())
     }
 
@@ -224,28 +228,22 @@ impl FaultLayer {
     }
 
     /// Makes of the commands that the controller sent what is applied; gives its age in steps.
-    /// `invalid` are the bits of these commands. What drives a valve holds the last current that was
-    /// good: an invalid command leaves the one before in force.
+    /// `invalid` are the bits of these commands, as they were sent and then as the plant gets them. What
+    /// drives a valve holds the last current that was good: an invalid command leaves the one before in
+    /// force.
     pub fn command(
         &mut self,
         step: Step,
         header: &Header,
-        (command, invalid): (&[f64], &[u64; VALIDITY_WORDS]),
+        (command, invalid): (&[f64], &mut [u64; VALIDITY_WORDS]),
         applied: &mut [f64],
     ) -> u32 {
         applied.copy_from_slice(command);
-        let mut invalid = *invalid;
         let (effects, rate) = (&mut self.effects, self.rate);
         self.targets.timing.answered(effects, header);
         let lane = &mut self.targets.command;
-        let age_steps = lane.carry(
-            effects,
-            step,
-            rate,
-            (applied, &mut invalid),
-            header.age_steps,
-        );
-        lane.strike(effects, step, rate, (applied, &mut invalid));
+        let age_steps = lane.carry(effects, step, rate, (applied, invalid), header.age_steps);
+        lane.strike(effects, step, rate, (applied, invalid));
         self.schedule.count(effects, step);
         age_steps
     }
@@ -296,6 +294,7 @@ impl FaultLayer {
                 ));
             }
         }
+        self.retire(MOST_RETIRED * prepared.len());
         let admitted = prepared.into_iter().map(|prepared| {
             let event = prepared.event();
             let (id, kind, waits_for) = (event.id, event.kind.clone(), waits_for(&event.trigger));
@@ -307,7 +306,16 @@ impl FaultLayer {
                 step,
             }
         });
-        Ok(admitted.collect())
+        let admitted = admitted.collect();
+        self.schedule.look_ahead(&self.effects);
+        Ok(admitted)
+    }
+
+    /// Lets go of what ended faults needed to act, of so many at most; what is told of them stays.
+    fn retire(&mut self, most: usize) {
+        for effects in (0..most).map_while(|_| self.schedule.retire()) {
+            self.effects[effects].iter_mut().for_each(Effect::retire);
+        }
     }
 
     /// Ends a fault or all of them from a step on, also those that wait; gives their numbers.
@@ -340,15 +348,14 @@ impl FaultLayer {
     fn arm(&mut self, mut prepared: Prepared, next: Step) -> Option<Step> {
         let begin = self.effects.len();
         let end = begin + prepared.effects.len();
+        let living = self.schedule.living_effects() + prepared.effects.len();
         for effect in prepared.effects.drain(..) {
             self.path.reserve(effect.path_length());
-            self.targets.stack_of(&effect.action).reserve(end);
+            self.targets.stack_of(&effect.action).reserve(living);
             self.effects.push(effect);
         }
-        self.told.reserve(2 * end);
-        let hold = self.schedule.arm(prepared, begin..end, next);
-        self.schedule.look_ahead(&self.effects);
-        hold
+        self.told.reserve(2 * living);
+        self.schedule.arm(prepared, begin..end, next)
     }
 
     /// Does what the schedule says, and tells of it.
@@ -380,7 +387,8 @@ impl Targets {
     /// The effects that act where this one does.
     const fn stack_of(&mut self, action: &Action) -> &mut Vec<usize> {
         match action {
-            Action::Move(_) | Action::Parameter(..) => self.parameters.stack(),
+            // What is over is in no stack.
+            Action::Move(_) | Action::Parameter(..) | Action::Over => self.parameters.stack(),
             Action::Signal(Direction::Sample, ..) => self.sample.signals(),
             Action::Signal(Direction::Command, ..) => self.command.signals(),
             Action::Link(Direction::Sample, ..) => self.sample.link(),

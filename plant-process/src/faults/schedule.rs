@@ -4,13 +4,16 @@
 //! and conditions; what the effects do is nothing to it. As long as nothing begins or ends by its
 //! number and no condition is watched, it is one comparison.
 //!
+//! Of what is over only what is listed stays: the rest goes when another fault is taken, which
+//! allocates anyway, never at a step.
+//!
 //! At one step, faults end before others begin, and those that begin do so by the number of their
 //! event and their place in it.
 
 use std::ops::Range;
 
 use hil_config::condition::Watch;
-use hil_config::plan::{Condition, FaultEvent, FaultSource, Trigger};
+use hil_config::plan::{Condition, FaultEnd, FaultEvent, FaultSource, Trigger};
 use serde::{Deserialize, Serialize};
 use shared_types::describe::Invalid;
 use shared_types::live::FaultState;
@@ -36,6 +39,12 @@ pub(super) enum Change {
 pub(super) struct Schedule {
     /// By their numbers.
     events: Vec<Scheduled>,
+    /// The places of those that are not over, rising.
+    living: Vec<usize>,
+    /// The places of those that are over and still have all that they needed to act.
+    over: Vec<usize>,
+    /// Effects of the living.
+    living_effects: usize,
     /// The first step at which something begins or ends by its number.
     due: u64,
     /// Events that wait for or end by a condition, by place.
@@ -76,12 +85,18 @@ pub(super) struct SavedEvent {
 impl Schedule {
     /// The state of every event.
     pub(super) fn save(&self) -> Vec<SavedEvent> {
-        let held = |watch: &Option<Watch>| watch.as_ref().map_or(0, Watch::held);
-        let save = |scheduled: &Scheduled| SavedEvent {
-            id: scheduled.event.id,
-            held: scheduled.hold.filter(|_| scheduled.held),
-            over: scheduled.over,
-            conditions_held: [&scheduled.when, &scheduled.until].map(held),
+        let save = |scheduled: &Scheduled| {
+            // What is over asks no condition again, and may have none any more.
+            let held = |watch: &Option<Watch>| {
+                let watch = watch.as_ref().filter(|_| !scheduled.over);
+                watch.map_or(0, Watch::held)
+            };
+            SavedEvent {
+                id: scheduled.event.id,
+                held: scheduled.hold.filter(|_| scheduled.held),
+                over: scheduled.over,
+                conditions_held: [&scheduled.when, &scheduled.until].map(held),
+            }
         };
         self.events.iter().map(save).collect()
     }
@@ -121,7 +136,7 @@ impl Schedule {
     }
 
     /// Takes an event whose effects were put at `effects`; it waits from step `next` on. Gives the
-    /// step at which it takes hold, if that is known.
+    /// step at which it takes hold, if that is known. [`look_ahead`](Self::look_ahead) must follow.
     pub(super) fn arm(
         &mut self,
         prepared: Prepared,
@@ -131,7 +146,8 @@ impl Schedule {
         let Prepared {
             event, when, until, ..
         } = prepared;
-        self.changes.reserve(2 * effects.end);
+        self.living_effects += effects.len();
+        self.changes.reserve(2 * self.living_effects);
         let scheduled = Scheduled {
             hold: self.hold_of(&event.trigger, next),
             held: false,
@@ -145,8 +161,30 @@ impl Schedule {
         let hold = scheduled.hold;
         let place = self.place_after(scheduled.event.id);
         self.events.insert(place, scheduled);
-        self.watching.reserve(self.events.len());
+        for later in self.living.iter_mut().chain(&mut self.over) {
+            *later += usize::from(*later >= place);
+        }
+        let among = self.living.partition_point(|other| *other < place);
+        self.living.insert(among, place);
+        self.watching.reserve(self.living.len());
+        self.over.reserve(self.living.len());
         hold.map(Step)
+    }
+
+    /// Effects that have not ended, or whose event has others that have not.
+    pub(super) const fn living_effects(&self) -> usize {
+        self.living_effects
+    }
+
+    /// Lets go of what an event that is over needed, and gives the places of its effects.
+    pub(super) fn retire(&mut self) -> Option<Range<usize>> {
+        let scheduled = &mut self.events[self.over.pop()?];
+        (scheduled.when, scheduled.until) = (None, None);
+        scheduled.event.name = None;
+        scheduled.event.trigger = Trigger::Now;
+        scheduled.event.end = FaultEnd::default();
+        scheduled.event.effects = Vec::new();
+        Some(scheduled.effects.clone())
     }
 
     /// The step at which a trigger takes hold for an event that is taken before step `next`, if that
@@ -235,7 +273,8 @@ impl Schedule {
     }
 
     fn end_due(&mut self, effects: &mut [Effect], step: Step) {
-        for scheduled in self.events.iter_mut().filter(|scheduled| !scheduled.over) {
+        for &place in &self.living {
+            let scheduled = &mut self.events[place];
             let event_ends = scheduled.end.is_some_and(|end| end <= step.0);
             for place in scheduled.effects.clone() {
                 let effect = &mut effects[place];
@@ -257,7 +296,8 @@ impl Schedule {
     /// Lets events take hold; true if one did.
     fn hold_due(&mut self, step: Step) -> bool {
         let mut any = false;
-        for place in 0..self.events.len() {
+        for at in 0..self.living.len() {
+            let place = self.living[at];
             let scheduled = &self.events[place];
             if scheduled.held || scheduled.over {
                 continue;
@@ -277,7 +317,8 @@ impl Schedule {
     }
 
     fn begin_due(&mut self, effects: &mut [Effect], step: Step) {
-        for scheduled in self.events.iter().filter(|scheduled| !scheduled.over) {
+        for &place in &self.living {
+            let scheduled = &self.events[place];
             for place in scheduled.effects.clone() {
                 let due = scheduled.begin_of(&effects[place]);
                 if due.is_some_and(|due| due <= step.0) {
@@ -292,10 +333,11 @@ impl Schedule {
     pub(super) fn look_ahead(&mut self, effects: &[Effect]) {
         (self.due, self.counting) = (NEVER, false);
         self.watching.clear();
-        for (place, scheduled) in self.events.iter().enumerate() {
-            if scheduled.over {
-                continue;
-            }
+        self.bury();
+        self.living_effects = 0;
+        for &place in &self.living {
+            let scheduled = &self.events[place];
+            self.living_effects += scheduled.effects.len();
             let waits = scheduled.hold.is_none() && scheduled.when.is_some();
             if waits || scheduled.until.is_some() {
                 self.watching.push(place);
@@ -313,10 +355,24 @@ impl Schedule {
         }
     }
 
+    /// Moves what is over out of the living; there is room for all of them.
+    fn bury(&mut self) {
+        let (events, over) = (&self.events, &mut self.over);
+        self.living.retain(|place| {
+            let lives = !events[*place].over;
+            if !lives {
+                over.push(*place);
+            }
+            lives
+        });
+    }
+
     /// After a step: effects that acted as often as they may end at the next.
     pub(super) fn count(&mut self, effects: &[Effect], step: Step) {
         let spent = |effect: &Effect| effect.life != Life::Ended && effect.is_spent();
-        if self.counting && effects.iter().any(spent) {
+        let mut living = self.living.iter();
+        let effects_of = |place: &usize| effects[self.events[*place].effects.clone()].iter();
+        if self.counting && living.any(|place| effects_of(place).any(spent)) {
             self.due = step.0 + 1;
         }
     }
@@ -330,9 +386,10 @@ impl Schedule {
     ) -> Vec<u32> {
         self.changes.clear();
         let mut cleared = Vec::new();
-        for scheduled in &mut self.events {
+        for &place in &self.living {
+            let scheduled = &mut self.events[place];
             let number = scheduled.event.id;
-            if scheduled.over || id.is_some_and(|id| id != number) {
+            if id.is_some_and(|id| id != number) {
                 continue;
             }
             cleared.push(number);

@@ -18,6 +18,7 @@ pub mod shape;
 pub mod timing;
 
 use shared_types::describe::Invalid;
+use shared_types::number::exact;
 
 use super::kind::FaultKindEntry;
 
@@ -65,7 +66,10 @@ fn whole(name: &str, value: f64) -> Result<u32, Invalid> {
     if f64::from(whole) == value {
         Ok(whole)
     } else {
-        Err(Invalid(format!("`{name}` is {value}, not a whole number")))
+        Err(Invalid(format!(
+            "`{name}` is {}, not a whole number",
+            exact(value)
+        )))
     }
 }
 

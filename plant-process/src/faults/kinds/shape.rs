@@ -1,6 +1,7 @@
 //! Faults that bend a number: coarse converters and hard limits.
 
 use shared_types::describe::{ActsOn, Invalid};
+use shared_types::number::exact;
 use shared_types::state::StateOf;
 
 use crate::faults::kind::{FaultKind, Moment, Reading, Setup};
@@ -71,7 +72,11 @@ impl FaultKind for Saturation {
     fn start(setup: &Setup<'_, SaturationParameters>) -> Result<Self, Invalid> {
         let SaturationParameters { min, max } = setup.parameters;
         if min > max {
-            return Err(Invalid(format!("`min` {min} is above `max` {max}")));
+            return Err(Invalid(format!(
+                "`min` {} is above `max` {}",
+                exact(min),
+                exact(max)
+            )));
         }
         Ok(Self(setup.parameters))
     }

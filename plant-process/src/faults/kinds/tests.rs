@@ -228,7 +228,7 @@ fn what_does_not_go_together_is_refused_with_the_reason() {
         ("late", &[("busy_us", 1.0)], &[1.0, 1.0], "takes the place"),
         ("late", &[], &[1.0, -1.0], "weight -1"),
         ("late", &[], &[-1.0, 1.0], "-1 us"),
-        ("late", &[], &[1.0, f64::NAN], "weight NaN"),
+        ("late", &[], &[1.0, f64::NAN], "weight nan"),
         ("late", &[], &[1.0, 0.0], "no weight"),
         ("late", &[], &[1.0, 1.0, 2.0], "without a weight"),
     ];

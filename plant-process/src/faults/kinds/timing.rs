@@ -2,6 +2,7 @@
 
 use shared_types::describe::{ActsOn, Invalid, ListDescription};
 use shared_types::directive::Directive;
+use shared_types::number::{exact, exact_in};
 use shared_types::random::RandomStream;
 use shared_types::state::StateOf;
 
@@ -70,7 +71,9 @@ impl FaultKind for Late {
             };
             if !(0.0..=1e6).contains(&length_us) || !(0.0..=1e300).contains(&weight) {
                 return Err(Invalid(format!(
-                    "`histogram` has {length_us} us with weight {weight}; lengths are 0 to 1e6 us, weights at least 0"
+                    "`histogram` has {} with weight {}; lengths are 0 to 1e6 us, weights at least 0",
+                    exact_in(length_us, "us"),
+                    exact(weight)
                 )));
             }
             sum += weight;

@@ -1,5 +1,7 @@
 //! Kinds of faults as plain as can be.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use shared_types::describe::{ActsOn, Invalid};
 use shared_types::directive::Directive;
 use shared_types::random::RandomStream;
@@ -22,6 +24,7 @@ pub(super) fn all() -> Vec<FaultKindEntry> {
         FaultKindEntry::of::<Broken>(),
         FaultKindEntry::of::<Busy>(),
         FaultKindEntry::of::<Jump>(),
+        FaultKindEntry::of::<Counted>(),
     ]
 }
 
@@ -228,5 +231,32 @@ impl FaultKind for Before {
 
     fn number(&mut self, _: &Moment, x: Reading) -> Reading {
         self.0.replace(x).unwrap_or(x)
+    }
+}
+
+/// Faults of the kind [`Counted`] that there are.
+pub(super) static COUNTED: AtomicUsize = AtomicUsize::new(0);
+
+/// Changes nothing, and is counted while it is there; for one test only.
+struct Counted;
+
+impl FaultKind for Counted {
+    const NAME: &'static str = "counted";
+    const SUMMARY: &'static str = "counted";
+    const EQUATION: &'static str = "counted";
+    const ACTS_ON: ActsOn = ActsOn::Links;
+    type Parameters = Empty;
+
+    fn start(_: &Setup<'_, Empty>) -> Result<Self, Invalid> {
+        COUNTED.fetch_add(1, Ordering::Relaxed);
+        Ok(Self)
+    }
+
+    fn message(&mut self, _: &Moment, _: &mut Passage) {}
+}
+
+impl Drop for Counted {
+    fn drop(&mut self) {
+        COUNTED.fetch_sub(1, Ordering::Relaxed);
     }
 }

@@ -1,9 +1,12 @@
 //! Faults that are taken and cleared while the run goes on.
 
-use hil_config::plan::{FaultEvent, FaultSource, Trigger};
-use shared_types::describe::Operation;
+use std::sync::atomic::Ordering;
+
+use hil_config::plan::{FaultAction, FaultEvent, FaultSource, Trigger};
+use shared_types::describe::{Operation, Settings};
 use shared_types::time::Step;
 
+use super::kinds::COUNTED;
 use super::rig::*;
 use crate::faults::layer::columns;
 use crate::faults::{Admitted, Prepared};
@@ -229,4 +232,48 @@ fn the_states_tell_what_each_fault_does_and_waits_for() {
         ]
     );
     assert_eq!(rig.layer.states()[1].effects[0].acted_steps, 2);
+}
+
+#[test]
+fn what_an_ended_fault_needed_is_let_go_of_and_what_is_told_of_it_stays() {
+    const MANY: u32 = 200;
+    let mut effect = on("link.sample", 0.0);
+    effect.action = FaultAction::Kind {
+        parameters: Settings::default(),
+        list: Vec::new(),
+    };
+    let mut rig = Rig::new(&[plus(1, at(3)), plus(2, after(MANY + 1, 1))]);
+    for id in 3..=MANY {
+        let counted = event(id, "counted", Trigger::Now, std::slice::from_ref(&effect));
+        // Each way to end in turn: by itself, cleared while it acts, cleared while it waits.
+        let counted = match id % 3 {
+            0 => until(lasting(1), counted),
+            1 => counted,
+            _ => FaultEvent {
+                trigger: Trigger::Condition(when("sensed.a_m < 0", 1)),
+                ..counted
+            },
+        };
+        rig.admit(vec![counted]).expect("it can be");
+        rig.run(1);
+        if id % 3 != 0 {
+            assert_eq!(rig.layer.clear(Some(id), Step(rig.next)), [id]);
+        }
+        rig.run(1);
+        let there = COUNTED.load(Ordering::Relaxed);
+        assert!(there <= 2, "{there} of the first {id}");
+    }
+    let states = rig.layer.states();
+    assert_eq!(states.len(), MANY as usize);
+    assert!(states[2..].iter().all(|state| state.state == "ended"));
+    assert_eq!(rig.size(3, 0).step, Some(0));
+    assert_eq!(rig.size(3, 0).ended_step, Some(1));
+    assert_eq!(rig.size(5, 0).step, None);
+    // What lives goes on as if nothing had been there.
+    assert!(rig.told.contains(&(1, 0, 3, '+')));
+    let last = event(MANY + 1, "plus", Trigger::Now, &[on("measured.b_m", 1.0)]);
+    rig.admit(vec![last]).expect("it can be");
+    let k = rig.next as f64;
+    let values = rig.each(2, |passed| passed.sample[0]);
+    assert_eq!(values, [k + 1.0, k + 3.0]);
 }

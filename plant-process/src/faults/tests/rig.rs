@@ -217,7 +217,7 @@ impl Rig {
         let command_age_steps = layer.command(
             step,
             &self.answer,
-            (&command, &command_invalid),
+            (&command, &mut command_invalid),
             &mut applied,
         );
         let mut faultable = [f64::NAN; 2];

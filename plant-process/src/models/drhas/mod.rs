@@ -42,6 +42,7 @@ mod tests;
 
 use serde::{Deserialize, Serialize};
 use shared_types::describe::{FaultDescription, Invalid};
+use shared_types::number::{exact, exact_in};
 use shared_types::state::StateOf;
 use shared_types::time::Interval;
 use zerocopy::{FromBytes, Immutable, IntoBytes, transmute};
@@ -363,24 +364,32 @@ fn start_of_actuator(p: &ActuatorParameters) -> Result<ActuatorState, Invalid> {
     let (supply_pa, return_pa) = (p.supply_pressure_pa, p.return_pressure_pa);
     if return_pa >= supply_pa {
         return Err(Invalid(format!(
-            "return_pressure_pa = {return_pa} must be below supply_pressure_pa = {supply_pa}"
+            "return_pressure_pa = {} must be below supply_pressure_pa = {}",
+            exact(return_pa),
+            exact(supply_pa)
         )));
     }
     let position_m = p.initial_position_m;
     let (lowest_m, highest_m) = (-p.volume1_m3 / p.area1_m2, p.volume2_m3 / p.area2_m2);
     if !(lowest_m < position_m && position_m < highest_m) {
         return Err(Invalid(format!(
-            "initial_position_m = {position_m} is outside the piston's travel, which is \
-             -volume1_m3 / area1_m2 = {lowest_m} to volume2_m3 / area2_m2 = {highest_m}"
+            "initial_position_m = {} is outside the piston's travel, which is \
+             -volume1_m3 / area1_m2 = {} to volume2_m3 / area2_m2 = {}",
+            exact(position_m),
+            exact(lowest_m),
+            exact(highest_m)
         )));
     }
     let pressure_pa = |name: &str, ratio: f64| {
         let pressure_pa = ratio * supply_pa;
         if pressure_pa < return_pa {
             return Err(Invalid(format!(
-                "{name} = {ratio} of supply_pressure_pa is {pressure_pa} Pa, below \
-                 return_pressure_pa = {return_pa}; {name} must be at least {}",
-                return_pa / supply_pa
+                "{name} = {} of supply_pressure_pa is {}, below \
+                 return_pressure_pa = {}; {name} must be at least {}",
+                exact(ratio),
+                exact_in(pressure_pa, "Pa"),
+                exact(return_pa),
+                exact(return_pa / supply_pa)
             )));
         }
         Ok(pressure_pa)

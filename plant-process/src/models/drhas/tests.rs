@@ -402,7 +402,7 @@ fn refusal(change: impl Fn(&mut ActuatorParameters)) -> String {
 fn a_return_pressure_above_the_supply_is_refused() {
     let text = refusal(|p| p.return_pressure_pa = 28e6);
     assert!(
-        text.starts_with("actuator2: return_pressure_pa = 28000000 must be below"),
+        text.starts_with("actuator2: return_pressure_pa = 2.8e7 must be below"),
         "{text}"
     );
 }

@@ -3,6 +3,7 @@
 use hil_config::live_faults::{FaultContext, check_faults};
 use hil_config::plan::{FaultAction, Stimulus, Waveform};
 use shared_types::describe::ActsOn;
+use shared_types::number::exact as number;
 use shared_types::table::Field;
 
 use super::*;
@@ -17,12 +18,6 @@ const TESTS: [&str; 6] = [
     include_str!("timing.rs"),
     include_str!("../../profile.rs"),
 ];
-
-/// A number as people write it: `0`, `1e30`, `-inf`.
-fn number(value: f64) -> String {
-    let text = format!("{value:?}");
-    text.strip_suffix(".0").unwrap_or(&text).into()
-}
 
 /// The line of a parameter in the table of its kind.
 fn row(field: &Field) -> String {

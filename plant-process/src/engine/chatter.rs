@@ -1,0 +1,310 @@
+//! The engine against controllers that never fall silent: what they say over and over is no answer.
+
+use std::collections::VecDeque;
+use std::sync::mpsc;
+use std::time::Duration;
+
+use hil_config::plan::Run;
+use shared_types::describe::PROTOCOL;
+use shared_types::hello::Hello;
+use shared_types::link::{FrameSpec, Peer, Rejected};
+use shared_types::lockstep::OnLoss;
+use shared_types::record::{Change, Event};
+use shared_types::stream::in_process::{InProcessSink, InProcessSource};
+use shared_types::stream::{Item, RecordSource};
+use shared_types::supervision::Supervision;
+use shared_types::wait::{WaitLimit, Waiter};
+
+use super::tests::{job, kind};
+use super::*;
+use crate::faults::kinds;
+
+/// Much longer than any limit here, for a machine that is busy.
+const WATCHDOG: Duration = Duration::from_secs(20);
+pub(super) const WAIT_LIMIT_S: f64 = 0.1;
+
+/// What a controller says at every look, after what it has to say.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Repeats {
+    Nothing,
+    Hello,
+    Welcome,
+    Command(Step),
+    /// The same with other values.
+    OtherCommand(Step),
+}
+
+/// The plant's end of a link to a controller that answers some samples and then repeats itself.
+pub(super) struct Parrot {
+    controls: VecDeque<Control>,
+    repeats: Repeats,
+    /// The samples that it answers, in each epoch.
+    answers: u64,
+    seal: Option<shared_types::frame::Seal>,
+    welcome: Option<Control>,
+    sequence: u64,
+    /// The sample to answer.
+    due: Option<Step>,
+}
+
+impl Parrot {
+    pub(super) fn new(answers: u64, repeats: Repeats) -> Self {
+        Self {
+            controls: VecDeque::from([Control::Hello(hello()), Control::Ready { epoch: 1 }]),
+            repeats,
+            answers,
+            seal: None,
+            welcome: None,
+            sequence: 0,
+            due: None,
+        }
+    }
+}
+
+fn hello() -> Hello {
+    Hello {
+        protocol: PROTOCOL,
+        session: 5,
+        law: "parrot".into(),
+        measured: vec![],
+        reference: vec![],
+        commands: None,
+        internals: vec![],
+    }
+}
+
+impl Link for Parrot {
+    fn send_control(&mut self, message: &[u8]) -> Result<(), LinkError> {
+        self.welcome = Control::from_bytes(message).ok();
+        Ok(())
+    }
+
+    fn receive_control(&mut self) -> Result<Option<Vec<u8>>, LinkError> {
+        let repeated = match self.repeats {
+            Repeats::Hello => Some(Control::Hello(hello())),
+            Repeats::Welcome => self.welcome.clone(),
+            _ => None,
+        };
+        let next = self.controls.pop_front().or(repeated);
+        Ok(next.map(|message| message.to_bytes()))
+    }
+
+    fn expect(&mut self, epoch: u32) -> Result<(), LinkError> {
+        if self.repeats != Repeats::Hello {
+            self.controls = VecDeque::from([Control::Hello(hello()), Control::Ready { epoch }]);
+        }
+        Ok(())
+    }
+
+    fn peer(&self) -> Result<Peer, LinkError> {
+        Ok(Peer::Launched)
+    }
+
+    fn open_frames(&mut self, spec: &FrameSpec) -> Result<(), LinkError> {
+        self.seal = Some(spec.seal);
+        Ok(())
+    }
+
+    fn take_over(&mut self) {}
+
+    fn send(&mut self, header: &Header, _: &[f64]) -> Result<(), LinkError> {
+        if header.kind() == Some(FrameKind::Sample) && header.step < self.answers {
+            self.due = Some(Step(header.step));
+        }
+        Ok(())
+    }
+
+    fn receive(&mut self, values: &mut [f64]) -> Result<Option<Header>, LinkError> {
+        let (step, value) = match (self.due.take(), self.repeats) {
+            // The plant would leave its range.
+            (Some(sample), _) if sample.0 >= 10 => (sample, 0.0),
+            (Some(sample), _) => (sample, sample.0 as f64),
+            (None, Repeats::Command(step)) => (step, step.0 as f64),
+            (None, Repeats::OtherCommand(step)) => (step, step.0 as f64 + 0.5),
+            (None, _) => return Ok(None),
+        };
+        self.sequence += 1;
+        values.fill(value);
+        let seal = self.seal.ok_or(LinkError::NotOpen)?;
+        Ok(Some(Header {
+            epoch: seal.epoch,
+            sequence: self.sequence,
+            ..Header::new(FrameKind::Command, step)
+        }))
+    }
+
+    fn rejected(&self) -> Rejected {
+        Rejected::default()
+    }
+}
+
+type ParrotEngine = Engine<Parrot, InProcessSink>;
+
+/// An engine whose limit is short.
+pub(super) fn engine_with<S: RecordSink>(job: Job, parrot: Parrot, sink: S) -> Engine<Parrot, S> {
+    let job = Job {
+        wait_limit_s: WAIT_LIMIT_S,
+        ..job
+    };
+    let engine = Engine::new(&kind(), &kinds::all(), job, parrot, sink);
+    engine.expect("starts")
+}
+
+fn engine(job: Job, parrot: Parrot) -> (ParrotEngine, InProcessSource) {
+    let (sink, source) = shared_types::stream::in_process::pair();
+    (engine_with(job, parrot, sink), source)
+}
+
+/// Drives a run to its end, or stops it when it does not come to one; gives its end, the forces that
+/// the plant met, and why controllers were lost.
+fn ends(
+    (mut engine, mut source): (ParrotEngine, InProcessSource),
+) -> (RunEnd, Vec<f64>, Vec<String>) {
+    let supervision = Supervision::new();
+    let (over, is_over) = mpsc::channel::<()>();
+    let watched = supervision.clone();
+    let watchdog = std::thread::spawn(move || {
+        if is_over.recv_timeout(WATCHDOG) == Err(mpsc::RecvTimeoutError::Timeout) {
+            watched.stop("it does not end");
+        }
+    });
+    let waiter = Waiter::new(WaitLimit::from_seconds(WAIT_LIMIT_S));
+    crate::program::drive(&mut engine, waiter, &supervision).expect("drives");
+    drop(over);
+    watchdog.join().expect("ends");
+    let (mut applied_n, mut lost) = (Vec::new(), Vec::new());
+    let mut take = |item: Item<'_>| match item {
+        // step, two words of validity, position, then the force that it meets
+        Item::Record(words) => applied_n.push(f64::from_bits(words[4])),
+        Item::Event(Event::Controller(told)) => {
+            if let Change::Lost { reason, .. } = told.change {
+                lost.push(reason);
+            }
+        }
+        Item::Event(_) => {}
+        other => panic!("{other:?}"),
+    };
+    source.drain(&mut take).expect("drains");
+    (engine.end().expect("over").clone(), applied_n, lost)
+}
+
+pub(super) fn job_of(steps: u64, on_controller_loss: OnLoss, clock: Clock) -> Job {
+    let job = job(steps);
+    Job {
+        faults: vec![],
+        run: Run {
+            on_controller_loss,
+            clock,
+            ..job.run
+        },
+        ..job
+    }
+}
+
+#[test]
+fn an_old_answer_repeated_for_ever_does_not_put_off_the_limit() {
+    let late = "controller did not answer step 3 within 0.1 s";
+    for policy in [OnLoss::Abort, OnLoss::Hold, OnLoss::SafeCommand] {
+        let parrot = Parrot::new(3, Repeats::Command(Step(0)));
+        let (end, _, lost) = ends(engine(job_of(9, policy, Clock::Lockstep), parrot));
+        if policy == OnLoss::Abort {
+            assert_eq!(
+                (end.outcome, end.reason.as_deref()),
+                (Outcome::Failed, Some(late))
+            );
+        } else {
+            assert_eq!((end.outcome, end.steps), (Outcome::Completed, 9));
+            assert_eq!(lost, [late]);
+        }
+    }
+}
+
+#[test]
+fn an_old_answer_does_not_put_off_the_limit_of_the_end() {
+    let parrot = Parrot::new(9, Repeats::Command(Step(8)));
+    let job = job_of(9, OnLoss::Abort, Clock::Lockstep);
+    let (end, _, _) = ends(engine(job, parrot));
+    let late = "controller did not confirm the end after 9 steps within 0.1 s";
+    assert_eq!(end.reason.as_deref(), Some(late));
+}
+
+#[test]
+fn messages_that_agree_on_nothing_do_not_put_off_the_limit_of_hello() {
+    for repeats in [Repeats::Hello, Repeats::Welcome] {
+        let mut parrot = Parrot::new(0, repeats);
+        parrot.controls.pop_back();
+        let job = job_of(9, OnLoss::Abort, Clock::Lockstep);
+        let (end, _, _) = ends(engine(job, parrot));
+        let late = "controller did not open its frames within 0.1 s";
+        assert_eq!(end.reason.as_deref(), Some(late));
+    }
+}
+
+#[test]
+fn one_that_is_announced_and_chats_does_not_put_off_the_limit_of_the_one_in_office() {
+    // Were the candidate's limit the only one, the one in office would be called late no sooner.
+    let parrot = Parrot::new(3, Repeats::Hello);
+    let (mut engine, _source) = engine(job_of(9, OnLoss::Abort, Clock::Lockstep), parrot);
+    while engine.is_greeting() || engine.side.at() < Step(3) || engine.side.unreleased().is_some() {
+        engine.poll().expect("polls");
+    }
+    engine.expect(2).expect("announces");
+    for _ in 0..100 {
+        let progress = engine.poll().expect("polls");
+        assert_eq!(progress, Progress::Controller, "the next one only chats");
+    }
+}
+
+#[test]
+fn one_that_is_announced_and_chats_does_not_hold_the_steps_up() {
+    let parrot = Parrot::new(u64::MAX, Repeats::Hello);
+    let job = job_of(9, OnLoss::Abort, Clock::Lockstep);
+    let (mut engine, _source) = engine(job, parrot);
+    while engine.is_greeting() {
+        engine.poll().expect("polls");
+    }
+    engine.expect(2).expect("announces");
+    for _ in 0..100 {
+        engine.poll().expect("polls");
+    }
+    assert_eq!(engine.executed, 9);
+}
+
+#[test]
+fn against_the_clock_an_old_answer_neither_counts_as_heard_nor_replaces_a_newer_one() {
+    // A step takes as long as the limit: it is over at the second one that misses its command.
+    let parrot = Parrot::new(3, Repeats::Command(Step(1)));
+    let job = job_of(9, OnLoss::Hold, Clock::Realtime);
+    let (end, applied_n, lost) = ends(engine(job, parrot));
+    assert_eq!((end.outcome, end.steps), (Outcome::Completed, 9));
+    let expected_n = [0.0, 1.0, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0];
+    assert_eq!(applied_n[..9], expected_n);
+    assert!(
+        matches!(&lost[..], [one] if one.starts_with("controller did not answer step ")),
+        "{lost:?}"
+    );
+}
+
+#[test]
+fn a_second_answer_that_is_not_the_first_breaks_the_protocol() {
+    let twice =
+        "controller broke the protocol at step 3: it answered step 2 twice, and not the same";
+    for (policy, repeats, step, why) in [
+        (OnLoss::Abort, Repeats::OtherCommand(Step(2)), 3, twice),
+        (OnLoss::Hold, Repeats::OtherCommand(Step(2)), 9, twice),
+        // Only the newest is at hand: of one before it nobody knows any more.
+        (
+            OnLoss::Hold,
+            Repeats::OtherCommand(Step(1)),
+            9,
+            "controller did not answer step 3 within 0.1 s",
+        ),
+    ] {
+        let parrot = Parrot::new(3, repeats);
+        let (end, applied_n, lost) = ends(engine(job_of(9, policy, Clock::Lockstep), parrot));
+        assert_eq!(end.steps, step);
+        assert_eq!(applied_n[..3], [0.0, 1.0, 2.0]);
+        let told = end.reason.into_iter().chain(lost);
+        assert_eq!(told.collect::<Vec<_>>(), [why]);
+    }
+}
