@@ -5,7 +5,7 @@
 
 use shared_types::describe::{Invalid, LawDescription, Settings};
 use shared_types::state::{State, StateOf};
-use shared_types::table::{Field, Table};
+use shared_types::table::{self, Field, Table};
 
 /// A control law, called in this order:
 ///
@@ -23,10 +23,10 @@ pub trait Controller: Sized + 'static {
     const SUMMARY: &'static str;
     /// Names of the plants it is made for; empty means any.
     const PLANTS: &'static [&'static str] = &[];
-    /// Its own parameters.
-    type Parameters: Table + Default;
-    /// What it believes of the plant; [`Empty`](shared_types::table::Empty) if nothing.
-    type Model: Table + Default;
+    /// Its own parameters, each with a default.
+    type Parameters: table::Parameters;
+    /// Its model of the plant; [`Empty`](shared_types::table::Empty) if it has none.
+    type Model: table::Parameters;
     /// The measured signals it needs, bound by name and unit.
     type Measured: Table;
     /// The reference signals it needs, bound by name and unit.
@@ -183,10 +183,10 @@ impl LawKind {
                 saves: C::state().is_some(),
             },
             start: |start| {
-                let missing = |e: shared_types::describe::MissingSetting| Invalid(e.to_string());
+                let section = format!("controller.{}", C::NAME);
                 let setup = Setup {
-                    parameters: start.parameters.to_table().map_err(missing)?,
-                    model: start.model.to_table().map_err(missing)?,
+                    parameters: start.parameters.to_table(&section)?,
+                    model: start.model.to_table("controller.model")?,
                     period_s: start.period_s,
                 };
                 Ok(Box::new(C::start(&setup)?))

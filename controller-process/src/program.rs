@@ -17,16 +17,27 @@ use shared_types::wait::{WaitLimit, Waiter};
 
 use crate::controller::LawKind;
 use crate::job::{JOB_FILE, Job};
+use crate::laws::hold;
 use crate::runner::{End, Progress, Runner, choose};
 
-/// Runs a controller process that can run any of these laws, by what its arguments say.
+/// Runs a controller process that can run any of these laws, by what its arguments say. It can run
+/// [`hold`] too, which fits every plant, unless a law of its own has that name.
 #[must_use]
 pub fn run(program: &'static str, version: &'static str, laws: Vec<LawKind>) -> ExitCode {
     program::run(&ControllerProgram {
         program,
         version,
-        laws,
+        laws: with_hold(laws),
     })
+}
+
+fn with_hold(mut laws: Vec<LawKind>) -> Vec<LawKind> {
+    let hold = hold::kind();
+    let is_there = |law: &LawKind| law.description.name == hold.description.name;
+    if !laws.iter().any(is_there) {
+        laws.push(hold);
+    }
+    laws
 }
 
 struct ControllerProgram {
@@ -145,5 +156,28 @@ pub fn drive<L: Link>(
                 }
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::laws;
+
+    fn names(laws: &[LawKind]) -> Vec<&str> {
+        let names = laws.iter().map(|law| law.description.name.as_str());
+        names.collect()
+    }
+
+    #[test]
+    fn every_program_can_hold_and_none_twice() {
+        let mut all = laws::all();
+        let shipped: Vec<String> = names(&all).into_iter().map(str::to_owned).collect();
+        assert_eq!(names(&with_hold(laws::all())), shipped);
+        all.retain(|law| law.description.name != "hold");
+        let others: Vec<String> = names(&all).into_iter().map(str::to_owned).collect();
+        let found = with_hold(all);
+        assert_eq!(names(&found)[..others.len()], others);
+        assert_eq!(names(&found)[others.len()..], ["hold"]);
     }
 }

@@ -25,7 +25,7 @@ use saved::SavedController;
 /// What the runner waits for, if it does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
-    /// It did something; poll again.
+    /// Progress was made; poll again, and any wait begins anew.
     Busy,
     /// The plant's next message or frame.
     Plant,
@@ -226,14 +226,16 @@ impl<'a, L: Link> Runner<'a, L> {
         self.end.as_ref()
     }
 
-    /// Before the first step: agree with the plant on what the frames carry.
+    /// Before the first step: agree with the plant on what the frames carry; false if that came no
+    /// nearer.
     fn greet(&mut self) -> Result<bool, LinkError> {
         let Some(bytes) = self.link.receive_control()? else {
             return Ok(false);
         };
         let Ok(message) = Control::from_bytes(&bytes) else {
-            return Ok(true);
+            return Ok(false);
         };
+        let before = self.side.standing();
         match self.side.on(&ControllerEvent::Control(&message)) {
             ControllerAction::OpenFrames(welcome) => match self.bind(&welcome) {
                 Ok(bound) => {
@@ -258,7 +260,7 @@ impl<'a, L: Link> Runner<'a, L> {
             ControllerAction::Abort(abort) => self.abort(abort)?,
             _ => {}
         }
-        Ok(true)
+        Ok(self.side.standing() != before)
     }
 
     fn bind(&self, welcome: &Welcome) -> Result<Bound, String> {
@@ -314,8 +316,10 @@ impl<'a, L: Link> Runner<'a, L> {
         Ok(bound)
     }
 
+    /// Does what a frame of the plant asks for; false if it gets the run no further.
     fn take(&mut self, header: &Header) -> Result<bool, LinkError> {
         let received_ns = monotonic_ns();
+        let before = self.side.standing();
         match (
             self.side.on(&ControllerEvent::Frame(header)),
             &mut self.bound,
@@ -350,7 +354,7 @@ impl<'a, L: Link> Runner<'a, L> {
             (ControllerAction::Abort(abort), _) => self.abort(abort)?,
             _ => {}
         }
-        Ok(true)
+        Ok(self.side.standing() != before)
     }
 
     /// Tells the plant and ends.
@@ -468,5 +472,7 @@ impl Bound {
 
 mod saved;
 
+#[cfg(test)]
+mod chatter;
 #[cfg(test)]
 mod tests;

@@ -59,10 +59,7 @@ pub fn kind() -> LawKind {
 }
 
 fn start(start: &Start<'_>) -> Result<Box<dyn Law>, Invalid> {
-    let parameters: Parameters = start
-        .parameters
-        .to_table()
-        .map_err(|e| Invalid(e.to_string()))?;
+    let parameters: Parameters = start.parameters.to_table("controller.hold")?;
     Ok(Box::new(Hold {
         value: parameters.value,
     }))
@@ -106,6 +103,6 @@ mod tests {
         })
         .err()
         .expect("refused");
-        assert!(error.0.contains("`value`"), "{error}");
+        assert!(error.0.contains("`controller.hold.value`"), "{error}");
     }
 }

@@ -74,7 +74,11 @@ impl Controller for Witness {
     }
 }
 
-fn job(rate_divisor: u32, command_delay_steps: u32) -> Job {
+pub(super) fn kind() -> LawKind {
+    LawKind::of::<Witness>()
+}
+
+pub(super) fn job(rate_divisor: u32, command_delay_steps: u32) -> Job {
     Job {
         protocol: PROTOCOL,
         session: 5,
@@ -93,7 +97,7 @@ fn job(rate_divisor: u32, command_delay_steps: u32) -> Job {
 }
 
 /// The plant's end after hello, which has a signal too many in front.
-fn greet(runner: &mut Runner<'_, InProcessLink>, plant: &mut InProcessLink, rate_hz: f64) {
+pub(super) fn greet<L: Link>(runner: &mut Runner<'_, L>, plant: &mut InProcessLink, rate_hz: f64) {
     runner.begin().expect("begins");
     let bytes = plant.receive_control().expect("polls").expect("a hello");
     let Ok(Control::Hello(hello)) = Control::from_bytes(&bytes) else {
@@ -134,7 +138,7 @@ fn answers(job: Job, steps: u64) -> Vec<(f64, f64, u32)> {
 /// The same, with a directive in each sample.
 fn directed(job: Job, steps: u64, directive: fn(u64) -> Directive) -> Vec<(f64, f64, u32)> {
     let (mut plant, link) = pair();
-    let kind = LawKind::of::<Witness>();
+    let kind = kind();
     let mut runner = Runner::new(&kind, job, link).expect("starts");
     greet(&mut runner, &mut plant, 10.0);
     let mut frame = [0.0; 4];
@@ -232,7 +236,7 @@ fn a_late_slow_law_misses_its_turn() {
 #[test]
 fn a_busy_controller_answers_the_same_and_takes_the_time() {
     let (mut plant, link) = pair();
-    let kind = LawKind::of::<Witness>();
+    let kind = kind();
     let mut runner = Runner::new(&kind, job(1, 0), link).expect("starts");
     greet(&mut runner, &mut plant, 10.0);
     let busy = Directive {
@@ -254,7 +258,7 @@ fn a_busy_controller_answers_the_same_and_takes_the_time() {
 #[test]
 fn a_hold_is_told_and_the_sample_is_still_awaited() {
     let (mut plant, link) = pair();
-    let kind = LawKind::of::<Witness>();
+    let kind = kind();
     let mut runner = Runner::new(&kind, job(1, 0), link).expect("starts");
     greet(&mut runner, &mut plant, 10.0);
     let hold = Header::new(FrameKind::Hold, Step(0));
@@ -273,7 +277,7 @@ fn a_hold_is_told_and_the_sample_is_still_awaited() {
 #[test]
 fn a_law_hears_of_an_invalid_signal_and_only_of_its_own() {
     let (mut plant, link) = pair();
-    let kind = LawKind::of::<Witness>();
+    let kind = kind();
     let mut runner = Runner::new(&kind, job(1, 0), link).expect("starts");
     greet(&mut runner, &mut plant, 10.0);
     let mut frame = [0.0; 4];
@@ -293,7 +297,7 @@ fn a_law_hears_of_an_invalid_signal_and_only_of_its_own() {
 #[test]
 fn a_plant_at_another_rate_is_refused() {
     let (mut plant, link) = pair();
-    let kind = LawKind::of::<Witness>();
+    let kind = kind();
     let mut runner = Runner::new(&kind, job(1, 0), link).expect("starts");
     greet(&mut runner, &mut plant, 20.0);
     let Some(End::Aborted(abort)) = runner.end() else {

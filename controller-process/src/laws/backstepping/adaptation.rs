@@ -4,6 +4,7 @@
 
 use nalgebra::Vector2;
 use shared_types::describe::Invalid;
+use shared_types::number::exact;
 
 use super::transformation::Transformation;
 
@@ -39,8 +40,10 @@ impl LeakageEstimate {
             );
             if min > max {
                 return Err(Invalid(format!(
-                    "{group}.estimate_min_m3ps_per_sqrt_pa = {min:e} must not be above \
-                     {group}.estimate_max_m3ps_per_sqrt_pa = {max:e}"
+                    "{group}.estimate_min_m3ps_per_sqrt_pa = {} must not be above \
+                     {group}.estimate_max_m3ps_per_sqrt_pa = {}",
+                    exact(min),
+                    exact(max)
                 )));
             }
         }

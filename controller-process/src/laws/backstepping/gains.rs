@@ -6,6 +6,7 @@
 
 use nalgebra::Vector2;
 use shared_types::describe::Invalid;
+use shared_types::number::exact;
 
 use crate::laws::limit::UNLIMITED;
 
@@ -107,9 +108,11 @@ impl Gains {
             for (weight_name, weight, bound_name, bound, equation) in conditions {
                 if weight < bound * bound {
                     return Err(Invalid(format!(
-                        "{group}.{weight_name} = {weight:e} must be at least the square of \
-                         {group}.{bound_name} = {bound:e}, which is {:e} (paper eq. {equation})",
-                        bound * bound
+                        "{group}.{weight_name} = {} must be at least the square of \
+                         {group}.{bound_name} = {}, which is {} (paper eq. {equation})",
+                        exact(weight),
+                        exact(bound),
+                        exact(bound * bound)
                     )));
                 }
             }

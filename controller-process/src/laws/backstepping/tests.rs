@@ -58,7 +58,9 @@ impl Sequence {
                 settings.set(&format!("{group}.{name}"), value.as_f64().unwrap());
             }
         }
-        settings.to_table().expect("every value of the model")
+        settings
+            .to_table("controller.model")
+            .expect("every value of the model")
     }
 
     fn gain(&self, symbol: &str) -> f64 {

@@ -1,0 +1,170 @@
+//! The runner against a plant that never falls silent: only a hold is a reason to wait longer.
+
+use std::sync::mpsc;
+use std::time::Duration;
+
+use shared_types::link::in_process::{InProcessLink, pair};
+use shared_types::link::{Peer, Rejected};
+use shared_types::supervision::Supervision;
+use shared_types::wait::{WaitLimit, Waiter};
+
+use super::tests::{greet, job, kind};
+use super::*;
+
+/// Much longer than any limit here, for a machine that is busy.
+const WATCHDOG: Duration = Duration::from_secs(20);
+const WAIT_LIMIT_S: f64 = 0.1;
+
+/// A controller's end of a link whose other end says the same thing whenever it has nothing to say.
+struct Echo {
+    inner: InProcessLink,
+    message: Option<Vec<u8>>,
+    frame: Option<Header>,
+    /// Repetitions left: a hold, which lets go of the wait, is not for ever.
+    left: u64,
+}
+
+impl Echo {
+    fn of(inner: InProcessLink, message: Option<Vec<u8>>, frame: Option<Header>) -> Self {
+        Self {
+            inner,
+            message,
+            frame,
+            left: u64::MAX,
+        }
+    }
+
+    fn again(&mut self) -> bool {
+        let goes_on = self.left > 0;
+        self.left -= u64::from(goes_on);
+        goes_on
+    }
+}
+
+impl Link for Echo {
+    fn send_control(&mut self, message: &[u8]) -> Result<(), LinkError> {
+        self.inner.send_control(message)
+    }
+
+    fn receive_control(&mut self) -> Result<Option<Vec<u8>>, LinkError> {
+        Ok(match self.inner.receive_control()? {
+            None if self.message.is_some() && self.again() => self.message.clone(),
+            came => came,
+        })
+    }
+
+    fn expect(&mut self, epoch: u32) -> Result<(), LinkError> {
+        self.inner.expect(epoch)
+    }
+
+    fn peer(&self) -> Result<Peer, LinkError> {
+        self.inner.peer()
+    }
+
+    fn open_frames(&mut self, spec: &FrameSpec) -> Result<(), LinkError> {
+        self.inner.open_frames(spec)
+    }
+
+    fn take_over(&mut self) {
+        self.inner.take_over();
+    }
+
+    fn send(&mut self, header: &Header, values: &[f64]) -> Result<(), LinkError> {
+        self.inner.send(header, values)
+    }
+
+    fn receive(&mut self, values: &mut [f64]) -> Result<Option<Header>, LinkError> {
+        Ok(match self.inner.receive(values)? {
+            None if self.frame.is_some() && self.again() => self.frame,
+            came => came,
+        })
+    }
+
+    fn rejected(&self) -> Rejected {
+        self.inner.rejected()
+    }
+}
+
+/// Drives a runner to its end, or stops it when it does not come to one; gives why it ended.
+fn ends(runner: &mut Runner<'_, Echo>) -> String {
+    let supervision = Supervision::new();
+    let (over, is_over) = mpsc::channel::<()>();
+    let watched = supervision.clone();
+    let watchdog = std::thread::spawn(move || {
+        if is_over.recv_timeout(WATCHDOG) == Err(mpsc::RecvTimeoutError::Timeout) {
+            watched.stop("it does not end");
+        }
+    });
+    let waiter = Waiter::new(WaitLimit::from_seconds(WAIT_LIMIT_S));
+    crate::program::drive(runner, waiter, &supervision).expect("drives");
+    drop(over);
+    watchdog.join().expect("ends");
+    match runner.end() {
+        Some(End::Aborted(abort)) => abort.to_string(),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn messages_that_are_no_welcome_do_not_put_off_the_limit_of_hello() {
+    let ready = Control::Ready { epoch: 1 }.to_bytes();
+    for message in [ready, b"good morning".to_vec()] {
+        let (_plant, inner) = pair();
+        let kind = kind();
+        let echo = Echo::of(inner, Some(message), None);
+        let mut runner = Runner::new(&kind, job(1, 0), echo).expect("starts");
+        let late = "plant did not answer hello within 0.1 s";
+        assert_eq!(ends(&mut runner), late);
+    }
+}
+
+#[test]
+fn messages_do_not_put_off_the_limit_of_the_first_sample() {
+    let (mut plant, inner) = pair();
+    let kind = kind();
+    let echo = Echo::of(inner, None, None);
+    let mut runner = Runner::new(&kind, job(1, 0), echo).expect("starts");
+    greet(&mut runner, &mut plant, 10.0);
+    runner.link.message = Some(b"good morning".to_vec());
+    let late = "plant did not send step 0 within 0.1 s";
+    assert_eq!(ends(&mut runner), late);
+}
+
+#[test]
+fn an_old_sample_repeated_for_ever_does_not_put_off_the_limit() {
+    let (mut plant, inner) = pair();
+    let kind = kind();
+    let echo = Echo::of(inner, None, None);
+    let mut runner = Runner::new(&kind, job(1, 0), echo).expect("starts");
+    greet(&mut runner, &mut plant, 10.0);
+    let sample = Header::new(FrameKind::Sample, Step(0));
+    plant.send(&sample, &[0.0; 2]).expect("sends");
+    assert_eq!(runner.poll().expect("polls"), Progress::Busy);
+    runner.link.frame = Some(sample);
+    let late = "plant did not send step 1 within 0.1 s";
+    assert_eq!(ends(&mut runner), late);
+}
+
+#[test]
+fn a_hold_puts_off_the_limit_for_as_long_as_it_is_said() {
+    let (mut plant, inner) = pair();
+    let kind = kind();
+    let echo = Echo::of(inner, None, None);
+    let mut runner = Runner::new(&kind, job(1, 0), echo).expect("starts");
+    greet(&mut runner, &mut plant, 10.0);
+    runner.link.frame = Some(Header::new(FrameKind::Hold, Step(0)));
+    // A poll that brings a hold is no pause: these take no time.
+    let since_ns = monotonic_ns();
+    let mut held = 0_u64;
+    while monotonic_ns() - since_ns < 300_000_000 {
+        assert_eq!(runner.poll().expect("polls"), Progress::Held);
+        held += 1;
+    }
+    // Three limits of holds, then silence.
+    runner.link.left = 3 * held;
+    let since_ns = monotonic_ns();
+    let late = "plant did not send step 0 within 0.1 s";
+    assert_eq!(ends(&mut runner), late);
+    assert_eq!(runner.link.left, 0);
+    assert!(monotonic_ns() - since_ns >= 100_000_000);
+}
