@@ -1,24 +1,35 @@
 //! Plant and controller binaries: where they are, what they say of themselves, what they are.
+//!
+//! 1. `named` chooses which program a side has; `trusted` and `seal` say what a file may name.
+//! 2. `asking` runs it for its description, after its hash was taken.
 
-use std::io::Read;
-use std::os::unix::process::CommandExt;
+use std::fs;
+use std::io;
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
-use std::time::{Duration, Instant};
+use std::process::{Child, ExitStatus};
 
-use rustix::process::{Pid, Signal, kill_process_group};
+use hil_config::plan::{ControllerProgram, Programs};
+use hil_config::scenario::Advice;
+use rustix::fs::{Access, access};
+use rustix::process::{Pid, Signal, WaitId, WaitIdOptions, kill_process_group, waitid};
 use serde_json::Value;
 use shared_types::describe::{
     Description, FaultKindDescription, LawDescription, PROTOCOL, PlantDescription,
 };
+use shared_types::text;
+
+use asking::ask;
+use named::{CONTROLLER, Choice, Named, NamedBy, PLANT, Role};
 
 use crate::cli::BinaryArguments;
 use crate::exit::Failure;
 use crate::interruption::Interruption;
-use crate::output;
 
-/// How long a binary may take to describe itself or to check a job.
-const ANSWER_LIMIT: Duration = Duration::from_secs(10);
+mod asking;
+pub(crate) mod named;
+pub(crate) mod seal;
+mod trusted;
 
 /// A binary and its answer to `--describe`.
 #[derive(Clone, Debug)]
@@ -29,6 +40,30 @@ pub struct Binary {
     pub description: Description,
     /// Hash of the file.
     pub blake3: String,
+    /// Who named it.
+    pub(crate) by: NamedBy,
+    /// The file that was hashed.
+    file: FileIdentity,
+}
+
+/// What changes with every change of a file and of its place: device, inode, size, and when its content
+/// and its inode were changed, in s and ns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct FileIdentity([i128; 7]);
+
+impl FileIdentity {
+    fn of(path: &Path) -> io::Result<Self> {
+        let found = fs::metadata(path)?;
+        Ok(Self([
+            found.dev().into(),
+            found.ino().into(),
+            found.size().into(),
+            found.mtime().into(),
+            found.mtime_nsec().into(),
+            found.ctime().into(),
+            found.ctime_nsec().into(),
+        ]))
+    }
 }
 
 /// Both binaries of a run.
@@ -40,15 +75,63 @@ pub struct Binaries {
     pub controller: Binary,
 }
 
-impl Binaries {
-    /// Finds both and asks what they are.
+/// Which binaries a run has, before they are asked anything.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Choices {
+    plant: Choice,
+    controller: Choice,
+}
+
+impl Choices {
+    /// Those that the arguments or a file name.
+    ///
+    /// # Errors
+    /// If what a file names must not be run.
+    pub(crate) fn of(arguments: &BinaryArguments, named: &Named<'_>) -> Result<Self, Failure> {
+        Ok(Self {
+            plant: named.choice(&PLANT, arguments.plant_bin.as_deref())?,
+            controller: named.choice(&CONTROLLER, arguments.controller_bin.as_deref())?,
+        })
+    }
+
+    /// Asks both what they are.
     ///
     /// # Errors
     /// If one is missing, cannot be executed or does not speak the protocol.
-    pub fn find(arguments: &BinaryArguments, interruption: &Interruption) -> Result<Self, Failure> {
-        let plant = Binary::plant(arguments.plant_bin.as_deref(), interruption)?;
-        let controller = Binary::controller(arguments.controller_bin.as_deref(), interruption)?;
-        Ok(Self { plant, controller })
+    pub(crate) fn find(&self, interruption: &Interruption) -> Result<Binaries, Failure> {
+        Ok(Binaries {
+            plant: Binary::of_plant(&self.plant, interruption)?,
+            controller: Binary::of_controller(&self.controller, interruption)?,
+        })
+    }
+}
+
+impl Binaries {
+    /// Tells which ones run, where that does not follow from the command line.
+    pub(crate) fn tell(&self) {
+        let all = [(&PLANT, &self.plant), (&CONTROLLER, &self.controller)];
+        for (role, Binary { path, by, .. }) in all {
+            tell!("{}: {} ({by})", role.side, path.display());
+        }
+    }
+
+    /// The programs that were named, for the scenario of the run.
+    #[must_use]
+    pub(crate) fn programs(&self) -> Programs {
+        Programs {
+            plant: self.plant.named().map(Path::to_owned),
+            controller: (self.controller.named()).map(|path| ControllerProgram::One(path.into())),
+        }
+    }
+
+    /// What helps whoever names a plant or law that they do not have.
+    #[must_use]
+    pub(crate) fn advice(&self) -> Advice {
+        let name = |role: &Role| format!("`{}` in the scenario or {} PATH", role.key, role.flag);
+        Advice {
+            plant: self.plant.advice("plant", &name(&PLANT)),
+            law: self.controller.advice("law", &name(&CONTROLLER)),
+        }
     }
 
     /// What scenarios are checked against: plants, laws and kinds of faults.
@@ -70,12 +153,49 @@ impl Binaries {
 }
 
 impl Binary {
-    /// Finds a plant and asks what it is.
+    /// Finds the plant that is named and asks what it is.
     ///
     /// # Errors
     /// If it is missing, cannot be executed or does not speak the protocol.
-    pub fn plant(given: Option<&Path>, interruption: &Interruption) -> Result<Self, Failure> {
-        let plant = Self::find(given, "plant-process", "--plant-bin", interruption)?;
+    pub(crate) fn plant(
+        given: Option<&Path>,
+        named: &Named<'_>,
+        interruption: &Interruption,
+    ) -> Result<Self, Failure> {
+        Self::of_plant(&named.choice(&PLANT, given)?, interruption)
+    }
+
+    /// Finds the controller that is named and asks what it is.
+    ///
+    /// # Errors
+    /// If it is missing, cannot be executed or does not speak the protocol.
+    pub(crate) fn controller(
+        given: Option<&Path>,
+        named: &Named<'_>,
+        interruption: &Interruption,
+    ) -> Result<Self, Failure> {
+        Self::of_controller(&named.choice(&CONTROLLER, given)?, interruption)
+    }
+
+    /// Asks a controller what it is that was named with this flag.
+    ///
+    /// # Errors
+    /// If it is missing, cannot be executed or does not speak the protocol.
+    pub(crate) fn asked_for(
+        path: &Path,
+        flag: &'static str,
+        interruption: &Interruption,
+    ) -> Result<Self, Failure> {
+        let choice = Choice {
+            path: std::path::absolute(path).map_err(Failure::usage)?,
+            by: NamedBy::Person(flag),
+            blake3: None,
+        };
+        Self::of_controller(&choice, interruption)
+    }
+
+    fn of_plant(choice: &Choice, interruption: &Interruption) -> Result<Self, Failure> {
+        let plant = Self::find(choice, &PLANT, interruption)?;
         if plant.description.plants.is_empty() {
             return Err(Failure::usage(format!(
                 "{} describes no plant",
@@ -85,13 +205,8 @@ impl Binary {
         Ok(plant)
     }
 
-    /// Finds a controller and asks what it is.
-    ///
-    /// # Errors
-    /// If it is missing, cannot be executed or does not speak the protocol.
-    pub fn controller(given: Option<&Path>, interruption: &Interruption) -> Result<Self, Failure> {
-        let name = "controller-process";
-        let controller = Self::find(given, name, "--controller-bin", interruption)?;
+    fn of_controller(choice: &Choice, interruption: &Interruption) -> Result<Self, Failure> {
+        let controller = Self::find(choice, &CONTROLLER, interruption)?;
         if controller.description.laws.is_empty() {
             let path = controller.path.display();
             return Err(Failure::usage(format!("{path} describes no control law")));
@@ -99,29 +214,56 @@ impl Binary {
         Ok(controller)
     }
 
-    fn find(
-        given: Option<&Path>,
-        name: &str,
-        flag: &str,
-        interruption: &Interruption,
-    ) -> Result<Self, Failure> {
-        let path = match given {
-            // Absolute, so that what is run is what is hashed: a bare name is looked for elsewhere.
-            Some(path) => std::path::absolute(path).map_err(Failure::usage)?,
-            None => beside(name)?,
-        };
+    /// What helps whoever names a law that it does not have; `name` says how another program is named.
+    pub(crate) fn advice_on_laws(&self, name: &str) -> String {
+        self.advice("law", name)
+    }
+
+    fn advice(&self, what: &str, name: &str) -> String {
+        let (path, by) = (self.path.display(), &self.by);
+        match by {
+            NamedBy::Nobody => {
+                format!("a {what} of your own is in a program of its own: {name} names it")
+            }
+            by => format!("these are the {what}s of {path} ({by})"),
+        }
+    }
+
+    /// Its path, if somebody named it.
+    pub(crate) fn named(&self) -> Option<&Path> {
+        (self.by != NamedBy::Nobody).then_some(&self.path)
+    }
+
+    /// Refuses a file that is not the one that was hashed any more.
+    ///
+    /// # Errors
+    /// That it was changed, with what to do.
+    pub(crate) fn refuse_changed(&self) -> Result<(), Failure> {
+        if FileIdentity::of(&self.path).is_ok_and(|file| file == self.file) {
+            return Ok(());
+        }
+        Err(Failure::infrastructure(format!(
+            "{} was replaced or changed after it was checked, so it is not run; start again with the file as it is now",
+            self.path.display()
+        )))
+    }
+
+    fn find(choice: &Choice, role: &Role, interruption: &Interruption) -> Result<Self, Failure> {
+        let Choice { path, by, blake3 } = choice;
         let shown = path.display();
-        let output = ask(&path, &["--describe"], interruption)?.map_err(|error| {
-            let hint = if given.is_none() {
-                format!("; build it with `cargo build --release`, or name one with {flag}")
-            } else {
-                String::new()
-            };
-            Failure::usage(format!("cannot run {shown}: {error}{hint}"))
-        })?;
+        let hashed = hashed(path).map_err(|error| cannot_run(choice, role, &error));
+        let (file, found) = hashed?;
+        if let Some(wanted) = blake3.as_ref().filter(|wanted| **wanted != found) {
+            let (side, flag) = (role.side, role.flag);
+            return Err(Failure::usage(format!(
+                "{shown} is not the {side} program that was {by} any more: it has hash {found}, that one had {wanted}; {flag} {shown} runs it as it is"
+            )));
+        }
+        let output = ask(path, &["--describe"], interruption)?
+            .map_err(|error| cannot_run(choice, role, &error))?;
         let description: Description = serde_json::from_slice(&output.stdout).map_err(|error| {
             let said = String::from_utf8_lossy(&output.stderr);
-            let said = said.lines().next().map_or(String::new(), |line| format!(" ({line})"));
+            let said = said.lines().next().map_or(String::new(), |said| format!(" ({})", text::line(said)));
             Failure::usage(format!(
                 "{shown} does not speak the protocol: its answer to --describe is not a description: {error}{said}"
             ))
@@ -138,14 +280,18 @@ impl Binary {
                 "{shown} speaks protocol {theirs}, this hil {PROTOCOL}; rebuild it"
             )));
         }
-        let content = std::fs::read(&path)
-            .map_err(|error| Failure::usage(format!("cannot read {shown}: {error}")))?;
-        let blake3 = blake3::hash(&content).to_hex().to_string();
-        Ok(Self {
-            path,
+        description.check().map_err(|wrong| {
+            Failure::usage(format!("{shown}: its answer to --describe: {wrong}"))
+        })?;
+        let binary = Self {
+            path: path.clone(),
             description,
-            blake3,
-        })
+            blake3: found,
+            by: by.clone(),
+            file,
+        };
+        binary.refuse_changed()?;
+        Ok(binary)
     }
 
     /// Asks whether the parameters of a job go together.
@@ -162,7 +308,7 @@ impl Binary {
             return Ok(());
         }
         let said = String::from_utf8_lossy(&output.stderr);
-        let said = said.trim().trim_start_matches("error: ");
+        let said = text::printable(said.trim().trim_start_matches("error: "));
         Err(Failure::usage(format!(
             "{}: {said}",
             self.description.program
@@ -170,12 +316,57 @@ impl Binary {
     }
 }
 
+/// Why a path can be no program, which the system tells in one word for all of them.
+fn unfit(path: &Path) -> Option<String> {
+    let found = fs::metadata(path).ok()?;
+    if found.is_dir() {
+        return Some("it is a folder; name the program in it".into());
+    }
+    if !found.is_file() {
+        return Some("it is no file that a program could be in".into());
+    }
+    (found.mode() & 0o111 == 0).then(|| {
+        format!(
+            "it is not executable; if it is a program, `chmod +x {}`",
+            path.display()
+        )
+    })
+}
+
+/// A program's identity and hash. What cannot be executed is not read: it may have no end.
+fn hashed(path: &Path) -> io::Result<(FileIdentity, String)> {
+    if let Some(what) = unfit(path) {
+        return Err(io::Error::other(what));
+    }
+    access(path, Access::EXEC_OK)?;
+    let file = FileIdentity::of(path)?;
+    let mut hasher = blake3::Hasher::new();
+    hasher.update_reader(fs::File::open(path)?)?;
+    Ok((file, hasher.finalize().to_hex().to_string()))
+}
+
+fn cannot_run(choice: &Choice, role: &Role, error: &dyn std::fmt::Display) -> Failure {
+    let (shown, by) = (choice.path.display(), &choice.by);
+    Failure::usage(match by {
+        NamedBy::Nobody => format!(
+            "cannot run {shown}: {error}; build it with `cargo build --release`, or name one with {}",
+            role.flag
+        ),
+        // A flag was just typed; a variable may have been set long ago.
+        NamedBy::Person(flag) if flag.starts_with("--") => format!("cannot run {shown}: {error}"),
+        by => format!("cannot run {shown} ({by}): {error}"),
+    })
+}
+
 /// The first text of a description that a terminal would do something at.
 fn unprintable(described: &Value) -> Option<&str> {
     match described {
-        Value::String(text) => (output::printable(text) != *text).then_some(text),
+        Value::String(text) => (text::printable(text) != *text).then_some(text),
         Value::Array(all) => all.iter().find_map(unprintable),
-        Value::Object(all) => all.values().find_map(unprintable),
+        Value::Object(all) => (all.keys())
+            .find(|name| text::printable(name) != **name)
+            .map(String::as_str)
+            .or_else(|| all.values().find_map(unprintable)),
         Value::Null | Value::Bool(_) | Value::Number(_) => None,
     }
 }
@@ -186,67 +377,24 @@ fn beside(name: &str) -> Result<PathBuf, Failure> {
     Ok(own.with_file_name(name))
 }
 
-/// Runs a binary for a short answer; one that never answers is ended, and so is all that it started.
-fn ask<S: AsRef<std::ffi::OsStr>>(
-    path: &Path,
-    arguments: &[S],
-    interruption: &Interruption,
-) -> Result<Result<Output, String>, Failure> {
-    let child = Command::new(path)
-        .args(arguments)
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .process_group(0)
-        .spawn();
-    let mut child = match child {
-        Ok(child) => child,
-        Err(error) => return Ok(Err(error.to_string())),
-    };
-    // Read while it runs: a full pipe would stop it.
-    let reader = |pipe: Option<Box<dyn Read + Send>>| {
-        std::thread::spawn(move || {
-            let mut bytes = Vec::new();
-            if let Some(mut pipe) = pipe {
-                // What was read before an error is all there is to show.
-                let _ = pipe.read_to_end(&mut bytes);
-            }
-            bytes
-        })
-    };
-    let stdout = reader(child.stdout.take().map(|pipe| Box::new(pipe) as _));
-    let stderr = reader(child.stderr.take().map(|pipe| Box::new(pipe) as _));
-    let since = Instant::now();
-    let status = loop {
-        match child.try_wait() {
-            Err(error) => return Ok(Err(error.to_string())),
-            Ok(Some(status)) => break status,
-            Ok(None) if since.elapsed() > ANSWER_LIMIT || interruption.came() => {
-                end_group(&child);
-                let _ = child.wait(); // it was killed, or had ended just now
-                if interruption.came() {
-                    return Err(Failure::Interrupted);
-                }
-                let limit_s = ANSWER_LIMIT.as_secs();
-                return Ok(Err(format!("it gave no answer within {limit_s} s")));
-            }
-            Ok(None) => std::thread::sleep(Duration::from_millis(1)),
-        }
-    };
-    // What it left running would hold the pipes open, and their readers with them.
-    end_group(&child);
-    let collected = |thread: std::thread::JoinHandle<Vec<u8>>| thread.join().unwrap_or_default();
-    Ok(Ok(Output {
-        status,
-        stdout: collected(stdout),
-        stderr: collected(stderr),
-    }))
-}
-
 /// Kills a child that was started as a group of its own, with what it started.
 pub(crate) fn end_group(child: &Child) {
     // There may be nobody left in it.
     let _ = kill_process_group(Pid::from_child(child), Signal::KILL);
+}
+
+/// The status of a child that has ended. What is left of its group is killed before the child is
+/// reaped: from then on its number may be another's.
+///
+/// # Errors
+/// If there is no such child.
+pub(crate) fn reap(child: &mut Child) -> io::Result<Option<ExitStatus>> {
+    let ended = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
+    if waitid(WaitId::Pid(Pid::from_child(child)), ended)?.is_none() {
+        return Ok(None);
+    }
+    end_group(child);
+    child.try_wait()
 }
 
 #[cfg(test)]
@@ -254,6 +402,19 @@ mod tests {
     use serde_json::json;
 
     use super::*;
+
+    #[test]
+    fn what_can_be_no_program_is_told_by_what_it_is() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("text");
+        std::fs::write(&file, "schema = 1").expect("written");
+        let told = |path: &Path| unfit(path).unwrap_or_default();
+        assert!(told(folder.path()).contains("it is a folder"));
+        assert!(told(&file).contains("not executable"), "{}", told(&file));
+        assert!(told(Path::new("/dev/null")).contains("no file"));
+        assert_eq!(unfit(Path::new("/nowhere")), None);
+        assert_eq!(unfit(&std::env::current_exe().expect("this")), None);
+    }
 
     #[test]
     fn a_description_with_control_characters_is_found_wherever_they_are() {

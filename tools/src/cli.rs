@@ -22,6 +22,7 @@ pub mod swap;
 
 use std::path::PathBuf;
 
+use clap::error::{ContextKind, ErrorKind};
 use clap::{Args, CommandFactory, Parser, Subcommand};
 use clap_complete::Shell;
 
@@ -140,17 +141,49 @@ impl CommandLine {
     /// Reads the command line of this process; ends it with a message if it is wrong.
     #[must_use]
     pub fn of_process() -> Self {
-        Self::parse_from(inject::arrange(std::env::args_os()))
+        let typed = inject::arrange(std::env::args_os());
+        Self::try_parse_from(typed).unwrap_or_else(|error| in_words(error).exit())
     }
+}
+
+/// The error in words for what Rust says of numbers that are none.
+fn in_words(error: clap::Error) -> clap::Error {
+    let said = std::error::Error::source(&error).map(ToString::to_string);
+    let (value, argument) = (
+        error.get(ContextKind::InvalidValue),
+        error.get(ContextKind::InvalidArg),
+    );
+    let (Some(said), Some(value), Some(argument)) = (said, value, argument) else {
+        return error;
+    };
+    let from_one = said.split_once(" is not in 1..");
+    let expected = match &*said {
+        "invalid float literal" | "cannot parse float from empty string" => "a number, as 0.5",
+        "invalid digit found in string" | "cannot parse integer from empty string" => {
+            "a whole number, as 3"
+        }
+        "number too large to fit in target type" => "a smaller number",
+        _ => match from_one {
+            Some((_, end)) => match end.strip_prefix('=') {
+                Some(most) => &format!("a whole number from 1 to {most}"),
+                None => "a whole number from 1",
+            },
+            None => return error,
+        },
+    };
+    let told = format!("invalid value '{value}' for '{argument}': it takes {expected}");
+    CommandLine::command().error(ErrorKind::ValueValidation, told)
 }
 
 /// The binaries of a run.
 #[derive(Clone, Debug, Default, Args)]
 pub struct BinaryArguments {
-    /// A plant process other than the one beside hil
+    /// The plant program [default: HIL_PLANT_BIN, else that of the scenario or the recording, else
+    /// the one beside hil]
     #[arg(long, value_name = "PATH")]
     pub plant_bin: Option<PathBuf>,
-    /// A controller process other than the one beside hil
+    /// The controller program [default: HIL_CONTROLLER_BIN, else that of the scenario or the recording,
+    /// else the one beside hil]
     #[arg(long, value_name = "PATH")]
     pub controller_bin: Option<PathBuf>,
 }
@@ -177,6 +210,32 @@ pub fn completions(shell: Shell) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_number_that_is_none_is_told_in_words() {
+        for (typed, told) in [
+            (
+                "hil run a.toml --pace x",
+                "'--pace <FACTOR>': it takes a number, as 0.5",
+            ),
+            ("hil step x", "'[N]': it takes a whole number, as 3"),
+            (
+                "hil run a.toml --record-every 0",
+                "it takes a whole number from 1\n",
+            ),
+            (
+                "hil run a.toml --repeat 0",
+                "it takes a whole number from 1 to 10000",
+            ),
+        ] {
+            let error = CommandLine::try_parse_from(typed.split(' ')).expect_err("refused");
+            let said = in_words(error).to_string();
+            assert!(said.contains(told), "{typed}: {said}");
+        }
+        let other = CommandLine::try_parse_from(["hil", "rnu"]).expect_err("refused");
+        let said = other.to_string();
+        assert_eq!(in_words(other).to_string(), said);
+    }
 
     #[test]
     fn the_command_line_is_well_formed() {

@@ -49,7 +49,7 @@ pub struct ExportArguments {
     /// Write over a file that is there
     #[arg(long)]
     pub force: bool,
-    /// List what can be exported, with units, and write no file
+    /// List what can be exported, or what of it --signal chooses, with units, and write no file
     #[arg(long, conflicts_with_all = ["output", "format", "force"])]
     pub list: bool,
     /// Print what was done as JSON

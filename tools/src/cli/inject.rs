@@ -9,6 +9,8 @@ use std::path::PathBuf;
 
 use clap::{ArgGroup, Args};
 
+use shared_types::table::nearest;
+
 use super::SessionChoice;
 use crate::duration::seconds;
 
@@ -183,7 +185,7 @@ pub struct InjectArguments {
         help_heading = "Instead of a fault"
     )]
     pub model: Option<String>,
-    /// Show the faults of the run
+    /// Show the faults that act or wait
     #[arg(long, groups = ["action", "instead"], help_heading = "Instead of a fault")]
     pub active: bool,
     /// End a fault, or all
@@ -214,9 +216,20 @@ fn key_value(text: &str) -> Result<(String, String), String> {
         }
         _ => {
             let key = text.trim_end_matches('=');
-            Err(format!("`--{key}` needs a value"))
+            let near = nearest_options(key).into_iter().next();
+            let near = near.map_or(String::new(), |near| format!("; nearest: `{near}`"));
+            Err(format!("`--{key}` needs a value{near}"))
         }
     }
+}
+
+/// The options of `hil inject` that are closest to a name.
+pub(crate) fn nearest_options(name: &str) -> Vec<String> {
+    let mut known = InjectArguments::augment_args(clap::Command::new("inject"));
+    known.build();
+    let names = known.get_arguments().filter_map(clap::Arg::get_long);
+    let near = nearest(&name.replace('_', "-"), names);
+    near.into_iter().map(|name| format!("--{name}")).collect()
 }
 
 fn intermittent(text: &str) -> Result<(f64, f64), String> {

@@ -48,25 +48,18 @@ pub struct MonitorArguments {
     #[arg(long)]
     pub once: bool,
     /// Serve the signals over a WebSocket for Foxglove, without a terminal nothing else; other
-    /// machines reach it only at an address that is given
+    /// machines reach it only at an address that is given. Needs a build with --features foxglove
     #[arg(
         long,
         value_name = "ADDRESS",
         value_parser = address,
         num_args = 0..=1,
         default_missing_value = "127.0.0.1:8765",
-        conflicts_with_all = ["once", "json"],
-        hide = cfg!(not(feature = "foxglove"))
+        conflicts_with_all = ["once", "json"]
     )]
     pub foxglove: Option<SocketAddr>,
-    /// Serve at most so many records a second, picked and not averaged; inf is every one
-    #[arg(
-        long,
-        value_name = "HZ",
-        value_parser = rate,
-        default_value = "200",
-        hide = cfg!(not(feature = "foxglove"))
-    )]
+    /// With --foxglove: serve at most so many records a second, picked and not averaged; inf is every one
+    #[arg(long, value_name = "HZ", value_parser = rate, default_value = "200")]
     pub rate: f64,
 }
 

@@ -1,6 +1,7 @@
 //! The flags of `hil run` that say what of a run is recorded.
 
 use clap::Args;
+use shared_types::number::exact_in;
 
 use super::run::RunOptions;
 use crate::duration::seconds;
@@ -34,7 +35,8 @@ impl ChoiceArguments {
         let around_s = match self.record_around_faults.as_deref() {
             Some([before_s, _]) if *before_s > LONGEST_BEFORE_S => {
                 return Err(Failure::usage(format!(
-                    "--record-around-faults keeps at most {LONGEST_BEFORE_S} s before a fault, not {before_s} s"
+                    "--record-around-faults keeps at most {LONGEST_BEFORE_S} s before a fault, not {}",
+                    exact_in(*before_s, "s")
                 )));
             }
             Some([before_s, after_s]) => Some([*before_s, *after_s]),

@@ -10,6 +10,8 @@ Every whole record up to where the file broke off is kept. The new file takes
 the place of the old one when it is whole on the disk, not before. A file that is
 whole is left alone. A folder without summary.json gets one. A file that is damaged
 before its end is recovered with -o FILE only: what comes after that is given up.
+What no check sum vouches for, such as the records of a torn chunk, is told here and
+in the new file, and whoever reads that tells it too.
 
 Exit codes: 0 the recording is whole, now or already; 2 nothing can be had of it,
 or a session is still writing it; 3 the new file cannot be written.

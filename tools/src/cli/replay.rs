@@ -22,7 +22,8 @@ pub struct ReplayArguments {
     /// A run's folder or its run.mcap
     #[arg(value_name = "RUN")]
     pub run: PathBuf,
-    /// A controller process other than the one beside hil
+    /// The controller program [default: HIL_CONTROLLER_BIN, else that of the recording, else the one
+    /// beside hil]
     #[arg(long, value_name = "PATH")]
     pub controller_bin: Option<PathBuf>,
     /// Commands and internals that differ by no more than this, in their own unit, count as the same:

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
+use shared_types::number::exact;
 
 use super::BinaryArguments;
 use super::checkpoint::{CheckpointArguments, FromArguments};
@@ -19,7 +20,7 @@ Examples:
   hil run scenarios/spring-mass.toml --pace 1
   hil run scenarios/spring-mass.toml --clock realtime --set run.overrun=skip
   hil run scenarios/spring-mass.toml --pace 1 --plant-core 2 --controller-core 3 --priority 80 --prefault
-  hil run my-scenario.toml --controller-bin target/release/my-controller --audit
+  hil run my-scenario.toml --audit
   hil run scenarios/severe-leakage.toml --session demo --pause-at 7
   hil run scenarios/severe-leakage.toml --checkpoint-at 6.9 --out runs/severe
   hil run --from runs/severe/checkpoint-69000 --set 'faults[0].effects[0].coefficient_m3ps_per_sqrt_pa=2e-7'
@@ -118,7 +119,7 @@ pub struct RunOptions {
 /// Changes to a scenario.
 #[derive(Clone, Debug, Args)]
 pub struct Changes {
-    /// Change a value of the scenario; may be given several times
+    /// Change a value of the scenario; may be given several times, for each value once
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
     /// What releases a step: the other side's answer, the monotonic clock, or both
@@ -146,7 +147,7 @@ impl Changes {
                 "--pace is for --clock paced; realtime has the pace of the clock",
             )),
             (_, Some(factor)) if !(factor.is_finite() && factor > 0.0) => Err(Failure::usage(
-                format!("--pace takes a number above 0, not {factor}"),
+                format!("--pace takes a number above 0, not {}", exact(factor)),
             )),
             _ => Ok(()),
         }

@@ -37,7 +37,7 @@ pub enum ControllerAction {
 #[derive(Debug, Args)]
 pub struct SwapArguments {
     /// The new controller's binary; may be left out with --set: then it is the one the run was started
-    /// with
+    /// with. Keys of the scenario that none of its laws has are left out, and the answer lists them
     #[arg(long, value_name = "PATH", required_unless_present = "set")]
     pub bin: Option<PathBuf>,
     /// Change a value of the scenario that begins with `controller.`; may be given several times
