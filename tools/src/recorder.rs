@@ -21,14 +21,17 @@ use shared_types::stream::RecordSource;
 
 use crate::checkpoint::past::PastRecords;
 use crate::cli::run::Compression;
+use crate::ending::Answers;
 use crate::exit::Failure;
 use crate::faults::FaultLog;
 use crate::interruption::Interruption;
 use crate::latency::LatencySummary;
 use crate::recording::{Choice, Provenance};
 use crate::standing::Board;
+pub(crate) use heard::clean;
 use work::Work;
 
+mod heard;
 mod work;
 
 /// How often it is looked whether the stream is there.
@@ -66,11 +69,15 @@ pub struct Recorded {
     pub records: u64,
     /// How many of them are in the recording.
     pub written: u64,
+    /// Why the recording lacks the rest, if it could not be written.
+    pub cut_short: Option<String>,
     /// How many of them are those that the run went on from.
     pub past_records: u64,
     /// Items lost on the way.
     pub lost: u64,
-    /// The digest; `None` if something was lost.
+    /// What they say of the controller; `None` of an excerpt, which has not all of them.
+    pub answers: Option<Answers>,
+    /// The digest of all records taken; `None` if something was lost.
     pub digest: Option<String>,
     /// The digests after the first records, by how many, as far as they were asked for and there
     /// were so many.
@@ -83,7 +90,7 @@ pub struct Recorded {
     pub latency: LatencySummary,
     /// From the first to the last record, in s.
     pub wall_time_s: f64,
-    /// What kept it from recording, if anything did.
+    /// What kept it from recording, or what of all that the plant said cannot be so.
     pub error: Option<String>,
 }
 
@@ -144,7 +151,7 @@ impl Recorder {
                     Ok(None) if theirs.finish.load(Ordering::Acquire) => break,
                     Ok(None) => std::thread::sleep(LOOK),
                     Err(error) => {
-                        work.fail(format!("cannot attach to the record stream: {error}"));
+                        work.fail(error);
                         break;
                     }
                 }
@@ -229,4 +236,4 @@ impl Drop for Recorder {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -2,14 +2,16 @@
 //!
 //! Topic `/record` carries one message a step: the CDR form of the record, which is 4 bytes of
 //! encapsulation and the very words that crossed shared memory, with a `ros2msg` schema made from the
-//! tables. Topic `/events` carries every event as JSON. `log_time` is simulated time,
+//! tables. Topic `/events` carries every event in the same way. `log_time` is simulated time,
 //! `publish_time` the monotonic clock. Chunks are closed on a time budget, so that what a killed
 //! process loses is bounded in time.
 
 mod chunk;
 pub(crate) mod copy;
+pub(crate) mod event;
 mod excerpt;
 mod lz4;
+pub(crate) mod mark;
 mod mcap_file;
 pub(crate) mod schema;
 pub mod size;
@@ -157,29 +159,14 @@ impl Recording {
                 schema::of(sample, command, groups)
             }
         };
-        let schema = file.schema(
-            schema::RECORD_NAME,
-            schema::RECORD_LANGUAGE,
-            schema.as_bytes(),
-        )?;
+        let schema = file.schema(schema::RECORD_NAME, schema::LANGUAGE, schema.as_bytes())?;
         let version = BTreeMap::from([("version".into(), RECORD_VERSION.to_string())]);
-        let records = file.channel(
-            schema,
-            schema::RECORD_TOPIC,
-            schema::RECORD_ENCODING,
-            version,
-        )?;
-        let schema = file.schema(
-            schema::EVENT_NAME,
-            schema::EVENT_LANGUAGE,
-            schema::EVENT.as_bytes(),
-        )?;
-        let events = file.channel(
-            schema,
-            schema::EVENT_TOPIC,
-            schema::EVENT_ENCODING,
-            BTreeMap::new(),
-        )?;
+        let records = file.channel(schema, schema::RECORD_TOPIC, schema::ENCODING, version)?;
+        let form = schema::event();
+        let schema = file.schema(schema::EVENT_NAME, schema::LANGUAGE, form.as_bytes())?;
+        let none = BTreeMap::new();
+        let events = file.channel(schema, schema::EVENT_TOPIC, schema::ENCODING, none)?;
+        file.mark()?;
         Ok(Self {
             file,
             records,
@@ -261,7 +248,7 @@ impl Recording {
             log_time: time_ns.unwrap_or(self.last_time_ns),
             publish_time: now_ns,
         };
-        self.chunk.message(&header, &serde_json::to_vec(event)?);
+        self.chunk.message(&header, &event::message(event)?);
         self.close_if(self.chunk.bytes() >= CHUNK_BYTES)
     }
 

@@ -2,7 +2,8 @@
 //!
 //! 1. `account` reads it as far as it goes.
 //! 2. What is whole is left alone. Of anything else every record up to the tear is copied to a new file,
-//!    with indexes, sums and the result of a run that ended there.
+//!    with indexes, sums and the result of a run that ended there. New sums make nothing true: the new
+//!    file says what no sum of the old one vouched for.
 //! 3. That takes the place of the old one when it is whole on the disk, not before.
 //! 4. A folder without `summary.json` gets one.
 //!
@@ -23,8 +24,10 @@ use crate::account::Account;
 use crate::cli::recover::RecoverArguments;
 use crate::cli::run::Compression;
 use crate::exit::{Exit, Failure};
+use crate::interruption::Interruption;
 use crate::part_file::PartFile;
 use crate::recording::copy::Copy;
+use crate::run_reader::Unvouched;
 use crate::run_reader::content::{Content, End};
 use crate::{output, run};
 
@@ -42,6 +45,10 @@ struct Recovered {
     /// Where it broke off, or is damaged: the first byte that is not part of a whole record of the file.
     whole_bytes: u64,
     digest: Option<String>,
+    /// Records that check sums vouch for.
+    vouched_records: u64,
+    /// What they do not vouch for; null if they vouch for all.
+    unvouched: Option<String>,
     /// Why the run counts as ended; null if the recording tells that itself.
     reason: Option<String>,
     /// The summary that was written; null if none was.
@@ -84,6 +91,7 @@ fn recovered(run: &Path, output: Option<&Path>) -> Result<Recovered, Failure> {
     };
     refuse_live(&path)?;
     let records = account.recorded.written;
+    let unvouched = account.reader.unvouched();
     let mut reason = None;
     let mut file = None;
     if state != State::Whole {
@@ -103,9 +111,13 @@ fn recovered(run: &Path, output: Option<&Path>) -> Result<Recovered, Failure> {
         }
         // What a check sum says is wrong anywhere: a value may be.
         if !account.has_result() || state == State::Damaged {
+            let doubt = unvouched.as_ref();
+            let doubt = doubt.map_or_else(String::new, |doubt| format!("; {}", doubt.told));
             reason = Some(match &account.damage {
-                Some(damage) => format!("recovered: {damage}"),
-                None => format!("recovered: the recording broke off after {records} records"),
+                Some(damage) => format!("recovered: {damage}{doubt}"),
+                None => {
+                    format!("recovered: the recording broke off after {records} records{doubt}")
+                }
             });
         }
         let to = match output {
@@ -113,10 +125,19 @@ fn recovered(run: &Path, output: Option<&Path>) -> Result<Recovered, Failure> {
             // What a link leads to, not the link.
             None => path.canonicalize().unwrap_or_else(|_| path.clone()),
         };
-        let copied = copy(&account, &to, output.is_none(), reason.as_deref());
+        let interruption = Interruption::listen()?;
+        let copied = copy(
+            &account,
+            &to,
+            output.is_none(),
+            reason.as_deref(),
+            unvouched.as_ref(),
+            &interruption,
+        );
         copied.map_err(|error| {
             let to = to.display();
             match error.kind() {
+                io::ErrorKind::Interrupted => Failure::Interrupted,
                 io::ErrorKind::AlreadyExists => {
                     Failure::usage(format!("{to} is there already; name another file"))
                 }
@@ -140,6 +161,8 @@ fn recovered(run: &Path, output: Option<&Path>) -> Result<Recovered, Failure> {
         bytes,
         whole_bytes,
         digest,
+        vouched_records: (unvouched.as_ref()).map_or(records, |unvouched| unvouched.records),
+        unvouched: unvouched.map(|unvouched| unvouched.told),
         reason,
         summary: summary.map(|path| path.display().to_string()),
     })
@@ -173,19 +196,27 @@ fn refuse_live(path: &Path) -> Result<(), Failure> {
 }
 
 /// Writes the messages of a recording, as many as could be read, to a new file.
-fn copy(account: &Account, to: &Path, may_replace: bool, reason: Option<&str>) -> io::Result<()> {
+fn copy(
+    account: &Account,
+    to: &Path,
+    may_replace: bool,
+    reason: Option<&str>,
+    unvouched: Option<&Unvouched>,
+    interruption: &Interruption,
+) -> io::Result<()> {
     let original = File::open(account.reader.path())?;
     let part = PartFile::beside(to)?;
     part.file()
         .set_permissions(original.metadata()?.permissions())?;
-    let mut copy = Copy::into(part.file().try_clone()?)?;
+    let mut copy = Copy::into(part.file().try_clone()?, unvouched)?;
     if account.damage.is_some() {
         copy.doubt();
     }
     let mut content = Content::of(original)?;
+    content.be_patient();
     let mut messages = 0;
     while let Ok(Some(opcode)) = content.advance() {
-        let Ok(record) = mcap::parse_record(opcode, content.data()) else {
+        let Ok(record) = content.record(opcode) else {
             break; // read so far before
         };
         if messages == account.messages && matches!(record, Record::Message { .. }) {
@@ -197,6 +228,9 @@ fn copy(account: &Account, to: &Path, may_replace: bool, reason: Option<&str>) -
             _ => Compression::None,
         };
         messages += u64::from(copy.take(record, compression)?);
+        if interruption.came() {
+            return Err(io::ErrorKind::Interrupted.into());
+        }
     }
     if messages != account.messages {
         return Err(io::Error::other("it changed while it was read"));
@@ -222,7 +256,7 @@ fn summarise(
             Ok(Some(path))
         }
         Err(failure) => {
-            eprintln!("note: no summary.json could be made: {failure}");
+            tell!("note: no summary.json could be made: {failure}");
             Ok(None)
         }
     }
@@ -250,6 +284,9 @@ impl Recovered {
                 )
             }
         };
+        if let Some(unvouched) = &self.unvouched {
+            text += &format!("note: {unvouched}\n");
+        }
         if let Some(digest) = &self.digest {
             text += &format!("digest {digest}\n");
         }
@@ -260,5 +297,7 @@ impl Recovered {
     }
 }
 
+#[cfg(test)]
+mod integrity;
 #[cfg(test)]
 mod tests;

@@ -6,21 +6,26 @@
 //! whose writer was killed is read as far as it goes.
 
 pub(crate) mod content;
+mod form;
 mod schema;
+mod vouched;
 
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use mcap::records::Record;
+use mcap::records::{Record, op};
 use serde::de::DeserializeOwned;
 use shared_types::digest::Digest;
 use shared_types::record::Event;
+use shared_types::text;
 use shared_types::time::Rate;
 
-use crate::{output, part_file};
+use crate::recording::{event, mark};
+use crate::{part_file, recorder};
 use content::{Content, ContentError, End};
 pub use schema::Column;
+pub(crate) use vouched::{UNVOUCHED, Unvouched, VOUCHED};
 
 /// Name of the recording in the folder of a run.
 pub const RECORDING: &str = "run.mcap";
@@ -76,6 +81,16 @@ pub enum ReadError {
         /// Records before.
         records: u64,
     },
+    /// It ends before there is anything of a run in it.
+    #[error(
+        "{path} was cut off after {length} bytes, before its first record: nothing of the run is in it; copy it again from where it is whole, or run the scenario again"
+    )]
+    Cut {
+        /// The file.
+        path: PathBuf,
+        /// Its bytes.
+        length: u64,
+    },
     /// The file is not what `hil run` writes.
     #[error("{path} is no recording of a run: {what}")]
     Foreign {
@@ -92,8 +107,8 @@ pub struct RunReader {
     content: Content,
     columns: Vec<Column>,
     hashed_words: usize,
-    /// Channels by number: whether they carry records.
-    channels: BTreeMap<u16, bool>,
+    /// Channels by number: how their events are written, if they do not carry records.
+    channels: BTreeMap<u16, Option<String>>,
     schemas: BTreeMap<u16, String>,
     metadata: BTreeMap<String, BTreeMap<String, String>>,
     enclosures: BTreeMap<String, String>,
@@ -104,6 +119,10 @@ pub struct RunReader {
     records: u64,
     digest: Digest,
     is_hashing: bool,
+    /// Records that a check sum behind them vouches for; `None` before the first sum.
+    vouched: Option<u64>,
+    /// Whether nothing came after that sum.
+    is_vouched: bool,
 }
 
 /// What came next in the file.
@@ -153,11 +172,19 @@ impl RunReader {
             records: 0,
             digest: Digest::default(),
             is_hashing: true,
+            vouched: None,
+            is_vouched: false,
         };
         // All that is known before a run stands before its channels.
         while reader.columns.is_empty() {
             if matches!(reader.next()?, Next::End) {
-                return Err(reader.foreign("it ends before it says what a record is"));
+                return Err(match reader.end() {
+                    (Some(End::Whole), _) => reader.foreign("it has no channel `/record`"),
+                    (_, length) => ReadError::Cut {
+                        path: reader.path,
+                        length,
+                    },
+                });
             }
         }
         Ok(reader)
@@ -167,6 +194,13 @@ impl RunReader {
     #[must_use]
     pub fn without_digest(mut self) -> Self {
         self.is_hashing = false;
+        self
+    }
+
+    /// The same for who wants what comes after a change of bits too: that is an error at the end then.
+    #[must_use]
+    pub(crate) fn patient(mut self) -> Self {
+        self.content.be_patient();
         self
     }
 
@@ -340,18 +374,6 @@ impl RunReader {
         self.content.end() == Some(End::Whole)
     }
 
-    /// What to tell of a recording that its writer did not finish, and what mends it; known at the end.
-    #[must_use]
-    pub fn torn(&self) -> Option<String> {
-        let (Some(End::Torn(_)), path) = (self.content.end(), self.path.display()) else {
-            return None;
-        };
-        let records = self.records;
-        Some(format!(
-            "{path} broke off after {records} records; `hil recover {path}` makes a whole file of it"
-        ))
-    }
-
     /// How the file ends, and how many bytes it has; known at the end.
     pub(crate) fn end(&self) -> (Option<End>, u64) {
         (self.content.end(), self.content.length())
@@ -368,22 +390,26 @@ impl RunReader {
             Ok(Some(opcode)) => opcode,
             Err(error) => return Err(self.broken(error)),
         };
-        let record = match mcap::parse_record(opcode, self.content.data()) {
+        self.is_vouched = matches!(opcode, mark::OPCODE | op::DATA_END);
+        if self.is_vouched {
+            self.vouched = Some(self.records);
+        }
+        let record = match self.content.record(opcode) {
             Ok(record) => record,
-            Err(error) => return Err(self.damaged(error.to_string())),
+            Err(what) => return Err(self.damaged(what)),
         };
         match record {
             Record::Schema { header, data } => {
                 let text = String::from_utf8_lossy(&data);
-                self.schemas.insert(header.id, output::printable(&text));
+                self.schemas
+                    .insert(header.id, text::printable(&text).into_owned());
             }
             Record::Channel(channel) if channel.topic == RECORDS => {
-                self.channels.insert(channel.id, true);
+                self.channels.insert(channel.id, None);
                 let schema = self.schemas.get(&channel.schema_id);
                 let Some(columns) = schema::columns_of(schema.map_or("", String::as_str)) else {
                     return Err(self.foreign("its schema cannot be understood"));
                 };
-                // The end of a file repeats its channels.
                 if !self.columns.is_empty() && columns != self.columns {
                     return Err(self.damaged(format!("its channel {RECORDS} changes")));
                 }
@@ -391,11 +417,12 @@ impl RunReader {
                 self.hashed_words = schema::hashed(&self.columns);
             }
             Record::Channel(channel) if channel.topic == EVENTS => {
-                self.channels.insert(channel.id, false);
+                (self.channels).insert(channel.id, Some(channel.message_encoding));
             }
             Record::Metadata(metadata) => {
                 let facts = self.metadata.entry(metadata.name).or_default();
-                let printable = |(name, fact): (String, String)| (name, output::printable(&fact));
+                let printable =
+                    |(name, fact): (String, String)| (name, text::printable(&fact).into_owned());
                 facts.extend(metadata.metadata.into_iter().map(printable));
             }
             Record::Attachment { header, data, .. } => {
@@ -403,21 +430,21 @@ impl RunReader {
                 self.enclosures.insert(header.name, text);
             }
             Record::Message { header, data } => match self.channels.get(&header.channel_id) {
-                Some(true) if data.len() == ENCAPSULATION + 8 * self.columns.len() => {
+                Some(None) if data.len() == ENCAPSULATION + 8 * self.columns.len() => {
                     let words = data[ENCAPSULATION..].as_chunks::<8>().0;
                     self.words.clear();
                     self.words
                         .extend(words.iter().map(|word| u64::from_le_bytes(*word)));
                     return Ok(Next::Record);
                 }
-                Some(true) => {
+                Some(None) => {
                     let bytes = data.len();
                     let what = format!("a record of {bytes} bytes does not fit its schema");
                     return Err(self.damaged(what));
                 }
-                Some(false) => {
-                    return match serde_json::from_slice(&data) {
-                        Ok(event) => Ok(Next::Event(event)),
+                Some(Some(encoding)) => {
+                    return match event::read(encoding, &data) {
+                        Ok(event) => Ok(Next::Event(recorder::clean(event))),
                         Err(error) => Err(self.damaged(format!("an event: {error}"))),
                     };
                 }

@@ -6,15 +6,17 @@ use std::sync::{Arc, PoisonError};
 
 use hil_config::evaluation::Evaluation;
 use hil_config::expression::{Columns, Group};
-use hil_config::plan::Plan;
+use hil_config::plan::{Clock, Plan};
 use shared_types::clock::monotonic_ns;
 use shared_types::digest::Digest;
-use shared_types::record::{Event, Outcome, RecordLayout};
+use shared_types::record::{Event, Outcome, RecordLayout, Validity};
 use shared_types::stream::{Item, RecordSource};
 use shared_types::time::Step;
 
+use super::heard::{self, Heard};
 use super::{NAP, Recorded, RecordingPlan, Shared};
 use crate::checkpoint::past::PastRecords;
+use crate::ending::{self, Answers};
 use crate::faults::{FaultLog, LiveFault};
 use crate::latency::Latency;
 use crate::recording::{Part, Recording};
@@ -32,6 +34,8 @@ pub(super) struct Work {
     /// The records that come are those of this run, not those that it goes on from.
     is_live: bool,
     pub(super) layout: RecordLayout,
+    validity: Validity,
+    heard: Heard,
     recording: Option<Recording>,
     evaluation: Option<Evaluation>,
     digest: Digest,
@@ -55,8 +59,10 @@ impl Work {
             changes: Vec::new(),
             records: 0,
             written: 0,
+            cut_short: None,
             past_records: 0,
             lost: 0,
+            answers: Some(Answers::default()),
             digest: None,
             partial_digests: BTreeMap::new(),
             metrics: Vec::new(),
@@ -72,6 +78,8 @@ impl Work {
             shared,
             is_live: true,
             layout: RecordLayout::default(),
+            validity: Validity::default(),
+            heard: Heard::default(),
             recording: None,
             evaluation: None,
             digest: Digest::default(),
@@ -163,6 +171,7 @@ impl Work {
                 }
             }
         }
+        self.validity = layout.validity();
         self.layout = layout;
     }
 
@@ -189,20 +198,25 @@ impl Work {
     }
 
     fn take(&mut self, item: Item<'_>) {
+        if self.recorded.end.is_some() {
+            return self.refuse("the record stream went on after the end of the run".into());
+        }
         match item {
+            Item::Record(_) if self.heard.is_broken() => {}
             Item::Record(words) if words.len() == self.layout.words() => {
                 let view = self.layout.view(words);
-                let next = self.shared.next_step.load(Ordering::Relaxed);
-                let last = self.plan.run.steps;
-                if view.step < next || view.step > last {
-                    let step = view.step;
-                    return self.fail(format!(
-                        "a record of step {step} came where one of step {next} to {last} was due"
-                    ));
+                let heard = self.heard.record(&self.plan, &view, self.recorded.lost);
+                if let Err(error) = heard {
+                    return self.refuse(error);
+                }
+                if view.step < self.plan.run.steps
+                    && let Some(answers) = &mut self.recorded.answers
+                {
+                    answers.take(&view.timing);
                 }
                 self.digest.record(view.hashed);
                 if let Some(evaluation) = &mut self.evaluation {
-                    evaluation.observe(Step(view.step), view.values);
+                    evaluation.observe(Step(view.step), view.values, self.validity.invalid(words));
                 }
                 if self.is_live {
                     self.latency.take(view.step, &view.timing);
@@ -215,7 +229,7 @@ impl Work {
                     let digest = self.digest.clone().finish();
                     self.recorded.partial_digests.insert(records, digest);
                 }
-                (self.shared.next_step).store(view.step + 1, Ordering::Relaxed);
+                (self.shared.next_step).store(self.heard.next_step(), Ordering::Relaxed);
                 let written = match &mut self.recording {
                     Some(recording) => recording.record(words, &view),
                     None => Ok(()),
@@ -224,11 +238,16 @@ impl Work {
             }
             Item::Record(words) => {
                 let (got, wanted) = (words.len(), self.layout.words());
-                self.fail(format!(
+                self.refuse(format!(
                     "a record of {got} words came where {wanted} were agreed"
                 ));
             }
             Item::Event(event) => {
+                let event = heard::clean(event);
+                let heard = self.heard.event(&self.plan, &event, &self.recorded);
+                if let Err(error) = heard {
+                    return self.refuse(error);
+                }
                 let step = self.note_event(&event);
                 let time_ns = step.map(|step| self.plan.run.rate.nanoseconds(Step(step)));
                 let written = match &mut self.recording {
@@ -237,8 +256,16 @@ impl Work {
                 };
                 self.note(written);
             }
-            Item::Lost(count) => self.recorded.lost += count,
-            Item::Broken(what) => self.fail(format!("the record stream is broken: {what}")),
+            Item::Lost(count) => {
+                self.recorded.lost = self.recorded.lost.saturating_add(count);
+                if self.plan.run.clock != Clock::Realtime {
+                    let next = self.heard.next_step();
+                    self.refuse(format!(
+                        "{count} items of the record stream were lost before step {next}, and all are due"
+                    ));
+                }
+            }
+            Item::Broken(what) => self.refuse(format!("the record stream is broken: {what}")),
         }
     }
 
@@ -312,6 +339,7 @@ impl Work {
         let step = self.shared.next_step.load(Ordering::Relaxed);
         let reason = format!("cannot write {path} before step {step}: {}", causes(&error));
         let left = self.end(recording, Outcome::Failed, Some(&reason)).1;
+        self.recorded.cut_short = Some(reason.clone());
         self.fail(format!("{reason}; {left}"));
     }
 
@@ -367,6 +395,12 @@ impl Work {
         owned.into_iter().collect()
     }
 
+    /// What came is not to be believed, nor is any record after it.
+    fn refuse(&mut self, error: String) {
+        self.heard.broke();
+        self.fail(error);
+    }
+
     pub(super) fn fail(&mut self, error: String) {
         self.recorded.error.get_or_insert(error);
         self.shared.failed.store(true, Ordering::Release);
@@ -382,7 +416,13 @@ impl Work {
         if let Some(first_ns) = self.first_ns {
             self.recorded.wall_time_s = self.last_ns.saturating_sub(first_ns) as f64 / 1e9;
         }
-        if let (1.., Some(end)) = (self.recorded.lost, &self.recorded.end)
+        if self.recorded.error.is_none()
+            && let Some(what) = ending::contradiction(&self.plan, &self.recorded)
+        {
+            self.fail(what);
+        }
+        if let (None, 1.., Some(end)) =
+            (&self.recorded.error, self.recorded.lost, &self.recorded.end)
             && end.outcome == Outcome::Completed
         {
             // Items were counted, of which some were events; and there is a record after the last step.
@@ -390,14 +430,17 @@ impl Work {
         }
         self.recorded.digest = self.digest();
         if let Some(recording) = self.recording.take() {
-            let end = self.recorded.end.clone();
-            let (outcome, reason) = match end {
-                Some(end) => (end.outcome, end.reason),
-                None => (Outcome::Failed, Some("the plant told no end".to_owned())),
+            let Recorded { end, error, .. } = &self.recorded;
+            let (outcome, reason) = match (error.clone(), end.clone()) {
+                (Some(error), _) => (Outcome::Failed, Some(error)),
+                (None, Some(end)) => (end.outcome, end.reason),
+                (None, None) => (Outcome::Failed, Some("the plant told no end".to_owned())),
             };
             if let (Err(error), left) = self.end(recording, outcome, reason.as_deref()) {
                 let (path, causes) = (self.path(), causes(&error));
-                let error = format!("cannot finish {path}: {causes}; {left}");
+                let reason = format!("cannot finish {path}: {causes}");
+                let error = format!("{reason}; {left}");
+                self.recorded.cut_short = Some(reason);
                 self.recorded.error.get_or_insert(error);
             }
         }

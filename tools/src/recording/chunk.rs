@@ -28,6 +28,8 @@ pub(super) struct Chunk {
     body: Body,
     /// Bytes before compression.
     bytes: usize,
+    /// Of these bytes.
+    crc: crc32fast::Hasher,
     /// First and last time of its messages.
     time_ns: Option<(u64, u64)>,
     since: Option<Instant>,
@@ -54,6 +56,7 @@ impl Chunk {
         Ok(Self {
             body,
             bytes: 0,
+            crc: crc32fast::Hasher::new(),
             time_ns: None,
             since: None,
             indexes: vec![Vec::new(); channels.into()],
@@ -72,6 +75,7 @@ impl Chunk {
             Body::Plain(body) | Body::Zstd(body, _) => {
                 body.extend_from_slice(&head[PADDING..]);
                 body.extend_from_slice(words.as_bytes());
+                self.crc.update(&body[self.bytes..]);
             }
             Body::Lz4(encoder) => {
                 let head = head
@@ -82,6 +86,7 @@ impl Chunk {
                 self.row.clear();
                 self.row.extend(head);
                 self.row.extend_from_slice(words);
+                self.crc.update(&self.row.as_bytes()[PADDING..]);
                 encoder.row(&mut self.row);
             }
         }
@@ -95,6 +100,7 @@ impl Chunk {
                 Body::Plain(body) | Body::Zstd(body, _) => body.extend_from_slice(part),
                 Body::Lz4(encoder) => encoder.plain(part),
             }
+            self.crc.update(part);
         }
         self.note(header, HEAD_BYTES + content.len());
     }
@@ -116,6 +122,11 @@ impl Chunk {
     /// Bytes before compression.
     pub(super) fn bytes(&self) -> usize {
         self.bytes
+    }
+
+    /// CRC 32 of its bytes before compression.
+    pub(super) fn crc(&self) -> u32 {
+        self.crc.clone().finalize()
     }
 
     /// How long ago its first message came; zero if none did.
@@ -160,6 +171,7 @@ impl Chunk {
         }
         self.indexes.iter_mut().for_each(Vec::clear);
         self.bytes = 0;
+        self.crc = crc32fast::Hasher::new();
         self.time_ns = None;
         self.since = None;
     }

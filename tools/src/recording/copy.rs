@@ -12,11 +12,12 @@ use mcap::records::{MessageHeader, Metadata, Record};
 use shared_types::record::Event;
 
 use super::chunk::Chunk;
+use super::event;
 use super::mcap_file::McapFile;
 use super::schema::ENCAPSULATION;
-use super::{CHANNELS, CHUNK_BYTES, RESULT};
+use super::{CHANNELS, CHUNK_BYTES, FACTS, RESULT};
 use crate::cli::run::Compression;
-use crate::run_reader::{EVENTS, RECORDS};
+use crate::run_reader::{EVENTS, RECORDS, UNVOUCHED, Unvouched, VOUCHED};
 
 /// A recording being written.
 pub(crate) struct Copy {
@@ -24,8 +25,8 @@ pub(crate) struct Copy {
     chunk: Option<Chunk>,
     /// New numbers of schemas.
     schemas: BTreeMap<u16, u16>,
-    /// New numbers of channels, and whether they carry records.
-    channels: BTreeMap<u16, (u16, bool)>,
+    /// New numbers of channels, and how their events are written, if they do not carry records.
+    channels: BTreeMap<u16, (u16, Option<String>)>,
     /// The words of a record.
     words: Vec<u64>,
     result: Option<Metadata>,
@@ -33,14 +34,27 @@ pub(crate) struct Copy {
 }
 
 impl Copy {
-    /// Begins to write into an empty file.
+    /// Begins to write into an empty file, with what no check sum of the other file vouches for.
     ///
     /// # Errors
     /// If it cannot be written.
-    pub(crate) fn into(file: File) -> io::Result<Self> {
+    pub(crate) fn into(file: File, unvouched: Option<&Unvouched>) -> io::Result<Self> {
         let library = concat!("hil ", env!("CARGO_PKG_VERSION"));
+        let mut file = McapFile::create(file, "ros2", library)?;
+        if let Some(unvouched) = unvouched {
+            // At its begin: it is still there if this file breaks off too.
+            let facts = [
+                (VOUCHED, unvouched.records.to_string()),
+                (UNVOUCHED, unvouched.told.clone()),
+            ];
+            let facts = facts.map(|(name, fact)| (name.to_owned(), fact));
+            file.metadata(Metadata {
+                name: FACTS.into(),
+                metadata: BTreeMap::from(facts),
+            })?;
+        }
         Ok(Self {
-            file: McapFile::create(file, "ros2", library)?,
+            file,
             chunk: None,
             schemas: BTreeMap::new(),
             channels: BTreeMap::new(),
@@ -82,12 +96,20 @@ impl Copy {
                 if number > CHANNELS {
                     return Err(io::Error::other("it has a channel twice"));
                 }
-                (self.channels).insert(channel.id, (number, topic == RECORDS));
+                let events = (topic == EVENTS).then_some(channel.message_encoding);
+                self.channels.insert(channel.id, (number, events));
             }
             Record::Metadata(metadata) if metadata.name == RESULT => {
                 self.result = Some(metadata).filter(|_| !self.is_doubtful);
             }
-            Record::Metadata(metadata) => self.file.metadata(metadata)?,
+            Record::Metadata(mut metadata) => {
+                // Said already, as it is now.
+                metadata.metadata.remove(VOUCHED);
+                metadata.metadata.remove(UNVOUCHED);
+                if !metadata.metadata.is_empty() {
+                    self.file.metadata(metadata)?;
+                }
+            }
             Record::Attachment { header, data, .. } => self.file.attachment(header, &data)?,
             Record::Message { header, data } => return self.message(header, &data, compression),
             _ => {}
@@ -101,12 +123,13 @@ impl Copy {
         data: &[u8],
         compression: Compression,
     ) -> io::Result<bool> {
-        let Some(&(channel_id, is_record)) = self.channels.get(&header.channel_id) else {
+        let Some((channel_id, events)) = self.channels.get(&header.channel_id) else {
             return Ok(false);
         };
+        let (channel_id, is_record) = (*channel_id, events.is_none());
         if self.is_doubtful
-            && !is_record
-            && matches!(serde_json::from_slice(data), Ok(Event::End(_)))
+            && let Some(encoding) = events
+            && matches!(event::read(encoding, data), Ok(Event::End(_)))
         {
             return Ok(true);
         }
@@ -115,6 +138,7 @@ impl Copy {
             ..header
         };
         if self.chunk.is_none() {
+            self.file.mark()?;
             self.chunk = Some(Chunk::new(compression, CHANNELS)?);
         }
         let Some(chunk) = &mut self.chunk else {

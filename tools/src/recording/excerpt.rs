@@ -9,6 +9,7 @@ use std::collections::VecDeque;
 use std::ops::Range;
 
 use glob::Pattern;
+use shared_types::number::exact_in;
 use shared_types::record::{GROUPS, RecordLayout, RecordView, Timing};
 use shared_types::table::Field;
 use shared_types::time::{Rate, Step};
@@ -45,7 +46,11 @@ impl Choice {
             parts.push(format!("every {every} steps"));
         }
         if let Some([before_s, after_s]) = self.around_s {
-            parts.push(format!("{before_s} s before and {after_s} s after faults"));
+            parts.push(format!(
+                "{} before and {} after faults",
+                exact_in(before_s, "s"),
+                exact_in(after_s, "s")
+            ));
         }
         parts.join(", ")
     }
@@ -152,24 +157,32 @@ impl Form {
         let times = layout.values_start() + index;
         places.extend(times..times + Timing::WORDS);
         let place_of = |group: &str| GROUPS.iter().position(|one| *one == group).unwrap_or(0);
-        // Bits are numbered over the first group and then the second.
-        let bits = |first: &str, second: &str, from: Range<usize>| {
-            let of = |group: &str| {
-                let group = place_of(group);
-                starts[group]..starts[group] + groups[group].len()
-            };
-            let numbered = of(first).chain(of(second)).enumerate();
-            Bits {
-                from,
-                kept: (numbered.filter(|(_, index)| kept[*index]))
-                    .map(|(bit, _)| bit)
-                    .collect(),
-            }
+        // Numbers of the bits of those that are kept of a group.
+        let bits = |group: &str, bits: &mut dyn Iterator<Item = usize>| -> Vec<usize> {
+            let place = place_of(group);
+            let kept = &kept[starts[place]..][..groups[place].len()];
+            let is_kept = bits.zip(kept).filter(|(_, is_kept)| **is_kept);
+            is_kept.map(|(bit, _)| bit).collect()
         };
+        let measured = layout.measured.len();
+        let first_internal = layout.command_signals - layout.internal.len();
+        // In the order of the frame, which need not be that of the plant.
+        let mut command = bits("command", &mut layout.command_places.iter().copied());
+        command.sort_unstable();
         let sample_end = 1 + layout.sample_validity_words();
         Ok(Self {
-            sample: bits("measured", "reference", 1..sample_end),
-            command: bits("command", "internal", sample_end..layout.values_start()),
+            sample: Bits {
+                from: 1..sample_end,
+                kept: [
+                    bits("measured", &mut (0..)),
+                    bits("reference", &mut (measured..)),
+                ]
+                .concat(),
+            },
+            command: Bits {
+                from: sample_end..layout.values_start(),
+                kept: [command, bits("internal", &mut (first_internal..))].concat(),
+            },
             groups: kept_of,
             places,
         })
@@ -280,6 +293,7 @@ mod tests {
             command: fields(2),
             internal: fields(1),
             command_signals: 3,
+            command_places: vec![1, 0],
             parameter: Vec::new(),
         }
     }
@@ -350,8 +364,8 @@ mod tests {
         let mut words: Vec<u64> = (0..layout.words() as u64)
             .map(|index| 1000 + index)
             .collect();
-        // step, 73 bits of the sample, 3 of the command; then 2 of truth, 70 measured, 3 reference.
-        words[..4].copy_from_slice(&[7, 1 << 60 | 1 << 62 | 1, 1 << (71 - 64), 0b110]);
+        // step, 73 bits of the sample, 3 of the frame with command 1, command 0 and the internal; then 2 of truth, 70 measured, 3 reference.
+        words[..4].copy_from_slice(&[7, 1 << 60 | 1 << 62 | 1, 1 << (71 - 64), 0b101]);
         excerpt.take(&words, &layout.view(&words));
         let (sample_words, command_words, groups) = excerpt.form();
         assert_eq!((sample_words, command_words), (1, 1));

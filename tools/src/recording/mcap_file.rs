@@ -13,6 +13,7 @@ use binrw::BinWrite;
 use mcap::records::{self, op};
 
 use super::chunk::Chunk;
+use super::mark;
 
 /// A file being written.
 pub(super) struct McapFile {
@@ -137,14 +138,13 @@ impl McapFile {
             return Ok(());
         };
         let (compression, uncompressed_size) = (chunk.compression(), chunk.bytes() as u64);
+        let uncompressed_crc = chunk.crc();
         let packed = chunk.packed()?;
         let header = records::ChunkHeader {
             message_start_time: first_ns,
             message_end_time: last_ns,
             uncompressed_size,
-            // Not available. The digest covers what the records hold, the CRC of the data section
-            // how it lies in the file.
-            uncompressed_crc: 0,
+            uncompressed_crc,
             compression: compression.into(),
             compressed_size: packed.len() as u64,
         };
@@ -178,8 +178,15 @@ impl McapFile {
         let index = record(op::CHUNK_INDEX, &[&bytes_of(&index)?]);
         self.summarise(op::CHUNK_INDEX, &index);
         self.count_chunk(first_ns, last_ns);
+        self.mark()?;
         chunk.clear();
         Ok(())
+    }
+
+    /// Writes down the sum of all that is written, for the case that nothing else comes.
+    pub(super) fn mark(&mut self) -> io::Result<()> {
+        let crc = self.crc.clone().finalize();
+        self.write(&mark::mark(self.position, crc))
     }
 
     fn count(&mut self, channel: u16, messages: u64) {
@@ -226,7 +233,8 @@ impl McapFile {
     pub(super) fn finish(mut self, facts: Option<records::Metadata>) -> io::Result<()> {
         let before = self.state();
         let facts = facts.map_or(Ok(()), |facts| self.metadata(facts));
-        let finished = facts.and_then(|()| self.write_end());
+        let marked = facts.and_then(|()| self.mark());
+        let finished = marked.and_then(|()| self.write_end());
         if finished.is_err() {
             self.go_back(before);
         }

@@ -13,16 +13,17 @@ use crate::run_reader::tests::{layout, record, taken};
 use crate::run_reader::{RECORDING, RunReader};
 
 const RECORDS: u64 = 60;
-const COMPRESSIONS: [Compression; 3] = [Compression::None, Compression::Lz4, Compression::Zstd];
+pub(super) const COMPRESSIONS: [Compression; 3] =
+    [Compression::None, Compression::Lz4, Compression::Zstd];
 
 /// A recording of a run with a fault at step 7, in chunks of twenty records.
-struct Original {
-    folder: TempDir,
-    bytes: Vec<u8>,
+pub(super) struct Original {
+    pub(super) folder: TempDir,
+    pub(super) bytes: Vec<u8>,
 }
 
 impl Original {
-    fn new(compression: Compression) -> Self {
+    pub(super) fn new(compression: Compression) -> Self {
         let folder = TempDir::new().expect("a folder");
         let path = folder.path().join(RECORDING);
         let provenance = Provenance {
@@ -50,14 +51,22 @@ impl Original {
     }
 
     /// The path of a file with these bytes.
-    fn with(&self, bytes: &[u8]) -> PathBuf {
+    pub(super) fn with(&self, bytes: &[u8]) -> PathBuf {
         let path = self.folder.path().join("broken.mcap");
         std::fs::write(&path, bytes).expect("written");
         path
     }
 
+    /// Where the last of its chunks ends, with the indexes of its messages.
+    pub(super) fn end_of_chunks(&self) -> usize {
+        let summary = mcap::Summary::read(&self.bytes).expect("whole");
+        let chunks = summary.expect("there").chunk_indexes;
+        let last = chunks.last().expect("chunks");
+        (last.chunk_start_offset + last.chunk_length + last.message_index_length) as usize
+    }
+
     /// Where its chunks end, and how many records there are up to there.
-    fn chunks(&self) -> Vec<(usize, u64)> {
+    pub(super) fn chunks(&self) -> Vec<(usize, u64)> {
         let summary = mcap::Summary::read(&self.bytes).expect("whole");
         let chunks = summary.expect("there").chunk_indexes;
         let ends = chunks
@@ -93,7 +102,7 @@ fn digest(records: u64, messages: usize) -> String {
 }
 
 /// Everything in a file, by the library that shares nothing with the code here.
-fn messages(path: &Path) -> Vec<(String, u64, Vec<u8>)> {
+pub(super) fn messages(path: &Path) -> Vec<(String, u64, Vec<u8>)> {
     let bytes = std::fs::read(path).expect("read");
     let stream = mcap::MessageStream::new(&bytes).expect("a whole file");
     let messages = stream.map(|message| message.expect("whole"));
@@ -203,13 +212,13 @@ fn a_file_that_is_damaged_before_its_end_is_recovered_elsewhere_only() {
 fn a_file_of_which_nothing_can_be_had_is_left_and_named() {
     let original = Original::new(Compression::Lz4);
     for (bytes, why) in [
-        (&original.bytes[..0], "ends before"),
-        (&original.bytes[..5], "ends before"),
+        (&original.bytes[..0], "before its first record"),
+        (&original.bytes[..5], "before its first record"),
         (
             &b"not a recording, whatever its name is"[..],
             "does not begin as an MCAP file does",
         ),
-        (&original.bytes[..400], "ends before"),
+        (&original.bytes[..400], "before its first record"),
     ] {
         let path = original.with(bytes);
         let error = recovered(&path, None).expect_err("refused").to_string();

@@ -2,7 +2,8 @@
 //!
 //! Used by the [run reader](super), and by `hil recover` to copy them. Goes through a file of any
 //! state: one that broke off is read up to the tear, also inside its last chunk, and a length that
-//! cannot be is never memory to ask for. Knows nothing of runs.
+//! cannot be is never memory to ask for. Every check sum that it comes by is looked at. Knows nothing of
+//! runs.
 
 use std::fs::File;
 use std::io::{self, Cursor, Read, Seek, SeekFrom};
@@ -10,10 +11,11 @@ use std::ops::Range;
 
 use binrw::BinReaderExt;
 use mcap::McapError;
-use mcap::records::{ChunkHeader, op};
+use mcap::records::{ChunkHeader, Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
-use crate::recording::unpack;
+use super::form;
+use crate::recording::{mark, unpack};
 
 /// Longest record of a file, packed or not: a size beyond that is damage.
 const LONGEST_RECORD: usize = 1 << 28;
@@ -21,6 +23,7 @@ const LONGEST_RECORD: usize = 1 << 28;
 const HEAD_BYTES: usize = 9;
 /// What a power failure leaves where data were to be.
 const ZEROS: u8 = 0;
+const NOT_AS_LONG: &str = "a chunk that is not as long as it says";
 
 /// How a file ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,6 +55,11 @@ pub(crate) struct Content {
     /// Where the record outside of chunks begins that comes next.
     position: u64,
     end: Option<End>,
+    /// Of all bytes so far; `None` behind the data section, which ends with it.
+    sum: Option<crc32fast::Hasher>,
+    /// The first mark that did not fit, if the file is read on nevertheless.
+    wrong_mark: Option<u64>,
+    is_patient: bool,
     /// A record outside of chunks.
     outside: Vec<u8>,
     /// The unpacked records of the chunk in work, and where the next of them begins.
@@ -74,8 +82,9 @@ impl Content {
         let options = LinearReaderOptions::default()
             .with_emit_chunks(true)
             .with_record_length_limit(LONGEST_RECORD)
-            .with_validate_data_section_crc(true)
             .with_validate_summary_section_crc(true);
+        let mut sum = crc32fast::Hasher::new();
+        sum.update(mcap::MAGIC);
         Ok(Self {
             length: file.metadata()?.len(),
             file,
@@ -83,12 +92,20 @@ impl Content {
             read: 0,
             position: mcap::MAGIC.len() as u64,
             end: None,
+            sum: Some(sum),
+            wrong_mark: None,
+            is_patient: false,
             outside: Vec::new(),
             chunk: Vec::new(),
             next: 0,
             compression: String::new(),
             current: Current::Outside,
         })
+    }
+
+    /// The same for who wants what comes after a wrong mark too: that is told at the end then.
+    pub(crate) const fn be_patient(&mut self) {
+        self.is_patient = true;
     }
 
     /// Goes to the next record: its opcode, or `None` at the end.
@@ -100,32 +117,49 @@ impl Content {
                 return Ok(Some(opcode));
             }
             if self.end.is_some() {
-                return Ok(None);
+                let wrong = self.wrong_mark.take();
+                return wrong.map_or(Ok(None), |at| Err(wrong_sum(at)));
             }
             let at = self.position;
             let damaged = |what: String| ContentError::Damaged { at, what };
             let wanted = match self.linear.next_event() {
                 None => {
+                    let length = self.file.metadata()?.len();
+                    let behind = length.saturating_sub(at + mcap::MAGIC.len() as u64);
+                    if behind > 0 {
+                        return Err(damaged(format!("{behind} bytes follow where it ends")));
+                    }
                     self.end = Some(End::Whole);
                     continue;
                 }
                 Some(Ok(LinearReadEvent::ReadRequest(wanted))) => wanted,
                 Some(Ok(LinearReadEvent::Record { opcode, data })) => {
+                    if opcode == ZEROS {
+                        self.tear()?;
+                        continue;
+                    }
+                    let fits = add_up(&mut self.sum, opcode, data, at).map_err(damaged)?;
+                    if !(fits || self.is_patient && opcode == mark::OPCODE) {
+                        return Err(wrong_sum(at));
+                    }
                     self.position += (HEAD_BYTES + data.len()) as u64;
                     match opcode {
+                        mark::OPCODE if !fits => {
+                            self.wrong_mark.get_or_insert(at);
+                            continue;
+                        }
                         op::CHUNK => {
-                            let (header, packed) = chunk_of(data).map_err(damaged)?;
+                            let (header, packed) =
+                                chunk_of(data).map_err(|what| damaged(what.into()))?;
                             self.compression.clone_from(&header.compression);
                             self.chunk.clear();
                             self.next = 0;
                             unpack_whole(&header, packed, &mut self.chunk).map_err(damaged)?;
                             continue;
                         }
-                        ZEROS => {
-                            self.position = at;
-                            self.end = Some(End::Torn(at));
-                            continue;
-                        }
+                        op::DATA_END => {}
+                        // The summary says again what was before it.
+                        _ if self.sum.is_none() => continue,
                         _ => {}
                     }
                     self.outside.clear();
@@ -140,18 +174,23 @@ impl Content {
                 Some(Err(McapError::BadMagic)) if at <= mcap::MAGIC.len() as u64 => {
                     return Err(damaged("it does not begin as an MCAP file does".into()));
                 }
-                Some(Err(McapError::BadDataCrc { .. } | McapError::BadSummaryCrc { .. })) => {
-                    let what = "its check sum does not fit, bits in it have changed";
-                    return Err(damaged(what.into()));
-                }
+                Some(Err(McapError::BadSummaryCrc { .. })) => return Err(wrong_sum(at)),
                 Some(Err(error)) => return Err(damaged(error.to_string())),
             };
             self.fetch(wanted)?;
         }
     }
 
+    /// The current record, if it is one that a run is read from.
+    ///
+    /// # Errors
+    /// If it is not as its type says.
+    pub(crate) fn record(&self, opcode: u8) -> Result<Record<'_>, String> {
+        form::parse(opcode, self.data())
+    }
+
     /// The content of the current record.
-    pub(crate) fn data(&self) -> &[u8] {
+    fn data(&self) -> &[u8] {
         match &self.current {
             Current::Outside => &self.outside,
             Current::InChunk(range) => &self.chunk[range.clone()],
@@ -197,19 +236,33 @@ impl Content {
 
     /// The file ends here, in the middle of a record. If that is a chunk, unpacks what there is of it.
     fn tear(&mut self) -> Result<(), ContentError> {
-        self.end = Some(End::Torn(self.position.min(self.length)));
+        let at = self.position.min(self.length);
         self.chunk.clear();
         self.next = 0;
-        self.file.seek(SeekFrom::Start(self.position))?;
+        self.file.seek(SeekFrom::Start(at))?;
         self.outside.clear();
-        let limit = (HEAD_BYTES + LONGEST_RECORD) as u64;
+        // No more than there was a moment ago: a live recording grows.
+        let limit = (self.length - at).min((HEAD_BYTES + LONGEST_RECORD) as u64);
         (&mut self.file)
             .take(limit)
             .read_to_end(&mut self.outside)?;
-        let rest = self.outside.get(HEAD_BYTES..).unwrap_or_default();
-        if self.outside.first() == Some(&op::CHUNK)
+        if mark::is_among(&self.outside, at) {
+            let what = "a length is wrong: there are whole records behind".into();
+            return Err(ContentError::Damaged { at, what });
+        }
+        self.end = Some(End::Torn(at));
+        let Some((head, rest)) = self.outside.split_at_checked(HEAD_BYTES) else {
+            return Ok(());
+        };
+        if head[0] == op::CHUNK
             && let Ok((header, packed)) = chunk_of(rest)
         {
+            let bytes = form::chunk_head(rest).unwrap_or_default() as u64;
+            let says = bytes.saturating_add(header.compressed_size);
+            if head[1..] != says.to_le_bytes() {
+                let what = NOT_AS_LONG.into();
+                return Err(ContentError::Damaged { at, what });
+            }
             self.compression.clone_from(&header.compression);
             unpack::torn(&header.compression, packed, LONGEST_RECORD, &mut self.chunk);
         }
@@ -224,6 +277,8 @@ impl Content {
             && let Ok(length) = <[u8; 8]>::try_from(length)
             && let length = u64::from_le_bytes(length)
             && length <= rest.len() as u64
+            // By the format there is nothing else in a chunk.
+            && matches!(*opcode, op::SCHEMA | op::CHANNEL | op::MESSAGE)
         {
             let start = self.next + HEAD_BYTES;
             self.next = start + length as usize;
@@ -241,16 +296,51 @@ impl Content {
     }
 }
 
-/// The head of a chunk and its packed records, as many as there are.
-fn chunk_of(data: &[u8]) -> Result<(ChunkHeader, &[u8]), String> {
-    let mut cursor = Cursor::new(data);
-    let header: ChunkHeader = (cursor.read_le()).map_err(|_| "a chunk without head".to_owned())?;
-    let packed = data.get(cursor.position() as usize..).unwrap_or_default();
-    let size = header.compressed_size;
-    let packed = match usize::try_from(size) {
-        Ok(size) if size <= packed.len() => &packed[..size],
-        _ => packed,
+fn wrong_sum(at: u64) -> ContentError {
+    let what = "its check sum does not fit, bits in it have changed".into();
+    ContentError::Damaged { at, what }
+}
+
+/// Adds a record to the sum of all before it; whether that is the one that the record says.
+fn add_up(
+    sum: &mut Option<crc32fast::Hasher>,
+    opcode: u8,
+    data: &[u8],
+    at: u64,
+) -> Result<bool, String> {
+    let Some(hasher) = sum else {
+        return match opcode {
+            mark::OPCODE => Err("a mark behind the end".into()),
+            _ => Ok(true),
+        };
     };
+    let found = || hasher.clone().finalize();
+    let mut fits = true;
+    match opcode {
+        mark::OPCODE => fits = mark::fits(data, at, found()),
+        op::DATA_END => {
+            // The library has parsed it. 0 is none.
+            let saved = data
+                .first_chunk()
+                .map_or(0, |saved| u32::from_le_bytes(*saved));
+            fits = saved == 0 || saved == found();
+            *sum = None;
+            return Ok(fits);
+        }
+        op::FOOTER => return Err("it ends without the sum of its records".into()),
+        _ => {}
+    }
+    hasher.update(&[opcode]);
+    hasher.update(&(data.len() as u64).to_le_bytes());
+    hasher.update(data);
+    Ok(fits)
+}
+
+/// The head of a chunk and its packed records, as many as there are.
+fn chunk_of(data: &[u8]) -> Result<(ChunkHeader, &[u8]), &'static str> {
+    let without = "a chunk without head";
+    let (head, packed) = data.split_at(form::chunk_head(data).ok_or(without)?);
+    let header = Cursor::new(head).read_le().map_err(|_| without)?;
     Ok((header, packed))
 }
 
@@ -261,7 +351,7 @@ fn unpack_whole(header: &ChunkHeader, packed: &[u8], into: &mut Vec<u8>) -> Resu
         return Err(format!("a chunk of {size} bytes; at most {limit} can be"));
     }
     if packed.len() as u64 != header.compressed_size {
-        return Err("a chunk that is not as long as it says".into());
+        return Err(NOT_AS_LONG.into());
     }
     unpack::whole(&header.compression, packed, size as usize, into)?;
     let (saved, found) = (header.uncompressed_crc, || crc32fast::hash(into));

@@ -95,6 +95,18 @@ fn a_recording_with_a_wrong_bit_anywhere_is_never_taken_for_a_whole_one() {
 }
 
 #[test]
+fn a_recording_that_goes_on_behind_its_end_is_never_taken_for_a_whole_one() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join(RECORDING);
+    for (compression, bytes) in files() {
+        for more in [&bytes[..], &bytes[..1], &[0; 4096]] {
+            std::fs::write(&path, [&bytes, more].concat()).expect("written");
+            assert!(!read(&path), "{compression:?}: {} bytes more", more.len());
+        }
+    }
+}
+
+#[test]
 fn a_length_that_cannot_be_is_no_memory_to_ask_for() {
     let contents: Vec<Content> = (0..10)
         .map(|step| Content::Record(record(step, 0.0, 0.0)))

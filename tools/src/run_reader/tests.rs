@@ -190,6 +190,22 @@ fn what_is_no_recording_is_named() {
 }
 
 #[test]
+fn a_recording_that_was_cut_before_its_first_record_is_called_cut() {
+    let contents = [Content::Record(record(0, 0.0, 0.0))];
+    let folder = recorded("cut-early", &layout(), &contents, vec![], true);
+    let path = folder.join(RECORDING);
+    let whole = std::fs::read(&path).expect("read");
+    let channel = whole.windows(7).position(|bytes| bytes == b"/record");
+    for length in [0, 4, 8, 60, channel.expect("a channel") - 20] {
+        std::fs::write(&path, &whole[..length]).expect("written");
+        let told = RunReader::open(&folder).err().expect("refused").to_string();
+        let expected = format!("was cut off after {length} bytes, before its first record");
+        assert!(told.contains(&expected), "{told}");
+    }
+    std::fs::remove_dir_all(folder).expect("removed");
+}
+
+#[test]
 fn steps_that_do_not_rise_or_that_no_run_has_are_damage() {
     for (name, steps, told) in [
         (

@@ -1,0 +1,181 @@
+//! An event as a message: CDR by the schema of [`schema::event`], or JSON in files of earlier versions.
+//!
+//! Used by the [recording](super) and by what serves it live, and by readers, for which only the JSON
+//! counts: it comes first, so that fields may be added behind it.
+
+use shared_types::record::Event;
+
+use super::schema::{self, ENCAPSULATION};
+
+/// How events were written by earlier versions.
+const EARLIER: &str = "json";
+
+/// The message of an event.
+///
+/// # Errors
+/// If the event has no form in JSON.
+pub(crate) fn message(event: &Event) -> serde_json::Result<Vec<u8>> {
+    let facts = serde_json::to_value(event)?;
+    let mut message = ENCAPSULATION.to_vec();
+    text(&mut message, &serde_json::to_string(event)?);
+    for (kind, name, _) in schema::FACTS {
+        let fact = &facts[name];
+        match kind {
+            "string" => text(&mut message, fact.as_str().unwrap_or_default()),
+            "bool" => message.push(fact.as_bool().unwrap_or_default().into()),
+            _ => number(&mut message, fact.as_u64().unwrap_or_default()),
+        }
+    }
+    Ok(message)
+}
+
+/// The event of a message with this encoding.
+///
+/// # Errors
+/// With what is wrong.
+pub(crate) fn read(encoding: &str, message: &[u8]) -> Result<Event, String> {
+    let json = if encoding == EARLIER {
+        Some(message)
+    } else {
+        first_text(message)
+    };
+    let json = json.ok_or("its text is longer than its message")?;
+    serde_json::from_slice(json).map_err(|error| error.to_string())
+}
+
+/// The text that a message begins with, without its zero at the end.
+fn first_text(message: &[u8]) -> Option<&[u8]> {
+    let (length, rest) = (message.get(ENCAPSULATION.len()..)?).split_first_chunk()?;
+    let length = usize::try_from(u32::from_le_bytes(*length)).ok()?;
+    rest.get(..length.checked_sub(1)?)
+}
+
+/// Fills up to a multiple of this behind the encapsulation.
+fn align(message: &mut Vec<u8>, to: usize) {
+    let length = message.len() - ENCAPSULATION.len();
+    message.resize(ENCAPSULATION.len() + length.next_multiple_of(to), 0);
+}
+
+fn text(message: &mut Vec<u8>, text: &str) {
+    align(message, size_of::<u32>());
+    message.extend((text.len() as u32 + 1).to_le_bytes());
+    message.extend(text.as_bytes());
+    message.push(0);
+}
+
+fn number(message: &mut Vec<u8>, number: u64) {
+    align(message, size_of::<u64>());
+    message.extend(number.to_le_bytes());
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::{Value, json};
+    use shared_types::record::FaultEnded;
+
+    use super::*;
+
+    fn ended() -> Event {
+        Event::FaultEnded(FaultEnded {
+            id: 3,
+            effect: 1,
+            step: 70_000,
+            cleared: true,
+        })
+    }
+
+    #[test]
+    fn an_event_is_its_json_and_then_each_fact_as_cdr_has_it() {
+        let json = serde_json::to_string(&ended()).expect("JSON");
+        // By the rules of CDR: texts with their length and a zero, numbers at multiples of their size.
+        let mut expected = vec![0, 1, 0, 0];
+        let mut put = |size: usize, bytes: &[u8]| {
+            while (expected.len() - 4) % size > 0 {
+                expected.push(0);
+            }
+            expected.extend(bytes);
+        };
+        let texts = |text: &str| {
+            let length = (text.len() as u32 + 1).to_le_bytes();
+            [&length, text.as_bytes(), &[0]].concat()
+        };
+        put(4, &texts(&json));
+        put(4, &texts("fault-ended"));
+        put(8, &70_000_u64.to_le_bytes());
+        put(8, &3_u64.to_le_bytes());
+        put(8, &1_u64.to_le_bytes());
+        for _ in ["kind", "target", "parameter", "canonical"] {
+            put(4, &texts(""));
+        }
+        put(1, &[0, 1]);
+        put(8, &0_u64.to_le_bytes());
+        for _ in ["change", "law", "policy", "reason"] {
+            put(4, &texts(""));
+        }
+        put(8, &0_u64.to_le_bytes());
+        put(8, &0_u64.to_le_bytes());
+        put(4, &texts(""));
+        assert_eq!(message(&ended()).expect("a message"), expected);
+    }
+
+    #[test]
+    fn events_of_this_version_and_of_earlier_ones_are_read() {
+        let now = message(&ended()).expect("a message");
+        assert_eq!(read("cdr", &now), Ok(ended()));
+        let earlier = serde_json::to_vec(&ended()).expect("JSON");
+        assert_eq!(read("json", &earlier), Ok(ended()));
+    }
+
+    #[test]
+    fn an_event_that_is_cut_anywhere_in_its_json_is_refused() {
+        let whole = message(&ended()).expect("a message");
+        let json = serde_json::to_string(&ended()).expect("JSON").len();
+        for length in 0..8 + json {
+            assert!(read("cdr", &whole[..length]).is_err(), "{length} bytes");
+        }
+        let mut huge = whole.clone();
+        huge[4..8].copy_from_slice(&u32::MAX.to_le_bytes());
+        assert!(read("cdr", &huge).is_err());
+        huge[4..8].copy_from_slice(&0_u32.to_le_bytes());
+        assert!(read("cdr", &huge).is_err());
+    }
+
+    #[test]
+    fn every_fact_that_has_one_value_is_a_field_of_its_type() {
+        let events = [
+            json!({"event": "accepted", "id": 1, "step": 2, "fault": {"kind": "bias"}}),
+            json!({
+                "event": "fault", "id": 1, "effect": 0, "step": 3, "kind": "bias", "target": "x",
+                "parameter": "x", "canonical": "bias", "wall_only": true
+            }),
+            json!({"event": "fault-ended", "id": 1, "effect": 0, "step": 4, "cleared": true}),
+            json!({
+                "event": "controller", "epoch": 1, "step": 5, "change": "lost", "reason": "gone",
+                "policy": "hold"
+            }),
+            json!({"event": "controller", "epoch": 2, "step": 6, "change": "joined", "law": "pid"}),
+            json!({"event": "controller", "epoch": 3, "step": 7, "change": "refused", "reason": "late"}),
+            json!({
+                "event": "end", "steps": 9, "outcome": "failed", "reason": "gone",
+                "rejected_frames": 0, "effects": [], "overruns": {"count": 0, "longest": 0,
+                "first_step": null}, "missed_commands": {"count": 0, "longest": 0, "first_step": null}
+            }),
+        ];
+        for event in events {
+            let event: Event = serde_json::from_value(event).expect("an event");
+            // As it is recorded, with every fact that it has.
+            let recorded = serde_json::to_value(&event).expect("JSON");
+            for (name, value) in recorded.as_object().expect("an object") {
+                let field = schema::FACTS.iter().find(|(_, field, _)| field == name);
+                let kind = field.map(|(kind, ..)| *kind);
+                let expected = match value {
+                    Value::String(_) => Some("string"),
+                    Value::Bool(_) => Some("bool"),
+                    Value::Number(_) => Some("uint64"),
+                    _ => None,
+                };
+                assert_eq!(kind, expected, "{name}");
+            }
+        }
+    }
+}

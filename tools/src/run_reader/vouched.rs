@@ -1,0 +1,60 @@
+//! What no check sum vouches for in a recording that broke off, and in one that was made of such a file.
+
+use super::RunReader;
+use super::content::End;
+
+/// The facts that say how many records check sums vouched for when the file was recovered, and what they
+/// did not vouch for; only if that is not all.
+pub(crate) const VOUCHED: &str = "vouched_records";
+pub(crate) const UNVOUCHED: &str = "unvouched";
+
+/// What no check sum vouches for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Unvouched {
+    /// Records before it.
+    pub(crate) records: u64,
+    pub(crate) told: String,
+}
+
+impl RunReader {
+    /// What to tell of a recording that its writer did not finish: what mends it, and what nobody vouches
+    /// for, also after that; known at the end.
+    #[must_use]
+    pub fn caveat(&self) -> Option<String> {
+        let (path, records) = (self.path.display(), self.records);
+        let doubt = self.unvouched().map(|unvouched| unvouched.told);
+        if !matches!(self.content.end(), Some(End::Torn(_))) {
+            return doubt.map(|told| format!("{path} was recovered: {told}"));
+        }
+        let doubt = doubt.map_or_else(String::new, |told| format!(" ({told})"));
+        Some(format!(
+            "{path} broke off after {records} records{doubt}; `hil recover {path}` makes a whole file of it"
+        ))
+    }
+
+    /// What no check sum vouches for, now or when it was recovered; known at the end, or at the damage.
+    pub(crate) fn unvouched(&self) -> Option<Unvouched> {
+        let before = || {
+            Some(Unvouched {
+                records: self.fact(VOUCHED)?.parse().ok()?,
+                told: self.fact(UNVOUCHED)?.to_owned(),
+            })
+        };
+        let now = || {
+            let told = match self.vouched {
+                None => {
+                    "no check sum vouches for its records or for what it says of the run".into()
+                }
+                Some(0) => "no check sum vouches for its records".into(),
+                Some(records) if records < self.records => {
+                    format!("check sums vouch for its first {records} records only")
+                }
+                Some(_) => "no check sum vouches for what it says after its last record".into(),
+            };
+            let records = self.vouched.unwrap_or_default();
+            (!self.is_vouched && !self.is_whole()).then_some(Unvouched { records, told })
+        };
+        let both = [before(), now()].into_iter().flatten();
+        both.min_by_key(|unvouched| unvouched.records)
+    }
+}
