@@ -11,6 +11,7 @@ use hil_config::plan::Plan;
 use shared_types::record::{Event, Outcome};
 use shared_types::time::Step;
 
+use crate::ending::{self, Answers};
 use crate::exit::Failure;
 use crate::faults::{FaultLog, LiveFault};
 use crate::judge::{self, RecordedEvaluation};
@@ -48,7 +49,9 @@ fn judge(
         return Ok((plan, None));
     }
     let (columns, values) = judge::columns(reader, &plant)?;
-    let judge = RecordedEvaluation::new(&plan, &columns, values).map_err(Failure::usage)?;
+    let origin = by.unwrap_or(run).display();
+    let judge = RecordedEvaluation::new(reader, &plan, &columns, values)
+        .map_err(|error| Failure::usage(format!("{origin} does not fit the run: {error}")))?;
     Ok((plan, Some(judge)))
 }
 
@@ -58,7 +61,7 @@ impl Account {
     /// # Errors
     /// If it is none.
     pub(crate) fn of(run: &Path, by: Option<&Path>) -> Result<Self, ReadError> {
-        let mut reader = RunReader::open(run)?;
+        let mut reader = RunReader::open(run)?.patient();
         let (plan, mut judge) = match judge(&reader, run, by) {
             Ok((plan, judge)) => (Ok(plan), judge),
             Err(failure) => (Err(failure), None),
@@ -67,6 +70,7 @@ impl Account {
         let (mut latency, mut faults) = (Latency::default(), FaultLog::default());
         let (mut messages, mut end, mut published_ns) = (0, None, None);
         let mut changes = Vec::new();
+        let mut answers = Answers::default();
         let damage = loop {
             let advanced = reader.advance();
             for event in reader.events() {
@@ -96,6 +100,12 @@ impl Account {
             }
             messages += 1;
             let timing = places.timing(reader.words());
+            if plan
+                .as_ref()
+                .is_ok_and(|plan| reader.step() < plan.run.steps)
+            {
+                answers.take(&timing);
+            }
             latency.take(reader.step(), &timing);
             let (first_ns, _) = published_ns.unwrap_or((timing.published_ns, 0));
             published_ns = Some((first_ns, timing.published_ns));
@@ -122,8 +132,11 @@ impl Account {
                 written
             }),
             written,
+            cut_short: None,
             past_records: 0,
             lost,
+            // Older recordings do not say whose commands they have.
+            answers: (places.tell_answers() && !reader.is_excerpt()).then_some(answers),
             digest: digest.filter(|digest| lost == 0 && written > 0 && !digest.is_empty()),
             partial_digests: BTreeMap::new(),
             metrics: (judge.as_ref()).map_or_else(Vec::new, |judge| judge.evaluation.results()),
@@ -163,13 +176,23 @@ impl Account {
     }
 
     /// How the run ended, and why if not by itself; `broke_off` is why where the recording does not tell.
+    /// What the plant told of its end counts as far as the recorder found nothing wrong with it, and
+    /// nothing else is wrong with it.
     pub(crate) fn outcome(&self, broke_off: Option<&str>) -> (Outcome, Option<String>) {
+        let result = |name| self.reader.result(name).map(str::to_owned);
+        let is_failed = result("outcome").is_some_and(|outcome| outcome == "failed");
+        let contradiction = || {
+            let plan = self.plan.as_ref().ok()?;
+            ending::contradiction(plan, &self.recorded)
+        };
         match (broke_off, &self.recorded.end) {
-            (None, Some(end)) => (end.outcome, end.reason.clone()),
-            (None, None) => {
-                let reason = self.reader.result("reason").map(str::to_owned);
-                (Outcome::Failed, reason)
+            (None, Some(end)) if !is_failed || end.outcome == Outcome::Failed => {
+                match contradiction() {
+                    Some(what) => (Outcome::Failed, Some(what)),
+                    None => (end.outcome, end.reason.clone()),
+                }
             }
+            (None, _) => (Outcome::Failed, result("reason")),
             (Some(reason), _) => (Outcome::Failed, Some(reason.to_owned())),
         }
     }
@@ -190,3 +213,6 @@ impl Account {
         Ok(Summary::of_recording(&plan, &self.reader, &ended))
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -28,6 +28,55 @@ pub(crate) struct Tenure {
     then: Option<&'static str>,
 }
 
+/// The laws of a run, each with the first step that it answers; `None` is no controller.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Laws(Vec<(u64, Option<String>)>);
+
+impl Laws {
+    /// Those of a run that began with this law.
+    pub(crate) fn of(first: &str, changes: &[ControllerChange]) -> Self {
+        let mut laws = vec![(0, Some(first.to_owned()))];
+        for ControllerChange { step, change, .. } in changes {
+            let law = match change {
+                Change::Joined { law } => Some(law.clone()),
+                Change::Lost { .. } => None,
+                Change::Refused { .. } => continue,
+            };
+            laws.retain(|(from, _)| from < step);
+            if laws.last().is_none_or(|(_, last)| *last != law) {
+                laws.push((*step, law));
+            }
+        }
+        Self(laws)
+    }
+
+    /// All of them.
+    pub(crate) fn names(&self) -> impl Iterator<Item = &str> {
+        self.0.iter().filter_map(|(_, law)| law.as_deref())
+    }
+
+    /// The law that answered every step of a window in s, both ends included.
+    pub(crate) fn during(&self, [from_s, until_s]: [f64; 2], rate: Rate) -> Option<&str> {
+        let [from, until] = [from_s, until_s].map(|time_s| rate.step_at_or_after(time_s).0);
+        let place = self.0.iter().rposition(|(step, _)| *step <= from)?;
+        let next = self.0.get(place + 1);
+        let is_whole = next.is_none_or(|(step, _)| *step > until);
+        self.0[place].1.as_deref().filter(|_| is_whole)
+    }
+
+    /// As a person reads it: the first, and each other one with its begin.
+    pub(crate) fn told(&self, rate: Rate) -> String {
+        let told = self.0.iter().map(|(step, law)| {
+            let law = law.as_deref().unwrap_or("no controller");
+            match step {
+                0 => law.to_owned(),
+                step => format!("{law} from {} s", rate.seconds(Step(*step))),
+            }
+        });
+        told.collect::<Vec<_>>().join(", ")
+    }
+}
+
 /// The controllers of a run; empty if it kept the one it began with.
 pub(crate) fn tenures(
     started: &[Started],
@@ -141,5 +190,71 @@ pub(crate) fn told(change: &ControllerChange) -> String {
         Change::Refused { reason } => {
             format!("controller {epoch} refused at step {step}: {reason}")
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use shared_types::lockstep::OnLoss;
+
+    use super::*;
+
+    fn change(epoch: u32, step: u64, change: Change) -> ControllerChange {
+        ControllerChange {
+            epoch,
+            step,
+            change,
+        }
+    }
+
+    fn joined(epoch: u32, step: u64, law: &str) -> ControllerChange {
+        change(epoch, step, Change::Joined { law: law.into() })
+    }
+
+    fn lost(epoch: u32, step: u64) -> ControllerChange {
+        let (reason, policy) = (String::new(), OnLoss::Hold);
+        change(epoch, step, Change::Lost { reason, policy })
+    }
+
+    #[test]
+    fn the_law_of_a_window_is_the_one_that_answered_all_of_it() {
+        let rate = Rate::new(1000.0).expect("a rate");
+        let laws = Laws::of("pid", &[joined(2, 2500, "hold"), lost(2, 4000)]);
+        assert_eq!(
+            laws.told(rate),
+            "pid, hold from 2.5 s, no controller from 4 s"
+        );
+        for (window_s, law) in [
+            ([0.0, 2.499], Some("pid")),
+            ([0.0, 2.5], None),
+            ([2.5, 3.999], Some("hold")),
+            ([2.4, 3.0], None),
+            ([3.0, 4.0], None),
+            ([4.0, 5.0], None),
+        ] {
+            assert_eq!(laws.during(window_s, rate), law, "{window_s:?}");
+        }
+        let names: Vec<&str> = laws.names().collect();
+        assert_eq!(names, ["pid", "hold"]);
+    }
+
+    #[test]
+    fn a_law_that_takes_over_from_itself_is_one() {
+        let rate = Rate::new(1000.0).expect("a rate");
+        let refused = change(
+            3,
+            20,
+            Change::Refused {
+                reason: String::new(),
+            },
+        );
+        let laws = [lost(1, 10), joined(2, 10, "pid"), refused];
+        assert_eq!(Laws::of("pid", &laws).told(rate), "pid");
+        let at_once = [
+            joined(2, 0, "hold"),
+            joined(3, 7, "pid"),
+            joined(4, 7, "hold"),
+        ];
+        assert_eq!(Laws::of("pid", &at_once).told(rate), "hold");
     }
 }

@@ -10,18 +10,21 @@ use std::time::Duration;
 
 use controller_process::job::Job;
 use hil_config::plan::{ControllerPlan, Plan};
-use hil_config::scenario::Scenario;
+use hil_config::scenario::{Advice, Scenario};
 use serde::{Deserialize, Serialize};
+use shared_types::describe::LawDescription;
 use shared_types::live::{self, Listening, LiveError, Refusal};
 use shared_types::session::SessionInfo;
+use toml_edit::{DocumentMut, Item, TableLike};
 
+use crate::binaries::named::refuse_set;
 use crate::binaries::{Binaries, Binary};
 use crate::cli::swap::SwapArguments;
 use crate::exit::{Exit, Failure};
 use crate::interruption::Interruption;
 use crate::live::Unmet;
 use crate::replay::original::kept;
-use crate::{config, output};
+use crate::{config, folder, output};
 
 /// Name of the socket in the session's folder.
 const SOCKET: &str = "hil";
@@ -63,12 +66,16 @@ pub(crate) struct Swapped {
     pub(crate) step: u64,
     pub(crate) law: String,
     pub(crate) binary: PathBuf,
+    /// Keys of the running scenario that do not hold for it, as none of its laws has them.
+    pub(crate) left_out: Vec<String>,
 }
 
 /// A controller that is checked and waits to be started.
 pub(crate) struct Wanted {
     pub(crate) binary: Binary,
     pub(crate) law: Law,
+    /// Keys of the scenario that none of its laws has.
+    pub(crate) left_out: Vec<String>,
     pub(crate) answer: Sender<Result<Swapped, String>>,
 }
 
@@ -105,20 +112,30 @@ pub fn swap(arguments: &SwapArguments) -> Result<Exit, Failure> {
             step,
             law,
             binary,
+            left_out,
         } = swapped;
-        format!(
-            "controller {epoch} ({law}, {}) took over at step {step}\n",
-            binary.display()
-        )
+        let binary = binary.display();
+        let mut text = format!("controller {epoch} ({law}, {binary}) took over at step {step}\n");
+        if !left_out.is_empty() {
+            let keys = left_out.join(", ");
+            text += &format!("  left out, as none of its laws has them: {keys}\n");
+        }
+        text
     })?;
     Ok(Exit::Pass)
 }
 
 fn ask(arguments: &SwapArguments) -> Result<Swapped, Unmet> {
+    refuse_set(&arguments.set, |role| match role.side {
+        "controller" => "--bin",
+        _ => role.flag,
+    })?;
     let session = crate::live::find(&arguments.session)?;
     let absolute = |path: &PathBuf| std::path::absolute(path).map_err(Failure::usage);
+    let binary = arguments.bin.as_ref().map(absolute).transpose()?;
+    binary.as_deref().map_or(Ok(()), folder::refuse_odd)?;
     let request = Request {
-        binary: arguments.bin.as_ref().map(absolute).transpose()?,
+        binary,
         set: arguments.set.clone(),
     };
     match live::ask_at(&session, SOCKET, &request, ANSWER_LIMIT) {
@@ -187,10 +204,19 @@ impl Ground {
         }
         let told = |failure: Failure| failure.to_string().trim_start_matches("error: ").to_owned();
         let binary = match &request.binary {
-            Some(path) => Binary::controller(Some(path), &self.interruption).map_err(told)?,
-            None => self.binaries.controller.clone(),
+            Some(path) => Binary::asked_for(path, "--bin", &self.interruption).map_err(told)?,
+            None => {
+                let binary = self.binaries.controller.clone();
+                if binary.refuse_changed().is_err() {
+                    let path = binary.path.display();
+                    return Err(format!(
+                        "{path} was replaced or changed since the run began; --bin {path} takes it as it is now"
+                    ));
+                }
+                binary
+            }
         };
-        let law = self.law(&binary, &request.set).map_err(told)?;
+        let (law, left_out) = self.law(&binary, &request.set).map_err(told)?;
         // Beside the job of the one in office, which may not have read it yet.
         let job = Law(law.clone()).onto(self.job.clone());
         session
@@ -205,6 +231,7 @@ impl Ground {
             .send(Wanted {
                 binary,
                 law,
+                left_out,
                 answer,
             })
             .map_err(|_| "the run has ended".to_owned())?;
@@ -219,22 +246,131 @@ impl Ground {
         }
     }
 
-    /// The controller's part of the scenario as it is for this binary.
-    fn law(&self, binary: &Binary, set: &[String]) -> Result<ControllerPlan, Failure> {
+    /// The controller's part of the scenario as it is for this binary, and the keys of it that none of
+    /// its laws has.
+    fn law(
+        &self,
+        binary: &Binary,
+        set: &[String],
+    ) -> Result<(ControllerPlan, Vec<String>), Failure> {
         if let Some(other) = set.iter().find(|set| !set.starts_with("controller.")) {
             return Err(Failure::usage(format!(
                 "--set {other}: a swap changes keys that begin with `controller.`"
             )));
         }
         let effective = config::show(&self.plan, &self.binaries)?;
-        let text = kept(&effective).map_err(Failure::infrastructure)?;
+        let mut document = kept(&effective).map_err(Failure::infrastructure)?;
+        let left_out = leave_out(&mut document, &binary.description.laws);
+        let text = document.to_string();
+        let advice = Advice {
+            law: binary.advice_on_laws("--bin PATH"),
+            ..Advice::default()
+        };
         let plant = &self.binaries.plant.description;
         let scenario = Scenario::parse(&text, "the running scenario");
-        let scenario = scenario.map(|scenario| scenario.set(set));
+        let scenario = scenario.map(|scenario| scenario.set(set).advise(advice));
         let laws = &binary.description.laws;
         let plan = scenario
             .and_then(|scenario| scenario.check(&plant.plants, laws, &plant.faults))
             .map_err(|problems| Failure::Usage(problems.to_string()))?;
-        Ok(plan.controller)
+        Ok((plan.controller, left_out))
+    }
+}
+
+/// Takes the keys out of a scenario that none of these laws has, and gives their names.
+fn leave_out(scenario: &mut DocumentMut, laws: &[LawDescription]) -> Vec<String> {
+    let mut gone = Vec::new();
+    let Some(controller) = scenario
+        .get_mut("controller")
+        .and_then(Item::as_table_like_mut)
+    else {
+        return gone;
+    };
+    let tables = controller.iter().filter(|(_, item)| item.is_table_like());
+    let tables: Vec<String> = tables.map(|(name, _)| name.to_owned()).collect();
+    for name in tables {
+        let path = format!("controller.{name}");
+        let of_law = laws.iter().filter(|law| law.name == name);
+        let known: Vec<&str> = match name.as_str() {
+            "model" => laws.iter().flat_map(|law| &law.model).collect::<Vec<_>>(),
+            _ => of_law.clone().flat_map(|law| &law.parameters).collect(),
+        }
+        .into_iter()
+        .map(|field| field.name.as_str())
+        .collect();
+        if name != "model" && of_law.count() == 0 {
+            controller.remove(&name);
+            gone.push(path);
+        } else if let Some(table) = controller.get_mut(&name).and_then(Item::as_table_like_mut) {
+            prune(table, &path, "", &known, &mut gone);
+        }
+    }
+    gone
+}
+
+/// Takes the values out of a table whose names are not known; `below` is where it is from `path` on.
+fn prune(
+    table: &mut dyn TableLike,
+    path: &str,
+    below: &str,
+    known: &[&str],
+    gone: &mut Vec<String>,
+) {
+    let keys: Vec<String> = table.iter().map(|(key, _)| key.to_owned()).collect();
+    for key in keys {
+        let name = format!("{below}{key}");
+        match table.get_mut(&key).and_then(Item::as_table_like_mut) {
+            Some(inner) => {
+                prune(inner, path, &format!("{name}."), known, gone);
+                if inner.is_empty() {
+                    table.remove(&key);
+                }
+            }
+            None if known.contains(&name.as_str()) => {}
+            None => {
+                table.remove(&key);
+                gone.push(format!("{path}.{name}"));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_that_no_law_has_are_left_out_and_no_others() {
+        let mut laws = controller_process::laws::all();
+        laws.retain(|law| law.description.name == "pid");
+        let mut laws: Vec<LawDescription> = laws.into_iter().map(|law| law.description).collect();
+        let known = laws[0].parameters[0].name.clone();
+        let unit = laws[0].parameters[0].clone();
+        for law in &mut laws {
+            law.model = vec![shared_types::table::Field {
+                name: "rod.mass_kg".into(),
+                ..unit.clone()
+            }];
+        }
+        let text = format!(
+            "[run]\nduration_s = 1.0\n[controller]\nlaw = \"pid\"\nprogram = \"/a\"\nrate_hz = 10.0\n\
+             [controller.pid]\n{known} = 1.0\nolder = 2.0\nown.older = 3.0\n\
+             [controller.lqr]\ngain = 1.0\n[controller.model]\nrod.mass_kg = 1.0\nrod.length_m = 2.0\n"
+        );
+        let mut scenario: DocumentMut = text.parse().expect("TOML");
+        let gone = leave_out(&mut scenario, &laws);
+        let wanted = [
+            "controller.pid.older",
+            "controller.pid.own.older",
+            "controller.lqr",
+            "controller.model.rod.length_m",
+        ];
+        assert_eq!(gone, wanted);
+        let kept = format!(
+            "[run]\nduration_s = 1.0\n[controller]\nlaw = \"pid\"\nprogram = \"/a\"\nrate_hz = 10.0\n\
+             [controller.pid]\n{known} = 1.0\n[controller.model]\nrod.mass_kg = 1.0\n"
+        );
+        assert_eq!(scenario.to_string(), kept);
+        assert_eq!(leave_out(&mut scenario, &laws), [""; 0]);
     }
 }

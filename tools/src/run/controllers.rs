@@ -29,12 +29,14 @@ pub(super) struct Controllers {
     policy: OnLoss,
     run_dir: PathBuf,
     restarts: u32,
-    /// None is started anew any more.
-    is_exhausted: bool,
+    /// Why none is started anew any more.
+    exhausted: Option<String>,
     /// Changes that were heard of.
     known: usize,
     /// Members that the recording tells of.
     recorded: usize,
+    /// The plant told of one that was never started.
+    unknown: Option<u32>,
 }
 
 /// One controller process.
@@ -49,7 +51,14 @@ struct Member {
     /// It was told that the run is over.
     told_over: bool,
     /// Who asked for it.
-    asked: Option<Sender<Result<Swapped, String>>>,
+    asked: Option<Asked>,
+}
+
+/// Somebody who asked for a controller.
+struct Asked {
+    answer: Sender<Result<Swapped, String>>,
+    /// What the controller has not of the running scenario.
+    left_out: Vec<String>,
 }
 
 /// What a controller is to the run.
@@ -100,9 +109,10 @@ impl Controllers {
             policy,
             run_dir,
             restarts: 0,
-            is_exhausted: false,
+            exhausted: None,
             known: 0,
             recorded: 1, // of the first it tells from the start
+            unknown: None,
         };
         controllers.add(session, binary, job)?;
         controllers.members[0].standing = Standing::InOffice;
@@ -125,7 +135,7 @@ impl Controllers {
             1 => "controller.log".into(),
             _ => format!("controller-{epoch}.log"),
         };
-        let side = Side::start("controller", &binary.path, &info, &self.run_dir, &log)?;
+        let side = Side::start("controller", &binary, &info, &self.run_dir, &log)?;
         session
             .add_controller(epoch, side.process_id())
             .map_err(Failure::infrastructure)?;
@@ -200,8 +210,13 @@ impl Controllers {
 
     /// Why no lost controller is started anew any more, if that is so.
     pub(super) fn exhausted(&self) -> Option<String> {
-        self.is_exhausted
-            .then(|| format!("it was started anew {RESTARTS} times, which is the most"))
+        self.exhausted.clone()
+    }
+
+    /// What the plant told of a controller that was never started, if it did.
+    pub(super) fn unknown(&self) -> Option<String> {
+        let told = |epoch| format!("the plant tells of controller {epoch}, which was not started");
+        self.unknown.map(told)
     }
 
     /// Tells all of them that it is over, in this way, if they were not told yet.
@@ -213,12 +228,10 @@ impl Controllers {
         }
     }
 
-    /// Ends those that have not ended.
-    pub(super) fn kill(&mut self) {
+    /// Ends those that had their time to end by themselves.
+    pub(super) fn end_if_due(&mut self, since: Instant) {
         for member in &mut self.members {
-            if !member.side.has_ended() {
-                member.side.kill();
-            }
+            member.side.end_if_due(since);
         }
     }
 
@@ -252,6 +265,7 @@ impl Controllers {
         let Wanted {
             binary,
             law,
+            left_out,
             answer,
         } = wanted;
         if self.is_one_coming() {
@@ -265,7 +279,7 @@ impl Controllers {
             Ok(epoch) => {
                 plant.tell(&format!("{EXPECT} {epoch}"));
                 if let Some(member) = self.members.last_mut() {
-                    member.asked = Some(answer);
+                    member.asked = Some(Asked { answer, left_out });
                 }
             }
             Err(failure) => {
@@ -275,23 +289,19 @@ impl Controllers {
     }
 
     /// What the plant told: who is in office, and who is to be started anew.
-    ///
-    /// # Errors
-    /// If another controller cannot be started.
     pub(super) fn hear(
         &mut self,
         session: &mut Session,
         plant: &mut Side,
         changes: &[ControllerChange],
-    ) -> Result<(), Failure> {
+    ) {
         for change in changes {
             self.note(change);
             if matches!(change.change, Change::Lost { .. }) && self.policy == OnLoss::WaitForRestart
             {
-                self.restart(session, plant, change.epoch)?;
+                self.restart(session, plant, change.epoch);
             }
         }
-        Ok(())
     }
 
     /// Takes down who is in office, and answers who asked for it.
@@ -302,6 +312,10 @@ impl Controllers {
             step,
             change,
         } = change;
+        if (self.members.iter()).all(|member| member.epoch != *epoch) {
+            self.unknown.get_or_insert(*epoch);
+            return;
+        }
         let past = Standing::Past(Instant::now());
         if matches!(change, Change::Joined { .. }) {
             let in_office = |member: &&mut Member| member.standing == Standing::InOffice;
@@ -311,6 +325,10 @@ impl Controllers {
         }
         let Some(member) = (self.members.iter_mut()).find(|member| member.epoch == *epoch) else {
             return;
+        };
+        let asked = match change {
+            Change::Lost { .. } => None,
+            _ => member.asked.take(),
         };
         let told = match change {
             Change::Lost { .. } => {
@@ -330,38 +348,41 @@ impl Controllers {
                     step: *step,
                     law: law.clone(),
                     binary: member.binary.path.clone(),
+                    left_out: (asked.as_ref()).map_or_else(Vec::new, |one| one.left_out.clone()),
                 })
             }
         };
-        if let Some(asked) = member.asked.take() {
-            let _ = asked.send(told); // who asked may be gone
+        if let Some(asked) = asked {
+            let _ = asked.answer.send(told); // who asked may be gone
         }
     }
 
     /// Starts a lost controller anew, or lets the plant know that none comes any more.
-    fn restart(
-        &mut self,
-        session: &mut Session,
-        plant: &mut Side,
-        lost: u32,
-    ) -> Result<(), Failure> {
+    fn restart(&mut self, session: &mut Session, plant: &mut Side, lost: u32) {
         if self.is_one_coming() {
-            return Ok(()); // somebody asked for another one just before
+            return; // somebody asked for another one just before
         }
         if self.restarts == RESTARTS {
-            self.is_exhausted = true;
+            let most = format!("it was started anew {RESTARTS} times, which is the most");
+            self.exhausted = Some(most);
             plant.tell(&format!("{PEER_GONE} {}", self.next_epoch()));
-            return Ok(());
+            return;
         }
         self.restarts += 1;
         let member = (self.members.iter()).find(|member| member.epoch == lost);
         let Some(member) = member else {
-            return Ok(());
+            return;
         };
         let (binary, job) = (member.binary.clone(), member.job.clone());
-        let epoch = self.add(session, binary, job)?;
-        plant.tell(&format!("{EXPECT} {epoch}"));
-        Ok(())
+        match self.add(session, binary, job) {
+            Ok(epoch) => plant.tell(&format!("{EXPECT} {epoch}")),
+            Err(failure) => {
+                let why = failure.to_string();
+                let why = why.trim_start_matches("error: ");
+                self.exhausted = Some(format!("it cannot be started anew: {why}"));
+                plant.tell(&format!("{PEER_GONE} {}", self.next_epoch()));
+            }
+        }
     }
 
     /// Tells the plant of those that ended, and ends those that are of no more use.

@@ -15,6 +15,7 @@ use shared_types::stream::{self, RecordSink};
 use shared_types::supervision::Supervision;
 use shared_types::wait::{WaitLimit, Waiter};
 
+use super::processes::refuse_other_layout;
 use super::realtime::Watched;
 use super::{Ended, Prepared};
 use crate::exit::Failure;
@@ -55,14 +56,16 @@ pub(super) fn run(
     let (plan, recording) = (prepared.plan.clone(), prepared.recording.clone());
     let marks = prepared.marks.clone();
     let core = realtime.recorder_core();
+    let described = prepared.layout.clone();
     let recorder = Recorder::start(plan, recording, marks, prepared.past.clone(), move || {
         core.apply();
         let mut source = Some(source);
         move || {
-            Ok(told
-                .try_recv()
-                .ok()
-                .and_then(|layout| Some((source.take()?, layout))))
+            let Ok(said) = told.try_recv() else {
+                return Ok(None);
+            };
+            refuse_other_layout(&described, &said)?;
+            Ok(source.take().map(|source| (source, described.clone())))
         }
     });
     recorder.recall(&prepared.interruption)?;
@@ -95,13 +98,16 @@ pub(super) fn run(
         .map_err(|_| Failure::infrastructure("plant or controller panicked"))?;
     let recorded = recorder.finish().map_err(Failure::infrastructure)?;
     let end = ran.map_err(Failure::infrastructure)?;
-    let (outcome, mut reason) = (end.outcome, end.reason);
+    let (mut outcome, mut reason) = (end.outcome, end.reason);
     if outcome == Outcome::Stopped && prepared.interruption.came() {
         let seen = reason.map_or_else(String::new, |seen| format!("; {seen}"));
         reason = Some(format!("interrupted{seen}"));
     }
     if let Some(error) = &recorded.error {
         reason = Some(error.clone());
+        if outcome == Outcome::Completed {
+            outcome = Outcome::Failed;
+        }
     }
     Ok(Ended {
         recorded,

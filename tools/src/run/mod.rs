@@ -3,9 +3,9 @@
 
 mod controllers;
 mod in_process;
+mod log;
 pub(crate) mod processes;
 pub(crate) mod realtime;
-mod shared_memory;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -13,15 +13,16 @@ use std::path::{Path, PathBuf};
 use hil_config::plan::{Clock, Plan};
 use plant_process::repeat::Missed;
 use shared_types::checkpoint::{Checkpoints, Side};
-use shared_types::describe::PROTOCOL;
+use shared_types::describe::{LawDescription, PROTOCOL};
 use shared_types::lockstep::OnLoss;
-use shared_types::record::Outcome;
+use shared_types::number::{exact, exact_in};
+use shared_types::record::{Outcome, RecordLayout};
 use shared_types::session::{Session, SessionError, SessionInfo};
 use shared_types::time::Step;
 
-use crate::binaries::Binaries;
+use crate::binaries::{Binaries, Binary, seal};
 use crate::checkpoint::branch::Branch;
-use crate::checkpoint::past::{Past, PastRecords};
+use crate::checkpoint::past::{self, Past, PastRecords};
 use crate::cli::run::{LinkKind, RunArguments, RunOptions};
 use crate::exit::{Exit, Failure};
 use crate::interruption::Interruption;
@@ -46,6 +47,8 @@ struct Prepared {
     plant: plant_process::job::Job,
     controller: controller_process::job::Job,
     recording: Option<RecordingPlan>,
+    /// What its records hold, by what both binaries say of themselves.
+    layout: RecordLayout,
     /// After how many records the digest is wanted besides.
     marks: Vec<u64>,
     /// The records that the run goes on from.
@@ -112,7 +115,7 @@ pub(crate) struct Ran {
     /// The digests after the first records, by how many, as far as they were asked for and there
     /// were so many.
     pub(crate) partial_digests: BTreeMap<u64, String>,
-    /// Its recording, if it was recorded.
+    /// Its recording, if there is one.
     pub(crate) recording: Option<PathBuf>,
     /// From the first to the last record, in s.
     pub(crate) wall_time_s: f64,
@@ -139,30 +142,57 @@ pub fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
     suite::run(arguments)
 }
 
+/// Looks at the options and begins to listen to signals.
+///
+/// # Errors
+/// If options do not go together.
+pub(crate) fn begin(options: &RunOptions) -> Result<Interruption, Failure> {
+    if options.wait_limit.is_nan() || options.wait_limit <= 0.0 {
+        return Err(Failure::usage(
+            "--wait-limit takes a number above 0, or inf",
+        ));
+    }
+    let given = &options.binaries;
+    let is_given = given.plant_bin.is_some() || given.controller_bin.is_some();
+    if options.link == LinkKind::InProcess && is_given {
+        return Err(Failure::usage(
+            "--link in-process runs what is built into hil; --plant-bin and --controller-bin need processes",
+        ));
+    }
+    Interruption::listen()
+}
+
 impl Setup {
-    /// Looks at the options and finds the binaries.
-    ///
     /// # Errors
-    /// If options do not go together, or a binary cannot be used.
-    pub(crate) fn find(options: &RunOptions) -> Result<Self, Failure> {
-        if options.wait_limit.is_nan() || options.wait_limit <= 0.0 {
-            return Err(Failure::usage(
-                "--wait-limit takes a number above 0, or inf",
-            ));
-        }
-        let others = &options.binaries;
-        let other_binaries = others.plant_bin.is_some() || others.controller_bin.is_some();
-        if options.link == LinkKind::InProcess && other_binaries {
-            return Err(Failure::usage(
-                "--link in-process runs what is built into hil; --plant-bin and --controller-bin need processes",
-            ));
-        }
-        let interruption = Interruption::listen()?;
+    /// If the binaries do not go with the options.
+    pub(crate) fn new(
+        options: &RunOptions,
+        binaries: Binaries,
+        interruption: &Interruption,
+    ) -> Result<Self, Failure> {
+        refuse_in_process(options.link, &[&binaries.plant, &binaries.controller])?;
         Ok(Self {
-            binaries: Binaries::find(others, &interruption)?,
-            interruption,
+            binaries,
+            interruption: interruption.clone(),
             is_one_of_many: false,
         })
+    }
+}
+
+/// Refuses programs that were named where none is started.
+///
+/// # Errors
+/// If there is one.
+pub(crate) fn refuse_in_process(link: LinkKind, binaries: &[&Binary]) -> Result<(), Failure> {
+    let named = binaries.iter().find(|binary| binary.named().is_some());
+    match named {
+        Some(Binary { path, by, .. }) if link == LinkKind::InProcess => {
+            Err(Failure::usage(format!(
+                "--link in-process runs what is built into hil; {} ({by}) needs a process",
+                path.display()
+            )))
+        }
+        _ => Ok(()),
     }
 }
 
@@ -184,7 +214,9 @@ pub(crate) fn execute(
     let end_s = plan.run.rate.seconds(Step(plan.run.steps));
     if let Some(pause_at_s) = options.pause_at.filter(|pause_at_s| *pause_at_s >= end_s) {
         return Err(Failure::usage(format!(
-            "--pause-at {pause_at_s} is not before the end of the run at {end_s} s"
+            "--pause-at {} is not before the end of the run at {}",
+            exact(pause_at_s),
+            exact_in(end_s, "s")
         )));
     }
     if plan.run.clock == Clock::Realtime && options.link == LinkKind::InProcess {
@@ -216,7 +248,8 @@ pub(crate) fn execute(
         other => Failure::infrastructure(other),
     })?;
     let info = session.info().clone();
-    let (mut plant, mut controller) = jobs(&plan, &info, options);
+    let law = checkpoint::law_of(&plan, &binaries).cloned();
+    let (mut plant, mut controller) = jobs(&plan, law, &info, options);
     plant.checkpoints.steps.clone_from(&steps);
     controller.checkpoints.steps.clone_from(&steps);
     let mut marks: Vec<u64> = steps.iter().map(|step| step.0).collect();
@@ -277,7 +310,10 @@ pub(crate) fn execute(
         },
         session: info.clone(),
     });
+    let layout = past::layout(&plan, &binaries);
+    let layout = layout.ok_or_else(|| Failure::infrastructure("a binary lost its plant or law"))?;
     let prepared = Prepared {
+        layout,
         plan,
         binaries,
         plant,
@@ -295,9 +331,15 @@ pub(crate) fn execute(
         LinkKind::InProcess => in_process::run(&prepared, &info, &mut realtime)?,
     };
     let realtime = realtime.end();
-    if let (Outcome::Failed, Some(shortage)) = (ended.outcome, shared_memory::shortage()) {
+    let has_joined = options.link == LinkKind::InProcess || realtime.controller.is_some();
+    if ended.outcome == Outcome::Completed && !has_joined {
+        ended.outcome = Outcome::Failed;
+        let what = "the plant says that it completed the run, and no controller came to its link";
+        ended.reason = Some(what.into());
+    }
+    if ended.outcome == Outcome::Failed {
         let reason = ended.reason.take().unwrap_or_default();
-        ended.reason = Some(format!("{reason}; {shortage}"));
+        ended.reason = Some(crate::advice::behind(&reason));
     }
     let collected = match &ended.recorded.error {
         None => checkpoint::collect(
@@ -315,7 +357,9 @@ pub(crate) fn execute(
         Err(failure) => (Vec::new(), Err(failure)),
     };
 
-    let recorded_to = (!options.no_record).then_some(RECORDING);
+    // A run may end before there is anything to record.
+    let is_recorded = !options.no_record && run_dir.join(RECORDING).exists();
+    let recorded_to = is_recorded.then_some(RECORDING);
     let summary = Summary::new(
         &prepared.plan,
         &prepared.binaries,
@@ -368,7 +412,7 @@ fn tell_size(
     if let Ok(disk) = rustix::fs::statvfs(there) {
         let free = disk.f_bavail.saturating_mul(disk.f_frsize);
         if largest > free {
-            eprintln!(
+            tell!(
                 "warning: the recording takes up to {shown} before compression, and {} are free; --record, --record-every and --record-around-faults make it smaller",
                 size::shown(free)
             );
@@ -376,7 +420,7 @@ fn tell_size(
         }
     }
     if crate::person_watches() && !is_one_of_many {
-        eprintln!("recording: up to {shown} before compression");
+        tell!("recording: up to {shown} before compression");
     }
     Ok(())
 }
@@ -395,6 +439,7 @@ pub(crate) fn write(path: &Path, text: &str) -> Result<(), Failure> {
 /// Each side's part of the plan.
 fn jobs(
     plan: &Plan,
+    law: Option<LawDescription>,
     session: &SessionInfo,
     options: &RunOptions,
 ) -> (plant_process::job::Job, controller_process::job::Job) {
@@ -416,6 +461,7 @@ fn jobs(
             .map(|derived| (derived.name.clone(), derived.expression.to_string()))
             .collect(),
         missed: Vec::new(),
+        law,
         pause_at_s: options.pause_at,
         observed: true,
         checkpoints: Checkpoints {
@@ -490,6 +536,15 @@ fn provenance(
     fact("hil_commit", env!("HIL_COMMIT").into());
     fact("plant_blake3", binaries.plant.blake3.clone());
     fact("controller_blake3", binaries.controller.blake3.clone());
+    let named = [
+        ("plant_binary", &binaries.plant),
+        ("controller_binary", &binaries.controller),
+    ];
+    let named = (named.into_iter()).filter_map(|(name, one)| Some((name, one.named()?.to_str()?)));
+    let named: Vec<_> = named.collect();
+    for (name, path) in &named {
+        fact(name, (*path).into());
+    }
     let host = rustix::system::uname();
     fact("host", host.nodename().to_string_lossy().into_owned());
     let kernel = format!(
@@ -506,6 +561,13 @@ fn provenance(
     }
     let started = humantime::format_rfc3339_millis(std::time::SystemTime::now());
     fact("started_utc", started.to_string());
+    if !named.is_empty()
+        && let Err(why) = seal::seal(&mut facts)
+    {
+        tell!(
+            "note: the recording cannot be marked as this user's ({why}): `hil rerun` will ask for its programs"
+        );
+    }
     let json = |value: &shared_types::describe::Description| {
         serde_json::to_string_pretty(value).unwrap_or_default()
     };

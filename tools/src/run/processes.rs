@@ -1,47 +1,49 @@
 //! A run in two processes: starting them, watching over them, and ending both whatever happens.
 
-use std::fs::File;
 use std::io::Write;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
 use hil_config::plan::Clock;
 use shared_types::link::LinkError;
-use shared_types::process::ProcessId;
+use shared_types::process::{MARK, ProcessId};
 use shared_types::record::{Outcome, RecordLayout};
 use shared_types::session::{Session, SessionInfo};
 use shared_types::stream::iceoryx::{IceoryxSource, LAYOUT_FILE};
 use shared_types::supervision::{PEER_GONE, STOP};
 
 use super::controllers::Controllers;
+use super::log::Log;
 use super::realtime::Watched;
 use super::{Ended, Prepared};
-use crate::binaries::end_group;
+use crate::binaries::{Binary, end_group, reap};
 use crate::exit::Failure;
 use crate::progress::Progress;
 use crate::recorder::{Recorded, Recorder};
 use crate::succession::told;
 use crate::swap::{self, Ground, Wanted};
-use crate::{observer, standing};
+use crate::{observer, open_files, output, standing};
 
 /// How often the processes are looked at.
 pub(crate) const LOOK: Duration = Duration::from_millis(2);
 /// How long a process may take to end once it was told to.
 pub(crate) const GRACE: Duration = Duration::from_secs(2);
+/// How long it may take if it is stopped, which it cannot end from.
+const STOPPED_GRACE: Duration = Duration::from_millis(200);
+/// How often files of a session that are open to others are closed before a run is refused for them.
+const LOOKS: u32 = 20;
 /// Exit code of a Rust program that panicked.
 const PANIC: i32 = 101;
-/// Lines at each end of a log that are shown when a run failed.
-const EXCERPT: usize = 6;
 
 /// One side of the run.
 pub(crate) struct Side {
     name: &'static str,
     process: Child,
     id: Option<ProcessId>,
-    log: PathBuf,
+    log: Log,
     status: Option<ExitStatus>,
     /// It had to be ended, and the state it was found in.
     killed: Option<&'static str>,
@@ -52,31 +54,32 @@ impl Side {
     /// Starts it; its output goes to a log of this name in a folder.
     ///
     /// # Errors
-    /// If it cannot be started.
+    /// If it cannot be started, or is not the file any more that was checked.
     pub(crate) fn start(
         name: &'static str,
-        binary: &Path,
+        binary: &Binary,
         session: &SessionInfo,
         folder: &Path,
         log: &str,
     ) -> Result<Self, Failure> {
-        let log = folder.join(log);
+        open_files::ensure()?;
         let cannot = |error: std::io::Error| {
-            Failure::infrastructure(format!("cannot start {}: {error}", binary.display()))
+            Failure::infrastructure(format!("cannot start {}: {error}", binary.path.display()))
         };
-        let out = File::create(&log).map_err(cannot)?;
-        let process = Command::new(binary)
+        let log = Log::create(folder.join(log)).map_err(cannot)?;
+        let process = Command::new(&binary.path)
             .arg("--session")
             .arg(&session.folder)
             .stdin(Stdio::piped())
-            .stdout(out.try_clone().map_err(cannot)?)
-            .stderr(out)
+            .stdout(log.output().map_err(cannot)?)
+            .stderr(log.output().map_err(cannot)?)
+            .env(MARK, &session.prefix)
             // A group of its own: Ctrl-C is for hil, which ends both in order.
             .process_group(0)
             .spawn()
             .map_err(cannot)?;
         let id = ProcessId::of(process.id());
-        Ok(Self {
+        let side = Self {
             name,
             process,
             id,
@@ -84,20 +87,25 @@ impl Side {
             status: None,
             killed: None,
             told_to_stop: false,
-        })
+        };
+        // After the start: what was replaced just before it ends with the side.
+        binary.refuse_changed()?;
+        Ok(side)
     }
 
     pub(crate) fn process_id(&self) -> u32 {
         self.process.id()
     }
 
+    /// Whether it has ended, and all that it started in its group with it; bounds its log.
     pub(crate) fn has_ended(&mut self) -> bool {
         if self.status.is_none() {
             // An error here means that there is no such process, which is an end too.
-            self.status = match self.process.try_wait() {
+            self.status = match reap(&mut self.process) {
                 Ok(status) => status,
                 Err(_) => Some(ExitStatus::from_raw(0xff00)),
             };
+            self.log.bound();
         }
         self.status.is_some()
     }
@@ -106,6 +114,15 @@ impl Side {
     pub(super) fn tell(&mut self, line: &str) {
         if let Some(input) = &mut self.process.stdin {
             let _ = writeln!(input, "{line}").and_then(|()| input.flush());
+        }
+    }
+
+    /// Ends it if it had its time to end by itself, `since` it was to.
+    pub(super) fn end_if_due(&mut self, since: Instant) {
+        let waited = since.elapsed();
+        let is_due = waited > GRACE || waited > STOPPED_GRACE && self.is_stopped();
+        if is_due && !self.has_ended() {
+            self.kill();
         }
     }
 
@@ -121,6 +138,7 @@ impl Side {
         });
         end_group(&self.process);
         self.status = self.process.wait().ok();
+        self.log.bound();
     }
 
     /// How it ended, if there is something to say about it, and where to read more.
@@ -128,7 +146,7 @@ impl Side {
         let death = self.death()?;
         let panicked = self.status.and_then(|status| status.code()) == Some(PANIC);
         Some(if panicked && self.killed.is_none() {
-            format!("{death}, see {}", self.log.display())
+            format!("{death}, see {}", self.log.path().display())
         } else {
             death
         })
@@ -154,22 +172,12 @@ impl Side {
 
     /// The last line of its output, without the word `error`.
     pub(super) fn last_word(&self) -> Option<String> {
-        let text = std::fs::read(&self.log).unwrap_or_default();
-        let text = String::from_utf8_lossy(&text);
-        let line = text.lines().rfind(|line| !line.trim().is_empty())?;
-        Some(line.trim_start_matches("error: ").to_owned())
+        self.log.last_word()
     }
 
-    /// The first and last lines of its output: a panic's message comes before its backtrace.
+    /// The first and last lines of its output.
     pub(crate) fn excerpt(&self) -> String {
-        let text = std::fs::read(&self.log).unwrap_or_default();
-        let text = String::from_utf8_lossy(&text);
-        let lines: Vec<&str> = text.lines().collect();
-        if lines.len() <= 2 * EXCERPT {
-            return lines.join("\n");
-        }
-        let last = &lines[lines.len() - EXCERPT..];
-        [&lines[..EXCERPT], &["..."], last].concat().join("\n")
+        self.log.excerpt()
     }
 }
 
@@ -187,20 +195,21 @@ pub(super) fn run(
     run_dir: &Path,
     realtime: &mut Watched,
 ) -> Result<Ended, Failure> {
+    open_files::warn_of_few_addresses();
     let info = session.info().clone();
     let (plan, recording) = (prepared.plan.clone(), prepared.recording.clone());
     let marks = prepared.marks.clone();
     let attached = info.clone();
+    let described = prepared.layout.clone();
     let core = realtime.recorder_core();
     let recorder = Recorder::start(plan, recording, marks, prepared.past.clone(), move || {
         core.apply();
         let mut source = None;
-        move || attach(&attached, &mut source)
+        move || attach(&attached, &described, &mut source)
     });
     recorder.recall(&prepared.interruption)?;
     let binaries = &prepared.binaries;
-    let path = &binaries.plant.path;
-    let mut plant = Side::start("plant", path, &info, run_dir, "plant.log")?;
+    let mut plant = Side::start("plant", &binaries.plant, &info, run_dir, "plant.log")?;
     session
         .add_child(plant.process.id())
         .map_err(Failure::infrastructure)?;
@@ -238,7 +247,7 @@ pub(super) fn run(
         stopped_since: None,
         first: None,
     };
-    watched.look_until_all_ended()?;
+    watched.look_until_all_ended();
     let first = watched.first.unwrap_or("plant");
     drop(progress);
     let recorded = recorder.finish().map_err(Failure::infrastructure)?;
@@ -254,16 +263,18 @@ pub(super) fn run(
         for side in [&plant, controller] {
             let excerpt = side.excerpt();
             if !excerpt.is_empty() {
-                eprintln!("{}:\n{excerpt}\n", side.log.display());
+                output::tell(&format!("{}:\n{excerpt}\n", side.log.path().display()));
             }
         }
     }
     Ok(ended)
 }
 
-/// Attaches the recorder: first the stream, then the layout that the plant writes after hello.
+/// Attaches the recorder: first the stream, then the layout that the plant writes after hello. That must
+/// be the one that was described.
 fn attach(
     session: &SessionInfo,
+    described: &RecordLayout,
     source: &mut Option<IceoryxSource>,
 ) -> Result<Option<(IceoryxSource, RecordLayout)>, String> {
     if source.is_none() {
@@ -273,19 +284,49 @@ fn attach(
                 *source = Some(opened);
             }
             Err(LinkError::Absent { .. }) => return Ok(None),
-            Err(error) => return Err(error.to_string()),
+            Err(error) => return Err(cannot_attach(&error)),
         }
     }
     if !session.folder.join(LAYOUT_FILE).exists() {
         return Ok(None);
     }
-    session.tighten();
-    if let Some(open) = session.open_to_others().first() {
-        return Err(format!("{} is open to other users", open.display()));
+    refuse_open(session).map_err(|open| cannot_attach(&open))?;
+    let said: RecordLayout = (session.read_file(LAYOUT_FILE)).map_err(|e| cannot_attach(&e))?;
+    refuse_other_layout(described, &said)?;
+    observer::admit(session, described).map_err(|e| cannot_attach(&e))?;
+    Ok(source.take().map(|source| (source, described.clone())))
+}
+
+/// Closes what is open to other users, and refuses what stays so. What a side makes just now may be open
+/// between two looks.
+fn refuse_open(session: &SessionInfo) -> Result<(), String> {
+    for _ in 0..LOOKS {
+        session.tighten();
+        if session.open_to_others().is_empty() {
+            return Ok(());
+        }
+        std::thread::sleep(Duration::from_millis(1));
     }
-    let layout = session.read_file(LAYOUT_FILE).map_err(|e| e.to_string())?;
-    observer::admit(session).map_err(|e| e.to_string())?;
-    Ok(source.take().map(|source| (source, layout)))
+    let open = session.open_to_others();
+    (open.first()).map_or(Ok(()), |open| {
+        Err(format!("{} is open to other users", open.display()))
+    })
+}
+
+fn cannot_attach(error: &dyn std::fmt::Display) -> String {
+    format!("cannot attach to the record stream: {error}")
+}
+
+/// Refuses records with other signals than both binaries described.
+pub(super) fn refuse_other_layout(
+    described: &RecordLayout,
+    said: &RecordLayout,
+) -> Result<(), String> {
+    described.difference(said).map_or(Ok(()), |difference| {
+        Err(format!(
+            "at hello plant and controller agreed on {difference}"
+        ))
+    })
 }
 
 /// Looks after the processes of a run.
@@ -308,27 +349,26 @@ struct Watch<'a> {
 }
 
 impl Watch<'_> {
-    fn look_until_all_ended(&mut self) -> Result<(), Failure> {
+    fn look_until_all_ended(&mut self) {
         while !(self.plant.has_ended() && self.controllers.have_ended()) {
             self.progress.set(self.recorder.next_step());
             if let Some(refused) = self.realtime.look() {
                 self.progress.tell(&refused);
             }
-            self.attend_controllers()?;
+            self.attend_controllers();
             self.look_for_the_end();
             std::thread::sleep(LOOK);
         }
-        Ok(())
     }
 
-    fn attend_controllers(&mut self) -> Result<(), Failure> {
+    fn attend_controllers(&mut self) {
         let changes = self
             .recorder
             .changes_after(self.controllers.known_changes());
         for change in &changes {
             self.progress.tell(&told(change));
         }
-        (self.controllers).hear(self.session, self.plant, &changes)?;
+        (self.controllers).hear(self.session, self.plant, &changes);
         if self.ending_since.is_none() {
             self.controllers.look(self.plant);
             if let Ok(wanted) = self.wanted.try_recv() {
@@ -338,7 +378,6 @@ impl Watch<'_> {
         for started in self.controllers.unrecorded() {
             self.recorder.add_facts(started.facts());
         }
-        Ok(())
     }
 
     /// Ends a plant that is stopped, or that says nothing about a controller that is gone, for longer
@@ -370,7 +409,9 @@ impl Watch<'_> {
     fn look_for_the_end(&mut self) {
         self.end_a_stuck_plant();
         let plant_ended = self.plant.has_ended();
-        let stop = self.prepared.interruption.came() || self.recorder.has_failed();
+        let stop = self.prepared.interruption.came()
+            || self.recorder.has_failed()
+            || self.controllers.unknown().is_some();
         if stop && !self.plant.told_to_stop {
             self.plant.tell(STOP);
             self.plant.told_to_stop = true;
@@ -392,11 +433,9 @@ impl Watch<'_> {
             }
             self.ending_since.get_or_insert_with(Instant::now);
         }
-        if (self.ending_since.as_ref()).is_some_and(|since| is_over(since, GRACE)) {
-            if !plant_ended {
-                self.plant.kill();
-            }
-            self.controllers.kill();
+        if let Some(since) = self.ending_since {
+            self.plant.end_if_due(since);
+            self.controllers.end_if_due(since);
         }
     }
 }
@@ -412,7 +451,8 @@ fn conclude(
     let interrupted = prepared.interruption.came();
     let seen = recorded.end.as_ref();
     let outcome = seen.map_or(Outcome::Failed, |end| end.outcome);
-    if outcome == Outcome::Completed && recorded.error.is_none() {
+    let unknown = controllers.unknown();
+    if outcome == Outcome::Completed && recorded.error.is_none() && unknown.is_none() {
         // Both confirmed the last step; an end in disorder after it is still worth a word.
         let disorder = plant.fate().or_else(|| controllers.in_office()?.fate());
         let outcome = if disorder.is_some() {
@@ -429,12 +469,17 @@ fn conclude(
     }
     let mut parts: Vec<String> = Vec::new();
     parts.extend(recorded.error.clone());
+    parts.extend(unknown);
     if interrupted {
         parts.push("interrupted".into());
     }
     parts.extend(seen.and_then(|end| end.reason.clone()));
     parts.extend(controllers.exhausted());
-    if seen.is_none() {
+    if seen.is_none() && recorded.error.is_some() {
+        // Nobody listened: that neither side's end was heard is no fault of theirs.
+        parts.extend([plant.fate(), controller.fate()].into_iter().flatten());
+        parts.push(format!("{} steps were recorded", recorded.records));
+    } else if seen.is_none() {
         parts.extend(unseen_end(plant, controller, first, recorded.records));
     } else {
         // Its exit code adds nothing to what the plant said; a signal or a killing does.

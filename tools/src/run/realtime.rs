@@ -14,12 +14,14 @@ use hil_config::plan;
 use serde::Serialize;
 use shared_types::realtime::{CONTROLLER_FILE, Granted, PLANT_FILE, Report, only_core, pin};
 use shared_types::session::SessionInfo;
+use shared_types::text;
 use shared_types::wait::WaitStrategy;
 
 use crate::cli::run::LinkKind;
 use crate::doctor::cores::{CoreList, Cores};
 use crate::doctor::tree::Root;
 use crate::exit::Failure;
+use crate::output;
 use refusals::Refusals;
 
 const DMA_LATENCY: &str = "/dev/cpu_dma_latency";
@@ -109,7 +111,7 @@ pub(crate) fn check(asked: &plan::Realtime, link: LinkKind) -> Result<(), Failur
     if asked.priority > 0 && may_take_all(&loops, &cores.allowed) {
         let cores = &cores.allowed;
         let priority = asked.priority;
-        eprintln!(
+        tell!(
             "warning: at priority {priority} plant and controller may take all cores ({cores}); hil and its recorder then run \
              only where the loops sleep or the kernel steps in. Leave them a core, or take --priority 0"
         );
@@ -190,7 +192,8 @@ impl Watched {
             }
         }
         let refusals = std::mem::take(&mut self.refusals);
-        (!refusals.is_empty()).then(|| refusals.to_string())
+        // What the sides say of themselves is in it.
+        (!refusals.is_empty()).then(|| text::printable(&refusals.to_string()).into_owned())
     }
 
     /// What came of it.
@@ -202,7 +205,7 @@ impl Watched {
             self.refusals.add("recorder", "core", reason, None);
         }
         if let Some(refused) = self.look().or_else(|| self.refused()) {
-            eprintln!("{refused}");
+            output::tell(&refused);
         }
         Realtime {
             wait: (self.plant.as_ref()).map_or(self.asked.wait, |plant| plant.wait.granted),
