@@ -16,9 +16,10 @@ use serde::Serialize;
 use crate::cli::run::{LinkKind, RunArguments, RunOptions};
 use crate::compare::tolerance::Tolerances;
 use crate::compare::{self, Difference};
+use crate::config::Finder;
 use crate::exit::{Exit, Failure};
+use crate::output;
 use crate::run::{self, Basis, Ran, Setup};
-use crate::{config, output};
 use conditions::{Condition, Conditions};
 use hil_config::plan::{Clock, Plan};
 use noise::Noise;
@@ -47,7 +48,7 @@ struct Repetition {
 /// If a run could not be started, or results not be written.
 pub(crate) fn audit(arguments: &RunArguments) -> Result<Exit, Failure> {
     let options = &arguments.options;
-    let setup = Setup::find(options)?;
+    let interruption = run::begin(options)?;
     let [scenario] = &arguments.scenarios[..] else {
         return Err(Failure::usage("--audit takes one scenario"));
     };
@@ -56,7 +57,9 @@ pub(crate) fn audit(arguments: &RunArguments) -> Result<Exit, Failure> {
             "--audit repeats the scenario itself and tells of it in summary.json; leave out --repeat, --junit and --markdown",
         ));
     }
-    let plan = config::read(scenario, &options.changes, &setup.binaries, options.json)?;
+    let mut finder = Finder::new(&options.binaries, &interruption);
+    let (plan, binaries) = finder.read(scenario, &options.changes, options.json)?;
+    let setup = Setup::new(options, binaries, &interruption)?;
     refuse(&plan, options)?;
 
     let reference = run::execute(plan.clone(), setup.clone(), options, Basis::Scenario)?;
@@ -71,26 +74,26 @@ pub(crate) fn audit(arguments: &RunArguments) -> Result<Exit, Failure> {
     let count = conditions.all().len();
     let mut repetitions = Vec::new();
     for (number, condition) in (1..).zip(conditions.all()) {
-        eprintln!("audit {number} of {count}: {}", condition.told);
+        tell!("audit {number} of {count}: {}", condition.told);
         let repetition = match &condition.skipped {
             Some(why) => {
-                eprintln!("  skipped: {why}");
+                tell!("  skipped: {why}");
                 Repetition::skipped(condition, why)
             }
             None => {
                 let kept = folder.join(format!("audit-{number}"));
                 let again = repeat(condition, setup.clone(), options, &kept)?;
                 if !matches!(again.exit, Exit::Pass | Exit::Failed) || again.digest.is_none() {
-                    eprintln!("{}", again.table);
+                    output::tell(&again.table);
                     let told = format!("the audit ended while it ran {}", condition.told);
-                    eprintln!("{told}; what it left is in {}", kept.display());
+                    tell!("{told}; what it left is in {}", kept.display());
                     return Ok(again.exit);
                 }
                 compared(condition, &again, digest, recording, &kept)?
             }
         };
         if repetition.agrees == Some(false) {
-            eprintln!("  another digest");
+            tell!("  another digest");
         }
         repetitions.push(repetition);
     }

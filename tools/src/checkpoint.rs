@@ -23,6 +23,7 @@ use hil_config::plan::{Clock, Plan};
 use serde::{Deserialize, Serialize};
 use shared_types::checkpoint::Side;
 use shared_types::describe::{LawDescription, PROTOCOL, PlantDescription};
+use shared_types::number::{exact, exact_in};
 use shared_types::session::SessionInfo;
 use shared_types::time::Step;
 
@@ -118,12 +119,16 @@ pub(crate) fn steps(options: &RunOptions, plan: &Plan, first: Step) -> Result<Ve
         let (first_s, end_s) = (rate.seconds(first), rate.seconds(Step(plan.run.steps)));
         if step <= first {
             return Err(Failure::usage(format!(
-                "--checkpoint-at {at_s} is not after the begin of the run at {first_s} s"
+                "--checkpoint-at {} is not after the begin of the run at {}",
+                exact(at_s),
+                exact_in(first_s, "s")
             )));
         }
         if step.0 >= plan.run.steps {
             return Err(Failure::usage(format!(
-                "--checkpoint-at {at_s} is not before the end of the run at {end_s} s"
+                "--checkpoint-at {} is not before the end of the run at {}",
+                exact(at_s),
+                exact_in(end_s, "s")
             )));
         }
         steps.push(step);
@@ -182,7 +187,7 @@ fn plant_of<'a>(plan: &Plan, binaries: &'a Binaries) -> Option<&'a PlantDescript
 }
 
 /// The law of a plan.
-fn law_of<'a>(plan: &Plan, binaries: &'a Binaries) -> Option<&'a LawDescription> {
+pub(crate) fn law_of<'a>(plan: &Plan, binaries: &'a Binaries) -> Option<&'a LawDescription> {
     let (_, laws, _) = binaries.described();
     original::law_of(laws, plan)
 }
@@ -206,7 +211,7 @@ pub(crate) fn collect(
             states.iter().all(|state| state.exists()),
             digests.get(&step.0),
         ) else {
-            eprintln!(
+            tell!(
                 "note: there is no checkpoint before step {step}: the run ended before, or lost records"
             );
             continue;

@@ -13,6 +13,7 @@ use std::path::Path;
 
 use serde::Serialize;
 use serde_json::Value;
+use shared_types::number::{exact, exact_in};
 
 use crate::baseline;
 use crate::cli::recordings::CompareArguments;
@@ -22,7 +23,7 @@ use crate::run_reader::{ReadError, RunReader};
 pub use deviation::SignalDifference;
 pub(crate) use deviation::{Deviation, is_near, share, write_table};
 use tolerance::Tolerances;
-use work::Work;
+use work::{Row, Work};
 
 /// Two runs, compared.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -30,6 +31,8 @@ pub struct Comparison {
     verdict: Verdict,
     a: Side,
     b: Side,
+    /// Whether one run has steps that the other has not; of excerpts that is not known.
+    lengths_differ: bool,
     /// Signals that only one of them has.
     only_in_a: Vec<String>,
     only_in_b: Vec<String>,
@@ -58,7 +61,14 @@ struct Side {
     digest: String,
     /// Whether the recording was finished; one that was cut off is compared as far as it goes.
     whole: bool,
+    /// What no check sum vouches for; null if that is nothing.
+    unvouched: Option<String>,
 }
+
+/// What differs where one run has ended.
+const RECORD: &str = "record";
+/// What the run that has ended has of it.
+const GONE: &str = "not there";
 
 /// The first thing that differs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -75,6 +85,7 @@ impl std::fmt::Display for Difference {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let plain = |value: &Value| match value {
             Value::String(text) => text.clone(),
+            Value::Number(number) if number.is_f64() => exact(number.as_f64().unwrap_or(f64::NAN)),
             other => other.to_string(),
         };
         let (a, b) = (plain(&self.a), plain(&self.b));
@@ -84,10 +95,12 @@ impl std::fmt::Display for Difference {
             signal,
             ..
         } = self;
-        write!(
-            f,
-            "first difference at step {step} ({time_s} s): {signal} is {a} and {b}"
-        )
+        write!(f, "first difference at step {step} ({time_s} s): ")?;
+        if signal == RECORD {
+            let ended = if self.a == GONE { "first" } else { "second" };
+            return write!(f, "only the {ended} run has ended");
+        }
+        write!(f, "{signal} is {a} and {b}")
     }
 }
 
@@ -123,6 +136,7 @@ pub fn command(arguments: &CompareArguments) -> Result<Exit, Failure> {
     };
     let tolerances = Tolerances::typed(&arguments.tolerance);
     let comparison = compare(&arguments.a, b, &arguments.signal, &tolerances)?;
+    comparison.refuse_nothing()?;
     output::write(&if arguments.json {
         let json = serde_json::to_string_pretty(&comparison).map_err(Failure::infrastructure)?;
         json + "\n"
@@ -150,12 +164,17 @@ pub fn compare(
     if rate != rate_b {
         let (a, b) = (rate.hz(), rate_b.hz());
         let what = format!(
-            "the runs have other rates, {a} Hz and {b} Hz: their steps are not the same times"
+            "the runs have other rates, {} and {}: their steps are not the same times",
+            exact_in(a, "Hz"),
+            exact_in(b, "Hz")
         );
         return Err(CompareError::NotComparable(what));
     }
     let is_excerpt = reader_a.is_excerpt() || reader_b.is_excerpt();
     let mut work = Work::new(&reader_a, &reader_b, rate, signals, tolerances)?;
+    // A step is compared when it is known whether both runs go on: the last record of a run has no
+    // command, which is no difference to one that is longer.
+    let mut held: Option<(Row, Row)> = None;
     loop {
         let (mut in_a, mut in_b) = (reader_a.advance()?, reader_b.advance()?);
         // An excerpt has not every step.
@@ -166,11 +185,17 @@ pub fn compare(
                 in_b = reader_b.advance()?;
             }
         }
+        let is_longer = in_a != in_b && !is_excerpt;
+        if let Some((a, b)) = &held {
+            work.step((a, b), reader_a.columns(), is_longer)?;
+        }
         if in_a && in_b {
-            work.step(&reader_a, &reader_b)?;
+            let (a, b) = held.get_or_insert_default();
+            a.take(&reader_a);
+            b.take(&reader_b);
             continue;
         }
-        if (in_a || in_b) && !is_excerpt {
+        if is_longer {
             work.ended(if in_a { &reader_a } else { &reader_b }, in_a);
         }
         // To their ends: their digests are those of all they have.
@@ -181,6 +206,16 @@ pub fn compare(
 }
 
 impl Comparison {
+    /// Refuses two runs without a single record: that they agree says nothing.
+    fn refuse_nothing(&self) -> Result<(), CompareError> {
+        if self.a.records > 0 || self.b.records > 0 {
+            return Ok(());
+        }
+        let (a, b) = (&self.a.run, &self.b.run);
+        let what = format!("neither {a} nor {b} has a record: there is nothing to compare");
+        Err(CompareError::NotComparable(what))
+    }
+
     /// What comes out.
     #[must_use]
     pub const fn verdict(&self) -> Verdict {
@@ -239,6 +274,16 @@ impl Comparison {
                     side.run
                 )?;
             }
+            if let Some(unvouched) = &side.unvouched {
+                writeln!(text, "  {}: {unvouched}", side.run)?;
+            }
+        }
+        if self.lengths_differ {
+            let (a, b) = (self.a.records, self.b.records);
+            writeln!(
+                text,
+                "  lengths differ: {a} records and {b}; what both have is compared"
+            )?;
         }
         for (side, only) in [(&self.a, &self.only_in_a), (&self.b, &self.only_in_b)] {
             if !only.is_empty() {

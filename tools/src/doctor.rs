@@ -30,6 +30,7 @@ pub mod tree;
 use std::io::IsTerminal;
 
 use shared_types::session;
+use shared_types::shared_memory::SharedMemory;
 
 use crate::cli::doctor::DoctorArguments;
 use crate::exit::{Exit, Failure};
@@ -80,12 +81,12 @@ pub fn doctor(arguments: &DoctorArguments) -> Result<Exit, Failure> {
         report.seconds = Some(arguments.seconds);
     }
     report.verdict = Verdict::of(&report.checks);
-    output::write(&if arguments.json {
+    if arguments.json {
         let json = serde_json::to_string_pretty(&report).map_err(Failure::infrastructure)?;
-        format!("{json}\n")
+        output::write(&format!("{json}\n"))?;
     } else {
-        report.text(colours())
-    })?;
+        output::write_coloured(&report.text(colours()))?;
+    }
     Ok(match report.verdict {
         Verdict::Fit => Exit::Pass,
         Verdict::Unfit => Exit::Failed,
@@ -137,7 +138,7 @@ fn read(tree: &dyn Tree, cores: &Cores) -> Vec<Finding> {
         rights::locked_memory(tree),
         memory::huge_pages(tree),
         memory::swap(tree),
-        memory::shared_memory(tree, free_shared_memory_bytes()),
+        memory::shared_memory(tree, SharedMemory::look().ok()),
     ]
 }
 
@@ -158,11 +159,6 @@ fn sessions() -> Finding {
         }
         Err(error) => activity::sessions(Err(error), &[]),
     }
-}
-
-fn free_shared_memory_bytes() -> Option<u64> {
-    let space = rustix::fs::statvfs("/dev/shm").ok()?;
-    Some(space.f_bavail * space.f_frsize)
 }
 
 /// Whether a person at a terminal wants colours.
@@ -257,7 +253,7 @@ impl Measurement<'_> {
     }
 
     fn announce(&self, what: &str) {
-        eprintln!("measuring {what} for {} s", self.seconds);
+        tell!("measuring {what} for {} s", self.seconds);
     }
 }
 

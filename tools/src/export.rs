@@ -15,6 +15,7 @@ use std::io::{ErrorKind, IsTerminal};
 use std::path::Path;
 
 use serde::Serialize;
+use shared_types::number::{exact, unit_shown};
 use shared_types::time::{Rate, Step};
 
 use crate::cli::export::{ExportArguments, ExportFormat};
@@ -55,13 +56,19 @@ pub fn table(
         && from_s > until_s
     {
         return Err(Failure::usage(format!(
-            "--from {from_s} is after --until {until_s}"
+            "--from {} is after --until {}",
+            exact(from_s),
+            exact(until_s)
         )));
     }
-    let reader = RunReader::open(&arguments.run).map_err(Failure::usage)?;
+    let open = || RunReader::open(&arguments.run);
+    let mut reader = interruption.at_once(open)?.map_err(Failure::usage)?;
     let offer = Offer::of(&reader);
     if arguments.list {
-        return listing(&offer.columns, arguments.json).map(Some);
+        // What vouches for the names stands before the first record.
+        reader.advance().map_err(Failure::usage)?;
+        let listed = offer.listed(&reader, &arguments.signal)?;
+        return listing(&listed, arguments.json).map(Some);
     }
     let selection = Selection::new(&reader, offer, &arguments.signal, arguments.validity)?;
     let path = (arguments.output.as_deref()).filter(|path| *path != Path::new("-"));
@@ -144,7 +151,7 @@ fn listing(signals: &[Column], as_json: bool) -> Result<String, Failure> {
     let mut text = String::new();
     for Column { name, unit, .. } in signals {
         // Writing to a string cannot fail.
-        let _ = match unit.as_str() {
+        let _ = match unit_shown(unit) {
             "" => writeln!(text, "{name}"),
             unit => writeln!(text, "{name:<width$}  {unit}"),
         };
@@ -254,17 +261,17 @@ impl Work {
         exported.scenario = self.reader.fact("scenario").map(str::to_owned);
         exported.digest = self.reader.digest();
         exported.whole = self.reader.is_whole();
-        if let Some(torn) = self.reader.torn() {
+        if let Some(torn) = self.reader.caveat() {
             let (step, rate) = (self.reader.step(), self.picking.rate);
             let time_s = rate.seconds(Step(step));
-            eprintln!("note: {torn}; it is exported as far as it goes, step {step} at {time_s} s");
+            tell!("note: {torn}; it is exported as far as it goes, step {step} at {time_s} s");
         }
         if let Some(lost @ 1..) = self
             .reader
             .result("lost")
             .and_then(|n| n.parse::<u64>().ok())
         {
-            eprintln!(
+            tell!(
                 "note: {lost} records were lost while {run} was written; their steps are missing"
             );
         }

@@ -8,6 +8,7 @@ use std::fmt::Write as _;
 
 use hil_config::plan::{FaultEvent, FaultSource, Trigger};
 use serde::Serialize;
+use shared_types::number::short_in;
 use shared_types::record::{FaultAccepted, FaultEffectSize, FaultEnded, FaultTaken};
 use shared_types::time::{Rate, Step};
 
@@ -202,7 +203,7 @@ impl Fault {
             let _ = match (effect.effective_step, effect.max_effect, &effect.unit) {
                 (None, ..) => write!(text, " never took hold"),
                 (_, Some(_), _) if effect.no_effect => write!(text, " NO EFFECT"),
-                (_, Some(size), Some(unit)) => write!(text, " {size:.4e} {unit}"),
+                (_, Some(size), Some(unit)) => write!(text, " {}", short_in(size, unit)),
                 _ => write!(text, " of unknown size"),
             };
             if let Some(step) = effect.ended_step {

@@ -14,6 +14,8 @@ use crate::part_file;
 /// If it exists with something in it, or cannot be written.
 pub fn create(out: Option<&Path>, scenario: &str, session: &str) -> Result<PathBuf, Failure> {
     let folder = out.map_or_else(|| default(scenario, session), Path::to_owned);
+    // Other processes are told of it.
+    refuse_odd(&std::path::absolute(&folder).map_err(Failure::usage)?)?;
     let cannot = |error: std::io::Error| {
         let hint = match error.kind() {
             ErrorKind::NotADirectory | ErrorKind::AlreadyExists => "; a file is in the way",
@@ -35,6 +37,16 @@ pub fn create(out: Option<&Path>, scenario: &str, session: &str) -> Result<PathB
     // Whether it can be written shows only when it is.
     tempfile::tempfile_in(&folder).map_err(cannot)?;
     Ok(folder)
+}
+
+/// Refuses a path that cannot be written into JSON or TOML.
+pub(crate) fn refuse_odd(path: &Path) -> Result<(), Failure> {
+    match path.to_str() {
+        Some(_) => Ok(()),
+        None => Err(Failure::usage(format!(
+            "{path:?}: its name is to be written down, so all of it must be UTF-8"
+        ))),
+    }
 }
 
 fn default(scenario: &str, session: &str) -> PathBuf {

@@ -5,6 +5,7 @@
 
 mod listing;
 mod request;
+mod typed;
 
 pub use request::toml;
 
@@ -14,12 +15,16 @@ pub(crate) use request::tests::possible as a_rig;
 use std::fmt::Write as _;
 
 use shared_types::live::{FaultState, Injected, Possible, Request, Response, Status};
+use shared_types::number::short_in;
 use shared_types::session::SessionInfo;
 
 use crate::cli::inject::{Clear, InjectArguments};
 use crate::exit::{Exit, Failure};
 use crate::live::{self, Unmet};
 use crate::{clock, output};
+
+/// The state of a fault that acts no more.
+const ENDED: &str = "ended";
 
 /// Runs the command.
 ///
@@ -60,7 +65,16 @@ fn answer(arguments: &InjectArguments, session: &SessionInfo) -> Result<Response
             toml: request::toml(arguments, &possible).map_err(Unmet::Refused)?,
         }
     };
-    live::ask(session, &request)
+    let response =
+        live::ask(session, &request).map_err(|unmet| typed::as_typed(unmet, arguments))?;
+    Ok(match response {
+        // The plant tells all faults of the run.
+        Response::Active { status, mut faults } => {
+            faults.retain(|fault| fault.state != ENDED);
+            Response::Active { status, faults }
+        }
+        other => other,
+    })
 }
 
 /// What faults a session can take.
@@ -112,7 +126,7 @@ fn injected(fault: &Injected) -> String {
 fn active(status: &Status, faults: &[FaultState]) -> String {
     let mut text = format!("{}\n", clock::told(status));
     if faults.is_empty() {
-        text += "no faults\n";
+        text += "no fault acts or waits\n";
     }
     for fault in faults {
         let FaultState {
@@ -139,7 +153,8 @@ fn active(status: &Status, faults: &[FaultState]) -> String {
             let _ = match effect.step {
                 Some(_) => writeln!(
                     text,
-                    "  {target}{since}{until}: at most {size:.4e} {unit}, acted at {} steps",
+                    "  {target}{since}{until}: at most {}, acted at {} steps",
+                    short_in(size, unit),
                     effect.acted_steps
                 ),
                 None => writeln!(text, "  {target}"),
@@ -218,11 +233,11 @@ fault 4 bias waits for `truth.x_m > 1`
         let expected = "\
 paused before step 10 of 100 (0.1 s)
 fault 1 bias (cli): active
-  measured.x_m since step 1: at most 2.5000e-1 m, acted at 9 steps
+  measured.x_m since step 1: at most 0.25 m, acted at 9 steps
 fault 2 bias (cli): waiting for step 50
   measured.x_m
 ";
         assert_eq!(active(&status, &faults), expected);
-        assert!(active(&status, &[]).ends_with("no faults\n"));
+        assert!(active(&status, &[]).ends_with("no fault acts or waits\n"));
     }
 }

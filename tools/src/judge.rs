@@ -13,17 +13,21 @@ use hil_config::plan::Plan;
 use hil_config::scenario::read_regular;
 use serde::Serialize;
 use shared_types::describe::Description;
-use shared_types::record::Event;
+use shared_types::number::exact_in;
+use shared_types::record::{Outcome, Validity};
 use shared_types::table::Field;
 use shared_types::time::Step;
 
+use crate::account::Account;
 use crate::cli::recordings::JudgeArguments;
 use crate::exit::{Exit, Failure};
 use crate::output;
 use crate::repetition;
 use crate::requirements::{self, Requirement};
 use crate::run_reader::{ReadError, RunReader};
+use crate::succession::Laws;
 use crate::summary::{Metric, write_metrics};
+use crate::validity;
 
 /// What came of a recorded run.
 #[derive(Clone, Debug, Serialize)]
@@ -34,9 +38,13 @@ pub struct Judgement {
     verdict: &'static str,
     /// How the run ended, in one word; null if its recording broke off.
     outcome: Option<String>,
+    /// Why, if it did not end by itself; null if nobody tells.
+    reason: Option<String>,
     records: u64,
     metrics: Vec<Metric>,
     requirements: Vec<Requirement>,
+    #[serde(skip)]
+    laws: Laws,
 }
 
 /// Runs the command.
@@ -63,54 +71,42 @@ pub fn judge(arguments: &JudgeArguments) -> Result<Exit, Failure> {
 /// If the run cannot be read, or the scenario does not fit it.
 pub fn judged(run: &Path, by: Option<&Path>) -> Result<(Judgement, Plan), Failure> {
     let refused = |error: ReadError| Failure::usage(error);
-    let mut reader = RunReader::open(run).map_err(refused)?;
-    reader.refuse_excerpt().map_err(refused)?;
-    let plant = reader.enclosed("plant-description.json").map_err(refused)?;
-    let plan = plan(&reader, &plant, run, by)?;
-    let (columns, values) = columns(&reader, &plant)?;
-    let origin = by.unwrap_or(run).display();
-    let mut judge = RecordedEvaluation::new(&plan, &columns, values)
-        .map_err(|error| Failure::usage(format!("{origin} does not fit the run: {error}")))?;
-    let mut outcome = None;
-    loop {
-        let goes_on = reader.advance().map_err(refused)?;
-        for event in reader.events() {
-            match event {
-                Event::Fault(taken) => judge.evaluation.fault(taken.id, Step(taken.step)),
-                Event::End(end) => outcome = Some(format!("{:?}", end.outcome).to_lowercase()),
-                Event::Accepted(_) | Event::FaultEnded(_) | Event::Controller(_) => {}
-            }
-        }
-        if !goes_on {
-            break;
-        }
-        judge.observe(reader.words());
+    let account = Account::of(run, by).map_err(refused)?;
+    account.reader.refuse_excerpt().map_err(refused)?;
+    let (outcome, reason) = account.outcome(None);
+    let Account {
+        reader,
+        recorded,
+        damage,
+        plan,
+        ..
+    } = account;
+    let plan = plan?;
+    if let Some(damage) = damage {
+        return Err(refused(damage));
     }
-    if let Some(torn) = reader.torn() {
-        eprintln!("note: {torn}");
+    if let Some(torn) = reader.caveat() {
+        tell!("note: {torn}");
     }
     // A plant that died told no end; who ended its recording did.
-    let outcome = outcome.or_else(|| reader.result("outcome").map(str::to_owned));
-    let requirements: Vec<Requirement> = (judge.evaluation.requirements().iter())
+    let is_over = recorded.end.is_some() || reader.result("outcome").is_some();
+    let requirements: Vec<Requirement> = (recorded.requirements.iter())
         .map(Requirement::from)
         .collect();
-    let verdict = match outcome.as_deref() {
-        Some("completed") => requirements::verdict(&requirements),
+    let verdict = match outcome {
+        Outcome::Completed => requirements::verdict(&requirements),
         _ => "aborted",
     };
     let judgement = Judgement {
         run: run.display().to_string(),
         scenario: plan.name.clone(),
         verdict,
-        outcome,
+        outcome: is_over.then(|| format!("{outcome:?}").to_lowercase()),
+        reason,
         records: reader.records(),
-        metrics: judge
-            .evaluation
-            .results()
-            .iter()
-            .map(Metric::from)
-            .collect(),
+        metrics: recorded.metrics.iter().map(Metric::from).collect(),
         requirements,
+        laws: Laws::of(&plan.controller.law, &recorded.changes),
     };
     Ok((judgement, plan))
 }
@@ -139,7 +135,9 @@ pub(crate) fn plan(
     if rate != others {
         let (rate, others) = (rate.hz(), others.hz());
         return Err(Failure::usage(format!(
-            "{shown} is at {others} Hz and the run at {rate} Hz: their steps are not the same times"
+            "{shown} is at {} and the run at {}: their steps are not the same times",
+            exact_in(others, "Hz"),
+            exact_in(rate, "Hz")
         )));
     }
     Ok(Plan {
@@ -158,21 +156,24 @@ pub(crate) struct RecordedEvaluation {
     pub(crate) evaluation: Evaluation,
     /// Where the signals are in a record.
     values: Range<usize>,
+    validity: Validity,
     row: Vec<f64>,
 }
 
 impl RecordedEvaluation {
-    /// That of a plan, for records that have these columns there.
+    /// That of a plan, for the records of a run, which have these columns there.
     ///
     /// # Errors
     /// If the plan does not fit the columns.
     pub(crate) fn new(
+        reader: &RunReader,
         plan: &Plan,
         columns: &Columns,
         values: Range<usize>,
     ) -> Result<Self, ExpressionError> {
         Ok(Self {
             evaluation: Evaluation::new(plan, columns)?,
+            validity: validity::of(reader, plan),
             row: vec![f64::NAN; columns.len()],
             values,
         })
@@ -183,7 +184,8 @@ impl RecordedEvaluation {
         for (value, word) in self.row.iter_mut().zip(&record[self.values.clone()]) {
             *value = f64::from_bits(*word);
         }
-        self.evaluation.observe(Step(record[0]), &self.row);
+        let invalid = self.validity.invalid(record);
+        (self.evaluation).observe(Step(record[0]), &self.row, invalid);
         self.evaluation.derived()
     }
 }
@@ -233,7 +235,11 @@ impl Judgement {
             Some(outcome) => writeln!(text, "  the run has {outcome}: no verdict can be pass")?,
             None => writeln!(text, "  the run was cut off: no verdict can be pass")?,
         }
-        write_metrics(text, &self.metrics, plan, self.records.saturating_sub(1))?;
+        if let Some(reason) = &self.reason {
+            writeln!(text, "  {reason}")?;
+        }
+        let steps = self.records.saturating_sub(1);
+        write_metrics(text, &self.metrics, plan, &self.laws, steps)?;
         requirements::write(text, &self.requirements)
     }
 }

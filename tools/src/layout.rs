@@ -16,7 +16,7 @@ use crate::destination::Destination;
 use crate::exit::{Exit, Failure};
 use crate::export::not_written;
 use crate::output;
-use crate::run_reader::RunReader;
+use crate::run_reader::{ReadError, RunReader};
 
 /// The least and the greatest value of signals, by name.
 type Ranges = BTreeMap<String, [f64; 2]>;
@@ -36,8 +36,16 @@ pub fn layout(arguments: &LayoutArguments) -> Result<Exit, Failure> {
     }
     let path = (arguments.output.as_deref()).filter(|path| *path != Path::new("-"));
     let text = match arguments.viewer {
-        Viewer::Foxglove => foxglove::text(&pages, &ranges(&mut reader))?,
+        Viewer::Foxglove => {
+            let ranges = ranges(&mut reader).map_err(Failure::usage)?;
+            if let Some(caveat) = reader.caveat() {
+                tell!("note: {caveat}");
+            }
+            foxglove::text(&pages, &ranges)?
+        }
         Viewer::PlotJuggler => {
+            // What vouches for the names stands before the first record.
+            reader.advance().map_err(Failure::usage)?;
             let beside = path.and_then(|path| name_of_neighbour(path, reader.path()));
             plotjuggler::text(&pages, beside.as_deref()).map_err(Failure::infrastructure)?
         }
@@ -55,14 +63,14 @@ pub fn layout(arguments: &LayoutArguments) -> Result<Exit, Failure> {
     Ok(Exit::Pass)
 }
 
-/// The least and the greatest value of each signal that has one, as far as the recording can be read.
-fn ranges(reader: &mut RunReader) -> Ranges {
+/// The least and the greatest value of each signal that has one, up to where a recording breaks off.
+fn ranges(reader: &mut RunReader) -> Result<Ranges, ReadError> {
     let signals = reader.columns().iter().enumerate();
     let signals = signals.filter(|(_, column)| column.is_signal());
     let mut ranges: Vec<(usize, String, Option<[f64; 2]>)> = signals
         .map(|(place, column)| (place, column.name.clone(), None))
         .collect();
-    while let Ok(true) = reader.advance() {
+    while reader.advance()? {
         for (place, _, range) in &mut ranges {
             let value = f64::from_bits(reader.words()[*place]);
             if value.is_finite() {
@@ -73,9 +81,8 @@ fn ranges(reader: &mut RunReader) -> Ranges {
         }
     }
     let known = ranges.into_iter();
-    known
-        .filter_map(|(_, name, range)| Some((name, range?)))
-        .collect()
+    let known = known.filter_map(|(_, name, range)| Some((name, range?)));
+    Ok(known.collect())
 }
 
 /// The name of a recording, if it lies in the folder that a file is written into.

@@ -3,8 +3,8 @@
 //! A run, from the command line to the summary:
 //!
 //! 1. [`cli`] is what was typed.
-//! 2. [`binaries`] finds plant and controller and asks them what they are; the scenario is checked
-//!    against that.
+//! 2. [`binaries`] finds plant and controller, by what the command line, the scenario or a recording
+//!    names, and asks them what they are; the scenario is checked against that.
 //! 3. [`run`] prepares session and folder, starts both sides and watches over them.
 //! 4. [`recorder`] drains the record stream on a thread of its own: digest, metrics, latency,
 //!    [`recording`].
@@ -26,13 +26,18 @@
 //!
 //! [`doctor`] judges the machine that it all runs on, [`latency`] measures the loop on it. [`config`]
 //! and [`sessions`] are the commands around it, [`folder`] is where a run is written, `part_file` how a file appears whole or not at all, `reserve` the room
-//! for the end of a run, [`duration`] how times are typed, [`output`] and [`interruption`] are its ways to and from the
+//! for the end of a run, `open_files` looks that there may be enough of them, [`duration`] how times are typed, [`output`] and [`interruption`] are its ways to and from the
 //! terminal. Nothing here runs on the loop but the plant and law of [`latency`] that do
 //! nothing, and the plant's place that [`replay`] takes.
 
 use std::io::IsTerminal;
 
+// First, because its macro `tell!` is used everywhere.
+#[macro_use]
+pub mod output;
+
 mod account;
+pub mod advice;
 mod audit;
 pub mod baseline;
 pub mod binaries;
@@ -44,6 +49,7 @@ pub mod config;
 mod destination;
 pub mod doctor;
 pub mod duration;
+pub mod ending;
 pub mod exit;
 pub mod export;
 pub mod faults;
@@ -57,7 +63,7 @@ pub mod live;
 mod missed;
 pub mod monitor;
 pub mod observer;
-pub mod output;
+mod open_files;
 mod part_file;
 pub mod progress;
 pub mod recorder;
@@ -77,6 +83,7 @@ mod succession;
 mod suite;
 pub mod summary;
 pub mod swap;
+mod validity;
 
 use cli::recordings::ScenarioAction;
 use cli::swap::ControllerAction;

@@ -12,6 +12,7 @@ use shared_types::table::nearest;
 
 use crate::cli::SessionChoice;
 use crate::exit::Failure;
+use crate::observer::Notice;
 use crate::output;
 
 /// How long a plant may take to answer: longer than it waits for its own loop.
@@ -139,7 +140,10 @@ fn choose(mut running: Vec<SessionInfo>, wanted: Option<&str>) -> Result<Session
     let message = match wanted {
         Some(wanted) => format!("no session `{wanted}` is running"),
         None if names.is_empty() => "no session is running".into(),
-        None => format!("{} sessions are running", names.len()),
+        None => {
+            let told: Vec<String> = running.iter().map(told).collect();
+            format!("{} sessions are running: {}", names.len(), told.join("; "))
+        }
     };
     let near = wanted.map(|wanted| nearest(wanted, names.iter().map(String::as_str)));
     Err(Refusal {
@@ -152,6 +156,26 @@ fn choose(mut running: Vec<SessionInfo>, wanted: Option<&str>) -> Result<Session
             .map(Into::into)
             .collect(),
     })
+}
+
+/// A session among others: its name, its scenario, for how long it has run, and where to.
+fn told(session: &SessionInfo) -> String {
+    let name = &session.name;
+    let Some(notice) = Notice::read(session) else {
+        return format!("`{name}`, which is starting");
+    };
+    let mut told = format!("`{name}`");
+    if let Some(scenario) = notice.scenario_name() {
+        told += &format!(" with {scenario}");
+    }
+    if let Some(age) = Notice::age(session) {
+        let age = humantime::format_duration(Duration::from_secs(age.as_secs()));
+        told += &format!(" for {age}");
+    }
+    if let Some(folder) = &session.run_dir {
+        told += &format!(" in {}", folder.display());
+    }
+    told
 }
 
 /// Asks a session. One that is starting is given a moment.
@@ -235,7 +259,9 @@ mod tests {
             (
                 &["demo", "x"],
                 None,
-                Err("2 sessions are running; --session with one of `demo`, `x`; "),
+                Err(
+                    "2 sessions are running: `demo`, which is starting; `x`, which is starting; --session with one of `demo`, `x`; ",
+                ),
             ),
             (
                 &["demo"],

@@ -1,15 +1,18 @@
 //! `hil`, the one program a person calls.
 
-use std::io::Write;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
     let command_line = tools::cli::CommandLine::of_process();
-    match tools::execute(&command_line) {
+    let executed = tools::interruption::end_at_once().and_then(|()| tools::execute(&command_line));
+    match executed {
         Ok(exit) => exit.into(),
         Err(failure) => {
-            // Standard error may be gone, as a terminal that was closed.
-            let _ = writeln!(std::io::stderr(), "{failure}");
+            let told = failure.to_string();
+            tools::output::tell(&told);
+            if let Some(advice) = tools::advice::on(&told) {
+                tools::output::tell(&format!("  = help: {advice}"));
+            }
             failure.exit().into()
         }
     }

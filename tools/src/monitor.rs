@@ -95,7 +95,7 @@ pub fn monitor(arguments: &MonitorArguments) -> Result<Exit, Failure> {
     let is_dumb = std::env::var_os("TERM").is_some_and(|term| term == "dumb");
     let is_shown = std::io::stdout().is_terminal() && std::io::stdin().is_terminal() && !is_dumb;
     if let (Some(served), false) = (&served, is_shown) {
-        eprintln!("{}", served.told);
+        tell!("{}", served.told);
         wait_for_end(&watch, &interruption)?;
         return tell(&model.lock(), false);
     }
@@ -184,7 +184,7 @@ fn find(arguments: &MonitorArguments, interruption: &Interruption) -> Result<Ses
             return Err(Failure::Interrupted.into());
         }
         if let (false, Some(wait_s)) = (has_told, left) {
-            eprintln!("waiting up to {wait_s} s for a session");
+            tell!("waiting up to {wait_s} s for a session");
             has_told = true;
         }
         std::thread::sleep(LOOK);

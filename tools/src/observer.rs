@@ -12,16 +12,17 @@ use shared_types::describe::Description;
 use shared_types::link::LinkError;
 use shared_types::record::{Event, RecordLayout, RecordView};
 use shared_types::session::{SessionError, SessionInfo};
-use shared_types::stream::iceoryx::{BUFFER, IceoryxSource, LAYOUT_FILE, WATCHERS};
+use shared_types::stream::iceoryx::{BUFFER, IceoryxSource, WATCHERS};
 use shared_types::stream::{Item, RecordSource};
 
 use crate::binaries::Binaries;
 use crate::exit::Failure;
+use crate::recorder::clean;
 use crate::repetition::checked;
 
 /// File of the session's folder that tells what is run.
 const FILE: &str = "run.json";
-/// File of the session's folder that lets others watch.
+/// File of the session's folder that lets others watch, with what records hold.
 const ADMITTED: &str = "admitted.json";
 /// Shortest and longest sleep between two looks at the stream. The shortest empties it often enough
 /// for the fastest loop; one that is longer is not seen on a screen.
@@ -69,6 +70,20 @@ impl Notice {
         session.read_file(FILE).ok()
     }
 
+    /// The name of the scenario.
+    pub(crate) fn scenario_name(&self) -> Option<String> {
+        let scenario: toml_edit::DocumentMut = self.scenario.parse().ok()?;
+        Some(scenario.get("name")?.as_str()?.to_owned())
+    }
+
+    /// How long ago it was written; `None` if it is not there, or the clock was set back.
+    pub(crate) fn age(session: &SessionInfo) -> Option<Duration> {
+        let written = std::fs::metadata(session.folder.join(FILE))
+            .ok()?
+            .modified();
+        written.ok()?.elapsed().ok()
+    }
+
     /// The scenario, checked.
     ///
     /// # Errors
@@ -84,8 +99,8 @@ impl Notice {
 ///
 /// # Errors
 /// If the session's folder cannot be written.
-pub fn admit(session: &SessionInfo) -> Result<(), SessionError> {
-    session.write_file(ADMITTED, &true)
+pub fn admit(session: &SessionInfo, layout: &RecordLayout) -> Result<(), SessionError> {
+    session.write_file(ADMITTED, layout)
 }
 
 /// What is seen of a run.
@@ -118,11 +133,7 @@ impl Observer {
     /// # Errors
     /// If enough others watch it, or shared memory cannot be used.
     pub fn attach(session: &SessionInfo) -> Result<Option<Self>, Failure> {
-        let is_admitted = session.folder.join(ADMITTED).exists();
-        let Some(layout) = is_admitted
-            .then(|| session.read_file(LAYOUT_FILE).ok())
-            .flatten()
-        else {
+        let Ok(layout) = session.read_file(ADMITTED) else {
             return Ok(None);
         };
         let mut observer = Self {
@@ -178,7 +189,7 @@ impl Observer {
             }
             Item::Event(event) => {
                 *has_joined = true;
-                take(Seen::Event(event));
+                take(Seen::Event(clean(event)));
             }
             // What was before it came is not lost to it.
             Item::Lost(_) if !*has_joined => {}

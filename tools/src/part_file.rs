@@ -35,7 +35,8 @@ impl PartFile {
                 .prefix(PREFIX)
                 // Less what the process's mask takes away, as of any new file.
                 .permissions(Permissions::from_mode(0o666))
-                .tempfile_in(folder)?
+                .tempfile_in(folder)
+                .map_err(without_its_name)?
                 .into_parts();
             if is_locked(&file)? {
                 return Ok(Self { file, temporary });
@@ -63,6 +64,13 @@ impl PartFile {
     }
 }
 
+/// What the system said, without the hidden name that nobody chose.
+fn without_its_name(error: io::Error) -> io::Error {
+    let text = error.to_string();
+    let said = text.split(" at path ").next().unwrap_or_default();
+    io::Error::new(error.kind(), said)
+}
+
 /// A folder that is not there yet.
 pub(crate) struct PartFolder {
     folder: TempDir,
@@ -81,7 +89,8 @@ impl PartFolder {
             let folder = Builder::new()
                 .prefix(PREFIX)
                 .permissions(Permissions::from_mode(0o777))
-                .tempdir_in(parent)?;
+                .tempdir_in(parent)
+                .map_err(without_its_name)?;
             let lock = File::open(folder.path())?;
             if is_locked(&lock)? {
                 return Ok(Self {

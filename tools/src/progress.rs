@@ -5,6 +5,8 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use shared_types::time::{Rate, Step};
 
+use crate::output;
+
 /// A progress bar, drawn where a person watches.
 pub struct Progress {
     bar: ProgressBar,
@@ -68,7 +70,7 @@ impl Progress {
 
     /// Writes something beside the bar.
     pub fn tell(&self, text: &str) {
-        self.bar.suspend(|| eprintln!("{text}"));
+        self.bar.suspend(|| output::tell(text));
     }
 
     /// All steps before this one are done.

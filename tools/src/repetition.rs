@@ -10,13 +10,14 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use hil_config::plan::{Clock, Condition, FaultEnd, FaultEvent, Plan, Realtime, Trigger};
-use hil_config::scenario::Scenario;
+use hil_config::scenario::{Advice, Scenario};
 use hil_config::show;
 use plant_process::repeat::Missed;
 use shared_types::describe::Description;
 use shared_types::record::{Change, ControllerChange, Event, FaultEnded, FaultTaken};
 use shared_types::time::{Rate, Step};
 
+use crate::binaries::named::Recorded;
 use crate::cli::recordings::ScenarioFromArguments;
 use crate::exit::{Exit, Failure};
 use crate::faults::{FaultLog, LiveFault};
@@ -34,8 +35,8 @@ pub struct RecordedRun {
     log: FaultLog,
     session: String,
     started: String,
-    /// Hashes of the plant's and the controller's binary.
-    pub blake3: [Option<String>; 2],
+    /// Its programs.
+    pub(crate) programs: Recorded,
     /// Records in it.
     pub records: u64,
     /// Records lost while it was written.
@@ -56,7 +57,7 @@ pub fn scenario_from(arguments: &ScenarioFromArguments) -> Result<Exit, Failure>
     let recorded = RecordedRun::read(&arguments.run)?;
     let text = recorded.scenario()?;
     if !recorded.missed.is_empty() {
-        eprintln!(
+        tell!(
             "note: {} steps of the run missed their command, which no scenario can repeat; `hil rerun` does",
             recorded.missed.len()
         );
@@ -147,8 +148,8 @@ impl RecordedRun {
             // What it was has to be found in its steps.
             reader.refuse_excerpt().map_err(refused)?;
         }
-        if let Some(torn) = reader.torn() {
-            eprintln!("note: {torn}");
+        if let Some(torn) = reader.caveat() {
+            tell!("note: {torn}");
         }
         let fact = |name| reader.fact(name).map(str::to_owned);
         Ok(Self {
@@ -156,7 +157,7 @@ impl RecordedRun {
             log,
             session: fact("session").unwrap_or_default(),
             started: fact("started_utc").unwrap_or_default(),
-            blake3: [fact("plant_blake3"), fact("controller_blake3")],
+            programs: Recorded::of(&reader, run),
             records: reader.records(),
             lost: reader
                 .result("lost")
@@ -191,6 +192,7 @@ impl RecordedRun {
     pub fn scenario(&self) -> Result<String, Failure> {
         let rate = self.plan.run.rate;
         let mut plan = self.plan.clone();
+        plan.programs = self.programs.programs();
         let gone = without_cleared(&mut plan.faults, &self.log);
         let (plants, laws, kinds) = (
             &self.plant.plants,
@@ -204,6 +206,18 @@ impl RecordedRun {
             comment(&self.session),
             comment(&self.started)
         );
+        if !self.programs.is_own() {
+            for (role, path) in self.programs.named() {
+                // Writing to a string cannot fail.
+                let _ = writeln!(
+                    text,
+                    "# Recorded by another user or elsewhere with the {} program {}; `{}` names the one to run.",
+                    role.side,
+                    comment(&path.display().to_string()),
+                    role.key
+                );
+            }
+        }
         for event in gone {
             // Writing to a string cannot fail.
             let _ = writeln!(
@@ -249,7 +263,26 @@ pub(crate) fn checked(
     plant: &Description,
     controller: &Description,
 ) -> Result<Plan, Failure> {
+    let advice = Advice {
+        plant: "these are the plants of the run's own plant program".into(),
+        law: "these are the laws of the run's own controller program".into(),
+    };
+    checked_with(advice, text, origin, plant, controller)
+}
+
+/// The same with other advice on unknown plants and laws.
+///
+/// # Errors
+/// Everything that is wrong with it.
+pub(crate) fn checked_with(
+    advice: Advice,
+    text: &str,
+    origin: &Path,
+    plant: &Description,
+    controller: &Description,
+) -> Result<Plan, Failure> {
     Scenario::parse(text, origin)
+        .map(|scenario| scenario.advise(advice))
         .and_then(|scenario| scenario.check(&plant.plants, &controller.laws, &plant.faults))
         .map_err(|problems| Failure::Usage(problems.to_string()))
 }

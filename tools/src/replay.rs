@@ -37,6 +37,7 @@ use shared_types::supervision::Supervision;
 use shared_types::wait::{WaitLimit, Waiter};
 
 use crate::binaries::Binary;
+use crate::binaries::named::{Named, Recorded};
 use crate::cli::replay::ReplayArguments;
 use crate::cli::run::LinkKind;
 use crate::compare::tolerance::Tolerances;
@@ -45,7 +46,8 @@ use crate::interruption::Interruption;
 use crate::output;
 use crate::progress::Progress;
 use crate::run::processes::{GRACE, LOOK, Side};
-use crate::run_reader::RunReader;
+use crate::run::refuse_in_process;
+use crate::run_reader::{RunReader, UNVOUCHED};
 use comparison::Comparison;
 use host::{End, Host, Replayed};
 use original::{Original, law_of};
@@ -73,17 +75,19 @@ pub fn replay(arguments: &ReplayArguments) -> Result<Exit, Failure> {
             "--wait-limit takes a number above 0, or inf",
         ));
     }
-    if arguments.link == LinkKind::InProcess && arguments.controller_bin.is_some() {
-        return Err(Failure::usage(
-            "--link in-process replays with what is built into hil; --controller-bin needs a process",
-        ));
-    }
     let interruption = Interruption::listen()?;
-    let reader = RunReader::open(&arguments.run).map_err(Failure::usage)?;
+    let open = || RunReader::open(&arguments.run);
+    let reader = interruption.at_once(open)?.map_err(Failure::usage)?;
     reader.refuse_excerpt().map_err(Failure::usage)?;
-    let original = Original::of(&reader, &arguments.run)?;
-    let controller = Binary::controller(arguments.controller_bin.as_deref(), &interruption)?;
-    let plan = original.plan_for(&controller.description)?;
+    if let Some(told) = reader.fact(UNVOUCHED) {
+        tell!("note: {} was recovered: {told}", reader.path().display());
+    }
+    let original = interruption.at_once(|| Original::of(&reader, &arguments.run))??;
+    let recorded = Recorded::of(&reader, &arguments.run);
+    let given = arguments.controller_bin.as_deref();
+    let controller = Binary::controller(given, &Named::Recorded(&recorded), &interruption)?;
+    refuse_in_process(arguments.link, &[&controller])?;
+    let plan = original.plan_for(&controller)?;
     let prepared = Prepared {
         original: Arc::new(original),
         plan,
@@ -183,8 +187,14 @@ impl Prepared {
         let (host, mut child) = match self.link {
             LinkKind::InProcess => (std::thread::spawn(move || loops.in_one_thread(job)), None),
             LinkKind::Iceoryx2 => {
-                let path = &self.controller.path;
-                let child = Side::start("controller", path, &info, &info.folder, "controller.log")?;
+                let controller = &self.controller;
+                let child = Side::start(
+                    "controller",
+                    controller,
+                    &info,
+                    &info.folder,
+                    "controller.log",
+                )?;
                 session
                     .add_child(child.process_id())
                     .map_err(Failure::infrastructure)?;
@@ -371,7 +381,7 @@ fn conclude(
     };
     let said = child.map(Side::excerpt).unwrap_or_default();
     if !said.is_empty() {
-        eprintln!("controller:\n{said}\n");
+        output::tell(&format!("controller:\n{said}\n"));
     }
     Err(Failure::infrastructure(reason))
 }

@@ -13,6 +13,7 @@ mod bounds;
 mod data;
 mod envelope;
 mod grid;
+mod label;
 mod page;
 mod plots;
 mod run;
@@ -21,6 +22,7 @@ mod tables;
 use std::io::Write as _;
 use std::path::Path;
 use std::thread;
+use std::time::Duration;
 
 use glob::Pattern;
 use serde::Serialize;
@@ -37,6 +39,8 @@ use grid::Grid;
 use plots::{Ground, plots};
 use run::{Run, Signals};
 
+/// How often a signal is looked for.
+const LOOK: Duration = Duration::from_millis(5);
 /// Most runs of one report: more colours are not told apart.
 const MOST_RUNS: usize = 8;
 
@@ -53,7 +57,8 @@ struct Written {
 /// Runs the command.
 ///
 /// # Errors
-/// If a run cannot be read, has no signal that is asked for, or the file cannot be written.
+/// If a run cannot be read, has no signal that is asked for, or the file cannot be written; with a page
+/// of what there is, if a run is damaged.
 pub fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
     let path = arguments.output.as_path();
     let is_file = path != Path::new("-");
@@ -68,10 +73,7 @@ pub fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
         true => Destination::create(path, arguments.force)?,
         false => Destination::standard_output()?,
     };
-    let (text, mut written) = made(arguments)?;
-    if interruption.came() {
-        return Err(Failure::Interrupted);
-    }
+    let (text, mut written, damage) = made_unless(&interruption, arguments)?;
     let result = (destination.write_all(text.as_bytes())).and_then(|()| destination.complete());
     match result {
         // A reader that went away wanted no more.
@@ -96,11 +98,32 @@ pub fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
             "{file}: {plots} plots, {signals} signals to choose from, {size:.1} MB\n"
         ))?;
     }
-    Ok(Exit::Pass)
+    // The page is there: it shows what can be had of the run.
+    damage.map_or(Ok(Exit::Pass), Err)
 }
 
-/// The page and what is in it.
-fn made(arguments: &ReportArguments) -> Result<(String, Written), Failure> {
+/// The page and what is in it, unless a signal comes: then what was begun for it is taken back here, and
+/// the work goes on until the process has ended.
+fn made_unless(
+    interruption: &Interruption,
+    arguments: &ReportArguments,
+) -> Result<(String, Written, Option<Failure>), Failure> {
+    let arguments = arguments.clone();
+    let work = thread::spawn(move || made(&arguments));
+    while !work.is_finished() {
+        if interruption.came() {
+            return Err(Failure::Interrupted);
+        }
+        thread::sleep(LOOK);
+    }
+    match work.join() {
+        Ok(made) => made,
+        Err(panic) => std::panic::resume_unwind(panic),
+    }
+}
+
+/// The page, what is in it, and what is damaged of its runs.
+fn made(arguments: &ReportArguments) -> Result<(String, Written, Option<Failure>), Failure> {
     let number = arguments.runs.len();
     if number > MOST_RUNS {
         return Err(Failure::usage(format!(
@@ -115,7 +138,7 @@ fn made(arguments: &ReportArguments) -> Result<(String, Written), Failure> {
         .collect::<Result<_, _>>()?;
     let by = arguments.scenario.as_deref();
     let mut runs = side_by_side(&arguments.runs, |path| Run::of(path, by))?;
-    run::label(&mut runs);
+    label::label(&mut runs);
     let (mut all_bounds, mut extra) = (Vec::new(), Vec::new());
     for (number, run) in runs.iter().enumerate() {
         let (bounds, computed) = bounds(number, run);
@@ -150,7 +173,13 @@ fn made(arguments: &ReportArguments) -> Result<(String, Written), Failure> {
     };
     let text = page::page(&runs, &plots, &data)?;
     let bytes = text.len();
-    Ok((text, Written { bytes, ..written }))
+    let read = runs.iter().filter(|run| run.account.damage.is_none());
+    let caveats = read.filter_map(|run| run.account.reader.caveat());
+    caveats.for_each(|caveat| tell!("note: {caveat}"));
+    let damages = runs.iter().filter_map(|run| run.account.damage.as_ref());
+    let damages: Vec<String> = damages.map(ToString::to_string).collect();
+    let damage = (!damages.is_empty()).then(|| Failure::usage(damages.join("\nerror: ")));
+    Ok((text, Written { bytes, ..written }, damage))
 }
 
 /// The grid that suits all runs: of the longest at the highest rate, fine where any has something.

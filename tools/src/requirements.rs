@@ -8,9 +8,9 @@ use std::fmt::Write as _;
 use hil_config::monitor::Verdict;
 use hil_config::requirements::RequirementValue;
 use serde::Serialize;
+use shared_types::number::{short, unit_shown};
 
 use crate::exit::Exit;
-use crate::summary::short;
 
 /// How a requirement came out.
 #[derive(Clone, Debug, Serialize)]
@@ -84,7 +84,7 @@ pub(crate) fn write(text: &mut String, requirements: &[Requirement]) -> std::fmt
         };
         let robustness = one.robustness.map_or_else(|| "-".into(), short);
         let time = |time_s: Option<f64>| time_s.map_or_else(|| "-".into(), |s| s.to_string());
-        let (name, unit) = (&one.name, &one.unit);
+        let (name, unit) = (&one.name, unit_shown(&one.unit));
         let (at_s, decided_at_s) = (time(one.at_s), time(one.decided_at_s));
         writeln!(
             text,

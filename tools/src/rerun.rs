@@ -5,6 +5,8 @@ use hil_config::plan::Clock;
 use hil_config::scenario::Scenario;
 use serde_json::json;
 
+use crate::binaries::Choices;
+use crate::binaries::named::{Named, refuse_set};
 use crate::cli::run::{ClockKind, RerunArguments};
 use crate::compare::tolerance::Tolerances;
 use crate::compare::{self, Difference};
@@ -50,20 +52,28 @@ pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
             "a rerun repeats in lockstep what came too late; --clock realtime would be late in its own way",
         ));
     }
-    let setup = Setup::find(options)?;
+    refuse_set(&options.changes.set, |role| role.flag)?;
+    let interruption = run::begin(options)?;
+    let choices = Choices::of(&options.binaries, &Named::Recorded(&recorded.programs))?;
+    let setup = Setup::new(options, choices.find(&interruption)?, &interruption)?;
+    setup.binaries.tell();
     let binaries = [&setup.binaries.plant, &setup.binaries.controller];
-    for (binary, before) in binaries.into_iter().zip(&recorded.blake3) {
+    for (binary, before) in binaries.into_iter().zip(&recorded.programs.blake3) {
         if before
             .as_ref()
             .is_some_and(|before| *before != binary.blake3)
         {
-            let path = binary.path.display();
-            eprintln!("warning: {path} is not the binary of the recorded run");
+            let (path, found) = (binary.path.display(), &binary.blake3);
+            let before = before.as_deref().unwrap_or_default();
+            tell!(
+                "warning: {path} is not the binary of the recorded run: it has hash {found}, that one had {before}"
+            );
         }
     }
     let text = recorded.scenario()?;
     let scenario = Scenario::parse(&text, format!("the scenario of {shown}"));
-    let mut plan = config::check(scenario, &options.changes, &setup.binaries, options.json)?;
+    let check = || config::check(scenario, &options.changes, &setup.binaries, options.json);
+    let mut plan = interruption.at_once(check)??;
     if options.changes.clock.is_none() && plan.run.clock == Clock::Realtime {
         plan.run.clock = Clock::Lockstep;
     }
@@ -80,10 +90,10 @@ pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
     let is_same = found.as_ref() == Some(&expected);
     let difference: Option<Difference> = match &ran.recording {
         Some(recording) if !is_same => {
-            let comparison =
-                compare::compare(&arguments.run, recording, &[], &Tolerances::default());
-            comparison
-                .ok()
+            let exact = Tolerances::default();
+            let compare = || compare::compare(&arguments.run, recording, &[], &exact);
+            let comparison = interruption.at_once(compare);
+            (comparison.ok().and_then(Result::ok))
                 .and_then(|comparison| comparison.first_difference().cloned())
         }
         _ => None,

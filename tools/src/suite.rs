@@ -15,17 +15,22 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use hil_config::plan::{Clock, Plan};
 use serde_json::json;
 
-use crate::checkpoint::past::Past;
+use crate::binaries::Choices;
+use crate::binaries::named::Named;
+use crate::checkpoint::past::{self, Past};
 use crate::cli::run::{RunArguments, RunOptions};
 use crate::compare::{self, tolerance::Tolerances};
+use crate::config::Finder;
 use crate::exit::{Exit, Failure};
+use crate::interruption::Interruption;
+use crate::output;
 use crate::run::{self, Basis, Ran, Setup};
 use crate::summary::Summary;
-use crate::{config, output};
 
 /// One run that is wanted.
 struct Case {
     plan: Plan,
+    setup: Setup,
     /// What it is called in tables and folders: the scenario, and its number if there are more.
     label: String,
     /// The law that runs.
@@ -117,13 +122,21 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
     for path in reports.into_iter().flatten() {
         refuse_unwritable(path)?;
     }
-    let setup = Setup::find(options)?;
+    let interruption = run::begin(options)?;
     let mut cases = Vec::new();
     let mut basis = Basis::Scenario;
     if let Some(from) = &arguments.from.from {
         refuse_several(arguments)?;
-        let past = Past::open(from, &setup.binaries)?;
-        let (plan, branch) = past.plan(&options.changes, &setup.binaries, options.json)?;
+        let recorded = interruption.at_once(|| past::recorded(from))??;
+        let choices = Choices::of(&options.binaries, &Named::Recorded(&recorded))?;
+        let binaries = choices.find(&interruption)?;
+        binaries.tell();
+        let setup = Setup::new(options, binaries, &interruption)?;
+        let (past, (plan, branch)) = interruption.at_once(|| {
+            let past = Past::open(from, &setup.binaries)?;
+            let planned = past.plan(&options.changes, &setup.binaries, options.json)?;
+            Ok::<_, Failure>((past, planned))
+        })??;
         basis = Basis::Checkpoint(Box::new(past), branch);
         cases.push(Case {
             label: plan.name.clone(),
@@ -131,12 +144,13 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
             origin: from.display().to_string(),
             first: 0,
             plan,
+            setup,
         });
     } else {
-        cases = self::cases(arguments, &setup)?;
+        cases = self::cases(arguments, &interruption)?;
     }
     let rows = if let [case] = &cases[..] {
-        let ran = run::execute(case.plan.clone(), setup, options, basis)?;
+        let ran = run::execute(case.plan.clone(), case.setup.clone(), options, basis)?;
         let told = output::write(&if options.json {
             format!("{}\n", ran.summary)
         } else {
@@ -144,7 +158,7 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
         });
         let row = Row::of(case, ran);
         if let Some(failure) = &row.failure {
-            eprintln!("{failure}");
+            output::tell(&failure.to_string());
         }
         let written = write_reports(arguments, std::slice::from_ref(&row));
         told?;
@@ -153,7 +167,7 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
     } else {
         let jobs = jobs(arguments, &cases)?;
         refuse(options)?;
-        all(&cases, setup, options, jobs)
+        all(&cases, options, jobs)
     };
     let told = output::write(&if options.json {
         let runs: Result<Vec<serde_json::Value>, _> = rows.iter().map(json_of).collect();
@@ -174,13 +188,16 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
 }
 
 /// Checks all scenarios and puts the runs in order: the first of each, then the second, and so on.
-fn cases(arguments: &RunArguments, setup: &Setup) -> Result<Vec<Case>, Failure> {
+fn cases(arguments: &RunArguments, interruption: &Interruption) -> Result<Vec<Case>, Failure> {
     let options = &arguments.options;
     let mut plans = Vec::new();
     let mut problems = Vec::new();
+    let mut finder = Finder::new(&options.binaries, interruption);
     for scenario in &arguments.scenarios {
-        match config::read(scenario, &options.changes, &setup.binaries, options.json) {
-            Ok(plan) => plans.push(plan),
+        match finder.read(scenario, &options.changes, options.json) {
+            Ok((plan, binaries)) => {
+                plans.push((plan, Setup::new(options, binaries, interruption)?))
+            }
             Err(Failure::Usage(problem)) => problems.push(problem),
             Err(other) => return Err(other),
         }
@@ -190,12 +207,13 @@ fn cases(arguments: &RunArguments, setup: &Setup) -> Result<Vec<Case>, Failure> 
     }
     let mut cases: Vec<Case> = Vec::new();
     for _ in 0..arguments.repeat {
-        for (first, plan) in plans.iter().enumerate() {
+        for (first, (plan, setup)) in plans.iter().enumerate() {
             let earlier = cases.iter().filter(|case| case.plan.name == plan.name);
             let number = earlier.count() + 1;
-            let same = plans.iter().filter(|other| other.name == plan.name).count();
+            let same = (plans.iter().filter(|(other, _)| other.name == plan.name)).count();
             cases.push(Case {
                 plan: plan.clone(),
+                setup: setup.clone(),
                 label: if same > 1 || arguments.repeat > 1 {
                     format!("{}-{number}", plan.name)
                 } else {
@@ -262,19 +280,15 @@ fn refuse_unwritable(path: &Path) -> Result<(), Failure> {
 }
 
 /// Runs every case, so many at a time; rows in the order of the cases.
-fn all(cases: &[Case], setup: Setup, options: &RunOptions, jobs: usize) -> Vec<Row> {
+fn all(cases: &[Case], options: &RunOptions, jobs: usize) -> Vec<Row> {
     let next = AtomicUsize::new(0);
     let rows: Mutex<Vec<Option<Row>>> = Mutex::new(cases.iter().map(|_| None).collect());
-    let setup = Setup {
-        is_one_of_many: true,
-        ..setup
-    };
     let work = || {
         while let Some((index, case)) = {
             let index = next.fetch_add(1, Ordering::Relaxed);
             cases.get(index).map(|case| (index, case))
         } {
-            let row = one(case, index, &setup, options);
+            let row = one(case, index, options);
             let mut rows = rows
                 .lock()
                 .unwrap_or_else(std::sync::PoisonError::into_inner);
@@ -293,7 +307,11 @@ fn all(cases: &[Case], setup: Setup, options: &RunOptions, jobs: usize) -> Vec<R
 }
 
 /// One of several runs.
-fn one(case: &Case, index: usize, setup: &Setup, options: &RunOptions) -> Row {
+fn one(case: &Case, index: usize, options: &RunOptions) -> Row {
+    let setup = Setup {
+        is_one_of_many: true,
+        ..case.setup.clone()
+    };
     if setup.interruption.came() {
         return Row::not_run(case, Exit::Interrupted, "interrupted".into());
     }
@@ -303,7 +321,7 @@ fn one(case: &Case, index: usize, setup: &Setup, options: &RunOptions) -> Row {
         session: (options.session.as_ref()).map(|name| format!("{name}-{number}")),
         ..options.clone()
     };
-    match run::execute(case.plan.clone(), setup.clone(), &options, Basis::Scenario) {
+    match run::execute(case.plan.clone(), setup, &options, Basis::Scenario) {
         Ok(ran) => Row::of(case, ran),
         Err(failure) => Row::not_run(case, failure.exit(), failure.to_string()),
     }
@@ -340,7 +358,11 @@ fn tell(rows: &mut [Option<Row>], cases: &[Case], index: usize) {
         .take(1)
         .map(|told| format!(": {told}"))
         .collect();
-    eprintln!("[{done}/{all}] {}: {}{reason}", row.label, row.verdict());
+    output::tell(&format!(
+        "[{done}/{all}] {}: {}{reason}",
+        row.label,
+        row.verdict()
+    ));
 }
 
 /// What is to say if two runs that ended by themselves differ.

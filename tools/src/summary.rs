@@ -8,6 +8,7 @@ use std::path::Path;
 use hil_config::evaluation::MetricValue;
 use hil_config::plan::{Clock, Plan, Published};
 use serde::Serialize;
+use shared_types::number::{short, unit_shown};
 use shared_types::pacer::Streaks;
 use shared_types::record::{Outcome, RunEnd};
 use shared_types::session::SessionInfo;
@@ -25,7 +26,7 @@ use crate::latency::spikes::Spike;
 use crate::requirements::{self, Requirement};
 use crate::run::Ended;
 use crate::run::realtime::Realtime;
-use crate::succession::{Tenure, tenures};
+use crate::succession::{Laws, Tenure, tenures};
 
 /// Version of the summary.
 const SCHEMA: u32 = 1;
@@ -66,6 +67,8 @@ pub struct Summary {
     controllers: Vec<Tenure>,
     plant: Program,
     seed: u64,
+    #[serde(skip)]
+    laws: Laws,
     /// What the run went on from; null if it began at step 0.
     resumed: Option<Resumed>,
     /// What it can be gone on from.
@@ -185,6 +188,14 @@ pub(crate) struct Metric {
     /// Null if no record of the window had the value.
     pub(crate) value: Option<f64>,
     pub(crate) unit: String,
+    /// Records of the window that were skipped because the value did not exist.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub(crate) skipped: u64,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
+const fn is_zero(count: &u64) -> bool {
+    *count == 0
 }
 
 impl From<&MetricValue> for Metric {
@@ -194,6 +205,7 @@ impl From<&MetricValue> for Metric {
             window_s: metric.window_s,
             value: metric.value.is_finite().then_some(metric.value),
             unit: metric.unit.clone(),
+            skipped: metric.skipped,
         }
     }
 }
@@ -202,9 +214,15 @@ impl From<&MetricValue> for Metric {
 struct Recording {
     file: Option<&'static str>,
     records: u64,
-    /// Records in the file: fewer if not all was to be kept.
+    /// Records that the digest covers; 0 without one.
+    digested: u64,
+    /// Records in the file: fewer if not all was to be kept, or could be.
     kept: u64,
+    /// Why the file lacks the rest, if it could not be written.
+    cut_short: Option<String>,
     lost: u64,
+    /// What no check sum vouched for when it was recovered; null if that is nothing.
+    unvouched: Option<String>,
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -260,7 +278,11 @@ impl Summary {
     ) -> Self {
         let recorded = &ended.recorded;
         let end = recorded.end.as_ref();
-        let steps = end.map_or(recorded.records, |end| end.steps);
+        // A plant may say that there were more than a run can have.
+        let steps = (end
+            .map(|end| end.steps)
+            .filter(|steps| *steps <= plan.run.steps))
+        .unwrap_or(recorded.records);
         let sim_time_s = plan.run.rate.seconds(Step(steps));
         let past_s = plan.run.rate.seconds(Step(recorded.past_records));
         let wall_time_s = recorded.wall_time_s;
@@ -307,14 +329,18 @@ impl Summary {
             recording: Recording {
                 file: recorded_to,
                 records: recorded.records,
+                digested: (recorded.digest.as_ref()).map_or(0, |_| recorded.records),
                 kept: recorded.written,
+                cut_short: recorded.cut_short.clone(),
                 lost: recorded.lost,
+                unvouched: None,
             },
             rejected_frames: end.map_or(0, |end| end.rejected_frames),
             controller: origin.controller,
             controllers: tenures(&ended.controllers, &recorded.changes, plan.run.rate),
             plant: origin.plant,
             seed: plan.run.seed,
+            laws: Laws::of(&plan.controller.law, &recorded.changes),
             resumed: None,
             checkpoints: Vec::new(),
         }
@@ -340,7 +366,7 @@ impl Summary {
     }
 
     fn write_table(&self, text: &mut String, plan: &Plan, run_dir: &Path) -> std::fmt::Result {
-        let (law, model) = (&plan.controller.law, &plan.plant.model);
+        let (law, model) = (self.laws.told(plan.run.rate), &plan.plant.model);
         writeln!(
             text,
             "{}: {}  ({law} on {model}, {})",
@@ -369,19 +395,27 @@ impl Summary {
         for fault in &self.faults {
             writeln!(text, "  {}", fault.told())?;
         }
-        write_metrics(text, &self.metrics, plan, self.steps)?;
+        write_metrics(text, &self.metrics, plan, &self.laws, self.steps)?;
         requirements::write(text, &self.requirements)?;
         self.write_latency(text)?;
         writeln!(text, "  {}", self.realtime.told())?;
-        if let Some(digest) = &self.digest {
-            writeln!(text, "  digest {digest}")?;
-        }
         let Recording {
             file,
             records,
+            digested,
             kept,
+            cut_short,
             lost,
+            ..
         } = &self.recording;
+        match (&self.digest, cut_short) {
+            (Some(digest), None) => writeln!(text, "  digest {digest}")?,
+            (Some(digest), Some(_)) => writeln!(
+                text,
+                "  digest {digest} of {digested} records, of which the file has {kept}"
+            )?,
+            (None, _) => {}
+        }
         let lost = if *lost > 0 {
             format!(", {lost} LOST")
         } else {
@@ -427,6 +461,7 @@ pub(crate) fn write_metrics(
     text: &mut String,
     metrics: &[Metric],
     plan: &Plan,
+    laws: &Laws,
     steps: u64,
 ) -> std::fmt::Result {
     if metrics.iter().all(|metric| metric.value.is_none()) {
@@ -435,7 +470,7 @@ pub(crate) fn write_metrics(
     let width = metrics.iter().map(|metric| metric.name.len()).max();
     let width = width.unwrap_or(0);
     let published: Vec<_> = (metrics.iter())
-        .map(|metric| of_law(plan, metric))
+        .map(|metric| of_law(plan, laws, metric))
         .collect();
     let any = published.iter().any(Option::is_some);
     let column = if any { "  published" } else { "" };
@@ -449,7 +484,7 @@ pub(crate) fn write_metrics(
         let [start_s, end_s] = metric.window_s;
         let window = format!("{start_s} to {end_s}");
         let value = metric.value.map_or_else(|| "-".into(), short);
-        let (name, unit) = (&metric.name, &metric.unit);
+        let (name, unit) = (&metric.name, unit_shown(&metric.unit));
         write!(text, "  {name:<width$}  {window:>10}  {value:>11} {unit}")?;
         if let Some((published, note)) = published {
             let gap = 4_usize.saturating_sub(unit.len());
@@ -477,55 +512,21 @@ pub(crate) fn write_metrics(
     writeln!(text)
 }
 
-/// The published value of a metric's window for the law of the run, and the note to it.
-fn of_law<'a>(plan: &'a Plan, metric: &Metric) -> Option<(&'a Published, &'a Option<String>)> {
+/// The published value of a metric's window for the law that answered it, and the note to it.
+pub(crate) fn of_law<'a>(
+    plan: &'a Plan,
+    laws: &Laws,
+    metric: &Metric,
+) -> Option<(&'a Published, &'a Option<String>)> {
+    let law = laws.during(metric.window_s, plan.run.rate)?;
     let planned = plan
         .metrics
         .iter()
         .find(|planned| planned.name == metric.name)?;
-    let is_it = |published: &&Published| {
-        published.law == plan.controller.law && published.window_s == metric.window_s
-    };
+    let is_it =
+        |published: &&Published| published.law == law && published.window_s == metric.window_s;
     Some((
         planned.published.iter().find(is_it)?,
         &planned.published_note,
     ))
-}
-
-/// A number with five significant digits, plain where that reads well.
-pub(crate) fn short(value: f64) -> String {
-    let size = value.abs();
-    if value == 0.0 || (0.01..1e6).contains(&size) {
-        let digits = if value == 0.0 {
-            0
-        } else {
-            libm::floor(libm::log10(size)) as i32
-        };
-        format!("{value:.*}", usize::try_from(4 - digits).unwrap_or(0))
-    } else {
-        format!("{value:.4e}")
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::short;
-
-    #[test]
-    fn numbers_have_five_digits() {
-        let shown = [
-            0.0, 97.3872, 5023.5711, 25401.13, 0.0249716, 2.11657e-5, -1.5e9,
-        ]
-        .map(short);
-        let expected = [
-            "0.0000",
-            "97.387",
-            "5023.6",
-            "25401",
-            "0.024972",
-            "2.1166e-5",
-            "-1.5000e9",
-        ];
-        assert_eq!(shown, expected);
-    }
 }

@@ -75,10 +75,13 @@ class Recording:
         self._schemas: Dict[int, str] = {}
         self._records_channel = -1
         self._events_channel = -1
+        self._events_are_cdr = True
         with open(path, "rb") as file:
-            if file.read(len(MAGIC)) != MAGIC:
+            if not MAGIC.startswith(file.read(len(MAGIC))):
                 raise RecordingError(f"{path} is no MCAP file")
             self._index(file, os.fstat(file.fileno()).st_size)
+        if not self.columns and not self.is_whole:
+            raise RecordingError(f"{path} was cut off before its first record: nothing of the run is in it")
         if not self.columns:
             raise RecordingError(f"{path} is no recording of a run: it has no channel `/record`")
 
@@ -128,6 +131,7 @@ class Recording:
                 self.columns = columns_of(self._schemas.get(channel.schema_id, ""))
             elif channel.topic == "/events":
                 self._events_channel = channel.id
+                self._events_are_cdr = channel.message_encoding == "cdr"
 
     @property
     def rate_hz(self) -> float:
@@ -149,7 +153,15 @@ class Recording:
         """What happened, in order."""
         for content in self._contents(lambda place: True):
             if isinstance(content, bytes):
-                yield json.loads(content)
+                yield json.loads(self._json(content))
+
+    def _json(self, message: bytes) -> bytes:
+        """The facts of an event: the text that its message begins with, or in earlier files all of it."""
+        if not self._events_are_cdr:
+            return message
+        (length,) = struct.unpack_from("<I", message, ENCAPSULATION_BYTES)
+        begin = ENCAPSULATION_BYTES + 4
+        return message[begin : begin + length - 1]
 
     def _contents(self, wanted: Callable[[ChunkPlace], bool]) -> Iterator[Union[Words, bytes]]:
         """Blocks of records, and events between them."""

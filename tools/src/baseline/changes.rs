@@ -6,6 +6,7 @@
 use std::fmt::Write as _;
 
 use serde::Serialize;
+use shared_types::number::{exact, unit_shown};
 
 use super::figures::{Figures, STATISTICS};
 use super::file::Baseline;
@@ -178,15 +179,15 @@ pub(super) fn write_changes(text: &mut String, changes: &[Change]) -> std::fmt::
         "figure", "baseline", "run", "of tolerance"
     )?;
     for change in changes {
-        let value =
-            |value: Option<f64>| value.map_or_else(|| "-".into(), |value| format!("{value:?}"));
+        let value = |value: Option<f64>| value.map_or_else(|| "-".into(), exact);
         let (baseline, run) = (value(change.baseline), value(change.run));
         let difference = change.baseline.zip(change.run).map(|(a, b)| (a - b).abs());
         let share = difference.map_or_else(|| "-".into(), |size| share(size, change.tolerance));
         let (name, unit) = (&change.name, &change.unit);
         writeln!(
             text,
-            "  {name:<width$}  {baseline:>24} -> {run:>24}  {share:>12} {unit}"
+            "  {name:<width$}  {baseline:>24} -> {run:>24}  {share:>12} {}",
+            unit_shown(unit)
         )?;
     }
     Ok(())

@@ -8,13 +8,14 @@ use std::path::Path;
 use hil_config::evaluation::Evaluation;
 use hil_config::expression::{Columns, Group};
 use shared_types::describe::Description;
-use shared_types::record::Event;
-use shared_types::record::GROUPS;
+use shared_types::record::{Event, GROUPS, Validity};
 use shared_types::time::Step;
+use toml_edit::{DocumentMut, Item};
 
 use crate::exit::Failure;
 use crate::repetition::checked;
 use crate::run_reader::{Column, RunReader};
+use crate::validity;
 
 /// What there is to say of a run.
 #[derive(Clone, Debug, PartialEq)]
@@ -105,7 +106,7 @@ impl Figures {
     pub(super) fn of(run: &Path) -> Result<Self, Failure> {
         let mut reader = RunReader::open(run).map_err(Failure::usage)?;
         reader.refuse_excerpt().map_err(Failure::usage)?;
-        let mut evaluation = evaluation(&reader, run)?;
+        let (mut evaluation, validity) = evaluation(&reader, run)?;
         let hashed = reader.hashed_words();
         let signals: Vec<usize> = (reader.columns().iter().enumerate())
             .filter(|(_, column)| column.is_signal())
@@ -132,12 +133,12 @@ impl Figures {
             for (value, place) in row.iter_mut().zip(&signals) {
                 *value = f64::from_bits(words[*place]);
             }
-            evaluation.observe(Step(step), &row);
+            evaluation.observe(Step(step), &row, validity.invalid(words));
             for (running, value) in running.iter_mut().zip(&row) {
                 running.take(*value);
             }
         }
-        if let Some(torn) = reader.torn() {
+        if let Some(torn) = reader.caveat() {
             return Err(Failure::usage(format!(
                 "{torn}, which is no baseline either; `hil compare A B` compares as far as it goes"
             )));
@@ -155,7 +156,7 @@ impl Figures {
             digest: reader.digest(),
             records: reader.records(),
             rate_hz: reader.rate().map_err(Failure::usage)?.hz(),
-            scenario_blake3: blake3::hash(scenario.as_bytes()).to_hex().to_string(),
+            scenario_blake3: scenario_hash(scenario),
             hil_version: fact("hil_version"),
             plant_blake3: fact("plant_blake3"),
             controller_blake3: fact("controller_blake3"),
@@ -183,8 +184,22 @@ impl Figures {
     }
 }
 
-/// The metrics of the run's own scenario, over the columns of its records.
-fn evaluation(reader: &RunReader, run: &Path) -> Result<Evaluation, Failure> {
+/// The hash of a scenario, which is the same wherever its programs lie.
+fn scenario_hash(text: &str) -> String {
+    let without_programs = text.parse().ok().and_then(|mut scenario: DocumentMut| {
+        let sides = ["plant", "controller"].map(|side| {
+            let table = scenario.get_mut(side).and_then(Item::as_table_like_mut);
+            table.and_then(|table| table.remove("program"))
+        });
+        (sides.iter().any(Option::is_some)).then(|| scenario.to_string())
+    });
+    let text = without_programs.as_deref().unwrap_or(text);
+    blake3::hash(text.as_bytes()).to_hex().to_string()
+}
+
+/// The metrics of the run's own scenario, over the columns of its records, and which of these a record
+/// marks as invalid.
+fn evaluation(reader: &RunReader, run: &Path) -> Result<(Evaluation, Validity), Failure> {
     let described = |name| {
         let described = reader.enclosed::<Description>(name);
         described.map_err(Failure::usage)
@@ -201,13 +216,32 @@ fn evaluation(reader: &RunReader, run: &Path) -> Result<Evaluation, Failure> {
             columns.push(Group::ALL[place], name);
         }
     }
-    Evaluation::new(&plan, &columns)
-        .map_err(|error| Failure::usage(format!("{}: its scenario: {error}", run.display())))
+    let evaluation = Evaluation::new(&plan, &columns)
+        .map_err(|error| Failure::usage(format!("{}: its scenario: {error}", run.display())))?;
+    Ok((evaluation, validity::of(reader, &plan)))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_hash_of_a_scenario_does_not_depend_on_where_its_programs_are() {
+        let text = "schema = 1 # a comment\n\n[plant] # one\nmodel = \"a\"\nsubsteps = 1\n\n[controller]\nlaw = \"b\"\n";
+        let named = text
+            .replace("model = \"a\"\n", "model = \"a\"\nprogram = \"/x/plant\"\n")
+            .replace(
+                "law = \"b\"\n",
+                "law = \"b\"\nprogram.x86_64 = \"/x/law\"\n",
+            );
+        let plain = blake3::hash(text.as_bytes()).to_hex().to_string();
+        assert_eq!(scenario_hash(text), plain);
+        assert_eq!(scenario_hash(&named), plain);
+        assert_ne!(
+            scenario_hash(&text.replace("= 1\n\n[con", "= 2\n\n[con")),
+            plain
+        );
+    }
 
     #[test]
     fn statistics_are_those_of_the_finite_numbers() {

@@ -22,13 +22,14 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
+use shared_types::number::exact;
 use toml_edit::{DocumentMut, InlineTable, Item, Table, TableLike, Value};
 
 use super::figures::{Figures, STATISTICS};
 use crate::exit::Failure;
 use crate::live::near;
 use crate::part_file::PartFile;
-use crate::run;
+use crate::{folder, run};
 
 /// Version of the file.
 const SCHEMA: i64 = 1;
@@ -149,7 +150,8 @@ impl BaselineFile {
             for (key, tolerance) in tolerances {
                 if tolerance.is_nan() || tolerance < 0.0 {
                     let what = format!(
-                        "baseline `{name}`: `{key}`: a tolerance is at least 0, not {tolerance}"
+                        "baseline `{name}`: `{key}`: a tolerance is at least 0, not {}",
+                        exact(tolerance)
                     );
                     return Err(refused(&what));
                 }
@@ -224,6 +226,7 @@ impl BaselineFile {
             None => Some(self.recordings().join(format!("{name}.mcap"))),
         };
         if let Some(recording) = &recording {
+            folder::refuse_odd(recording)?;
             keep(run, &self.folder().join(recording))?;
         }
         let unexpected =
@@ -238,11 +241,7 @@ impl BaselineFile {
         let entry = entry.as_table_like_mut().ok_or_else(|| unexpected(name))?;
         put(entry, "scenario", figures.scenario.as_str().into());
         if let Some(recording) = recording {
-            put(
-                entry,
-                "recording",
-                recording.to_string_lossy().as_ref().into(),
-            );
+            put(entry, "recording", recording.display().to_string().into());
         }
         put(entry, "digest", figures.digest.as_str().into());
         put(entry, "records", Value::from(figures.records as i64));

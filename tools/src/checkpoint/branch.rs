@@ -8,6 +8,7 @@
 use hil_config::plan::{Clock, FaultAction, FaultEvent, Plan, Stimulus, Trigger};
 use plant_process::stimulus;
 use shared_types::describe::Settings;
+use shared_types::number::exact;
 use shared_types::time::{Rate, Step};
 
 use crate::faults::FaultLog;
@@ -72,7 +73,9 @@ impl Check<'_> {
         if then.rate != now.rate {
             let (then, now) = (then.rate.hz(), now.rate.hz());
             self.refuse(format!(
-                "run.rate_hz was {then} and stays, {now} is another"
+                "run.rate_hz was {} and stays, {} is another",
+                exact(then),
+                exact(now)
             ));
         } else if now.steps <= self.step.0 {
             let (end, begin) = (self.at(Step(now.steps)), self.at(self.step));

@@ -11,16 +11,19 @@ use hil_config::plan::{FaultEvent, Plan};
 use hil_config::scenario::Scenario;
 use shared_types::checkpoint::{Checkpoints, Resume, Side};
 use shared_types::describe::PROTOCOL;
+use shared_types::layout::{SignalKind, SignalTable};
 use shared_types::record::{Event, RecordLayout};
 use shared_types::time::Step;
 
 use super::branch::{self, Branch};
 use super::{Checkpoint, FILE, SCHEMA, SavedSide, hash, law_of, plant_of};
+use crate::binaries::named::{Recorded, refuse_set};
 use crate::binaries::{Binaries, Binary};
 use crate::cli::run::Changes;
 use crate::config;
 use crate::exit::Failure;
 use crate::faults::{FaultLog, LiveFault};
+use crate::folder::refuse_odd;
 use crate::run_reader::{ReadError, RunReader};
 
 /// What a run goes on from.
@@ -56,6 +59,7 @@ impl Past {
     /// If it is none, is damaged, or was made by others.
     pub fn open(folder: &Path, binaries: &Binaries) -> Result<Self, Failure> {
         let folder = std::path::absolute(folder).map_err(Failure::usage)?;
+        refuse_odd(&folder)?;
         let checkpoint = read(&folder)?;
         let sides = [
             (&checkpoint.plant, &binaries.plant),
@@ -91,6 +95,7 @@ impl Past {
         binaries: &Binaries,
         json: bool,
     ) -> Result<(Plan, Branch), Failure> {
+        refuse_set(&changes.set, |role| role.flag)?;
         let origin = format!("the scenario of {}", self.folder.display());
         let (plants, laws, kinds) = binaries.described();
         let scenario = || Scenario::parse(&self.scenario, &origin);
@@ -103,7 +108,7 @@ impl Past {
             let alone =
                 scenario().and_then(|scenario| scenario.set(&[set]).check(plants, laws, kinds));
             if alone.is_ok_and(|alone| alone == then) {
-                eprintln!(
+                tell!(
                     "note: --set {set} changes nothing in {origin}, where it is so or a longer key says otherwise"
                 );
             }
@@ -173,6 +178,20 @@ impl Past {
             layout: layout(plan, binaries)?,
         })
     }
+}
+
+/// The programs of the run that made a checkpoint.
+///
+/// # Errors
+/// If there is no such checkpoint or recording.
+pub(crate) fn recorded(folder: &Path) -> Result<Recorded, Failure> {
+    let checkpoint = read(folder)?;
+    let recording = folder.join(&checkpoint.recording.file);
+    let reader = RunReader::open(&recording).map_err(|error| {
+        let shown = folder.display();
+        Failure::usage(format!("{shown} cannot be gone on from: {error}"))
+    })?;
+    Ok(Recorded::of(&reader, folder))
 }
 
 /// Reads what a checkpoint says of itself.
@@ -257,7 +276,7 @@ fn past(recording: &Path, checkpoint: &Checkpoint) -> Result<(String, FaultLog),
     while reader.records() < wanted {
         if !reader.advance().map_err(told)? {
             let found = reader.records();
-            let torn = (reader.torn()).map_or_else(String::new, |torn| format!("; {torn}"));
+            let torn = (reader.caveat()).map_or_else(String::new, |torn| format!("; {torn}"));
             return Err(format!(
                 "{shown} has {found} records, {wanted} were before it{torn}"
             ));
@@ -287,22 +306,13 @@ fn past(recording: &Path, checkpoint: &Checkpoint) -> Result<(String, FaultLog),
     }
 }
 
-/// What the records of a plan hold, as the plant makes them at hello.
-fn layout(plan: &Plan, binaries: &Binaries) -> Option<RecordLayout> {
+/// What the records of a plan hold, by what both binaries say of themselves; `None` if they have no such
+/// plant or law.
+pub(crate) fn layout(plan: &Plan, binaries: &Binaries) -> Option<RecordLayout> {
     let (plant, law) = (plant_of(plan, binaries)?, law_of(plan, binaries)?);
+    let reference = plan.stimuli.iter().flat_map(|stimulus| stimulus.fields());
     let commands = law.commands.as_ref().unwrap_or(&plant.commands);
-    Some(RecordLayout {
-        truth: plant.truth.clone(),
-        measured: plant.measured.clone(),
-        reference: (plan.stimuli.iter())
-            .flat_map(|stimulus| stimulus.fields())
-            .collect(),
-        command: plant.commands.clone(),
-        internal: law.internals.clone(),
-        command_signals: commands.len() + law.internals.len(),
-        parameter: (plant.parameters.iter())
-            .filter(|field| field.faultable)
-            .cloned()
-            .collect(),
-    })
+    let command =
+        SignalTable::of(SignalKind::Command, commands).and(SignalKind::Internal, &law.internals);
+    Some(RecordLayout::of(plant, reference.collect(), &command))
 }

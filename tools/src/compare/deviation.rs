@@ -4,6 +4,7 @@
 //! same if their bits are. It keeps sums and no step, so the length of a run does not matter.
 
 use serde::Serialize;
+use shared_types::number::{short, unit_shown};
 
 /// A deviation in the making.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -147,7 +148,9 @@ pub(crate) fn write_table(
         let count = signal.differing_steps;
         write!(
             text,
-            "  {name:<width$}  {max:>12.5e}  {at:>9}  {rms:>12.5e}  {first:>9}  {count:>9}"
+            "  {name:<width$}  {:>12}  {at:>9}  {:>12}  {first:>9}  {count:>9}",
+            short(max),
+            short(rms)
         )?;
         if any_tolerance {
             let share = share(max, signal.tolerance);
@@ -157,7 +160,7 @@ pub(crate) fn write_table(
                 step(signal.first_beyond_step)
             )?;
         }
-        write!(text, "  {unit}")?;
+        write!(text, "  {}", unit_shown(unit))?;
         if signal.incomparable_steps > 0 {
             let steps = signal.incomparable_steps;
             write!(text, ", not both numbers at {steps} steps")?;

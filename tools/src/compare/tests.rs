@@ -30,6 +30,20 @@ fn first(comparison: &Comparison) -> String {
 }
 
 #[test]
+fn that_two_runs_have_nothing_is_no_agreement() {
+    let nothing = |name| recorded(name, &layout(), &[], vec![], true);
+    let (a, b) = (nothing("compare-no-a"), nothing("compare-no-b"));
+    let some = run("compare-some", |_, _| ());
+    let with = |b: &PathBuf| compare(&a, b, &[], &all(0.0)).expect("comparable");
+    let refused = with(&b).refuse_nothing().expect_err("nothing").to_string();
+    assert!(
+        refused.ends_with(": there is nothing to compare"),
+        "{refused}"
+    );
+    assert!(with(&some).refuse_nothing().is_ok());
+}
+
+#[test]
 fn the_first_difference_and_the_size_of_each_are_found() {
     let a = run("compare-a", |_, _| ());
     let same = run("compare-same", |step, words| words[13] = step); // a clock
@@ -60,7 +74,7 @@ fn the_first_difference_and_the_size_of_each_are_found() {
     assert_eq!(comparison.verdict, Verdict::Different);
     assert_eq!(
         first(&comparison),
-        "first difference at step 1 (0.001 s): truth.x_m is 1.0 and 4.0"
+        "first difference at step 1 (0.001 s): truth.x_m is 1 and 4"
     );
     let expected = SignalDifference {
         name: "truth.x_m".into(),
@@ -84,7 +98,7 @@ fn the_first_difference_and_the_size_of_each_are_found() {
     assert_eq!(comparison.verdict, Verdict::Different);
     assert_eq!(
         first(&comparison),
-        "first difference at step 3 (0.003 s): command.u_n is -1.0 and NaN"
+        "first difference at step 3 (0.003 s): command.u_n is -1 and NaN"
     );
     assert_eq!(comparison.signals[0].incomparable_steps, 1);
 
@@ -95,6 +109,47 @@ fn the_first_difference_and_the_size_of_each_are_found() {
         "first difference at step 2 (0.002 s): validity of measured.x_m is valid and invalid"
     );
     for folder in [a, same, b, nan, bits] {
+        std::fs::remove_dir_all(folder).expect("removed");
+    }
+}
+
+#[test]
+fn runs_of_two_lengths_differ_in_length_and_not_in_the_command_that_the_shorter_lacks() {
+    // The last record of a run has no command: NaN, and marked as not valid.
+    let of = |name: &str, steps: u64| {
+        let record = |step| {
+            let mut words = record(
+                step,
+                step as f64,
+                if step == steps { f64::NAN } else { -1.0 },
+            );
+            words[2] = u64::from(step == steps);
+            if step == steps {
+                words[3] = 0.5_f64.to_bits(); // a truth with the command in it
+            }
+            Content::Record(words)
+        };
+        let contents: Vec<Content> = (0..=steps).map(record).collect();
+        recorded(name, &layout(), &contents, vec![], true)
+    };
+    let (short, long) = (of("length-short", 3), of("length-long", 5));
+    for (a, b, which, lengths) in [
+        (&short, &long, "first", "4 records and 6"),
+        (&long, &short, "second", "6 records and 4"),
+    ] {
+        let comparison = compare(a, b, &[], &all(0.0)).expect("comparable");
+        assert_eq!(comparison.verdict, Verdict::Different);
+        let expected =
+            format!("first difference at step 4 (0.004 s): only the {which} run has ended");
+        assert_eq!(first(&comparison), expected);
+        assert_eq!(comparison.signals, []);
+        let told = comparison.told();
+        assert!(
+            told.contains(&format!("lengths differ: {lengths}")),
+            "{told}"
+        );
+    }
+    for folder in [short, long] {
         std::fs::remove_dir_all(folder).expect("removed");
     }
 }
@@ -169,7 +224,7 @@ fn faults_and_ends_differ_too() {
     assert_eq!(comparison.verdict, Verdict::Different);
     assert_eq!(
         first(&comparison),
-        "first difference at step 3 (0.003 s): record is not there and there"
+        "first difference at step 3 (0.003 s): only the first run has ended"
     );
     assert_eq!((comparison.a.records, comparison.b.records), (3, 4));
     for folder in [plain, longer, faulty] {

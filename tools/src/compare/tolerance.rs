@@ -5,6 +5,8 @@
 use std::collections::BTreeMap;
 use std::str::FromStr;
 
+use shared_types::number::exact;
+
 use crate::live::near;
 
 /// One `--tolerance`, as it is typed: `X` for every signal, or `SIGNAL=X`.
@@ -27,7 +29,8 @@ impl FromStr for Tolerance {
             (number.trim().parse()).map_err(|_| format!("`{}` is no number", number.trim()))?;
         if value.is_nan() || value < 0.0 {
             return Err(format!(
-                "a tolerance is a number of at least 0, not {value}"
+                "a tolerance is a number of at least 0, not {}",
+                exact(value)
             ));
         }
         Ok(Self { signal, value })

@@ -8,7 +8,8 @@ use shared_types::time::{Rate, Step};
 
 use super::tolerance::Tolerances;
 use super::{
-    CompareError, Comparison, Deviation, Difference, Side, SignalDifference, Verdict, number,
+    CompareError, Comparison, Deviation, Difference, GONE, RECORD, Side, SignalDifference, Verdict,
+    number,
 };
 use crate::live::near;
 use crate::run_reader::{Column, RunReader};
@@ -28,6 +29,22 @@ pub(super) struct Work {
     is_excerpt: bool,
     /// Anything but the size of a signal differs.
     is_other: bool,
+    lengths_differ: bool,
+}
+
+/// What a run has at a step.
+#[derive(Default)]
+pub(super) struct Row {
+    words: Vec<u64>,
+    faults: String,
+}
+
+impl Row {
+    pub(super) fn take(&mut self, reader: &RunReader) {
+        self.words.clear();
+        self.words.extend(reader.words());
+        self.faults = faults(reader);
+    }
 }
 
 /// Where a word comes in a step: the sample, what the controller makes of it, what the plant makes of
@@ -45,6 +62,20 @@ fn rank(column: &str) -> usize {
     ];
     let place = order.iter().position(|prefix| column.starts_with(prefix));
     place.unwrap_or(order.len())
+}
+
+/// Whether a word comes of what the controller answers to a sample, or may: an acceleration that is true
+/// has the command in it.
+fn is_answer(column: &str) -> bool {
+    [
+        "command_invalid",
+        "command.",
+        "applied.",
+        "internal.",
+        "truth.",
+    ]
+    .iter()
+    .any(|prefix| column.starts_with(prefix))
 }
 
 /// A word that both have.
@@ -131,31 +162,49 @@ impl Work {
             causal,
             columns,
             is_other: !only_in_a.is_empty() || !only_in_b.is_empty(),
+            lengths_differ: false,
             only_in_a,
             only_in_b,
             first: None,
         })
     }
 
-    pub(super) fn step(&mut self, a: &RunReader, b: &RunReader) -> Result<(), CompareError> {
-        let step = a.step();
-        if step != b.step() {
+    /// Whether one of the runs has no command at a step, as after the last one that it was to have.
+    fn lacks_command(&self, a: &Row, b: &Row) -> bool {
+        let commands =
+            || (self.columns.iter()).filter(|pair| pair.column.name.starts_with("command."));
+        let is_nan = |word: u64| f64::from_bits(word).is_nan();
+        commands().all(|pair| is_nan(a.words[pair.a]))
+            || commands().all(|pair| is_nan(b.words[pair.b]))
+    }
+
+    /// Compares a step. At the last of a run that is shorter than the other and has no command there,
+    /// nothing that the controller answers.
+    pub(super) fn step(
+        &mut self,
+        (a, b): (&Row, &Row),
+        columns: &[Column],
+        is_last_of_one: bool,
+    ) -> Result<(), CompareError> {
+        let (step, step_b) = (a.words[0], b.words[0]);
+        if step != step_b {
             let what = format!(
-                "records are missing: step {step} of one comes with step {} of the other",
-                b.step()
+                "records are missing: step {step} of one comes with step {step_b} of the other"
             );
             return Err(CompareError::NotComparable(what));
         }
-        if !self.is_selected && !self.is_excerpt {
-            let (faults_a, faults_b) = (faults(a), faults(b));
-            if faults_a != faults_b {
-                self.is_other = true;
-                self.note(step, "faults".into(), faults_a.into(), faults_b.into());
-            }
+        if !self.is_selected && !self.is_excerpt && a.faults != b.faults {
+            self.is_other = true;
+            let (a, b) = (a.faults.as_str(), b.faults.as_str());
+            self.note(step, "faults".into(), a.into(), b.into());
         }
+        let lacks_answer = is_last_of_one && self.lacks_command(a, b);
         for place in 0..self.causal.len() {
             let pair = &mut self.columns[self.causal[place]];
-            let (word_a, word_b) = (a.words()[pair.a], b.words()[pair.b]);
+            if lacks_answer && is_answer(&pair.column.name) {
+                continue;
+            }
+            let (word_a, word_b) = (a.words[pair.a], b.words[pair.b]);
             let is_signal = pair.column.is_signal();
             if is_signal {
                 let (a, b) = (f64::from_bits(word_a), f64::from_bits(word_b));
@@ -174,7 +223,7 @@ impl Work {
                 );
             } else {
                 self.is_other = true;
-                let (name, bit) = validity(&pair.column.name, word_a ^ word_b, a.columns());
+                let (name, bit) = validity(&pair.column.name, word_a ^ word_b, columns);
                 let told = |word: u64| {
                     if word >> bit & 1 == 0 {
                         "valid"
@@ -191,9 +240,10 @@ impl Work {
     /// One has a record more than the other.
     pub(super) fn ended(&mut self, longer: &RunReader, is_a: bool) {
         self.is_other = true;
-        let (there, not) = (Value::from("there"), Value::from("not there"));
+        self.lengths_differ = true;
+        let (there, not) = (Value::from("there"), Value::from(GONE));
         let (a, b) = if is_a { (there, not) } else { (not, there) };
-        self.note(longer.step(), "record".into(), a, b);
+        self.note(longer.step(), RECORD.into(), a, b);
     }
 
     fn note(&mut self, step: u64, signal: String, a: Value, b: Value) {
@@ -215,6 +265,7 @@ impl Work {
             records: reader.records(),
             digest: reader.digest(),
             whole: reader.is_whole(),
+            unvouched: reader.unvouched().map(|unvouched| unvouched.told),
         };
         let is_near = |pair: &Pair| pair.deviation.is_within();
         let are_near = self.columns.iter().all(is_near);
@@ -231,6 +282,7 @@ impl Work {
             verdict,
             a: side(a, names.0),
             b: side(b, names.1),
+            lengths_differ: self.lengths_differ,
             only_in_a: self.only_in_a,
             only_in_b: self.only_in_b,
             first_difference: self.first,

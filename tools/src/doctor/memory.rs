@@ -1,5 +1,7 @@
 //! Memory: what moves it about, and the room that sessions need.
 
+use shared_types::shared_memory::{LEAST_INODES, SharedMemory};
+
 use super::finding::{Check, Finding};
 use super::tree::Tree;
 
@@ -73,9 +75,9 @@ pub fn swap(tree: &dyn Tree) -> Finding {
     }
 }
 
-/// Whether `/dev/shm` is memory with room in it. `free_bytes` is what the file system has free.
+/// Whether `/dev/shm` is memory with room in it, for this user. `found` is what the file system tells.
 #[must_use]
-pub fn shared_memory(tree: &dyn Tree, free_bytes: Option<u64>) -> Finding {
+pub fn shared_memory(tree: &dyn Tree, found: Option<SharedMemory>) -> Finding {
     let mounts = match tree.read("proc/self/mounts") {
         Ok(mounts) => mounts,
         Err(unread) => return SHARED_MEMORY.unread(&unread),
@@ -89,20 +91,37 @@ pub fn shared_memory(tree: &dyn Tree, free_bytes: Option<u64>) -> Finding {
     match kind {
         None => SHARED_MEMORY.poor("/dev/shm is not mounted").mend(mount),
         Some("tmpfs") => {
-            let Some(free) = free_bytes else {
+            let Some(shared) = found else {
                 return SHARED_MEMORY.unknown("tmpfs, but its free space is not told");
             };
-            let found = format!("tmpfs, {} MiB free", free / MIB);
-            let grow = "sudo mount -o remount,size=1G /dev/shm";
-            match free {
-                AMPLE_BYTES.. => SHARED_MEMORY.good(found),
-                ENOUGH_BYTES.. => SHARED_MEMORY.fair(found).mend(grow),
-                _ => SHARED_MEMORY.poor(found).mend(grow),
-            }
+            room(shared)
         }
         Some(other) => SHARED_MEMORY
             .poor(format!("/dev/shm is {other}, not memory"))
             .mend(mount),
+    }
+}
+
+/// Whether a run may use it, and finds room.
+fn room(shared: SharedMemory) -> Finding {
+    if shared.is_read_only {
+        let mend = "sudo mount -o remount,rw /dev/shm";
+        return SHARED_MEMORY.poor("tmpfs, read-only").mend(mend);
+    }
+    if !shared.is_open {
+        let found = "tmpfs, but this user may not write to it";
+        return (SHARED_MEMORY.poor(found)).mend("sudo chmod 1777 /dev/shm");
+    }
+    if let Some(left) = shared.free_inodes.filter(|left| *left < LEAST_INODES) {
+        let found = format!("tmpfs, {left} free inodes; a run takes up to {LEAST_INODES}");
+        return (SHARED_MEMORY.poor(found)).mend("sudo mount -o remount,nr_inodes=1m /dev/shm");
+    }
+    let found = format!("tmpfs, {} MiB free", shared.free_bytes / MIB);
+    let grow = "sudo mount -o remount,size=1G /dev/shm";
+    match shared.free_bytes {
+        AMPLE_BYTES.. => SHARED_MEMORY.good(found),
+        ENOUGH_BYTES.. => SHARED_MEMORY.fair(found).mend(grow),
+        _ => SHARED_MEMORY.poor(found).mend(grow),
     }
 }
 
@@ -170,10 +189,62 @@ mod tests {
             ("proc /proc proc rw 0 0\n", Some(12_000), Grade::Poor),
         ] {
             let machine = Fake::new(&[("proc/self/mounts", mounts)]);
-            let finding = shared_memory(&machine, free_mib.map(|mib| mib * 1024 * 1024));
+            let found = free_mib.map(|mib: u64| SharedMemory {
+                free_bytes: mib * 1024 * 1024,
+                ..AMPLE
+            });
+            let finding = shared_memory(&machine, found);
             assert_eq!(finding.grade, grade, "{mounts} {free_mib:?}");
             let mends = matches!(grade, Grade::Fair | Grade::Poor);
             assert_eq!(finding.mend.is_some(), mends);
         }
+    }
+
+    const AMPLE: SharedMemory = SharedMemory {
+        is_read_only: false,
+        is_open: true,
+        free_bytes: AMPLE_BYTES,
+        free_inodes: Some(1 << 20),
+    };
+
+    #[test]
+    fn shared_memory_that_cannot_be_used_is_poor_whatever_its_size() {
+        let (is_read_only, free_inodes) = (true, Some(3));
+        for (found, told, mend) in [
+            (
+                SharedMemory {
+                    is_read_only,
+                    ..AMPLE
+                },
+                "read-only",
+                "remount,rw",
+            ),
+            (
+                SharedMemory {
+                    is_open: false,
+                    ..AMPLE
+                },
+                "may not write",
+                "chmod",
+            ),
+            (
+                SharedMemory {
+                    free_inodes,
+                    ..AMPLE
+                },
+                "3 free inodes",
+                "nr_inodes",
+            ),
+        ] {
+            let finding = room(found);
+            assert_eq!(finding.grade, Grade::Poor, "{told}");
+            assert!(finding.found.contains(told), "{}", finding.found);
+            assert!(finding.mend.unwrap_or_default().contains(mend));
+        }
+        let unlimited = SharedMemory {
+            free_inodes: None,
+            ..AMPLE
+        };
+        assert_eq!(room(unlimited).grade, Grade::Good);
     }
 }

@@ -1,7 +1,8 @@
 //! A table as comma-separated values.
 //!
 //! A header with the names, then a line for each row. Numbers are written in the shortest form that
-//! reads back as the same bits; one that does not exist is `NaN`, flags are `true` and `false`.
+//! reads back as the same bits; one that does not exist is `NaN`, flags are `true` and `false`. Of a
+//! time or count that does not exist the cell is empty.
 
 use std::io::{self, Write};
 
@@ -40,6 +41,7 @@ impl<W: Write> Csv<W> {
                 }
                 Cell::Count(count) => write!(self.text, "{count}")?,
                 Cell::Flag(flag) => write!(self.text, "{flag}")?,
+                Cell::Missing => {}
             }
         }
         self.text.push(b'\n');
@@ -80,6 +82,7 @@ mod tests {
             name: name.into(),
             unit: String::new(),
             kind: Kind::Number,
+            is_optional: false,
         };
         let mut table = Csv::new(Vec::new(), &[column("step"), column("x_m"), column("ok")]);
         for (step, (value, _)) in (0..).zip(values) {

@@ -6,12 +6,12 @@ use std::collections::BTreeMap;
 use hil_config::expression::Columns;
 use hil_config::plan::{self, Plan};
 use shared_types::describe::{Description, LawDescription, PlantDescription};
-use shared_types::table::Field;
 
 use super::table::Column;
 use crate::judge::RecordedEvaluation;
 use crate::repetition::checked;
 use crate::run_reader::RunReader;
+use crate::validity;
 
 /// The scenario of a run with its plant and its law.
 pub(super) struct Origin {
@@ -45,10 +45,9 @@ impl Origin {
         Ok(Self { plan, plant, law })
     }
 
-    /// The commands of a command frame, in order: those of the law, of which the plant may take
-    /// only some and in another order.
-    pub(super) fn sent_commands(&self) -> &[Field] {
-        self.law.commands.as_ref().unwrap_or(&self.plant.commands)
+    /// The commands of a command frame, in order, as the recording names them.
+    pub(super) fn sent_commands(&self) -> Vec<String> {
+        validity::sent_commands(&self.plant, &self.law)
     }
 
     /// The derived signals of the scenario, in its order.
@@ -64,7 +63,8 @@ impl Origin {
         self.plan.metrics.clear();
         self.plan.analyses.clear();
         self.plan.requirements.clear();
-        let evaluation = RecordedEvaluation::new(&self.plan, &columns, first..first + signals);
+        let evaluation =
+            RecordedEvaluation::new(reader, &self.plan, &columns, first..first + signals);
         Ok(Derived {
             evaluation: evaluation.map_err(|error| error.to_string())?,
             signals: self.plan.derived,

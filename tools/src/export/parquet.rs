@@ -1,7 +1,6 @@
 //! A table as Apache Parquet, for pandas, Polars, DuckDB and MATLAB.
 //!
-//! A column for each column, none of whose cells is ever missing: a number that does not exist is
-//! NaN. Rows are held back until there are enough of them for a group, the only thing that takes
+//! A column for each column. A number that does not exist is NaN, a time or count that does not is null. Rows are held back until there are enough of them for a group, the only thing that takes
 //! memory. Units and origin are key-value metadata of the file.
 
 use std::io::{self, Write};
@@ -33,6 +32,8 @@ pub(super) struct Parquet<W: Write + Send> {
 enum Cells {
     Numbers(Vec<f64>),
     Counts(Vec<i64>),
+    /// Those that exist, and for each row whether there is one.
+    OptionalCounts(Vec<i64>, Vec<i16>),
     Flags(Vec<bool>),
 }
 
@@ -44,9 +45,13 @@ impl<W: Write + Send> Parquet<W> {
                 Kind::Count => (Physical::INT64, Some(LogicalType::integer(64, false))),
                 Kind::Flag => (Physical::BOOLEAN, None),
             };
+            let repetition = match column.is_optional {
+                true => Repetition::OPTIONAL,
+                false => Repetition::REQUIRED,
+            };
             let field = Type::primitive_type_builder(&column.name, physical)
                 .with_logical_type(logical)
-                .with_repetition(Repetition::REQUIRED)
+                .with_repetition(repetition)
                 .build();
             field.map(Arc::new)
         });
@@ -65,6 +70,7 @@ impl<W: Write + Send> Parquet<W> {
         let file = SerializedFileWriter::new(to, schema, Arc::new(properties)).map_err(io_error)?;
         let cells = |column: &Column| match column.kind {
             Kind::Number => Cells::Numbers(Vec::new()),
+            Kind::Count if column.is_optional => Cells::OptionalCounts(Vec::new(), Vec::new()),
             Kind::Count => Cells::Counts(Vec::new()),
             Kind::Flag => Cells::Flags(Vec::new()),
         };
@@ -82,6 +88,11 @@ impl<W: Write + Send> Parquet<W> {
                 (Cells::Numbers(numbers), Cell::Number(value)) => numbers.push(value),
                 // The bits of an unsigned number, as the logical type says.
                 (Cells::Counts(counts), Cell::Count(count)) => counts.push(count.cast_signed()),
+                (Cells::OptionalCounts(counts, levels), Cell::Count(count)) => {
+                    counts.push(count.cast_signed());
+                    levels.push(1);
+                }
+                (Cells::OptionalCounts(_, levels), Cell::Missing) => levels.push(0),
                 (Cells::Flags(flags), Cell::Flag(flag)) => flags.push(flag),
                 _ => return Err(io::Error::other("a cell is not of its column's kind")),
             }
@@ -124,6 +135,13 @@ impl<W: Write + Send> Parquet<W> {
                         .typed::<Int64Type>()
                         .write_batch(counts, None, None)?;
                     counts.clear();
+                }
+                Cells::OptionalCounts(counts, levels) => {
+                    writer
+                        .typed::<Int64Type>()
+                        .write_batch(counts, Some(levels), None)?;
+                    counts.clear();
+                    levels.clear();
                 }
                 Cells::Flags(flags) => {
                     writer.typed::<BoolType>().write_batch(flags, None, None)?;

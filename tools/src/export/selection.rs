@@ -3,7 +3,6 @@
 use std::collections::BTreeSet;
 
 use glob::Pattern;
-use shared_types::table::Field;
 use shared_types::time::Step;
 
 use super::origin::{Derived, Origin};
@@ -11,6 +10,7 @@ use super::table::{Cell, Column, Kind};
 use crate::exit::Failure;
 use crate::live::near;
 use crate::run_reader::RunReader;
+use crate::validity;
 
 /// The columns of a table.
 pub(super) struct Selection {
@@ -19,6 +19,8 @@ pub(super) struct Selection {
     sources: Vec<Source>,
     /// If one of them is wanted.
     derived: Option<Derived>,
+    /// The last step of the run, which no command answers.
+    last: Option<u64>,
 }
 
 /// Where the cells of a column come from.
@@ -30,6 +32,10 @@ enum Source {
     Number(usize),
     /// A word that is none.
     Count(usize),
+    /// A measured time, 0 where there was nothing to be measured.
+    Measured(usize),
+    /// What an exchange of sample and command has, which the last record of a run is without.
+    Exchanged(usize),
     /// A derived signal, by its number.
     Derived(usize),
     /// A bit that is set where a signal is not valid.
@@ -70,9 +76,7 @@ impl Offer {
             );
         }
         let derived = Origin::of(reader).and_then(|origin| {
-            // As the recording writes them.
-            let name = |field: &Field| format!("command.{}", field.name.replace('.', "_"));
-            offer.sent_commands = Some(origin.sent_commands().iter().map(name).collect());
+            offer.sent_commands = Some(origin.sent_commands());
             origin.derived(reader)
         });
         match derived {
@@ -90,7 +94,12 @@ impl Offer {
             !column.is_signal() && column.name != "step" && !column.name.contains('[')
         });
         for (word, column) in counts {
-            offer.push(&column.name, "", Kind::Count, Source::Count(word));
+            let source = match column.name.as_str() {
+                "time_ns" | "epoch" => Source::Count(word),
+                name if name.ends_with("_ns") => Source::Measured(word),
+                _ => Source::Exchanged(word),
+            };
+            offer.push(&column.name, "", Kind::Count, source);
         }
         offer
     }
@@ -100,8 +109,28 @@ impl Offer {
             name: name.into(),
             unit: unit.into(),
             kind,
+            is_optional: matches!(source, Source::Measured(_) | Source::Exchanged(_)),
         });
         self.sources.push(source);
+    }
+
+    /// All columns, or those that are asked for.
+    ///
+    /// # Errors
+    /// If a pattern is none, or nothing fits it.
+    pub(super) fn listed(
+        &self,
+        reader: &RunReader,
+        patterns: &[String],
+    ) -> Result<Vec<Column>, Failure> {
+        if patterns.is_empty() {
+            return Ok(self.columns.clone());
+        }
+        let chosen = self.chosen(reader, patterns)?;
+        Ok(chosen
+            .into_iter()
+            .map(|index| self.columns[index].clone())
+            .collect())
     }
 
     /// The columns that are asked for, in the order of the patterns; all signals without any.
@@ -109,7 +138,7 @@ impl Offer {
         let all = 0..self.columns.len();
         if patterns.is_empty() {
             if let Some(why) = &self.why_not {
-                eprintln!("note: derived signals are left out: {why}");
+                tell!("note: derived signals are left out: {why}");
             }
             return Ok(all
                 .filter(|&index| self.columns[index].kind == Kind::Number)
@@ -139,43 +168,20 @@ impl Offer {
         Failure::usage(message + "\n  `hil export RUN --list` shows all")
     }
 
-    /// Where the bit stands that marks a signal as invalid; `None` if it was not sent.
+    /// Where the bit stands that marks a signal as invalid; `None` if it never is.
     fn invalid(&self, reader: &RunReader, name: &str) -> Result<Option<Source>, Failure> {
-        let recorded = reader.columns();
-        let number_in = |groups: &[&str]| {
-            let is_of = |name: &str| groups.iter().any(|group| name.starts_with(group));
-            let mut names = recorded.iter().map(|column| column.name.as_str());
-            is_of(name).then(|| {
-                names
-                    .by_ref()
-                    .filter(|name| is_of(name))
-                    .position(|one| one == name)
-            })
-        };
-        let (word, bit) = if let Some(number) = number_in(&["measured.", "reference."]) {
-            ("sample_invalid[0]", number)
-        } else if name.starts_with("command.") || name.starts_with("internal.") {
-            let Some(sent) = &self.sent_commands else {
+        let is_answer = name.starts_with("command.") || name.starts_with("internal.");
+        let sent = match &self.sent_commands {
+            None if is_answer => {
                 let why = self.why_not.as_deref().unwrap_or_default();
                 return Err(Failure::usage(format!(
                     "which bit tells the validity of `{name}` is not known: {why}"
                 )));
-            };
-            // An excerpt numbers the bits of what it keeps.
-            let is_kept = |name: &&String| recorded.iter().any(|column| column.name == **name);
-            let sent: Vec<&String> = (sent.iter())
-                .filter(|name| !reader.is_excerpt() || is_kept(name))
-                .collect();
-            let bit = match number_in(&["internal."]) {
-                Some(number) => number.map(|number| sent.len() + number),
-                None => sent.iter().position(|command| *command == name),
-            };
-            ("command_invalid[0]", bit)
-        } else {
-            return Ok(None);
+            }
+            sent => sent.as_deref().unwrap_or_default(),
         };
-        let word = recorded.iter().position(|column| column.name == word);
-        Ok(word.zip(bit).map(|(first, bit)| Source::Invalid {
+        let place = validity::place(reader, sent, name);
+        Ok(place.map(|(first, bit)| Source::Invalid {
             word: first + bit / 64,
             bit: bit % 64,
         }))
@@ -194,6 +200,7 @@ impl Selection {
             name: name.into(),
             unit: unit.into(),
             kind,
+            is_optional: false,
         };
         let mut columns = vec![
             column("step", "", Kind::Count),
@@ -216,6 +223,7 @@ impl Selection {
             columns,
             sources,
             derived: offer.derived.filter(|_| needs_derived),
+            last: reader.fact("steps").and_then(|steps| steps.parse().ok()),
         })
     }
 
@@ -229,7 +237,11 @@ impl Selection {
             Source::Step => Cell::Count(step.0),
             Source::Time => Cell::Number(time_s),
             Source::Number(word) => Cell::Number(f64::from_bits(words[word])),
-            Source::Count(word) => Cell::Count(words[word]),
+            Source::Measured(word) if words[word] == 0 => Cell::Missing,
+            Source::Exchanged(_) if self.last == Some(step.0) => Cell::Missing,
+            Source::Count(word) | Source::Measured(word) | Source::Exchanged(word) => {
+                Cell::Count(words[word])
+            }
             Source::Derived(number) => Cell::Number(derived[number]),
             Source::Invalid { word, bit } => Cell::Flag(words[word] >> bit & 1 == 0),
         }));

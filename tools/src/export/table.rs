@@ -15,6 +15,9 @@ pub(super) struct Column {
     /// Empty for counts and flags.
     pub(super) unit: String,
     pub(super) kind: Kind,
+    /// A cell may be missing.
+    #[serde(skip)]
+    pub(super) is_optional: bool,
 }
 
 /// What the cells of a column are.
@@ -35,6 +38,8 @@ pub(super) enum Cell {
     Number(f64),
     Count(u64),
     Flag(bool),
+    /// There is no such thing at that step.
+    Missing,
 }
 
 /// The table in the form that was chosen.

@@ -159,7 +159,7 @@ fn signals_are_chosen_by_name_and_by_pattern_in_the_order_asked_for() {
 fn parquet_holds_the_same_bits_and_says_where_they_come_from() {
     let (run, folder) = a_run("export-parquet");
     let path = folder.path().join("table.parquet");
-    let chosen = "--signal truth.x_m --signal measured.x_m --signal controller_ns --validity";
+    let chosen = "--signal truth.x_m --signal measured.x_m --signal controller_ns --signal published_ns --validity";
     exported(&run, &format!("{chosen} -o {}", path.display())).expect("exported");
     let file = SerializedFileReader::new(std::fs::File::open(&path).expect("there"));
     let file = file.expect("a Parquet file");
@@ -170,7 +170,16 @@ fn parquet_holds_the_same_bits_and_says_where_they_come_from() {
             .get_column_iter()
             .map(|(_, cell)| cell.clone())
             .collect();
-        let [step, time_s, x_m, measured, valid, controller_ns] = &cells[..] else {
+        let [
+            step,
+            time_s,
+            x_m,
+            measured,
+            valid,
+            controller_ns,
+            published_ns,
+        ] = &cells[..]
+        else {
             panic!("{cells:?}");
         };
         let bits = |cell: &Value| match cell {
@@ -182,10 +191,9 @@ fn parquet_holds_the_same_bits_and_says_where_they_come_from() {
         assert_eq!(bits(x_m), truth(steps).to_bits());
         assert_eq!(bits(measured), truth(steps).to_bits());
         assert_eq!(*valid, Value::Bool(steps <= STEPS));
-        assert!(
-            matches!(controller_ns, Value::ULong(_)),
-            "{controller_ns:?}"
-        );
+        // Nothing was measured.
+        assert_eq!(*controller_ns, Value::Null);
+        assert_eq!(*published_ns, Value::ULong(77));
         steps += 1;
     }
     assert_eq!(steps, STEPS + 2);

@@ -110,11 +110,11 @@ fn a_summary_tells_size_end_and_source_of_every_fault() {
     assert_eq!(serde_json::to_value(&faults).expect("JSON"), expected);
     assert_eq!(
         faults[0].told(),
-        "fault 1 bias at step 10, measured.x_m 2.5000e0 m, measured.v NO EFFECT"
+        "fault 1 bias at step 10, measured.x_m 2.5 m, measured.v NO EFFECT"
     );
     assert_eq!(
         faults[1].told(),
-        "fault 2 bias (live) at step 41, command.u_n 5.0000e-1 m (cleared at step 60)"
+        "fault 2 bias (live) at step 41, command.u_n 0.5 m (cleared at step 60)"
     );
 }
 

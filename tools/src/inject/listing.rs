@@ -15,6 +15,7 @@ use shared_types::session;
 use shared_types::table::{Field, nearest};
 
 use crate::binaries::Binary;
+use crate::binaries::named::Named;
 use crate::cli::inject::InjectArguments;
 use crate::exit::Failure;
 use crate::interruption::Interruption;
@@ -119,7 +120,8 @@ fn listings(arguments: &InjectArguments) -> Result<Vec<Listing>, Unmet> {
         let possible = super::possible(&session)?;
         return Ok(vec![Listing::of(&possible, Some(session.name))]);
     }
-    let binary = Binary::plant(arguments.plant_bin.as_deref(), &Interruption::listen()?)?;
+    let given = arguments.plant_bin.as_deref();
+    let binary = Binary::plant(given, &Named::Nothing, &Interruption::listen()?)?;
     Ok(of_binary(&binary.description, arguments.model.as_deref())?)
 }
 

@@ -12,7 +12,7 @@ use shared_types::describe::{
 use shared_types::live::{Possible, Refusal};
 use shared_types::table::{Field, nearest};
 
-use crate::cli::inject::InjectArguments;
+use crate::cli::inject::{InjectArguments, nearest_options};
 use crate::live::listed;
 use text::{float, head, profile, rows, string, values};
 
@@ -206,6 +206,23 @@ impl<'a> Kind<'a> {
             }
         }
         let words: Vec<&String> = words.collect();
+        if let Some(other) = words.first()
+            && self.is_other_target(other)
+        {
+            let kind = self.name;
+            refusals.push(Refusal {
+                key: "target".into(),
+                message: format!("`{kind}` does not act on `{other}`"),
+                expected: Some(match self.target {
+                    TargetKey::Name(Some(only)) => {
+                        format!("`{only}`, or no target: it is the only one")
+                    }
+                    _ => "no target: it acts on the plant".into(),
+                }),
+                nearest: Vec::new(),
+            });
+            return Err(refusals);
+        }
         let is_open = |field: &&&'a Field| {
             sorted
                 .values
@@ -250,6 +267,14 @@ impl<'a> Kind<'a> {
         }
     }
 
+    /// Whether a word that stands where the values begin is a target, of which the kind has but one.
+    fn is_other_target(&self, word: &str) -> bool {
+        let has_one = matches!(self.target, TargetKey::Name(Some(_)) | TargetKey::Plant);
+        let names = ["plant", "controller"];
+        let groups = ["measured.", "reference.", "command.", "parameter.", "link."];
+        has_one && (names.contains(&word) || groups.iter().any(|group| word.starts_with(group)))
+    }
+
     /// The key that is meant: its name, or its first words if no other key begins so.
     fn key(&self, given: &str) -> Result<Key<'a>, Refusal> {
         let mut keys: Vec<(&str, Key<'a>)> = Vec::new();
@@ -281,7 +306,15 @@ impl<'a> Kind<'a> {
         let kind = self.name;
         Err(if meant.is_empty() {
             let all = names(&keys.iter().collect::<Vec<_>>());
+            let option = nearest_options(given).into_iter().next();
+            // An option is meant if none of the keys is closer.
+            let option = option.filter(|option| {
+                let option = option["--".len()..].replace('-', "_");
+                let names = all.iter().map(String::as_str).chain([option.as_str()]);
+                nearest(given, names).first() == Some(&option.as_str())
+            });
             let near = nearest(given, all.iter().map(String::as_str));
+            let near = near.into_iter().map(Into::into);
             Refusal {
                 key: given.into(),
                 message: format!("`{kind}` has no key `{given}`, and hil no option `--{given}`"),
@@ -290,7 +323,7 @@ impl<'a> Kind<'a> {
                 } else {
                     format!("one of {}", listed(&all))
                 }),
-                nearest: near.into_iter().map(Into::into).collect(),
+                nearest: option.into_iter().chain(near).collect(),
             }
         } else {
             Refusal {

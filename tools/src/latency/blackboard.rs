@@ -1,14 +1,12 @@
 //! The bare iceoryx2 exchange: one blackboard entry each way between two processes, as the link uses
 //! them, but without frames to fill, seal, sum and check.
 
-use std::fmt::Debug;
-
 use iceoryx2::port::reader::{BlackboardValue, EntryHandle};
 use iceoryx2::port::writer::EntryHandleMut;
 use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::blackboard::PortFactory;
 use shared_types::link::LinkError;
-use shared_types::link::iceoryx::{Ipc, node};
+use shared_types::link::iceoryx::{Ipc, node, transport};
 use shared_types::session::SessionInfo;
 
 use super::exchange::{End, HEADER_WORDS};
@@ -135,28 +133,21 @@ impl Blackboard {
     }
 }
 
-fn failed(service: &str, error: impl Debug) -> LinkError {
-    LinkError::Transport {
-        service: service.into(),
-        reason: format!("{error:?}"),
-    }
-}
-
 fn board<const N: usize>(
     node: &Node<Ipc>,
     side: Side,
     name: &str,
 ) -> Result<PortFactory<Ipc, u8>, LinkError> {
-    let service_name = name.try_into().map_err(|e| failed(name, e))?;
+    let service_name = name.try_into().map_err(|e| transport(name, e))?;
     let builder = node.service_builder(&service_name);
     match side {
         Side::Plant => (builder.blackboard_creator::<u8>())
             .add(0, Payload::<N>::of(0))
             .create()
-            .map_err(|e| failed(name, e)),
+            .map_err(|e| transport(name, e)),
         Side::Controller => (builder.blackboard_opener::<u8>())
             .open()
-            .map_err(|e| failed(name, e)),
+            .map_err(|e| transport(name, e)),
     }
 }
 
@@ -167,8 +158,10 @@ fn outgoing<const N: usize>(
 ) -> Result<Box<dyn Outgoing>, LinkError> {
     let board = board::<N>(node, side, name)?;
     let writer = board.writer_builder().create();
-    let entry = writer.map_err(|e| failed(name, e))?.entry::<Payload<N>>(&0);
-    Ok(Box::new(Writer(entry.map_err(|e| failed(name, e))?)))
+    let entry = writer
+        .map_err(|e| transport(name, e))?
+        .entry::<Payload<N>>(&0);
+    Ok(Box::new(Writer(entry.map_err(|e| transport(name, e))?)))
 }
 
 fn incoming<const N: usize>(
@@ -178,8 +171,10 @@ fn incoming<const N: usize>(
 ) -> Result<Box<dyn Incoming>, LinkError> {
     let board = board::<N>(node, side, name)?;
     let reader = board.reader_builder().create();
-    let cell = reader.map_err(|e| failed(name, e))?.entry::<Payload<N>>(&0);
-    let cell = cell.map_err(|e| failed(name, e))?;
+    let cell = reader
+        .map_err(|e| transport(name, e))?
+        .entry::<Payload<N>>(&0);
+    let cell = cell.map_err(|e| transport(name, e))?;
     Ok(Box::new(Reader { cell, last: None }))
 }
 

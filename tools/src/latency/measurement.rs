@@ -188,7 +188,7 @@ fn plans(arguments: &LatencyArguments) -> Result<Vec<(usize, Option<Rate>, Trips
 }
 
 fn announce(what: &str) {
-    eprintln!("measuring {what}");
+    tell!("measuring {what}");
 }
 
 /// On a thread of its own: what a side asks of the system for its thread ends with that.

@@ -143,6 +143,7 @@ pub fn jobs(
         faults: Vec::new(),
         derived: Vec::new(),
         missed: Vec::new(),
+        law: None,
         pause_at_s: None,
         observed: false,
         checkpoints: Checkpoints::default(),
@@ -180,6 +181,7 @@ mod tests {
             command: fields("command", 3),
             internal: law(8).description.internals,
             command_signals: 4,
+            command_places: vec![0, 1, 2],
             parameter: Vec::new(),
         };
         let mut words = vec![0; layout.words()];

@@ -20,9 +20,10 @@ use shared_types::wait::WaitLimit;
 use super::blackboard::{Blackboard, Side};
 use super::exchange::{Trips, follow};
 use super::null;
-use crate::binaries::end_group;
+use crate::binaries::{end_group, reap};
 use crate::cli::latency::{LatencyPeerArguments, PeerWork};
 use crate::exit::{Exit, Failure};
+use crate::open_files;
 
 /// How long a peer that lives may keep the other side waiting.
 pub(super) const WAIT_LIMIT_S: f64 = 5.0;
@@ -44,6 +45,7 @@ impl Peer {
         work: PeerWork,
         supervision: &Supervision,
     ) -> Result<Self, Failure> {
+        open_files::ensure()?;
         let own = std::env::current_exe().map_err(Failure::infrastructure)?;
         let mut process = Command::new(own)
             .arg("latency-peer")
@@ -85,7 +87,7 @@ impl Peer {
     pub(super) fn end(mut self) -> Result<(), String> {
         let since = Instant::now();
         let status = loop {
-            match self.process.try_wait() {
+            match reap(&mut self.process) {
                 Ok(Some(status)) => break status,
                 Ok(None) if since.elapsed() < GRACE => {
                     std::thread::sleep(Duration::from_millis(1));
@@ -105,7 +107,7 @@ impl Peer {
 impl Drop for Peer {
     fn drop(&mut self) {
         drop(self.input.take());
-        if let Ok(None) = self.process.try_wait() {
+        if let Ok(None) = reap(&mut self.process) {
             end_group(&self.process);
             let _ = self.process.wait(); // it was killed
         }

@@ -38,8 +38,8 @@ pub fn case(run: &Path, warm_up: u64) -> Result<Case, Failure> {
             looped.take(reader.step(), &timing, 0);
         }
     }
-    if let Some(torn) = reader.torn() {
-        eprintln!("note: {torn}");
+    if let Some(torn) = reader.caveat() {
+        tell!("note: {torn}");
     }
     Ok(Case {
         signals,
@@ -58,6 +58,15 @@ impl TimingPlaces {
     pub(crate) fn of(reader: &RunReader) -> Self {
         let place = |name: &str| (reader.columns().iter()).position(|column| column.name == name);
         Self(Timing::NAMES.map(place))
+    }
+
+    /// Whether records say whose command they have, and how old it is.
+    pub(crate) fn tell_answers(&self) -> bool {
+        let is_there = |name| {
+            let place = Timing::NAMES.iter().position(|known| *known == name);
+            place.is_some_and(|place| self.0[place].is_some())
+        };
+        is_there("epoch") && is_there("held_steps")
     }
 
     /// What a record says.

@@ -2,6 +2,7 @@
 //! what happened last, as a band of states.
 
 use serde_json::{Map, Value, json};
+use shared_types::number::unit_shown;
 
 use super::Ranges;
 use super::pages::{self, Page, Plot};
@@ -92,7 +93,7 @@ fn config(plot: &Plot, ranges: &Ranges) -> Value {
         "paths": plot.curves.iter().zip(&labels).map(path).collect::<Vec<_>>(),
         "xAxisVal": "timestamp",
         "xAxisLabel": "s",
-        "yAxisLabel": plot.unit,
+        "yAxisLabel": unit_shown(&plot.unit),
         "isSynced": true,
         // Beside the curves, which it would cover; a single one has its name above.
         "showLegend": labels.len() > 1,

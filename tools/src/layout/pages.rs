@@ -3,6 +3,8 @@
 //! Takes the columns of a recording and knows no plant: a signal's group, its unit and the words of
 //! its name decide. Used by the layouts; it reads no record and never asks what a value was.
 
+use shared_types::number::unit_shown;
+
 use crate::run_reader::Column;
 
 /// Most plots on a page; further ones go to the next.
@@ -135,7 +137,7 @@ impl<'a> Signal<'a> {
 
     /// Whether it is of the same unit and has a word in common.
     fn is_akin(&self, other: &Self) -> bool {
-        let has_unit = !["", "1"].contains(&self.unit);
+        let has_unit = !unit_shown(self.unit).is_empty();
         has_unit
             && self.unit == other.unit
             && self.words().any(|one| other.words().any(|w| w == one))

@@ -5,6 +5,7 @@ use std::io;
 
 use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, BytesText, Event};
+use shared_types::number::unit_shown;
 
 use super::pages::{Page, Plot};
 
@@ -86,7 +87,7 @@ fn splitter<T>(
 }
 
 fn area(xml: &mut Xml, plot: &Plot) -> io::Result<()> {
-    let title = match plot.unit.as_str() {
+    let title = match unit_shown(&plot.unit) {
         "" => plot.title.clone(),
         unit => format!("{} [{unit}]", plot.title),
     };

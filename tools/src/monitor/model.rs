@@ -9,7 +9,7 @@ use hil_config::evaluation::Evaluation;
 use hil_config::expression::{Columns, Group};
 use hil_config::plan::Plan;
 use shared_types::live::{FaultState, Status};
-use shared_types::record::{Change, Event, Outcome, RecordLayout};
+use shared_types::record::{Change, Event, Outcome, RecordLayout, Validity};
 use shared_types::time::{Rate, Step};
 
 use super::history::History;
@@ -65,12 +65,15 @@ pub struct Model {
     /// Where its run is written, if it is.
     pub run_dir: Option<PathBuf>,
     plan: Plan,
+    /// The law that answers now.
+    law: String,
     patterns: Vec<String>,
     columns: Vec<Column>,
     plots: Vec<Plot>,
     traces: Vec<Trace>,
     /// For derived signals that are drawn.
     derived: Option<Evaluation>,
+    validity: Validity,
     pace: Pace,
     /// The newest record, if there was one.
     step: Option<u64>,
@@ -93,12 +96,14 @@ impl Model {
         Self {
             session: session.into(),
             run_dir,
+            law: plan.controller.law.clone(),
             plan,
             patterns: patterns.to_vec(),
             columns: Vec::new(),
             plots: Vec::new(),
             traces: Vec::new(),
             derived: None,
+            validity: Validity::default(),
             pace: Pace::default(),
             step: None,
             joined: None,
@@ -127,6 +132,7 @@ impl Model {
                 unit: field.unit.clone(),
             }));
         }
+        self.validity = layout.validity();
         let recorded = self.columns.len();
         (self.columns).extend(self.plan.derived.iter().map(|derived| Column {
             group: Group::Derived,
@@ -167,7 +173,8 @@ impl Model {
                 self.pace.take(record.step, &record.timing);
                 let recorded = record.values.len();
                 if let Some(evaluation) = &mut self.derived {
-                    evaluation.observe(Step(record.step), record.values);
+                    let invalid = self.validity.invalid(record.hashed);
+                    evaluation.observe(Step(record.step), record.values, invalid);
                 }
                 let derived = self.derived.as_ref().map_or(&[][..], Evaluation::derived);
                 for trace in &mut self.traces {
@@ -204,7 +211,9 @@ impl Model {
                         format!("controller {epoch} lost at step {step}: {reason}")
                     }
                     Change::Joined { law } => {
-                        format!("controller {epoch} ({law}) from step {step}")
+                        let told = format!("controller {epoch} ({law}) from step {step}");
+                        self.law = law;
+                        told
                     }
                     Change::Refused { reason } => format!("controller {epoch} refused: {reason}"),
                 });
@@ -256,6 +265,12 @@ impl Model {
         let ending = self.ending.get_or_insert_default();
         ending.is_abandoned = true;
         ending.is_recoverable = is_recoverable;
+    }
+
+    /// The law that answers now.
+    #[must_use]
+    pub fn law(&self) -> &str {
+        &self.law
     }
 
     /// The scenario.

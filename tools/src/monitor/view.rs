@@ -16,7 +16,6 @@ use ratatui::widgets::{Clear, Paragraph};
 use super::display::{Abilities, Display};
 use super::model::Model;
 use crate::doctor::measure::shown_ns;
-use crate::summary::short;
 
 /// From this width on, lists stand beside the plots.
 const WIDE: u16 = 110;
@@ -124,7 +123,7 @@ fn head_lines<'a>(
         emphasis(abilities, model.state()),
     );
     let clock = plan.run.clock.name();
-    let law = format!("{} on {}, {clock}", plan.controller.law, plan.plant.model);
+    let law = format!("{} on {}, {clock}", model.law(), plan.plant.model);
     let session = format!("session {}", model.session);
     let name = bold(plan.name.clone());
     let total_s = model.seconds(plan.run.steps);
@@ -322,14 +321,6 @@ fn help(frame: &mut Frame<'_>, area: Rect, display: &Display) {
     lines.push(Line::from("any key closes this"));
     frame.render_widget(Clear, area);
     frame.render_widget(Paragraph::new(lines), area);
-}
-
-/// A value with its unit.
-fn with_unit(value: f64, unit: &str) -> String {
-    match unit {
-        "" | "1" => short(value),
-        _ => format!("{} {unit}", short(value)),
-    }
 }
 
 #[cfg(test)]

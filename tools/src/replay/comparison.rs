@@ -41,9 +41,9 @@ pub(super) struct Comparison {
 struct Compared {
     name: String,
     unit: String,
-    /// Place among the recorded answers, and the validity bit there.
+    /// Place among the recorded answers, and the validity bit there if it is compared.
     recorded: usize,
-    recorded_bit: usize,
+    recorded_bit: Option<usize>,
     /// Place in the frame that comes now, also that of its validity bit.
     replayed: usize,
     deviation: Deviation,
@@ -181,7 +181,10 @@ impl Comparison {
     fn compare_validity(&mut self, row: &Row<'_>, frame: &[f64], invalid: &[u64; VALIDITY_WORDS]) {
         for index in 0..self.signals.len() {
             let signal = &mut self.signals[index];
-            let was = is_invalid(&row.head.answer_invalid, signal.recorded_bit);
+            let Some(bit) = signal.recorded_bit else {
+                continue;
+            };
+            let was = is_invalid(&row.head.answer_invalid, bit);
             let is = is_invalid(invalid, signal.replayed);
             if was != is {
                 signal.validity_steps += 1;

@@ -10,7 +10,7 @@ use shared_types::clock::monotonic_ns;
 use shared_types::frame::{FrameKind, Header};
 use shared_types::hello::{Control, Offer, Welcome};
 use shared_types::link::{FrameSpec, Link, LinkError};
-use shared_types::lockstep::{Abort, AbortCode, PlantAction, PlantEvent, PlantSide};
+use shared_types::lockstep::{Abort, AbortCode, PlantAction, PlantEvent, PlantSide, Standing};
 use shared_types::supervision::Supervision;
 use shared_types::time::Step;
 use shared_types::wait::Waiter;
@@ -23,7 +23,7 @@ use crate::compare::tolerance::Tolerances;
 /// What the host waits for, if it does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Progress {
-    /// It did something; poll again.
+    /// It did something that got the replay on; poll again, and any wait begins anew.
     Busy,
     /// The controller's next message or frame.
     Controller,
@@ -64,8 +64,9 @@ pub(super) struct Host<L> {
     batch: Option<Batch>,
     /// The row of the batch that is in work.
     index: usize,
-    /// What the controller sent last.
-    frame: Vec<f64>,
+    /// What the controller sent last, and the answer that was taken last.
+    received: Vec<f64>,
+    answer: (Header, Vec<f64>),
     comparison: Option<Comparison>,
     /// Samples answered, for who watches.
     answered: Arc<AtomicU64>,
@@ -91,7 +92,8 @@ impl<L: Link> Host<L> {
             batches,
             batch: None,
             index: 0,
-            frame: Vec::new(),
+            received: Vec::new(),
+            answer: (Header::new(FrameKind::Command, Step(0)), Vec::new()),
             comparison: None,
             answered,
             began_ns: 0,
@@ -149,6 +151,7 @@ impl<L: Link> Host<L> {
         };
         let original = Arc::clone(&self.original);
         let offer = original.offer(self.session);
+        let before = self.side.standing();
         let action = match Control::from_bytes(&bytes) {
             Ok(Control::Hello(hello)) => self.side.on(&PlantEvent::Hello(&hello, &offer)),
             Ok(Control::Ready { epoch }) => self.side.on(&PlantEvent::Ready(epoch)),
@@ -159,7 +162,16 @@ impl<L: Link> Host<L> {
             PlantAction::Refuse(reason) => self.refuse(reason)?,
             _ => {}
         }
-        Ok(Progress::Busy)
+        Ok(self.since(before))
+    }
+
+    /// Busy if anything that came got the replay on; else what was awaited still is.
+    fn since(&self, before: Standing) -> Progress {
+        if self.side.standing() == before {
+            Progress::Controller
+        } else {
+            Progress::Busy
+        }
     }
 
     fn welcome(&mut self, welcome: Welcome) -> Result<(), LinkError> {
@@ -183,7 +195,8 @@ impl<L: Link> Host<L> {
             outgoing: welcome.sample.len(),
             incoming: welcome.command.len(),
         })?;
-        self.frame = vec![0.0; welcome.command.len()];
+        self.received = vec![0.0; welcome.command.len()];
+        self.answer.1.clone_from(&self.received);
         self.link
             .send_control(&Control::Welcome(Box::new(welcome)).to_bytes())
     }
@@ -247,14 +260,17 @@ impl<L: Link> Host<L> {
     }
 
     fn collect(&mut self) -> Result<Progress, LinkError> {
-        let Some(header) = self.link.receive(&mut self.frame)? else {
+        let Some(header) = self.link.receive(&mut self.received)? else {
             return Ok(Progress::Controller);
         };
+        let before = self.side.standing();
         match self.side.on(&PlantEvent::Frame(&header)) {
             PlantAction::Apply(step) => {
                 if let (Some(batch), Some(comparison)) = (&self.batch, &mut self.comparison) {
-                    comparison.take(&batch.row(self.index), &self.frame, &header.invalid);
+                    comparison.take(&batch.row(self.index), &self.received, &header.invalid);
                 }
+                self.answer.0 = header;
+                std::mem::swap(&mut self.answer.1, &mut self.received);
                 self.index += 1;
                 self.answered.store(step.0 + 1, Ordering::Relaxed);
             }
@@ -263,9 +279,23 @@ impl<L: Link> Host<L> {
                 let code = abort.code();
                 self.give_up(code, End::Aborted(abort))?;
             }
+            PlantAction::Ignore if self.contradicts(&header) => {
+                self.interrupt(&PlantEvent::Contradiction(Step(header.step)))?;
+            }
             _ => {}
         }
-        Ok(Progress::Busy)
+        Ok(self.since(before))
+    }
+
+    /// Whether a command that is passed over says something else than the one taken last, of the same step.
+    fn contradicts(&self, header: &Header) -> bool {
+        let (taken, values) = &self.answer;
+        let content = |header: &Header| (header.invalid, header.age_steps);
+        let mut both = values.iter().zip(&self.received);
+        header.kind() == Some(FrameKind::Command)
+            && (header.epoch, header.step) == (taken.epoch, taken.step)
+            && (content(header) != content(taken)
+                || both.any(|(taken, other)| taken.to_bits() != other.to_bits()))
     }
 
     /// Tells the controller and ends.

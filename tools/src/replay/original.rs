@@ -6,12 +6,14 @@
 use std::path::{Path, PathBuf};
 
 use hil_config::plan::{Plan, Stimulus};
+use hil_config::scenario::Advice;
 use shared_types::describe::{Description, LawDescription, PlantDescription};
 use shared_types::table::Field;
 use toml_edit::DocumentMut;
 
+use crate::binaries::Binary;
 use crate::exit::Failure;
-use crate::repetition::checked;
+use crate::repetition::{checked, checked_with};
 use crate::run_reader::RunReader;
 
 /// The parts of a scenario that say what runs. The others disturb it, which is in the samples already,
@@ -56,8 +58,9 @@ pub(super) struct AnswerPlace {
     pub(super) name: String,
     pub(super) unit: String,
     pub(super) word: usize,
-    /// Which validity bit of the frame was its own.
-    pub(super) bit: usize,
+    /// Which validity bit of the frame was its own; none of a command, whose bit tells of faults on its
+    /// way to the plant.
+    pub(super) bit: Option<usize>,
 }
 
 impl Original {
@@ -72,6 +75,7 @@ impl Original {
             (reader.enclosed("controller-description.json")).map_err(Failure::usage)?;
         let text = reader.enclosure("scenario.toml").map_err(Failure::usage)?;
         let scenario = kept(text)
+            .map(|scenario| scenario.to_string())
             .map_err(|error| Failure::usage(format!("{}: its scenario: {error}", run.display())))?;
         let origin = format!("the scenario of {}", run.display());
         let plan = checked(&scenario, origin.as_ref(), &plants, &controller)?;
@@ -103,9 +107,19 @@ impl Original {
     ///
     /// # Errors
     /// If there is no such law for the plant, or it does not know a parameter of the run.
-    pub(super) fn plan_for(&self, controller: &Description) -> Result<Plan, Failure> {
+    pub(super) fn plan_for(&self, controller: &Binary) -> Result<Plan, Failure> {
         let origin = format!("the scenario of {}", self.run.display());
-        checked(&self.scenario, origin.as_ref(), &self.plants, controller)
+        let advice = Advice {
+            law: controller.advice_on_laws("--controller-bin PATH"),
+            ..Advice::default()
+        };
+        checked_with(
+            advice,
+            &self.scenario,
+            origin.as_ref(),
+            &self.plants,
+            &controller.description,
+        )
     }
 }
 
@@ -122,10 +136,10 @@ pub(crate) fn law_of<'a>(laws: &'a [LawDescription], plan: &Plan) -> Option<&'a 
 ///
 /// # Errors
 /// If it is no TOML.
-pub(crate) fn kept(text: &str) -> Result<String, toml_edit::TomlError> {
+pub(crate) fn kept(text: &str) -> Result<DocumentMut, toml_edit::TomlError> {
     let mut document: DocumentMut = text.parse()?;
     document.retain(|key, _| KEPT.contains(&key));
-    Ok(document.to_string())
+    Ok(document)
 }
 
 impl Places {
@@ -164,6 +178,7 @@ impl Places {
         let answer: Vec<AnswerPlace> = (columns.iter().enumerate())
             .filter_map(|(word, column)| {
                 let bit = sent.iter().position(|name| *name == column.name)?;
+                let bit = (bit >= commands.len()).then_some(bit);
                 Some(AnswerPlace {
                     name: column.name.clone(),
                     unit: column.unit.clone(),

@@ -5,6 +5,7 @@ use std::fmt::{self, Display, Formatter, Write as _};
 
 use serde::Serialize;
 use serde_json::Value;
+use shared_types::number::{exact_in, short};
 use shared_types::time::Step;
 
 use super::comparison::{Comparison, First, Near};
@@ -268,7 +269,7 @@ fn write_around(
         write!(text, "  {name:<width$}")?;
         for near in around {
             match value(near) {
-                Some(value) => write!(text, "  {value:>13.6e}")?,
+                Some(value) => write!(text, "  {:>13}", short(value))?,
                 None => write!(text, "  {:>13}", "-")?,
             }
         }
@@ -342,8 +343,10 @@ impl Display for First {
             }
             None => write!(
                 f,
-                "{signal} was {recorded:?} {unit} and is {replayed:?} {unit}, a difference of {:e} {unit}",
-                replayed - recorded
+                "{signal} was {} and is {}, a difference of {}",
+                exact_in(*recorded, unit),
+                exact_in(*replayed, unit),
+                exact_in(replayed - recorded, unit)
             ),
         }
     }

@@ -6,6 +6,7 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use hdrhistogram::Histogram;
 use serde::Serialize;
+use shared_types::record::Change;
 use shared_types::time::Step;
 
 use super::envelope::{Envelope, Written};
@@ -30,6 +31,8 @@ struct RunData {
     label: String,
     period_s: f64,
     faults: Vec<SpanData>,
+    /// Where another controller took over, or none was there any more.
+    changes: Vec<SpanData>,
     signals: BTreeMap<String, SignalData>,
     spikes: Vec<SpikeData>,
     histograms: Vec<HistogramData>,
@@ -105,6 +108,21 @@ impl RunData {
             from_s: span.from_s,
             until_s: span.until_s,
         });
+        let changes = run.account.recorded.changes.iter().filter_map(|change| {
+            let epoch = change.epoch;
+            let from_s = run.rate.seconds(Step(change.step));
+            let label = match &change.change {
+                Change::Joined { law } => format!("controller {epoch}: {law}"),
+                Change::Lost { .. } => format!("controller {epoch} lost"),
+                Change::Refused { .. } => return None,
+            };
+            let until_s = Some(from_s);
+            Some(SpanData {
+                label,
+                from_s,
+                until_s,
+            })
+        });
         let spikes = run.account.recorded.latency.spikes.iter();
         let spikes = spikes.map(|spike| SpikeData {
             at_s: run.rate.seconds(Step(spike.step)),
@@ -118,6 +136,7 @@ impl RunData {
             label: run.label.clone(),
             period_s: run.rate.period_s(),
             faults: spans.collect(),
+            changes: changes.collect(),
             signals: written(signals),
             spikes: spikes.collect(),
             histograms: histograms.collect(),

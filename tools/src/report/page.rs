@@ -1,6 +1,7 @@
 //! The page of a report: everything that reads without a script, and the data for the script that draws.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
+use shared_types::number::unit_shown;
 
 use super::data::Data;
 use super::plots::Plot;
@@ -12,8 +13,6 @@ const UPLOT: &str = include_str!("assets/uplot/uPlot.iife.min.js");
 const UPLOT_STYLE: &str = include_str!("assets/uplot/uPlot.min.css");
 const SCRIPT: &str = include_str!("assets/report.js");
 const STYLE: &str = include_str!("assets/report.css");
-/// Most faults that have a button.
-const MOST_JUMPS: usize = 8;
 /// Nothing is loaded, nothing is sent.
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'";
 
@@ -81,11 +80,12 @@ fn title(runs: &[Run]) -> String {
             scenarios.push(scenario);
         }
     }
-    let laws: Vec<&str> = runs
-        .iter()
-        .map(Run::law)
-        .filter(|law| !law.is_empty())
-        .collect();
+    let mut laws: Vec<&str> = Vec::new();
+    for law in runs.iter().map(Run::law) {
+        if !law.is_empty() && !laws.contains(&law) {
+            laws.push(law);
+        }
+    }
     format!("{}: {}", scenarios.join(", "), laws.join(", "))
 }
 
@@ -108,11 +108,11 @@ fn toolbar(runs: &[Run]) -> Markup {
             a href="#latency" { "Latency" }
             a href="#provenance" { "Provenance" }
             span.gap {}
-            @for span in jumps(runs) {
+            span.jumps { @for span in jumps(runs) {
                 button type="button" data-jump=(span.from_s) title="Zoom in on where it took hold" {
                     "fault " (span.event) " " (span.kind)
                 }
-            }
+            } }
             button #whole type="button" { "Whole run" }
             button #theme type="button" aria-pressed="false" { "Dark" }
             details.keys {
@@ -124,12 +124,12 @@ fn toolbar(runs: &[Run]) -> Markup {
     }
 }
 
-/// The first faults, those that several runs have in common once.
+/// All faults, those that several runs have in common once.
 fn jumps(runs: &[Run]) -> Vec<&Span> {
     let mut spans: Vec<&Span> = Vec::new();
     for span in runs.iter().flat_map(|run| &run.spans) {
-        let is_same = |one: &&Span| one.kind == span.kind && one.from_s == span.from_s;
-        if spans.len() < MOST_JUMPS && !spans.iter().any(is_same) {
+        let what = |one: &Span| (one.event, one.kind.clone(), one.from_s.to_bits());
+        if !spans.iter().any(|one| what(one) == what(span)) {
             spans.push(span);
         }
     }
@@ -148,7 +148,7 @@ fn sections(plots: &[Plot]) -> Markup {
         @for (number, heading, plot) in headed {
             @if let Some(heading) = heading { h3 { (heading) } }
             figure.plot id={ "plot-" (number) } data-plot=(number) tabindex="0" role="group" aria-label={ "Plot: " (plot.title) } {
-                figcaption { (plot.title) @if !plot.unit.is_empty() && plot.unit != "1" { " [" (plot.unit) "]" } }
+                figcaption { (plot.title) @if !unit_shown(&plot.unit).is_empty() { " [" (plot.unit) "]" } }
                 div.canvas {}
                 div.legend {}
             }
@@ -166,7 +166,7 @@ fn picker(data: &Data) -> Markup {
             p.hint { "Choose some and plot them together." }
             div.signals {
                 @for (name, unit) in data.names() {
-                    label { input type="checkbox" name="signal" value=(name); " " (name) " " span.hint { (unit) } }
+                    label { input type="checkbox" name="signal" value=(name); " " (name) " " span.hint { (unit_shown(unit)) } }
                 }
             }
             button #plot type="button" { "Plot chosen" }

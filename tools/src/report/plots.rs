@@ -166,7 +166,7 @@ impl Choice<'_> {
             .flat_map(|plan| &plan.plots)
         {
             // Runs of other scenarios may well show it too.
-            let is_for = |run: &Run| run.plan.is_some() && plot.is_for(run.law());
+            let is_for = |run: &Run| run.laws.names().any(|law| plot.is_for(law));
             let shown: Vec<usize> = (0..runs.len()).filter(|run| is_for(&runs[*run])).collect();
             let is_known = self.plots.iter().any(|one| one.title == plot.title);
             if !is_known && !shown.is_empty() {

@@ -20,6 +20,7 @@ use crate::judge::{self, RecordedEvaluation};
 use crate::latency::spikes::KEPT;
 use crate::requirements::{self, Requirement};
 use crate::run_reader::{ReadError, RunReader};
+use crate::succession::Laws;
 use crate::summary::{Metric, Missed};
 
 /// Words of measured time that are worth a plot.
@@ -47,6 +48,10 @@ pub(super) struct Run {
     pub(super) metrics: Vec<Metric>,
     /// Effects of faults in the order in which they took hold.
     pub(super) spans: Vec<Span>,
+    /// The laws that it ran with.
+    pub(super) laws: Laws,
+    /// The same as a person reads it.
+    told_laws: String,
     /// What a reader should know before anything else.
     pub(super) notes: Vec<String>,
 }
@@ -76,7 +81,7 @@ impl Run {
         let mut notes = Vec::new();
         if let Some(damage) = &account.damage {
             notes.push(format!("damaged: {damage}"));
-        } else if let Some(torn) = account.reader.torn() {
+        } else if let Some(torn) = account.reader.caveat() {
             notes.push(torn);
         }
         let broke_off = (!account.has_result() && account.recorded.end.is_none())
@@ -124,6 +129,8 @@ impl Run {
         }
         notes.extend(account.recorded.end.iter().flat_map(Missed::of_end));
         let spans = spans(&account, rate);
+        let laws = plan.as_ref().map(|plan| plan.controller.law.as_str());
+        let laws = laws.map_or_else(Laws::default, |law| Laws::of(law, &recorded.changes));
         Ok(Self {
             label: String::new(),
             path: path.to_owned(),
@@ -134,6 +141,8 @@ impl Run {
             requirements,
             metrics: recorded.metrics.iter().map(Metric::from).collect(),
             spans,
+            told_laws: laws.told(rate),
+            laws,
             notes,
             plan,
             account,
@@ -145,9 +154,9 @@ impl Run {
         self.account.reader.fact(name).unwrap_or_default()
     }
 
-    /// The law; empty if the scenario cannot be understood.
+    /// Its law, or all with the time from which each ran; empty if the scenario cannot be understood.
     pub(super) fn law(&self) -> &str {
-        (self.plan.as_ref()).map_or("", |plan| plan.controller.law.as_str())
+        &self.told_laws
     }
 
     /// When it ends, in s.
@@ -201,7 +210,7 @@ impl Reading<'_> {
     /// # Errors
     /// If it cannot be read any more.
     pub(super) fn signals(&self, grid: &Grid) -> Result<Signals, ReadError> {
-        let mut reader = RunReader::open(self.path)?.without_digest();
+        let mut reader = RunReader::open(self.path)?.without_digest().patient();
         let mut signals = Signals::default();
         let mut places = Vec::new();
         for (place, column) in reader.columns().iter().enumerate() {
@@ -265,7 +274,7 @@ impl Reading<'_> {
             requirements: Vec::new(),
             ..plan.clone()
         };
-        let evaluation = RecordedEvaluation::new(&plan, &columns, words).ok()?;
+        let evaluation = RecordedEvaluation::new(reader, &plan, &columns, words).ok()?;
         Some((signals, evaluation))
     }
 }
@@ -369,37 +378,4 @@ fn summary_beside(run: &Path) -> Option<(String, Vec<Requirement>)> {
             decided_at_s: one["decided_at_s"].as_f64(),
         });
     Some((text(&summary["verdict"]), requirements.collect()))
-}
-
-/// Gives each run the shortest label that tells it from the others.
-pub(super) fn label(runs: &mut [Run]) {
-    let forms: [fn(&Run) -> String; 4] = [
-        |run| run.law().to_owned(),
-        |run| format!("{} {}", run.fact("scenario"), run.law()),
-        |run| format!("{} {}", run.law(), run.fact("session")),
-        |run| {
-            format!(
-                "{} {} {}",
-                run.fact("scenario"),
-                run.law(),
-                run.fact("session")
-            )
-        },
-    ];
-    let labels = forms
-        .into_iter()
-        .map(|form| runs.iter().map(form).collect::<Vec<String>>());
-    let is_distinct = |labels: &Vec<String>| {
-        let mut sorted: Vec<&String> = labels.iter().collect();
-        sorted.sort_unstable();
-        sorted.windows(2).all(|pair| pair[0] != pair[1])
-            && labels.iter().all(|one| !one.trim().is_empty())
-    };
-    let chosen = labels.into_iter().find(is_distinct);
-    for (number, run) in (1..).zip(runs.iter_mut()) {
-        run.label = match &chosen {
-            Some(labels) => labels[number - 1].clone(),
-            None => format!("{number} {}", run.law()),
-        };
-    }
 }

@@ -4,13 +4,14 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use hil_config::plan::Published;
 use maud::{Markup, html};
+use shared_types::number::{short, short_in};
 use shared_types::time::Step;
 
 use super::run::Run;
 use crate::doctor::measure::shown_ns;
 use crate::latency::percentiles::Percentiles;
 use crate::requirements::Requirement;
-use crate::summary::{Metric, short};
+use crate::summary::{Metric, of_law};
 
 /// What levels of evidence mean.
 const EVIDENCE: [(&str, &str); 4] = [
@@ -32,7 +33,7 @@ const EVIDENCE: [(&str, &str); 4] = [
 /// Who ran, how it ended, how fast.
 pub(super) fn runs(runs: &[Run]) -> Markup {
     html! {
-        div.scroll { table {
+        div.scroll tabindex="0" { table {
             thead { tr {
                 th { "run" } th { "verdict" } th { "scenario" } th { "law" } th { "clock" }
                 th.n { "simulated" } th.n { "speed" } th { "evidence" } th { "digest" }
@@ -93,7 +94,7 @@ pub(super) fn requirements(runs: &[Run]) -> Markup {
     }
     html! {
         @if names.is_empty() { p { "No requirement was judged." } }
-        @else { div.scroll { table {
+        @else { div.scroll tabindex="0" { table {
             thead { tr {
                 th { "requirement" }
                 @for (number, run) in runs.iter().enumerate() { th { (swatch(number)) (run.label) } }
@@ -118,9 +119,9 @@ fn margin(run: usize, judged: &Requirement) -> Markup {
         @if let Some(robustness) = judged.robustness {
             @if let Some(at_s) = judged.at_s {
                 button.link type="button" data-requirement=(judged.name) data-run=(run) data-at=(at_s) {
-                    (short(robustness)) " " (judged.unit) " at " (seconds(at_s)) " s"
+                    (short_in(robustness, &judged.unit)) " at " (seconds(at_s)) " s"
                 }
-            } @else { (short(robustness)) " " (judged.unit) }
+            } @else { (short_in(robustness, &judged.unit)) }
         }
         @if let Some(decided_s) = judged.decided_at_s { br; span.hint { "certain at " (seconds(decided_s)) " s" } }
     }
@@ -143,7 +144,7 @@ pub(super) fn metrics(runs: &[Run]) -> Markup {
         .collect();
     html! {
         @if rows.is_empty() { p { "The scenario has no metrics." } }
-        @else { div.scroll { table {
+        @else { div.scroll tabindex="0" { table {
             thead { tr {
                 th { "metric" } th.n { "window [s]" }
                 @for (number, run) in runs.iter().enumerate() {
@@ -156,7 +157,7 @@ pub(super) fn metrics(runs: &[Run]) -> Markup {
                 td.n { (seconds(row.window_s[0])) " to " (seconds(row.window_s[1])) }
                 @for run in runs {
                     td.n { @match run.metrics.iter().find(|one| is_same(one, row)) {
-                        Some(Metric { value: Some(value), unit, .. }) => { (short(*value)) " " (unit) },
+                        Some(Metric { value: Some(value), unit, .. }) => { (short_in(*value, unit)) },
                         _ => "-",
                     } }
                     @if has_published { td.n { @if let Some(published) = published(run, row) {
@@ -173,15 +174,10 @@ fn is_same(a: &Metric, b: &Metric) -> bool {
     a.name == b.name && a.window_s == b.window_s
 }
 
-/// What others published of a metric's window for the law of a run.
+/// What others published of a metric's window for the law that answered it.
 fn published<'a>(run: &'a Run, metric: &Metric) -> Option<&'a Published> {
-    let planned = run
-        .plan
-        .as_ref()?
-        .metrics
-        .iter()
-        .find(|one| one.name == metric.name)?;
-    (planned.published.iter()).find(|one| one.law == run.law() && one.window_s == metric.window_s)
+    let (published, _) = of_law(run.plan.as_ref()?, &run.laws, metric)?;
+    Some(published)
 }
 
 /// What became of faults and controllers.
@@ -218,7 +214,7 @@ fn changed(change: &shared_types::record::ControllerChange) -> String {
 /// Percentiles of each leg and the worst steps.
 pub(super) fn latency(runs: &[Run]) -> Markup {
     html! {
-        div.scroll { table {
+        div.scroll tabindex="0" { table {
             thead { tr {
                 th { "run" } th { "leg" }
                 @for name in ["p50", "p90", "p99", "p99.9", "p99.99", "max", "count"] { th.n { (name) } }
@@ -260,7 +256,7 @@ fn percentiles(times: &Percentiles) -> Markup {
 /// The worst steps with what surrounded them.
 pub(super) fn spikes(runs: &[Run]) -> Markup {
     html! {
-        div.scroll { table {
+        div.scroll tabindex="0" { table {
             thead { tr { th { "run" } th.n { "step" } th.n { "time" } th.n { "round trip" } th.n { "controller" } th { "meanwhile" } } }
             tbody { @for (number, run) in runs.iter().enumerate() {
                 @for spike in &run.account.recorded.latency.spikes { tr {
@@ -295,7 +291,7 @@ pub(super) fn provenance(runs: &[Run]) -> Markup {
                 @let chosen: Vec<_> = facts.iter().filter(|(name, _)| is_of(group, name)).collect();
                 @if !chosen.is_empty() { details open[group == "Run" || group == "Host"] {
                     summary { (group) }
-                    div.scroll { table.facts { tbody {
+                    div.scroll tabindex="0" { table.facts { tbody {
                         @for (name, value) in chosen { tr {
                             th scope="row" { (name.trim_start_matches("doctor_")) } td { (value) }
                         } }

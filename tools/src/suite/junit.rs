@@ -4,6 +4,7 @@
 use std::time::Duration;
 
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
+use shared_types::number::short_in;
 
 use super::Row;
 use crate::exit::{Exit, Failure};
@@ -82,7 +83,7 @@ fn case_of(row: &Row, requirement: &Requirement) -> TestCase {
         status.set_message("undecided: the run did not get that far");
         status
     } else {
-        let margin = robustness.map_or_else(|| "none".into(), |margin| format!("{margin} {unit}"));
+        let margin = robustness.map_or_else(|| "none".into(), |margin| short_in(margin, unit));
         let at = at_s.map_or_else(String::new, |at_s| format!(" at {at_s} s"));
         let mut status = TestCaseStatus::non_success(NonSuccessKind::Failure);
         let message = format!("{verdict}: margin {margin}{at}");

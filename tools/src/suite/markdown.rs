@@ -2,8 +2,9 @@
 
 use std::fmt::Write;
 
+use shared_types::number::short_in;
+
 use super::Row;
-use crate::summary::short;
 
 pub(super) fn of(rows: &[Row]) -> String {
     let mut text = String::new();
@@ -54,14 +55,13 @@ fn write(text: &mut String, rows: &[Row]) -> std::fmt::Result {
             writeln!(text, "|---|---|---|---|---|")?;
         }
         for one in &summary.requirements {
-            let margin = one.robustness.map_or_else(|| "-".into(), short);
+            let margin = shown(one.robustness, &one.unit);
             let at_s = one.at_s.map_or_else(|| "-".into(), |at_s| at_s.to_string());
             writeln!(
                 text,
-                "| {} | **{}** | {margin} {} | {at_s} | `{}` |",
+                "| {} | **{}** | {margin} | {at_s} | `{}` |",
                 cell(&one.name),
                 one.verdict,
-                cell(&one.unit),
                 cell(&one.formula)
             )?;
         }
@@ -74,12 +74,16 @@ fn write(text: &mut String, rows: &[Row]) -> std::fmt::Result {
         }
         for metric in &summary.metrics {
             let [start_s, end_s] = metric.window_s;
-            let value = metric.value.map_or_else(|| "-".into(), short);
-            let (name, unit) = (cell(&metric.name), cell(&metric.unit));
-            writeln!(text, "| {name} | {start_s} to {end_s} | {value} {unit} |")?;
+            let (name, value) = (cell(&metric.name), shown(metric.value, &metric.unit));
+            writeln!(text, "| {name} | {start_s} to {end_s} | {value} |")?;
         }
     }
     Ok(())
+}
+
+/// A number with its unit, or that there is none.
+fn shown(value: Option<f64>, unit: &str) -> String {
+    value.map_or_else(|| "-".into(), |value| cell(&short_in(value, unit)))
 }
 
 /// Text that stays in its cell.

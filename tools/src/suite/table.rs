@@ -2,8 +2,9 @@
 
 use std::fmt::Write;
 
+use shared_types::number::short_in;
+
 use super::Row;
-use crate::summary::short;
 
 pub(super) fn of(rows: &[Row]) -> String {
     let mut text = String::new();
@@ -53,7 +54,7 @@ fn write(text: &mut String, rows: &[Row]) -> std::fmt::Result {
         for one in row.ran.iter().flat_map(|ran| &ran.summary.requirements) {
             if one.verdict != "pass" {
                 let margin = one.robustness.map_or_else(String::new, |margin| {
-                    format!(", margin {} {}", short(margin), one.unit)
+                    format!(", margin {}", short_in(margin, &one.unit))
                 });
                 let at = one
                     .at_s

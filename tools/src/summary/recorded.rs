@@ -45,6 +45,8 @@ impl Summary {
             },
             dma_latency_us: Granted::new(None, None, None),
         };
-        Self::of(plan, origin, Some(RECORDING), realtime, ended)
+        let mut summary = Self::of(plan, origin, Some(RECORDING), realtime, ended);
+        summary.recording.unvouched = reader.unvouched().map(|unvouched| unvouched.told);
+        summary
     }
 }

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use shared_types::number::{exact, unit_shown};
 use shared_types::table::Field;
 
 use super::{Entry, Listing};
@@ -78,15 +79,19 @@ fn write_entry(text: &mut String, entry: &Entry, plant: &str) -> std::fmt::Resul
     for field in &entry.parameters {
         let unit = match field.unit.as_str() {
             "target" => "the target's unit",
-            unit => unit,
+            unit => unit_shown(unit),
         };
-        let default = field
-            .default
-            .map_or(String::new(), |value| format!(", {value} if not given"));
+        let unit = match unit {
+            "" => String::new(),
+            unit => format!("[{unit}] "),
+        };
+        let default = field.default.map_or(String::new(), |value| {
+            format!(", {} if not given", exact(value))
+        });
         let name = &field.name;
         writeln!(
             text,
-            "  --{name:<width$}  [{unit}] {}{default}. {}",
+            "  --{name:<width$}  {unit}{}{default}. {}",
             range(field),
             field.description
         )?;
@@ -108,9 +113,9 @@ fn write_entry(text: &mut String, entry: &Entry, plant: &str) -> std::fmt::Resul
 /// The range of a field as text.
 fn range(field: &Field) -> String {
     match (field.min.is_finite(), field.max.is_finite()) {
-        (true, true) => format!("{} to {}", field.min, field.max),
-        (true, false) => format!("at least {}", field.min),
-        (false, true) => format!("at most {}", field.max),
+        (true, true) => format!("{} to {}", exact(field.min), exact(field.max)),
+        (true, false) => format!("at least {}", exact(field.min)),
+        (false, true) => format!("at most {}", exact(field.max)),
         (false, false) => "any number".into(),
     }
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 use hil_config::scenario::read_regular;
 use shared_types::describe::ListDescription;
 use shared_types::live::Refusal;
+use shared_types::number::unit_shown;
 use shared_types::table::Field;
 
 use crate::cli::inject::InjectArguments;
@@ -78,8 +79,8 @@ fn number(key: &str, text: &str, unit: &str) -> Result<String, Refusal> {
         None => Err(Refusal {
             key: key.into(),
             message: format!("`{text}` is no number for `{key}`"),
-            expected: Some(match unit {
-                "" | "1" => "a number".into(),
+            expected: Some(match unit_shown(unit) {
+                "" => "a number".into(),
                 "target" => "a number in the unit of the target".into(),
                 _ => format!("a number in {unit}"),
             }),

@@ -76,18 +76,18 @@ pub fn advertise(layout: &RecordLayout) -> String {
             {
                 "id": RECORDS,
                 "topic": schema::RECORD_TOPIC,
-                "encoding": schema::RECORD_ENCODING,
+                "encoding": schema::ENCODING,
                 "schemaName": schema::RECORD_NAME,
                 "schema": schema::record(layout),
-                "schemaEncoding": schema::RECORD_LANGUAGE,
+                "schemaEncoding": schema::LANGUAGE,
             },
             {
                 "id": EVENTS,
                 "topic": schema::EVENT_TOPIC,
-                "encoding": schema::EVENT_ENCODING,
+                "encoding": schema::ENCODING,
                 "schemaName": schema::EVENT_NAME,
-                "schema": schema::EVENT,
-                "schemaEncoding": schema::EVENT_LANGUAGE,
+                "schema": schema::event(),
+                "schemaEncoding": schema::LANGUAGE,
             },
         ],
     })

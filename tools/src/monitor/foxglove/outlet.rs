@@ -16,6 +16,7 @@ use shared_types::zerocopy::IntoBytes;
 use super::message::{self, EVENTS, RECORDS};
 use crate::monitor::watch::Audience;
 use crate::observer::Seen;
+use crate::recording::event;
 use crate::recording::schema::ENCAPSULATION;
 
 /// How often it is looked whether the clients were told.
@@ -175,8 +176,8 @@ impl Outlet {
         true
     }
 
-    fn event(&self, event: &Event) {
-        let step = match event {
+    fn event(&self, taken: &Event) {
+        let step = match taken {
             Event::Accepted(accepted) => Some(accepted.step),
             Event::Fault(taken) => Some(taken.step),
             Event::FaultEnded(ended) => Some(ended.step),
@@ -187,7 +188,7 @@ impl Outlet {
         self.hub.send(Data {
             channel: EVENTS,
             time_ns,
-            payload: serde_json::to_vec(event).unwrap_or_default(),
+            payload: event::message(taken).unwrap_or_default(),
         });
     }
 }

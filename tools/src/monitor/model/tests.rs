@@ -60,6 +60,7 @@ pub(crate) fn layout(plan: &Plan) -> RecordLayout {
         reference: plan.stimuli.iter().flat_map(|one| one.fields()).collect(),
         command: plant.commands.clone(),
         command_signals: plant.commands.len() + internal.len(),
+        command_places: (0..plant.commands.len()).collect(),
         internal,
         parameter: (plant.parameters.iter())
             .filter(|field| field.faultable)
@@ -124,6 +125,26 @@ fn a_model_says_where_the_run_is_and_how_fast() {
     });
     assert_eq!((model.state(), model.step()), ("paused", Some(60_002)));
     assert_eq!(model.seen(), Some(59_999));
+}
+
+#[test]
+fn the_law_is_the_one_that_answers_now() {
+    let mut model = attached(spring_mass(), &[]);
+    assert_eq!(model.law(), "pid");
+    let change = |epoch, change| {
+        let step = 10;
+        Event::Controller(shared_types::record::ControllerChange {
+            epoch,
+            step,
+            change,
+        })
+    };
+    let reason = "not well".to_owned();
+    model.take(Seen::Event(change(2, Change::Refused { reason })));
+    assert_eq!(model.law(), "pid");
+    let law = "hold".to_owned();
+    model.take(Seen::Event(change(3, Change::Joined { law })));
+    assert_eq!(model.law(), "hold");
 }
 
 #[test]

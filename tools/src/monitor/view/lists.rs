@@ -5,8 +5,9 @@ use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 use shared_types::live::FaultState;
+use shared_types::number::{short, short_in};
 
-use super::{bold, emphasis, fitting, time, with_unit};
+use super::{bold, emphasis, fitting, time};
 use crate::monitor::display::{Abilities, Display};
 use crate::monitor::model::{Judged, Model};
 use crate::standing::Standing;
@@ -111,13 +112,13 @@ fn requirement_lines(model: &Model, abilities: Abilities, width: u16) -> Vec<Lin
 
 /// A margin as far as it is known.
 pub(in crate::monitor) fn margin(one: &Standing) -> String {
-    let size = |value: f64| with_unit(value, &one.unit);
+    let size = |value: f64| short_in(value, &one.unit);
     match (one.robustness, one.at_least, one.at_most) {
         (Some(robustness), ..) => size(robustness),
         (None, None, Some(most)) => format!("<= {}", size(most)),
         (None, Some(least), None) => format!(">= {}", size(least)),
         (None, Some(least), Some(most)) => {
-            format!("{} to {}", crate::summary::short(least), size(most))
+            format!("{} to {}", short(least), size(most))
         }
         (None, None, None) => "no margin yet".into(),
     }
@@ -165,7 +166,7 @@ fn fault_lines(model: &Model, abilities: Abilities, width: u16) -> Vec<Line<'sta
         let sized = fault.effects.iter().map(|effect| {
             let (target, size) = (&effect.target, effect.max_effect);
             match effect.step {
-                Some(_) => format!("{target} {}", with_unit(size, &effect.unit)),
+                Some(_) => format!("{target} {}", short_in(size, &effect.unit)),
                 None => target.clone(),
             }
         });

@@ -9,13 +9,13 @@ use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 use ratatui::widgets::canvas::{self, Canvas};
+use shared_types::number::{short, short_in};
 
-use super::{bold, fitting, time, with_unit};
+use super::{bold, fitting, time};
 use crate::monitor::display::Display;
 use crate::monitor::history::Range;
 use crate::monitor::model::Model;
 use crate::monitor::plots::Plot;
-use crate::summary::short;
 
 /// Width of the scale beside a plot.
 const SCALE: u16 = 11;
@@ -61,12 +61,9 @@ pub(super) fn draw(
     let title_line = title_line(width, model, plot, display, (number, scale == 0), all);
     frame.render_widget(Paragraph::new(title_line), title);
     let Some(all) = all else { return };
+    let shown = Scale::of(all);
     if scale > 0 {
-        let mut lines = vec![Line::default(); usize::from(beside.height)];
-        if let Some(last) = lines.last_mut() {
-            *last = Line::from(format!("{} ", short(all.min)));
-        }
-        lines[0] = Line::from(format!("{} ", short(all.max)));
+        let lines = shown.lines(usize::from(beside.height));
         let told = Paragraph::new(lines).alignment(Alignment::Right);
         frame.render_widget(told, beside);
     }
@@ -76,7 +73,7 @@ pub(super) fn draw(
     } else {
         Marker::Custom('*')
     };
-    let y = bounds(all);
+    let y = shown.bounds(all);
     let canvas = Canvas::default()
         .marker(marker)
         .x_bounds([0.0, (columns.saturating_sub(1)) as f64])
@@ -124,17 +121,13 @@ fn title_line<'a>(
     for (at, (label, &signal)) in plot.labels.iter().zip(&plot.signals).enumerate() {
         let is_last = at + 1 == plot.signals.len();
         let unit = if is_last { plot.unit.as_str() } else { "" };
-        let value = with_unit(model.value(signal), unit);
+        let value = short_in(model.value(signal), unit);
         let gap = if label.is_empty() { "" } else { " " };
         let colour = colour(display, COLOURS[at % COLOURS.len()]);
         parts.push(Span::styled(format!("{label}{gap}{value}"), colour));
     }
     if let (true, Some(all)) = (has_no_scale, all) {
-        parts.push(Span::from(format!(
-            "{} to {}",
-            short(all.min),
-            short(all.max)
-        )));
+        parts.push(Span::from(Scale::of(all).in_words()));
     }
     parts.push(Span::styled(
         format!("{}/{}", number + 1, model.plots().len()),
@@ -143,15 +136,71 @@ fn title_line<'a>(
     fitting(width, parts)
 }
 
-/// A range that has a height.
-fn bounds(all: Range) -> [f64; 2] {
-    let Range { min, max } = all;
-    if max > min {
-        return [min, max];
+/// How the scale beside a plot says its range.
+#[derive(Clone, Debug, PartialEq)]
+enum Scale {
+    /// One value; what differs by the last bits alone is the same.
+    Flat(f64),
+    /// So near to one value that five digits are the same at both ends: how far from it they are.
+    Around(f64, f64),
+    /// The least and the greatest value.
+    Ends(f64, f64),
+}
+
+impl Scale {
+    fn of(Range { min, max }: Range) -> Self {
+        // The report takes as much for the same.
+        const SAME: f64 = 1e-9;
+        let (middle, half) = (0.5 * min + 0.5 * max, 0.5 * max - 0.5 * min);
+        if half <= 0.5 * SAME * middle.abs() {
+            Self::Flat(middle)
+        } else if short(min) == short(max) {
+            Self::Around(middle, half)
+        } else {
+            Self::Ends(min, max)
+        }
     }
-    let size = max.abs();
-    let pad = if size > 0.0 { 0.01 * size } else { 1.0 };
-    [min - pad, max + pad]
+
+    /// The range that is drawn; a flat line is in the middle of its own, off it by as much as keeps noise
+    /// in one row of dots at any height.
+    fn bounds(&self, Range { min, max }: Range) -> [f64; 2] {
+        match self {
+            Self::Flat(value) => {
+                let size = value.abs();
+                let pad = if size > 0.0 { 0.01 * size } else { 1.0 };
+                [value - pad, value + 1.01 * pad]
+            }
+            Self::Around(..) | Self::Ends(..) => [min, max],
+        }
+    }
+
+    /// The lines of the scale, from the top.
+    fn lines(&self, height: usize) -> Vec<Line<'static>> {
+        let line = |text: String| Line::from(format!("{text} "));
+        let mut lines = vec![Line::default(); height];
+        let (last, middle) = (height - 1, height / 2);
+        match *self {
+            Self::Flat(value) => lines[middle] = line(short(value)),
+            Self::Around(value, half) => {
+                lines[last] = line(format!("-{}", short(half)));
+                lines[0] = line(format!("+{}", short(half)));
+                lines[middle] = line(short(value));
+            }
+            Self::Ends(least, greatest) => {
+                lines[last] = line(short(least));
+                lines[0] = line(short(greatest));
+            }
+        }
+        lines
+    }
+
+    fn in_words(&self) -> String {
+        match *self {
+            Self::Flat(value) => short(value),
+            Self::Around(value, half) => format!("{} +- {}", short(value), short(half)),
+            Self::Ends(least, greatest) => format!("{} to {}", short(least), short(greatest)),
+        }
+    }
 }
 
 fn draw_signal(
@@ -263,5 +312,53 @@ pub(super) fn draw_axis(
     for (text, alignment) in texts.into_iter().chain([(end, Alignment::Right)]) {
         let line = Line::styled(text, Modifier::DIM);
         frame.render_widget(Paragraph::new(line).alignment(alignment), area);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scale(min: f64, max: f64) -> (Vec<String>, [f64; 2]) {
+        let all = Range { min, max };
+        let scale = Scale::of(all);
+        let lines = scale.lines(5).iter().map(|line| line.to_string()).collect();
+        (lines, scale.bounds(all))
+    }
+
+    #[test]
+    fn a_flat_signal_has_one_label_in_the_middle() {
+        let (lines, bounds) = scale(0.0, 0.0);
+        assert_eq!(lines, ["", "", "0 ", "", ""]);
+        assert_eq!(bounds, [-1.0, 1.01]);
+        let (lines, bounds) = scale(50.0, 50.0);
+        assert_eq!(lines[2], "50 ");
+        assert_eq!(bounds, [49.5, 50.505]);
+    }
+
+    #[test]
+    fn noise_of_one_bit_is_a_flat_line() {
+        let next = f64::from_bits(28e6_f64.to_bits() + 1);
+        for (min, max) in [(28e6, next), (-next, -28e6)] {
+            let (lines, [low, high]) = scale(min, max);
+            assert_eq!(lines.iter().filter(|line| !line.is_empty()).count(), 1);
+            // Less than a hundredth of a dot.
+            assert!((max - min) / (high - low) < 1e-4);
+        }
+    }
+
+    #[test]
+    fn labels_that_would_be_equal_tell_the_distance_from_the_middle() {
+        let (lines, bounds) = scale(0.171_36, 0.171_360_02);
+        assert_eq!(lines, ["+1e-8 ", "", "0.17136 ", "", "-1e-8 "]);
+        assert_eq!(bounds, [0.171_36, 0.171_360_02]);
+    }
+
+    #[test]
+    fn a_range_has_its_ends() {
+        let (lines, bounds) = scale(-1.0, 2.5);
+        assert_eq!(lines, ["2.5 ", "", "", "", "-1 "]);
+        assert_eq!(bounds, [-1.0, 2.5]);
+        assert_eq!(scale(f64::MIN, f64::MAX).1, [f64::MIN, f64::MAX]);
     }
 }

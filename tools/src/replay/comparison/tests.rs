@@ -6,12 +6,12 @@ use crate::replay::tape::Head;
 
 const VALID: [u64; VALIDITY_WORDS] = [0; VALIDITY_WORDS];
 
-/// Recorded: command.u_n, internal.a_m and internal.b_m, whose validity bits were 1, 0 and 2.
+/// Recorded: command.u_n, internal.a_m and internal.b_m, the validity bits of which were 0 and 2.
 fn places() -> Vec<AnswerPlace> {
     let names = [
-        ("command.u_n", "N", 1),
-        ("internal.a_m", "m", 0),
-        ("internal.b_m", "m", 2),
+        ("command.u_n", "N", None),
+        ("internal.a_m", "m", Some(0)),
+        ("internal.b_m", "m", Some(2)),
     ];
     (0..)
         .zip(names)
@@ -100,7 +100,7 @@ fn the_first_difference_comes_with_the_samples_around_it() {
     assert_eq!(first.also, ["internal.a_m"]);
     assert_eq!(
         first.to_string(),
-        "first difference at step 11 (0.011 s): command.u_n was 1.0 N and is 1.0000000000000002 N, a difference of 2.220446049250313e-16 N"
+        "first difference at step 11 (0.011 s): command.u_n was 1 N and is 1.0000000000000002 N, a difference of 2.220446049250313e-16 N"
     );
     let around = comparison.around();
     let steps: Vec<u64> = around.iter().map(|near| near.step).collect();
@@ -153,7 +153,7 @@ fn what_is_no_number_equals_itself_and_nothing_else() {
 fn validity_is_compared_by_signal_wherever_its_bit_stands() {
     let head = Head {
         is_answered: true,
-        answer_invalid: [0b010, 0, 0, 0, 0, 0, 0, 0], // u_n
+        answer_invalid: [0b010, 0, 0, 0, 0, 0, 0, 0], // u_n: what a fault did on its way
         ..Head::default()
     };
     let row = Row {
@@ -164,10 +164,10 @@ fn validity_is_compared_by_signal_wherever_its_bit_stands() {
     let frame = [5.0, 1.0, 6.0, 2.0];
     let bits = |bits| [bits, 0, 0, 0, 0, 0, 0, 0];
     let mut same = comparison(&[]);
-    same.take(&row, &frame, &bits(0b0010)); // u_n stands at 1 here too
+    same.take(&row, &frame, &bits(0b0000));
     assert!(same.is_same());
     let mut other = comparison(&[]);
-    other.take(&row, &frame, &bits(0b1010)); // and a_m at 3
+    other.take(&row, &frame, &bits(0b1000)); // a_m stands at 3
     assert!(!other.is_same());
     assert_eq!(
         other.first().expect("a difference").to_string(),

@@ -28,7 +28,7 @@ fn places() -> Places {
             name: "command.u_n".into(),
             unit: "N".into(),
             word: COMMAND,
-            bit: 0,
+            bit: Some(0),
         }],
         sample_age_steps: Some(SAMPLE_AGE),
         held_steps: Some(HELD),

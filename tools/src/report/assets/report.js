@@ -50,11 +50,16 @@
     if (size < 1e9) return +(ns / 1e6).toPrecision(4) + " ms";
     return +(ns / 1e9).toPrecision(4) + " s";
   };
+  // As the tables: five digits, no needless zeros, below a million none lost in front of the point.
   const number = (value) => {
     const size = Math.abs(value);
-    if (size !== 0 && (size < 1e-3 || size >= 1e6)) return value.toExponential(4);
-    return String(+value.toPrecision(6));
+    const rounded = size >= 1e5 && size < 1e6 ? Math.round(value) : +value.toPrecision(5);
+    const plain = String(rounded);
+    const power = rounded.toExponential().replace("e+", "e");
+    const isOdd = Number.isFinite(rounded) && rounded !== 0 && (Math.abs(rounded) < 1e-3 || (Math.abs(rounded) >= 1e6 && power.length < plain.length));
+    return isOdd ? power : plain;
   };
+  const seconds = (time) => String(+time.toFixed(6));
   const shown = (value, unit) => (unit === "ns" ? nanoseconds(value) : number(value) + (unit && unit !== "1" ? " " + unit : ""));
   // Ticks with as many digits as tell them apart.
   const ticks = (splits, step, unit) => {
@@ -107,7 +112,8 @@
       paper: of("--paper"), series: Array.from({ length: 8 }, (_, i) => of("--c" + i)),
     };
   };
-  const dashes = [[], [8, 4], [2, 3], [10, 3, 2, 3]];
+  // What is wanted is dashed in every plot; in a plot of several runs, whose colours are theirs, the other signals differ by their dashes.
+  const dashes = { wanted: [[8, 4], [14, 4]], others: [[], [2, 3], [10, 3, 2, 3], [1, 5]] };
   const setTheme = (isDark) => {
     root.dataset.theme = isDark ? "dark" : "light";
     const button = document.getElementById("theme");
@@ -130,7 +136,7 @@
     min = Math.min(Math.max(min, whole[0]), whole[1] - length);
     view = [min, min + length];
     for (const plot of plots) plot.follow();
-    status.textContent = `${number(view[0])} to ${number(view[1])} s`;
+    status.textContent = `${seconds(view[0])} to ${seconds(view[1])} s`;
   };
 
   const isOverlaid = data.runs.length > 1;
@@ -142,15 +148,18 @@
       this.isVisible = false;
       this.isStale = false;
       this.series = [];
+      const counts = { wanted: 0, others: 0 };
       spec.signals.forEach((name, place) => {
+        const kind = /^(reference|stimulus)\./.test(name) ? "wanted" : "others";
+        const nth = isOverlaid || kind === "wanted" ? counts[kind]++ : 0;
+        const dash = dashes[kind][nth % dashes[kind].length];
         data.runs.forEach((run, number) => {
           if (spec.runs && !spec.runs.includes(number)) return;
           const values = signalOf(number, name);
           if (!values) return;
-          const wanted = /^(reference|stimulus)\./.test(name);
           this.series.push({
             name, run: number, values, isShown: true, period: run.period_s,
-            colour: isOverlaid ? number : place, dash: dashes[isOverlaid ? place % 4 : wanted ? 1 : 0],
+            colour: isOverlaid ? number : place, dash,
             label: isOverlaid ? `${run.label}: ${name}` : name,
           });
         });
@@ -271,7 +280,7 @@
       return { stroke, fill: null, clip: null, band: null, gaps: null, flags: 0 };
     }
 
-    // Times in which faults act.
+    // Times in which faults act, and where another controller took over.
     shade(u) {
       const { ctx } = u;
       const { left, top, width, height } = u.bbox;
@@ -284,9 +293,23 @@
       ctx.textBaseline = "top";
       ctx.textAlign = "left";
       const seen = new Set();
-      const rows = [];
+      // Texts beneath each other where they would meet, whole where the edge would cut them, and in the upper half.
+      this.named = [];
+      const high = 13 * ratio;
+      const most = Math.max(1, Math.floor(height / 2 / high));
+      const write = (text, from) => {
+        const wide = ctx.measureText(text).width;
+        const at = Math.max(left + 2 * ratio, Math.min(from + 4 * ratio, left + width - wide - 2 * ratio));
+        for (let row = 0; row < most; row++) {
+          const box = { left: at, right: at + wide + 6 * ratio, base: top + 3 * ratio + (row + 1) * high };
+          if (this.named.some((one) => one.base === box.base && one.right > box.left && one.left < box.right)) continue;
+          this.named.push(box);
+          ctx.fillText(text, at, box.base - high);
+          return;
+        }
+      };
       for (const run of data.runs) {
-        for (const fault of run.faults) {
+        for (const fault of [...run.faults, ...run.changes]) {
           const key = `${fault.label} ${fault.from_s} ${fault.until_s}`;
           if (seen.has(key)) continue;
           seen.add(key);
@@ -295,14 +318,9 @@
           if (to < left || from > left + width) continue;
           ctx.fillStyle = ink.fault;
           ctx.fillRect(from, top, Math.max(to - from, ratio), height);
-          ctx.fillStyle = ink.edge;
+          ctx.fillStyle = run.changes.includes(fault) ? ink.text : ink.edge;
           ctx.fillRect(from, top, ratio, height);
-          const at = Math.max(from, left) + 4 * ratio;
-          const end = at + ctx.measureText(fault.label).width;
-          let row = 0;
-          while (rows[row] !== undefined && rows[row] > at) row++;
-          rows[row] = end + 6 * ratio;
-          if (row < 4) ctx.fillText(fault.label, at, top + (3 + 13 * row) * ratio);
+          write(fault.label, Math.max(from, left));
         }
       }
       ctx.restore();
@@ -334,7 +352,7 @@
       }
       ctx.strokeStyle = ctx.fillStyle = ink.limit;
       // Names stand above their limit or else below it, none over another.
-      const named = [];
+      const named = this.named.slice();
       const label = (limit, from, to, at) => {
         const wide = ctx.measureText(limit.requirement).width;
         const isThere = named.some((one) => one.requirement === limit.requirement && one.level === -limit.level);
@@ -434,7 +452,7 @@
     // Shows the values at the cursor.
     read(bucket) {
       const isThere = bucket !== null && bucket !== undefined;
-      if (this.time) this.time.textContent = isThere ? `at ${number(start[bucket])} s` : "";
+      if (this.time) this.time.textContent = isThere ? `at ${seconds(start[bucket])} s` : "";
       for (const one of this.series) {
         if (!one.shownValue) continue;
         const low = isThere ? one.values.least[bucket] : NaN;
@@ -593,6 +611,12 @@
     seen.observe(figure);
     sized.observe(figure);
   };
+
+  // In the next frame, as the words above a table that scrolls change its height.
+  const scrolls = new ResizeObserver((entries) => requestAnimationFrame(() => {
+    for (const { target } of entries) target.toggleAttribute("data-scrolls", target.scrollWidth > target.clientWidth + 1);
+  }));
+  for (const box of document.querySelectorAll(".scroll")) scrolls.observe(box);
 
   readInk();
   const wantsDark = matchMedia("(prefers-color-scheme: dark)");

@@ -1,0 +1,260 @@
+//! What the runs of a report are called: the shortest that tells each from the others.
+//!
+//! The law, else scenario and law; runs that share these by the settings in which they differ, as
+//! `--set` has them, and then by their programs. Only what nothing tells apart is numbered.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use shared_types::number::exact;
+use toml_edit::{DocumentMut, Item, TableLike, Value};
+
+use super::run::Run;
+
+/// Most settings in a label.
+const MOST: usize = 3;
+
+/// What can tell a run from another.
+#[derive(Clone, Debug, Default)]
+struct Facts {
+    law: String,
+    scenario: String,
+    /// Every setting of the effective scenario, by its key.
+    settings: BTreeMap<String, String>,
+    /// Hashes of its programs.
+    programs: [String; 2],
+}
+
+/// Gives each run its label.
+pub(super) fn label(runs: &mut [Run]) {
+    let facts: Vec<Facts> = runs.iter().map(facts).collect();
+    for (run, label) in runs.iter_mut().zip(labels(&facts)) {
+        run.label = label;
+    }
+}
+
+fn facts(run: &Run) -> Facts {
+    let scenario = run.account.reader.enclosure("scenario.toml");
+    Facts {
+        law: run.law().to_owned(),
+        scenario: run.fact("scenario").to_owned(),
+        settings: scenario.map_or_else(|_| BTreeMap::new(), settings),
+        programs: ["plant_blake3", "controller_blake3"].map(|name| run.fact(name).to_owned()),
+    }
+}
+
+fn labels(facts: &[Facts]) -> Vec<String> {
+    let laws: BTreeSet<&str> = facts.iter().map(|one| &*one.law).collect();
+    let scenarios: BTreeSet<&str> = facts.iter().map(|one| &*one.scenario).collect();
+    let is_told_by_law = laws.len() == facts.len() && !laws.contains("");
+    let mut labels: Vec<String> = (facts.iter())
+        .map(|one| match is_told_by_law || scenarios.len() == 1 {
+            true => one.law.clone(),
+            false => format!("{} {}", one.scenario, one.law).trim().to_owned(),
+        })
+        .collect();
+    add(&mut labels, facts, differing_settings);
+    add(&mut labels, facts, differing_programs);
+    let shared = labels.clone();
+    for (number, label) in (1..).zip(&mut labels) {
+        if shared.iter().filter(|one| *one == label).count() > 1 || label.is_empty() {
+            *label = format!("{number} {label}").trim().to_owned();
+        }
+    }
+    labels
+}
+
+/// Adds to each label that several runs share what tells each of them apart.
+fn add(labels: &mut [String], facts: &[Facts], differing: fn(&[&Facts]) -> Vec<String>) {
+    let before = labels.to_vec();
+    for label in before.iter().collect::<BTreeSet<_>>() {
+        let places: Vec<usize> = (0..before.len())
+            .filter(|at| before[*at] == *label)
+            .collect();
+        if places.len() < 2 {
+            continue;
+        }
+        let alike: Vec<&Facts> = places.iter().map(|at| &facts[*at]).collect();
+        for (at, told) in places.iter().zip(differing(&alike)) {
+            labels[*at] = format!("{label} {told}").trim().to_owned();
+        }
+    }
+}
+
+/// Of each run the settings in which they differ, by the last part of their key where that will do.
+fn differing_settings(runs: &[&Facts]) -> Vec<String> {
+    let keys: BTreeSet<&String> = runs.iter().flat_map(|run| run.settings.keys()).collect();
+    let is_other = |key: &&&String| {
+        let mut values = runs.iter().map(|run| run.settings.get(**key));
+        let first = values.next();
+        values.any(|value| Some(value) != first)
+    };
+    let keys: Vec<&String> = keys.iter().filter(is_other).copied().collect();
+    let last = |key: &str| key.rsplit('.').next().unwrap_or(key).to_owned();
+    let name = |key: &String| {
+        let is_ambiguous = keys.iter().filter(|one| last(one) == last(key)).count() > 1;
+        if is_ambiguous { key.clone() } else { last(key) }
+    };
+    let of_run = |run: &&Facts| {
+        let set = keys.iter().filter_map(|key| {
+            let value = run.settings.get(*key)?;
+            Some(format!("{}={}", name(key), cut(value)))
+        });
+        let set: Vec<String> = set.collect();
+        match set.len() {
+            0..=MOST => set.join(" "),
+            all => format!("{} and {} more", set[..MOST].join(" "), all - MOST),
+        }
+    };
+    runs.iter().map(of_run).collect()
+}
+
+/// A value that is not too long for a label.
+fn cut(value: &str) -> String {
+    const LONGEST: usize = 24;
+    match value.char_indices().nth(LONGEST) {
+        None => value.to_owned(),
+        Some((end, _)) => format!("{}..", &value[..end]),
+    }
+}
+
+/// Of each run the programs in which they differ, by the begin of their hash.
+fn differing_programs(runs: &[&Facts]) -> Vec<String> {
+    let of_run = |run: &&Facts| {
+        let told = ["plant", "controller"].into_iter().enumerate();
+        let told = told.filter(|(side, _)| {
+            (runs.iter()).any(|one| one.programs[*side] != run.programs[*side])
+        });
+        let told = told.map(|(side, name)| {
+            let hash = &run.programs[side];
+            format!("{name} {}", hash.get(..8).unwrap_or(hash))
+        });
+        told.collect::<Vec<_>>().join(" ")
+    };
+    runs.iter().map(of_run).collect()
+}
+
+/// The settings of a scenario; none of one that is no TOML. Its words for people are none.
+fn settings(text: &str) -> BTreeMap<String, String> {
+    let mut settings = BTreeMap::new();
+    if let Ok(document) = text.parse::<DocumentMut>() {
+        collect(document.as_table(), "", &mut settings);
+    }
+    for words in ["name", "description", "controller.law"] {
+        settings.remove(words);
+    }
+    settings
+}
+
+fn collect(table: &dyn TableLike, prefix: &str, into: &mut BTreeMap<String, String>) {
+    for (key, item) in table.iter() {
+        let key = format!("{prefix}{key}");
+        match item {
+            Item::ArrayOfTables(tables) => {
+                for (index, table) in tables.iter().enumerate() {
+                    collect(table, &format!("{key}[{index}]."), into);
+                }
+            }
+            Item::Value(Value::Float(float)) => {
+                into.insert(key, exact(*float.value()));
+            }
+            Item::Value(value) if !value.is_inline_table() => {
+                let plain = value.clone().decorated("", "").to_string();
+                into.insert(key, plain.trim_matches('"').to_owned());
+            }
+            item => {
+                if let Some(table) = item.as_table_like() {
+                    collect(table, &format!("{key}."), into);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run(law: &str, scenario: &str, text: &str, controller: &str) -> Facts {
+        Facts {
+            law: law.into(),
+            scenario: scenario.into(),
+            settings: settings(text),
+            programs: ["p".repeat(64), controller.repeat(64)],
+        }
+    }
+
+    #[test]
+    fn a_law_is_enough_where_each_run_has_its_own() {
+        let runs = ["pid", "ftsc"].map(|law| run(law, law, "a = 1", "c"));
+        assert_eq!(labels(&runs), ["pid", "ftsc"]);
+    }
+
+    #[test]
+    fn runs_of_one_law_are_told_apart_by_what_was_set() {
+        let text = |gain: &str| {
+            format!(
+                "name = \"x\"\n[run]\nseed = 1 # x\n[controller.pid]\ngain_n_per_m = {gain} # N/m\n"
+            )
+        };
+        let runs = ["200.0", "2.8e7", "300.0"].map(|gain| run("pid", "x", &text(gain), "c"));
+        assert_eq!(
+            labels(&runs),
+            [
+                "pid gain_n_per_m=200",
+                "pid gain_n_per_m=2.8e7",
+                "pid gain_n_per_m=300"
+            ]
+        );
+    }
+
+    #[test]
+    fn a_key_that_is_ambiguous_stands_whole_and_many_are_counted() {
+        let text = |force: u32| {
+            let effect =
+                format!("[[faults]]\nkind = \"push\"\n[[faults.effects]]\nforce_n = {force}\n");
+            format!("{effect}{effect}")
+        };
+        let runs = [1, 2].map(|force| run("pid", "x", &text(force), "c"));
+        assert_eq!(
+            labels(&runs)[1],
+            "pid faults[0].effects[0].force_n=2 faults[1].effects[0].force_n=2"
+        );
+        let text =
+            |value: u32| format!("a = {value}\nb = {value}\nc = {value}\nd = {value}\ne = {value}");
+        let runs = [1, 2].map(|value| run("pid", "x", &text(value), "c"));
+        assert_eq!(labels(&runs)[0], "pid a=1 b=1 c=1 and 2 more");
+    }
+
+    #[test]
+    fn a_long_value_is_cut_and_what_it_no_longer_tells_apart_is_numbered() {
+        let text = |last: u32| format!("values = [{}{last}]", "1.0, ".repeat(1000));
+        let runs = [1, 2].map(|last| run("pid", "x", &text(last), "c"));
+        let cut = "pid values=[1.0, 1.0, 1.0, 1.0, 1.0..";
+        assert_eq!(labels(&runs), [format!("1 {cut}"), format!("2 {cut}")]);
+    }
+
+    #[test]
+    fn other_scenarios_and_other_programs_are_named() {
+        let runs = [
+            run("pid", "calm", "", "c"),
+            run("pid", "storm", "", "c"),
+            run("pid", "storm", "", "d"),
+        ];
+        assert_eq!(
+            labels(&runs),
+            [
+                "calm pid",
+                "storm pid controller cccccccc",
+                "storm pid controller dddddddd"
+            ]
+        );
+    }
+
+    #[test]
+    fn what_nothing_tells_apart_is_numbered() {
+        let runs = ["c", "c"].map(|program| run("pid", "x", "a = 1", program));
+        assert_eq!(labels(&runs), ["1 pid", "2 pid"]);
+        let unknown = ["c", "c"].map(|program| run("", "", "", program));
+        assert_eq!(labels(&unknown), ["1", "2"]);
+    }
+}
