@@ -1,4 +1,4 @@
-//! The release programs, built where they are not up to date.
+//! The release programs, built where they are not up to date; with `--profile dev` those of that.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -18,8 +18,10 @@ impl Programs {
         let own = std::env::current_exe().expect("a path to this program");
         let target = own.ancestors().nth(3);
         let target = target.expect("it lies in target/release/deps");
+        let is_release = own.starts_with(target.join("release"));
+        let profile = if is_release { "release" } else { "dev" };
         let status = Command::new(env!("CARGO"))
-            .args(["build", "--release", "--target-dir"])
+            .args(["build", "--profile", profile, "--target-dir"])
             .arg(target)
             .args(["-p", "tools", "-p", "plant-process"])
             .args(["-p", "controller-process"])
@@ -27,7 +29,11 @@ impl Programs {
             .expect("cargo");
         assert!(status.success(), "the programs do not build");
         Self {
-            hil: target.join("release/hil"),
+            hil: target.join(if is_release {
+                "release/hil"
+            } else {
+                "debug/hil"
+            }),
         }
     }
 

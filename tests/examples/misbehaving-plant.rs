@@ -72,6 +72,11 @@ plant!(Panics, "panics", || panic!("the plant fell over"));
 plant!(Sleeps, "sleeps", || loop {
     std::thread::park();
 });
+plant!(Mutters, "mutters", || {
+    // What a terminal obeys: a cleared screen, a full clipboard, a line written over.
+    eprintln!("\u{9b}2J\u{1b}]52;c;eA==\u{7}\rmuttered \u{1b}[31mpass");
+    std::process::exit(7)
+});
 plant!(Hoards, "hoards", || {
     let mut hoard = Vec::new();
     loop {
@@ -84,6 +89,7 @@ fn main() -> ExitCode {
         PlantKind::of::<Leaves>(),
         PlantKind::of::<Panics>(),
         PlantKind::of::<Sleeps>(),
+        PlantKind::of::<Mutters>(),
         PlantKind::of::<Hoards>(),
     ];
     plant_process::program::run("misbehaving-plant", "0.1.0", plants)

@@ -39,14 +39,13 @@ def main(url, subprotocol, path):
                 wanted = []
                 for number, channel in enumerate(said["channels"]):
                     topics[number] = channel["topic"]
-                    if channel["encoding"] == "cdr":
-                        schema = Schema(
-                            id=1,
-                            name=channel["schemaName"],
-                            encoding=channel["schemaEncoding"],
-                            data=channel["schema"].encode(),
-                        )
-                        decoders[number] = DecoderFactory().decoder_for("cdr", schema)
+                    schema = Schema(
+                        id=1,
+                        name=channel["schemaName"],
+                        encoding=channel["schemaEncoding"],
+                        data=channel["schema"].encode(),
+                    )
+                    decoders[number] = DecoderFactory().decoder_for(channel["encoding"], schema)
                     wanted.append({"id": number, "channelId": channel["id"]})
                 socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
                 # Nothing that would change the run is taken.
@@ -55,14 +54,15 @@ def main(url, subprotocol, path):
             kind, subscription, log_time = struct.unpack_from("<BIQ", message)
             assert kind == MESSAGE_DATA, kind
             payload = message[13:]
-            if subscription in decoders:
-                record = decoders[subscription](payload)
-                value = record
+            message = decoders[subscription](payload)
+            if topics[subscription] == "/events":
+                content = json.loads(message.json)
+                assert content["event"] == message.event, message
+            else:
+                value = message
                 for name in path.split("."):
                     value = getattr(value, name)
-                content = {"step": record.step, "value": value}
-            else:
-                content = json.loads(payload)
+                content = {"step": message.step, "value": value}
             tell(topic=topics[subscription], log_time=log_time, content=content)
     tell(closed=True)
 

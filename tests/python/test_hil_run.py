@@ -50,7 +50,25 @@ def words(step):
     return counts[0].tobytes() + numbers.tobytes() + counts[1].tobytes()
 
 
-def write(path, compression=CompressionType.LZ4, steps=range(STEPS + 1)):
+EVENT = """string json # All facts.
+string event
+uint64 step
+"""
+
+
+def text(words):
+    return (len(words) + 1).to_bytes(4, "little") + words.encode() + b"\0"
+
+
+def event(facts):
+    """As CDR: texts with a length and a zero, at multiples of 4; numbers at multiples of 8."""
+    message = text(json.dumps(facts))
+    message += bytes(-len(message) % 4) + text(facts["event"])
+    message += bytes(-len(message) % 8) + facts.get("step", 0).to_bytes(8, "little")
+    return b"\0\1\0\0" + message
+
+
+def write(path, compression=CompressionType.LZ4, steps=range(STEPS + 1), earlier=False):
     with open(path, "wb") as file:
         writer = Writer(file, compression=compression, chunk_size=20_000)
         writer.start("ros2")
@@ -58,15 +76,23 @@ def write(path, compression=CompressionType.LZ4, steps=range(STEPS + 1)):
         writer.add_attachment(0, 0, "scenario.toml", "application/toml", b"schema = 1\n")
         schema = writer.register_schema("hil_msgs/msg/Record", "ros2msg", SCHEMA.encode())
         records = writer.register_channel("/record", "cdr", schema)
-        schema = writer.register_schema("hil.Event", "jsonschema", b"{}")
-        events = writer.register_channel("/events", "json", schema)
+        if earlier:
+            schema = writer.register_schema("hil.Event", "jsonschema", b"{}")
+            events = writer.register_channel("/events", "json", schema)
+        else:
+            schema = writer.register_schema("hil_msgs/msg/Event", "ros2msg", EVENT.encode())
+            events = writer.register_channel("/events", "cdr", schema)
+
+        def message(facts):
+            return json.dumps(facts).encode() if earlier else event(facts)
+
         time_ns = 0
         for step in steps:
             time_ns = step * 10**6
             if step == FAULT["step"]:
-                writer.add_message(events, time_ns, json.dumps(FAULT).encode(), time_ns)
+                writer.add_message(events, time_ns, message(FAULT), time_ns)
             writer.add_message(records, time_ns, b"\0\1\0\0" + words(step), time_ns)
-        writer.add_message(events, time_ns, json.dumps(END).encode(), time_ns)
+        writer.add_message(events, time_ns, message(END), time_ns)
         writer.add_metadata("hil.result", {"digest": "abc", "records": str(STEPS + 1)})
         writer.finish()
 
@@ -135,8 +161,10 @@ uint16 core
 
     def test_events_and_what_is_written_about_the_run_are_there(self):
         (self.folder / "summary.json").write_text('{"verdict": "pass"}')
-        run = hil_run.load(self.folder)
-        self.assertEqual((run.events, run.faults), ([FAULT, END], [FAULT]))
+        for earlier in (True, False):
+            write(self.path, earlier=earlier)
+            run = hil_run.load(self.folder)
+            self.assertEqual((run.events, run.faults), ([FAULT, END], [FAULT]))
         self.assertEqual((run.metadata["hil.run"]["scenario"], run.digest), ("made here", "abc"))
         self.assertEqual((run.scenario, run.summary), ("schema = 1\n", {"verdict": "pass"}))
         self.assertTrue(run.is_whole)
@@ -175,6 +203,13 @@ uint16 core
         self.path.write_text("not an MCAP file")
         with self.assertRaisesRegex(hil_run.RecordingError, "no MCAP file"):
             hil_run.load(self.path)
+
+    def test_a_file_that_was_cut_before_its_first_record_is_called_cut(self):
+        content = self.path.read_bytes()
+        for length in (0, 5, 8, 60):
+            self.path.write_bytes(content[:length])
+            with self.assertRaisesRegex(hil_run.RecordingError, "was cut off before its first record"):
+                hil_run.load(self.path)
 
     def test_a_frame_has_the_same_numbers_over_time(self):
         try:

@@ -10,7 +10,7 @@ use shared_types::random::RandomStream;
 use crate::every_fault::{LAWS, faults, with_fault};
 use crate::harness::{Rig, Run, until};
 use crate::mcap_reader::Recording;
-use crate::programs::{example, program_of_tests, workspace};
+use crate::programs::{example, program, program_of_tests, workspace};
 
 /// Two seconds under FTSC; both actuators begin to leak at 1 s.
 const SCENARIO: &str = "tests/scenarios/leakage.toml";
@@ -724,14 +724,21 @@ fn a_plant_of_ones_own_goes_on() {
     let scenario = format!(
         "{shipped} --set controller.law=hold --set plant.parameters.initial_angle_rad=1e-3"
     );
-    let scenario = format!("{scenario} --plant-bin {}", plant.display());
+    let controller = program("controller-process");
+    let scenario = format!(
+        "{scenario} --plant-bin {} --controller-bin {}",
+        plant.display(),
+        controller.display()
+    );
     let straight = rig
         .run(&format!("{scenario} --checkpoint-at 0.1"))
         .expect(0);
-    let arguments = format!("--plant-bin {}", plant.display());
-    let resumed = go_on(&rig, &straight, 100, &arguments).expect(0);
-    assert_same(&straight, &resumed, "the pendulum");
-    go_on(&rig, &straight, 100, "")
+    for arguments in [format!("--plant-bin {}", plant.display()), String::new()] {
+        let resumed = go_on(&rig, &straight, 100, &arguments).expect(0);
+        assert_same(&straight, &resumed, "the pendulum");
+    }
+    let other = format!("--plant-bin {}", program("plant-process").display());
+    go_on(&rig, &straight, 100, &other)
         .expect(2)
         .says(&["is not the binary that saved"]);
 }

@@ -70,10 +70,12 @@ fn a_pendulum_without_torque_falls_over_and_the_run_says_so() {
     let gains = "[controller.state-feedback]\nangle_nm_per_rad = 9.0\n";
     assert!(shipped.contains(gains));
     let falling = rig.write("falling.toml", &shipped.replace(gains, ""));
-    let (falling, plant) = (falling.display(), example("own-plant"));
+    let (plant, controller) = (example("own-plant"), example("own-controller"));
     let arguments = format!(
-        "{falling} --plant-bin {} --set controller.law=hold",
-        plant.display()
+        "{} --plant-bin {} --controller-bin {} --set controller.law=hold",
+        falling.display(),
+        plant.display(),
+        controller.display()
     );
     let run = rig.run(&arguments).expect(1);
     let reason = run.summary()["reason"]

@@ -121,6 +121,20 @@ fn what_cannot_be_exported_says_why_and_how_to_mend_it() {
         line.and_then(|line| line.split_ascii_whitespace().nth(1))
     });
     assert_eq!(units, [Some("rad"); 2]);
+    let chosen = export(&["--list", "--signal", "truth.surface_*"])
+        .expect(0)
+        .stdout;
+    let fits = |line: &&str| line.starts_with("truth.surface_");
+    let wanted: Vec<&str> = listed.lines().filter(fits).collect();
+    assert!(wanted.len() > 1);
+    let names = |lines: &str| -> Vec<String> {
+        let names = lines.lines().filter_map(|line| line.split(' ').next());
+        names.map(str::to_owned).collect()
+    };
+    assert_eq!(names(&chosen), names(&wanted.join("\n")));
+    export(&["--list", "--signal", "truth.surface_angel_rad"])
+        .expect(2)
+        .says(&["has no signal", "nearest: `truth.surface_angle_rad`"]);
 }
 
 #[test]

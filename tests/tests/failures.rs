@@ -1,6 +1,7 @@
 //! What goes wrong while a run is under way: who, what and which step are named, the exit code tells
 //! the sort, the recording up to there can be read, and nothing is left.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use rustix::process::Signal;
@@ -105,17 +106,49 @@ fn a_stopped_controller_is_named_with_the_step_it_did_not_answer() {
     assert_eq!(aborted.step(), aborted.records.len() as u64);
 }
 
+#[test]
+fn a_stopped_hil_ends_the_run_with_every_clock() {
+    // So slow that the recorder's buffer would last for minutes, and that no run ends by itself.
+    for (clock, rate_hz) in [("lockstep", 10_000), ("paced", 50), ("realtime", 50)] {
+        let rig = Rig::new();
+        let running = rig.start(&format!(
+            "scenarios/spring-mass.toml --set run.duration_s=1e5 --set run.rate_hz={rate_hz} \
+             --set metrics=[] --set requirements=[] --clock {clock} --wait-limit 0.5"
+        ));
+        let children = running.children_at_once();
+        let mut sizes = BTreeSet::new();
+        until("records reach the file", || {
+            let recording = std::fs::metadata(rig.path("run0/run.mcap"));
+            sizes.insert(recording.map_or(0, |data| data.len()));
+            sizes.len() > 4
+        });
+        running.signal(Signal::STOP);
+        until("both processes end by themselves", || {
+            !children.iter().any(|child| child.is_alive())
+        });
+        running.signal(Signal::CONT);
+        let summary = running.finish().expect(3).summary();
+        let reason = summary["reason"].as_str().expect("a reason");
+        let stuck = "the recorder took no record within the wait limit";
+        assert!(reason.contains(stuck), "{clock}: {reason}");
+    }
+}
+
 /// A law of the misbehaving controller on the teaching plant; each does its deed at step 100.
 fn misbehaves(rig: &Rig, law: &str) -> Run {
     misbehaves_as(rig, law, &misbehaving_controller())
 }
 
-fn misbehaves_as(rig: &Rig, law: &str, controller: &Path) -> Run {
+fn misbehaviour(rig: &Rig, law: &str) -> PathBuf {
     let shipped = "schema = 1\nname = \"misbehaviour\"\n\
         [run]\nduration_s = 1.0\nrate_hz = 1000\n\
         [plant]\nmodel = \"spring-mass\"\n\
         [controller]\nlaw = \"LAW\"\n";
-    let scenario = rig.write("scenario.toml", &shipped.replace("LAW", law));
+    rig.write("scenario.toml", &shipped.replace("LAW", law))
+}
+
+fn misbehaves_as(rig: &Rig, law: &str, controller: &Path) -> Run {
+    let scenario = misbehaviour(rig, law);
     let (scenario, controller) = (scenario.display(), controller.display());
     let wait_limit_s = wait_limit_s(law);
     rig.run(&format!(
@@ -144,6 +177,117 @@ fn the_message_of_a_controller_that_panics_is_shown_and_kept() {
     assert!(log.contains("the law fell over"), "{log}");
     let aborted = Aborted::of(run, 3, &["controller", "step 100", "panicked"]);
     assert_eq!(aborted.records.len(), 100);
+}
+
+/// Fails if what `hil` said or wrote of a run holds what a terminal obeys.
+#[track_caller]
+fn assert_shows_only_text(run: &Run) {
+    let summary = std::fs::read_to_string(run.folder.join("summary.json")).expect("a summary");
+    for text in [&run.stdout, &run.stderr, &summary] {
+        let obeyed = text
+            .chars()
+            .find(|c| c.is_control() && !matches!(c, '\n' | '\t'));
+        assert_eq!(obeyed, None, "{text:?}");
+    }
+}
+
+#[test]
+fn what_a_side_mutters_does_nothing_to_a_terminal() {
+    let rig = Rig::new();
+    let run = misbehaves(&rig, "mutters").says(&["muttered"]);
+    assert_shows_only_text(&run);
+    Aborted::of(run, 3, &["controller", "step 100"]);
+    let run = plant_misbehaves(&rig, "mutters").says(&["muttered"]);
+    assert_shows_only_text(&run);
+    Aborted::of(run, 3, &["plant ended with exit code 7", "muttered"]);
+}
+
+#[test]
+fn a_log_without_end_keeps_its_beginning_and_its_end() {
+    let rig = Rig::new();
+    let run = misbehaves(&rig, "chatters").says(&["the first line", "the law said enough"]);
+    let log = std::fs::read(run.folder.join("controller.log")).expect("a log");
+    // 64 MiB were written; the last look is at what is complete.
+    assert!(log.len() <= 8 << 20, "{} bytes", log.len());
+    let log = String::from_utf8_lossy(&log);
+    assert!(log.starts_with("the first line\nxxxx"));
+    assert!(log.contains("the law said enough") && log.contains("bytes out here"));
+    assert!(run.stderr.len() < 100_000, "{} bytes", run.stderr.len());
+    Aborted::of(run, 3, &["controller", "step 100", "panicked"]);
+}
+
+#[test]
+fn what_a_side_leaves_running_ends_with_the_run() {
+    let rig = Rig::new();
+    // A bystander that looks alike, but was not started by the run.
+    let bystander = std::process::Command::new("sleep").arg("1000").spawn();
+    let mut bystander = bystander.expect("it can be run");
+    // The rig looks for every process that names its session.
+    misbehaves(&rig, "forks").expect(0);
+    let run = misbehaves(&rig, "forks-and-dies");
+    assert_eq!(bystander.try_wait().expect("our child"), None);
+    bystander.kill().expect("our child");
+    bystander.wait().expect("our child");
+    Aborted::of(run, 3, &["step 100", "controller was killed by SIGABRT"]);
+}
+
+#[test]
+fn what_escaped_from_a_killed_hil_ends_with_the_next() {
+    let rig = Rig::alone();
+    let scenario = misbehaviour(&rig, "forks");
+    let controller = misbehaving_controller();
+    let (scenario, controller) = (scenario.display(), controller.display());
+    let running = rig.start(&format!(
+        "{scenario} --controller-bin {controller} --set run.duration_s=1000 --clock paced"
+    ));
+    until("somebody is left by the controller", || {
+        rig.processes()
+            .iter()
+            .filter(|line| line.contains("while"))
+            .count()
+            >= 2
+    });
+    running.kill();
+    rig.hil(&["sessions", "--clean"]).expect(0);
+}
+
+#[test]
+fn an_answer_without_end_is_refused() {
+    let rig = Rig::new();
+    let scenario = "scenarios/spring-mass.toml";
+    let endless = rig.script("endless", "#!/bin/sh\nexec yes\n");
+    let run = rig.run(&format!(
+        "{scenario} --controller-bin {}",
+        endless.display()
+    ));
+    run.expect(2).says(&["its answer is longer than 16 MiB"]);
+    // Complaints may be endless too; what counts is the answer.
+    let own = program("controller-process");
+    let text = format!(
+        "#!/bin/sh\nyes complaint | head -c 100000000 >&2\nexec {} \"$@\"\n",
+        own.display()
+    );
+    let loud = rig.script("loud", &text);
+    rig.run(&format!("{scenario} --controller-bin {}", loud.display()))
+        .expect(0);
+}
+
+#[test]
+fn what_a_description_leaves_running_is_ended() {
+    let rig = Rig::new();
+    let own = program("controller-process");
+    // One that holds the answer's pipe open, in a session of its own; its arguments name this test.
+    let text = format!(
+        "#!/bin/sh\nsetsid sh -c 'while :; do sleep 1000; done' {} &\nexec {} \"$@\"\n",
+        rig.path("left").display(),
+        own.display()
+    );
+    let leaving = rig.script("leaving", &text);
+    let run = rig.run(&format!(
+        "scenarios/spring-mass.toml --controller-bin {}",
+        leaving.display()
+    ));
+    run.expect(0);
 }
 
 #[test]
@@ -240,6 +384,46 @@ fn an_unstable_loop_ends_as_diverged_and_never_in_numbers_that_are_none() {
         let aborted = Aborted::of(rig.run(changes), 1, &["diverged", signal]);
         aborted.assert_only_numbers();
     }
+}
+
+#[test]
+fn memory_that_is_cut_short_is_named_and_nothing_is_left() {
+    let rig = Rig::new();
+    let running = rig.held();
+    let session = shared_types::session::SessionInfo::read(&rig.session_folder());
+    let session = session.expect("it runs");
+    // The recorder's: both sides are held, and `hil` alone looks at it.
+    let maps = std::fs::read_to_string(format!("/proc/{}/maps", running.pid()));
+    let maps = maps.expect("it runs");
+    let mapped = |path: &PathBuf| maps.contains(path.to_str().expect("plain text"));
+    let segments: Vec<PathBuf> = session.segments().into_iter().filter(mapped).collect();
+    assert!(!segments.is_empty());
+    for segment in segments {
+        // The session may end at the first.
+        if let Ok(file) = std::fs::File::options().write(true).open(segment) {
+            file.set_len(0).expect("our own");
+        }
+    }
+    let run = running.finish().expect(3);
+    // The plant may have met the hole first.
+    let said = run.stderr + &run.stdout;
+    assert!(said.contains("SIGBUS"), "{said}");
+}
+
+#[test]
+fn too_few_open_files_are_named_with_what_to_do() {
+    let rig = Rig::new();
+    let hil = program("hil");
+    let limited = |limit: &str| {
+        let mut shell = std::process::Command::new("sh");
+        shell.args(["-c", &format!("ulimit {limit} && exec \"$0\" \"$@\"")]);
+        shell.arg(&hil);
+        rig.start_with(shell, "scenarios/spring-mass.toml").finish()
+    };
+    let run = limited("-n 40").expect(3);
+    run.says(&["40 files may be open at once", "`ulimit -n 256`"]);
+    // The soft limit is for `hil` to raise.
+    limited("-Sn 40").expect(0);
 }
 
 #[test]

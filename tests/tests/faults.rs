@@ -70,6 +70,21 @@ fn a_dead_sensor_is_marked_invalid_and_keeps_its_last_value() {
 }
 
 #[test]
+fn a_command_that_does_not_reach_the_plant_is_marked_invalid() {
+    let rig = Rig::new();
+    let current = "target = \"command.actuator2_valve_current_a\"";
+    let run = faulted(&rig, &[("dropout", "duration_s = 0.1", current)], "");
+    let recording = Recording::open(&run.recording());
+    let records: Vec<Record> = recording.records().collect();
+    let invalid = |step: usize| records[step].words[recording.place("command_invalid[0]")];
+    let bits = [1_999, 2_000, 2_999, 3_000].map(invalid);
+    assert_eq!(bits, [0, 0b10, 0b10, 0]);
+    // What the controller sends says nothing else than before: a replay finds no difference.
+    let folder = run.folder.to_str().expect("plain");
+    assert_eq!(rig.hil(&["replay", folder]).code, Some(0));
+}
+
+#[test]
 fn a_bias_is_the_difference_between_what_is_measured_and_what_is_sensed() {
     let rig = Rig::new();
     let given = (

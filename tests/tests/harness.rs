@@ -263,7 +263,13 @@ impl<'r> Running<'r> {
             // A group of its own, which gets signals as that of a terminal does.
             .process_group(0)
             // It would push the message of a panic out of what is shown.
-            .env_remove("RUST_BACKTRACE");
+            .env_remove("RUST_BACKTRACE")
+            .env_remove("HIL_PLANT_BIN")
+            .env_remove("HIL_CONTROLLER_BIN");
+        if hil.get_envs().all(|(name, _)| name != "XDG_STATE_HOME") {
+            // Nothing of a test is kept for the user.
+            hil.env("XDG_STATE_HOME", rig.path("state"));
+        }
         let mut process = hil
             .spawn()
             .unwrap_or_else(|error| panic!("{hil:?}: {error}"));

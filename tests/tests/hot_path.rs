@@ -211,6 +211,7 @@ fn jobs(session: u64) -> (plant_process::job::Job, controller_process::job::Job)
         faults: plan.faults,
         derived: plan.derived.iter().map(derived).collect(),
         missed: Vec::new(),
+        law: None,
         pause_at_s: None,
         observed: true,
         checkpoints: Checkpoints::default(),

@@ -319,7 +319,9 @@ fn a_file_of_another_user_with_our_prefix_is_left_alone_and_in_nobodys_way() {
 #[test]
 fn a_stopped_hil_keeps_its_session() {
     let rig = Rig::alone();
-    let running = rig.start(&format!("{SCENARIO} --set run.duration_s=60 --clock paced"));
+    let running = rig.start(&format!(
+        "{SCENARIO} --set run.duration_s=60 --clock paced --wait-limit 60"
+    ));
     until("it runs", || {
         SessionInfo::read(&rig.session_folder()).is_ok_and(|info| info.children.len() == 2)
     });

@@ -357,6 +357,8 @@ fn what_cannot_be_injected_is_told_with_what_can() {
     request(&rig, &Request::Advance { steps: 10 });
     assert!(inject("--active").expect(0).stdout.contains("bias"));
     inject("--clear all").expect(0);
+    let ended = inject("--active").expect(0).stdout;
+    assert!(!ended.contains("bias"), "{ended}");
     request(&rig, &Request::Resume);
     let summary = run.finish().expect(0).summary();
     let bias = &summary["faults"].as_array().expect("a list")[1];
@@ -369,4 +371,39 @@ fn what_cannot_be_injected_is_told_with_what_can() {
     // 10 steps of a ramp of 500: the last is 9 / 500 of the size.
     let largest = effect["max_effect"].as_f64().expect("a number");
     assert!((largest - 0.001 * 9.0 / 500.0).abs() < 1e-12, "{largest}");
+}
+
+#[test]
+fn a_thousand_ended_faults_leave_little_in_the_plant() {
+    const FAULTS: u32 = 1000;
+    let rig = Rig::new();
+    let run = rig.held();
+    let [plant, _] = run.children_at_once();
+    let resident_kib = || {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", plant.pid)).expect("lives");
+        let line = status.lines().find(|line| line.starts_with("VmRSS:"));
+        let number =
+            line.and_then(|line| line.split_ascii_whitespace().nth(1)?.parse::<u64>().ok());
+        number.expect("a number")
+    };
+    let fault = "[[faults]]\nkind = \"message-delay\"\n\
+                 [[faults.effects]]\ntarget = \"link.sample\"\nsteps = 1\n";
+    let pass = |times: u32| {
+        for _ in 0..times {
+            let faults = inject(&rig, fault).expect("it can be");
+            let id = Some(faults[0].id);
+            assert!(matches!(
+                request(&rig, &Request::Clear { id }),
+                Response::Cleared { .. }
+            ));
+        }
+    };
+    pass(50); // everything that is there once
+    let before = resident_kib();
+    pass(FAULTS);
+    let each_kib = (resident_kib().saturating_sub(before)) as f64 / f64::from(FAULTS);
+    println!("{each_kib:.2} KiB each");
+    assert!(each_kib < 4.0, "{each_kib} KiB each");
+    run.signal(rustix::process::Signal::INT);
+    run.finish().expect(130);
 }

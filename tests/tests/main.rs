@@ -6,6 +6,7 @@
 //! | [`clocks`] | lockstep, paced and real time; what comes too late and how it is repeated |
 //! | [`audit`] | what depends on more than its samples is caught |
 //! | [`bad_input`] | any bytes through every reader: taken or refused by name, never a panic |
+//! | [`chatter`] | controllers that never fall silent hold no run |
 //! | [`checkpoints`] | a run that goes on is the straight run, and what cannot go on is refused |
 //! | [`baselines`] | runs against named runs, by digest, by samples and by figures |
 //! | [`book`] | what README and book tell can be done, shows what they show, and leads where they say |
@@ -18,14 +19,18 @@
 //! | [`failures`] | deaths, stops and divergence: who, what, which step, and what is left |
 //! | [`faults`] | faults of scenarios in whole runs |
 //! | `foxglove` | a client that shares no code with `hil monitor --foxglove`; with the feature |
+//! | [`hindrances`] | shared memory that the machine refuses is named, with what to do |
 //! | [`hot_path`] | no system call and no allocation in a step |
 //! | [`intrusion`] | who does not belong to a session gets nowhere |
 //! | [`latency`] | every figure of a loop counts the right steps and follows from the others |
+//! | [`lies`] | peers that say what is not so are found out |
 //! | [`live`] | faults and pauses from another terminal |
 //! | [`layouts`] | what Foxglove and PlotJuggler are told to plot is there |
 //! | [`monitor`] | a session watched in a terminal: the same digest, and the terminal as it was |
 //! | [`mutations`] | the explorer of the lockstep machines misses every guard that is taken out |
+//! | [`named_programs`] | programs that scenarios and recordings name, and what is not run |
 //! | [`paper`] | the paper's experiment against its checked figures |
+//! | [`paths`] | names of files that are no UTF-8 |
 //! | [`recording`] | what a recording holds, read without the recorder's code |
 //! | [`recover`] | what is left after a death, on a full disk and of a damaged file |
 //! | [`report`] | pages of runs, against the recording and in a browser |
@@ -42,10 +47,11 @@
 //!
 //! [`terminal`] is one that a program of a test runs in. [`python`] finds an interpreter with what a test imports.
 //!
-//! Five parts need more than Rust; a test that lacks its part says so and passes, unless the
+//! Six parts need more than Rust; a test that lacks its part says so and passes, unless the
 //! environment demands it: `HIL_TEST_RELEASE=1` builds the binaries of the other profile, `HIL_TEST_PYTHON=1`
 //! makes a Python environment, `HIL_TEST_NODE=1` installs Foxglove's packages with npm,
-//! `HIL_TEST_STRACE=1` wants `strace`, `HIL_TEST_CHROMIUM=1` a Chromium.
+//! `HIL_TEST_STRACE=1` wants `strace`, `HIL_TEST_CHROMIUM=1` a Chromium, `HIL_TEST_UNSHARE=1` a user who may
+//! mount file systems.
 //!
 //! `HIL_WRITE_BOOK=1` writes the references of the book anew; `HIL_TEST_PAGE=docs/faults` runs the commands of
 //! the pages with that in their path alone.
@@ -55,6 +61,7 @@ mod audit;
 mod bad_input;
 mod baselines;
 mod book;
+mod chatter;
 mod checkpoints;
 mod cli;
 mod clocks;
@@ -70,15 +77,20 @@ mod faults;
 #[cfg(feature = "foxglove")]
 mod foxglove;
 mod harness;
+mod hindrances;
 mod hot_path;
+mod interruptions;
 mod intrusion;
 mod latency;
 mod layouts;
+mod lies;
 mod live;
 mod mcap_reader;
 mod monitor;
 mod mutations;
+mod named_programs;
 mod paper;
+mod paths;
 mod programs;
 #[path = "../pseudo_terminal.rs"]
 mod pseudo_terminal;
@@ -92,5 +104,6 @@ mod requirements;
 mod succession;
 mod suite;
 mod survival;
+mod tables;
 mod terminal;
 mod viewers;

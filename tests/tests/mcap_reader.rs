@@ -38,7 +38,15 @@ impl Recording {
         let (mut columns, mut events) = (Vec::new(), Vec::new());
         for message in messages(&bytes) {
             match message.channel.topic.as_str() {
-                "/events" => events.push(serde_json::from_slice(&message.data).expect("JSON")),
+                "/events" => {
+                    assert_eq!(message.channel.message_encoding, "cdr");
+                    // Behind the encapsulation the length of a text, and the text, with a zero.
+                    let length =
+                        u32::from_le_bytes(message.data[4..8].try_into().expect("4 bytes"));
+                    let (json, rest) = message.data[8..].split_at(length as usize - 1);
+                    assert_eq!(rest[0], 0);
+                    events.push(serde_json::from_slice(json).expect("JSON"));
+                }
                 _ if !columns.is_empty() => {}
                 _ => {
                     let schema = message.channel.schema.as_ref().expect("a schema");

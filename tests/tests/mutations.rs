@@ -10,7 +10,7 @@ use tempfile::TempDir;
 use crate::programs::{build, workspace};
 
 /// A file of the machines, what stands there, what the mutant has instead.
-const MUTANTS: [(&str, &str, &str); 9] = [
+const MUTANTS: [(&str, &str, &str); 12] = [
     // A command of any step is applied.
     (
         "plant.rs",
@@ -64,6 +64,23 @@ const MUTANTS: [(&str, &str, &str); 9] = [
         "plant.rs",
         "if self.lost {\n            return self.ignore();\n        }\n        if self.is_greeting()",
         "if self.is_greeting()",
+    ),
+    // What is passed over renews the limit of a wait.
+    (
+        "plant.rs",
+        "self.newer.0,\n        ])",
+        "self.newer.0 + self.ignored,\n        ])",
+    ),
+    (
+        "controller.rs",
+        "Standing([self.state.number(), self.at().0, 0, 0, 0])",
+        "Standing([self.state.number(), self.at().0, self.ignored, 0, 0])",
+    ),
+    // Against the clock an older command takes the place of a newer one.
+    (
+        "plant.rs",
+        "got < *step && got >= self.newer =>",
+        "got < *step =>",
     ),
 ];
 
@@ -147,6 +164,7 @@ impl Libraries {
             "controller.rs",
             "loss.rs",
             "plant.rs",
+            "chatter.rs",
             "explorer.rs",
         ] {
             let mut text = std::fs::read_to_string(source.join(file)).expect("it is there");

@@ -10,7 +10,7 @@ use shared_types::session::SessionInfo;
 
 use crate::harness::{Rig, send, until};
 use crate::mcap_reader::{Record, Recording};
-use crate::programs::program;
+use crate::programs::{program, workspace};
 
 /// Two actuators for 4 s: 40,000 steps, long enough to be killed and short enough to be repeated.
 const RUN: &str = "tests/scenarios/leakage.toml --set run.duration_s=4";
@@ -249,6 +249,20 @@ fn a_full_disk_stops_the_run_with_a_readable_file_and_a_summary() {
     let found = records(&path);
     assert!(found.len() > 10_000, "{} records", found.len());
     assert_eq!(summary["recording"]["kept"], found.len());
+    // The digest is of all that came, and both numbers are told with why they differ.
+    let digested = &summary["recording"]["digested"];
+    assert_eq!(digested, &summary["recording"]["records"]);
+    assert!(digested.as_u64() > summary["recording"]["kept"].as_u64());
+    let cut_short = summary["recording"]["cut_short"].as_str();
+    assert!(
+        cut_short.is_some_and(|why| why.contains("File too large")),
+        "{summary:#}"
+    );
+    let both = format!(
+        "of {digested} records, of which the file has {}",
+        found.len()
+    );
+    assert!(run.stdout.contains(&both), "{}", run.stdout);
     assert_eq!(summary["verdict"], "aborted");
     // It has an end, or the reason says what makes one.
     let recovered = rig.hil(&["recover", run.folder.to_str().expect("text")]);
@@ -310,7 +324,12 @@ fn every_command_names_a_damaged_recording() {
     std::fs::create_dir(&broken).expect("made");
     let file = broken.join("run.mcap");
     let (run, path) = (broken.to_str().expect("text"), file.to_str().expect("text"));
-    let table = rig.path("table.csv");
+    let (table, page, layout) = (
+        rig.path("table.csv"),
+        rig.path("page.html"),
+        rig.path("l.json"),
+    );
+    let (page, layout) = (page.to_str().expect("text"), layout.to_str().expect("text"));
     let baselines = rig.path("baselines.toml");
     let (table, baselines) = (
         table.to_str().expect("text"),
@@ -331,16 +350,28 @@ fn every_command_names_a_damaged_recording() {
         vec!["latency", run],
         vec!["scenario", "from", run],
         vec!["recover", run],
+        vec!["report", run, "-o", page, "--force"],
+        vec!["report", sound, run, "-o", page, "--force", "--json"],
+        vec!["layout", run, "foxglove", "-o", layout, "--force"],
+        vec!["export", run, "-o", table, "--force", "--format", "parquet"],
     ];
     let bytes = std::fs::read(Path::new(sound).join("run.mcap")).expect("read");
-    for (damage, bytes) in damages(&bytes) {
+    let made = [
+        "attachment-shorter-than-its-sum",
+        "text-longer-than-its-record",
+    ]
+    .map(|name| {
+        let path = workspace().join("tests/fuzz/corpus/recording").join(name);
+        (name, std::fs::read(path).expect("of the corpus"))
+    });
+    for (damage, bytes) in damages(&bytes).into_iter().chain(made) {
         for command in &commands {
             std::fs::write(&file, &bytes).expect("written");
             let told = rig.hil(command);
             let about = format!("{damage}: {command:?}: {}{}", told.stdout, told.stderr);
             assert!(!about.contains("panicked"), "{about}");
             assert!(matches!(told.code, Some(0..=3)), "{about}");
-            if damage == "half" && !about.contains(" is no recording of a run") {
+            if damage == "half" && !about.contains(" before its first record") {
                 // Readable as far as it goes.
                 let says = about.contains("hil recover ") || command[0] == "recover";
                 assert!(says, "{about}");

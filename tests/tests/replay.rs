@@ -16,7 +16,7 @@ use tools::run_reader::RunReader;
 
 use crate::every_fault;
 use crate::harness::{Rig, Run, until};
-use crate::programs::{example, misbehaving_controller, program_of_tests, workspace};
+use crate::programs::{example, misbehaving_controller, program, program_of_tests, workspace};
 
 /// Two seconds of the hydraulic system; the runs here are shorter.
 const LEAKAGE: &str = "tests/scenarios/leakage.toml";
@@ -282,6 +282,7 @@ impl Copy {
             measured: fields("measured"),
             reference: fields("reference"),
             command_signals: command.len() + internal.len(),
+            command_places: (0..command.len()).collect(),
             command,
             internal,
             parameter: fields("parameter"),
@@ -388,21 +389,22 @@ fn a_flipped_bit_in_any_recorded_answer_is_found_and_named() {
         );
         std::fs::remove_file(&path).expect("removed");
     }
-    // A bit of validity: the first bit of the answer is that of its first command.
+    // A bit of validity: that of the last internal is the last of the answer.
+    let last = answers.len() - 1;
     let path = rewritten(&rig, &run, "invalid", |words, columns| {
         let place = columns
             .iter()
             .position(|name| name == "command_invalid[0]")
             .expect("there");
         if words[0] == 77 {
-            words[place] ^= 1;
+            words[place + last / 64] ^= 1 << (last % 64);
         }
     });
     let told = replayed(&rig, &path, &[], 1);
     let first = &told["first_difference"];
     assert_eq!(
         (number(&first["step"]), &first["signal"]),
-        (77, &answers[0].as_str().into())
+        (77, &answers[last].as_str().into())
     );
     assert_eq!(first["validity"], serde_json::json!([false, true]));
 }
@@ -561,7 +563,11 @@ fn a_run_of_a_plant_that_is_not_here_needs_its_recording_only() {
         (&told["verdict"], &told["law"]),
         (&"same".into(), &"state-feedback".into())
     );
-    rig.hil(&["replay", text(&moved)])
+    // Without a flag it is the program of the run, which the recording names.
+    let told = replayed(&rig, &moved, &[], 0);
+    assert_eq!(told["verdict"], "same");
+    let shipped = program("controller-process");
+    rig.hil(&["replay", text(&moved), "--controller-bin", text(&shipped)])
         .expect(2)
-        .says(&["unknown law `state-feedback`"]);
+        .says(&["unknown law `state-feedback`", "(--controller-bin)"]);
 }

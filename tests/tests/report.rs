@@ -9,7 +9,7 @@ use std::process::{Command, Stdio};
 
 use serde_json::Value;
 
-use crate::harness::{Rig, Run};
+use crate::harness::{Rig, Run, until};
 use crate::mcap_reader::Recording;
 use crate::programs::{skip, workspace};
 
@@ -45,21 +45,26 @@ struct Page {
 
 impl Page {
     fn of(rig: &Rig, runs: &[&Run], options: &[&str]) -> Self {
+        Self::with_exit(rig, runs, options, 0).0
+    }
+
+    /// The page of a command that ends with this code, and what that says of it.
+    fn with_exit(rig: &Rig, runs: &[&Run], options: &[&str], code: i32) -> (Self, String) {
         let path = rig.path("page.html");
         let folders: Vec<&str> = runs
             .iter()
             .map(|run| run.folder.to_str().expect("text"))
             .collect();
         let file = ["-o", path.to_str().expect("text"), "--force"];
-        rig.hil(&[&["report"], &folders[..], &file, options].concat())
-            .expect(0);
+        let told = rig.hil(&[&["report"], &folders[..], &file, options].concat());
+        let told = told.expect(code).stderr;
         let text = std::fs::read_to_string(&path).expect("the page is there");
         let (_, rest) = text
             .split_once("<script id=\"data\" type=\"application/json\">")
             .expect("data");
         let (json, _) = rest.split_once("</script>").expect("its end");
         let data = serde_json::from_str(json).expect("JSON");
-        Self { path, text, data }
+        (Self { path, text, data }, told)
     }
 
     fn plots(&self) -> &[Value] {
@@ -334,6 +339,56 @@ fn several_runs_lie_over_each_other_and_tell_apart() {
 }
 
 #[test]
+fn a_change_of_the_controller_is_in_title_label_plots_and_published_figures() {
+    let rig = Rig::new();
+    let run = rig.start("scenarios/severe-leakage.toml --set requirements=[] --pause-at 7.5");
+    let session = ["--session", rig.session()];
+    until("the run is held", || {
+        let asked = rig.beside(&[&["inject", "--active"], &session[..]].concat());
+        asked.stdout.contains("step 75000")
+    });
+    let swap = ["controller", "swap", "--set", "controller.law=nrsc"];
+    rig.beside(&[&swap, &session[..]].concat()).expect(0);
+    rig.beside(&[&["resume"], &session[..]].concat()).expect(0);
+    let run = run.finish().expect(0);
+    // The paper's Tables 3 and 4: of the first law until 7 s, of the second one from 15 s on, and of
+    // neither from 7 to 8 s.
+    let published = |text: &str, window: &str| {
+        let lines = text.lines().filter(|line| line.contains(window));
+        let lines = lines.filter(|line| line.contains("max_abs_"));
+        let figures = lines.map(|line| {
+            let (head, _) = line.split_once(" (Table")?;
+            head.split_ascii_whitespace().last()?.parse::<f64>().ok()
+        });
+        figures.collect::<Vec<_>>()
+    };
+    let judged = rig
+        .hil(&["judge", run.folder.to_str().expect("text")])
+        .expect(0);
+    for text in [&run.stdout, &judged.stdout] {
+        assert_eq!(published(text, " 0 to 7 "), [Some(2.4546e-4), Some(133.97)]);
+        assert_eq!(published(text, " 7 to 8 "), [None, None]);
+        assert_eq!(published(text, " 15 to 20 "), [Some(1.8e-3), Some(8175.9)]);
+    }
+    let laws = "ftsc, nrsc from 7.5 s";
+    assert!(
+        run.stdout.contains(&format!("({laws} on drhas")),
+        "{}",
+        run.stdout
+    );
+
+    let page = Page::of(&rig, &[&run], &[]);
+    assert_eq!(page.data["runs"][0]["label"], laws);
+    let title = format!("<title>severe-leakage: {laws}</title>");
+    assert!(page.text.contains(&title));
+    let change =
+        serde_json::json!([{"label": "controller 2: nrsc", "from_s": 7.5, "until_s": 7.5}]);
+    assert_eq!(page.data["runs"][0]["changes"], change);
+    assert_eq!(page.text.matches("(Table 3)").count(), 2);
+    assert_eq!(page.text.matches("(Table 4)").count(), 2);
+}
+
+#[test]
 fn what_cannot_be_reported_says_why() {
     let rig = Rig::new();
     let run = rig.run("scenarios/spring-mass.toml").expect(0);
@@ -408,7 +463,11 @@ fn runs_that_ended_badly_or_kept_a_part_are_shown_as_far_as_they_go() {
     let middle = bytes.len() / 2;
     bytes[middle] ^= 1;
     std::fs::write(damaged.recording(), &bytes).expect("it can be written");
-    let page = Page::of(&rig, &[&damaged], &[]);
+    let (page, told) = Page::with_exit(&rig, &[&damaged, &excerpt], &[], 2);
+    let path = damaged.recording();
+    let path = path.to_str().expect("text");
+    assert!(told.contains("error: ") && told.contains(path), "{told}");
+    assert!(told.contains("damaged at byte"), "{told}");
     let (_, runs) = page
         .text
         .split_once("<section id=\"runs\">")
@@ -416,11 +475,14 @@ fn runs_that_ended_badly_or_kept_a_part_are_shown_as_far_as_they_go() {
     let (_, verdict) = runs.split_once("data-verdict=\"").expect("a verdict");
     assert!(!verdict.starts_with("pass"), "whatever the bit was part of");
     assert!(page.text.contains("damaged") || page.text.contains("not the recorded one"));
-    // Cut off in the middle.
-    let whole = rig.run("scenarios/spring-mass.toml").expect(0);
+    // Cut off in the middle, where chunks are complete: one is closed every 100 ms.
+    let whole = rig
+        .run("scenarios/spring-mass.toml --clock paced")
+        .expect(0);
     let bytes = std::fs::read(whole.recording()).expect("a recording");
     std::fs::write(whole.recording(), &bytes[..bytes.len() / 2]).expect("it can be written");
-    let page = Page::of(&rig, &[&whole], &[]);
+    let (page, told) = Page::with_exit(&rig, &[&whole], &[], 0);
+    assert!(told.contains("hil recover "), "{told}");
     assert!(
         page.text.contains("broke off after") && page.text.contains("data-verdict=\"aborted\"")
     );
@@ -428,12 +490,15 @@ fn runs_that_ended_badly_or_kept_a_part_are_shown_as_far_as_they_go() {
 
 // ---- In a browser ----
 
-/// Runs before the page's own scripts and keeps their errors.
+/// Runs before the page's own scripts, keeps their errors and what each canvas has been told to write.
 const CATCH: &str = "<script>window.wrong = [];
 addEventListener('error', (event) => wrong.push(String(event.message)));
 addEventListener('unhandledrejection', (event) => wrong.push(String(event.reason)));
 addEventListener('securitypolicyviolation', (event) => wrong.push('blocked ' + event.blockedURI));
 for (const level of ['error', 'warn']) { const tell = console[level]; console[level] = (...said) => { wrong.push(said.join(' ')); tell(...said); }; }
+const context = CanvasRenderingContext2D.prototype; const { fillText, clearRect } = context;
+context.clearRect = function (...box) { this.canvas.texts = []; return clearRect.apply(this, box); };
+context.fillText = function (text, x, y) { (this.canvas.texts ||= []).push([text, x, y, this.measureText(text).width]); return fillText.call(this, text, x, y); };
 </script>";
 
 /// Waits for every plot and tells what is drawn: of each figure its colours and, of its first series, the
@@ -460,9 +525,11 @@ const LOOK: &str = "<script>(() => {
           }
         });
       }
-      return { title: figure.querySelector('figcaption').textContent, ink, top: top / height, column: column / width, width: figure.getBoundingClientRect().width };
+      const dashes = [...figure.querySelectorAll('.legend button')].map((button) => [button.textContent.trim(), button.querySelector('line').getAttribute('stroke-dasharray')]);
+      return { texts: canvas.texts || [], dashes, title: figure.querySelector('figcaption').textContent, ink, top: top / height, column: column / width, width: figure.getBoundingClientRect().width };
     });
-    const said = { wrong, figures, theme: document.documentElement.dataset.theme, overflow: document.documentElement.scrollWidth - innerWidth };
+    const scrolls = [...document.querySelectorAll('.scroll')].map((box) => [box.scrollWidth > box.clientWidth + 1, box.hasAttribute('data-scrolls')]);
+    const said = { wrong, figures, scrolls, theme: document.documentElement.dataset.theme, overflow: document.documentElement.scrollWidth - innerWidth };
     const box = document.createElement('pre'); box.id = 'told'; box.textContent = btoa(unescape(encodeURIComponent(JSON.stringify(said)))); document.body.append(box);
   };
   const wait = () => document.querySelectorAll('[data-drawn]').length === document.querySelectorAll('figure.plot').length ? setTimeout(tell, 100) : setTimeout(wait, 50);
@@ -547,6 +614,69 @@ fn a_browser_draws_every_plot_without_a_word_in_both_themes_and_on_a_phone() {
         assert_drawn(&told, &page);
     }
     assert!(page.path.exists());
+}
+
+#[test]
+fn many_faults_have_a_button_each_and_labels_beneath_each_other() {
+    let rig = Rig::new();
+    let shipped = std::fs::read_to_string(workspace().join("scenarios/spring-mass.toml"));
+    let times_s = [0.5, 0.5, 0.51, 0.6, 1.0, 2.0, 2.0, 2.0, 2.1, 3.0, 4.9, 4.99];
+    let faults = times_s.map(|at_s| {
+        format!(
+            "[[faults]]\nkind = \"bias\"\nat_s = {at_s}\nduration_s = 0.01\n[[faults.effects]]\n\
+             target = \"measured.position_m\"\nbias = 1e-6\n"
+        )
+    });
+    let text = shipped.expect("it is there") + "\n" + &faults.concat();
+    let scenario = rig.write("many.toml", &text);
+    let of = |gain: u32| {
+        let scenario = scenario.display();
+        let set = "requirements=[] --set controller.pid.proportional_n_per_m";
+        rig.run(&format!("{scenario} --set {set}={gain}")).expect(0)
+    };
+    let (soft, hard) = (of(200), of(300));
+    let page = Page::of(&rig, &[&soft, &hard], &[]);
+    assert_eq!(page.text.matches("data-jump=").count(), times_s.len());
+    let labels: Vec<&Value> = (0..2).map(|run| &page.data["runs"][run]["label"]).collect();
+    let expected = [
+        "pid proportional_n_per_m=200",
+        "pid proportional_n_per_m=300",
+    ];
+    assert_eq!(labels, expected);
+    for width in [1280, 500] {
+        let Some(told) = looked_at(&rig, &page, width, false) else {
+            return;
+        };
+        assert_drawn(&told, &page);
+        let scrolls = told["scrolls"].as_array().expect("tables");
+        assert!(scrolls.iter().all(|one| one[0] == one[1]), "{scrolls:?}");
+        let is_any = scrolls.iter().any(|one| one[0] == true);
+        assert!(is_any || width > 500, "a phone is narrower than a table");
+        for figure in told["figures"].as_array().expect("figures") {
+            // Text, left, top, width.
+            let texts = figure["texts"].as_array().expect("texts").iter();
+            let boxes: Vec<(&str, [f64; 3])> = texts
+                .map(|one| {
+                    let number = |at: usize| one[at].as_f64().expect("a number");
+                    (one[0].as_str().expect("text"), [1, 2, 3].map(number))
+                })
+                .filter(|(text, _)| text.ends_with(" bias"))
+                .collect();
+            let is_over_time = !figure["title"].as_str().expect("text").contains("by time");
+            assert_eq!(is_over_time, !boxes.is_empty(), "{figure}");
+            for (at, (text, [x, y, wide])) in boxes.iter().enumerate() {
+                for (other, [x2, y2, wide2]) in &boxes[at + 1..] {
+                    let is_apart = (y - y2).abs() > 11.0 || x + wide < *x2 || x2 + wide2 < *x;
+                    assert!(is_apart, "{text} and {other} in {}", figure["title"]);
+                }
+            }
+            for one in figure["dashes"].as_array().expect("a legend") {
+                let label = one[0].as_str().expect("text");
+                let is_dashed = one[1].as_str().is_some_and(|dash| dash.starts_with("8 "));
+                assert_eq!(is_dashed, label.contains(": reference."), "{label}");
+            }
+        }
+    }
 }
 
 #[test]

@@ -210,10 +210,89 @@ fn judging_allocates_nothing() {
     let allocated = allocation_counter::measure(|| {
         for step in 0..=plan.run.steps {
             row.fill(1e-5 * (step % 777) as f64);
-            evaluation.observe(Step(step), &row);
+            evaluation.observe(Step(step), &row, []);
         }
     });
     assert_eq!(allocated.count_total, 0);
     let values = evaluation.requirements();
     assert!(values.iter().all(|value| value.robustness.is_some()));
+}
+
+/// The teaching plant for 1 s, with a fault on one target from `at_s` to 0.6 s. Its requirements are easy:
+/// only what does not exist fails them.
+fn left_out(rig: &Rig, kind: &str, target: &str, at_s: f64) -> Run {
+    let text = format!(
+        r#"
+schema = 1
+run = {{duration_s = 1.0, rate_hz = 100}}
+plant.model = "spring-mass"
+controller.law = "pid"
+[[stimuli]]
+target = "position_m"
+kind = "step"
+after = 0.1
+[[faults]]
+kind = "{kind}"
+at_s = {at_s}
+end_s = 0.6
+[[faults.effects]]
+target = "{target}"
+[[requirements]]
+name = "measured"
+formula = "always(abs(measured.position_m) < 1e6)"
+[[requirements]]
+name = "command"
+formula = "always(abs(command.force_n) < 1e6)"
+[[requirements]]
+name = "applied"
+formula = "always(abs(applied.force_n) < 1e6)"
+[[metrics]]
+name = "mean_m"
+expression = "mean(measured.position_m)"
+[[metrics]]
+name = "mean_n"
+expression = "mean(command.force_n)"
+"#
+    );
+    let path = rig.write("left-out.toml", &text);
+    rig.run(path.to_str().expect("plain"))
+}
+
+#[test]
+fn what_a_fault_left_out_counts_against_a_requirement_and_in_no_mean() {
+    let rig = Rig::new();
+    let sensor = "measured.position_m";
+    for (kind, target, at_s, failing, skipped) in [
+        ("dropout", sensor, 0.2, "measured", [40, 1]),
+        // A controller that never got a sample.
+        ("message-loss", "link.sample", 0.0, "measured", [60, 1]),
+        // Of all commands the final record has none.
+        ("dropout", "command.force_n", 0.2, "command", [0, 41]),
+        ("message-loss", "link.command", 0.0, "command", [0, 61]),
+        // Late and wrong values exist.
+        ("message-loss", "link.sample", 0.2, "", [0, 1]),
+        ("stuck", sensor, 0.2, "", [0, 1]),
+    ] {
+        let run = left_out(&rig, kind, target, at_s).expect(i32::from(!failing.is_empty()));
+        let summary = run.summary();
+        for one in summary["requirements"].as_array().expect("a list") {
+            let fails = one["name"] == failing;
+            let wanted = if fails { "fail" } else { "pass" };
+            assert_eq!(one["verdict"], wanted, "{kind} on {target}: {one}");
+            // Minus infinity is no number of JSON.
+            assert_eq!(one["robustness"].is_null(), fails, "{one}");
+            let first_s = if fails { at_s } else { 0.0 };
+            assert!(one["at_s"].as_f64() >= Some(first_s), "{one}");
+        }
+        let metrics = summary["metrics"].as_array().expect("a list");
+        let found: Vec<u64> = metrics
+            .iter()
+            .map(|one| one["skipped"].as_u64().unwrap_or(0))
+            .collect();
+        assert_eq!(found, skipped, "{kind} on {target}");
+        let (judged, _) = judge(&rig, &run, &[]);
+        for key in ["metrics", "requirements", "verdict"] {
+            assert_eq!(judged[key], summary[key], "{kind} on {target}: {key}");
+        }
+    }
 }

@@ -12,7 +12,7 @@ use shared_types::session::SessionInfo;
 
 use crate::harness::{Rig, Run, Running, send, until};
 use crate::mcap_reader::{Record, Recording};
-use crate::programs::{misbehaving_controller, program};
+use crate::programs::{misbehaving_controller, program, program_of_tests};
 
 /// The step at which the laws of the misbehaving controller misbehave, counted from their first.
 const WHEN: u64 = 100;
@@ -182,6 +182,36 @@ fn another_controller_takes_over_at_the_step_that_the_answer_names() {
     let (before, after) = (applied_n(&plain), applied_n(&run));
     assert_eq!(before[..2500], after[..2500]);
     assert!(after[2500..].iter().all(|force_n| *force_n == 0.0));
+}
+
+#[test]
+fn a_law_of_another_program_takes_over_without_the_keys_that_it_does_not_have() {
+    let rig = Rig::new();
+    let running = rig.held();
+    let other = program_of_tests("clock-reading-controller");
+    let other = other.to_str().expect("plain text");
+    let arguments = ["--bin", other, "--set", "controller.law=honest"];
+    // What is asked for now has to be known.
+    let wrong = [
+        &arguments[..],
+        &["--set", "controller.pid.proportional_n_per_m=3"],
+    ]
+    .concat();
+    swap(&rig, &wrong).expect(2).says(&["unknown key `pid`"]);
+    let swapped = swap(&rig, &arguments).expect(0).stdout;
+    let took = format!("controller 2 (honest, {other}) took over at step 2500\n");
+    let left_out = "  left out, as none of its laws has them: controller.pid\n";
+    assert_eq!(swapped, took + left_out);
+    // Back again: nothing of the scenario is left out.
+    let back = swap(&rig, &["--set", "controller.law=pid", "--json"]).expect(0);
+    let told: Value = serde_json::from_str(&back.stdout).expect("JSON");
+    assert_eq!(told["left_out"], serde_json::json!([]));
+    let run = resume(&rig, running);
+    let summary = run.summary();
+    let laws: Vec<&Value> = (0..2)
+        .map(|one| &summary["controllers"][one]["law"])
+        .collect();
+    assert_eq!(laws, ["pid", "honest"]);
 }
 
 #[test]

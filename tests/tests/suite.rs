@@ -108,7 +108,10 @@ fn what_cannot_be_run_is_refused_before_anything_starts() {
             format!("{good} {good} --audit"),
             "--audit takes one scenario",
         ),
-        (format!("{good} --repeat 0"), "0 is not in 1..=10000"),
+        (
+            format!("{good} --repeat 0"),
+            "a whole number from 1 to 10000",
+        ),
     ] {
         let run = rig.run(&arguments).expect(2);
         assert!(run.stderr.contains(message), "{arguments}: {}", run.stderr);

@@ -1,5 +1,5 @@
-//! Recordings in the programs that engineers look at them with: rerun's converter, and the packages
-//! that Foxglove decodes with.
+//! Recordings in the programs that engineers look at them with: rerun's converter, the packages that
+//! Foxglove decodes with, and rosbags, which takes nothing but recordings of ROS 2.
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -47,6 +47,35 @@ fn rerun_converts_recordings_to_columns_with_the_names_and_bits_of_the_signals()
     assert_eq!(same, runs.len(), "{told}");
 }
 
+/// What is exported of a run: a table beside its folder.
+fn exported(rig: &Rig, run: &Run, number: usize) -> PathBuf {
+    let table = rig.path(&format!("table-{number}.csv"));
+    let arguments = [run.folder.to_str(), Some("-o"), table.to_str()];
+    let arguments = arguments.map(|argument| argument.expect("text"));
+    rig.hil(&[&["export"], &arguments[..]].concat()).expect(0);
+    table
+}
+
+#[test]
+fn rosbags_reads_every_message_with_the_bits_that_are_exported() {
+    let test = "rosbags_reads_every_message_with_the_bits_that_are_exported";
+    let Some(python) = python("rosbags, pandas") else {
+        return skip(test, "Python has no `rosbags`", "HIL_TEST_PYTHON");
+    };
+    let rig = Rig::new();
+    for (number, run) in recordings(&rig).iter().enumerate() {
+        let script = workspace().join("tests/python/compare_rosbags.py");
+        let mut compare = Command::new(&python);
+        let told = succeeds(
+            compare
+                .arg(script)
+                .arg(run.recording())
+                .arg(exported(&rig, run, number)),
+        );
+        assert!(told.contains("the same bits in rosbags"), "{told}");
+    }
+}
+
 /// A folder with the packages of `tests/node`; made if that is demanded.
 fn node_packages() -> Option<PathBuf> {
     let folder = target().join("node");
@@ -84,10 +113,7 @@ fn foxgloves_decoders_read_what_is_exported_of_the_same_recording() {
     };
     let rig = Rig::new();
     for (number, run) in recordings(&rig).iter().enumerate() {
-        let table = rig.path(&format!("table-{number}.csv"));
-        let arguments = [run.folder.to_str(), Some("-o"), table.to_str()];
-        let arguments = arguments.map(|argument| argument.expect("text"));
-        rig.hil(&[&["export"], &arguments[..]].concat()).expect(0);
+        let table = exported(&rig, run, number);
         let script = workspace().join("tests/node/compare_export.mjs");
         let mut compare = Command::new("node");
         let told = succeeds(

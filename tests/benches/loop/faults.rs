@@ -105,7 +105,7 @@ fn idle_ns() -> f64 {
         black_box(layer.command(
             step,
             &header,
-            (&command, &[0; VALIDITY_WORDS]),
+            (&command, &mut [0; VALIDITY_WORDS]),
             &mut applied,
         ));
         black_box((&row, &applied, layer.has_events()));

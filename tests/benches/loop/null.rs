@@ -251,6 +251,7 @@ pub(crate) fn watched(names: &Names, size: usize, observers: usize) -> Figures {
         faults: Vec::new(),
         derived: Vec::new(),
         missed: Vec::new(),
+        law: None,
         pause_at_s: None,
         observed: false,
         checkpoints: Checkpoints::default(),

@@ -130,7 +130,7 @@ fn record_ns(text: &str) -> f64 {
         .collect();
     let begin_ns = monotonic_ns();
     for (step, row) in (0..=STEPS).zip(rows.iter().cycle()) {
-        evaluation.observe(Step(step), black_box(row));
+        evaluation.observe(Step(step), black_box(row), []);
     }
     let spent_ns = monotonic_ns() - begin_ns;
     black_box(evaluation.requirements());

@@ -45,6 +45,7 @@ impl Tape {
             internal: fields("internal"),
             parameter: fields("parameter"),
             command_signals: 0,
+            command_places: Vec::new(),
         };
         layout.command_signals = layout.command.len() + layout.internal.len();
         let mut words = Vec::new();

@@ -49,10 +49,16 @@ const CARGO: &str = r#"#!/usr/bin/env bash
 set -euo pipefail
 words=("$@")
 folder=$PWD
-for ((i = 0; i < ${#words[@]}; i++)); do
+into=
+count=$#
+for ((i = 0; i < count; i++)); do
     case "${words[i]}" in
         --release) unset 'words[i]' ;;
         --manifest-path) folder=$(dirname "${words[i + 1]}") ;;
+        --target-dir)
+            into=${words[i + 1]}
+            unset 'words[i]' 'words[i + 1]'
+            ((++i)) ;;
         --bench) [ -e "tests/benches/${words[i + 1]}" ] || grep -q "name = \"${words[i + 1]}\"" tests/Cargo.toml ;;
     esac
 done
@@ -60,8 +66,9 @@ case "$1" in
     build)
         [ "$folder" -ef "$CLONE" ] && exit 0
         "$CARGO" "${words[@]}" --offline --target-dir "$OUTSIDE"
-        mkdir -p "$folder/target"
-        ln -sfn "$OUTSIDE/debug" "$folder/target/release" ;;
+        into=${into:-$folder/target}
+        mkdir -p "$into"
+        ln -sfn "$OUTSIDE/debug" "$into/release" ;;
     test | bench) [ "$PWD" -ef "$CLONE" ] ;;
     *) exec "$CARGO" "$@" ;;
 esac
@@ -185,6 +192,9 @@ impl Desk {
             .env("PROGRAMS", &self.programs)
             .env("CARGO", env!("CARGO"))
             .env("SESSION", rig.session())
+            .env("XDG_STATE_HOME", self.folder.join("state"))
+            .env_remove("HIL_PLANT_BIN")
+            .env_remove("HIL_CONTROLLER_BIN")
             .env_remove("CARGO_TARGET_DIR")
             .env_remove("RUST_BACKTRACE")
             .stdin(Stdio::null())

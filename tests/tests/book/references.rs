@@ -7,6 +7,7 @@ use std::fmt::Write as _;
 use clap::CommandFactory;
 use serde_json::Value;
 use shared_types::describe::{ActsOn, FaultDescription, ProfileDescription};
+use shared_types::number::exact as number;
 use shared_types::table::Field;
 use tools::cli::CommandLine;
 
@@ -142,6 +143,7 @@ fn kind(value: &Value) -> &'static str {
         Some("array") if value["items"]["type"] == "number" => "numbers",
         Some("array") if value["items"]["type"] == "array" => "pairs of numbers",
         Some("array") => "tables",
+        _ if value["anyOf"].is_array() => "text or a table",
         _ => "text or a number",
     }
 }
@@ -265,12 +267,6 @@ fn range(field: &Field) -> String {
         return String::new();
     }
     format!("{} to {}", number(field.min), number(field.max))
-}
-
-/// A number as people write it.
-fn number(value: f64) -> String {
-    let text = format!("{value:?}");
-    text.strip_suffix(".0").unwrap_or(&text).into()
 }
 
 /// Text in a table.

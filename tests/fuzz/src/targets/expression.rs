@@ -87,12 +87,7 @@ fn stated(formula: &Formula, rate: Rate, mut numbers: OddNumbers) {
     let unknown = formula.unknown_names(&Columns::default());
     let names = unknown.iter().map(|error| &text[error.span.clone()]);
     let columns = columns(names);
-    let ground = Ground {
-        columns: &columns,
-        derived: &[],
-        rate,
-        steps: STEPS,
-    };
+    let ground = Ground::new(&columns, &[], rate, STEPS);
     let mut monitor = match Monitor::new(formula, &ground) {
         Ok(monitor) => monitor,
         Err(error) => return refused(&text, &error),

@@ -57,7 +57,7 @@ fn taken(plan: &Plan, mut numbers: OddNumbers) {
     let columns = Columns::of(plant, &plan.stimuli, &law.internals);
     let mut evaluation = Evaluation::new(plan, &columns).expect("what was checked can be computed");
     for step in 0..ROWS {
-        evaluation.observe(Step(step), &numbers.row(columns.len()));
+        evaluation.observe(Step(step), &numbers.row(columns.len()), []);
         for event in &plan.faults {
             evaluation.fault(event.id, Step(step + 1));
         }

@@ -141,6 +141,7 @@ pub fn plant_job() -> plant_process::job::Job {
         faults: plan.faults,
         derived: Vec::new(),
         missed: Vec::new(),
+        law: None,
         pause_at_s: None,
         observed: false,
         checkpoints: Checkpoints::default(),

@@ -1,0 +1,204 @@
+//! A controller process that answers a hundred samples and then never falls silent, nor gets on. Not a
+//! program of the workspace: tests give it to `hil` as `--controller-bin`.
+//!
+//! | law | at every look, from its hundredth sample on |
+//! |---|---|
+//! | `repeats`, and the shipped `hold` | sends its last answer once more |
+//! | `contradicts` | sends another answer to the same sample |
+//! | `greets` | says hello, from the beginning, and hears nothing |
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use controller_process::controller::{Controller, LawKind, Sample, Setup};
+use controller_process::job::{JOB_FILE, Job};
+use controller_process::runner::{Progress, Runner, choose};
+use shared_types::describe::{Description, Invalid};
+use shared_types::frame::{FrameKind, Header};
+use shared_types::link::iceoryx::IceoryxLink;
+use shared_types::link::{FrameSpec, Link, LinkError, Peer, Rejected};
+use shared_types::lockstep::ControllerEvent;
+use shared_types::program::{COMPLETED, Program, read_job};
+use shared_types::realtime;
+use shared_types::session::SessionInfo;
+use shared_types::supervision::Supervision;
+use shared_types::table;
+use shared_types::table::Empty;
+use shared_types::wait::{WaitLimit, Waiter};
+
+/// Samples that are answered.
+const ANSWERED: u64 = 100;
+/// The command.
+const FORCE_N: f64 = 0.5;
+
+table! {
+    /// What the teaching plant measures.
+    struct Position {
+        /// Position.
+        position_m: "m",
+    }
+}
+
+table! {
+    /// What it takes.
+    struct Force {
+        /// Force.
+        force_n: "N",
+    }
+}
+
+struct Steady;
+
+impl Controller for Steady {
+    const NAME: &'static str = "steady";
+    const SUMMARY: &'static str = "Commands one force.";
+    type Parameters = Empty;
+    type Model = Empty;
+    type Measured = Position;
+    type Reference = Empty;
+    type Command = Force;
+    type Internals = Empty;
+
+    fn start(_: &Setup<Self>) -> Result<Self, Invalid> {
+        Ok(Self)
+    }
+
+    fn step(&mut self, _: &Sample<Self>) -> (Force, Empty) {
+        (Force { force_n: FORCE_N }, Empty {})
+    }
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Habit {
+    Repeats,
+    Contradicts,
+    Greets,
+}
+
+/// A link that says more than it is asked to.
+struct Chatting {
+    inner: IceoryxLink,
+    habit: Habit,
+    hello: Vec<u8>,
+    answer: Option<(Header, Vec<f64>)>,
+}
+
+impl Link for Chatting {
+    fn send_control(&mut self, message: &[u8]) -> Result<(), LinkError> {
+        self.hello = message.to_vec();
+        self.inner.send_control(message)
+    }
+
+    fn receive_control(&mut self) -> Result<Option<Vec<u8>>, LinkError> {
+        if self.habit == Habit::Greets {
+            self.inner.send_control(&self.hello)?;
+            return Ok(None);
+        }
+        self.inner.receive_control()
+    }
+
+    fn expect(&mut self, epoch: u32) -> Result<(), LinkError> {
+        self.inner.expect(epoch)
+    }
+
+    fn peer(&self) -> Result<Peer, LinkError> {
+        self.inner.peer()
+    }
+
+    fn open_frames(&mut self, spec: &FrameSpec) -> Result<(), LinkError> {
+        self.inner.open_frames(spec)
+    }
+
+    fn take_over(&mut self) {
+        self.inner.take_over();
+    }
+
+    fn send(&mut self, header: &Header, values: &[f64]) -> Result<(), LinkError> {
+        self.answer = Some((*header, values.to_vec()));
+        self.inner.send(header, values)
+    }
+
+    fn receive(&mut self, values: &mut [f64]) -> Result<Option<Header>, LinkError> {
+        let came = self.inner.receive(values)?;
+        let answer = (self.answer.as_mut()).filter(|(answer, _)| answer.step + 1 >= ANSWERED);
+        let Some((header, answer)) = answer else {
+            return Ok(came);
+        };
+        if self.habit == Habit::Contradicts {
+            answer[0] += 1e-3;
+        }
+        self.inner.send(header, answer)?;
+        // An end is taken, a sample is not.
+        Ok(came.filter(|header| header.kind() != Some(FrameKind::Sample)))
+    }
+
+    fn rejected(&self) -> Rejected {
+        self.inner.rejected()
+    }
+}
+
+struct ChattingController {
+    laws: Vec<LawKind>,
+}
+
+impl Program for ChattingController {
+    fn description(&self) -> Description {
+        let mut description = Description::new("chatting-controller", "0.1.0");
+        description.laws = (self.laws.iter())
+            .map(|kind| kind.description.clone())
+            .collect();
+        description
+    }
+
+    fn check(&self, _: &Path) -> Result<(), String> {
+        Ok(())
+    }
+
+    fn serve(&self, session: &SessionInfo, supervision: &Supervision) -> Result<u8, String> {
+        let told = |e: &dyn std::fmt::Display| e.to_string();
+        let job: Job = read_job(&session.folder.join(JOB_FILE))?;
+        let mut waiter = Waiter::new(WaitLimit::from_seconds(10.0));
+        let inner = loop {
+            match IceoryxLink::open(session, job.epoch) {
+                Err(LinkError::Absent { .. }) if !waiter.pause() => {}
+                opened => break opened.map_err(|e| told(&e))?,
+            }
+        };
+        let link = Chatting {
+            inner,
+            habit: match job.law.as_str() {
+                "contradicts" => Habit::Contradicts,
+                "greets" => Habit::Greets,
+                _ => Habit::Repeats,
+            },
+            hello: Vec::new(),
+            answer: None,
+        };
+        let kind = choose(&self.laws, &job.law, &job.plant).map_err(|e| told(&e))?;
+        let report = job.realtime.apply();
+        let mut runner = Runner::new(kind, job, link).map_err(|e| told(&e))?;
+        let written = session.write_file(realtime::CONTROLLER_FILE, &report);
+        written.map_err(|e| told(&e))?;
+        runner.begin().map_err(|e| told(&e))?;
+        // No wait, and no limit: only others end it.
+        while runner.poll().map_err(|e| told(&e))? != Progress::Over {
+            if supervision.wants_stop() || supervision.is_peer_gone() {
+                let stopped = runner.interrupt(&ControllerEvent::Stop);
+                stopped.map_err(|e| told(&e))?;
+            }
+        }
+        Ok(COMPLETED)
+    }
+}
+
+fn main() -> ExitCode {
+    let law = |name: &str| {
+        let mut kind = LawKind::of::<Steady>();
+        kind.description.name = name.into();
+        kind
+    };
+    let mut laws = controller_process::laws::all();
+    laws.retain(|kind| kind.description.name == "hold");
+    laws.extend(["repeats", "contradicts", "greets"].map(law));
+    shared_types::program::run(&ChattingController { laws })
+}

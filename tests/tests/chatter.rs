@@ -1,0 +1,133 @@
+//! Controllers that never fall silent: what they say over and over holds no run, with any policy and any
+//! clock, and a second answer that is not the first is named.
+
+use serde_json::Value;
+
+use crate::harness::{Rig, Run};
+use crate::mcap_reader::{Record, Recording};
+use crate::programs::program_of_tests;
+
+/// Samples that the chatting controller answers.
+const ANSWERED: u64 = 100;
+/// What it commands.
+const FORCE_N: f64 = 0.5;
+const SAFE_N: f64 = -0.25;
+const STEPS: u64 = 1000;
+
+/// The teaching plant for a second under a law that chats.
+fn chats(rig: &Rig, law: &str, policy: &str, clock: &str) -> Run {
+    let text = format!(
+        "schema = 1\nname = \"chatter\"\n\
+         [run]\nduration_s = 1.0\nrate_hz = {STEPS}\non_controller_loss = \"{policy}\"\n\
+         [plant]\nmodel = \"spring-mass\"\n[plant.safe_command]\nforce_n = {SAFE_N}\n\
+         [controller]\nlaw = \"{law}\"\n"
+    );
+    let path = rig.write("scenario.toml", &text);
+    let (path, controller) = (path.display(), program_of_tests("chatting-controller"));
+    let controller = controller.display();
+    rig.run(&format!(
+        "{path} --controller-bin {controller} --clock {clock} --wait-limit 0.3"
+    ))
+}
+
+fn applied_n(run: &Run) -> Vec<f64> {
+    let recording = Recording::open(&run.recording());
+    let records: Vec<Record> = recording.records().collect();
+    let applied = (records.iter()).map(|record| recording.value(record, "applied.force_n"));
+    applied.filter(|force_n| !force_n.is_nan()).collect()
+}
+
+#[track_caller]
+fn assert_told(told: &Value, fragment: &str) {
+    let told = told.as_str().expect("a reason");
+    assert!(told.contains(fragment), "`{fragment}` is not in `{told}`");
+}
+
+#[test]
+fn an_answer_repeated_for_ever_ends_with_the_wait_limit_whatever_the_policy() {
+    let late = "controller did not answer step 100 within 0.3 s";
+    let rig = Rig::new();
+    let run = chats(&rig, "repeats", "abort", "lockstep").expect(3);
+    let summary = run.summary();
+    assert_told(&summary["reason"], late);
+    assert_eq!(applied_n(&run), [FORCE_N; ANSWERED as usize]);
+    for (policy, then_n) in [("hold", FORCE_N), ("safe-command", SAFE_N)] {
+        let run = chats(&rig, "repeats", policy, "lockstep").expect(0);
+        let summary = run.summary();
+        assert_eq!(
+            (&summary["verdict"], &summary["steps"]),
+            (&"pass".into(), &STEPS.into())
+        );
+        assert_told(&summary["controllers"][0]["reason"], late);
+        let applied_n = applied_n(&run);
+        let (before, after) = applied_n.split_at(ANSWERED as usize);
+        assert!(before.iter().all(|force_n| *force_n == FORCE_N));
+        assert!(after.iter().all(|force_n| *force_n == then_n), "{policy}");
+    }
+    // Each that comes in its place does the same: it answers the sample that it begins with.
+    let run = chats(&rig, "repeats", "wait-for-restart", "lockstep").expect(3);
+    let controllers = &run.summary()["controllers"];
+    assert_told(&controllers[0]["reason"], late);
+    assert_told(
+        &controllers[1]["reason"],
+        "controller did not answer step 101 within 0.3 s",
+    );
+}
+
+#[test]
+fn against_a_clock_too() {
+    let rig = Rig::new();
+    let run = chats(&rig, "repeats", "abort", "paced").expect(3);
+    let late = "controller did not answer step 100 within 0.3 s";
+    assert_told(&run.summary()["reason"], late);
+    // In real time the run goes on until the limit; at which step that is depends on the machine.
+    let run = chats(&rig, "repeats", "abort", "realtime").expect(3);
+    assert_told(&run.summary()["reason"], "controller did not answer step ");
+    let run = chats(&rig, "repeats", "safe-command", "realtime");
+    let summary = run.summary();
+    assert_eq!(summary["steps"], STEPS);
+    assert_told(
+        &summary["controllers"][0]["reason"],
+        "controller did not answer step ",
+    );
+}
+
+#[test]
+fn a_hello_said_for_ever_ends_with_the_wait_limit() {
+    let rig = Rig::new();
+    let run = chats(&rig, "greets", "hold", "lockstep").expect(3);
+    let late = "controller did not open its frames within 0.3 s";
+    assert_told(&run.summary()["reason"], late);
+}
+
+#[test]
+fn a_second_answer_that_is_not_the_first_is_named() {
+    let rig = Rig::new();
+    let twice =
+        "controller broke the protocol at step 100: it answered step 99 twice, and not the same";
+    let run = chats(&rig, "contradicts", "abort", "lockstep").expect(3);
+    assert_told(&run.summary()["reason"], twice);
+    let run = chats(&rig, "contradicts", "safe-command", "lockstep").expect(0);
+    assert_told(&run.summary()["controllers"][0]["reason"], twice);
+}
+
+#[test]
+fn a_replay_is_not_held_either() {
+    let rig = Rig::new();
+    let run = rig.run(
+        "scenarios/spring-mass.toml --set run.duration_s=0.8 --set controller.law=hold \
+         --set metrics=[] --set requirements=[]",
+    );
+    let run = run.expect(0);
+    let (folder, controller) = (run.folder, program_of_tests("chatting-controller"));
+    let replay = rig.hil(&[
+        "replay",
+        folder.to_str().expect("plain text"),
+        "--controller-bin",
+        controller.to_str().expect("plain text"),
+        "--wait-limit",
+        "0.3",
+    ]);
+    let late = "controller did not answer step 100 within 0.3 s";
+    replay.expect(3).says(&[late]);
+}

@@ -1,0 +1,62 @@
+//! A machine that gives no shared memory: what is wrong with it is said, and what to do.
+
+use std::process::{Command, Output};
+
+use crate::harness::Rig;
+use crate::programs::{program, skip, workspace};
+
+/// Runs `hil` where `/dev/shm` is a file system of its own with these options.
+fn hil(options: &str, arguments: &[&str]) -> Output {
+    let script = format!(
+        "mount -t tmpfs -o mode=1777,{options} tmpfs /dev/shm && exec timeout 100 \"$0\" \"$@\""
+    );
+    let mut unshare = Command::new("unshare");
+    unshare.current_dir(workspace());
+    unshare
+        .args(["-m", "sh", "-c", &script])
+        .arg(program("hil"));
+    unshare.args(arguments).output().expect("unshare runs")
+}
+
+#[test]
+fn shared_memory_that_cannot_be_used_is_named_with_what_to_do() {
+    let test = "shared_memory_that_cannot_be_used_is_named_with_what_to_do";
+    let try_it = Command::new("unshare")
+        .args(["-m", "mount", "-t", "tmpfs", "tmpfs", "/dev/shm"])
+        .output();
+    if !try_it.is_ok_and(|output| output.status.success()) {
+        let why = "this user may not mount file systems";
+        return skip(test, why, "HIL_TEST_UNSHARE");
+    }
+    let rig = Rig::new();
+    for (options, told) in [
+        ("ro", "mount -o remount,rw /dev/shm"),
+        ("nr_inodes=1", "mount -o remount,nr_inodes="),
+        // iceoryx2 comes as far as its nodes, services and ports.
+        ("nr_inodes=8", "mount -o remount,nr_inodes="),
+        ("nr_inodes=20", "mount -o remount,nr_inodes="),
+        ("nr_inodes=40", "mount -o remount,nr_inodes="),
+        ("nr_inodes=60", "mount -o remount,nr_inodes="),
+    ] {
+        let out = rig.path(options);
+        let out = out.to_str().expect("text");
+        let scenario = "scenarios/spring-mass.toml";
+        let run = hil(
+            options,
+            &["run", scenario, "--wait-limit", "10", "--out", out],
+        );
+        let said = [run.stdout, run.stderr].concat();
+        let said = String::from_utf8_lossy(&said);
+        assert_eq!(run.status.code(), Some(3), "{options}: {said}");
+        assert!(said.contains(told), "{options}: {said}");
+
+        let doctor = hil(options, &["doctor", "--quick"]);
+        let said = String::from_utf8_lossy(&doctor.stdout);
+        let checks = said.lines().find(|line| line.contains("shared_memory"));
+        assert!(
+            checks.is_some_and(|line| line.starts_with("poor")),
+            "{said}"
+        );
+        assert!(said.contains(told), "{options}: {said}");
+    }
+}

@@ -1,0 +1,271 @@
+//! Peers that say what is not so: a run is what was planned, step by step and signal by signal, or it failed
+//! by name.
+
+use std::process::Command;
+
+use serde_json::Value;
+
+use crate::harness::{Rig, Run};
+use crate::programs::{misbehaving_controller, program, program_of_tests};
+
+/// A second of the lying plant with 1000 steps; the model is the lie.
+fn lies(rig: &Rig, lie: &str, more: &str) -> Run {
+    let text = format!(
+        "schema = 1\nname = \"lie\"\n[run]\nduration_s = 1.0\nrate_hz = 1000\n\
+         [plant]\nmodel = \"{lie}\"\n[controller]\nlaw = \"hold\"\n"
+    );
+    let scenario = rig.write("scenario.toml", &text);
+    let (scenario, plant) = (scenario.display(), program_of_tests("lying-plant"));
+    let plant = plant.display();
+    rig.run(&format!(
+        "{scenario} --plant-bin {plant} --wait-limit 30 {more}"
+    ))
+}
+
+/// Fails unless a run was aborted for a reason with these facts, and its recording with it.
+#[track_caller]
+fn found_out(run: Run, lie: &str, facts: &[&str]) {
+    assert_eq!(run.code, Some(3), "{lie}: {}{}", run.stdout, run.stderr);
+    let summary = run.summary();
+    assert_eq!(summary["verdict"], "aborted", "{lie}");
+    let reason = summary["reason"].as_str().unwrap_or_default();
+    for fact in facts {
+        assert!(
+            reason.contains(fact),
+            "{lie}: `{fact}` is not in `{reason}`"
+        );
+    }
+    for shown in [&run.stdout, &run.stderr, &reason.to_owned()] {
+        assert!(!shown.contains(['\u{1b}', '\u{7}']), "{lie}: {shown:?}");
+    }
+}
+
+#[test]
+fn a_plant_that_tells_the_truth_passes() {
+    for more in [
+        "",
+        "--no-record",
+        "--record-every 10",
+        "--set run.on_controller_loss=hold",
+    ] {
+        let rig = Rig::new();
+        let run = lies(&rig, "honest", more).expect(0);
+        let summary = run.summary();
+        assert_eq!(
+            (&summary["verdict"], &summary["steps"]),
+            (&"pass".into(), &1000.into())
+        );
+        assert_eq!(summary["recording"]["records"], 1001);
+    }
+}
+
+#[test]
+fn a_plant_that_lies_about_its_run_is_found_out() {
+    for (lie, facts) in [
+        (
+            "runs-two-steps",
+            &["completed the run after 2 steps", "1000"][..],
+        ),
+        ("runs-no-step", &["completed the run after 0 steps", "1000"]),
+        (
+            "claims-all-steps",
+            &["executed 1000 steps", "1001 records", "3 came"],
+        ),
+        (
+            "claims-no-step",
+            &["completed the run after 0 steps", "1000"],
+        ),
+        (
+            "claims-more-steps",
+            &["executed 18446744073709551615 steps", "1000"],
+        ),
+        (
+            "diverges-beyond-the-end",
+            &["executed 18446744073709551615 steps", "1000"],
+        ),
+        (
+            "keeps-one-back",
+            &["record of step 501 came", "step 500 was due"],
+        ),
+        (
+            "keeps-the-last-back",
+            &["executed 1000 steps", "1001 records", "500 came"],
+        ),
+        (
+            "doubles-one",
+            &["record of step 500 came", "step 501 was due"],
+        ),
+        (
+            "swaps-two",
+            &["record of step 501 came", "step 500 was due"],
+        ),
+        (
+            "tells-another-time",
+            &["record of step 500", "500000001 ns", "500000000 ns"],
+        ),
+        ("has-no-controller", &["lost controller 1", "hold", "abort"]),
+        (
+            "loses-it-against-the-plan",
+            &["lost controller 1", "hold", "abort"],
+        ),
+        ("gets-another", &["controller 2", "was not started"]),
+        ("misses-commands", &["1 commands missed", "0 records"]),
+        (
+            "makes-up-a-fault",
+            &["effect 0 of fault 7", "no such fault"],
+        ),
+        (
+            "writes-on-the-terminal",
+            &["all is \u{fffd}[32mwell\u{fffd}"],
+        ),
+        (
+            "misnames",
+            &["truth signal", "position_m\\nfloat64 other_m", "--describe"],
+        ),
+    ] {
+        let rig = Rig::new();
+        found_out(lies(&rig, lie, ""), lie, facts);
+    }
+}
+
+#[test]
+fn a_lie_is_found_out_whatever_is_recorded_and_whoever_may_be_lost() {
+    let (back, came) = ("keeps-the-last-back", &["1001 records", "500 came"]);
+    for more in ["--no-record", "--record-every 10", "--pace 100"] {
+        let rig = Rig::new();
+        found_out(lies(&rig, back, more), more, came);
+    }
+    // The recording tells the same, and whoever reads it says so.
+    let rig = Rig::new();
+    let run = lies(&rig, back, "");
+    let folder = run.folder.to_str().expect("plain text");
+    let judged = rig.hil(&["judge", folder]).expect(1);
+    for fact in ["aborted", "1001 records", "500 came"] {
+        assert!(judged.stdout.contains(fact), "{}", judged.stdout);
+    }
+    drop(rig);
+    for (lie, policy, fact) in [
+        (
+            "has-no-controller",
+            "hold",
+            "no record has the answer of a controller",
+        ),
+        ("has-no-link", "hold", "no controller came to its link"),
+        (
+            "has-no-link",
+            "safe-command",
+            "`hold`, and the run has `safe-command`",
+        ),
+        (
+            "loses-it-against-the-plan",
+            "safe-command",
+            "`hold`, and the run has `safe-command`",
+        ),
+    ] {
+        let rig = Rig::new();
+        let more = format!("--set run.on_controller_loss={policy}");
+        found_out(lies(&rig, lie, &more), lie, &[fact]);
+    }
+}
+
+/// The teaching plant under a law of the misbehaving controller.
+fn under(rig: &Rig, law: &str, more: &str) -> Run {
+    let text = format!(
+        "schema = 1\nname = \"hello\"\n[run]\nduration_s = 0.1\nrate_hz = 1000\n\
+         [plant]\nmodel = \"spring-mass\"\n[controller]\nlaw = \"{law}\"\n"
+    );
+    let scenario = rig.write("scenario.toml", &text);
+    let (scenario, controller) = (scenario.display(), misbehaving_controller());
+    let controller = controller.display();
+    rig.run(&format!(
+        "{scenario} --controller-bin {controller} --wait-limit 30 {more}"
+    ))
+}
+
+#[test]
+fn a_controller_that_says_other_things_at_hello_than_it_described_is_refused() {
+    let rig = Rig::new();
+    let run = under(&rig, "shows", "").expect(0);
+    assert_eq!(run.summary()["verdict"], "pass");
+    for (law, facts) in [
+        (
+            "unreadable",
+            &["internal", "first m\\nfloat64 third_m", "first_m"][..],
+        ),
+        ("doubles", &["internal", "first_m", "second_m"]),
+        ("renames", &["internal", "third_m", "first_m"]),
+        ("changes-unit", &["internal", "first_m", "\"s\"", "\"m\""]),
+        ("hides", &["1 internal signals", "2"]),
+        ("needs-more", &["1 reference signals", "0"]),
+        ("takes-what-there-is", &["commands", "of the plant"]),
+    ] {
+        let rig = Rig::new();
+        let run = under(&rig, law, "");
+        // It ended before there was anything to record.
+        assert!(!run.recording().exists(), "{law}");
+        assert_eq!(run.summary()["recording"]["file"], Value::Null, "{law}");
+        assert!(!run.stdout.contains("run.mcap"), "{law}: {}", run.stdout);
+        found_out(run, law, &[&["refused"], facts].concat());
+    }
+}
+
+/// Something that becomes of a description.
+type Change = fn(&mut Value);
+
+/// The internals of a law that has some.
+fn shows(description: &mut Value) -> &mut Vec<Value> {
+    let laws = description["laws"].as_array_mut().expect("a list");
+    let mut internals = laws
+        .iter_mut()
+        .filter_map(|law| law["internals"].as_array_mut());
+    let some = internals.find(|internals| internals.len() > 1);
+    some.expect("a law that shows two things")
+}
+
+#[test]
+fn a_description_that_cannot_be_written_down_is_refused_before_anything_starts() {
+    let described = |binary: &str| -> Value {
+        let output = Command::new(program(binary)).arg("--describe").output();
+        serde_json::from_slice(&output.expect("it runs").stdout).expect("JSON")
+    };
+    let (plant, controller) = (described("plant-process"), described("controller-process"));
+    let changes: [(&str, &str, Change); 7] = [
+        ("--controller-bin", "\"e m\" is no name", |all| {
+            shows(all)[0]["name"] = "e m".into();
+        }),
+        ("--controller-bin", "is no unit", |all| {
+            shows(all)[0]["unit"] = "m\nfloat64 x".into();
+        }),
+        ("--controller-bin", "is there twice", |all| {
+            let name = shows(all)[0]["name"].clone();
+            shows(all)[1]["name"] = name;
+        }),
+        ("--controller-bin", "is there twice", |all| {
+            let law = all["laws"][0].clone();
+            all["laws"].as_array_mut().expect("a list").push(law);
+        }),
+        ("--plant-bin", "is there twice", |all| {
+            let plant = all["plants"][0].clone();
+            all["plants"].as_array_mut().expect("a list").push(plant);
+        }),
+        ("--plant-bin", "is there twice", |all| {
+            let name = all["plants"][0]["truth"][0]["name"].clone();
+            all["plants"][0]["truth"][1]["name"] = name;
+        }),
+        ("--plant-bin", "is no name", |all| {
+            all["plants"][0]["measured"][0]["name"] = "2x".into();
+        }),
+    ];
+    for (flag, wanted, change) in changes {
+        let rig = Rig::new();
+        let is_plant = flag == "--plant-bin";
+        let mut text = if is_plant { &plant } else { &controller }.clone();
+        change(&mut text);
+        let file = rig.write("description.json", &text.to_string());
+        let script = rig.script("described", &format!("#!/bin/sh\ncat {}\n", file.display()));
+        let script = script.display();
+        let run = rig.run(&format!("scenarios/spring-mass.toml {flag} {script}"));
+        let run = run.expect(2).says(&["--describe", wanted]);
+        assert!(!run.folder.exists(), "{wanted}");
+    }
+}

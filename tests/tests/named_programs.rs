@@ -1,0 +1,517 @@
+//! Programs that scenarios and recordings name: which one runs, and what is not run.
+
+use std::fs::Permissions;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use rustix::process::Signal;
+use serde_json::Value;
+
+use crate::harness::{Rig, Run, send, until};
+use crate::mcap_reader::Recording;
+use crate::programs::{example, program, workspace};
+
+/// The pendulum's scenario and its two programs in a folder of the test, the programs named by it.
+struct Place {
+    rig: Rig,
+    scenario: PathBuf,
+    plant: PathBuf,
+    law: PathBuf,
+}
+
+impl Place {
+    fn new() -> Self {
+        let rig = Rig::new();
+        std::fs::create_dir(rig.path("bin")).expect("a folder");
+        let (plant, law) = (rig.path("bin/plant"), rig.path("bin/law"));
+        std::fs::copy(example("own-plant"), &plant).expect("copied");
+        std::fs::copy(example("own-controller"), &law).expect("copied");
+        let machine = rustix::system::uname();
+        let machine = machine.machine().to_str().expect("plain text").to_owned();
+        let scenario = rig.write(
+            "own.toml",
+            &naming(
+                "\"bin/plant\"",
+                &format!("{{ {machine} = \"bin/law\", pdp11 = \"nowhere\" }}"),
+            ),
+        );
+        Self {
+            rig,
+            scenario,
+            plant,
+            law,
+        }
+    }
+
+    fn run(&self, arguments: &str) -> Run {
+        let scenario = self.scenario.display();
+        self.rig.run(&format!("{scenario} {arguments}"))
+    }
+
+    /// A recorded run.
+    fn recorded(&self) -> Run {
+        self.run("").expect(0)
+    }
+
+    /// A command on a recorded run, which writes to a folder of its own if it writes any.
+    fn on(&self, run: &Run, arguments: &[&str]) -> Run {
+        let folder = run.folder.to_str().expect("plain text");
+        let [command, rest @ ..] = arguments else {
+            panic!("a command")
+        };
+        self.rig.hil(&[&[*command, folder], rest].concat())
+    }
+
+    fn rerun(&self, run: &Run, name: &str, arguments: &[&str]) -> Run {
+        let out = self.rig.path(name);
+        let out = ["--out", out.to_str().expect("plain text")];
+        self.on(run, &[&["rerun"], &out[..], arguments].concat())
+    }
+}
+
+/// The pendulum's scenario with these programs.
+fn naming(plant: &str, controller: &str) -> String {
+    let shipped = workspace().join("examples/own-plant/pendulum.toml");
+    let shipped = std::fs::read_to_string(shipped).expect("it is there");
+    let lines = shipped.lines().filter(|line| !line.starts_with("program"));
+    let mut text = String::new();
+    for line in lines {
+        text += line;
+        text.push('\n');
+        match line {
+            "[plant]" => text += &format!("program = {plant}\n"),
+            "[controller]" => text += &format!("program = {controller}\n"),
+            _ => {}
+        }
+    }
+    text
+}
+
+fn mode(path: &Path, mode: u32) {
+    std::fs::set_permissions(path, Permissions::from_mode(mode)).expect("it is ours");
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("plain text")
+}
+
+#[test]
+fn a_scenario_names_its_programs_from_its_own_folder() {
+    let place = Place::new();
+    let run = place.recorded();
+    let summary = run.summary();
+    assert_eq!(summary["plant"]["binary"], text(&place.plant));
+    assert_eq!(summary["controller"]["binary"], text(&place.law));
+    // What was in effect can be run, wherever it is.
+    let effective = run.folder.join("scenario.toml");
+    let again = place.rig.run(text(&effective)).expect(0);
+    assert_eq!(again.digest(), run.digest());
+    place
+        .run("--link in-process")
+        .expect(2)
+        .says(&["in-process", "bin/plant", "plant.program of"]);
+    let checked = place.rig.hil(&["config", "check", text(&place.scenario)]);
+    assert!(
+        checked
+            .expect(0)
+            .stdout
+            .contains("pendulum under state-feedback")
+    );
+}
+
+#[test]
+fn flags_win_over_the_environment_and_that_over_the_scenario() {
+    let place = Place::new();
+    let hil = |variable: &str, arguments: &str| {
+        let mut hil = Command::new("env");
+        hil.arg(format!("HIL_PLANT_BIN={variable}"))
+            .arg(program("hil"));
+        let arguments = format!("{} {arguments}", place.scenario.display());
+        place.rig.start_with(hil, &arguments).finish()
+    };
+    hil("/no/such/plant", "")
+        .expect(2)
+        .says(&["cannot run /no/such/plant (HIL_PLANT_BIN): "]);
+    let given = format!("--plant-bin {}", place.plant.display());
+    hil("/no/such/plant", &given).expect(0);
+    hil("", "").expect(0);
+    place
+        .run("--plant-bin /another/plant")
+        .expect(2)
+        .says(&["cannot run /another/plant"]);
+}
+
+#[test]
+fn several_scenarios_run_with_the_programs_of_each() {
+    let place = Place::new();
+    let both = format!("{} scenarios/spring-mass.toml", place.scenario.display());
+    let run = place.rig.run(&both).expect(0);
+    for (name, plant) in [
+        ("pendulum", place.plant.clone()),
+        ("spring-mass", program("plant-process")),
+    ] {
+        let summary = std::fs::read_to_string(run.folder.join(name).join("summary.json"));
+        let summary: Value = serde_json::from_str(&summary.expect("a run")).expect("JSON");
+        assert_eq!(summary["plant"]["binary"], text(&plant), "{name}");
+    }
+}
+
+#[test]
+fn a_recorded_run_is_repeated_with_its_programs_while_they_are_the_same() {
+    let place = Place::new();
+    let run = place.recorded();
+    let (plant, law) = (text(&place.plant), text(&place.law));
+    let which = [
+        format!("plant: {plant} (recorded in"),
+        format!("controller: {law} (recorded in"),
+    ];
+    place
+        .rerun(&run, "again", &[])
+        .expect(0)
+        .says(&[&which[0], &which[1]]);
+    place.on(&run, &["replay"]).expect(0);
+    place.on(&run, &["judge"]).expect(0);
+
+    // Programs may ignore what follows their end; their hash does not.
+    let mut rebuilt = std::fs::read(&place.plant).expect("it is there");
+    rebuilt.push(0);
+    std::fs::remove_file(&place.plant).expect("it is ours");
+    std::fs::write(&place.plant, rebuilt).expect("it is ours");
+    mode(&place.plant, 0o755);
+    let hash = run.summary()["plant"]["blake3"]
+        .as_str()
+        .expect("a hash")
+        .to_owned();
+    place.rerun(&run, "never", &[]).expect(2).says(&[
+        "is not the plant program that was recorded in",
+        &hash,
+        "--plant-bin",
+    ]);
+    assert!(!place.rig.path("never").exists());
+    place
+        .rerun(&run, "rebuilt", &["--plant-bin", plant])
+        .expect(0)
+        .says(&["is not the binary of the recorded run", &hash]);
+    // The controller is still the same.
+    place.on(&run, &["replay"]).expect(0);
+    std::fs::remove_file(&place.law).expect("it is ours");
+    let gone = ["No such file", "--controller-bin"];
+    place.on(&run, &["replay"]).expect(2).says(&gone);
+}
+
+#[test]
+fn a_run_goes_on_from_a_checkpoint_with_the_programs_that_made_it() {
+    let rig = Rig::new();
+    let (plant, own) = (rig.path("plant"), example("own-plant"));
+    std::fs::copy(own, &plant).expect("copied");
+    let still = "--set plant.parameters.initial_angle_rad=1e-3";
+    let text = naming("\"plant\"", "\"none\"").replace("program = \"none\"\n", "");
+    let text = text.replace("law = \"state-feedback\"", "law = \"hold\"");
+    let text = text.replace("[controller.state-feedback]\nangle_nm_per_rad = 9.0\n", "");
+    let scenario = rig.write(
+        "hold.toml",
+        &text.replace("duration_s = 3.0", "duration_s = 1.0"),
+    );
+    let made = format!(
+        "{} {still} --set metrics=[] --checkpoint-at 0.1",
+        scenario.display()
+    );
+    let run = rig.run(&made).expect(0);
+    let from = format!("--from {}", run.folder.join("checkpoint-100").display());
+    let resumed = rig.run(&from).expect(0).says(&["/plant (recorded in"]);
+    assert_eq!(resumed.digest(), run.digest());
+}
+
+#[test]
+fn what_was_recorded_elsewhere_runs_nothing_without_a_flag() {
+    let place = Place::new();
+    let run = place.recorded();
+    // Another user, another machine: another key.
+    std::fs::rename(place.rig.path("state"), place.rig.path("other")).expect("it was made");
+    let told = [
+        "was not recorded by this user here",
+        "/bin/plant",
+        "--plant-bin",
+    ];
+    place.rerun(&run, "never", &[]).expect(2).says(&told);
+    place
+        .on(&run, &["replay"])
+        .expect(2)
+        .says(&["was not recorded by this user here", "--controller-bin"]);
+    let flags = [
+        "--plant-bin",
+        text(&place.plant),
+        "--controller-bin",
+        text(&place.law),
+    ];
+    place.rerun(&run, "again", &flags).expect(0);
+    place.on(&run, &["replay", flags[2], flags[3]]).expect(0);
+    place.on(&run, &["judge"]).expect(0);
+
+    let folder = text(&run.folder);
+    let theirs = place
+        .rig
+        .hil(&["scenario", "from", folder])
+        .expect(0)
+        .stdout;
+    assert!(!theirs.contains("\nprogram"), "{theirs}");
+    assert!(theirs.contains("# Recorded by another user or elsewhere with the plant program"));
+    std::fs::remove_dir_all(place.rig.path("state")).expect("made for the second run");
+    std::fs::rename(place.rig.path("other"), place.rig.path("state")).expect("it is there");
+    let ours = place
+        .rig
+        .hil(&["scenario", "from", folder])
+        .expect(0)
+        .stdout;
+    let named = format!("program = \"{}\"", place.plant.display());
+    assert!(ours.contains(&named), "{ours}");
+}
+
+#[test]
+fn a_key_that_cannot_be_used_is_told_and_a_program_that_is_not_there_is_built() {
+    let place = Place::new();
+    let run = place.recorded();
+    mode(&place.rig.path("state/hil/key"), 0o644);
+    let told = ["cannot be told", "can be read by others", "--plant-bin"];
+    place.rerun(&run, "never", &[]).expect(2).says(&told);
+    mode(&place.rig.path("state/hil/key"), 0o600);
+    std::fs::remove_file(&place.plant).expect("it is ours");
+    let refused = place.run("").expect(2);
+    assert!(!refused.stderr.contains("spelling"), "{}", refused.stderr);
+    refused.says(&["it is not there; build it", "--plant-bin PATH names one"]);
+}
+
+#[test]
+fn a_program_that_is_set_where_none_is_taken_from_the_scenario_is_refused() {
+    let place = Place::new();
+    let run = place.recorded();
+    for (key, flag) in [
+        ("plant.program", "--plant-bin PATH"),
+        ("controller.program.x86_64", "--controller-bin PATH"),
+    ] {
+        let set = format!("{key}=/bin/true");
+        let refused = place.rerun(&run, "never", &["--set", &set]).expect(2);
+        refused.says(&["has no effect here", key, flag]);
+    }
+    assert!(!place.rig.path("never").exists());
+    let set = [
+        "controller",
+        "swap",
+        "--set",
+        "controller.program=/bin/true",
+    ];
+    let refused = place.rig.hil(&set).expect(2);
+    refused.says(&["has no effect here", "--bin PATH"]);
+}
+
+#[test]
+fn only_runs_with_programs_of_ones_own_are_marked() {
+    let rig = Rig::new();
+    let run = rig.run("scenarios/spring-mass.toml").expect(0);
+    assert!(!rig.path("state").exists());
+    let facts = &Recording::open(&run.recording()).metadata()["hil.run"];
+    for name in ["programs_seal", "plant_binary", "controller_binary"] {
+        assert!(!facts.contains_key(name), "{name}");
+    }
+}
+
+#[test]
+fn what_others_can_write_is_not_run() {
+    let place = Place::new();
+    let folder = place.rig.path("bin");
+    let rig = place.rig.path("");
+    for (path, open, own) in [
+        (&place.scenario, 0o666, 0o644),
+        (&place.plant, 0o757, 0o755),
+        (&place.law, 0o777, 0o755),
+        (&folder, 0o777, 0o755),
+        (&rig, 0o777, 0o700),
+    ] {
+        mode(path, open);
+        let refused = place.run("").expect(2);
+        refused.says(&["which is not run", "can be written by others", "-bin PATH"]);
+        mode(path, own);
+    }
+    // What is said on the command line is the user's own affair.
+    mode(&place.plant, 0o777);
+    let flags = format!("--plant-bin {}", place.plant.display());
+    let run = place.run(&flags).expect(0);
+    place
+        .rerun(&run, "never", &[])
+        .expect(2)
+        .says(&["can be written by others"]);
+    mode(&place.plant, 0o4755);
+    place.run("").expect(2).says(&["setuid"]);
+    place.recorded_refusals();
+}
+
+impl Place {
+    /// Programs that are none.
+    fn recorded_refusals(&self) {
+        for (named, told) in [
+            ("\"bin\"", "is a folder"),
+            ("\"bin/none\"", "it is not there"),
+            ("\"/dev/null\"", "/dev/null"),
+            ("{ pdp11 = \"x\" }", "no program for this machine"),
+        ] {
+            let scenario = self.rig.write("none.toml", &naming("\"/bin/true\"", named));
+            let text = text(&scenario).to_owned();
+            self.rig
+                .run(&format!(
+                    "{text} --plant-bin {}",
+                    example("own-plant").display()
+                ))
+                .expect(2)
+                .says(&[told, "--controller-bin PATH"]);
+        }
+    }
+}
+
+#[test]
+fn advice_names_options_that_the_command_has_and_that_were_not_given() {
+    let place = Place::new();
+    let run = place.recorded();
+    let advice = |run: Run, told: &str| {
+        let said = run.expect(2).says(&[told]).stderr;
+        for flag in ["--plant-bin", "--controller-bin", "--bin "] {
+            assert!(told.contains(flag) || !said.contains(flag), "{said}");
+        }
+    };
+    let plant = format!("--plant-bin {}", place.plant.display());
+    advice(
+        place
+            .rig
+            .run(&format!("scenarios/spring-mass.toml {plant}")),
+        &format!(
+            "these are the plants of {} (--plant-bin)",
+            place.plant.display()
+        ),
+    );
+    advice(
+        place.run("--set plant.model=x"),
+        &format!(
+            "these are the plants of {} (plant.program of",
+            place.plant.display()
+        ),
+    );
+    advice(
+        place.on(
+            &run,
+            &["judge", "--requirements", "scenarios/severe-leakage.toml"],
+        ),
+        "these are the laws of the run's own controller program",
+    );
+    let running = place.rig.held();
+    let at = ["--session", place.rig.session()];
+    let swap = |arguments: &[&str]| {
+        place
+            .rig
+            .beside(&[&["controller", "swap"], arguments, &at].concat())
+    };
+    advice(swap(&["--set", "controller.law=x"]), "--bin PATH names it");
+    advice(
+        swap(&["--bin", text(&place.law), "--set", "controller.law=x"]),
+        &format!("these are the laws of {} (--bin)", place.law.display()),
+    );
+    running.signal(Signal::INT);
+    running.finish().expect(130);
+}
+
+#[test]
+fn several_sessions_are_told_apart_by_scenario_age_and_folder() {
+    let place = Place::new();
+    let running = place.rig.held();
+    let (name, folder) = (place.rig.session(), place.rig.path("beside"));
+    let other = format!("{name}-b");
+    let arguments = [
+        "run",
+        text(&place.scenario),
+        "--pause-at",
+        "0.5",
+        "--wait-limit",
+        "60",
+    ];
+    let at = ["--session", &other, "--out", text(&folder)];
+    let beside = place.rig.start_hil(&[&arguments[..], &at].concat());
+    let told = |name: &str, scenario: &str| format!("`{name}` with {scenario} for ");
+    until("both are told", || {
+        let asked = place.rig.beside(&["pause"]);
+        let all = [
+            told(name, "spring-mass"),
+            told(&other, "pendulum"),
+            format!(" in {}", folder.display()),
+        ];
+        // Other tests may run sessions of theirs.
+        asked.code == Some(2) && all.iter().all(|one| asked.stderr.contains(one))
+    });
+    beside.signal(Signal::INT);
+    beside.finish_beside_another();
+    running.signal(Signal::INT);
+    running.finish().expect(130);
+}
+
+#[test]
+fn hold_fits_every_plant_also_beside_a_controller_of_ones_own() {
+    let place = Place::new();
+    let run = place.run("--set controller.law=hold --set controller.hold.value=0.5 --set plant.parameters.initial_angle_rad=0");
+    let summary = run.expect(1).summary();
+    assert!(
+        summary["reason"]
+            .as_str()
+            .is_some_and(|why| why.contains("angle_rad")),
+        "{summary}"
+    );
+    let listed = place.run("--set controller.law=holt").expect(2);
+    listed.says(&["`hold`", "`state-feedback`"]);
+}
+
+#[test]
+fn a_lost_controller_is_not_started_anew_from_another_file() {
+    let rig = Rig::new();
+    let law = rig.path("law");
+    std::fs::copy(program("controller-process"), &law).expect("copied");
+    let running = rig.start(&format!(
+        "scenarios/spring-mass.toml --pace 1 --set run.duration_s=600 --controller-bin {} \
+         --set run.on_controller_loss=wait-for-restart",
+        law.display()
+    ));
+    let [_, controller] = running.children_at_once();
+    std::fs::remove_file(&law).expect("it is ours");
+    std::fs::copy(program("controller-process"), &law).expect("copied");
+    send(controller.pid, Signal::KILL);
+    let run = running.finish().expect(3);
+    let reason = run.summary()["reason"].to_string();
+    let told = "it cannot be started anew: ";
+    assert!(reason.contains(told), "{reason}");
+    assert!(
+        reason.contains("was replaced or changed after it was checked"),
+        "{reason}"
+    );
+}
+
+#[test]
+fn a_program_that_was_replaced_while_the_run_goes_on_is_not_started_as_the_old_one() {
+    let rig = Rig::new();
+    let law = rig.path("law");
+    std::fs::copy(program("controller-process"), &law).expect("copied");
+    let running = rig.start(&format!(
+        "scenarios/spring-mass.toml --pause-at 2.5 --wait-limit 60 --controller-bin {}",
+        law.display()
+    ));
+    let at = ["--session", rig.session()];
+    until("the run is held", || {
+        let asked = rig.beside(&[&["inject", "--active"], &at[..]].concat());
+        asked.stdout.contains("step 2500")
+    });
+    std::fs::remove_file(&law).expect("it is ours");
+    std::fs::copy(program("controller-process"), &law).expect("copied");
+    let swap = ["controller", "swap", "--set", "controller.law=hold"];
+    let told = format!("--bin {} takes it as it is now", law.display());
+    let refused = rig.beside(&[&swap, &at[..]].concat()).expect(2);
+    refused.says(&["was replaced or changed since the run began", &told]);
+    let bin = ["--bin", text(&law)];
+    rig.beside(&[&swap, &bin[..], &at[..]].concat()).expect(0);
+    rig.beside(&[&["resume"], &at[..]].concat()).expect(0);
+    running.finish();
+}
