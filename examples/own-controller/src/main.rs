@@ -19,7 +19,7 @@ table! {
 }
 
 table! {
-    /// What it believes of the plant: its nominal values, or [controller.model] of the scenario.
+    /// What it believes of the plant.
     struct Model {
         /// Mass m.
         mass_kg: "kg" = 1.0 in 1e-3..=1e3,
