@@ -27,7 +27,7 @@ use std::path::Path;
 use shared_types::describe::{FaultKindDescription, LawDescription, PlantDescription};
 use shared_types::table::Field;
 
-use crate::expression::{Columns, Group};
+use crate::expression::{Columns, Expression, Group};
 use crate::keys;
 use crate::live_faults::FaultContext;
 use crate::plan::{FaultEvent, Plan, Programs, Stimulus};
@@ -82,8 +82,11 @@ pub(crate) fn live(toml: &str, context: &FaultContext<'_>) -> Result<Vec<FaultEv
     };
     let reference: Vec<Field> = context.stimuli.iter().flat_map(Stimulus::fields).collect();
     let mut columns = Columns::of(context.plant, context.stimuli, context.internals);
-    for (name, _) in context.derived {
-        columns.push(Group::Derived, name);
+    for (name, text) in context.derived {
+        let expression = Expression::parse(text).ok();
+        let known = expression.as_ref().map(|expression| (expression, &columns));
+        let unit = signals::told_unit(known, name).unwrap_or_default();
+        columns.push_with_unit(Group::Derived, name, &unit);
     }
     let ground = Ground {
         plant: Some(context.plant),

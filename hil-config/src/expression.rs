@@ -48,8 +48,6 @@ mod units;
 
 use std::ops::Range;
 
-use shared_types::table::unit_of_name;
-
 use crate::reader::MOST_PROBLEMS;
 
 pub use columns::{Columns, Group};
@@ -58,6 +56,7 @@ pub use reduction::{Accumulator, Reduction, ReductionKind};
 
 pub(crate) use parser::{functions, is_reserved};
 use program::{Op, Unary};
+pub(crate) use units::Unit;
 
 /// An expression, read but not yet bound to columns.
 #[derive(Clone, Debug, PartialEq)]
@@ -72,7 +71,7 @@ pub struct Expression {
 
 /// A signal's name in an expression.
 #[derive(Clone, Debug, PartialEq)]
-struct Name {
+pub(crate) struct Name {
     path: String,
     span: Range<usize>,
     /// Whether it stands inside a reduction.
@@ -139,14 +138,6 @@ impl Expression {
     /// The names of the signals in it.
     pub fn signals(&self) -> impl Iterator<Item = &str> {
         self.names.iter().map(|name| name.path.as_str())
-    }
-
-    /// The units of its signals as far as their names tell them; `None` of one that its name does not
-    /// tell, or if its value has none of its signals' units.
-    pub(crate) fn units(&self) -> impl Iterator<Item = Option<&'static str>> {
-        let known = program::keeps_unit(&self.ops);
-        self.signals()
-            .map(move |name| unit_of_name(name).filter(|_| known))
     }
 
     /// The signal that it is, and whether it is its magnitude; `None` if it is anything else.

@@ -241,34 +241,35 @@ impl Formula {
         errors.take(MOST_PROBLEMS + 1).collect()
     }
 
-    /// The first sum or comparison of values of two known units.
-    pub(crate) fn mixed_units(&self, columns: &Columns) -> Option<ExpressionError> {
-        self.nodes.iter().find_map(|node| {
-            let Node::Comparison(Comparison { left, right, .. }) = node else {
-                return None;
-            };
-            let inside = |side: &Side, error| self.inside(error, side.start);
-            let a = match left.expression.known_unit(columns) {
-                Ok(unit) => unit,
-                Err(error) => return Some(inside(left, error)),
-            };
-            let b = match right.expression.known_unit(columns) {
-                Ok(unit) => unit,
-                Err(error) => return Some(inside(right, error)),
-            };
-            let (a, b) = a.zip(b)?;
-            let message = a.refusal(&b, "compared")?;
-            let span = left.start + a.span().start..right.start + b.span().end;
-            Some(self.error(span, message))
-        })
+    /// The unit that all its comparisons have among these columns, if there is one.
+    ///
+    /// # Errors
+    /// At the first sum or comparison of values of two known units.
+    pub(crate) fn unit(&self, columns: &Columns) -> Result<Option<String>, ExpressionError> {
+        let mut units = Vec::new();
+        for node in &self.nodes {
+            if let Node::Comparison(comparison) = node {
+                units.push(self.unit_of(comparison, columns)?);
+            }
+        }
+        units.dedup();
+        let one = units.pop().flatten();
+        Ok(one.filter(|_| units.is_empty()))
     }
 
-    /// The unit that all its comparisons have, if the names of their signals tell one.
-    #[must_use]
-    pub fn unit(&self) -> Option<&'static str> {
-        let mut units = self.sides().flat_map(|side| side.expression.units());
-        let first = units.next()??;
-        units.all(|unit| unit == Some(first)).then_some(first)
+    fn unit_of(
+        &self,
+        Comparison { left, right, .. }: &Comparison,
+        columns: &Columns,
+    ) -> Result<Option<String>, ExpressionError> {
+        let inside = |side: &Side, error| self.inside(error, side.start);
+        let a = (left.expression.unit(columns)).map_err(|error| inside(left, error))?;
+        let b = (right.expression.unit(columns)).map_err(|error| inside(right, error))?;
+        let unit = a.with(b, "compared").map_err(|mixed| {
+            let span = left.start + mixed.first.start..right.start + mixed.second.end;
+            self.error(span, &mixed.message)
+        })?;
+        Ok(unit.symbol().map(Into::into))
     }
 
     /// Its comparisons, each with the time of a run of `end_s` at which it may count.

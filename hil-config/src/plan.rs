@@ -546,7 +546,7 @@ pub enum Profile {
 pub struct Derived {
     /// Name.
     pub name: String,
-    /// Unit: the one given, else the one that the name's ending stands for, else `1`.
+    /// Unit: the one given, else that of the expression, else that of the name's ending, else `1`.
     pub unit: String,
     /// Its value from signals and earlier derived ones.
     pub expression: Expression,
@@ -557,7 +557,7 @@ pub struct Derived {
 pub struct Metric {
     /// Name.
     pub name: String,
-    /// Unit: the one given, else the one that the name's ending stands for, else `1`.
+    /// Unit: the one given, else that of the expression, else that of the name's ending, else `1`.
     pub unit: String,
     /// The reductions and what is made of them.
     pub expression: Expression,

@@ -380,10 +380,12 @@ pub fn canonical(value: f64) -> f64 {
 
 /// The unit that a name's ending stands for, for example `rad` for `surface_angle_rad`.
 ///
-/// Used where a signal's unit is not written down: reference signals made from `[[stimuli]]`.
+/// For what nothing describes: reference signals that the law does not know, and derived signals and
+/// metrics whose expression has no unit of its signals. What is after `_per_` or `_sqrt_` is a part of a
+/// unit and tells none.
 #[must_use]
 pub fn unit_of_name(name: &str) -> Option<&'static str> {
-    const UNITS: [(&str, &str); 17] = [
+    const UNITS: [(&str, &str); 19] = [
         ("rad", "rad"),
         ("radps", "rad/s"),
         ("radps2", "rad/s2"),
@@ -401,8 +403,13 @@ pub fn unit_of_name(name: &str) -> Option<&'static str> {
         ("s", "s"),
         ("hz", "Hz"),
         ("k", "K"),
+        ("j", "J"),
+        ("w", "W"),
     ];
-    let (_, ending) = name.rsplit_once('_')?;
+    let (rest, ending) = name.rsplit_once('_')?;
+    if rest.split('_').any(|word| matches!(word, "per" | "sqrt")) {
+        return None;
+    }
     UNITS
         .iter()
         .find(|(suffix, _)| *suffix == ending)

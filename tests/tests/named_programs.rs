@@ -504,14 +504,39 @@ fn a_program_that_was_replaced_while_the_run_goes_on_is_not_started_as_the_old_o
         let asked = rig.beside(&[&["inject", "--active"], &at[..]].concat());
         asked.stdout.contains("step 2500")
     });
+    let swap = ["controller", "swap", "--set", "controller.law=hold"];
+    let swap = |more: &[&str]| rig.beside(&[&swap, more, &at[..]].concat());
+    std::fs::remove_file(&law).expect("it is ours");
+    let cannot = format!("cannot run {}", law.display());
+    swap(&[]).expect(2).says(&[&cannot]);
+    // Bytes behind the end of a program are none of its business.
+    let own = std::fs::read(program("controller-process")).expect("a program");
+    let changed = [&own[..], b"0"].concat();
+    std::fs::copy(program("controller-process"), &law).expect("copied");
+    std::fs::write(&law, &changed).expect("written");
+    let [now, then] = [changed, own].map(|content| blake3::hash(&content).to_hex());
+    let told = format!(
+        "it has hash {now}, the run began with {then}; --bin {} takes it as it is now",
+        law.display()
+    );
+    swap(&[]).expect(2).says(&[&told]);
+    swap(&["--bin", text(&law)]).expect(0);
+    // A copy of what the run began with is the same program.
     std::fs::remove_file(&law).expect("it is ours");
     std::fs::copy(program("controller-process"), &law).expect("copied");
-    let swap = ["controller", "swap", "--set", "controller.law=hold"];
-    let told = format!("--bin {} takes it as it is now", law.display());
-    let refused = rig.beside(&[&swap, &at[..]].concat()).expect(2);
-    refused.says(&["was replaced or changed since the run began", &told]);
-    let bin = ["--bin", text(&law)];
-    rig.beside(&[&swap, &bin[..], &at[..]].concat()).expect(0);
+    swap(&["--set", "controller.hold.value=2"]).expect(0);
     rig.beside(&[&["resume"], &at[..]].concat()).expect(0);
-    running.finish();
+    let run = running.finish();
+    // Of two that took over at one step only the later one answered.
+    let told = "(pid, hold (hold.value=2) from 2.5 s on spring-mass";
+    assert!(run.stdout.contains(told), "{}", run.stdout);
+    let summary = run.summary();
+    let values = ["controller.law=hold", "controller.hold.value=2"];
+    assert_eq!(summary["controllers"][2]["set"], serde_json::json!(values));
+    let facts = &Recording::open(&run.recording()).metadata()["hil.run"];
+    assert_eq!(
+        facts["controller_3_set"],
+        serde_json::json!(values).to_string()
+    );
+    assert!(!facts.contains_key("controller_1_set"));
 }

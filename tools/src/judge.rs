@@ -106,7 +106,9 @@ pub fn judged(run: &Path, by: Option<&Path>) -> Result<(Judgement, Plan), Failur
         records: reader.records(),
         metrics: recorded.metrics.iter().map(Metric::from).collect(),
         requirements,
-        laws: Laws::of(&plan.controller.law, &recorded.changes),
+        laws: Laws::of(&plan.controller.law, &recorded.changes, |name| {
+            reader.fact(name).map(Into::into)
+        }),
     };
     Ok((judgement, plan))
 }

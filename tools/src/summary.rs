@@ -2,6 +2,7 @@
 
 mod recorded;
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -24,8 +25,8 @@ use crate::latency::Legs;
 use crate::latency::grade::Graded;
 use crate::latency::spikes::Spike;
 use crate::requirements::{self, Requirement};
-use crate::run::Ended;
 use crate::run::realtime::Realtime;
+use crate::run::{Ended, Started};
 use crate::succession::{Laws, Tenure, tenures};
 
 /// Version of the summary.
@@ -283,6 +284,9 @@ impl Summary {
             .map(|end| end.steps)
             .filter(|steps| *steps <= plan.run.steps))
         .unwrap_or(recorded.records);
+        let facts = ended.controllers.iter().flat_map(Started::facts);
+        let first = ("controller_blake3".into(), origin.controller.blake3.clone());
+        let facts: BTreeMap<String, String> = facts.chain([first]).collect();
         let sim_time_s = plan.run.rate.seconds(Step(steps));
         let past_s = plan.run.rate.seconds(Step(recorded.past_records));
         let wall_time_s = recorded.wall_time_s;
@@ -340,7 +344,9 @@ impl Summary {
             controllers: tenures(&ended.controllers, &recorded.changes, plan.run.rate),
             plant: origin.plant,
             seed: plan.run.seed,
-            laws: Laws::of(&plan.controller.law, &recorded.changes),
+            laws: Laws::of(&plan.controller.law, &recorded.changes, |name| {
+                facts.get(name).cloned()
+            }),
             resumed: None,
             checkpoints: Vec::new(),
         }

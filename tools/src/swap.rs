@@ -74,6 +74,8 @@ pub(crate) struct Swapped {
 pub(crate) struct Wanted {
     pub(crate) binary: Binary,
     pub(crate) law: Law,
+    /// Values of the scenario that are changed for it.
+    pub(crate) set: Vec<String>,
     /// Keys of the scenario that none of its laws has.
     pub(crate) left_out: Vec<String>,
     pub(crate) answer: Sender<Result<Swapped, String>>,
@@ -206,11 +208,13 @@ impl Ground {
         let binary = match &request.binary {
             Some(path) => Binary::asked_for(path, "--bin", &self.interruption).map_err(told)?,
             None => {
-                let binary = self.binaries.controller.clone();
-                if binary.refuse_changed().is_err() {
-                    let path = binary.path.display();
+                let first = &self.binaries.controller;
+                let binary = Binary::asked_for(&first.path, "--bin", &self.interruption);
+                let binary = binary.map_err(told)?;
+                if binary.blake3 != first.blake3 {
+                    let (path, now, then) = (first.path.display(), &binary.blake3, &first.blake3);
                     return Err(format!(
-                        "{path} was replaced or changed since the run began; --bin {path} takes it as it is now"
+                        "{path} has changed since the run began: it has hash {now}, the run began with {then}; --bin {path} takes it as it is now"
                     ));
                 }
                 binary
@@ -231,6 +235,7 @@ impl Ground {
             .send(Wanted {
                 binary,
                 law,
+                set: request.set.clone(),
                 left_out,
                 answer,
             })

@@ -1,7 +1,6 @@
 //! `[[metrics]]` of the kinds that analyse: what they look at, and the stimulus or fault they need.
 
 use shared_types::number::exact as number;
-use shared_types::table::unit_of_name;
 use shared_types::time::{Rate, Step};
 
 use super::run::Grid;
@@ -57,9 +56,7 @@ impl Ground<'_> {
         section: &Section<'_>,
     ) -> Option<StepResponsePlan> {
         let signal = self.expression(reader, section, "signal");
-        let unit = signal
-            .as_ref()
-            .and_then(|signal| unit(reader, section, signal));
+        let unit = (signal.as_ref()).and_then(|signal| self.unit(reader, section, signal));
         let optional = |reader: &mut Reader, key| match section.table.get(key) {
             Some(_) => reader.number(section, key).map(Some),
             None => Some(None),
@@ -209,7 +206,9 @@ impl Ground<'_> {
         };
         let recovered = optional(reader, "recovered");
         let effect = match optional(reader, "effect") {
-            Some(Some(effect)) => unit(reader, section, &effect).map(|unit| Some((effect, unit))),
+            Some(Some(effect)) => self
+                .unit(reader, section, &effect)
+                .map(|unit| Some((effect, unit))),
             Some(None) => Some(None),
             None => None,
         };
@@ -231,6 +230,16 @@ impl Ground<'_> {
         key: &'static str,
     ) -> Option<Expression> {
         signals::signal(reader, section, key, self.columns)
+    }
+
+    fn unit(
+        &self,
+        reader: &mut Reader,
+        section: &Section<'_>,
+        expression: &Expression,
+    ) -> Option<String> {
+        let known = self.columns.map(|columns| (expression, columns));
+        signals::unit(reader, section, known, "")
     }
 
     /// The stimulus that is named, or the only one of its kind.
@@ -323,19 +332,6 @@ impl Ground<'_> {
             }
         }
     }
-}
-
-/// The unit under the key `unit`, or that of the only signal that the expression names, or none.
-fn unit(reader: &mut Reader, section: &Section<'_>, expression: &Expression) -> Option<String> {
-    if section.table.get("unit").is_some() {
-        return reader.text(section, "unit").map(Into::into);
-    }
-    let mut names = expression.signals();
-    let unit = match (names.next(), names.next()) {
-        (Some(only), None) => unit_of_name(only),
-        _ => None,
-    };
-    Some(unit.unwrap_or("1").into())
 }
 
 /// The last step that is not after a time.

@@ -32,11 +32,11 @@ pub(super) fn check(
         let unit = reader.text(section, "unit");
         let formula = formula(reader, section, columns, ground.as_ref());
         if let (Some(name), Some(formula)) = (name, formula) {
-            let told = formula.unit().unwrap_or_default();
+            let told = columns.and_then(|columns| formula.unit(columns).ok()?);
             requirements.push(Requirement {
                 name: name.into(),
                 description: description.into(),
-                unit: unit.unwrap_or(told).into(),
+                unit: unit.map_or_else(|| told.unwrap_or_default(), Into::into),
                 formula,
             });
         }
@@ -79,7 +79,7 @@ fn formula(
         Ok(formula) => {
             let mut errors = columns.map_or_else(Vec::new, |known| formula.unknown_names(known));
             if let (Some(known), true) = (columns, errors.is_empty()) {
-                errors.extend(formula.mixed_units(known));
+                errors.extend(formula.unit(known).err());
             }
             if let (Some(ground), true) = (ground, errors.is_empty()) {
                 errors.extend(Monitor::new(&formula, ground).err());

@@ -9,7 +9,7 @@ use shared_types::time::Step;
 use super::is_signal_name;
 use super::run::Grid;
 use crate::document::{Node, Value};
-use crate::expression::{Columns, Expression, ExpressionError, Group, is_reserved};
+use crate::expression::{Columns, Expression, ExpressionError, Group, Unit, is_reserved};
 use crate::formula::is_operator;
 use crate::keys::METRICS;
 use crate::plan::{Derived, Metric, Published, Window};
@@ -48,7 +48,6 @@ pub(super) fn check<'a>(
     for section in &derived_sections {
         reader.refuse_unknown(section, &[]);
         let name = name(reader, section, &mut names);
-        let unit = unit(reader, section, name, None);
         let expression = expression(
             reader,
             section,
@@ -57,9 +56,10 @@ pub(super) fn check<'a>(
             &later,
             Use::Signal,
         );
+        let known = (expression.as_ref()).zip(columns.as_ref());
+        let unit = name.and_then(|name| unit(reader, section, known, name));
         if let (Some(name), Some(columns)) = (name, columns.as_mut()) {
-            let unit = unit.as_deref().unwrap_or_default();
-            columns.push_with_unit(Group::Derived, name, unit);
+            columns.push_with_unit(Group::Derived, name, unit.as_deref().unwrap_or_default());
         }
         if let (Some(name), Some(unit), Some(expression)) = (name, unit, expression) {
             derived.push(Derived {
@@ -94,7 +94,8 @@ pub(super) fn check<'a>(
             &HashSet::new(),
             Use::Metric,
         );
-        let unit = unit(reader, section, name, expression.as_ref());
+        let known = (expression.as_ref()).zip(columns.as_ref());
+        let unit = name.and_then(|name| unit(reader, section, known, name));
         let windows = windows(reader, section, grid);
         let published = published(reader, section, windows.as_deref());
         let published_note = reader.text(section, "published_note").map(Into::into);
@@ -149,19 +150,25 @@ fn name<'a>(
     Some(name)
 }
 
-/// The unit: written, or that of the expression, or that of the name's ending, or none.
-fn unit(
+/// The unit under the key `unit`, or that of the expression among these columns, or that of a name's
+/// ending, or none.
+pub(super) fn unit(
     reader: &mut Reader,
     section: &Section<'_>,
-    name: Option<&str>,
-    expression: Option<&Expression>,
+    known: Option<(&Expression, &Columns)>,
+    name: &str,
 ) -> Option<String> {
     if section.table.get("unit").is_some() {
         return reader.text(section, "unit").map(Into::into);
     }
-    let name = name?;
-    let of_expression = expression.and_then(Expression::unit);
-    Some(of_expression.unwrap_or_else(|| unit_of_name(name).unwrap_or("1").into()))
+    Some(told_unit(known, name).unwrap_or_else(|| "1".into()))
+}
+
+/// The unit that is not written down: that of the expression, or that of the name's ending.
+pub(super) fn told_unit(known: Option<(&Expression, &Columns)>, name: &str) -> Option<String> {
+    let told = known.and_then(|(expression, columns)| expression.unit(columns).ok());
+    let told = told.as_ref().and_then(Unit::symbol);
+    told.or_else(|| unit_of_name(name)).map(Into::into)
 }
 
 /// What an expression is for.
@@ -195,7 +202,7 @@ fn expression(
     if columns.is_some() {
         errors = expression.unknown_names(known);
         if errors.is_empty() {
-            errors.extend(expression.known_unit(known).err());
+            errors.extend(expression.unit(known).err());
         }
     }
     // What kind of expression it is can be told without columns.

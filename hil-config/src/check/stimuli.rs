@@ -82,7 +82,7 @@ fn target<'a>(reader: &mut Reader, section: &Section<'a>) -> Option<&'a str> {
     None
 }
 
-/// The unit: written, or that of the name's ending, or what the law expects.
+/// The unit: written, or what the law expects, or that of the name's ending.
 fn unit(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -97,7 +97,7 @@ fn unit(
         let needed = law?.reference.iter().find(|field| field.name == target)?;
         Some(needed.unit.clone())
     };
-    let unit = unit_of_name(target).map(Into::into).or_else(of_law);
+    let unit = of_law().or_else(|| unit_of_name(target).map(Into::into));
     if unit.is_none() {
         let path = section.path_of("unit");
         let message = format!("the unit of `{target}` is not known from its name");

@@ -111,21 +111,6 @@ pub(super) fn needed_stack(ops: &[Op]) -> usize {
     highest
 }
 
-/// Whether a sum of quantities of one unit has that unit too: it is not multiplied, divided or
-/// compared.
-pub(super) fn keeps_unit(ops: &[Op]) -> bool {
-    ops.iter().all(|op| {
-        matches!(
-            op,
-            Op::Constant(_)
-                | Op::Name(_)
-                | Op::Reduced(_)
-                | Op::Unary(Unary::Negate | Unary::Abs)
-                | Op::Binary(Binary::Add | Binary::Subtract | Binary::Min | Binary::Max)
-        )
-    })
-}
-
 impl Op {
     /// Whether what it gives is true or false.
     pub(super) fn is_truth(&self) -> bool {

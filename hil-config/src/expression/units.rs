@@ -1,73 +1,122 @@
 //! The units of what an expression computes, as far as they are known.
 
-use shared_types::table::unit_of_name;
+use std::borrow::Cow;
+use std::ops::Range;
 
-use super::program::{Binary, Op, Unary, keeps_unit};
+use super::program::{Binary, Op, Unary};
 use super::{Columns, Expression, ExpressionError, Name, Reduced, ReductionKind};
 
-/// A known unit, and the first signal of the expression that tells it.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct KnownUnit<'a> {
-    unit: &'a str,
-    name: &'a Name,
+/// What is known of the unit of a value.
+#[derive(Clone, Debug)]
+pub(crate) enum Unit<'a> {
+    /// A plain number, which fits every unit.
+    Number,
+    /// Nothing: that of a product, a quotient, a truth, or of a signal that has none.
+    Unknown,
+    /// A unit.
+    Known {
+        symbol: Cow<'a, str>,
+        /// The first signal that tells it. An integral has none: its unit is shown, but not held against
+        /// others, as J and W s are one.
+        name: Option<&'a Name>,
+        /// Whether nothing of which the unit is not known was added or compared.
+        is_whole: bool,
+    },
 }
 
-impl KnownUnit<'_> {
-    /// Place of the signal in its expression, in bytes.
-    pub(crate) const fn span(&self) -> &std::ops::Range<usize> {
-        &self.name.span
+/// Two known units that do not go together, with the places of the signals that tell them, in bytes of
+/// their expressions.
+pub(crate) struct Mixed {
+    pub(crate) message: String,
+    pub(crate) first: Range<usize>,
+    pub(crate) second: Range<usize>,
+}
+
+impl<'a> Unit<'a> {
+    /// The unit, if it is that of the whole value.
+    pub(crate) fn symbol(&self) -> Option<&str> {
+        match self {
+            Self::Known {
+                symbol,
+                is_whole: true,
+                ..
+            } => Some(symbol),
+            _ => None,
+        }
     }
 
-    /// Why two cannot be `joined`, as in "added"; `None` if they can.
-    pub(crate) fn refusal(&self, other: &Self, joined: &str) -> Option<String> {
-        let (unit, others) = (self.unit, other.unit);
-        let (name, second) = (&self.name.path, &other.name.path);
-        (unit != others).then(|| {
-            format!(
-                "`{name}` is in {unit} and `{second}` in {others}, which cannot be {joined}; if it is meant, write a factor, as in `1 * {second}`"
-            )
-        })
+    /// The unit of two that are `joined`, as in "added".
+    ///
+    /// # Errors
+    /// If two are known and differ.
+    pub(crate) fn with(self, other: Self, joined: &str) -> Result<Self, Mixed> {
+        let (a, b) = match (self, other) {
+            (Self::Number, unit) | (unit, Self::Number) => return Ok(unit),
+            (a, Self::Unknown) => (Self::Unknown, a),
+            (a, b) => (a, b),
+        };
+        match (a, b) {
+            (Self::Unknown, Self::Known { symbol, name, .. }) => Ok(Self::Known {
+                symbol,
+                name,
+                is_whole: false,
+            }),
+            (
+                Self::Known {
+                    symbol,
+                    name,
+                    is_whole,
+                },
+                Self::Known {
+                    symbol: others,
+                    name: second,
+                    is_whole: is_other_whole,
+                },
+            ) => match (name, second) {
+                _ if symbol == others => Ok(Self::Known {
+                    symbol,
+                    name: name.or(second),
+                    is_whole: is_whole && is_other_whole,
+                }),
+                (Some(name), Some(second)) => {
+                    let (path, span) = (&second.path, &second.span);
+                    Err(Mixed {
+                        message: format!(
+                            "`{}` is in {symbol} and `{path}` in {others}, which cannot be {joined}; if it is meant, write a factor, as in `1 * {path}`",
+                            name.path
+                        ),
+                        first: name.span.clone(),
+                        second: span.clone(),
+                    })
+                }
+                _ => Ok(Self::Unknown),
+            },
+            _ => Ok(Self::Unknown),
+        }
+    }
+
+    /// That of its integral over time.
+    fn times_s(self) -> Self {
+        match self {
+            Self::Known {
+                symbol, is_whole, ..
+            } => Self::Known {
+                symbol: times_s(&symbol).into(),
+                name: None,
+                is_whole,
+            },
+            other => other,
+        }
     }
 }
 
 impl Expression {
-    /// The unit of its value as far as the names of its signals tell it. An integral over time has that
-    /// of its expression times s, every other reduction that of its expression.
-    pub(crate) fn unit(&self) -> Option<String> {
-        self.told_unit(&self.ops)
-    }
-
-    fn told_unit(&self, ops: &[Op]) -> Option<String> {
-        if !keeps_unit(ops) {
-            return None;
-        }
-        let mut units = ops.iter().filter_map(|op| match *op {
-            Op::Name(name) => Some(unit_of_name(&self.names[name].path).map(Into::into)),
-            Op::Reduced(index) => {
-                let Reduced { kind, ops, .. } = &self.reductions[index];
-                let unit = self.told_unit(ops);
-                Some(match kind {
-                    ReductionKind::Integral => unit.as_deref().map(times_s),
-                    _ => unit,
-                })
-            }
-            _ => None,
-        });
-        let first: String = units.next()??;
-        units
-            .all(|unit| unit.as_ref() == Some(&first))
-            .then_some(first)
-    }
-
-    /// The unit of its value among these columns, if that is known. Plain numbers fit every unit, and so
-    /// does what is multiplied, divided or integrated.
+    /// The unit of its value among these columns. An integral over time has that of its expression times
+    /// s, every other reduction that of its expression.
     ///
     /// # Errors
     /// If it adds, subtracts or compares values of two known units.
-    pub(crate) fn known_unit<'a>(
-        &'a self,
-        columns: &'a Columns,
-    ) -> Result<Option<KnownUnit<'a>>, ExpressionError> {
+    pub(crate) fn unit<'a>(&'a self, columns: &'a Columns) -> Result<Unit<'a>, ExpressionError> {
         self.unit_of_ops(&self.ops, columns)
     }
 
@@ -75,59 +124,69 @@ impl Expression {
         &'a self,
         ops: &[Op],
         columns: &'a Columns,
-    ) -> Result<Option<KnownUnit<'a>>, ExpressionError> {
-        let mut stack = Vec::new();
+    ) -> Result<Unit<'a>, ExpressionError> {
+        let mut stack: Vec<Unit<'a>> = Vec::new();
         for op in ops {
+            let mut pop = || stack.pop().unwrap_or(Unit::Unknown);
             let unit = match op {
-                Op::Constant(_) | Op::Load(_) => None,
+                Op::Constant(_) => Unit::Number,
+                Op::Load(_) => Unit::Unknown,
                 Op::Name(index) => {
                     let name = &self.names[*index];
                     let unit = columns.unit_of(&name.path);
-                    unit.map(|unit| KnownUnit { unit, name })
+                    unit.map_or(Unit::Unknown, |symbol| Unit::Known {
+                        symbol: symbol.into(),
+                        name: Some(name),
+                        is_whole: true,
+                    })
                 }
                 Op::Reduced(index) => {
                     let Reduced { kind, ops, .. } = &self.reductions[*index];
                     let unit = self.unit_of_ops(ops, columns)?;
-                    unit.filter(|_| *kind != ReductionKind::Integral)
+                    match kind {
+                        ReductionKind::Integral => unit.times_s(),
+                        _ => unit,
+                    }
                 }
-                Op::Unary(operator) => {
-                    let unit: Option<KnownUnit<'a>> = stack.pop().flatten();
-                    unit.filter(|_| matches!(operator, Unary::Negate | Unary::Abs))
-                }
+                Op::Unary(operator) => match (operator, pop()) {
+                    (Unary::Negate | Unary::Abs, unit) | (_, unit @ Unit::Number) => unit,
+                    _ => Unit::Unknown,
+                },
                 Op::Binary(operator) => {
-                    let (b, a) = (stack.pop().flatten(), stack.pop().flatten());
+                    let (b, a) = (pop(), pop());
                     self.joined(*operator, a, b)?
                 }
             };
             stack.push(unit);
         }
-        Ok(stack.pop().flatten())
+        Ok(stack.pop().unwrap_or(Unit::Unknown))
     }
 
     fn joined<'a>(
         &self,
         operator: Binary,
-        a: Option<KnownUnit<'a>>,
-        b: Option<KnownUnit<'a>>,
-    ) -> Result<Option<KnownUnit<'a>>, ExpressionError> {
-        let (joined, unit) = match operator {
-            Binary::Add => ("added", a.or(b)),
-            Binary::Subtract => ("subtracted", a.or(b)),
-            Binary::Min | Binary::Max => ("compared", a.or(b)),
+        a: Unit<'a>,
+        b: Unit<'a>,
+    ) -> Result<Unit<'a>, ExpressionError> {
+        let (joined, is_truth) = match operator {
+            _ if matches!((&a, &b), (Unit::Number, Unit::Number)) => return Ok(Unit::Number),
+            Binary::Add => ("added", false),
+            Binary::Subtract => ("subtracted", false),
+            Binary::Min | Binary::Max => ("compared", false),
             Binary::Less
             | Binary::LessOrEqual
             | Binary::Greater
             | Binary::GreaterOrEqual
             | Binary::Equal
-            | Binary::NotEqual => ("compared", None),
-            Binary::Multiply | Binary::Divide | Binary::And | Binary::Or => return Ok(None),
+            | Binary::NotEqual => ("compared", true),
+            Binary::Multiply | Binary::Divide | Binary::And | Binary::Or => {
+                return Ok(Unit::Unknown);
+            }
         };
-        if let (Some(a), Some(b)) = (a, b)
-            && let Some(message) = a.refusal(&b, joined)
-        {
-            return Err(self.error(a.span().start..b.span().end, &message));
-        }
-        Ok(unit)
+        let unit = a
+            .with(b, joined)
+            .map_err(|mixed| self.error(mixed.first.start..mixed.second.end, &mixed.message))?;
+        Ok(if is_truth { Unit::Unknown } else { unit })
     }
 }
 

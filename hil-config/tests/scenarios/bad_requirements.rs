@@ -4,7 +4,7 @@ use hil_config::formula::Formula;
 use hil_config::problem::ProblemKind;
 
 use crate::bad::assert_one_problem;
-use crate::{base_with, plan};
+use crate::base_with;
 
 const FORMULA: &str = "always(abs(truth.surface_angle_rad) < 0.2)";
 
@@ -114,30 +114,6 @@ fn a_formula_that_would_keep_millions_of_numbers_is_refused() {
     let text = text.replace(FORMULA, formula);
     let pieces = ["would keep 20000002 numbers at a time"];
     assert_one_problem(&text, ProblemKind::Expression, &pieces);
-}
-
-#[test]
-fn the_unit_is_that_of_all_names_or_none() {
-    for (formula, unit) in [
-        ("abs(truth.x_n) < 5", Some("N")),
-        (
-            "always(a_rad - b_rad < 1 and max(c_rad, 2) > 0)",
-            Some("rad"),
-        ),
-        ("a_rad < 1 or truth.b_n < 1", None),
-        ("a_rad * 2 < 1", None),
-        ("a_rad / b_rad < 1", None),
-        ("sqrt(a_rad) < 1", None),
-        ("truth.pressed > 0", None),
-        ("a_rad < 1 and pressed > 0", None),
-    ] {
-        let formula = Formula::parse(formula).expect(formula);
-        assert_eq!(formula.unit(), unit, "{formula}");
-    }
-    let given = plan(&base_with("unit = \"rad\"", "unit = \"turns\""));
-    assert_eq!(given.requirements[0].unit, "turns");
-    let found = plan(&base_with("unit = \"rad\"", ""));
-    assert_eq!(found.requirements[0].unit, "rad");
 }
 
 #[test]

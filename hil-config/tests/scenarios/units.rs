@@ -195,3 +195,33 @@ fn plain_numbers_products_and_factors_fit_everything() {
         plan(&text(place, expression));
     }
 }
+
+#[test]
+fn a_requirement_has_the_unit_of_all_its_comparisons_or_none() {
+    for (formula, unit) in [
+        ("abs(truth.position_m) < 5", "m"),
+        (
+            "always(truth.position_m - way_m < 1 and max(way_m, 2) > 0)",
+            "m",
+        ),
+        // As described, whatever its name ends with.
+        ("parameter.stiffness_n_per_m > 1", "N/m"),
+        ("always(sideways_s < 1)", "m"),
+        ("truth.position_m < 1 or applied.force_n < 1", ""),
+        ("truth.position_m * 2 < 1", ""),
+        ("truth.position_m / way_m < 1", ""),
+        ("sqrt(truth.position_m) < 1", ""),
+        ("share > 0", ""),
+        ("truth.position_m < 1 and share > 0", ""),
+    ] {
+        let text = text("FORMULA", formula).replace(
+            "[[metrics]]\nname = \"largest\"",
+            &format!("{SIDEWAYS}[[metrics]]\nname = \"largest\""),
+        );
+        assert_eq!(plan(&text).requirements[0].unit, unit, "{formula}");
+        let given = text.replace("formula =", "unit = \"turns\"\nformula =");
+        assert_eq!(plan(&given).requirements[0].unit, "turns");
+    }
+}
+
+const SIDEWAYS: &str = "[[derived]]\nname = \"sideways_s\"\nexpression = \"-truth.position_m\"\n\n";

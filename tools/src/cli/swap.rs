@@ -29,7 +29,10 @@ pub enum ControllerAction {
     /// The new one is checked and started beside the one in office, which goes on until the new one is
     /// ready; then the plant takes commands from the new one alone. Its law begins afresh at that step.
     /// If anything is wrong with it, the run goes on with the one that it has.
-    #[command(after_help = EXAMPLES)]
+    #[command(
+        after_help = EXAMPLES,
+        override_usage = "hil controller swap [OPTIONS] <--bin <PATH>|--set <KEY=VALUE>>"
+    )]
     Swap(SwapArguments),
 }
 

@@ -130,7 +130,8 @@ impl Run {
         notes.extend(account.recorded.end.iter().flat_map(Missed::of_end));
         let spans = spans(&account, rate);
         let laws = plan.as_ref().map(|plan| plan.controller.law.as_str());
-        let laws = laws.map_or_else(Laws::default, |law| Laws::of(law, &recorded.changes));
+        let fact = |name: &str| account.reader.fact(name).map(Into::into);
+        let laws = laws.map_or_else(Laws::default, |law| Laws::of(law, &recorded.changes, fact));
         Ok(Self {
             label: String::new(),
             path: path.to_owned(),

@@ -45,6 +45,8 @@ struct Member {
     side: Side,
     binary: Binary,
     job: Job,
+    /// Values of the scenario that were changed for it.
+    set: Vec<String>,
     standing: Standing,
     /// When the plant was told that it ended.
     told_gone: Option<Instant>,
@@ -77,19 +79,25 @@ pub(crate) struct Started {
     pub(crate) epoch: u32,
     pub(crate) binary: Binary,
     pub(crate) law: String,
+    /// Values of the scenario that were changed for it.
+    pub(crate) set: Vec<String>,
     /// How its process ended, if there is something to say about it.
     pub(crate) fate: Option<String>,
 }
 
 impl Started {
     /// What a recording says of it.
-    pub(crate) fn facts(&self) -> [(String, String); 3] {
+    pub(crate) fn facts(&self) -> Vec<(String, String)> {
         let name = |what: &str| format!("controller_{}_{what}", self.epoch);
-        [
+        let mut facts = vec![
             (name("binary"), self.binary.path.display().to_string()),
             (name("blake3"), self.binary.blake3.clone()),
             (name("law"), self.law.clone()),
-        ]
+        ];
+        if !self.set.is_empty() {
+            facts.push((name("set"), serde_json::json!(self.set).to_string()));
+        }
+        facts
     }
 }
 
@@ -114,13 +122,19 @@ impl Controllers {
             recorded: 1, // of the first it tells from the start
             unknown: None,
         };
-        controllers.add(session, binary, job)?;
+        controllers.add(session, binary, job, Vec::new())?;
         controllers.members[0].standing = Standing::InOffice;
         Ok(controllers)
     }
 
     /// Starts one more.
-    fn add(&mut self, session: &mut Session, binary: Binary, job: Job) -> Result<u32, Failure> {
+    fn add(
+        &mut self,
+        session: &mut Session,
+        binary: Binary,
+        job: Job,
+        set: Vec<String>,
+    ) -> Result<u32, Failure> {
         let epoch = self.next_epoch();
         if epoch > MOST_EPOCHS {
             return Err(Failure::usage(format!(
@@ -144,6 +158,7 @@ impl Controllers {
             side,
             binary,
             job,
+            set,
             standing: Standing::Coming,
             told_gone: None,
             told_over: false,
@@ -241,6 +256,7 @@ impl Controllers {
             epoch: member.epoch,
             binary: member.binary.clone(),
             law: member.job.law.clone(),
+            set: member.set.clone(),
             fate: member.side.fate(),
         };
         self.members.iter().map(started).collect()
@@ -265,6 +281,7 @@ impl Controllers {
         let Wanted {
             binary,
             law,
+            set,
             left_out,
             answer,
         } = wanted;
@@ -275,7 +292,7 @@ impl Controllers {
         }
         let place = self.place_in_office();
         let job = law.onto(self.members[place].job.clone());
-        match self.add(session, binary, job) {
+        match self.add(session, binary, job, set) {
             Ok(epoch) => {
                 plant.tell(&format!("{EXPECT} {epoch}"));
                 if let Some(member) = self.members.last_mut() {
@@ -373,8 +390,12 @@ impl Controllers {
         let Some(member) = member else {
             return;
         };
-        let (binary, job) = (member.binary.clone(), member.job.clone());
-        match self.add(session, binary, job) {
+        let (binary, job, set) = (
+            member.binary.clone(),
+            member.job.clone(),
+            member.set.clone(),
+        );
+        match self.add(session, binary, job, set) {
             Ok(epoch) => plant.tell(&format!("{EXPECT} {epoch}")),
             Err(failure) => {
                 let why = failure.to_string();

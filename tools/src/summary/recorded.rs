@@ -11,6 +11,7 @@ use super::{Origin, Program, Summary};
 use crate::run::Ended;
 use crate::run::realtime::{Realtime, Recorder};
 use crate::run_reader::{RECORDING, RunReader};
+use crate::succession::Laws;
 
 /// Levels of evidence, as facts have them.
 const EVIDENCE: [&str; 4] = ["in-process", "sil", "pil", "hil"];
@@ -46,6 +47,9 @@ impl Summary {
             dma_latency_us: Granted::new(None, None, None),
         };
         let mut summary = Self::of(plan, origin, Some(RECORDING), realtime, ended);
+        summary.laws = Laws::of(&plan.controller.law, &ended.recorded.changes, |name| {
+            reader.fact(name).map(Into::into)
+        });
         summary.recording.unvouched = reader.unvouched().map(|unvouched| unvouched.told);
         summary
     }
