@@ -36,6 +36,13 @@ pub fn short(value: f64) -> String {
     }
 }
 
+/// A count of things, `1 record` or `2 records`; `thing` is one whose plural ends with s.
+#[must_use]
+pub fn counted(count: u64, thing: &str) -> String {
+    let s = if count == 1 { "" } else { "s" };
+    format!("{count} {thing}{s}")
+}
+
 /// A number as [`exact`] writes it, with its unit; `1` and the empty text are none.
 #[must_use]
 pub fn exact_in(value: f64, unit: &str) -> String {

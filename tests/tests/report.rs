@@ -455,12 +455,14 @@ fn runs_that_ended_badly_or_kept_a_part_are_shown_as_far_as_they_go() {
     let page = Page::of(&rig, &[&excerpt], &[]);
     assert!(page.text.contains("an excerpt") && page.text.contains("data-verdict=\"pass\""));
     page.plot(&["truth.position_m"]);
-    // One bit of one byte is another: something that is shown was never recorded.
+    // Of several chunks, of which one is closed every 100 ms.
     let damaged = rig
-        .run("scenarios/spring-mass.toml --compression none")
+        .run("scenarios/spring-mass.toml --compression none --clock paced")
         .expect(0);
-    let mut bytes = std::fs::read(damaged.recording()).expect("a recording");
-    let middle = bytes.len() / 2;
+    let whole = std::fs::read(damaged.recording()).expect("a recording");
+    let middle = whole.len() / 2;
+    // One bit of one byte is another: something that is shown was never recorded.
+    let mut bytes = whole.clone();
     bytes[middle] ^= 1;
     std::fs::write(damaged.recording(), &bytes).expect("it can be written");
     let (page, told) = Page::with_exit(&rig, &[&damaged, &excerpt], &[], 2);
@@ -475,13 +477,9 @@ fn runs_that_ended_badly_or_kept_a_part_are_shown_as_far_as_they_go() {
     let (_, verdict) = runs.split_once("data-verdict=\"").expect("a verdict");
     assert!(!verdict.starts_with("pass"), "whatever the bit was part of");
     assert!(page.text.contains("damaged") || page.text.contains("not the recorded one"));
-    // Cut off in the middle, where chunks are complete: one is closed every 100 ms.
-    let whole = rig
-        .run("scenarios/spring-mass.toml --clock paced")
-        .expect(0);
-    let bytes = std::fs::read(whole.recording()).expect("a recording");
-    std::fs::write(whole.recording(), &bytes[..bytes.len() / 2]).expect("it can be written");
-    let (page, told) = Page::with_exit(&rig, &[&whole], &[], 0);
+    // Cut off there.
+    std::fs::write(damaged.recording(), &whole[..middle]).expect("it can be written");
+    let (page, told) = Page::with_exit(&rig, &[&damaged], &[], 0);
     assert!(told.contains("hil recover "), "{told}");
     assert!(
         page.text.contains("broke off after") && page.text.contains("data-verdict=\"aborted\"")

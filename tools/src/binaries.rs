@@ -197,10 +197,7 @@ impl Binary {
     fn of_plant(choice: &Choice, interruption: &Interruption) -> Result<Self, Failure> {
         let plant = Self::find(choice, &PLANT, interruption)?;
         if plant.description.plants.is_empty() {
-            return Err(Failure::usage(format!(
-                "{} describes no plant",
-                plant.path.display()
-            )));
+            return Err(plant.refused("describes no plant"));
         }
         Ok(plant)
     }
@@ -208,10 +205,17 @@ impl Binary {
     fn of_controller(choice: &Choice, interruption: &Interruption) -> Result<Self, Failure> {
         let controller = Self::find(choice, &CONTROLLER, interruption)?;
         if controller.description.laws.is_empty() {
-            let path = controller.path.display();
-            return Err(Failure::usage(format!("{path} describes no control law")));
+            return Err(controller.refused("describes no control law"));
         }
         Ok(controller)
+    }
+
+    fn refused(&self, why: &str) -> Failure {
+        let (path, by) = (self.path.display(), &self.by);
+        Failure::usage(match by {
+            NamedBy::Nobody => format!("{path} {why}"),
+            by => format!("{path} ({by}) {why}"),
+        })
     }
 
     /// What helps whoever names a law that it does not have; `name` says how another program is named.

@@ -20,6 +20,7 @@ pub mod report;
 pub mod run;
 pub mod swap;
 
+use std::ffi::OsString;
 use std::path::PathBuf;
 
 use clap::error::{ContextKind, ErrorKind};
@@ -142,12 +143,25 @@ impl CommandLine {
     #[must_use]
     pub fn of_process() -> Self {
         let typed = inject::arrange(std::env::args_os());
-        Self::try_parse_from(typed).unwrap_or_else(|error| in_words(error).exit())
+        Self::try_parse_from(typed.clone()).unwrap_or_else(|error| in_words(error, &typed).exit())
     }
 }
 
+/// The command that was typed, with its own usage.
+fn meant(typed: &[OsString]) -> clap::Command {
+    let mut command = CommandLine::command();
+    command.build();
+    for word in &typed[1..] {
+        let Some(next) = command.find_subcommand(word) else {
+            break;
+        };
+        command = next.clone();
+    }
+    command
+}
+
 /// The error in words for what Rust says of numbers that are none.
-fn in_words(error: clap::Error) -> clap::Error {
+fn in_words(error: clap::Error, typed: &[OsString]) -> clap::Error {
     let said = std::error::Error::source(&error).map(ToString::to_string);
     let (value, argument) = (
         error.get(ContextKind::InvalidValue),
@@ -172,7 +186,7 @@ fn in_words(error: clap::Error) -> clap::Error {
         },
     };
     let told = format!("invalid value '{value}' for '{argument}': it takes {expected}");
-    CommandLine::command().error(ErrorKind::ValueValidation, told)
+    meant(typed).error(ErrorKind::ValueValidation, told)
 }
 
 /// The binaries of a run.
@@ -228,13 +242,17 @@ mod tests {
                 "it takes a whole number from 1 to 10000",
             ),
         ] {
-            let error = CommandLine::try_parse_from(typed.split(' ')).expect_err("refused");
-            let said = in_words(error).to_string();
+            let words: Vec<OsString> = typed.split(' ').map(Into::into).collect();
+            let error = CommandLine::try_parse_from(&words).expect_err("refused");
+            let said = in_words(error, &words).to_string();
             assert!(said.contains(told), "{typed}: {said}");
+            let usage = format!("Usage: {} ", words[..2].join(" ".as_ref()).display());
+            assert!(said.contains(&usage), "{typed}: {said}");
         }
-        let other = CommandLine::try_parse_from(["hil", "rnu"]).expect_err("refused");
+        let words = ["hil", "rnu"].map(OsString::from);
+        let other = CommandLine::try_parse_from(&words).expect_err("refused");
         let said = other.to_string();
-        assert_eq!(in_words(other).to_string(), said);
+        assert_eq!(in_words(other, &words).to_string(), said);
     }
 
     #[test]

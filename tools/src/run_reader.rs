@@ -31,6 +31,8 @@ pub(crate) use vouched::{UNVOUCHED, Unvouched, VOUCHED};
 pub const RECORDING: &str = "run.mcap";
 /// The fact that says what was kept, if not all was.
 pub const EXCERPT: &str = "excerpt";
+/// The begin of what a header says of the program that wrote the file.
+const LIBRARY: &str = "hil ";
 /// The topic of records.
 pub(crate) const RECORDS: &str = "/record";
 /// The topic of events.
@@ -40,6 +42,19 @@ const ENCAPSULATION: usize = 4;
 
 /// The last step of the longest run that a scenario can ask for; what follows steps may count on it.
 const LAST_STEP: u64 = 1 << 40;
+
+/// What helps with a file of which nothing can be had.
+const AGAIN: &str = "copy it again from where it is whole, or run the scenario again";
+
+fn damage(path: &Path, what: &str, records: u64) -> String {
+    match records {
+        0 => format!("before its first record: {what}; {AGAIN}"),
+        _ => format!(
+            "after {records} records: {what}; `hil recover {} -o FILE` makes a recording of what is before",
+            path.display()
+        ),
+    }
+}
 
 /// A run cannot be read.
 #[derive(Debug, thiserror::Error)]
@@ -67,7 +82,8 @@ pub enum ReadError {
     },
     /// Something in the file is wrong, and not only its end is missing.
     #[error(
-        "{path} is damaged at byte {at} of {length}, after {records} records: {what}; `hil recover {path} -o FILE` makes a recording of what is before"
+        "{path} is damaged at byte {at} of {length}, {}",
+        damage(path, what, *records)
     )]
     Damaged {
         /// The file.
@@ -83,7 +99,7 @@ pub enum ReadError {
     },
     /// It ends before there is anything of a run in it.
     #[error(
-        "{path} was cut off after {length} bytes, before its first record: nothing of the run is in it; copy it again from where it is whole, or run the scenario again"
+        "{path} was cut off after {length} bytes, before its first record: nothing of the run is in it; {AGAIN}"
     )]
     Cut {
         /// The file.
@@ -105,6 +121,8 @@ pub enum ReadError {
 pub struct RunReader {
     path: PathBuf,
     content: Content,
+    /// Whether its header says that `hil` wrote it.
+    is_of_hil: bool,
     columns: Vec<Column>,
     hashed_words: usize,
     /// Channels by number: how their events are written, if they do not carry records.
@@ -160,6 +178,7 @@ impl RunReader {
         let mut reader = Self {
             path,
             content,
+            is_of_hil: false,
             columns: Vec::new(),
             hashed_words: 0,
             channels: BTreeMap::new(),
@@ -299,9 +318,9 @@ impl RunReader {
                 Next::Record => {
                     let step = self.step();
                     if step < self.next_step || step > LAST_STEP {
-                        let (records, next) = (self.records, self.next_step);
-                        return Err(self.foreign(format!(
-                            "damaged after {records} records: step {step} where step {next} or a later one comes"
+                        let next = self.next_step;
+                        return Err(self.damaged(format!(
+                            "step {step} where step {next} or a later one comes"
                         )));
                     }
                     self.next_step = step + 1;
@@ -399,6 +418,9 @@ impl RunReader {
             Err(what) => return Err(self.damaged(what)),
         };
         match record {
+            Record::Header(header) => {
+                self.is_of_hil = header.library.starts_with(LIBRARY);
+            }
             Record::Schema { header, data } => {
                 let text = String::from_utf8_lossy(&data);
                 self.schemas
@@ -459,8 +481,10 @@ impl RunReader {
         let path = self.path.clone();
         match error {
             ContentError::Io(error) => ReadError::Io { path, error },
-            // Before there is anything of a run it may be anybody's file.
-            ContentError::Damaged { what, .. } if self.columns.is_empty() => self.foreign(what),
+            // Anybody's file.
+            ContentError::Damaged { what, .. } if !self.is_of_hil && self.columns.is_empty() => {
+                self.foreign(what)
+            }
             ContentError::Damaged { at, what } => ReadError::Damaged {
                 path,
                 what,

@@ -1,10 +1,13 @@
 //! `hil sessions`: what runs, and what was left by what does not any more. Every command removes that;
 //! this one tells of it.
 
+use std::time::Duration;
+
 use shared_types::session;
 
 use crate::cli::config::SessionsArguments;
 use crate::exit::{Exit, Failure};
+use crate::observer::Notice;
 use crate::output;
 
 /// Runs the command.
@@ -26,14 +29,21 @@ pub fn sessions(arguments: &SessionsArguments) -> Result<Exit, Failure> {
     if live.is_empty() {
         text += "no session is running\n";
     } else {
-        text += &format!("{:<24}  {:>8}  RUN\n", "SESSION", "PROCESS");
+        text += &row("SESSION", "PROCESS", "SCENARIO", "AGE", "RUN");
     }
     for session in live {
-        let run = session
-            .run_dir
-            .map_or("-".into(), |path| path.display().to_string());
-        text += &format!("{:<24}  {:>8}  {run}\n", session.name, session.owner.pid);
+        let scenario = Notice::read(&session).and_then(|notice| notice.scenario_name());
+        let age = Notice::age(&session).map(|age| Duration::from_secs(age.as_secs()));
+        let age = age.map(|age| humantime::format_duration(age).to_string());
+        let run = (session.run_dir.as_ref()).map(|path| path.display().to_string());
+        let [scenario, age, run] = [scenario, age, run].map(|one| one.unwrap_or("-".into()));
+        let process = session.owner.pid.to_string();
+        text += &row(&session.name, &process, &scenario, &age, &run);
     }
     output::write(&text)?;
     Ok(Exit::Pass)
+}
+
+fn row(session: &str, process: &str, scenario: &str, age: &str, run: &str) -> String {
+    format!("{session:<24}  {process:>8}  {scenario:<20}  {age:>10}  {run}\n")
 }

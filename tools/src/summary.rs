@@ -470,7 +470,7 @@ pub(crate) fn write_metrics(
     laws: &Laws,
     steps: u64,
 ) -> std::fmt::Result {
-    if metrics.iter().all(|metric| metric.value.is_none()) {
+    if metrics.is_empty() || steps == 0 {
         return Ok(());
     }
     let width = metrics.iter().map(|metric| metric.name.len()).max();
@@ -489,8 +489,11 @@ pub(crate) fn write_metrics(
     for (metric, published) in metrics.iter().zip(published) {
         let [start_s, end_s] = metric.window_s;
         let window = format!("{start_s} to {end_s}");
-        let value = metric.value.map_or_else(|| "-".into(), short);
-        let (name, unit) = (&metric.name, unit_shown(&metric.unit));
+        let name = &metric.name;
+        let (value, unit) = match metric.value {
+            Some(value) => (short(value), unit_shown(&metric.unit)),
+            None => ("-".into(), ""),
+        };
         write!(text, "  {name:<width$}  {window:>10}  {value:>11} {unit}")?;
         if let Some((published, note)) = published {
             let gap = 4_usize.saturating_sub(unit.len());

@@ -251,7 +251,10 @@ impl Parser<'_> {
             let message = format!("`{name}` takes {takes}, not {arguments}");
             return self.error(span, message);
         }
-        let mut error = self.error(span, format!("unknown function `{name}`"));
+        let known: Vec<&str> = functions().collect();
+        let known = known.join(", ");
+        let message = format!("unknown function `{name}`; there are {known}");
+        let mut error = self.error(span, message);
         error.nearest = shared_types::table::nearest(name, functions())
             .into_iter()
             .map(Into::into)

@@ -109,7 +109,7 @@ class Run:
         """Signals as arrays, one value for each step, beside `step` and `time_s`.
 
         `names` are full names or patterns with `*` and `?`, all signals without; words of measured time
-        such as `round_trip_ns` are there by name. Both ends of `window_s` belong to it. `every` picks its
+        such as `round_trip_ns` are there by name, as integers, 0 where a step has none. Both ends of `window_s` belong to it. `every` picks its
         first step and then each n-th; it filters nothing. A value that does not exist is NaN.
         """
         if every < 1:

@@ -10,8 +10,8 @@ pub(super) const EXAMPLES: &str = "\
 Values are those of the picked steps: --every leaves steps out and filters nothing. A recording that
 was cut off is exported as far as it goes, with a note.
 
-Exit codes: 0 exported; 2 no such run, signal or window, or the file is there already; 3 the file
-cannot be written.
+Exit codes: 0 exported; 2 no such run, signal or window, or the file is there already or cannot be made
+there; 3 it cannot be written to its end.
 
 Examples:
   hil export runs/demo --list

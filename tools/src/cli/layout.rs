@@ -8,8 +8,8 @@ pub(super) const EXAMPLES: &str = "\
 What is plotted follows from the signals that were recorded, so it works for any plant. A layout for
 PlotJuggler in the folder of the run opens the recording, too, over simulated time.
 
-Exit codes: 0 written; 2 no such run, it is damaged, or the file is there already; 3 the
-file cannot be written.
+Exit codes: 0 written; 2 no such run, it is damaged, or the file is there already or cannot be made
+there; 3 it cannot be written to its end.
 
 Examples:
   hil layout runs/demo plotjuggler -o runs/demo/plotjuggler.xml

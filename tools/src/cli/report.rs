@@ -9,8 +9,8 @@ One HTML file that needs no network: plots that zoom and share a cursor, faults 
 their margins, latency, and where it all comes from. Several runs are laid over each other. A scenario says
 with [[plots]] what its report begins with; every other signal can be added on the page.
 
-Exit codes: 0 written; 2 no such run or signal, the file is there already, or a run is
-damaged: then the page shows what can be had of it; 3 it cannot be written.
+Exit codes: 0 written; 2 no such run or signal, the file is there already or cannot be made there, or a
+run is damaged: then the page shows what can be had of it; 3 it cannot be written to its end.
 
 Examples:
   hil report runs/demo

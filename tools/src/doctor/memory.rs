@@ -1,5 +1,6 @@
 //! Memory: what moves it about, and the room that sessions need.
 
+use shared_types::number::counted;
 use shared_types::shared_memory::{LEAST_INODES, SharedMemory};
 
 use super::finding::{Check, Finding};
@@ -113,7 +114,10 @@ fn room(shared: SharedMemory) -> Finding {
         return (SHARED_MEMORY.poor(found)).mend("sudo chmod 1777 /dev/shm");
     }
     if let Some(left) = shared.free_inodes.filter(|left| *left < LEAST_INODES) {
-        let found = format!("tmpfs, {left} free inodes; a run takes up to {LEAST_INODES}");
+        let found = format!(
+            "tmpfs, {}; a run takes up to {LEAST_INODES}",
+            counted(left, "free inode")
+        );
         return (SHARED_MEMORY.poor(found)).mend("sudo mount -o remount,nr_inodes=1m /dev/shm");
     }
     let found = format!("tmpfs, {} MiB free", shared.free_bytes / MIB);

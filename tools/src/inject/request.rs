@@ -10,6 +10,7 @@ use shared_types::describe::{
     ActsOn, FaultDescription, FaultKindDescription, ListDescription, ProfileDescription,
 };
 use shared_types::live::{Possible, Refusal};
+use shared_types::number::counted;
 use shared_types::table::{Field, nearest};
 
 use crate::cli::inject::{InjectArguments, nearest_options};
@@ -75,7 +76,10 @@ pub fn toml(arguments: &InjectArguments, possible: &Possible) -> Result<String, 
             let targets = if count == 1 { "target" } else { "targets" };
             refusals.push(Refusal {
                 key: name.into(),
-                message: format!("`{name}` has {given} values for {count} {targets}"),
+                message: format!(
+                    "`{name}` has {} for {count} {targets}",
+                    counted(given as u64, "value")
+                ),
                 expected: Some(values),
                 nearest: Vec::new(),
             });
@@ -236,8 +240,8 @@ impl<'a> Kind<'a> {
             refusals.push(Refusal {
                 key: String::new(),
                 message: format!(
-                    "`{name}` has {} values left to give, not {given}: {}",
-                    open.len(),
+                    "`{name}` has {} left to give, not {given}: {}",
+                    counted(open.len() as u64, "value"),
                     listed(&words)
                 ),
                 expected: Some(if names.is_empty() {

@@ -5,7 +5,7 @@ use std::fmt::{self, Display, Formatter, Write as _};
 
 use serde::Serialize;
 use serde_json::Value;
-use shared_types::number::{exact_in, short};
+use shared_types::number::{counted, exact_in, short};
 use shared_types::time::Step;
 
 use super::comparison::{Comparison, First, Near};
@@ -185,7 +185,7 @@ impl Report {
             self.sim_time_s,
             self.wall_time_s,
             self.realtime_factor,
-            counted(&self.compared)
+            told_names(&self.compared)
         )?;
         if self.unanswered_steps > 0 {
             writeln!(
@@ -240,10 +240,15 @@ impl Report {
     }
 }
 
-fn counted(names: &[String]) -> String {
+fn told_names(names: &[String]) -> String {
     let commands = names.iter().filter(|name| name.starts_with("command."));
     let commands = commands.count();
-    format!("{commands} commands, {} internals", names.len() - commands)
+    let internals = (names.len() - commands) as u64;
+    let (commands, internals) = (
+        counted(commands as u64, "command"),
+        counted(internals, "internal"),
+    );
+    format!("{commands}, {internals}")
 }
 
 /// The samples around a difference as a table: a line for each signal, a column for each step.

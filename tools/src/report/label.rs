@@ -80,7 +80,8 @@ fn add(labels: &mut [String], facts: &[Facts], differing: fn(&[&Facts]) -> Vec<S
     }
 }
 
-/// Of each run the settings in which they differ, by the last part of their key where that will do.
+/// Of each run the few settings that tell it from the others, by the last part of their key where that
+/// will do, and how many more differ.
 fn differing_settings(runs: &[&Facts]) -> Vec<String> {
     let keys: BTreeSet<&String> = runs.iter().flat_map(|run| run.settings.keys()).collect();
     let is_other = |key: &&&String| {
@@ -94,18 +95,50 @@ fn differing_settings(runs: &[&Facts]) -> Vec<String> {
         let is_ambiguous = keys.iter().filter(|one| last(one) == last(key)).count() > 1;
         if is_ambiguous { key.clone() } else { last(key) }
     };
+    let telling = telling(runs, &keys);
     let of_run = |run: &&Facts| {
-        let set = keys.iter().filter_map(|key| {
+        let set = telling.iter().filter_map(|key| {
             let value = run.settings.get(*key)?;
             Some(format!("{}={}", name(key), cut(value)))
         });
-        let set: Vec<String> = set.collect();
-        match set.len() {
-            0..=MOST => set.join(" "),
-            all => format!("{} and {} more", set[..MOST].join(" "), all - MOST),
+        let mut set: Vec<String> = set.collect();
+        let others = keys.iter().filter(|key| !telling.contains(key));
+        match others
+            .filter(|key| run.settings.contains_key(**key))
+            .count()
+        {
+            0 => {}
+            more => set.push(format!("and {more} more")),
         }
+        set.join(" ")
     };
     runs.iter().map(of_run).collect()
+}
+
+/// Of these keys the few that tell most runs apart: each time the one that makes most of them differ.
+fn telling<'a>(runs: &[&Facts], keys: &[&'a String]) -> Vec<&'a String> {
+    let mut chosen: Vec<&String> = Vec::new();
+    while chosen.len() < MOST {
+        let apart = |keys: &[&String]| {
+            let values = runs.iter().map(|run| {
+                let values = keys.iter().map(|key| Some(cut(run.settings.get(*key)?)));
+                values.collect::<Vec<_>>()
+            });
+            values.collect::<BTreeSet<_>>().len()
+        };
+        let with = |key| apart(&[&chosen[..], &[key]].concat());
+        let Some((more, key)) = (keys.iter().rev())
+            .map(|key| (with(*key), *key))
+            .max_by_key(|(more, _)| *more)
+        else {
+            break;
+        };
+        if more <= apart(&chosen) {
+            break;
+        }
+        chosen.push(key);
+    }
+    chosen
 }
 
 /// A value that is not too long for a label.
@@ -217,12 +250,29 @@ mod tests {
         let runs = [1, 2].map(|force| run("pid", "x", &text(force), "c"));
         assert_eq!(
             labels(&runs)[1],
-            "pid faults[0].effects[0].force_n=2 faults[1].effects[0].force_n=2"
+            "pid faults[0].effects[0].force_n=2 and 1 more"
         );
         let text =
             |value: u32| format!("a = {value}\nb = {value}\nc = {value}\nd = {value}\ne = {value}");
         let runs = [1, 2].map(|value| run("pid", "x", &text(value), "c"));
-        assert_eq!(labels(&runs)[0], "pid a=1 b=1 c=1 and 2 more");
+        assert_eq!(labels(&runs)[0], "pid a=1 and 4 more");
+    }
+
+    #[test]
+    fn of_many_runs_the_settings_that_tell_them_apart_stand_first() {
+        // One of eight has other values of all that comes first by name.
+        let text = |run: u32| {
+            let other = run == 7;
+            format!(
+                "a = {other}\nb = {other}\nc = {other}\nd = {}\ne = {}",
+                run / 2,
+                run % 2
+            )
+        };
+        let runs: Vec<Facts> = (0..8).map(|at| run("pid", "x", &text(at), "c")).collect();
+        let labels = labels(&runs);
+        assert_eq!(labels[0], "pid d=0 e=0 and 3 more");
+        assert_eq!(labels[7], "pid d=3 e=1 and 3 more");
     }
 
     #[test]

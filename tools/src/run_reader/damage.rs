@@ -7,7 +7,7 @@ use crate::cli::run::Compression;
 use crate::compare::compare;
 use crate::compare::tolerance::Tolerances;
 use crate::latency::recorded;
-use crate::recording::{Provenance, Recording};
+use crate::recording::{Enclosure, Provenance, Recording};
 use crate::repetition::RecordedRun;
 
 /// A file of each compression, of some chunks.
@@ -18,7 +18,11 @@ fn files() -> Vec<(Compression, Vec<u8>)> {
         let path = folder.path().join(RECORDING);
         let provenance = Provenance {
             facts: BTreeMap::from([("rate_hz".into(), "1000".into())]),
-            enclosures: vec![],
+            enclosures: vec![Enclosure {
+                name: "note.txt",
+                media_type: "text/plain",
+                text: "a text".into(),
+            }],
         };
         let layout = layout();
         let recording = Recording::create(&path, compression, &layout, &provenance, None);
@@ -91,6 +95,27 @@ fn a_recording_with_a_wrong_bit_anywhere_is_never_taken_for_a_whole_one() {
             std::fs::write(&path, &wrong).expect("written");
             assert!(!read(&path), "{compression:?}: byte {place}, bit {bit}");
         }
+    }
+}
+
+#[test]
+fn damage_in_what_travels_with_a_run_is_told_as_damage() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join(RECORDING);
+    for (compression, mut bytes) in files() {
+        let place = bytes.windows(6).position(|bytes| bytes == b"a text");
+        bytes[place.expect("an attachment")] ^= 1;
+        std::fs::write(&path, &bytes).expect("written");
+        let told = RunReader::open(&path).err().expect("refused").to_string();
+        let all = [
+            "is damaged at byte ",
+            "before its first record: ",
+            "copy it again",
+        ];
+        assert!(
+            all.iter().all(|one| told.contains(one)),
+            "{compression:?}: {told}"
+        );
     }
 }
 
