@@ -31,8 +31,6 @@ pub(crate) use vouched::{UNVOUCHED, Unvouched, VOUCHED};
 pub const RECORDING: &str = "run.mcap";
 /// The fact that says what was kept, if not all was.
 pub const EXCERPT: &str = "excerpt";
-/// The begin of what a header says of the program that wrote the file.
-const LIBRARY: &str = "hil ";
 /// The topic of records.
 pub(crate) const RECORDS: &str = "/record";
 /// The topic of events.
@@ -121,8 +119,6 @@ pub enum ReadError {
 pub struct RunReader {
     path: PathBuf,
     content: Content,
-    /// Whether its header says that `hil` wrote it.
-    is_of_hil: bool,
     columns: Vec<Column>,
     hashed_words: usize,
     /// Channels by number: how their events are written, if they do not carry records.
@@ -178,7 +174,6 @@ impl RunReader {
         let mut reader = Self {
             path,
             content,
-            is_of_hil: false,
             columns: Vec::new(),
             hashed_words: 0,
             channels: BTreeMap::new(),
@@ -418,9 +413,6 @@ impl RunReader {
             Err(what) => return Err(self.damaged(what)),
         };
         match record {
-            Record::Header(header) => {
-                self.is_of_hil = header.library.starts_with(LIBRARY);
-            }
             Record::Schema { header, data } => {
                 let text = String::from_utf8_lossy(&data);
                 self.schemas
@@ -481,8 +473,8 @@ impl RunReader {
         let path = self.path.clone();
         match error {
             ContentError::Io(error) => ReadError::Io { path, error },
-            // Anybody's file.
-            ContentError::Damaged { what, .. } if !self.is_of_hil && self.columns.is_empty() => {
+            // Before the facts of a run it may be anybody's file.
+            ContentError::Damaged { what, .. } if !self.metadata.contains_key("hil.run") => {
                 self.foreign(what)
             }
             ContentError::Damaged { at, what } => ReadError::Damaged {

@@ -121,7 +121,7 @@ fn telling<'a>(runs: &[&Facts], keys: &[&'a String]) -> Vec<&'a String> {
     while chosen.len() < MOST {
         let apart = |keys: &[&String]| {
             let values = runs.iter().map(|run| {
-                let values = keys.iter().map(|key| Some(cut(run.settings.get(*key)?)));
+                let values = keys.iter().map(|key| run.settings.get(*key));
                 values.collect::<Vec<_>>()
             });
             values.collect::<BTreeSet<_>>().len()

@@ -294,7 +294,7 @@ fn what_is_not_understood_is_refused_with_what_is_possible() {
         ),
         (
             "bias x 1 2",
-            "`bias` has 1 values left to give, not 2: `1`, `2` ; values for `bias` ; ",
+            "`bias` has 1 value left to give, not 2: `1`, `2` ; values for `bias` ; ",
         ),
         ("bias x --bias 1 --bias 2", "`--bias` is given twice ;  ; "),
         (
