@@ -23,8 +23,9 @@ pub mod swap;
 use std::ffi::OsString;
 use std::path::PathBuf;
 
+use clap::builder::styling::Style;
 use clap::error::{ContextKind, ErrorKind};
-use clap::{Args, CommandFactory, Parser, Subcommand};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 
 use clock::{ClockArguments, StepArguments};
@@ -58,35 +59,35 @@ pub struct CommandLine {
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Run a scenario: start plant and controller, record, judge and summarise
+    /// Run a scenario: start both processes, record, judge, summarise
     #[command(after_help = run::EXAMPLES)]
     Run(RunArguments),
-    /// Put a fault into a running session, or see and clear those there are
+    /// Inject a fault into a running session, or list and clear faults
     #[command(override_usage = inject::USAGE, after_help = inject::EXAMPLES)]
     Inject(Box<InjectArguments>),
     /// Hold a running session before its next step
     #[command(after_help = "Example:\n  hil pause --session demo")]
     Pause(ClockArguments),
-    /// Let a held session go on
+    /// Resume a held session
     #[command(after_help = "Example:\n  hil resume")]
     Resume(ClockArguments),
-    /// Let a session go on for some steps, then hold it
+    /// Execute some steps of a session, then hold it
     #[command(after_help = "Examples:\n  hil step\n  hil step 1000")]
     Step(StepArguments),
-    /// Watch a running session: clock, speed, latency, plots, faults, requirements
+    /// Watch a running session: plots, faults, latency, requirements
     #[command(after_help = monitor::EXAMPLES)]
     Monitor(MonitorArguments),
     /// Change the controller of a running session
     Controller(ControllerArguments),
-    /// Repeat a recorded run, the faults of its command lines included, and compare the digests
+    /// Repeat a recorded run with its late commands; compare digests
     #[command(
         after_help = "Exit codes: 0 the same digest; 1 another.\n\nExample:\n  hil rerun runs/demo"
     )]
     Rerun(RerunArguments),
-    /// Give recorded samples to a controller and compare its answers with the recorded ones
+    /// Give recorded samples to a controller and compare its answers
     #[command(after_help = replay::HELP)]
     Replay(ReplayArguments),
-    /// Compare two recorded runs step by step, or one with a baseline
+    /// Compare two recorded runs, or one with a baseline
     #[command(after_help = "\
 Exit codes: 0 the same, or within the tolerance; 1 different; 2 not comparable, or no such baseline.
 
@@ -97,32 +98,32 @@ Examples:
   hil compare runs/demo --baseline severe-leakage-ftsc
   hil compare runs/demo --baseline severe-leakage-ftsc --update --dry-run")]
     Compare(CompareArguments),
-    /// Judge a recorded run by its own requirements, or by those of another scenario
+    /// Judge a recorded run by its own requirements or by others
     #[command(after_help = recordings::JUDGE_EXAMPLES)]
     Judge(JudgeArguments),
-    /// Make an HTML page of recorded runs: plots, verdicts, latency and where they come from
+    /// Make an HTML page of recorded runs
     #[command(after_help = report::EXAMPLES)]
     Report(ReportArguments),
     /// Write signals of a recorded run to a CSV or Parquet file
     #[command(after_help = export::EXAMPLES)]
     Export(ExportArguments),
-    /// Make a layout for Foxglove or PlotJuggler that plots a recorded run
+    /// Make a layout for Foxglove or PlotJuggler
     #[command(after_help = layout::EXAMPLES)]
     Layout(LayoutArguments),
-    /// Make a whole recording of one that broke off: its writer was killed, the disk full, a copy cut
+    /// Make a whole recording of one that broke off
     #[command(after_help = recover::EXAMPLES)]
     Recover(RecoverArguments),
     /// Make scenarios from runs
     Scenario(ScenarioCommand),
     /// Check a scenario, show it complete, or print its schema
     Config(ConfigArguments),
-    /// List the running sessions, or clean up after dead ones
+    /// List running sessions, or clean up after dead ones
     #[command(after_help = "Examples:\n  hil sessions\n  hil sessions --clean")]
     Sessions(SessionsArguments),
-    /// Say whether this machine is fit for timing claims, and what to change
+    /// Check whether this machine is fit for timing claims
     #[command(after_help = doctor::EXAMPLES)]
     Doctor(DoctorArguments),
-    /// Measure the loop on this machine against what its memory allows, or show a run's figures
+    /// Measure the latency of the loop, or show that of a run
     #[command(after_help = latency::EXAMPLES)]
     Latency(LatencyArguments),
     /// The other process of `hil latency`
@@ -138,18 +139,66 @@ Examples:
     },
 }
 
+/// Subcommands as `hil --help` groups them; clap has one heading for all.
+const GROUPS: [(&str, &[&str]); 4] = [
+    ("Run", &["run", "config", "rerun"]),
+    (
+        "While a session runs",
+        &["monitor", "inject", "pause", "resume", "step", "controller"],
+    ),
+    (
+        "Recorded runs",
+        &[
+            "report", "judge", "compare", "replay", "export", "layout", "recover", "scenario",
+        ],
+    ),
+    (
+        "Machine and sessions",
+        &["doctor", "latency", "sessions", "completions", "help"],
+    ),
+];
+
 impl CommandLine {
     /// Reads the command line of this process; ends it with a message if it is wrong.
     #[must_use]
     pub fn of_process() -> Self {
         let typed = inject::arrange(std::env::args_os());
-        Self::try_parse_from(typed.clone()).unwrap_or_else(|error| in_words(error, &typed).exit())
+        let matches = command().try_get_matches_from(&typed);
+        matches
+            .and_then(|matches| Self::from_arg_matches(&matches))
+            .unwrap_or_else(|error| in_words(error, &typed).exit())
     }
+}
+
+/// The command line, with its subcommands in groups.
+#[must_use]
+pub fn command() -> clap::Command {
+    let mut command = CommandLine::command();
+    command.build();
+    let heading = Style::new().bold().underline();
+    let mut groups = String::new();
+    for (title, names) in GROUPS {
+        groups += &format!("{heading}{title}:{heading:#}\n");
+        for subcommand in names
+            .iter()
+            .filter_map(|name| command.find_subcommand(name))
+        {
+            let name = Style::new().bold();
+            let about = subcommand.get_about().cloned().unwrap_or_default();
+            let command = subcommand.get_name();
+            groups += &format!("  {name}{command:<11}{name:#}  {about}\n");
+        }
+        groups.push('\n');
+    }
+    let template = format!(
+        "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{groups}{heading}Options:{heading:#}\n{{options}}"
+    );
+    CommandLine::command().help_template(template)
 }
 
 /// The command that was typed, with its own usage.
 fn meant(typed: &[OsString]) -> clap::Command {
-    let mut command = CommandLine::command();
+    let mut command = command();
     command.build();
     for word in &typed[1..] {
         let Some(next) = command.find_subcommand(word) else {
@@ -217,7 +266,7 @@ pub struct SessionChoice {
 #[must_use]
 pub fn completions(shell: Shell) -> String {
     let mut text = Vec::new();
-    clap_complete::generate(shell, &mut CommandLine::command(), "hil", &mut text);
+    clap_complete::generate(shell, &mut command(), "hil", &mut text);
     String::from_utf8_lossy(&text).into_owned()
 }
 
@@ -257,6 +306,30 @@ mod tests {
 
     #[test]
     fn the_command_line_is_well_formed() {
-        CommandLine::command().debug_assert();
+        command().debug_assert();
+    }
+
+    #[test]
+    fn help_lists_every_command_once_with_one_line() {
+        let mut known = CommandLine::command();
+        known.build();
+        let known = known.get_subcommands().filter(|one| !one.is_hide_set());
+        let mut known: Vec<&str> = known.map(clap::Command::get_name).collect();
+        let mut listed: Vec<&str> = GROUPS
+            .iter()
+            .flat_map(|(_, names)| *names)
+            .copied()
+            .collect();
+        known.sort_unstable();
+        listed.sort_unstable();
+        assert_eq!(listed, known);
+        let help = command().render_long_help().to_string();
+        for name in known {
+            let line = help
+                .lines()
+                .filter(|line| line.starts_with(&format!("  {name} ")));
+            let line: Vec<&str> = line.collect();
+            assert!(matches!(line[..], [line] if line.len() <= 80), "{line:?}");
+        }
     }
 }
