@@ -171,6 +171,16 @@ impl SessionInfo {
         segments_of(&self.prefix)
     }
 
+    /// Removes segments without content, once the sides are dead: whoever made one died before it had a
+    /// size, and iceoryx2 0.10 waits for that size without a limit when it opens the service.
+    pub fn remove_unfinished(&self) {
+        for path in self.segments() {
+            if fs::symlink_metadata(&path).is_ok_and(|found| found.is_file() && found.len() == 0) {
+                let _ = fs::remove_file(&path); // it may be gone by now
+            }
+        }
+    }
+
     /// Closes the files and folders of the session that are open to other users; iceoryx2 leaves
     /// some so.
     ///

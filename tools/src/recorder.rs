@@ -9,8 +9,8 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::thread::JoinHandle;
-use std::time::Duration;
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
 
 use hil_config::evaluation::MetricValue;
 use hil_config::plan::Plan;
@@ -40,6 +40,9 @@ const LOOK: Duration = Duration::from_micros(500);
 /// fills the stream's buffer, so that it is not held back. Each waking takes a core from the loop for
 /// some microseconds more than its records cost.
 const NAP: Duration = Duration::from_millis(4);
+
+/// How long the thread may go on after the sides are gone before it may be stuck in what they left.
+const STUCK: Duration = Duration::from_millis(50);
 
 /// Where and how a recording is written.
 #[derive(Clone, Debug)]
@@ -98,6 +101,8 @@ pub struct Recorded {
 pub struct Recorder {
     shared: Arc<Shared>,
     thread: Option<JoinHandle<Recorded>>,
+    /// Frees the thread from a stream that dead sides left half made.
+    unblock: Option<Box<dyn Fn()>>,
 }
 
 #[derive(Default)]
@@ -161,7 +166,16 @@ impl Recorder {
         Self {
             shared,
             thread: Some(thread),
+            unblock: None,
         }
+    }
+
+    /// The same with a way out of a stream that dead sides left half made. It is called again and again
+    /// while the thread does not end, and only once the sides are gone.
+    #[must_use]
+    pub fn unblocked_by(mut self, unblock: impl Fn() + 'static) -> Self {
+        self.unblock = Some(Box::new(unblock));
+        self
     }
 
     /// Waits until the records that the run goes on from are taken: before it begins, so that no side
@@ -216,22 +230,33 @@ impl Recorder {
     /// # Errors
     /// If the thread panicked.
     pub fn finish(mut self) -> Result<Recorded, String> {
-        self.shared.finish.store(true, Ordering::Release);
-        let recorded = self.thread.take().map(JoinHandle::join);
-        match recorded {
+        match self.join() {
             Some(Ok(recorded)) => Ok(recorded),
             Some(Err(_)) | None => Err("the recorder panicked".into()),
         }
+    }
+
+    fn join(&mut self) -> Option<thread::Result<Recorded>> {
+        self.shared.finish.store(true, Ordering::Release);
+        let thread = self.thread.take()?;
+        if let Some(unblock) = &self.unblock {
+            let mut since = Instant::now();
+            while !thread.is_finished() {
+                if since.elapsed() > STUCK {
+                    unblock();
+                    since = Instant::now();
+                }
+                thread::sleep(LOOK);
+            }
+        }
+        Some(thread.join())
     }
 }
 
 impl Drop for Recorder {
     fn drop(&mut self) {
         // Of a run that could not be started nothing will come.
-        self.shared.finish.store(true, Ordering::Release);
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join(); // whatever it has, nobody asks for it
-        }
+        let _ = self.join(); // whatever it has, nobody asks for it
     }
 }
 

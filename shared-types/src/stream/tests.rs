@@ -1,5 +1,9 @@
 //! What every record stream must do, run on both implementations, and what only one can show.
 
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
 use super::*;
 use crate::record::{FaultTaken, RecordLayout};
 use crate::session::Session;
@@ -213,4 +217,48 @@ fn an_event_without_end_is_given_up() {
         "{seen:?}"
     );
     assert_eq!(seen.len(), 1);
+}
+
+#[test]
+fn a_service_whose_maker_died_half_way_keeps_nobody_once_it_is_removed() {
+    let session = Session::create(None).expect("a session");
+    let _sink = iceoryx::IceoryxSink::create(session.info(), Owed::Everything).expect("creates");
+    // As after a death between the making of a segment and its size.
+    let dynamic = |path: &PathBuf| path.extension().is_some_and(|kind| kind == "dynamic");
+    let segments: Vec<PathBuf> = session
+        .info()
+        .segments()
+        .into_iter()
+        .filter(dynamic)
+        .collect();
+    assert!(!segments.is_empty(), "{:?}", session.info().segments());
+    for segment in &segments {
+        std::fs::remove_file(segment).expect("it is ours");
+        let mut options = std::fs::File::options();
+        let empty = options
+            .write(true)
+            .create_new(true)
+            .mode(0o600)
+            .open(segment);
+        empty.expect("an empty one");
+    }
+    let theirs = session.info().clone();
+    let opens = std::thread::spawn(move || iceoryx::IceoryxSource::open(&theirs, true).err());
+    let since = Instant::now();
+    // Longer than any limit that iceoryx2 has for a service in the making.
+    std::thread::sleep(Duration::from_secs(1));
+    assert!(
+        !opens.is_finished(),
+        "iceoryx2 gives up by itself: nothing needs to be removed any more"
+    );
+    while !opens.is_finished() {
+        assert!(
+            since.elapsed() < Duration::from_secs(60),
+            "it waits for ever"
+        );
+        std::thread::sleep(Duration::from_millis(10));
+        session.info().remove_unfinished();
+    }
+    let error = opens.join().expect("no panic").expect("nothing to open");
+    assert!(matches!(error, LinkError::Absent { .. }), "{error}");
 }

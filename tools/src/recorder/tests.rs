@@ -281,3 +281,18 @@ fn the_stream_of_a_dead_plant_is_taken_to_its_end() {
     assert_eq!((recorded.end, recorded.error), (None, None));
     assert_eq!(shared.next_step.load(Ordering::Relaxed), 500);
 }
+
+#[test]
+fn a_recorder_that_is_stuck_in_what_the_dead_left_is_freed() {
+    let (free, freed) = std::sync::mpsc::channel();
+    let attach = move || {
+        // As iceoryx2 waits for a service whose maker died: here until it is freed, or given up.
+        let freed = freed.recv_timeout(Duration::from_secs(60));
+        freed
+            .map(|()| None::<(Left, RecordLayout)>)
+            .map_err(|_| "never freed".to_owned())
+    };
+    let recorder = Recorder::start(plan(), None, vec![], None, || attach);
+    let recorded = recorder.unblocked_by(move || drop(free.send(()))).finish();
+    assert_eq!(recorded.expect("no panic").error, None);
+}

@@ -207,6 +207,8 @@ pub(super) fn run(
         let mut source = None;
         move || attach(&attached, &described, &mut source)
     });
+    let theirs = info.clone();
+    let recorder = recorder.unblocked_by(move || theirs.remove_unfinished());
     recorder.recall(&prepared.interruption)?;
     let binaries = &prepared.binaries;
     let mut plant = Side::start("plant", &binaries.plant, &info, run_dir, "plant.log")?;
