@@ -3,8 +3,8 @@
 
 use serde_json::Value;
 
-use crate::harness::{Rig, Run};
-use crate::programs::program_of_tests;
+use crate::support::harness::{Rig, Run};
+use crate::support::programs::program_of_tests;
 
 /// A quarter of a second of the teaching plant at 1 kHz under a law of the test's controller.
 fn audited(rig: &Rig, law: &str, arguments: &str) -> Run {

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
 
-use crate::programs::workspace;
+use crate::support::programs::workspace;
 
 #[expect(unreachable_pub, reason = "the fuzz package has them as a library")]
 #[path = "../fuzz/src/targets/mod.rs"]

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde_json::Value;
 
-use crate::harness::{Rig, Run};
+use crate::support::harness::{Rig, Run};
 
 const SCENARIO: &str =
     "tests/scenarios/leakage.toml --set run.duration_s=0.1 --set faults[0].at_s=0.05";

@@ -20,8 +20,8 @@ use page::{Page, pages};
 use reader::Desk;
 use serde_json::{Value, json};
 
-use crate::harness::Rig;
-use crate::programs::{outside, workspace};
+use crate::support::harness::Rig;
+use crate::support::programs::{outside, workspace};
 
 fn example(path: &str) -> String {
     let path = workspace().join("examples").join(path);

@@ -3,9 +3,9 @@
 
 use serde_json::Value;
 
-use crate::harness::{Rig, Run};
-use crate::mcap_reader::{Record, Recording};
-use crate::programs::program_of_tests;
+use crate::support::harness::{Rig, Run};
+use crate::support::mcap_reader::{Record, Recording};
+use crate::support::programs::program_of_tests;
 
 /// Samples that the chatting controller answers.
 const ANSWERED: u64 = 100;

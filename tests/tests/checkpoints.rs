@@ -8,9 +8,9 @@ use serde_json::Value;
 use shared_types::random::RandomStream;
 
 use crate::every_fault::{LAWS, faults, with_fault};
-use crate::harness::{Rig, Run, until};
-use crate::mcap_reader::Recording;
-use crate::programs::{example, program, program_of_tests, workspace};
+use crate::support::harness::{Rig, Run, until};
+use crate::support::mcap_reader::Recording;
+use crate::support::programs::{example, program, program_of_tests, workspace};
 
 /// Two seconds under FTSC; both actuators begin to leak at 1 s.
 const SCENARIO: &str = "tests/scenarios/leakage.toml";

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use crate::harness::{Rig, Run};
-use crate::programs::{misbehaving_controller, program, workspace};
+use crate::support::harness::{Rig, Run};
+use crate::support::programs::{misbehaving_controller, program, workspace};
 
 const SCENARIO: &str = "scenarios/spring-mass.toml";
 
@@ -437,7 +437,7 @@ fn an_interrupted_question_leaves_no_program_behind() {
     let text = format!("#!/bin/sh\necho $$ > {}\nexec sleep 600\n", mark.display());
     let sleeper = rig.script("sleeper", &text);
     let running = rig.start(&format!("{SCENARIO} --plant-bin {}", sleeper.display()));
-    crate::harness::until("the program is asked", || {
+    crate::support::harness::until("the program is asked", || {
         std::fs::read_to_string(&mark).is_ok_and(|pid| pid.ends_with('\n'))
     });
     running.signal(rustix::process::Signal::INT);

@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 use rustix::process::Signal;
 use serde_json::Value;
 
-use crate::harness::{Rig, Run, send};
-use crate::mcap_reader::{Record, Recording};
+use crate::support::harness::{Rig, Run, send};
+use crate::support::mcap_reader::{Record, Recording};
 
 /// A second of the teaching plant at 200 Hz: 5 ms a step.
 const SCENARIO: &str = r#"

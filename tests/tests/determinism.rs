@@ -3,9 +3,9 @@
 
 use std::process::{Child, Command};
 
-use crate::harness::Rig;
-use crate::mcap_reader::{Record, Recording};
-use crate::programs::{other_hil, program, skip};
+use crate::support::harness::Rig;
+use crate::support::mcap_reader::{Record, Recording};
+use crate::support::programs::{other_hil, program, skip};
 
 /// Two seconds under FTSC; both actuators begin to leak at 1 s.
 const SCENARIO: &str = "tests/scenarios/leakage.toml";

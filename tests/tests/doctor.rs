@@ -5,8 +5,8 @@ use std::collections::BTreeSet;
 
 use serde_json::Value;
 
-use crate::harness::{Rig, Run, until};
-use crate::mcap_reader::Recording;
+use crate::support::harness::{Rig, Run, until};
+use crate::support::mcap_reader::Recording;
 
 /// What is read, whether or not something is measured.
 const READ: [&str; 18] = [

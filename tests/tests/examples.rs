@@ -2,9 +2,9 @@
 
 use serde_json::Value;
 
-use crate::harness::{Rig, until};
-use crate::mcap_reader::Recording;
-use crate::programs::{example, workspace};
+use crate::support::harness::{Rig, until};
+use crate::support::mcap_reader::Recording;
+use crate::support::programs::{example, workspace};
 
 const SCENARIO: &str = "examples/own-plant/pendulum.toml";
 

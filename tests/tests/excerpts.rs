@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::harness::Rig;
-use crate::mcap_reader::Recording;
+use crate::support::harness::Rig;
+use crate::support::mcap_reader::Recording;
 
 /// Half a second of the teaching plant at 1 kHz, with a sensor that lies from 0.2 s to 0.3 s.
 const SCENARIO: &str = r#"

@@ -6,10 +6,10 @@ use std::io::Read;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use crate::harness::Rig;
-use crate::mcap_reader::Recording;
-use crate::programs::{program, skip, workspace};
-use crate::python::{python, succeeds};
+use crate::support::harness::Rig;
+use crate::support::mcap_reader::Recording;
+use crate::support::programs::{program, skip, workspace};
+use crate::support::python::{python, succeeds};
 
 const SCENARIO: &str = "tests/scenarios/leakage.toml";
 const SHORT: &str = "--set run.duration_s=0.2 --set faults[0].at_s=0.1";

@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 
 use rustix::process::Signal;
 
-use crate::harness::{Rig, Run, send, until};
-use crate::mcap_reader::{Record, Recording};
-use crate::programs::{misbehaving_controller, misbehaving_plant, program};
+use crate::support::harness::{Rig, Run, send, until};
+use crate::support::mcap_reader::{Record, Recording};
+use crate::support::programs::{misbehaving_controller, misbehaving_plant, program};
 
 /// Twenty seconds of the hydraulic system: long enough to be interrupted. Killing and stopping need
 /// the run to be there, not to be short.

@@ -1,8 +1,8 @@
 //! Faults of scenarios in whole runs: they act, they are recorded beside the truth, they repeat, and
 //! none of them stops the lockstep.
 
-use crate::harness::{Rig, Run};
-use crate::mcap_reader::{Record, Recording};
+use crate::support::harness::{Rig, Run};
+use crate::support::mcap_reader::{Record, Recording};
 
 /// One second of the hydraulic system under PID without a fault, 10,000 steps.
 const BASE: &str = r#"

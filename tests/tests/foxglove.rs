@@ -10,10 +10,10 @@ use std::process::{Child, ChildStderr, ChildStdout, Command, Stdio};
 use rustix::process::Signal;
 use serde_json::{Value, json};
 
-use crate::harness::{Rig, send, until};
-use crate::mcap_reader::Recording;
-use crate::programs::{program, skip, workspace};
-use crate::python::python;
+use crate::support::harness::{Rig, send, until};
+use crate::support::mcap_reader::Recording;
+use crate::support::programs::{program, skip, workspace};
+use crate::support::python::python;
 
 const FIELD: &str = "truth.position_m";
 

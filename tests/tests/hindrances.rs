@@ -2,8 +2,8 @@
 
 use std::process::{Command, Output};
 
-use crate::harness::Rig;
-use crate::programs::{program, skip, workspace};
+use crate::support::harness::Rig;
+use crate::support::programs::{program, skip, workspace};
 
 /// Runs `hil` where `/dev/shm` is a file system of its own with these options.
 fn hil(options: &str, arguments: &[&str]) -> Output {

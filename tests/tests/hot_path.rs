@@ -19,9 +19,9 @@ use shared_types::session::Session;
 use shared_types::stream::iceoryx::{IceoryxSink, IceoryxSource};
 use shared_types::stream::{self, Item, Owed, RecordSink, RecordSource};
 
-use crate::harness::Rig;
-use crate::mcap_reader::Recording;
-use crate::programs::{program, skip, workspace};
+use crate::support::harness::Rig;
+use crate::support::mcap_reader::Recording;
+use crate::support::programs::{program, skip, workspace};
 
 const SCENARIO: &str = "tests/scenarios/leakage.toml";
 /// System calls of a wait: giving the core away, a nap, and a clock that the kernel does not lend.

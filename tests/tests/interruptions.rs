@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use rustix::fs::{CWD, FileType, Mode, mknodat};
 use rustix::process::Signal;
 
-use crate::harness::{Rig, Running, until};
+use crate::support::harness::{Rig, Running, until};
 
 /// Requirements that take the check more than a second.
 const MANY: usize = 150_000;
@@ -81,7 +81,9 @@ fn what_waits_for_a_recording_ends_on_ctrl_c_and_leaves_nothing() {
 #[test]
 fn a_check_of_very_many_requirements_ends_on_ctrl_c() {
     let rig = Rig::new();
-    let base = fs::read_to_string(crate::programs::workspace().join("scenarios/spring-mass.toml"));
+    let base = fs::read_to_string(
+        crate::support::programs::workspace().join("scenarios/spring-mass.toml"),
+    );
     let mut text = base.expect("it is there");
     for number in 0..MANY {
         text += &format!(

@@ -13,8 +13,8 @@ use iceoryx2::prelude::*;
 use shared_types::link::iceoryx::{IceoryxLink, Ipc, node};
 use shared_types::session::SessionInfo;
 
-use crate::harness::{Rig, until};
-use crate::programs::program;
+use crate::support::harness::{Rig, until};
+use crate::support::programs::program;
 
 const SCENARIO: &str = "scenarios/spring-mass.toml";
 /// The user that is nobody.

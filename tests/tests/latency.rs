@@ -8,7 +8,7 @@ use rustix::thread::{CpuSet, sched_getaffinity};
 use serde_json::Value;
 use shared_types::session;
 
-use crate::harness::{Rig, until};
+use crate::support::harness::{Rig, until};
 
 /// Percentiles rise and none is 0; gives their count and maximum.
 #[track_caller]

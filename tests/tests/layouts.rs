@@ -8,9 +8,9 @@ use quick_xml::events::Event;
 use quick_xml::reader::Reader;
 use serde_json::Value;
 
-use crate::harness::{Rig, Run};
-use crate::mcap_reader::Recording;
-use crate::programs::{example, workspace};
+use crate::support::harness::{Rig, Run};
+use crate::support::mcap_reader::Recording;
+use crate::support::programs::{example, workspace};
 
 const SCENARIO: &str = "tests/scenarios/leakage.toml";
 const SHORT: &str = "--set run.duration_s=0.02 --set faults[0].at_s=0.01";

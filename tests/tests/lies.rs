@@ -5,8 +5,8 @@ use std::process::Command;
 
 use serde_json::Value;
 
-use crate::harness::{Rig, Run};
-use crate::programs::{misbehaving_controller, program, program_of_tests};
+use crate::support::harness::{Rig, Run};
+use crate::support::programs::{misbehaving_controller, program, program_of_tests};
 
 /// A second of the lying plant with 1000 steps; the model is the lie.
 fn lies(rig: &Rig, lie: &str, more: &str) -> Run {

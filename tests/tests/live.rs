@@ -9,8 +9,8 @@ use shared_types::live::{Injected, LiveError, Request, Response, Status, ask};
 use shared_types::random::RandomStream;
 use shared_types::session::SessionInfo;
 
-use crate::harness::{Rig, Run, until};
-use crate::mcap_reader::Recording;
+use crate::support::harness::{Rig, Run, until};
+use crate::support::mcap_reader::Recording;
 
 const SEVERE: &str = "scenarios/severe-leakage.toml";
 const SHORT: &str = "tests/scenarios/leakage.toml";
@@ -61,7 +61,8 @@ fn inject(rig: &Rig, toml: &str) -> Result<Vec<Injected>, Vec<String>> {
 
 /// The scenario without its faults.
 fn healthy(rig: &Rig, scenario: &str) -> String {
-    let text = std::fs::read_to_string(crate::programs::workspace().join(scenario)).expect("there");
+    let text = std::fs::read_to_string(crate::support::programs::workspace().join(scenario))
+        .expect("there");
     let begin = text.find("[[faults]]").expect("it has faults");
     let end = begin
         + text[begin..]

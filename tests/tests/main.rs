@@ -42,10 +42,10 @@
 //! | [`survival`] | every law with every kind of fault |
 //! | [`viewers`] | recordings in the programs that engineers look at them with |
 //!
-//! [`programs`] builds what is run; [`harness`] gives each test a place of its own and a watchdog, and
-//! looks after every run that nothing of it is left. [`mcap_reader`] reads recordings.
+//! [`support::programs`] builds what is run; [`support::harness`] gives each test a place of its own and a watchdog, and
+//! looks after every run that nothing of it is left. [`support::mcap_reader`] reads recordings.
 //!
-//! [`terminal`] is one that a program of a test runs in. [`python`] finds an interpreter with what a test imports.
+//! [`support::terminal`] is one that a program of a test runs in. [`support::python`] finds an interpreter with what a test imports.
 //!
 //! Six parts need more than Rust; a test that lacks its part says so and passes, unless the
 //! environment demands it: `HIL_TEST_RELEASE=1` builds the binaries of the other profile, `HIL_TEST_PYTHON=1`
@@ -67,7 +67,7 @@ mod cli;
 mod clocks;
 mod determinism;
 mod doctor;
-#[path = "../every_fault.rs"]
+#[path = "../shared/every_fault.rs"]
 mod every_fault;
 mod examples;
 mod excerpts;
@@ -76,7 +76,6 @@ mod failures;
 mod faults;
 #[cfg(feature = "foxglove")]
 mod foxglove;
-mod harness;
 mod hindrances;
 mod hot_path;
 mod interruptions;
@@ -85,16 +84,13 @@ mod latency;
 mod layouts;
 mod lies;
 mod live;
-mod mcap_reader;
 mod monitor;
 mod mutations;
 mod named_programs;
 mod paper;
 mod paths;
-mod programs;
-#[path = "../pseudo_terminal.rs"]
+#[path = "../shared/pseudo_terminal.rs"]
 mod pseudo_terminal;
-mod python;
 mod realtime_settings;
 mod recording;
 mod recover;
@@ -103,7 +99,7 @@ mod report;
 mod requirements;
 mod succession;
 mod suite;
+mod support;
 mod survival;
 mod tables;
-mod terminal;
 mod viewers;

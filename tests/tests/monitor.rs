@@ -8,10 +8,10 @@ use rustix::process::Signal;
 use serde_json::Value;
 use tools::monitor::terminal::Screen;
 
-use crate::harness::{Rig, Run, send, until};
-use crate::programs::{program, workspace};
 use crate::pseudo_terminal::open_terminal;
-use crate::terminal::Terminal;
+use crate::support::harness::{Rig, Run, send, until};
+use crate::support::programs::{program, workspace};
+use crate::support::terminal::Terminal;
 
 const SCENARIO: &str = "scenarios/spring-mass.toml";
 const USUAL: (u16, u16) = (80, 24);

@@ -7,7 +7,7 @@ use std::process::{Command, Output};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::programs::{build, workspace};
+use crate::support::programs::{build, workspace};
 
 /// A file of the machines, what stands there, what the mutant has instead.
 const MUTANTS: [(&str, &str, &str); 12] = [

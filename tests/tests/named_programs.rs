@@ -8,9 +8,9 @@ use std::process::Command;
 use rustix::process::Signal;
 use serde_json::Value;
 
-use crate::harness::{Rig, Run, send, until};
-use crate::mcap_reader::Recording;
-use crate::programs::{example, program, workspace};
+use crate::support::harness::{Rig, Run, send, until};
+use crate::support::mcap_reader::Recording;
+use crate::support::programs::{example, program, workspace};
 
 /// The pendulum's scenario and its two programs in a folder of the test, the programs named by it.
 struct Place {

@@ -5,9 +5,9 @@
 
 use serde_json::Value;
 
-use crate::harness::{Rig, Run};
-use crate::mcap_reader::Recording;
-use crate::programs::workspace;
+use crate::support::harness::{Rig, Run};
+use crate::support::mcap_reader::Recording;
+use crate::support::programs::workspace;
 
 /// Maxima over 0-7, 7-8 and 15-20 s.
 type Windows = [f64; 3];

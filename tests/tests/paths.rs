@@ -5,8 +5,8 @@ use std::os::unix::ffi::{OsStrExt, OsStringExt};
 use std::path::PathBuf;
 use std::process::Command;
 
-use crate::harness::{Rig, Run};
-use crate::programs::{program, workspace};
+use crate::support::harness::{Rig, Run};
+use crate::support::programs::{program, workspace};
 
 /// A name that is no UTF-8.
 const NAME: &[u8] = b"odd\xff";

@@ -9,9 +9,9 @@ use std::process::Command;
 use serde_json::Value;
 use shared_types::surroundings::Surroundings;
 
-use crate::harness::{Rig, Run, until};
-use crate::mcap_reader::Recording;
-use crate::programs::program;
+use crate::support::harness::{Rig, Run, until};
+use crate::support::mcap_reader::Recording;
+use crate::support::programs::program;
 
 /// Two seconds under FTSC, 20,000 steps.
 const SCENARIO: &str = "tests/scenarios/leakage.toml";

@@ -2,10 +2,10 @@
 
 use std::process::Command;
 
-use crate::harness::Rig;
-use crate::mcap_reader::Recording;
-use crate::programs::{skip, workspace};
-use crate::python::python;
+use crate::support::harness::Rig;
+use crate::support::mcap_reader::Recording;
+use crate::support::programs::{skip, workspace};
+use crate::support::python::python;
 
 const SCENARIO: &str = "tests/scenarios/leakage.toml";
 const SHORT: &str = "--set run.duration_s=0.2 --set faults[0].at_s=0.1";

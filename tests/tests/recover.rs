@@ -8,9 +8,9 @@ use rustix::process::Signal;
 use serde_json::Value;
 use shared_types::session::SessionInfo;
 
-use crate::harness::{Rig, send, until};
-use crate::mcap_reader::{Record, Recording};
-use crate::programs::{program, workspace};
+use crate::support::harness::{Rig, send, until};
+use crate::support::mcap_reader::{Record, Recording};
+use crate::support::programs::{program, workspace};
 
 /// Two actuators for 4 s: 40,000 steps, long enough to be killed and short enough to be repeated.
 const RUN: &str = "tests/scenarios/leakage.toml --set run.duration_s=4";

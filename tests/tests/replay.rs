@@ -15,8 +15,10 @@ use tools::recording::{Enclosure, Provenance, Recording};
 use tools::run_reader::RunReader;
 
 use crate::every_fault;
-use crate::harness::{Rig, Run, until};
-use crate::programs::{example, misbehaving_controller, program, program_of_tests, workspace};
+use crate::support::harness::{Rig, Run, until};
+use crate::support::programs::{
+    example, misbehaving_controller, program, program_of_tests, workspace,
+};
 
 /// Two seconds of the hydraulic system; the runs here are shorter.
 const LEAKAGE: &str = "tests/scenarios/leakage.toml";

@@ -9,9 +9,9 @@ use std::process::{Command, Stdio};
 
 use serde_json::Value;
 
-use crate::harness::{Rig, Run, until};
-use crate::mcap_reader::Recording;
-use crate::programs::{skip, workspace};
+use crate::support::harness::{Rig, Run, until};
+use crate::support::mcap_reader::Recording;
+use crate::support::programs::{skip, workspace};
 
 const LEAKAGE: &str = "tests/scenarios/leakage.toml";
 /// The teaching run at 1 kHz for 10 s with one spike of one step on its sensor.

@@ -10,8 +10,8 @@ use plant_process::models;
 use serde_json::{Value, json};
 use shared_types::time::Step;
 
-use crate::harness::{Rig, Run};
-use crate::programs::workspace;
+use crate::support::harness::{Rig, Run};
+use crate::support::programs::workspace;
 
 const SHORT: &str = "tests/scenarios/leakage.toml";
 const SPRING_MASS: &str = "scenarios/spring-mass.toml";

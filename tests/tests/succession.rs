@@ -10,9 +10,9 @@ use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{Link, LinkError};
 use shared_types::session::SessionInfo;
 
-use crate::harness::{Rig, Run, Running, send, until};
-use crate::mcap_reader::{Record, Recording};
-use crate::programs::{misbehaving_controller, program, program_of_tests};
+use crate::support::harness::{Rig, Run, Running, send, until};
+use crate::support::mcap_reader::{Record, Recording};
+use crate::support::programs::{misbehaving_controller, program, program_of_tests};
 
 /// The step at which the laws of the misbehaving controller misbehave, counted from their first.
 const WHEN: u64 = 100;

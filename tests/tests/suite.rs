@@ -2,8 +2,8 @@
 
 use serde_json::Value;
 
-use crate::harness::Rig;
-use crate::programs::program_of_tests;
+use crate::support::harness::Rig;
+use crate::support::programs::program_of_tests;
 
 /// A quarter of a second of the teaching plant at 1 kHz, or one that leaves its limits.
 fn scenario(name: &str, law: &str, limit_m: f64) -> String {

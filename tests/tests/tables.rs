@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 
 use serde_json::Value;
 
-use crate::programs::build;
+use crate::support::programs::build;
 
 /// The contracts as Cargo built them for the programs under test.
 fn contracts() -> &'static Path {

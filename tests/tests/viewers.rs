@@ -4,9 +4,9 @@
 use std::path::PathBuf;
 use std::process::Command;
 
-use crate::harness::{Rig, Run};
-use crate::programs::{demanded, skip, target, workspace};
-use crate::python::{python, succeeds};
+use crate::support::harness::{Rig, Run};
+use crate::support::programs::{demanded, skip, target, workspace};
+use crate::support::python::{python, succeeds};
 
 const SCENARIO: &str = "tests/scenarios/leakage.toml";
 const SHORT: &str = "--set run.duration_s=0.2 --set faults[0].at_s=0.1";

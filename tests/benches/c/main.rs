@@ -7,11 +7,11 @@
 //! it measures in turns: the C programs, `hil run` in one process without recording, and plant,
 //! stimulus and law alone in one thread. Without a C compiler it says so and ends.
 
-#[path = "../experiment.rs"]
+#[path = "../shared/experiment.rs"]
 mod experiment;
-#[path = "../measure.rs"]
+#[path = "../shared/measure.rs"]
 mod measure;
-#[path = "../programs.rs"]
+#[path = "../shared/programs.rs"]
 mod programs;
 
 use std::path::{Path, PathBuf};

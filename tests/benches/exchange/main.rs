@@ -11,11 +11,11 @@
 //! contains one reading of the clock. All wait alike, as the project's processes do. There is no
 //! time limit on any number. `HIL_BENCH_QUICK=1` only tries whether it works.
 
-#[path = "../effort.rs"]
+#[path = "../shared/effort.rs"]
 mod effort;
-#[path = "../measure.rs"]
+#[path = "../shared/measure.rs"]
 mod measure;
-#[path = "../round_trips/mod.rs"]
+#[path = "../shared/round_trips/mod.rs"]
 mod round_trips;
 
 use serde_json::json;

@@ -29,11 +29,11 @@
 //! limit. `HIL_BENCH_QUICK=1` only tries whether it works.
 
 mod cyclictest;
-#[path = "../effort.rs"]
+#[path = "../shared/effort.rs"]
 mod effort;
-#[path = "../measure.rs"]
+#[path = "../shared/measure.rs"]
 mod measure;
-#[path = "../programs.rs"]
+#[path = "../shared/programs.rs"]
 mod programs;
 mod releases;
 

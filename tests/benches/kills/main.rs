@@ -7,10 +7,10 @@
 //! Every recording, recovered or not, must be a prefix of the same run left alone, record by record; in
 //! real time, where runs differ, its steps must follow each other.
 
-#[path = "../programs.rs"]
+#[path = "../shared/programs.rs"]
 #[expect(dead_code, reason = "other benches use the rest")]
 mod programs;
-#[path = "../rig.rs"]
+#[path = "../shared/rig.rs"]
 mod rig;
 
 use std::collections::BTreeMap;

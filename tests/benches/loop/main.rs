@@ -19,23 +19,23 @@
 //! they work.
 
 mod costs;
-#[path = "../effort.rs"]
+#[path = "../shared/effort.rs"]
 mod effort;
-#[path = "../experiment.rs"]
+#[path = "../shared/experiment.rs"]
 mod experiment;
 mod faults;
 mod idle;
-#[path = "../measure.rs"]
+#[path = "../shared/measure.rs"]
 mod measure;
 mod monitor;
 mod null;
 mod one_core;
-#[path = "../programs.rs"]
+#[path = "../shared/programs.rs"]
 mod programs;
-#[path = "../../pseudo_terminal.rs"]
+#[path = "../../shared/pseudo_terminal.rs"]
 mod pseudo_terminal;
 mod requirements;
-#[path = "../round_trips/mod.rs"]
+#[path = "../shared/round_trips/mod.rs"]
 mod round_trips;
 mod runs;
 mod steps;

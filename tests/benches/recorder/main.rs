@@ -5,9 +5,9 @@
 //! processor time of that thread in ns a record: on a machine without a core to spare it is what
 //! recording adds to a step. There is no limit on any number.
 
-#[path = "../measure.rs"]
+#[path = "../shared/measure.rs"]
 mod measure;
-#[path = "../programs.rs"]
+#[path = "../shared/programs.rs"]
 #[expect(dead_code, reason = "its runs leave their files here")]
 mod programs;
 mod tape;

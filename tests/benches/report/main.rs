@@ -4,10 +4,10 @@
 //! and reports one run and all three. Printed are medians of the time from start to end and the size of the
 //! file. There is no limit on any number.
 
-#[path = "../measure.rs"]
+#[path = "../shared/measure.rs"]
 #[expect(dead_code, reason = "needs the machine and a median")]
 mod measure;
-#[path = "../programs.rs"]
+#[path = "../shared/programs.rs"]
 #[expect(dead_code, reason = "its runs leave their files here")]
 mod programs;
 

@@ -5,12 +5,12 @@
 //! three processes and at the file; then so many short runs one after the other (500); then so many
 //! sessions at once (16). It fails if a step is lost, a digest differs or something is left.
 
-#[path = "../measure.rs"]
+#[path = "../shared/measure.rs"]
 #[expect(dead_code, reason = "other benches use the rest")]
 mod measure;
-#[path = "../programs.rs"]
+#[path = "../shared/programs.rs"]
 mod programs;
-#[path = "../rig.rs"]
+#[path = "../shared/rig.rs"]
 #[expect(dead_code, reason = "other benches use the rest")]
 mod rig;
 

@@ -14,11 +14,11 @@
 //! nobody can spin. All is measured in turns; no number has a limit. `HIL_BENCH_QUICK=1` only tries
 //! whether it works.
 
-#[path = "../effort.rs"]
+#[path = "../shared/effort.rs"]
 mod effort;
-#[path = "../measure.rs"]
+#[path = "../shared/measure.rs"]
 mod measure;
-#[path = "../round_trips/mod.rs"]
+#[path = "../shared/round_trips/mod.rs"]
 mod round_trips;
 
 use serde_json::{Value, json};

@@ -4,9 +4,9 @@
 //! fault of each kind from 10 s on and prints the table of `docs/survival.md`: the largest tracking
 //! error from then to the end, or when the plant left its range of validity.
 
-#[path = "../../every_fault.rs"]
+#[path = "../../shared/every_fault.rs"]
 mod every_fault;
-#[path = "../programs.rs"]
+#[path = "../shared/programs.rs"]
 mod programs;
 
 use std::path::Path;

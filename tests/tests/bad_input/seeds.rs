@@ -20,7 +20,7 @@ use tools::cli::run::Compression;
 use tools::recording::{Enclosure, Provenance, Recording};
 
 use super::targets::{rig, session};
-use crate::programs::workspace;
+use crate::support::programs::workspace;
 
 const SEAL: Seal = Seal {
     session: 7,

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Component, Path, PathBuf};
 
 use super::page::{Page, pages};
-use crate::programs::workspace;
+use crate::support::programs::workspace;
 
 /// Every link of a page with its line; none from inside code.
 fn links(page: &Page) -> Vec<(usize, String)> {

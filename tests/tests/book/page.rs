@@ -6,7 +6,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::programs::workspace;
+use crate::support::programs::workspace;
 
 /// A page: a file of Markdown, by its path from the top of the workspace.
 pub(super) struct Page {

@@ -16,9 +16,9 @@ use rustix::process::{Pid, Signal, kill_process_group};
 
 use super::page::Page;
 use super::shown;
-use crate::harness::Rig;
-use crate::programs::{program, target, workspace};
-use crate::python::python;
+use crate::support::harness::Rig;
+use crate::support::programs::{program, target, workspace};
+use crate::support::python::python;
 
 /// How long a page may take before it counts as hanging. On busy cores a run of 20 s takes minutes.
 const WATCHDOG: Duration = Duration::from_secs(1200);

@@ -11,7 +11,7 @@ use shared_types::number::exact as number;
 use shared_types::table::Field;
 use tools::cli::CommandLine;
 
-use crate::programs::{demanded, workspace};
+use crate::support::programs::{demanded, workspace};
 
 const MADE: &str = "<!-- Made from the code: `HIL_WRITE_BOOK=1 cargo test -p tests book::references` writes it anew. -->\n";
 const EXITS: &str = include_str!("../../../tools/src/exit.rs");

@@ -20,7 +20,7 @@ use shared_types::process::ProcessId;
 use shared_types::session::SessionInfo;
 use tempfile::TempDir;
 
-use crate::programs::{program, workspace};
+use crate::support::programs::{program, workspace};
 
 /// How long anything may take before it counts as hanging.
 const WATCHDOG: Duration = Duration::from_secs(120);

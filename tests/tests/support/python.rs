@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::process::{Command, Output};
 
-use crate::programs::{demanded, target, workspace};
+use crate::support::programs::{demanded, target, workspace};
 
 /// A Python with these modules: the machine's, or if that is demanded one made for it.
 pub(crate) fn python(modules: &str) -> Option<PathBuf> {

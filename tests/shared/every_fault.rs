@@ -14,7 +14,7 @@ pub(crate) struct Fault {
 
 /// The faults of `tests/scenarios/every-fault.toml`.
 pub(crate) fn faults() -> Vec<Fault> {
-    let text = include_str!("scenarios/every-fault.toml");
+    let text = include_str!("../scenarios/every-fault.toml");
     let table: Table = text.parse().expect("TOML");
     let list = table["faults"].as_array().expect("a list");
     let fault = |fault: &Value| {

@@ -8,8 +8,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use rustix::termios::tcgetattr;
 
-use crate::harness::until;
 use crate::pseudo_terminal::{open_terminal, resize};
+use crate::support::harness::until;
 
 /// A program in a terminal. Dropped before its end, it is killed.
 pub(crate) struct Terminal {
@@ -90,7 +90,7 @@ impl Terminal {
         resize(&self.keyboard, columns, rows);
         drop(screen);
         // A terminal tells its foreground processes, of which a test's program is none.
-        crate::harness::send(self.pid(), rustix::process::Signal::WINCH);
+        crate::support::harness::send(self.pid(), rustix::process::Signal::WINCH);
     }
 
     /// Number of the program's process.

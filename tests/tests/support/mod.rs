@@ -1,0 +1,9 @@
+//! Shared pieces of the tests, none of them a test: a place of its own and a watchdog for each run
+//! ([`harness`]), the programs that are run ([`programs`]), a terminal ([`terminal`]), a Python interpreter
+//! ([`python`]) and a reader of recordings without the project's code ([`mcap_reader`]).
+
+pub(crate) mod harness;
+pub(crate) mod mcap_reader;
+pub(crate) mod programs;
+pub(crate) mod python;
+pub(crate) mod terminal;
