@@ -11,14 +11,15 @@ use hil_config::plan::Plan;
 use shared_types::record::{Event, Outcome};
 use shared_types::time::Step;
 
+use crate::ended::Ended;
 use crate::ending::{self, Answers};
+use crate::evaluation;
+use crate::evaluation::RecordedEvaluation;
 use crate::exit::Failure;
 use crate::faults::{FaultLog, LiveFault};
-use crate::judge::{self, RecordedEvaluation};
 use crate::latency::Latency;
 use crate::latency::recorded::TimingPlaces;
-use crate::recorder::Recorded;
-use crate::run::Ended;
+use crate::recorded::Recorded;
 use crate::run_reader::{ReadError, RunReader};
 use crate::summary::Summary;
 
@@ -44,11 +45,11 @@ fn judge(
 ) -> Result<(Plan, Option<RecordedEvaluation>), Failure> {
     let plant = reader.enclosed("plant-description.json");
     let plant = plant.map_err(Failure::usage)?;
-    let plan = judge::plan(reader, &plant, run, by)?;
+    let plan = evaluation::plan(reader, &plant, run, by)?;
     if reader.is_excerpt() {
         return Ok((plan, None));
     }
-    let (columns, values) = judge::columns(reader, &plant)?;
+    let (columns, values) = evaluation::columns(reader, &plant)?;
     let origin = by.unwrap_or(run).display();
     let judge = RecordedEvaluation::new(reader, &plan, &columns, values)
         .map_err(|error| Failure::usage(format!("{origin} does not fit the run: {error}")))?;

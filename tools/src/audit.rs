@@ -16,10 +16,11 @@ use serde::Serialize;
 use crate::cli::run::{LinkKind, RunArguments, RunOptions};
 use crate::compare::tolerance::Tolerances;
 use crate::compare::{self, Difference};
-use crate::config::Finder;
 use crate::exit::{Exit, Failure};
 use crate::output;
+use crate::part_file;
 use crate::run::{self, Basis, Ran, Setup};
+use crate::scenario::Finder;
 use conditions::{Condition, Conditions};
 use hil_config::plan::{Clock, Plan};
 use noise::Noise;
@@ -207,7 +208,7 @@ fn tell(
     });
     let json = format!("{summary:#}\n");
     if let Some(folder) = reference.recording.as_ref().and_then(|path| path.parent()) {
-        run::write(&folder.join("summary.json"), &json)?;
+        part_file::write_text(&folder.join("summary.json"), &json)?;
     }
     output::write(&if options.json {
         json

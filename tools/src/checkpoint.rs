@@ -31,7 +31,7 @@ use crate::binaries::Binaries;
 use crate::cli::run::RunOptions;
 use crate::exit::Failure;
 use crate::part_file::PartFolder;
-use crate::replay::original;
+use crate::resumed::Made;
 use crate::run_reader::RECORDING;
 
 /// Version of the folder.
@@ -83,28 +83,6 @@ struct SavedPast {
     records: u64,
     /// Their digest.
     digest: String,
-}
-
-/// A checkpoint as the summary of its run tells it.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Made {
-    step: u64,
-    time_s: f64,
-    /// Its folder, from that of the run.
-    folder: String,
-}
-
-impl Made {
-    /// As a person reads it.
-    #[must_use]
-    pub fn told(&self, run_dir: &Path) -> String {
-        let (step, time_s) = (self.step, self.time_s);
-        let folder = run_dir.join(&self.folder);
-        format!(
-            "checkpoint before step {step} ({time_s} s) in {}",
-            folder.display()
-        )
-    }
 }
 
 /// The steps before which the state is to be saved, rising; the run begins at `first`.
@@ -189,7 +167,7 @@ fn plant_of<'a>(plan: &Plan, binaries: &'a Binaries) -> Option<&'a PlantDescript
 /// The law of a plan.
 pub(crate) fn law_of<'a>(plan: &Plan, binaries: &'a Binaries) -> Option<&'a LawDescription> {
     let (_, laws, _) = binaries.described();
-    original::law_of(laws, plan)
+    plan.law_among(laws)
 }
 
 /// Puts the states that both sides left in the session's folder beside the recording. `digests` are

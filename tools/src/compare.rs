@@ -15,11 +15,10 @@ use serde::Serialize;
 use serde_json::Value;
 use shared_types::number::{exact, exact_in};
 
-use crate::baseline;
 use crate::cli::recordings::CompareArguments;
 use crate::exit::{Exit, Failure};
-use crate::output;
 use crate::run_reader::{ReadError, RunReader};
+use crate::{baseline, output};
 pub use deviation::SignalDifference;
 pub(crate) use deviation::{Deviation, is_near, share, write_table};
 use tolerance::Tolerances;

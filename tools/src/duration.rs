@@ -46,6 +46,23 @@ pub fn in_unit(text: &str, unit: &str) -> Option<f64> {
     format!("{digits}e{exponent}").parse().ok()
 }
 
+/// A time as a person reads it: three digits and a unit.
+#[must_use]
+pub fn shown_ns(ns: u64) -> String {
+    let (value, unit) = match ns {
+        0..1_000 => return format!("{ns} ns"),
+        1_000..1_000_000 => (ns as f64 / 1e3, "us"),
+        1_000_000..1_000_000_000 => (ns as f64 / 1e6, "ms"),
+        _ => (ns as f64 / 1e9, "s"),
+    };
+    let decimals = match value {
+        value if value < 9.995 => 2,
+        value if value < 99.95 => 1,
+        _ => 0,
+    };
+    format!("{value:.decimals$} {unit}")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -86,5 +103,21 @@ mod tests {
         assert_eq!(in_unit("-3", "rad"), Some(-3.0));
         assert_eq!(in_unit("3s", "rad"), None);
         assert_eq!(in_unit("inf", "s"), Some(f64::INFINITY));
+    }
+
+    #[test]
+    fn times_are_shown_with_three_digits() {
+        for (ns, text) in [
+            (0, "0 ns"),
+            (999, "999 ns"),
+            (1_000, "1.00 us"),
+            (9_996, "10.0 us"),
+            (43_210, "43.2 us"),
+            (404_000, "404 us"),
+            (24_820_000, "24.8 ms"),
+            (3_000_000_000, "3.00 s"),
+        ] {
+            assert_eq!(shown_ns(ns), text);
+        }
     }
 }

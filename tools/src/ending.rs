@@ -9,7 +9,7 @@ use hil_config::plan::{Clock, Plan};
 use shared_types::pacer::Streaks;
 use shared_types::record::{Change, ControllerChange, Outcome, RunEnd, Timing};
 
-use crate::recorder::Recorded;
+use crate::recorded::Recorded;
 
 /// What the records of a run say of its controller.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

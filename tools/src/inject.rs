@@ -9,9 +9,6 @@ mod typed;
 
 pub use request::toml;
 
-#[cfg(test)]
-pub(crate) use request::tests::possible as a_rig;
-
 use std::fmt::Write as _;
 
 use shared_types::live::{FaultState, Injected, Possible, Request, Response, Status};

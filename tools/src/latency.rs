@@ -33,7 +33,8 @@ use hdrhistogram::Histogram;
 
 use crate::cli::latency::LatencyArguments;
 use crate::exit::{Exit, Failure};
-use crate::{output, run};
+use crate::output;
+use crate::part_file;
 
 pub use legs::{Latency, LatencySummary, Legs};
 use report::Report;
@@ -62,7 +63,7 @@ pub fn latency(arguments: &LatencyArguments) -> Result<Exit, Failure> {
     };
     let report = Report::new(&cases, arguments.run.as_deref());
     if let Some(csv) = &arguments.csv {
-        run::write(csv, &report::csv(&cases))?;
+        part_file::write_text(csv, &report::csv(&cases))?;
     }
     output::write(&if arguments.json {
         let json = serde_json::to_string_pretty(&report).map_err(Failure::infrastructure)?;

@@ -41,6 +41,8 @@ pub mod advice;
 mod audit;
 pub mod baseline;
 pub mod binaries;
+pub mod change;
+pub mod checked;
 pub mod checkpoint;
 pub mod cli;
 pub mod clock;
@@ -49,7 +51,9 @@ pub mod config;
 mod destination;
 pub mod doctor;
 pub mod duration;
+pub mod ended;
 pub mod ending;
+pub mod evaluation;
 pub mod exit;
 pub mod export;
 pub mod faults;
@@ -62,10 +66,12 @@ pub mod layout;
 pub mod live;
 mod missed;
 pub mod monitor;
+pub mod names;
 pub mod observer;
 mod open_files;
 mod part_file;
 pub mod progress;
+pub mod recorded;
 pub mod recorder;
 pub mod recording;
 pub mod recover;
@@ -75,9 +81,14 @@ pub mod report;
 pub mod requirements;
 pub mod rerun;
 mod reserve;
+pub mod resumed;
+#[cfg(test)]
+mod rig;
 pub mod run;
 pub mod run_reader;
+pub mod scenario;
 pub mod sessions;
+pub mod settings;
 pub mod standing;
 mod succession;
 mod suite;
@@ -118,7 +129,7 @@ pub fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
         }
         Command::Monitor(arguments) => monitor::monitor(arguments),
         Command::Controller(arguments) => match &arguments.action {
-            ControllerAction::Swap(arguments) => swap::swap(arguments),
+            ControllerAction::Swap(arguments) => change::swap(arguments),
         },
         Command::Rerun(arguments) => rerun::rerun(arguments),
         Command::Replay(arguments) => replay::replay(arguments),

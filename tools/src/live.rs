@@ -12,6 +12,7 @@ use shared_types::table::nearest;
 
 use crate::cli::SessionChoice;
 use crate::exit::Failure;
+use crate::names::listed;
 use crate::observer::Notice;
 use crate::output;
 
@@ -80,24 +81,6 @@ pub(crate) fn refused_text(problems: &[Refusal]) -> String {
         }
     }
     text
-}
-
-/// Names as text: `` `a`, `b` ``.
-pub fn listed<S: AsRef<str>>(names: &[S]) -> String {
-    let names: Vec<String> = names
-        .iter()
-        .map(|name| format!("`{}`", name.as_ref()))
-        .collect();
-    names.join(", ")
-}
-
-/// The names closest to an unknown one, to be put behind what is said of it; empty if none is close.
-pub(crate) fn near<'a>(name: &str, names: impl IntoIterator<Item = &'a str>) -> String {
-    let near = nearest(name, names);
-    match near.is_empty() {
-        true => String::new(),
-        false => format!("; nearest: {}", listed(&near)),
-    }
 }
 
 /// An answer as a line of JSON.

@@ -16,9 +16,9 @@ use shared_types::stream::iceoryx::{BUFFER, IceoryxSource, WATCHERS};
 use shared_types::stream::{Item, RecordSource};
 
 use crate::binaries::Binaries;
+use crate::checked::checked;
 use crate::exit::Failure;
-use crate::recorder::clean;
-use crate::repetition::checked;
+use crate::recording::clean::clean;
 
 /// File of the session's folder that tells what is run.
 const FILE: &str = "run.json";

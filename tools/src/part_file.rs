@@ -13,6 +13,8 @@ use std::path::{Path, PathBuf};
 use rustix::fs::{FlockOperation, OFlags, flock};
 use tempfile::{Builder, TempDir, TempPath};
 
+use crate::exit::Failure;
+
 /// What the names of unfinished files begin with.
 const PREFIX: &str = ".hil-part-";
 
@@ -132,6 +134,13 @@ pub(crate) fn write(path: &Path, text: &[u8]) -> io::Result<()> {
     let part = PartFile::beside(&path)?;
     part.file().write_all(text)?;
     part.complete(&path, true)
+}
+
+/// Writes a file whole or not at all.
+pub(crate) fn write_text(path: &Path, text: &str) -> Result<(), Failure> {
+    write(path, text.as_bytes()).map_err(|error| {
+        Failure::infrastructure(format!("cannot write {}: {error}", path.display()))
+    })
 }
 
 /// Removes from a folder what killed commands have left. Where that cannot be seen or done, it stays.

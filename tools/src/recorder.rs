@@ -12,23 +12,18 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use hil_config::evaluation::MetricValue;
 use hil_config::plan::Plan;
-use hil_config::requirements::RequirementValue;
-use shared_types::record::{ControllerChange, RecordLayout, RunEnd};
+use shared_types::record::{ControllerChange, RecordLayout};
 use shared_types::session::SessionInfo;
 use shared_types::stream::RecordSource;
 
 use crate::checkpoint::past::PastRecords;
 use crate::cli::run::Compression;
-use crate::ending::Answers;
 use crate::exit::Failure;
-use crate::faults::FaultLog;
 use crate::interruption::Interruption;
-use crate::latency::LatencySummary;
+use crate::recorded::Recorded;
 use crate::recording::{Choice, Provenance};
 use crate::standing::Board;
-pub(crate) use heard::clean;
 use work::Work;
 
 mod heard;
@@ -57,44 +52,6 @@ pub struct RecordingPlan {
     pub provenance: Provenance,
     /// Where both sides tell what they run with, before the first record.
     pub session: SessionInfo,
-}
-
-/// What the recorder has at the end.
-#[derive(Clone, Debug)]
-pub struct Recorded {
-    /// How the plant saw the end, if it lived to tell.
-    pub end: Option<RunEnd>,
-    /// What happened to faults.
-    pub faults: FaultLog,
-    /// What became of controllers.
-    pub changes: Vec<ControllerChange>,
-    /// Records taken, those of the past included.
-    pub records: u64,
-    /// How many of them are in the recording.
-    pub written: u64,
-    /// Why the recording lacks the rest, if it could not be written.
-    pub cut_short: Option<String>,
-    /// How many of them are those that the run went on from.
-    pub past_records: u64,
-    /// Items lost on the way.
-    pub lost: u64,
-    /// What they say of the controller; `None` of an excerpt, which has not all of them.
-    pub answers: Option<Answers>,
-    /// The digest of all records taken; `None` if something was lost.
-    pub digest: Option<String>,
-    /// The digests after the first records, by how many, as far as they were asked for and there
-    /// were so many.
-    pub partial_digests: BTreeMap<u64, String>,
-    /// Metrics.
-    pub metrics: Vec<MetricValue>,
-    /// Requirements.
-    pub requirements: Vec<RequirementValue>,
-    /// Latency of the steps.
-    pub latency: LatencySummary,
-    /// From the first to the last record, in s.
-    pub wall_time_s: f64,
-    /// What kept it from recording, or what of all that the plant said cannot be so.
-    pub error: Option<String>,
 }
 
 /// The recorder thread as its owner sees it.

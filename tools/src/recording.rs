@@ -7,6 +7,7 @@
 //! process loses is bounded in time.
 
 mod chunk;
+pub(crate) mod clean;
 pub(crate) mod copy;
 pub(crate) mod event;
 mod excerpt;

@@ -25,11 +25,12 @@ use crate::cli::recover::RecoverArguments;
 use crate::cli::run::Compression;
 use crate::exit::{Exit, Failure};
 use crate::interruption::Interruption;
+use crate::output;
+use crate::part_file;
 use crate::part_file::PartFile;
 use crate::recording::copy::Copy;
 use crate::run_reader::Unvouched;
 use crate::run_reader::content::{Content, End};
-use crate::{output, run};
 
 /// What became of a recording.
 #[derive(Debug, Serialize)]
@@ -252,7 +253,7 @@ fn summarise(
     match account.summary(reason) {
         Ok(summary) => {
             let json = serde_json::to_string_pretty(&summary).map_err(Failure::infrastructure)?;
-            run::write(&path, &json)?;
+            part_file::write_text(&path, &json)?;
             Ok(Some(path))
         }
         Err(failure) => {

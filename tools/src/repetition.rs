@@ -10,7 +10,6 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use hil_config::plan::{Clock, Condition, FaultEnd, FaultEvent, Plan, Realtime, Trigger};
-use hil_config::scenario::{Advice, Scenario};
 use hil_config::show;
 use plant_process::repeat::Missed;
 use shared_types::describe::Description;
@@ -18,14 +17,15 @@ use shared_types::record::{Change, ControllerChange, Event, FaultEnded, FaultTak
 use shared_types::time::{Rate, Step};
 
 use crate::binaries::named::Recorded;
+use crate::checked::checked;
 use crate::cli::recordings::ScenarioFromArguments;
 use crate::exit::{Exit, Failure};
 use crate::faults::{FaultLog, LiveFault};
 use crate::missed::Collector;
 use crate::output;
-use crate::run;
+use crate::part_file;
+use crate::resumed::CHANGED_FAULTS;
 use crate::run_reader::{ReadError, RunReader};
-use crate::summary::CHANGED_FAULTS;
 
 /// A recorded run, read to its end.
 pub struct RecordedRun {
@@ -64,7 +64,7 @@ pub fn scenario_from(arguments: &ScenarioFromArguments) -> Result<Exit, Failure>
     }
     match &arguments.output {
         None => output::write(&text)?,
-        Some(path) => run::write(path, &text)?,
+        Some(path) => part_file::write_text(path, &text)?,
     }
     Ok(Exit::Pass)
 }
@@ -251,40 +251,6 @@ impl RecordedRun {
         )?;
         Ok(text)
     }
-}
-
-/// A scenario's plan, by what plant and controller said of themselves.
-///
-/// # Errors
-/// Everything that is wrong with it.
-pub(crate) fn checked(
-    text: &str,
-    origin: &Path,
-    plant: &Description,
-    controller: &Description,
-) -> Result<Plan, Failure> {
-    let advice = Advice {
-        plant: "these are the plants of the run's own plant program".into(),
-        law: "these are the laws of the run's own controller program".into(),
-    };
-    checked_with(advice, text, origin, plant, controller)
-}
-
-/// The same with other advice on unknown plants and laws.
-///
-/// # Errors
-/// Everything that is wrong with it.
-pub(crate) fn checked_with(
-    advice: Advice,
-    text: &str,
-    origin: &Path,
-    plant: &Description,
-    controller: &Description,
-) -> Result<Plan, Failure> {
-    Scenario::parse(text, origin)
-        .map(|scenario| scenario.advise(advice))
-        .and_then(|scenario| scenario.check(&plant.plants, &controller.laws, &plant.faults))
-        .map_err(|problems| Failure::Usage(problems.to_string()))
 }
 
 /// Ends the faults of a scenario where they were cleared. Takes out and returns those that were

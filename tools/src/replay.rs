@@ -50,7 +50,7 @@ use crate::run::refuse_in_process;
 use crate::run_reader::{RunReader, UNVOUCHED};
 use comparison::Comparison;
 use host::{End, Host, Replayed};
-use original::{Original, law_of};
+use original::Original;
 use report::Report;
 use tape::Tape;
 
@@ -128,7 +128,9 @@ impl Prepared {
     fn check(&self) -> Result<(), Failure> {
         let path = self.controller.path.display();
         let laws = &self.controller.description.laws;
-        let law = law_of(laws, &self.plan)
+        let law = self
+            .plan
+            .law_among(laws)
             .ok_or_else(|| Failure::usage(format!("{path} has no law for this run")))?;
         let offer = self.original.offer(0);
         let welcome = agree(&hello(law), &offer)

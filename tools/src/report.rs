@@ -32,7 +32,7 @@ use crate::destination::Destination;
 use crate::exit::{Exit, Failure};
 use crate::export::not_written;
 use crate::interruption::Interruption;
-use crate::live::near;
+use crate::names::near;
 use crate::output;
 use bounds::bounds;
 use grid::Grid;

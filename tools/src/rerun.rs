@@ -13,7 +13,8 @@ use crate::compare::{self, Difference};
 use crate::exit::{Exit, Failure};
 use crate::repetition::RecordedRun;
 use crate::run::{self, Basis, Repeated, Setup};
-use crate::{config, output, run_reader};
+use crate::scenario;
+use crate::{output, run_reader};
 
 /// Runs the command.
 ///
@@ -72,7 +73,7 @@ pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
     }
     let text = recorded.scenario()?;
     let scenario = Scenario::parse(&text, format!("the scenario of {shown}"));
-    let check = || config::check(scenario, &options.changes, &setup.binaries, options.json);
+    let check = || scenario::check(scenario, &options.changes, &setup.binaries, options.json);
     let mut plan = interruption.at_once(check)??;
     if options.changes.clock.is_none() && plan.run.clock == Clock::Realtime {
         plan.run.clock = Clock::Lockstep;

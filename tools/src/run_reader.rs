@@ -21,8 +21,9 @@ use shared_types::record::Event;
 use shared_types::text;
 use shared_types::time::Rate;
 
+use crate::part_file;
+use crate::recording::clean::clean;
 use crate::recording::{event, mark};
-use crate::{part_file, recorder};
 use content::{Content, ContentError, End};
 pub use schema::Column;
 pub(crate) use vouched::{UNVOUCHED, Unvouched, VOUCHED};
@@ -458,7 +459,7 @@ impl RunReader {
                 }
                 Some(Some(encoding)) => {
                     return match event::read(encoding, &data) {
-                        Ok(event) => Ok(Next::Event(recorder::clean(event))),
+                        Ok(event) => Ok(Next::Event(clean(event))),
                         Err(error) => Err(self.damaged(format!("an event: {error}"))),
                     };
                 }

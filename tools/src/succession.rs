@@ -7,7 +7,7 @@ use serde::Serialize;
 use shared_types::record::{Change, ControllerChange};
 use shared_types::time::{Rate, Step};
 
-use crate::run::Started;
+use crate::ended::Started;
 
 /// A controller of a run that had several, or lost its only one.
 #[derive(Clone, Debug, Serialize)]

@@ -19,13 +19,14 @@ use crate::binaries::Choices;
 use crate::binaries::named::Named;
 use crate::checkpoint::past::{self, Past};
 use crate::cli::run::{RunArguments, RunOptions};
-use crate::compare::{self, tolerance::Tolerances};
-use crate::config::Finder;
+use crate::compare::tolerance::Tolerances;
 use crate::exit::{Exit, Failure};
 use crate::interruption::Interruption;
-use crate::output;
+use crate::part_file;
 use crate::run::{self, Basis, Ran, Setup};
+use crate::scenario::Finder;
 use crate::summary::Summary;
+use crate::{compare, output};
 
 /// One run that is wanted.
 struct Case {
@@ -411,10 +412,10 @@ fn json_of(row: &Row) -> serde_json::Result<serde_json::Value> {
 
 fn write_reports(arguments: &RunArguments, rows: &[Row]) -> Result<(), Failure> {
     if let Some(path) = &arguments.junit {
-        run::write(path, &junit::of(rows)?)?;
+        part_file::write_text(path, &junit::of(rows)?)?;
     }
     if let Some(path) = &arguments.markdown {
-        run::write(path, &markdown::of(rows))?;
+        part_file::write_text(path, &markdown::of(rows))?;
     }
     Ok(())
 }

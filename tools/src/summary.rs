@@ -16,17 +16,16 @@ use shared_types::session::SessionInfo;
 use shared_types::time::Step;
 
 use crate::binaries::{Binaries, Binary};
-use crate::checkpoint::Made;
-use crate::checkpoint::branch::Branch;
-use crate::checkpoint::past::Past;
-use crate::doctor::measure::shown_ns;
+use crate::duration::shown_ns;
+use crate::ended::{Ended, Started};
 use crate::faults::Fault;
 use crate::latency::Legs;
 use crate::latency::grade::Graded;
 use crate::latency::spikes::Spike;
 use crate::requirements::{self, Requirement};
-use crate::run::realtime::Realtime;
-use crate::run::{Ended, Started};
+use crate::resumed::Made;
+use crate::resumed::Resumed;
+use crate::settings::Realtime;
 use crate::succession::{Laws, Tenure, tenures};
 
 /// Version of the summary.
@@ -75,64 +74,6 @@ pub struct Summary {
     /// What it can be gone on from.
     checkpoints: Vec<Made>,
 }
-
-/// The checkpoint that a run went on from.
-#[derive(Clone, Debug, Serialize)]
-pub(crate) struct Resumed {
-    /// Its folder.
-    checkpoint: String,
-    /// The session that made it.
-    session: String,
-    /// The first step of this run; the records before it are those of the other.
-    step: u64,
-    time_s: f64,
-    /// Digest of the records before it.
-    digest: String,
-    /// Faults that had begun and went on with other sizes.
-    changed_faults: Vec<u32>,
-}
-
-impl Resumed {
-    pub(crate) fn new(past: &Past, branch: Branch) -> Self {
-        let checkpoint = past.checkpoint();
-        Self {
-            checkpoint: past.folder().display().to_string(),
-            session: checkpoint.session.clone(),
-            step: checkpoint.step,
-            time_s: checkpoint.time_s,
-            digest: past.digest().to_owned(),
-            changed_faults: branch.changed_faults,
-        }
-    }
-
-    /// What the recording says of it.
-    pub(crate) fn facts(&self) -> impl Iterator<Item = (String, String)> {
-        let changed: Vec<String> = self.changed_faults.iter().map(u32::to_string).collect();
-        let facts = [
-            ("resumed_from", self.checkpoint.clone()),
-            ("resumed_session", self.session.clone()),
-            ("resumed_step", self.step.to_string()),
-            ("resumed_digest", self.digest.clone()),
-            (CHANGED_FAULTS, changed.join(", ")),
-        ];
-        let told = facts.into_iter().filter(|(_, value)| !value.is_empty());
-        told.map(|(name, value)| (name.to_owned(), value))
-    }
-
-    /// As a person reads it.
-    fn told(&self) -> String {
-        let Self {
-            checkpoint,
-            step,
-            time_s,
-            ..
-        } = self;
-        format!("went on from step {step} ({time_s} s), {checkpoint}")
-    }
-}
-
-/// The fact that names faults which had begun before a checkpoint and went on with other sizes.
-pub(crate) const CHANGED_FAULTS: &str = "changed_faults";
 
 /// Steps that were due before the step before them was done.
 #[derive(Clone, Debug, Serialize)]

@@ -1,6 +1,6 @@
-//! `hil controller swap`: another controller takes over while the run goes on.
+//! Another controller takes over while the run goes on.
 //!
-//! The `hil` that runs the session listens on a socket of its own in the session's folder: it alone
+//! Answers `hil controller swap`. The `hil` that runs the session listens on a socket of its own in the session's folder: it alone
 //! starts processes. It checks the new controller against the scenario as at the start, starts it, and
 //! answers once the plant has taken it, or has not.
 
@@ -13,41 +13,35 @@ use hil_config::plan::{ControllerPlan, Plan};
 use hil_config::scenario::{Advice, Scenario};
 use serde::{Deserialize, Serialize};
 use shared_types::describe::LawDescription;
-use shared_types::live::{self, Listening, LiveError, Refusal};
+use shared_types::live::{self, Listening, Refusal};
 use shared_types::session::SessionInfo;
 use toml_edit::{DocumentMut, Item, TableLike};
 
-use crate::binaries::named::refuse_set;
 use crate::binaries::{Binaries, Binary};
-use crate::cli::swap::SwapArguments;
-use crate::exit::{Exit, Failure};
+use crate::exit::Failure;
 use crate::interruption::Interruption;
-use crate::live::Unmet;
-use crate::replay::original::kept;
-use crate::{config, folder, output};
+use crate::scenario;
+use crate::scenario::kept;
 
 /// Name of the socket in the session's folder.
-const SOCKET: &str = "hil";
+pub(crate) const SOCKET: &str = "hil";
 /// How much longer than the wait limit an answer may take: the binary describes itself, checks its
 /// job and starts.
 const BESIDES: Duration = Duration::from_secs(25);
 
-/// How long `hil` may take to answer: one that is stopped never does.
-const ANSWER_LIMIT: Duration = Duration::from_secs(120);
-
 /// What is asked.
 #[derive(Debug, Serialize, Deserialize)]
-struct Request {
+pub(crate) struct Request {
     /// The binary; the one in office if `None`.
-    binary: Option<PathBuf>,
+    pub(crate) binary: Option<PathBuf>,
     /// Values of the scenario's `[controller]` to change.
-    set: Vec<String>,
+    pub(crate) set: Vec<String>,
 }
 
 /// What is answered.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(tag = "response", rename_all = "kebab-case")]
-enum Response {
+pub(crate) enum Response {
     /// It took over.
     Swapped(Swapped),
     /// No; the run goes on with the one that it had.
@@ -96,58 +90,6 @@ impl Law {
             command_delay_steps: plan.command_delay_steps,
             ..job
         }
-    }
-}
-
-/// Runs the command.
-///
-/// # Errors
-/// If there is no session to ask, or it refuses.
-pub fn swap(arguments: &SwapArguments) -> Result<Exit, Failure> {
-    let json = arguments.session.json;
-    let swapped = ask(arguments).map_err(|unmet| unmet.tell(json))?;
-    output::write(&if json {
-        crate::live::to_json(&Response::Swapped(swapped))?
-    } else {
-        let Swapped {
-            epoch,
-            step,
-            law,
-            binary,
-            left_out,
-        } = swapped;
-        let binary = binary.display();
-        let mut text = format!("controller {epoch} ({law}, {binary}) took over at step {step}\n");
-        if !left_out.is_empty() {
-            let keys = left_out.join(", ");
-            text += &format!("  left out, as none of its laws has them: {keys}\n");
-        }
-        text
-    })?;
-    Ok(Exit::Pass)
-}
-
-fn ask(arguments: &SwapArguments) -> Result<Swapped, Unmet> {
-    refuse_set(&arguments.set, |role| match role.side {
-        "controller" => "--bin",
-        _ => role.flag,
-    })?;
-    let session = crate::live::find(&arguments.session)?;
-    let absolute = |path: &PathBuf| std::path::absolute(path).map_err(Failure::usage);
-    let binary = arguments.bin.as_ref().map(absolute).transpose()?;
-    binary.as_deref().map_or(Ok(()), folder::refuse_odd)?;
-    let request = Request {
-        binary,
-        set: arguments.set.clone(),
-    };
-    match live::ask_at(&session, SOCKET, &request, ANSWER_LIMIT) {
-        Ok(Response::Swapped(swapped)) => Ok(swapped),
-        Ok(Response::Refused { reason }) => Err(Refusal::new(reason).into()),
-        Err(LiveError::Absent(name)) => Err(Refusal::new(format!(
-            "session `{name}` has no controller process to swap: it is starting, has ended, or runs in one process"
-        ))
-        .into()),
-        Err(error) => Err(Failure::infrastructure(error).into()),
     }
 }
 
@@ -264,7 +206,7 @@ impl Ground {
                 "--set {other}: a swap changes keys that begin with `controller.`"
             )));
         }
-        let effective = config::show(&self.plan, &self.binaries)?;
+        let effective = scenario::show(&self.plan, &self.binaries)?;
         let mut document = kept(&effective).map_err(Failure::infrastructure)?;
         let left_out = leave_out(&mut document, &binary.description.laws);
         let text = document.to_string();

@@ -7,7 +7,6 @@ use hil_config::plan::Plan;
 use shared_types::describe::{Description, LawDescription, PlantDescription};
 use shared_types::record::Validity;
 
-use crate::replay::original::law_of;
 use crate::run_reader::RunReader;
 
 /// The commands of a command frame, in order, as a recording names them: those of the law, of which the
@@ -54,7 +53,7 @@ pub(crate) fn of(reader: &RunReader, plan: &Plan) -> Validity {
         let is_it = |plant: &&PlantDescription| plant.name == plan.plant.model;
         let (plant, law) = (
             plant.plants.iter().find(is_it)?,
-            law_of(&controller.laws, plan)?,
+            plan.law_among(&controller.laws)?,
         );
         Some(sent_commands(plant, law))
     };

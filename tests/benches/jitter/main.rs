@@ -38,7 +38,8 @@ mod programs;
 mod releases;
 
 use serde_json::{Value, json};
-use tools::doctor::measure::{UNFIT_NS, gaps};
+use tools::doctor::measure::gaps;
+use tools::latency::grade::UNFIT_NS;
 
 use self::cyclictest::Cyclictest;
 use self::effort::{rounds, shortened};

@@ -5,8 +5,8 @@ use shared_types::pacer::Streaks;
 use shared_types::record::{RecordLayout, RunEnd};
 
 use super::*;
-use crate::recorder::tests::{SCENARIO, described, plan};
 use crate::recording::Enclosure;
+use crate::rig::{SCENARIO, described, plan};
 use crate::run_reader::tests::{Content, recorded};
 
 /// A recording of so many records whose plant says that it completed all 1000 steps.

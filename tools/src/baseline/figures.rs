@@ -12,8 +12,8 @@ use shared_types::record::{Event, GROUPS, Validity};
 use shared_types::time::Step;
 use toml_edit::{DocumentMut, Item};
 
+use crate::checked::checked;
 use crate::exit::Failure;
-use crate::repetition::checked;
 use crate::run_reader::{Column, RunReader};
 use crate::validity;
 

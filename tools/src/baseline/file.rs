@@ -27,9 +27,10 @@ use toml_edit::{DocumentMut, InlineTable, Item, Table, TableLike, Value};
 
 use super::figures::{Figures, STATISTICS};
 use crate::exit::Failure;
-use crate::live::near;
+use crate::folder;
+use crate::names::near;
+use crate::part_file;
 use crate::part_file::PartFile;
-use crate::{folder, run};
 
 /// Version of the file.
 const SCHEMA: i64 = 1;
@@ -268,7 +269,7 @@ impl BaselineFile {
             (signal.name.as_str(), signal.unit.as_str(), values.collect())
         });
         put_all(entry, "signals", signals).ok_or_else(|| unexpected("signals"))?;
-        run::write(&self.path, &self.document.to_string())
+        part_file::write_text(&self.path, &self.document.to_string())
     }
 }
 

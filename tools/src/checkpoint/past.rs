@@ -20,11 +20,12 @@ use super::{Checkpoint, FILE, SCHEMA, SavedSide, hash, law_of, plant_of};
 use crate::binaries::named::{Recorded, refuse_set};
 use crate::binaries::{Binaries, Binary};
 use crate::cli::run::Changes;
-use crate::config;
 use crate::exit::Failure;
 use crate::faults::{FaultLog, LiveFault};
 use crate::folder::refuse_odd;
+use crate::resumed::Resumed;
 use crate::run_reader::{ReadError, RunReader};
+use crate::scenario;
 
 /// What a run goes on from.
 #[derive(Clone, Debug)]
@@ -102,7 +103,7 @@ impl Past {
         let then = scenario()
             .and_then(|scenario| scenario.check(plants, laws, kinds))
             .map_err(|problems| Failure::Usage(problems.to_string()))?;
-        let now = config::check(scenario(), changes, binaries, json)?;
+        let now = scenario::check(scenario(), changes, binaries, json)?;
         for set in &changes.set {
             // Every key is written out, so that one for several of them at once is overruled.
             let alone =
@@ -129,22 +130,17 @@ impl Past {
         Step(self.checkpoint.step)
     }
 
-    /// The checkpoint.
-    #[must_use]
-    pub const fn checkpoint(&self) -> &Checkpoint {
-        &self.checkpoint
-    }
-
-    /// Its folder.
-    #[must_use]
-    pub fn folder(&self) -> &Path {
-        &self.folder
-    }
-
-    /// The digest of the records before it.
-    #[must_use]
-    pub fn digest(&self) -> &str {
-        &self.checkpoint.recording.digest
+    /// The summary's word on a run that goes on from here.
+    pub(crate) fn resumed(&self, branch: Branch) -> Resumed {
+        let checkpoint = &self.checkpoint;
+        Resumed {
+            checkpoint: self.folder.display().to_string(),
+            session: checkpoint.session.clone(),
+            step: checkpoint.step,
+            time_s: checkpoint.time_s,
+            digest: checkpoint.recording.digest.clone(),
+            changed_faults: branch.changed_faults,
+        }
     }
 
     /// Faults from command lines that were accepted before the step, in that order.

@@ -11,7 +11,7 @@ use super::{
     CompareError, Comparison, Deviation, Difference, GONE, RECORD, Side, SignalDifference, Verdict,
     number,
 };
-use crate::live::near;
+use crate::names::near;
 use crate::run_reader::{Column, RunReader};
 
 /// A comparison going on.

@@ -2,8 +2,8 @@
 
 use super::cores::Cores;
 use super::finding::{Check, Finding};
-use super::measure::shown_ns;
 use super::tree::Tree;
+use crate::duration::shown_ns;
 
 const THROTTLING: Check = Check::new(
     "throttling",

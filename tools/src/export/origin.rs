@@ -8,8 +8,8 @@ use hil_config::plan::{self, Plan};
 use shared_types::describe::{Description, LawDescription, PlantDescription};
 
 use super::table::Column;
-use crate::judge::RecordedEvaluation;
-use crate::repetition::checked;
+use crate::checked::checked;
+use crate::evaluation::RecordedEvaluation;
 use crate::run_reader::RunReader;
 use crate::validity;
 

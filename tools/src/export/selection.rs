@@ -8,7 +8,7 @@ use shared_types::time::Step;
 use super::origin::{Derived, Origin};
 use super::table::{Cell, Column, Kind};
 use crate::exit::Failure;
-use crate::live::near;
+use crate::names::near;
 use crate::run_reader::RunReader;
 use crate::validity;
 

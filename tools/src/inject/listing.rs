@@ -19,7 +19,8 @@ use crate::binaries::named::Named;
 use crate::cli::inject::InjectArguments;
 use crate::exit::Failure;
 use crate::interruption::Interruption;
-use crate::live::{self, Unmet, listed};
+use crate::live::{self, Unmet};
+use crate::names::listed;
 use text::{in_full, in_short};
 
 /// What one plant can suffer.

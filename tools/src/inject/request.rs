@@ -14,7 +14,7 @@ use shared_types::number::counted;
 use shared_types::table::{Field, nearest};
 
 use crate::cli::inject::{InjectArguments, nearest_options};
-use crate::live::listed;
+use crate::names::listed;
 use text::{float, head, profile, rows, string, values};
 
 /// A kind of fault as the command line needs it.

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use hdrhistogram::Histogram;
 
-use crate::doctor::measure::shown_ns;
+use crate::duration::shown_ns;
 
 /// Where the classes of a decade begin, in hundredths: the preferred numbers R10 of ISO 3.
 const CLASSES: [u64; 10] = [100, 125, 160, 200, 250, 315, 400, 500, 630, 800];

@@ -5,7 +5,14 @@ use std::fmt;
 use serde::Serialize;
 
 use super::Legs;
-use crate::doctor::measure::{FAIR_NS, GOOD_NS, UNFIT_NS, shown_ns};
+use crate::duration::shown_ns;
+
+/// Under it, delays are good.
+pub const GOOD_NS: u64 = 20_000;
+/// Under it, they are fair.
+pub const FAIR_NS: u64 = 50_000;
+/// Over it, nothing of real time can be done on this machine.
+pub const UNFIT_NS: u64 = 500_000;
 
 /// What a loop is good for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

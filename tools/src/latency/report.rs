@@ -20,7 +20,7 @@ use super::null::answered_with;
 use super::percentiles::Percentiles;
 use super::spikes::Spike;
 use crate::doctor;
-use crate::doctor::measure::shown_ns;
+use crate::duration::shown_ns;
 
 /// Version of the report.
 const SCHEMA: u32 = 1;

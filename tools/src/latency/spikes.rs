@@ -9,7 +9,7 @@ use serde::Serialize;
 use shared_types::record::Timing;
 use shared_types::surroundings::Surroundings;
 
-use crate::doctor::measure::shown_ns;
+use crate::duration::shown_ns;
 
 /// How many are kept.
 pub const KEPT: usize = 10;

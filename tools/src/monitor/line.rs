@@ -4,7 +4,7 @@ use serde_json::{Map, Value, json};
 use shared_types::record::Outcome;
 
 use super::model::{Ending, Judged, Model};
-use crate::doctor::measure::shown_ns;
+use crate::duration::shown_ns;
 
 /// How the session ended, with where its run is.
 #[must_use]

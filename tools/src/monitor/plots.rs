@@ -7,7 +7,7 @@ use glob::Pattern;
 use hil_config::expression::Group;
 
 use crate::exit::Failure;
-use crate::live::near;
+use crate::names::near;
 
 /// Most signals in one plot.
 const TOGETHER: usize = 4;

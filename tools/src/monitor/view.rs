@@ -15,7 +15,7 @@ use ratatui::widgets::{Clear, Paragraph};
 
 use super::display::{Abilities, Display};
 use super::model::Model;
-use crate::doctor::measure::shown_ns;
+use crate::duration::shown_ns;
 
 /// From this width on, lists stand beside the plots.
 const WIDE: u16 = 110;

@@ -1,9 +1,6 @@
 //! What the recorder takes of a stream, whatever became of who published it.
 
-use std::path::Path;
-
 use hil_config::plan::Clock;
-use shared_types::describe::{Description, LawDescription};
 use shared_types::link::LinkError;
 use shared_types::lockstep::OnLoss;
 use shared_types::pacer::Streaks;
@@ -12,62 +9,9 @@ use shared_types::stream::Item;
 use shared_types::time::Step;
 
 use super::*;
-use crate::inject::a_rig;
-use crate::repetition::checked;
+use crate::recorded::Recorded;
+use crate::rig::plan;
 use crate::run_reader::tests::{layout, record};
-
-pub(crate) const SCENARIO: &str = r#"
-schema = 1
-name = "demo"
-[run]
-duration_s = 1.0
-rate_hz = 1000
-[plant]
-model = "rig"
-[plant.parameters]
-actuator1.leak = 0.0
-actuator2.leak = 0.0
-[controller]
-law = "quiet"
-[[stimuli]]
-target = "surface_angle_rad"
-kind = "step"
-at_s = 0.0
-after = 1.0
-"#;
-
-/// What plant and controller of the scenario say of themselves.
-pub(crate) fn described() -> [Description; 2] {
-    let possible = a_rig();
-    let mut plant = Description::new("some-plant", "1");
-    plant.plants = vec![possible.plant];
-    plant.faults = possible.kinds;
-    let mut controller = Description::new("some-controller", "1");
-    controller.laws = vec![LawDescription {
-        name: "quiet".into(),
-        summary: "Does nothing.".into(),
-        plants: vec![],
-        parameters: vec![],
-        model: vec![],
-        measured: vec![],
-        reference: vec![],
-        commands: None,
-        internals: vec![],
-        saves: false,
-    }];
-    [plant, controller]
-}
-
-pub(crate) fn plan() -> Plan {
-    let [plant, controller] = described();
-    let checked = checked(SCENARIO, Path::new("demo"), &plant, &controller);
-    checked.expect("a right scenario")
-}
-
-/// What a recorder has that was told nothing.
-pub(crate) fn recorded() -> Recorded {
-    Work::new(plan(), None, vec![], Arc::default()).finish()
-}
 
 /// A stream of so many records whose plant is dead: a few come with each look.
 struct Left {

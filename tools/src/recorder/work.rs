@@ -13,12 +13,14 @@ use shared_types::record::{Event, Outcome, RecordLayout, Validity};
 use shared_types::stream::{Item, RecordSource};
 use shared_types::time::Step;
 
-use super::heard::{self, Heard};
-use super::{NAP, Recorded, RecordingPlan, Shared};
+use super::heard::Heard;
 use crate::checkpoint::past::PastRecords;
-use crate::ending::{self, Answers};
-use crate::faults::{FaultLog, LiveFault};
+use crate::ending::{self};
+use crate::faults::LiveFault;
 use crate::latency::Latency;
+use crate::recorded::Recorded;
+use crate::recorder::{NAP, RecordingPlan, Shared};
+use crate::recording::clean::clean;
 use crate::recording::{Part, Recording};
 use crate::run::realtime;
 use crate::run_reader::{ReadError, RunReader};
@@ -53,24 +55,7 @@ impl Work {
         shared: Arc<Shared>,
     ) -> Self {
         let latency = Latency::default();
-        let recorded = Recorded {
-            end: None,
-            faults: FaultLog::default(),
-            changes: Vec::new(),
-            records: 0,
-            written: 0,
-            cut_short: None,
-            past_records: 0,
-            lost: 0,
-            answers: Some(Answers::default()),
-            digest: None,
-            partial_digests: BTreeMap::new(),
-            metrics: Vec::new(),
-            requirements: Vec::new(),
-            latency: latency.summary(),
-            wall_time_s: 0.0,
-            error: None,
-        };
+        let recorded = Recorded::begun(latency.summary());
         Self {
             plan,
             recording_plan,
@@ -243,7 +228,7 @@ impl Work {
                 ));
             }
             Item::Event(event) => {
-                let event = heard::clean(event);
+                let event = clean(event);
                 let heard = self.heard.event(&self.plan, &event, &self.recorded);
                 if let Err(error) = heard {
                     return self.refuse(error);

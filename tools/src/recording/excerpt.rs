@@ -15,7 +15,7 @@ use shared_types::table::Field;
 use shared_types::time::{Rate, Step};
 
 use super::Head;
-use crate::live::near;
+use crate::names::near;
 
 /// What is to be kept.
 #[derive(Clone, Debug, Default, PartialEq)]

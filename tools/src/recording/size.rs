@@ -24,12 +24,9 @@ pub fn largest(
     let model = &plan.plant.model;
     let plant = plants.iter().find(|plant| plant.name == *model);
     let plant = plant.ok_or_else(|| format!("there is no plant `{model}`"))?;
-    let name = &plan.controller.law;
-    let suits = |law: &&LawDescription| {
-        law.name == *name && (law.plants.is_empty() || law.plants.contains(model))
-    };
-    let law = laws.iter().find(suits);
-    let law = law.ok_or_else(|| format!("there is no law `{name}` for `{model}`"))?;
+    let law = plan.law_among(laws);
+    let law =
+        law.ok_or_else(|| format!("there is no law `{}` for `{model}`", plan.controller.law))?;
     let columns = Columns::of(plant, &plan.stimuli, &law.internals);
     // As recordings name them.
     let name = |path: &str| match path.split_once('.') {

@@ -7,8 +7,7 @@ use shared_types::record::Event;
 use tempfile::TempDir;
 
 use super::*;
-use crate::recording::Provenance;
-use crate::recording::Recording;
+use crate::recording::{Provenance, Recording};
 use crate::run_reader::tests::{layout, record, taken};
 use crate::run_reader::{RECORDING, RunReader};
 

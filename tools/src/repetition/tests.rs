@@ -1,11 +1,12 @@
 use hil_config::plan::{FaultAction, FaultEffect, FaultSource, Profile};
-use shared_types::describe::{LawDescription, Settings};
+use shared_types::describe::Settings;
 use shared_types::pacer::Streaks;
 use shared_types::record::{FaultAccepted, Outcome, RunEnd};
 
 use super::*;
-use crate::inject::a_rig;
+use crate::checked::checked;
 use crate::recording::Enclosure;
+use crate::rig::described;
 use crate::run_reader::tests::{Content, layout, record, recorded};
 
 const SCENARIO: &str = r#"
@@ -120,23 +121,7 @@ const fn ended(id: u32, effect: u32, step: u64, cleared: bool) -> Event {
 
 /// A recorded run of the scenario in which these things happened.
 fn run(name: &str, events: Vec<Event>) -> Result<RecordedRun, Failure> {
-    let possible = a_rig();
-    let mut plant = Description::new("some-plant", "1");
-    plant.plants = vec![possible.plant];
-    plant.faults = possible.kinds;
-    let mut controller = Description::new("some-controller", "1");
-    controller.laws = vec![LawDescription {
-        name: "quiet".into(),
-        summary: "Does nothing.".into(),
-        plants: vec![],
-        parameters: vec![],
-        model: vec![],
-        measured: vec![],
-        reference: vec![],
-        commands: None,
-        internals: vec![],
-        saves: false,
-    }];
+    let [plant, controller] = described();
     let enclose = |name, text| Enclosure {
         name,
         media_type: "text/plain",

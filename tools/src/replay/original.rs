@@ -9,16 +9,12 @@ use hil_config::plan::{Plan, Stimulus};
 use hil_config::scenario::Advice;
 use shared_types::describe::{Description, LawDescription, PlantDescription};
 use shared_types::table::Field;
-use toml_edit::DocumentMut;
 
 use crate::binaries::Binary;
+use crate::checked::{checked, checked_with};
 use crate::exit::Failure;
-use crate::repetition::{checked, checked_with};
 use crate::run_reader::RunReader;
-
-/// The parts of a scenario that say what runs. The others disturb it, which is in the samples already,
-/// or judge it, in terms that another controller may not know.
-const KEPT: [&str; 6] = ["schema", "name", "run", "plant", "controller", "stimuli"];
+use crate::scenario::kept;
 
 /// A recorded run, opened.
 pub(super) struct Original {
@@ -80,7 +76,7 @@ impl Original {
         let origin = format!("the scenario of {}", run.display());
         let plan = checked(&scenario, origin.as_ref(), &plants, &controller)?;
         let plant = (plants.plants.iter()).find(|plant| plant.name == plan.plant.model);
-        let law = law_of(&controller.laws, &plan);
+        let law = plan.law_among(&controller.laws);
         let (Some(plant), Some(law)) = (plant.cloned(), law) else {
             return Err(Failure::usage(format!(
                 "{} does not describe its plant and its law",
@@ -121,25 +117,6 @@ impl Original {
             &controller.description,
         )
     }
-}
-
-/// The law of a plan among these.
-pub(crate) fn law_of<'a>(laws: &'a [LawDescription], plan: &Plan) -> Option<&'a LawDescription> {
-    let suits = |law: &&LawDescription| {
-        law.name == plan.controller.law
-            && (law.plants.is_empty() || law.plants.contains(&plan.plant.model))
-    };
-    laws.iter().find(suits)
-}
-
-/// The parts of a scenario that say what runs.
-///
-/// # Errors
-/// If it is no TOML.
-pub(crate) fn kept(text: &str) -> Result<DocumentMut, toml_edit::TomlError> {
-    let mut document: DocumentMut = text.parse()?;
-    document.retain(|key, _| KEPT.contains(&key));
-    Ok(document)
 }
 
 impl Places {

@@ -15,8 +15,9 @@ use shared_types::time::{Rate, Step};
 use super::envelope::Envelope;
 use super::grid::Grid;
 use crate::account::Account;
+use crate::evaluation;
+use crate::evaluation::RecordedEvaluation;
 use crate::exit::Failure;
-use crate::judge::{self, RecordedEvaluation};
 use crate::latency::spikes::KEPT;
 use crate::requirements::{self, Requirement};
 use crate::run_reader::{ReadError, RunReader};
@@ -261,7 +262,7 @@ impl Reading<'_> {
     fn derived(&self, reader: &RunReader) -> Option<(Vec<plan::Derived>, RecordedEvaluation)> {
         let plan = self.plan.filter(|_| !reader.is_excerpt())?;
         let plant = reader.enclosed("plant-description.json").ok()?;
-        let (columns, words) = judge::columns(reader, &plant).ok()?;
+        let (columns, words) = evaluation::columns(reader, &plant).ok()?;
         let is_known = |name: &str| {
             columns.index_of(name).is_some() || plan.derived.iter().any(|one| one.name == name)
         };

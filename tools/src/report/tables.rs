@@ -8,7 +8,7 @@ use shared_types::number::{short, short_in};
 use shared_types::time::Step;
 
 use super::run::Run;
-use crate::doctor::measure::shown_ns;
+use crate::duration::shown_ns;
 use crate::latency::percentiles::Percentiles;
 use crate::requirements::Requirement;
 use crate::summary::{Metric, of_law};

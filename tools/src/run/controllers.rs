@@ -15,6 +15,7 @@ use shared_types::supervision::{EXPECT, MOST_EPOCHS, PEER_GONE};
 
 use super::processes::Side;
 use crate::binaries::Binary;
+use crate::ended::Started;
 use crate::exit::Failure;
 use crate::swap::{Swapped, Wanted};
 
@@ -70,35 +71,6 @@ enum Standing {
     InOffice,
     /// Since when it is of no more use.
     Past(Instant),
-}
-
-/// A controller as the summary and the recording tell of it.
-#[derive(Clone, Debug)]
-pub(crate) struct Started {
-    /// Which of the session it is, from 1.
-    pub(crate) epoch: u32,
-    pub(crate) binary: Binary,
-    pub(crate) law: String,
-    /// Values of the scenario that were changed for it.
-    pub(crate) set: Vec<String>,
-    /// How its process ended, if there is something to say about it.
-    pub(crate) fate: Option<String>,
-}
-
-impl Started {
-    /// What a recording says of it.
-    pub(crate) fn facts(&self) -> Vec<(String, String)> {
-        let name = |what: &str| format!("controller_{}_{what}", self.epoch);
-        let mut facts = vec![
-            (name("binary"), self.binary.path.display().to_string()),
-            (name("blake3"), self.binary.blake3.clone()),
-            (name("law"), self.law.clone()),
-        ];
-        if !self.set.is_empty() {
-            facts.push((name("set"), serde_json::json!(self.set).to_string()));
-        }
-        facts
-    }
 }
 
 impl Controllers {

@@ -17,9 +17,10 @@ use shared_types::wait::{WaitLimit, Waiter};
 
 use super::processes::refuse_other_layout;
 use super::realtime::Watched;
-use super::{Ended, Prepared};
+use crate::ended::Ended;
 use crate::exit::Failure;
 use crate::recorder::Recorder;
+use crate::run::Prepared;
 
 /// A sink that tells the recorder the layout when the stream opens.
 struct TellingSink {

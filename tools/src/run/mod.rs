@@ -21,6 +21,7 @@ use shared_types::session::{Session, SessionError, SessionInfo};
 use shared_types::time::Step;
 
 use crate::binaries::{Binaries, Binary, seal};
+use crate::checkpoint;
 use crate::checkpoint::branch::Branch;
 use crate::checkpoint::past::{self, Past, PastRecords};
 use crate::cli::run::{LinkKind, RunArguments, RunOptions};
@@ -28,17 +29,16 @@ use crate::exit::{Exit, Failure};
 use crate::interruption::Interruption;
 use crate::observer::Notice;
 use crate::progress::Progress;
-use crate::recorder::{Recorded, RecordingPlan};
+use crate::recorder::RecordingPlan;
 use crate::recording::{Choice, Enclosure, Provenance, size};
 use crate::reserve::Reserve;
 use crate::run_reader::{EXCERPT, RECORDING};
-use crate::summary::{Resumed, Summary};
-use crate::{audit, checkpoint, config, doctor, folder, part_file, requirements, suite};
+use crate::scenario;
+use crate::summary::Summary;
+use crate::{audit, doctor, folder, part_file, requirements, suite};
 
 /// Room that is kept on the disk for the summary.
 const SUMMARY_BYTES: u64 = 256 << 10;
-
-pub(crate) use controllers::Started;
 
 /// What both ways of running need.
 struct Prepared {
@@ -68,17 +68,6 @@ impl Prepared {
         }
         progress
     }
-}
-
-/// How a run ended.
-pub(crate) struct Ended {
-    pub(crate) recorded: Recorded,
-    /// How it ended, with what the supervisor knows besides what the plant saw.
-    pub(crate) outcome: Outcome,
-    /// Why, if not completed.
-    pub(crate) reason: Option<String>,
-    /// The controller processes, in order.
-    pub(crate) controllers: Vec<Started>,
 }
 
 /// What a run needs before its scenario is looked at.
@@ -241,7 +230,7 @@ pub(crate) fn execute(
     }
     let choice = options.choice.choice(options)?;
     tell_size(&plan, &binaries, options, &choice, is_one_of_many)?;
-    let effective = config::show(&plan, &binaries)?;
+    let effective = scenario::show(&plan, &binaries)?;
 
     let mut session = Session::create(options.session.as_deref()).map_err(|error| match error {
         SessionError::Name(_) | SessionError::Taken { .. } => Failure::usage(error),
@@ -271,7 +260,7 @@ pub(crate) fn execute(
             plant.checkpoints = from.resume(Side::Plant, &plant.checkpoints);
             controller.checkpoints = from.resume(Side::Controller, &controller.checkpoints);
             past = from.records(&plan, &binaries);
-            resumed = Some(Resumed::new(&from, branch));
+            resumed = Some(from.resumed(branch));
         }
     }
     check(&binaries, &info, &plant, &controller, &interruption)?;
@@ -285,7 +274,7 @@ pub(crate) fn execute(
     session
         .set_run_dir(&absolute(&run_dir))
         .map_err(Failure::infrastructure)?;
-    write(&run_dir.join("scenario.toml"), &effective).inspect_err(|_| {
+    part_file::write_text(&run_dir.join("scenario.toml"), &effective).inspect_err(|_| {
         // Nothing was run: the next try finds the folder as this one did.
         let _ = std::fs::remove_dir(&run_dir);
     })?;
@@ -385,7 +374,7 @@ pub(crate) fn execute(
         partial_digests: ended.recorded.partial_digests,
         recording: recorded_to.map(|name| run_dir.join(name)),
         table: summary.table(&prepared.plan, &run_dir),
-        written: write(&run_dir.join("summary.json"), &json).and(collected),
+        written: part_file::write_text(&run_dir.join("summary.json"), &json).and(collected),
         summary: json,
         summarised: summary,
         folder: run_dir,
@@ -427,13 +416,6 @@ fn tell_size(
 
 fn absolute(path: &Path) -> PathBuf {
     std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
-}
-
-/// Writes a file whole or not at all.
-pub(crate) fn write(path: &Path, text: &str) -> Result<(), Failure> {
-    part_file::write(path, text.as_bytes()).map_err(|error| {
-        Failure::infrastructure(format!("cannot write {}: {error}", path.display()))
-    })
 }
 
 /// Each side's part of the plan.

@@ -11,42 +11,20 @@ use std::io::{Read, Write};
 use std::sync::{Arc, OnceLock};
 
 use hil_config::plan;
-use serde::Serialize;
 use shared_types::realtime::{CONTROLLER_FILE, Granted, PLANT_FILE, Report, only_core, pin};
 use shared_types::session::SessionInfo;
 use shared_types::text;
-use shared_types::wait::WaitStrategy;
 
 use crate::cli::run::LinkKind;
 use crate::doctor::cores::{CoreList, Cores};
 use crate::doctor::tree::Root;
 use crate::exit::Failure;
 use crate::output;
+use crate::settings::Realtime;
+use crate::settings::Recorder;
 use refusals::Refusals;
 
 const DMA_LATENCY: &str = "/dev/cpu_dma_latency";
-
-/// What a run asked of the system and what it got, as `summary.json` has it.
-#[derive(Clone, Debug, Serialize)]
-pub(crate) struct Realtime {
-    /// How the sides waited for each other.
-    pub(crate) wait: WaitStrategy,
-    /// The plant's loop; of a run in one process that of both sides. Null if it never began.
-    pub(crate) plant: Option<Report>,
-    /// The controller's loop; null if it never began or has none of its own.
-    pub(crate) controller: Option<Report>,
-    /// The recorder.
-    pub(crate) recorder: Recorder,
-    /// How long a core may need to wake up, in us; null for no limit of ours.
-    pub(crate) dma_latency_us: Granted<Option<u32>>,
-}
-
-/// What the recorder runs with.
-#[derive(Clone, Debug, Serialize)]
-pub(crate) struct Recorder {
-    /// The only core that it may run on; null for several.
-    pub(crate) core: Granted<Option<u32>>,
-}
 
 /// The settings of one run while it goes on.
 pub(super) struct Watched {
@@ -238,30 +216,6 @@ fn hold_latency(us: u32) -> std::io::Result<(u32, File)> {
     let mut granted = [0; 4];
     file.read_exact(&mut granted)?;
     Ok((u32::from_ne_bytes(granted), file))
-}
-
-impl Realtime {
-    /// As a person reads it.
-    #[must_use]
-    pub(crate) fn told(&self) -> String {
-        let mut text = format!("{} waits", self.wait.name());
-        for (side, report) in [("plant", &self.plant), ("controller", &self.controller)] {
-            let Some(report) = report else { continue };
-            let core = report.core.granted.map(|core| format!("core {core}"));
-            let priority = report.priority.granted;
-            let fifo = (priority > 0).then(|| format!("FIFO {priority}"));
-            let locked = (report.lock_memory.granted).then(|| "memory locked".to_owned());
-            let fetched = report.prefault.granted.then(|| "prefaulted".to_owned());
-            let all: Vec<String> = [core, fifo, locked, fetched]
-                .into_iter()
-                .flatten()
-                .collect();
-            if !all.is_empty() {
-                text += &format!("; {side}: {}", all.join(", "));
-            }
-        }
-        text
-    }
 }
 
 #[cfg(test)]

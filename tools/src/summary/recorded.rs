@@ -8,9 +8,9 @@ use shared_types::describe::Description;
 use shared_types::realtime::{Granted, Report};
 
 use super::{Origin, Program, Summary};
-use crate::run::Ended;
-use crate::run::realtime::{Realtime, Recorder};
+use crate::ended::Ended;
 use crate::run_reader::{RECORDING, RunReader};
+use crate::settings::{Realtime, Recorder};
 use crate::succession::Laws;
 
 /// Levels of evidence, as facts have them.

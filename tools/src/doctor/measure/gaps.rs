@@ -9,9 +9,11 @@ use serde::Serialize;
 use serde_json::json;
 use shared_types::clock::monotonic_ns;
 
-use super::{Class, FAIR_NS, GOOD_NS, Pinned, UNFIT_NS, jitter_grade, remark, shown_ns};
 use crate::doctor::finding::{Check, Finding};
+use crate::doctor::measure::{Class, Pinned, jitter_grade, remark};
 use crate::doctor::tree::{Root, Tree};
+use crate::duration::shown_ns;
+use crate::latency::grade::{FAIR_NS, GOOD_NS, UNFIT_NS};
 
 const CHECK: Check = Check::new(
     "gaps",

@@ -17,19 +17,14 @@ use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 
 use super::finding::Grade;
 use super::tree::{Tree, Unread};
+use crate::duration::shown_ns;
+use crate::latency::grade::{FAIR_NS, GOOD_NS, UNFIT_NS};
 use crate::latency::percentiles::Percentiles;
 
 /// Longest time that is told apart: an hour.
 const LONGEST_NS: u64 = 3_600_000_000_000;
 /// Significant decimal digits.
 const DIGITS: u8 = 3;
-
-/// Under it, delays are good.
-pub const GOOD_NS: u64 = 20_000;
-/// Under it, they are fair.
-pub const FAIR_NS: u64 = 50_000;
-/// Over it, nothing of real time can be done on this machine.
-pub const UNFIT_NS: u64 = 500_000;
 
 /// The grade of a longest delay, after the limits that LinuxCNC's users live by.
 #[must_use]
@@ -52,23 +47,6 @@ const fn remark(longest_ns: u64) -> &'static str {
 
 fn histogram() -> Histogram<u64> {
     Histogram::new_with_bounds(1, LONGEST_NS, DIGITS).expect("the bounds are legal")
-}
-
-/// A time as a person reads it: three digits and a unit.
-#[must_use]
-pub fn shown_ns(ns: u64) -> String {
-    let (value, unit) = match ns {
-        0..1_000 => return format!("{ns} ns"),
-        1_000..1_000_000 => (ns as f64 / 1e3, "us"),
-        1_000_000..1_000_000_000 => (ns as f64 / 1e6, "ms"),
-        _ => (ns as f64 / 1e9, "s"),
-    };
-    let decimals = match value {
-        value if value < 9.995 => 2,
-        value if value < 99.95 => 1,
-        _ => 0,
-    };
-    format!("{value:.decimals$} {unit}")
 }
 
 /// Median, 99 % and longest.
@@ -203,22 +181,6 @@ mod tests {
         }
         assert_eq!(remark(500_000), "");
         assert_eq!(remark(500_001), ": unfit for real time");
-    }
-
-    #[test]
-    fn times_are_shown_with_three_digits() {
-        for (ns, text) in [
-            (0, "0 ns"),
-            (999, "999 ns"),
-            (1_000, "1.00 us"),
-            (9_996, "10.0 us"),
-            (43_210, "43.2 us"),
-            (404_000, "404 us"),
-            (24_820_000, "24.8 ms"),
-            (3_000_000_000, "3.00 s"),
-        ] {
-            assert_eq!(shown_ns(ns), text);
-        }
     }
 
     #[test]

@@ -1,121 +1,19 @@
-use shared_types::describe::{MoveBy, Operation, ParameterMove, PlantDescription};
 use shared_types::time::Rate;
 
 use clap::Parser;
 
 use super::*;
 use crate::cli::{Command, CommandLine};
+use crate::rig;
 
-/// A rig with one kind of each sort.
+/// What is possible for the rig.
 pub(crate) fn possible() -> Possible {
-    let angle = Field::signal("surface_angle_rad", "rad", "The angle.");
-    let size = |name: &str, unit: &str, text: &str, max: f64| Field {
-        min: 0.0,
-        max,
-        ..Field::signal(name, unit, text)
-    };
-    let leak = |group: &str| Field {
-        faultable: true,
-        ..Field::signal(&format!("{group}.leak"), "m3/s", "The leak.")
-    };
-    let own = |kind: &str, selector: Option<&str>, sizes, profile| FaultDescription {
-        kind: kind.into(),
-        summary: "A leak.".into(),
-        equation: "q = C g".into(),
-        selector: selector.map(Into::into),
-        sizes,
-        moves: vec![ParameterMove {
-            parameter: "leak".into(),
-            operation: Operation::Add,
-            by: MoveBy::Constant(1.0),
-        }],
-        profile,
-    };
-    let speed = Field {
-        default: Some(3.0),
-        ..size("speed_per_s", "1/s", "mu.", f64::INFINITY)
-    };
-    let coefficient = size(
-        "coefficient_m3ps_per_sqrt_pa",
-        "m3/s/sqrt(Pa)",
-        "C at the end.",
-        1e-4,
-    );
-    let kind = |kind: &str, acts_on, keys: &[(&str, &str)], list: Option<(&str, usize)>| {
-        FaultKindDescription {
-            kind: kind.into(),
-            summary: "x".into(),
-            equation: "x".into(),
-            acts_on,
-            parameters: keys
-                .iter()
-                .map(|(name, unit)| Field::signal(name, unit, "x"))
-                .collect(),
-            saves: false,
-            list: list.map(|(key, columns)| ListDescription {
-                key: key.into(),
-                description: "Rows.".into(),
-                columns,
-            }),
-        }
-    };
+    let plant = rig::plant();
     Possible {
         rate: Rate::new(1e4).expect("a rate"),
-        plant: PlantDescription {
-            name: "rig".into(),
-            summary: "A rig.".into(),
-            parameters: vec![leak("actuator1"), leak("actuator2")],
-            truth: vec![],
-            measured: vec![angle.clone()],
-            commands: vec![Field::signal("valve1_current_a", "A", "The current.")],
-            saves: false,
-            faults: vec![
-                own(
-                    "leakage",
-                    Some("actuator"),
-                    vec![coefficient],
-                    ProfileDescription::Exponential { speed },
-                ),
-                own(
-                    "supply-loss",
-                    None,
-                    vec![
-                        size("factor_first", "1", "x", 1.0),
-                        size("factor_second", "1", "x", 1.0),
-                    ],
-                    ProfileDescription::Step,
-                ),
-            ],
-        },
-        reference: vec![angle],
-        kinds: vec![
-            kind("bias", ActsOn::Numbers, &[("bias", "target")], None),
-            kind(
-                "saturation",
-                ActsOn::Numbers,
-                &[("min", "target"), ("max", "target")],
-                None,
-            ),
-            kind("dropout", ActsOn::Signals, &[], None),
-            kind(
-                "message-loss",
-                ActsOn::Links,
-                &[("probability", "1")],
-                Some(("pattern", 1)),
-            ),
-            kind(
-                "late",
-                ActsOn::Sides,
-                &[("busy_us", "us"), ("spread_us", "us")],
-                Some(("histogram", 2)),
-            ),
-            kind(
-                "skip",
-                ActsOn::Controller,
-                &[("steps", "steps"), ("period_s", "s")],
-                None,
-            ),
-        ],
+        reference: plant.measured.clone(),
+        plant,
+        kinds: rig::kinds(),
     }
 }
 

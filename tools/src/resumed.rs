@@ -1,0 +1,73 @@
+//! The checkpoint that a run went on from and those that it made, as its summary tells of them.
+
+use std::path::Path;
+
+use serde::Serialize;
+
+/// The fact that names faults which had begun before a checkpoint and went on with other sizes.
+pub(crate) const CHANGED_FAULTS: &str = "changed_faults";
+
+/// A checkpoint as the summary of its run tells it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Made {
+    pub(crate) step: u64,
+    pub(crate) time_s: f64,
+    /// Its folder, from that of the run.
+    pub(crate) folder: String,
+}
+
+impl Made {
+    /// As a person reads it.
+    #[must_use]
+    pub fn told(&self, run_dir: &Path) -> String {
+        let (step, time_s) = (self.step, self.time_s);
+        let folder = run_dir.join(&self.folder);
+        format!(
+            "checkpoint before step {step} ({time_s} s) in {}",
+            folder.display()
+        )
+    }
+}
+
+/// The checkpoint that a run went on from.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Resumed {
+    /// Its folder.
+    pub(crate) checkpoint: String,
+    /// The session that made it.
+    pub(crate) session: String,
+    /// The first step of this run; the records before it are those of the other.
+    pub(crate) step: u64,
+    pub(crate) time_s: f64,
+    /// Digest of the records before it.
+    pub(crate) digest: String,
+    /// Faults that had begun and went on with other sizes.
+    pub(crate) changed_faults: Vec<u32>,
+}
+
+impl Resumed {
+    /// What the recording says of it.
+    pub(crate) fn facts(&self) -> impl Iterator<Item = (String, String)> {
+        let changed: Vec<String> = self.changed_faults.iter().map(u32::to_string).collect();
+        let facts = [
+            ("resumed_from", self.checkpoint.clone()),
+            ("resumed_session", self.session.clone()),
+            ("resumed_step", self.step.to_string()),
+            ("resumed_digest", self.digest.clone()),
+            (CHANGED_FAULTS, changed.join(", ")),
+        ];
+        let told = facts.into_iter().filter(|(_, value)| !value.is_empty());
+        told.map(|(name, value)| (name.to_owned(), value))
+    }
+
+    /// As a person reads it.
+    pub(crate) fn told(&self) -> String {
+        let Self {
+            checkpoint,
+            step,
+            time_s,
+            ..
+        } = self;
+        format!("went on from step {step} ({time_s} s), {checkpoint}")
+    }
+}

@@ -1,0 +1,51 @@
+//! The real-time settings that a run asked for and those that it got, as its summary has them.
+
+use serde::Serialize;
+use shared_types::realtime::{Granted, Report};
+use shared_types::wait::WaitStrategy;
+
+/// What a run asked of the system and what it got, as `summary.json` has it.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Realtime {
+    /// How the sides waited for each other.
+    pub(crate) wait: WaitStrategy,
+    /// The plant's loop; of a run in one process that of both sides. Null if it never began.
+    pub(crate) plant: Option<Report>,
+    /// The controller's loop; null if it never began or has none of its own.
+    pub(crate) controller: Option<Report>,
+    /// The recorder.
+    pub(crate) recorder: Recorder,
+    /// How long a core may need to wake up, in us; null for no limit of ours.
+    pub(crate) dma_latency_us: Granted<Option<u32>>,
+}
+
+/// What the recorder runs with.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Recorder {
+    /// The only core that it may run on; null for several.
+    pub(crate) core: Granted<Option<u32>>,
+}
+
+impl Realtime {
+    /// As a person reads it.
+    #[must_use]
+    pub(crate) fn told(&self) -> String {
+        let mut text = format!("{} waits", self.wait.name());
+        for (side, report) in [("plant", &self.plant), ("controller", &self.controller)] {
+            let Some(report) = report else { continue };
+            let core = report.core.granted.map(|core| format!("core {core}"));
+            let priority = report.priority.granted;
+            let fifo = (priority > 0).then(|| format!("FIFO {priority}"));
+            let locked = (report.lock_memory.granted).then(|| "memory locked".to_owned());
+            let fetched = report.prefault.granted.then(|| "prefaulted".to_owned());
+            let all: Vec<String> = [core, fifo, locked, fetched]
+                .into_iter()
+                .flatten()
+                .collect();
+            if !all.is_empty() {
+                text += &format!("; {side}: {}", all.join(", "));
+            }
+        }
+        text
+    }
+}
