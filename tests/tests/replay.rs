@@ -10,9 +10,9 @@ use shared_types::random::RandomStream;
 use shared_types::record::RecordLayout;
 use shared_types::session::SessionInfo;
 use shared_types::table::Field;
-use tools::cli::run::Compression;
-use tools::recording::{Enclosure, Provenance, Recording};
-use tools::run_reader::RunReader;
+use tools::recording::compression::Compression;
+use tools::recording::writer::{Enclosure, Provenance, Recording};
+use tools::recording::reader::RunReader;
 
 use crate::every_fault;
 use crate::support::harness::{Rig, Run, until};

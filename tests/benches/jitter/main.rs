@@ -39,7 +39,7 @@ mod releases;
 
 use serde_json::{Value, json};
 use tools::doctor::measure::gaps;
-use tools::latency::grade::UNFIT_NS;
+use tools::results::latency::grade::UNFIT_NS;
 
 use self::cyclictest::Cyclictest;
 use self::effort::{rounds, shortened};

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::Value;
 use tempfile::TempDir;
-use tools::run_reader::{RECORDING, RunReader};
+use tools::recording::reader::{RECORDING, RunReader};
 
 use crate::measure::median;
 use crate::programs::Programs;

@@ -22,7 +22,7 @@ use rustix::process::{Pid, Signal, kill_process};
 use serde_json::{Value, json};
 use shared_types::process::ProcessId;
 use tempfile::TempDir;
-use tools::run_reader::{RECORDING, ReadError, RunReader};
+use tools::recording::reader::{RECORDING, ReadError, RunReader};
 
 use programs::Programs;
 use rig::{Running, comes, left, scenario};

@@ -28,10 +28,11 @@ use shared_types::stream::{Owed, RecordSink, RecordSource, in_process};
 use shared_types::time::Step;
 use shared_types::zerocopy::IntoBytes;
 use tempfile::TempDir;
-use tools::cli::run::Compression;
-use tools::latency::Latency;
-use tools::recorder::{Recorder, RecordingPlan};
-use tools::recording::{Choice, Provenance, Recording};
+use tools::recording::compression::Compression;
+use tools::results::latency::legs::Latency;
+use tools::run::recorder::{Recorder, RecordingPlan};
+use tools::recording::excerpt::Choice;
+use tools::recording::writer::{Provenance, Recording};
 
 use tape::{Replay, Tape};
 

@@ -8,7 +8,7 @@ use shared_types::link::LinkError;
 use shared_types::record::{Event, RecordLayout};
 use shared_types::stream::{Item, RecordSource};
 use shared_types::table::Field;
-use tools::run_reader::RunReader;
+use tools::recording::reader::RunReader;
 
 use crate::cpu_ns;
 

@@ -16,8 +16,8 @@ use shared_types::record::{Event, FaultTaken, Outcome, RecordLayout, RunEnd, Tim
 use shared_types::table::Field;
 use shared_types::time::{Rate, Step};
 use shared_types::zerocopy::IntoBytes;
-use tools::cli::run::Compression;
-use tools::recording::{Enclosure, Provenance, Recording};
+use tools::recording::compression::Compression;
+use tools::recording::writer::{Enclosure, Provenance, Recording};
 
 use super::targets::{rig, session};
 use crate::support::programs::workspace;

@@ -9,12 +9,12 @@ use serde_json::Value;
 use shared_types::describe::{ActsOn, FaultDescription, ProfileDescription};
 use shared_types::number::exact as number;
 use shared_types::table::Field;
-use tools::cli::CommandLine;
+use tools::arguments::CommandLine;
 
 use crate::support::programs::{demanded, workspace};
 
 const MADE: &str = "<!-- Made from the code: `HIL_WRITE_BOOK=1 cargo test -p tests book::references` writes it anew. -->\n";
-const EXITS: &str = include_str!("../../../tools/src/exit.rs");
+const EXITS: &str = include_str!("../../../tools/src/terminal/exit.rs");
 
 #[test]
 fn the_references_say_what_the_code_says() {

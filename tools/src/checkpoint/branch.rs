@@ -11,7 +11,7 @@ use shared_types::describe::Settings;
 use shared_types::number::exact;
 use shared_types::time::{Rate, Step};
 
-use crate::faults::FaultLog;
+use crate::results::faults::FaultLog;
 
 /// How a run that goes on from a checkpoint differs from the one that made it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -17,15 +17,15 @@ use shared_types::time::Step;
 
 use super::branch::{self, Branch};
 use super::{Checkpoint, FILE, SCHEMA, SavedSide, hash, law_of, plant_of};
-use crate::binaries::named::{Recorded, refuse_set};
-use crate::binaries::{Binaries, Binary};
-use crate::cli::run::Changes;
-use crate::exit::Failure;
-use crate::faults::{FaultLog, LiveFault};
-use crate::folder::refuse_odd;
-use crate::resumed::Resumed;
-use crate::run_reader::{ReadError, RunReader};
-use crate::scenario;
+use crate::arguments::run::Changes;
+use crate::files::folder::refuse_odd;
+use crate::programs::binaries::named::{Recorded, refuse_set};
+use crate::programs::binaries::{Binaries, Binary};
+use crate::programs::scenario;
+use crate::recording::reader::{ReadError, RunReader};
+use crate::results::faults::{FaultLog, LiveFault};
+use crate::results::resumed::Resumed;
+use crate::terminal::exit::Failure;
 
 /// What a run goes on from.
 #[derive(Clone, Debug)]

@@ -5,7 +5,7 @@ use std::fmt::{self, Display};
 
 use super::finding::{Check, Finding};
 use super::tree::{Tree, Unread};
-use crate::exit::Failure;
+use crate::terminal::exit::Failure;
 
 const COUNT: Check = Check::new(
     "cores",

@@ -6,7 +6,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::finding::{Finding, Grade};
-use crate::duration::shown_ns;
+use crate::terminal::duration::shown_ns;
 
 /// All findings and what follows from them.
 #[derive(Clone, Debug, Serialize)]

@@ -3,7 +3,7 @@
 use super::cores::Cores;
 use super::finding::{Check, Finding};
 use super::tree::Tree;
-use crate::duration::shown_ns;
+use crate::terminal::duration::shown_ns;
 
 const THROTTLING: Check = Check::new(
     "throttling",

@@ -15,9 +15,9 @@ use super::chunk::Chunk;
 use super::event;
 use super::mcap_file::McapFile;
 use super::schema::ENCAPSULATION;
-use super::{CHANNELS, CHUNK_BYTES, FACTS, RESULT};
-use crate::cli::run::Compression;
-use crate::run_reader::{EVENTS, RECORDS, UNVOUCHED, Unvouched, VOUCHED};
+use super::writer::{CHANNELS, CHUNK_BYTES, FACTS, RESULT};
+use crate::recording::compression::Compression;
+use crate::recording::reader::{EVENTS, RECORDS, UNVOUCHED, Unvouched, VOUCHED};
 
 /// A recording being written.
 pub(crate) struct Copy {

@@ -14,8 +14,8 @@ use shared_types::record::{GROUPS, RecordLayout, RecordView, Timing};
 use shared_types::table::Field;
 use shared_types::time::{Rate, Step};
 
-use super::Head;
-use crate::names::near;
+use super::writer::Head;
+use crate::terminal::names::near;
 
 /// What is to be kept.
 #[derive(Clone, Debug, Default, PartialEq)]

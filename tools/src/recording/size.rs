@@ -5,7 +5,7 @@ use hil_config::plan::Plan;
 use shared_types::describe::{LawDescription, PlantDescription};
 use shared_types::record::Timing;
 
-use super::Choice;
+use super::excerpt::Choice;
 
 /// Bytes of a message besides its words: its head, its encapsulation and its entry in the index.
 const BESIDES: u64 = 31 + 4 + 16;

@@ -14,10 +14,10 @@ use shared_types::session::Session;
 use shared_types::supervision::{EXPECT, MOST_EPOCHS, PEER_GONE};
 
 use super::processes::Side;
-use crate::binaries::Binary;
-use crate::ended::Started;
-use crate::exit::Failure;
-use crate::swap::{Swapped, Wanted};
+use crate::programs::binaries::Binary;
+use crate::results::ended::Started;
+use crate::run::swap::{Swapped, Wanted};
+use crate::terminal::exit::Failure;
 
 /// How often a lost controller is started anew in one run.
 const RESTARTS: u32 = 3;

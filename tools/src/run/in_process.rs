@@ -17,10 +17,10 @@ use shared_types::wait::{WaitLimit, Waiter};
 
 use super::processes::refuse_other_layout;
 use super::realtime::Watched;
-use crate::ended::Ended;
-use crate::exit::Failure;
-use crate::recorder::Recorder;
+use crate::results::ended::Ended;
 use crate::run::Prepared;
+use crate::run::recorder::Recorder;
+use crate::terminal::exit::Failure;
 
 /// A sink that tells the recorder the layout when the stream opens.
 struct TellingSink {

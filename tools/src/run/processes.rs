@@ -18,16 +18,17 @@ use shared_types::supervision::{PEER_GONE, STOP};
 use super::controllers::Controllers;
 use super::log::Log;
 use super::realtime::Watched;
-use crate::binaries::{Binary, end_group, reap};
-use crate::ended::Ended;
-use crate::exit::Failure;
-use crate::progress::Progress;
-use crate::recorded::Recorded;
-use crate::recorder::Recorder;
-use crate::run::Prepared;
-use crate::succession::told;
-use crate::swap::{self, Ground, Wanted};
-use crate::{observer, open_files, output, standing};
+use crate::programs::binaries::{Binary, end_group, reap};
+use crate::results::ended::Ended;
+use crate::results::handover::told;
+use crate::results::recorded::Recorded;
+use crate::run::recorder::Recorder;
+use crate::run::swap::{self, Ground, Wanted};
+use crate::run::{Prepared, open_files};
+use crate::session::{observer, standing};
+use crate::terminal::exit::Failure;
+use crate::terminal::output;
+use crate::terminal::progress::Progress;
 
 /// How often the processes are looked at.
 pub(crate) const LOOK: Duration = Duration::from_millis(2);

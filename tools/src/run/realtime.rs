@@ -15,13 +15,12 @@ use shared_types::realtime::{CONTROLLER_FILE, Granted, PLANT_FILE, Report, only_
 use shared_types::session::SessionInfo;
 use shared_types::text;
 
-use crate::cli::run::LinkKind;
+use crate::arguments::run::LinkKind;
 use crate::doctor::cores::{CoreList, Cores};
 use crate::doctor::tree::Root;
-use crate::exit::Failure;
-use crate::output;
-use crate::settings::Realtime;
-use crate::settings::Recorder;
+use crate::results::settings::{Realtime, Recorder};
+use crate::terminal::exit::Failure;
+use crate::terminal::output;
 use refusals::Refusals;
 
 const DMA_LATENCY: &str = "/dev/cpu_dma_latency";

@@ -5,8 +5,8 @@ use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{FrameSpec, Link};
 use shared_types::session::SessionInfo;
 use shared_types::time::Step;
-use tools::latency::blackboard::Side;
-use tools::latency::exchange::End;
+use tools::benchmark::blackboard::Side;
+use tools::benchmark::exchange::End;
 
 use super::{COMMANDS, SIGNALS};
 

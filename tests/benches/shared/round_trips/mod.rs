@@ -16,8 +16,8 @@ mod sockets;
 
 use shared_types::frame::Frame;
 use shared_types::session::SessionInfo;
-use tools::latency::blackboard::{Blackboard, Side};
-use tools::latency::exchange::End;
+use tools::benchmark::blackboard::{Blackboard, Side};
+use tools::benchmark::exchange::End;
 
 pub(crate) use peer::{answered, measure};
 pub(crate) use place::Place;

@@ -12,8 +12,8 @@ use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 use shared_types::link::iceoryx::Ipc;
 use shared_types::session::SessionInfo;
-use tools::latency::blackboard::Side;
-use tools::latency::exchange::End;
+use tools::benchmark::blackboard::Side;
+use tools::benchmark::exchange::End;
 
 use super::{COMMAND_BYTES, SAMPLE_BYTES};
 

@@ -7,9 +7,9 @@ use std::process::{Command, Stdio};
 use shared_types::realtime::pin;
 use shared_types::session::{Session, SessionInfo};
 use shared_types::wait::{WaitLimit, WaitStrategy, Waiter};
-use tools::latency::blackboard::Side;
-use tools::latency::exchange::{End, Trips, follow, lead};
-use tools::latency::raw;
+use tools::benchmark::blackboard::Side;
+use tools::benchmark::exchange::{End, Trips, follow, lead};
+use tools::benchmark::raw;
 
 use super::{COMMAND_BYTES, Exchange, Place, Round, SAMPLE_BYTES, Wait, open};
 

@@ -10,8 +10,8 @@ use std::os::unix::net::{UnixDatagram, UnixListener, UnixStream};
 use std::time::Duration;
 
 use shared_types::session::SessionInfo;
-use tools::latency::blackboard::Side;
-use tools::latency::exchange::End;
+use tools::benchmark::blackboard::Side;
+use tools::benchmark::exchange::End;
 
 use super::peer::WAIT_LIMIT_S;
 use super::{COMMAND_BYTES, Opened, SAMPLE_BYTES, Wait};

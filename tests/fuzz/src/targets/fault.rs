@@ -18,9 +18,10 @@ use shared_types::live::Possible;
 use shared_types::record::FaultAccepted;
 use shared_types::table::Field;
 use shared_types::time::Step;
-use tools::cli::{Command, CommandLine, inject::arrange};
-use tools::faults::LiveFault;
-use tools::inject;
+use tools::arguments::{Command, CommandLine};
+use tools::arguments::inject::arrange;
+use tools::results::faults::LiveFault;
+use tools::session::inject;
 
 use super::rig::{rig, small_plan};
 

@@ -7,15 +7,15 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
-use tools::cli::export::{ExportArguments, ExportFormat};
-use tools::compare::tolerance::Tolerances;
-use tools::compare::{Verdict, compare};
-use tools::export;
-use tools::interruption::Interruption;
-use tools::judge::judged;
-use tools::latency::recorded;
-use tools::repetition::RecordedRun;
-use tools::run_reader::{RECORDING, RunReader};
+use tools::arguments::export::{ExportArguments, ExportFormat};
+use tools::arguments::tolerance::Tolerances;
+use tools::verification::compare::{Verdict, compare};
+use tools::views::export;
+use tools::terminal::interruption::Interruption;
+use tools::verification::judge::judged;
+use tools::benchmark::recorded;
+use tools::verification::repetition::RecordedRun;
+use tools::recording::reader::{RECORDING, RunReader};
 
 use super::assert_told;
 

@@ -12,8 +12,8 @@ use shared_types::clock::monotonic_ns;
 use crate::doctor::finding::{Check, Finding};
 use crate::doctor::measure::{Class, Pinned, jitter_grade, remark};
 use crate::doctor::tree::{Root, Tree};
-use crate::duration::shown_ns;
-use crate::latency::grade::{FAIR_NS, GOOD_NS, UNFIT_NS};
+use crate::results::latency::grade::{FAIR_NS, GOOD_NS, UNFIT_NS};
+use crate::terminal::duration::shown_ns;
 
 const CHECK: Check = Check::new(
     "gaps",

@@ -17,9 +17,9 @@ use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 
 use super::finding::Grade;
 use super::tree::{Tree, Unread};
-use crate::duration::shown_ns;
-use crate::latency::grade::{FAIR_NS, GOOD_NS, UNFIT_NS};
-use crate::latency::percentiles::Percentiles;
+use crate::results::latency::grade::{FAIR_NS, GOOD_NS, UNFIT_NS};
+use crate::results::latency::percentiles::Percentiles;
+use crate::terminal::duration::shown_ns;
 
 /// Longest time that is told apart: an hour.
 const LONGEST_NS: u64 = 3_600_000_000_000;

@@ -14,7 +14,7 @@ use shared_types::clock::monotonic_ns;
 
 use super::{Class, Pinned, histogram, shown};
 use crate::doctor::finding::{Check, Finding, Grade};
-use crate::latency::percentiles::Percentiles;
+use crate::results::latency::percentiles::Percentiles;
 
 const CHECK: Check = Check::new(
     "ping_pong",

@@ -16,7 +16,7 @@ use super::{Class, ExactTimers, Pinned, histogram, jitter_grade, remark, shown};
 use crate::doctor::cores::CoreList;
 use crate::doctor::finding::{Check, Finding};
 use crate::doctor::tree::Root;
-use crate::latency::percentiles::Percentiles;
+use crate::results::latency::percentiles::Percentiles;
 
 /// Between two wake-ups.
 const PERIOD_NS: u64 = 1_000_000;

@@ -1,0 +1,24 @@
+//! The flags of `hil run` that make checkpoints and go on from one.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::terminal::duration::seconds;
+
+/// Which checkpoints a run makes.
+#[derive(Clone, Debug, Default, Args)]
+pub struct CheckpointArguments {
+    /// Save the state of plant and controller before the first step at or after this simulated time,
+    /// to go on from there later; may be given several times
+    #[arg(long, value_name = "TIME", value_parser = seconds)]
+    pub checkpoint_at: Vec<f64>,
+}
+
+/// Which checkpoint a run goes on from.
+#[derive(Clone, Debug, Default, Args)]
+pub struct FromArguments {
+    /// Go on from a checkpoint, with its scenario and what --set changes in it from there on
+    #[arg(long, value_name = "CHECKPOINT", conflicts_with_all = ["scenarios", "audit"])]
+    pub from: Option<PathBuf>,
+}

@@ -1,0 +1,336 @@
+//! The command line as it is typed; what it means is decided by the commands.
+//!
+//! One file for each group of commands, and here what they share.
+
+pub mod checkpoint;
+pub mod clock;
+pub mod config;
+pub mod doctor;
+pub mod export;
+pub mod inject;
+pub mod latency;
+pub mod layout;
+pub mod monitor;
+pub mod realtime;
+pub mod recording;
+pub mod recordings;
+pub mod recover;
+pub mod replay;
+pub mod report;
+pub mod run;
+pub mod swap;
+pub mod tolerance;
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+use clap::builder::styling::Style;
+use clap::error::{ContextKind, ErrorKind};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap_complete::Shell;
+
+use clock::{ClockArguments, StepArguments};
+use config::{ConfigArguments, SessionsArguments};
+use doctor::DoctorArguments;
+use export::ExportArguments;
+use inject::InjectArguments;
+use latency::{LatencyArguments, LatencyPeerArguments};
+use layout::LayoutArguments;
+use monitor::MonitorArguments;
+use recordings::{CompareArguments, JudgeArguments, ScenarioCommand};
+use recover::RecoverArguments;
+use replay::ReplayArguments;
+use report::ReportArguments;
+use run::{RerunArguments, RunArguments};
+use swap::ControllerArguments;
+
+/// Hardware-in-the-loop runs of a plant and a controller in deterministic lockstep
+///
+/// Exit codes: 0 pass; 1 a requirement failed, a run diverged, runs differ or the machine is unfit
+/// for timing claims; 2 wrong usage or configuration, nothing was started; 3 a process died, a wait
+/// ran out, a disk is full; 130 interrupted.
+#[derive(Debug, Parser)]
+#[command(name = "hil", version)]
+pub struct CommandLine {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Run a scenario: start both processes, record, judge, summarise
+    #[command(after_help = run::EXAMPLES)]
+    Run(RunArguments),
+    /// Inject a fault into a running session, or list and clear faults
+    #[command(override_usage = inject::USAGE, after_help = inject::EXAMPLES)]
+    Inject(Box<InjectArguments>),
+    /// Hold a running session before its next step
+    #[command(after_help = "Example:\n  hil pause --session demo")]
+    Pause(ClockArguments),
+    /// Resume a held session
+    #[command(after_help = "Example:\n  hil resume")]
+    Resume(ClockArguments),
+    /// Execute some steps of a session, then hold it
+    #[command(after_help = "Examples:\n  hil step\n  hil step 1000")]
+    Step(StepArguments),
+    /// Watch a running session: plots, faults, latency, requirements
+    #[command(after_help = monitor::EXAMPLES)]
+    Monitor(MonitorArguments),
+    /// Change the controller of a running session
+    Controller(ControllerArguments),
+    /// Repeat a recorded run with its late commands; compare digests
+    #[command(
+        after_help = "Exit codes: 0 the same digest; 1 another.\n\nExample:\n  hil rerun runs/demo"
+    )]
+    Rerun(RerunArguments),
+    /// Give recorded samples to a controller and compare its answers
+    #[command(after_help = replay::HELP)]
+    Replay(ReplayArguments),
+    /// Compare two recorded runs, or one with a baseline
+    #[command(after_help = "\
+Exit codes: 0 the same, or within the tolerance; 1 different; 2 not comparable, or no such baseline.
+
+Examples:
+  hil compare runs/a runs/b
+  hil compare runs/a runs/b --signal truth.surface_angle_rad --tolerance 1e-9
+  hil compare runs/a runs/b --tolerance truth.surface_angle_rad=1e-9
+  hil compare runs/demo --baseline severe-leakage-ftsc
+  hil compare runs/demo --baseline severe-leakage-ftsc --update --dry-run")]
+    Compare(CompareArguments),
+    /// Judge a recorded run by its own requirements or by others
+    #[command(after_help = recordings::JUDGE_EXAMPLES)]
+    Judge(JudgeArguments),
+    /// Make an HTML page of recorded runs
+    #[command(after_help = report::EXAMPLES)]
+    Report(ReportArguments),
+    /// Write signals of a recorded run to a CSV or Parquet file
+    #[command(after_help = export::EXAMPLES)]
+    Export(ExportArguments),
+    /// Make a layout for Foxglove or PlotJuggler
+    #[command(after_help = layout::EXAMPLES)]
+    Layout(LayoutArguments),
+    /// Make a whole recording of one that broke off
+    #[command(after_help = recover::EXAMPLES)]
+    Recover(RecoverArguments),
+    /// Make scenarios from runs
+    Scenario(ScenarioCommand),
+    /// Check a scenario, show it complete, or print its schema
+    Config(ConfigArguments),
+    /// List running sessions, or clean up after dead ones
+    #[command(after_help = "Examples:\n  hil sessions\n  hil sessions --clean")]
+    Sessions(SessionsArguments),
+    /// Check whether this machine is fit for timing claims
+    #[command(after_help = doctor::EXAMPLES)]
+    Doctor(DoctorArguments),
+    /// Measure the latency of the loop, or show that of a run
+    #[command(after_help = latency::EXAMPLES)]
+    Latency(LatencyArguments),
+    /// The other process of `hil latency`
+    #[command(hide = true)]
+    LatencyPeer(LatencyPeerArguments),
+    /// Print completions for a shell
+    #[command(
+        after_help = "Example:\n  hil completions bash > ~/.local/share/bash-completion/completions/hil"
+    )]
+    Completions {
+        /// The shell.
+        shell: Shell,
+    },
+}
+
+/// Subcommands as `hil --help` groups them; clap has one heading for all.
+const GROUPS: [(&str, &[&str]); 4] = [
+    ("Run", &["run", "config", "rerun"]),
+    (
+        "While a session runs",
+        &["monitor", "inject", "pause", "resume", "step", "controller"],
+    ),
+    (
+        "Recorded runs",
+        &[
+            "report", "judge", "compare", "replay", "export", "layout", "recover", "scenario",
+        ],
+    ),
+    (
+        "Machine and sessions",
+        &["doctor", "latency", "sessions", "completions", "help"],
+    ),
+];
+
+impl CommandLine {
+    /// Reads the command line of this process; ends it with a message if it is wrong.
+    #[must_use]
+    pub fn of_process() -> Self {
+        let typed = inject::arrange(std::env::args_os());
+        let matches = command().try_get_matches_from(&typed);
+        matches
+            .and_then(|matches| Self::from_arg_matches(&matches))
+            .unwrap_or_else(|error| in_words(error, &typed).exit())
+    }
+}
+
+/// The command line, with its subcommands in groups.
+#[must_use]
+pub fn command() -> clap::Command {
+    let mut command = CommandLine::command();
+    command.build();
+    let heading = Style::new().bold().underline();
+    let mut groups = String::new();
+    for (title, names) in GROUPS {
+        groups += &format!("{heading}{title}:{heading:#}\n");
+        for subcommand in names
+            .iter()
+            .filter_map(|name| command.find_subcommand(name))
+        {
+            let name = Style::new().bold();
+            let about = subcommand.get_about().cloned().unwrap_or_default();
+            let command = subcommand.get_name();
+            groups += &format!("  {name}{command:<11}{name:#}  {about}\n");
+        }
+        groups.push('\n');
+    }
+    let template = format!(
+        "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{groups}{heading}Options:{heading:#}\n{{options}}"
+    );
+    CommandLine::command().help_template(template)
+}
+
+/// The command that was typed, with its own usage.
+fn meant(typed: &[OsString]) -> clap::Command {
+    let mut command = command();
+    command.build();
+    for word in &typed[1..] {
+        let Some(next) = command.find_subcommand(word) else {
+            break;
+        };
+        command = next.clone();
+    }
+    command
+}
+
+/// The error in words for what Rust says of numbers that are none.
+fn in_words(error: clap::Error, typed: &[OsString]) -> clap::Error {
+    let said = std::error::Error::source(&error).map(ToString::to_string);
+    let (value, argument) = (
+        error.get(ContextKind::InvalidValue),
+        error.get(ContextKind::InvalidArg),
+    );
+    let (Some(said), Some(value), Some(argument)) = (said, value, argument) else {
+        return error;
+    };
+    let from_one = said.split_once(" is not in 1..");
+    let expected = match &*said {
+        "invalid float literal" | "cannot parse float from empty string" => "a number, as 0.5",
+        "invalid digit found in string" | "cannot parse integer from empty string" => {
+            "a whole number, as 3"
+        }
+        "number too large to fit in target type" => "a smaller number",
+        _ => match from_one {
+            Some((_, end)) => match end.strip_prefix('=') {
+                Some(most) => &format!("a whole number from 1 to {most}"),
+                None => "a whole number from 1",
+            },
+            None => return error,
+        },
+    };
+    let told = format!("invalid value '{value}' for '{argument}': it takes {expected}");
+    meant(typed).error(ErrorKind::ValueValidation, told)
+}
+
+/// The binaries of a run.
+#[derive(Clone, Debug, Default, Args)]
+pub struct BinaryArguments {
+    /// The plant program [default: HIL_PLANT_BIN, else that of the scenario or the recording, else
+    /// the one beside hil]
+    #[arg(long, value_name = "PATH")]
+    pub plant_bin: Option<PathBuf>,
+    /// The controller program [default: HIL_CONTROLLER_BIN, else that of the scenario or the recording,
+    /// else the one beside hil]
+    #[arg(long, value_name = "PATH")]
+    pub controller_bin: Option<PathBuf>,
+}
+
+/// Which running session is meant, and how the answer is shown.
+#[derive(Debug, Default, Args)]
+pub struct SessionChoice {
+    /// The session, if several are running
+    #[arg(long, value_name = "NAME")]
+    pub session: Option<String>,
+    /// Print the answer as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// The completions for a shell.
+#[must_use]
+pub fn completions(shell: Shell) -> String {
+    let mut text = Vec::new();
+    clap_complete::generate(shell, &mut command(), "hil", &mut text);
+    String::from_utf8_lossy(&text).into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_that_is_none_is_told_in_words() {
+        for (typed, told) in [
+            (
+                "hil run a.toml --pace x",
+                "'--pace <FACTOR>': it takes a number, as 0.5",
+            ),
+            ("hil step x", "'[N]': it takes a whole number, as 3"),
+            (
+                "hil run a.toml --record-every 0",
+                "it takes a whole number from 1\n",
+            ),
+            (
+                "hil run a.toml --repeat 0",
+                "it takes a whole number from 1 to 10000",
+            ),
+        ] {
+            let words: Vec<OsString> = typed.split(' ').map(Into::into).collect();
+            let error = CommandLine::try_parse_from(&words).expect_err("refused");
+            let said = in_words(error, &words).to_string();
+            assert!(said.contains(told), "{typed}: {said}");
+            let usage = format!("Usage: {} ", words[..2].join(" ".as_ref()).display());
+            assert!(said.contains(&usage), "{typed}: {said}");
+        }
+        let words = ["hil", "rnu"].map(OsString::from);
+        let other = CommandLine::try_parse_from(&words).expect_err("refused");
+        let said = other.to_string();
+        assert_eq!(in_words(other, &words).to_string(), said);
+    }
+
+    #[test]
+    fn the_command_line_is_well_formed() {
+        command().debug_assert();
+    }
+
+    #[test]
+    fn help_lists_every_command_once_with_one_line() {
+        let mut known = CommandLine::command();
+        known.build();
+        let known = known.get_subcommands().filter(|one| !one.is_hide_set());
+        let mut known: Vec<&str> = known.map(clap::Command::get_name).collect();
+        let mut listed: Vec<&str> = GROUPS
+            .iter()
+            .flat_map(|(_, names)| *names)
+            .copied()
+            .collect();
+        known.sort_unstable();
+        listed.sort_unstable();
+        assert_eq!(listed, known);
+        let help = command().render_long_help().to_string();
+        for name in known {
+            let line = help
+                .lines()
+                .filter(|line| line.starts_with(&format!("  {name} ")));
+            let line: Vec<&str> = line.collect();
+            assert!(matches!(line[..], [line] if line.len() <= 80), "{line:?}");
+        }
+    }
+}

@@ -1,0 +1,254 @@
+//! The command lines of `hil run` and `hil rerun`.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use shared_types::number::exact;
+
+use super::BinaryArguments;
+use super::checkpoint::{CheckpointArguments, FromArguments};
+use super::realtime::RealtimeArguments;
+use super::recording::ChoiceArguments;
+use crate::recording::compression::Compression;
+use crate::terminal::duration::seconds;
+use crate::terminal::exit::Failure;
+
+pub(super) const EXAMPLES: &str = "\
+Examples:
+  hil run scenarios/severe-leakage.toml
+  hil run scenarios/severe-leakage.toml --set controller.law=pid --out runs/pid
+  hil run scenarios/severe-leakage.toml --set 'faults[0].effects[1].speed_per_s=2'
+  hil run scenarios/spring-mass.toml --pace 1
+  hil run scenarios/spring-mass.toml --clock realtime --set run.overrun=skip
+  hil run scenarios/spring-mass.toml --pace 1 --plant-core 2 --controller-core 3 --priority 80 --prefault
+  hil run my-scenario.toml --audit
+  hil run scenarios/severe-leakage.toml --session demo --pause-at 7
+  hil run scenarios/severe-leakage.toml --checkpoint-at 6.9 --out runs/severe
+  hil run --from runs/severe/checkpoint-69000 --set 'faults[0].effects[0].coefficient_m3ps_per_sqrt_pa=2e-7'
+  hil run scenarios/spring-mass.toml --controller-bin target/release/my-controller --json
+  hil run scenarios/severe-leakage.toml --record 'truth.*' --record-every 100 --record-around-faults 0.1 0.5
+  hil run scenarios/*.toml --repeat 3 --junit verdicts.xml --markdown verdicts.md";
+
+/// Arguments of `hil run`.
+#[derive(Debug, Args)]
+pub struct RunArguments {
+    /// The scenario file; several give one verdict table
+    #[arg(value_name = "SCENARIO.toml", required_unless_present = "from")]
+    pub scenarios: Vec<PathBuf>,
+    /// Run each scenario so often; all runs of one must have the same digest, except in real time
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub repeat: u32,
+    /// So many runs at a time, at most as many as there are cores [default: half the cores, as each
+    /// run wants two; in real time and paced 1]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub jobs: Option<u32>,
+    /// Write the verdicts as JUnit XML, for CI servers
+    #[arg(long, value_name = "FILE")]
+    pub junit: Option<PathBuf>,
+    /// Write the verdicts as Markdown, for people
+    #[arg(long, value_name = "FILE")]
+    pub markdown: Option<PathBuf>,
+    /// The checkpoint in their place
+    #[command(flatten)]
+    pub from: FromArguments,
+    /// Run it again under conditions that must not matter (other speeds, cores, busy cores, late
+    /// sides) and compare the digests
+    #[arg(long)]
+    pub audit: bool,
+    /// How it is run
+    #[command(flatten)]
+    pub options: RunOptions,
+}
+
+/// Arguments of `hil rerun`.
+#[derive(Debug, Args)]
+pub struct RerunArguments {
+    /// A run's folder or its run.mcap
+    #[arg(value_name = "RUN")]
+    pub run: PathBuf,
+    /// How it is run
+    #[command(flatten)]
+    pub options: RunOptions,
+}
+
+/// How a scenario is run.
+#[derive(Clone, Debug, Args)]
+pub struct RunOptions {
+    /// What is changed in it
+    #[command(flatten)]
+    pub changes: Changes,
+    /// Which binaries run
+    #[command(flatten)]
+    pub binaries: BinaryArguments,
+    /// What connects plant and controller
+    #[arg(long, value_enum, default_value_t = LinkKind::Iceoryx2, value_name = "LINK")]
+    pub link: LinkKind,
+    /// Write the run to this folder, which must not exist or be empty [default: runs/SCENARIO-TIME-SESSION]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Name of the session: a-z, 0-9 and -, at most 24 [default: random]
+    #[arg(long, value_name = "NAME")]
+    pub session: Option<String>,
+    /// Do not write run.mcap; digest and metrics are computed all the same
+    #[arg(long)]
+    pub no_record: bool,
+    /// Compression of run.mcap
+    #[arg(long, value_enum, default_value_t = Compression::Lz4, value_name = "HOW")]
+    pub compression: Compression,
+    /// What of it
+    #[command(flatten)]
+    pub choice: ChoiceArguments,
+    /// How long a process that lives may keep the other waiting, in s; inf under a debugger
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        default_value_t = 5.0,
+        allow_negative_numbers = true
+    )]
+    pub wait_limit: f64,
+    /// Hold before the first step at or after this simulated time; go on with hil resume
+    #[arg(long, value_name = "TIME", value_parser = seconds)]
+    pub pause_at: Option<f64>,
+    /// Where it can be gone on from
+    #[command(flatten)]
+    pub checkpoints: CheckpointArguments,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Changes to a scenario.
+#[derive(Clone, Debug, Args)]
+pub struct Changes {
+    /// Change a value of the scenario; may be given several times, for each value once
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// What releases a step: the other side's answer, the monotonic clock, or both
+    #[arg(long, value_enum, value_name = "CLOCK")]
+    pub clock: Option<ClockKind>,
+    /// Simulated seconds per second; implies --clock paced
+    #[arg(long, value_name = "FACTOR", allow_negative_numbers = true)]
+    pub pace: Option<f64>,
+    /// What is asked of the system
+    #[command(flatten)]
+    pub realtime: RealtimeArguments,
+}
+
+impl Changes {
+    /// Refuses what cannot be meant together.
+    ///
+    /// # Errors
+    /// If a pace is asked for with the lockstep clock.
+    pub fn check(&self) -> Result<(), Failure> {
+        match (self.clock, self.pace) {
+            (Some(ClockKind::Lockstep), Some(_)) => Err(Failure::usage(
+                "--pace is for --clock paced; lockstep runs as fast as both sides can",
+            )),
+            (Some(ClockKind::Realtime), Some(_)) => Err(Failure::usage(
+                "--pace is for --clock paced; realtime has the pace of the clock",
+            )),
+            (_, Some(factor)) if !(factor.is_finite() && factor > 0.0) => Err(Failure::usage(
+                format!("--pace takes a number above 0, not {}", exact(factor)),
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    /// All of them as `KEY=VALUE`.
+    #[must_use]
+    pub fn as_set(&self) -> Vec<String> {
+        let mut set = self.set.clone();
+        set.extend(self.realtime.as_set());
+        let clock = match (self.clock, self.pace) {
+            (None, None) => return set,
+            (_, Some(_)) | (Some(ClockKind::Paced), None) => "paced",
+            (Some(ClockKind::Lockstep), None) => "lockstep",
+            (Some(ClockKind::Realtime), None) => "realtime",
+        };
+        set.push(format!("run.clock={clock}"));
+        set.extend(self.pace.map(|factor| format!("run.pace={factor:?}")));
+        set
+    }
+}
+
+/// What connects plant and controller.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum LinkKind {
+    /// Two processes over shared memory.
+    Iceoryx2,
+    /// One process, for comparison and for machines without shared memory.
+    InProcess,
+}
+
+/// What releases a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ClockKind {
+    /// The other side's answer: as fast as both can.
+    Lockstep,
+    /// Both the other side's answer and the monotonic clock.
+    Paced,
+    /// The monotonic clock: a late command is replaced by the last one.
+    Realtime,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::arguments::realtime::WaitKind;
+
+    #[test]
+    fn a_pace_implies_the_paced_clock() {
+        let changes = |clock, pace| {
+            Changes {
+                set: vec!["a=1".into()],
+                clock,
+                pace,
+                realtime: RealtimeArguments::default(),
+            }
+            .as_set()
+        };
+        assert_eq!(changes(None, None), ["a=1"]);
+        assert_eq!(
+            changes(None, Some(2.0)),
+            ["a=1", "run.clock=paced", "run.pace=2.0"]
+        );
+        assert_eq!(
+            changes(Some(ClockKind::Lockstep), None),
+            ["a=1", "run.clock=lockstep"]
+        );
+    }
+
+    #[test]
+    fn each_real_time_flag_is_a_key_of_the_scenario() {
+        let changes = |realtime| Changes {
+            set: vec!["a=1".into()],
+            clock: None,
+            pace: None,
+            realtime,
+        };
+        let all = RealtimeArguments {
+            plant_core: Some(0),
+            controller_core: Some(1),
+            recorder_core: Some(2),
+            priority: Some(80),
+            lock_memory: true,
+            prefault: true,
+            dma_latency: Some(0),
+            wait: Some(WaitKind::Spin),
+        };
+        assert_eq!(
+            changes(all).as_set(),
+            [
+                "a=1",
+                "realtime.plant_core=0",
+                "realtime.controller_core=1",
+                "realtime.recorder_core=2",
+                "realtime.priority=80",
+                "realtime.lock_memory=true",
+                "realtime.prefault=true",
+                "realtime.dma_latency_us=0",
+                "realtime.wait=spin",
+            ]
+        );
+    }
+}

@@ -1,0 +1,207 @@
+//! The bare iceoryx2 exchange: one blackboard entry each way between two processes, as the link uses
+//! them, but without frames to fill, seal, sum and check.
+
+use iceoryx2::port::reader::{BlackboardValue, EntryHandle};
+use iceoryx2::port::writer::EntryHandleMut;
+use iceoryx2::prelude::*;
+use iceoryx2::service::port_factory::blackboard::PortFactory;
+use shared_types::link::LinkError;
+use shared_types::link::iceoryx::{Ipc, node, transport};
+use shared_types::session::SessionInfo;
+
+use super::exchange::{End, HEADER_WORDS};
+
+const SAMPLES: &str = "bare/samples";
+const COMMANDS: &str = "bare/commands";
+
+/// Which side of the exchange this is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// Sends first, creates what both use.
+    Plant,
+    /// Answers.
+    Controller,
+}
+
+/// As large as a frame for `N` values.
+#[derive(Clone, Copy, Debug, ZeroCopySend)]
+#[repr(C)]
+struct Payload<const N: usize> {
+    header: [u64; HEADER_WORDS],
+    values: [u64; N],
+}
+
+impl<const N: usize> Payload<N> {
+    const fn of(number: u64) -> Self {
+        Self {
+            header: [number; HEADER_WORDS],
+            values: [number; N],
+        }
+    }
+}
+
+trait Outgoing {
+    fn send(&self, number: u64);
+}
+
+trait Incoming {
+    fn receive(&mut self) -> Option<u64>;
+}
+
+struct Writer<const N: usize>(EntryHandleMut<Ipc, u8, Payload<N>>);
+
+impl<const N: usize> Outgoing for Writer<N> {
+    fn send(&self, number: u64) {
+        self.0.update_with_copy(Payload::of(number));
+    }
+}
+
+struct Reader<const N: usize> {
+    cell: EntryHandle<Ipc, u8, Payload<N>>,
+    last: Option<BlackboardValue<Payload<N>>>,
+}
+
+impl<const N: usize> Incoming for Reader<N> {
+    fn receive(&mut self) -> Option<u64> {
+        if (self.last.as_ref()).is_some_and(|last| self.cell.is_up_to_date(last)) {
+            return None;
+        }
+        let payload = **self.last.insert(self.cell.get());
+        // The last word of a copy, so that all of it is copied.
+        std::hint::black_box(payload).values.last().copied()
+    }
+}
+
+/// One end.
+pub struct Blackboard {
+    outgoing: Box<dyn Outgoing>,
+    incoming: Box<dyn Incoming>,
+    // Last: what is above must be dropped before the node that it lives in.
+    _node: Node<Ipc>,
+}
+
+impl End for Blackboard {
+    fn send(&mut self, number: u64) {
+        self.outgoing.send(number);
+    }
+
+    fn receive(&mut self) -> Option<u64> {
+        self.incoming.receive()
+    }
+}
+
+/// Runs a function for the size class of so many values.
+macro_rules! for_class {
+    ($values:expr, $function:ident ( $($argument:expr),* )) => {
+        match $values {
+            0..=16 => $function::<16>($($argument),*),
+            17..=32 => $function::<32>($($argument),*),
+            33..=64 => $function::<64>($($argument),*),
+            65..=128 => $function::<128>($($argument),*),
+            129..=256 => $function::<256>($($argument),*),
+            _ => $function::<512>($($argument),*),
+        }
+    };
+}
+
+impl Blackboard {
+    /// An end for payloads of so many values from the plant and so many back. The plant's end is
+    /// there before the controller's is opened.
+    ///
+    /// # Errors
+    /// If shared memory cannot be used, or the plant has created nothing.
+    pub fn open(
+        session: &SessionInfo,
+        side: Side,
+        there: usize,
+        back: usize,
+    ) -> Result<Self, LinkError> {
+        let name = match side {
+            Side::Plant => "bare plant",
+            Side::Controller => "bare controller",
+        };
+        let node = node(session, name)?;
+        let ((out_name, sent), (in_name, received)) = match side {
+            Side::Plant => ((SAMPLES, there), (COMMANDS, back)),
+            Side::Controller => ((COMMANDS, back), (SAMPLES, there)),
+        };
+        Ok(Self {
+            outgoing: for_class!(sent, outgoing(&node, side, out_name))?,
+            incoming: for_class!(received, incoming(&node, side, in_name))?,
+            _node: node,
+        })
+    }
+}
+
+fn board<const N: usize>(
+    node: &Node<Ipc>,
+    side: Side,
+    name: &str,
+) -> Result<PortFactory<Ipc, u8>, LinkError> {
+    let service_name = name.try_into().map_err(|e| transport(name, e))?;
+    let builder = node.service_builder(&service_name);
+    match side {
+        Side::Plant => (builder.blackboard_creator::<u8>())
+            .add(0, Payload::<N>::of(0))
+            .create()
+            .map_err(|e| transport(name, e)),
+        Side::Controller => (builder.blackboard_opener::<u8>())
+            .open()
+            .map_err(|e| transport(name, e)),
+    }
+}
+
+fn outgoing<const N: usize>(
+    node: &Node<Ipc>,
+    side: Side,
+    name: &str,
+) -> Result<Box<dyn Outgoing>, LinkError> {
+    let board = board::<N>(node, side, name)?;
+    let writer = board.writer_builder().create();
+    let entry = writer
+        .map_err(|e| transport(name, e))?
+        .entry::<Payload<N>>(&0);
+    Ok(Box::new(Writer(entry.map_err(|e| transport(name, e))?)))
+}
+
+fn incoming<const N: usize>(
+    node: &Node<Ipc>,
+    side: Side,
+    name: &str,
+) -> Result<Box<dyn Incoming>, LinkError> {
+    let board = board::<N>(node, side, name)?;
+    let reader = board.reader_builder().create();
+    let cell = reader
+        .map_err(|e| transport(name, e))?
+        .entry::<Payload<N>>(&0);
+    let cell = cell.map_err(|e| transport(name, e))?;
+    Ok(Box::new(Reader { cell, last: None }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::benchmark::exchange::{Trips, follow, lead};
+    use shared_types::session::Session;
+    use shared_types::wait::{WaitLimit, Waiter};
+
+    #[test]
+    fn every_trip_is_answered() {
+        let session = Session::create(None).expect("a session");
+        let trips = Trips {
+            warm_up: 3,
+            measured: 100,
+        };
+        let waiter = || Waiter::new(WaitLimit::from_seconds(30.0));
+        let mut plant = Blackboard::open(session.info(), Side::Plant, 33, 2).expect("creates");
+        let trips_ns = std::thread::scope(|scope| {
+            scope.spawn(|| {
+                let info = session.info();
+                let mut end = Blackboard::open(info, Side::Controller, 33, 2).expect("opens");
+                follow(&mut end, trips, waiter(), || false).expect("all came");
+            });
+            lead(&mut plant, trips, waiter(), || false).expect("all answered")
+        });
+        assert_eq!(trips_ns.len(), 100);
+    }
+}

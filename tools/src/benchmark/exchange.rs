@@ -1,0 +1,184 @@
+//! A bare exchange: a payload there, one back, again and again, with nothing in them but a number.
+//!
+//! What the loop is compared with. The payloads are as large as the loop's frames, both ends write all
+//! of one and copy all of the other out, and both wait as the loop does. The ends are
+//! [`raw`](super::raw) and [`blackboard`](super::blackboard).
+
+use hdrhistogram::Histogram;
+use shared_types::clock::monotonic_ns;
+use shared_types::frame::Header;
+use shared_types::wait::Waiter;
+
+use crate::results::latency::histogram;
+
+/// Words of a frame's header.
+pub const HEADER_WORDS: usize = size_of::<Header>() / size_of::<u64>();
+/// Room for values in the smallest frame.
+const SMALLEST: usize = 16;
+
+/// Words of the frame that so many signals cross in: the next size class.
+#[must_use]
+pub fn frame_words(signals: usize) -> usize {
+    HEADER_WORDS + signals.next_power_of_two().max(SMALLEST)
+}
+
+/// One end of an exchange.
+pub trait End {
+    /// Sends a payload full of this number.
+    fn send(&mut self, number: u64);
+    /// The number of a payload that came and was copied out.
+    fn receive(&mut self) -> Option<u64>;
+}
+
+impl<E: End + ?Sized> End for Box<E> {
+    fn send(&mut self, number: u64) {
+        (**self).send(number);
+    }
+
+    fn receive(&mut self) -> Option<u64> {
+        (**self).receive()
+    }
+}
+
+/// How often there and back.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Trips {
+    /// Before those that count.
+    pub warm_up: u64,
+    /// Those that count.
+    pub measured: u64,
+}
+
+impl Trips {
+    /// All of them.
+    #[must_use]
+    pub const fn all(self) -> u64 {
+        self.warm_up + self.measured
+    }
+}
+
+/// The other end did not answer within the wait limit, or the user wanted no more.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("no answer at trip {trip} of the bare exchange")]
+pub struct NoAnswer {
+    /// The trip.
+    pub trip: u64,
+}
+
+/// Sends and awaits the answer, again and again; how long each counted trip took. One reading of the
+/// clock is in each.
+///
+/// # Errors
+/// If an answer did not come, or `stop` said so while it was awaited.
+pub fn lead(
+    end: &mut impl End,
+    trips: Trips,
+    mut waiter: Waiter,
+    stop: impl Fn() -> bool,
+) -> Result<Histogram<u64>, NoAnswer> {
+    let mut trips_ns = histogram();
+    for trip in 1..=trips.all() {
+        let since_ns = monotonic_ns();
+        end.send(trip);
+        receive(end, trip, &mut waiter, &stop)?;
+        let took_ns = monotonic_ns() - since_ns;
+        if trip > trips.warm_up {
+            trips_ns.saturating_record(took_ns);
+        }
+    }
+    Ok(trips_ns)
+}
+
+/// Answers, again and again.
+///
+/// # Errors
+/// If the next payload did not come, or `stop` said so while it was awaited.
+pub fn follow(
+    end: &mut impl End,
+    trips: Trips,
+    mut waiter: Waiter,
+    stop: impl Fn() -> bool,
+) -> Result<(), NoAnswer> {
+    for trip in 1..=trips.all() {
+        receive(end, trip, &mut waiter, &stop)?;
+        end.send(trip);
+    }
+    Ok(())
+}
+
+fn receive(
+    end: &mut impl End,
+    trip: u64,
+    waiter: &mut Waiter,
+    stop: &impl Fn() -> bool,
+) -> Result<(), NoAnswer> {
+    loop {
+        // Asked before the poll: what the other side sent before it ended still counts.
+        let stopped = stop();
+        // A blackboard shows what was there before the first payload as well.
+        if end.receive() == Some(trip) {
+            waiter.done();
+            return Ok(());
+        }
+        if stopped || waiter.pause() {
+            return Err(NoAnswer { trip });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use shared_types::frame::Frame;
+    use shared_types::wait::WaitLimit;
+
+    #[test]
+    fn a_payload_is_as_large_as_the_frame_of_so_many_signals() {
+        for (signals, bytes) in [
+            (1, size_of::<Frame<16>>()),
+            (16, size_of::<Frame<16>>()),
+            (17, size_of::<Frame<32>>()),
+            (32, size_of::<Frame<32>>()),
+            (33, size_of::<Frame<64>>()),
+            (128, size_of::<Frame<128>>()),
+            (129, size_of::<Frame<256>>()),
+            (512, size_of::<Frame<512>>()),
+        ] {
+            assert_eq!(8 * frame_words(signals), bytes, "{signals} signals");
+        }
+    }
+
+    /// Answers at once, but trip `lost` never.
+    struct Echo {
+        sent: u64,
+        lost: u64,
+    }
+
+    impl End for Echo {
+        fn send(&mut self, number: u64) {
+            self.sent = number;
+        }
+
+        fn receive(&mut self) -> Option<u64> {
+            (self.sent != self.lost).then_some(self.sent)
+        }
+    }
+
+    #[test]
+    fn the_warm_up_does_not_count() {
+        let waiter = || Waiter::new(WaitLimit::from_seconds(0.01));
+        let trips = Trips {
+            warm_up: 30,
+            measured: 12,
+        };
+        let mut whole = Echo { sent: 0, lost: 0 };
+        let trips_ns = lead(&mut whole, trips, waiter(), || false).expect("answered");
+        assert_eq!((trips_ns.len(), whole.sent), (12, 42));
+        let mut broken = Echo { sent: 0, lost: 35 };
+        let error = lead(&mut broken, trips, waiter(), || false).expect_err("lost");
+        assert_eq!(error, NoAnswer { trip: 35 });
+        // An answer that is there counts, even if the other side is gone.
+        let stopped = lead(&mut Echo { sent: 0, lost: 7 }, trips, waiter(), || true);
+        assert_eq!(stopped.expect_err("stopped").trip, 7);
+    }
+}

@@ -1,0 +1,67 @@
+//! How long the steps of a loop take, and what happened around the worst of them.
+//!
+//! `hil latency` measures the machine:
+//!
+//! 1. [`measurement`] runs a plant and a law that do [nothing](null) through the real engine, link and
+//!    runner. The plant is a thread of this process, the controller a [`peer`]: `hil` once more.
+//! 2. Between the same two sides it measures the [`raw`] limit of shared memory and the bare
+//!    [`blackboard`], an [`exchange`] of payloads as large as the loop's frames.
+//! 3. The [`report`] puts all cases side by side, with the [`bars`] of one of them.
+//!
+//! `hil latency RUN` makes the same report of a [`recorded`] run.
+
+pub mod bars;
+pub mod blackboard;
+pub mod exchange;
+pub mod measurement;
+pub mod null;
+pub mod peer;
+pub mod raw;
+pub mod recorded;
+pub mod report;
+
+use std::path::Path;
+
+use crate::arguments::latency::LatencyArguments;
+use crate::files::part_file;
+use crate::terminal::exit::{Exit, Failure};
+use crate::terminal::output;
+
+use report::Report;
+
+/// Runs the command.
+///
+/// # Errors
+/// If nothing could be measured, the run not be read or the results not be written.
+pub fn latency(arguments: &LatencyArguments) -> Result<Exit, Failure> {
+    if let Some(csv) = &arguments.csv {
+        check_folder_of(csv)?;
+    }
+    let cases = match &arguments.run {
+        Some(run) => vec![recorded::case(run, arguments.warm_up.unwrap_or(0))?],
+        None => measurement::matrix(arguments)?,
+    };
+    let report = Report::new(&cases, arguments.run.as_deref());
+    if let Some(csv) = &arguments.csv {
+        part_file::write_text(csv, &report::csv(&cases))?;
+    }
+    output::write(&if arguments.json {
+        let json = serde_json::to_string_pretty(&report).map_err(Failure::infrastructure)?;
+        format!("{json}\n")
+    } else {
+        report.text(&cases)
+    })?;
+    Ok(Exit::Pass)
+}
+
+/// Refuses a file in a folder that is not there, before a minute of measuring.
+fn check_folder_of(file: &Path) -> Result<(), Failure> {
+    let absolute = std::path::absolute(file).map_err(Failure::usage)?;
+    match absolute.parent() {
+        Some(folder) if folder.is_dir() && !file.is_dir() => Ok(()),
+        _ => Err(Failure::usage(format!(
+            "{} cannot be written: its folder is not there, or it is one",
+            file.display()
+        ))),
+    }
+}

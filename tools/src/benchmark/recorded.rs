@@ -1,0 +1,58 @@
+//! The figures of a recorded run.
+
+use std::path::Path;
+
+use super::measurement::{Case, Looped, Sides};
+use crate::recording::reader::RunReader;
+use crate::results::latency::places::TimingPlaces;
+use crate::terminal::exit::Failure;
+
+/// Reads a run; its first steps are left out.
+///
+/// # Errors
+/// If it cannot be read, or says nothing of time.
+pub fn case(run: &Path, warm_up: u64) -> Result<Case, Failure> {
+    let mut reader = RunReader::open(run).map_err(Failure::usage)?;
+    reader.refuse_excerpt().map_err(Failure::usage)?;
+    let places = TimingPlaces::of(&reader);
+    if !(reader.columns().iter()).any(|column| column.name == "round_trip_ns") {
+        return Err(Failure::usage(format!(
+            "{} does not say how long its steps took",
+            run.display()
+        )));
+    }
+    let is_sample = |name: &str| name.starts_with("measured.") || name.starts_with("reference.");
+    let signals = (reader.columns().iter())
+        .filter(|column| is_sample(&column.name))
+        .count();
+    let rate = reader.rate().map_err(Failure::usage)?;
+    let mut looped = Looped {
+        sides: sides(&reader),
+        ..Looped::default()
+    };
+    while reader.advance().map_err(Failure::usage)? {
+        let timing = places.timing(reader.words());
+        if reader.step() >= warm_up && timing.round_trip_ns > 0 {
+            looped.take(reader.step(), &timing, 0);
+        }
+    }
+    if let Some(torn) = reader.caveat() {
+        tell!("note: {torn}");
+    }
+    Ok(Case {
+        signals,
+        rate: looped.latency.is_paced().then_some(rate),
+        warm_up,
+        looped,
+        limits: None,
+    })
+}
+
+/// What both sides ran with, as they reported it.
+fn sides(reader: &RunReader) -> Option<Sides> {
+    let report = |name| serde_json::from_str(reader.fact(name)?).ok();
+    Some(Sides {
+        plant: report("realtime_plant")?,
+        controller: report("realtime_controller")?,
+    })
+}

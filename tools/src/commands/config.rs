@@ -1,0 +1,64 @@
+//! `hil config`: check a scenario, show it complete, print its schema.
+
+use hil_config::plan::Plan;
+
+use crate::arguments::config::{ConfigAction, ConfigArguments, ScenarioArguments};
+use crate::programs::binaries::named::Named;
+use crate::programs::binaries::{Binaries, Choices};
+use crate::programs::scenario::{Finder, show};
+use crate::recording::excerpt::Choice;
+use crate::recording::size;
+use crate::terminal::exit::{Exit, Failure};
+use crate::terminal::interruption::Interruption;
+use crate::terminal::output;
+
+/// Runs the command.
+///
+/// # Errors
+/// What is wrong with the scenario or the binaries.
+pub fn config(arguments: &ConfigArguments) -> Result<Exit, Failure> {
+    match &arguments.action {
+        ConfigAction::Check(scenario) => {
+            let (plan, binaries, _) = checked(scenario)?;
+            let seconds = plan
+                .run
+                .rate
+                .seconds(shared_types::time::Step(plan.run.steps));
+            let (name, model, law) = (&plan.name, &plan.plant.model, &plan.controller.law);
+            let steps = plan.run.steps;
+            output::write(&if scenario.json {
+                "{\"problems\":[]}
+"
+                .to_owned()
+            } else {
+                let (plants, laws, _) = binaries.described();
+                let largest = size::largest(&plan, plants, laws, &Choice::default());
+                let largest = size::shown(largest.map_err(Failure::usage)?);
+                format!(
+                    "{name}: {model} under {law}, {steps} steps in {seconds} s; the recording takes up to {largest} before compression
+"
+                )
+            })?;
+        }
+        ConfigAction::Show(scenario) => {
+            let (plan, binaries, interruption) = checked(scenario)?;
+            output::write(&interruption.at_once(|| show(&plan, &binaries))??)?;
+        }
+        ConfigAction::Schema { binaries } => {
+            let choices = Choices::of(binaries, &Named::Nothing)?;
+            let binaries = choices.find(&Interruption::listen()?)?;
+            let (plants, laws, kinds) = binaries.described();
+            let schema = hil_config::schema::schema(plants, laws, kinds);
+            output::write(&format!("{schema:#}\n"))?;
+        }
+    }
+    Ok(Exit::Pass)
+}
+
+fn checked(arguments: &ScenarioArguments) -> Result<(Plan, Binaries, Interruption), Failure> {
+    let interruption = Interruption::listen()?;
+    let (changes, json) = (&arguments.changes, arguments.json);
+    let mut finder = Finder::new(&arguments.binaries, &interruption);
+    let (plan, binaries) = finder.read(&arguments.scenario, changes, json)?;
+    Ok((plan, binaries, interruption))
+}

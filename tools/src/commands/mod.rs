@@ -1,0 +1,78 @@
+//! One thin file for each verb that has no room of its own, and the one place that says which verb goes
+//! where. A subcommand is added in three steps: its arguments in [`arguments`](crate::arguments), its work in the
+//! room that owns it or here, and its line in [`execute`].
+
+pub mod config;
+pub mod recover;
+pub mod sessions;
+pub mod swap;
+
+use shared_types::live::Request;
+use shared_types::session;
+
+use crate::arguments::recordings::ScenarioAction;
+use crate::arguments::swap::ControllerAction;
+use crate::arguments::{Command, CommandLine, completions};
+use crate::session::{clock, inject};
+use crate::terminal::exit::{Exit, Failure};
+use crate::terminal::output;
+use crate::verification::{audit, compare, judge, repetition, replay, rerun, suite};
+use crate::views::{export, layout, monitor, report};
+use crate::{benchmark, doctor};
+
+/// Does what the command line says.
+///
+/// # Errors
+/// Everything that keeps it from that, with its exit code.
+pub fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
+    // What a dead one left, every command removes; `sessions` tells of it. The peer of a measurement
+    // is part of a live one.
+    if !matches!(
+        command_line.command,
+        Command::Sessions(_) | Command::LatencyPeer(_)
+    ) {
+        let _ = session::sweep(); // who creates a session hears of what is wrong
+    }
+    match &command_line.command {
+        Command::Run(arguments) => {
+            if arguments.audit {
+                audit::audit(arguments)
+            } else {
+                suite::run(arguments)
+            }
+        }
+        Command::Inject(arguments) => inject::inject(arguments),
+        Command::Pause(arguments) => clock::clock(&arguments.session, &Request::Pause),
+        Command::Resume(arguments) => clock::clock(&arguments.session, &Request::Resume),
+        Command::Step(arguments) => {
+            let request = Request::Advance {
+                steps: arguments.steps,
+            };
+            clock::clock(&arguments.session, &request)
+        }
+        Command::Monitor(arguments) => monitor::monitor(arguments),
+        Command::Controller(arguments) => match &arguments.action {
+            ControllerAction::Swap(arguments) => swap::swap(arguments),
+        },
+        Command::Rerun(arguments) => rerun::rerun(arguments),
+        Command::Replay(arguments) => replay::replay(arguments),
+        Command::Compare(arguments) => compare::command(arguments),
+        Command::Judge(arguments) => judge::judge(arguments),
+        Command::Report(arguments) => report::report(arguments),
+        Command::Export(arguments) => export::export(arguments),
+        Command::Layout(arguments) => layout::layout(arguments),
+        Command::Recover(arguments) => recover::recover(arguments),
+        Command::Scenario(arguments) => match &arguments.action {
+            ScenarioAction::From(arguments) => repetition::scenario_from(arguments),
+        },
+        Command::Config(arguments) => config::config(arguments),
+        Command::Sessions(arguments) => sessions::sessions(arguments),
+        Command::Doctor(arguments) => doctor::doctor(arguments),
+        Command::Latency(arguments) => benchmark::latency(arguments),
+        Command::LatencyPeer(arguments) => benchmark::peer::peer(arguments),
+        Command::Completions { shell } => {
+            output::write(&completions(*shell))?;
+            Ok(Exit::Pass)
+        }
+    }
+}

@@ -1,0 +1,303 @@
+//! `hil recover`: a whole recording of one that broke off.
+//!
+//! 1. `account` reads it as far as it goes.
+//! 2. What is whole is left alone. Of anything else every record up to the tear is copied to a new file,
+//!    with indexes, sums and the result of a run that ended there. New sums make nothing true: the new
+//!    file says what no sum of the old one vouched for.
+//! 3. That takes the place of the old one when it is whole on the disk, not before.
+//! 4. A folder without `summary.json` gets one.
+//!
+//! A file that is damaged before its end is never replaced: what comes after the damage is not in the
+//! new one.
+
+use std::fs::File;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use mcap::records::Record;
+use rustix::fs::{FlockOperation, flock};
+use rustix::io::Errno;
+use serde::Serialize;
+use shared_types::session;
+
+use crate::arguments::recover::RecoverArguments;
+use crate::files::part_file::{self, PartFile};
+use crate::recording::compression::Compression;
+use crate::recording::copy::Copy;
+use crate::recording::reader::Unvouched;
+use crate::recording::reader::content::{Content, End};
+use crate::results::account::Account;
+use crate::terminal::exit::{Exit, Failure};
+use crate::terminal::interruption::Interruption;
+use crate::terminal::output;
+
+/// What became of a recording.
+#[derive(Debug, Serialize)]
+struct Recovered {
+    /// The recording that was looked at.
+    run: String,
+    state: State,
+    /// The file that was written; null if none was.
+    file: Option<String>,
+    records: u64,
+    /// Bytes of the recording.
+    bytes: u64,
+    /// Where it broke off, or is damaged: the first byte that is not part of a whole record of the file.
+    whole_bytes: u64,
+    digest: Option<String>,
+    /// Records that check sums vouch for.
+    vouched_records: u64,
+    /// What they do not vouch for; null if they vouch for all.
+    unvouched: Option<String>,
+    /// Why the run counts as ended; null if the recording tells that itself.
+    reason: Option<String>,
+    /// The summary that was written; null if none was.
+    summary: Option<String>,
+}
+
+/// What it was before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+enum State {
+    Whole,
+    BrokenOff,
+    Damaged,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// If nothing can be had of the recording, it is being written, or the new one cannot be written.
+pub fn recover(arguments: &RecoverArguments) -> Result<Exit, Failure> {
+    let recovered = recovered(&arguments.run, arguments.output.as_deref())?;
+    output::write(&if arguments.json {
+        let json = serde_json::to_string_pretty(&recovered).map_err(Failure::infrastructure)?;
+        json + "\n"
+    } else {
+        recovered.told()
+    })?;
+    Ok(Exit::Pass)
+}
+
+fn recovered(run: &Path, output: Option<&Path>) -> Result<Recovered, Failure> {
+    let account = Account::of(run, None).map_err(Failure::usage)?;
+    let path = account.reader.path().to_owned();
+    let shown = path.display();
+    let (end, bytes) = account.reader.end();
+    let (state, whole_bytes) = match (&account.damage, end) {
+        (Some(_), _) => (State::Damaged, account.reader.place()),
+        (None, Some(End::Torn(at))) => (State::BrokenOff, at),
+        (None, _) => (State::Whole, bytes),
+    };
+    refuse_live(&path)?;
+    let records = account.recorded.written;
+    let unvouched = account.reader.unvouched();
+    let mut reason = None;
+    let mut file = None;
+    if state != State::Whole {
+        if account.messages == 0 {
+            return Err(Failure::usage(format!(
+                "nothing can be had of {shown}: it {}",
+                match &account.damage {
+                    Some(damage) => format!("has no record before its damage: {damage}"),
+                    None => "broke off before its first record".to_owned(),
+                }
+            )));
+        }
+        if let (Some(damage), None) = (&account.damage, output) {
+            return Err(Failure::usage(format!(
+                "{damage}; what comes after that would be lost, so {shown} is not replaced"
+            )));
+        }
+        // What a check sum says is wrong anywhere: a value may be.
+        if !account.has_result() || state == State::Damaged {
+            let doubt = unvouched.as_ref();
+            let doubt = doubt.map_or_else(String::new, |doubt| format!("; {}", doubt.told));
+            reason = Some(match &account.damage {
+                Some(damage) => format!("recovered: {damage}{doubt}"),
+                None => {
+                    format!("recovered: the recording broke off after {records} records{doubt}")
+                }
+            });
+        }
+        let to = match output {
+            Some(output) => output.to_owned(),
+            // What a link leads to, not the link.
+            None => path.canonicalize().unwrap_or_else(|_| path.clone()),
+        };
+        let interruption = Interruption::listen()?;
+        let copied = copy(
+            &account,
+            &to,
+            output.is_none(),
+            reason.as_deref(),
+            unvouched.as_ref(),
+            &interruption,
+        );
+        copied.map_err(|error| {
+            let to = to.display();
+            match error.kind() {
+                io::ErrorKind::Interrupted => Failure::Interrupted,
+                io::ErrorKind::AlreadyExists => {
+                    Failure::usage(format!("{to} is there already; name another file"))
+                }
+                _ => Failure::infrastructure(format!(
+                    "cannot write {to}: {error}; {shown} is as it was"
+                )),
+            }
+        })?;
+        file = Some(output.unwrap_or(&path).display().to_string());
+    }
+    let digest = account.recorded.digest.clone();
+    let summary = match (output, run.is_dir()) {
+        (None, true) => summarise(account, run, reason.as_deref())?,
+        _ => None,
+    };
+    Ok(Recovered {
+        run: shown.to_string(),
+        state,
+        file,
+        records,
+        bytes,
+        whole_bytes,
+        digest,
+        vouched_records: (unvouched.as_ref()).map_or(records, |unvouched| unvouched.records),
+        unvouched: unvouched.map(|unvouched| unvouched.told),
+        reason,
+        summary: summary.map(|path| path.display().to_string()),
+    })
+}
+
+/// Refuses a recording that somebody still writes: its writer holds a lock on it.
+fn refuse_live(path: &Path) -> Result<(), Failure> {
+    let folder = path.canonicalize();
+    let folder = folder.as_deref().ok().and_then(Path::parent);
+    // Where sessions cannot be listed there is none: a recording may be mended anywhere.
+    let live = session::list().unwrap_or_default();
+    let is_its = |info: &&session::SessionInfo| {
+        let run_dir = info.run_dir.as_ref();
+        let run_dir = run_dir.and_then(|folder| folder.canonicalize().ok());
+        folder.is_some() && run_dir.as_deref() == folder
+    };
+    let shown = path.display();
+    if let Some(info) = live.iter().find(is_its) {
+        let name = &info.name;
+        return Err(Failure::usage(format!(
+            "session `{name}` is still writing {shown}"
+        )));
+    }
+    // It may be another user's, or have been moved.
+    let file = File::open(path).map_err(Failure::usage)?;
+    match flock(&file, FlockOperation::NonBlockingLockShared) {
+        Err(Errno::WOULDBLOCK) => Err(Failure::usage(format!("{shown} is still being written"))),
+        // Where files have no locks nobody can be warned.
+        _ => Ok(()),
+    }
+}
+
+/// Writes the messages of a recording, as many as could be read, to a new file.
+fn copy(
+    account: &Account,
+    to: &Path,
+    may_replace: bool,
+    reason: Option<&str>,
+    unvouched: Option<&Unvouched>,
+    interruption: &Interruption,
+) -> io::Result<()> {
+    let original = File::open(account.reader.path())?;
+    let part = PartFile::beside(to)?;
+    part.file()
+        .set_permissions(original.metadata()?.permissions())?;
+    let mut copy = Copy::into(part.file().try_clone()?, unvouched)?;
+    if account.damage.is_some() {
+        copy.doubt();
+    }
+    let mut content = Content::of(original)?;
+    content.be_patient();
+    let mut messages = 0;
+    while let Ok(Some(opcode)) = content.advance() {
+        let Ok(record) = content.record(opcode) else {
+            break; // read so far before
+        };
+        if messages == account.messages && matches!(record, Record::Message { .. }) {
+            break;
+        }
+        let compression = match content.compression() {
+            "lz4" => Compression::Lz4,
+            "zstd" => Compression::Zstd,
+            _ => Compression::None,
+        };
+        messages += u64::from(copy.take(record, compression)?);
+        if interruption.came() {
+            return Err(io::ErrorKind::Interrupted.into());
+        }
+    }
+    if messages != account.messages {
+        return Err(io::Error::other("it changed while it was read"));
+    }
+    copy.finish(account.result(reason.unwrap_or_default()))?;
+    part.complete(to, may_replace)
+}
+
+/// Writes the summary of a run that has none.
+fn summarise(
+    account: Account,
+    folder: &Path,
+    reason: Option<&str>,
+) -> Result<Option<PathBuf>, Failure> {
+    let path = folder.join("summary.json");
+    if path.exists() {
+        return Ok(None);
+    }
+    match account.summary(reason) {
+        Ok(summary) => {
+            let json = serde_json::to_string_pretty(&summary).map_err(Failure::infrastructure)?;
+            part_file::write_text(&path, &json)?;
+            Ok(Some(path))
+        }
+        Err(failure) => {
+            tell!("note: no summary.json could be made: {failure}");
+            Ok(None)
+        }
+    }
+}
+
+impl Recovered {
+    /// As a person reads it.
+    fn told(&self) -> String {
+        let Self {
+            run,
+            records,
+            bytes,
+            whole_bytes,
+            ..
+        } = self;
+        let mut text = match &self.file {
+            None => format!("{run} is whole: {records} records, nothing to recover\n"),
+            Some(file) => {
+                let state = match self.state {
+                    State::Damaged => "is damaged",
+                    State::BrokenOff | State::Whole => "broke off",
+                };
+                format!(
+                    "{run} {state} at byte {whole_bytes} of {bytes}\n{records} records recovered, in {file}\n"
+                )
+            }
+        };
+        if let Some(unvouched) = &self.unvouched {
+            text += &format!("note: {unvouched}\n");
+        }
+        if let Some(digest) = &self.digest {
+            text += &format!("digest {digest}\n");
+        }
+        if let Some(summary) = &self.summary {
+            text += &format!("summary in {summary}\n");
+        }
+        text
+    }
+}
+
+#[cfg(test)]
+mod integrity;
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,430 @@
+//! Plant and controller binaries: where they are, what they say of themselves, what they are.
+//!
+//! 1. `named` chooses which program a side has; `trusted` and `seal` say what a file may name.
+//! 2. `asking` runs it for its description, after its hash was taken.
+
+use std::fs;
+use std::io;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, ExitStatus};
+
+use hil_config::plan::{ControllerProgram, Programs};
+use hil_config::scenario::Advice;
+use rustix::fs::{Access, access};
+use rustix::process::{Pid, Signal, WaitId, WaitIdOptions, kill_process_group, waitid};
+use serde_json::Value;
+use shared_types::describe::{
+    Description, FaultKindDescription, LawDescription, PROTOCOL, PlantDescription,
+};
+use shared_types::text;
+
+use asking::ask;
+use named::{CONTROLLER, Choice, Named, NamedBy, PLANT, Role};
+
+use crate::arguments::BinaryArguments;
+use crate::terminal::exit::Failure;
+use crate::terminal::interruption::Interruption;
+
+mod asking;
+pub(crate) mod named;
+pub(crate) mod seal;
+mod trusted;
+
+/// A binary and its answer to `--describe`.
+#[derive(Clone, Debug)]
+pub struct Binary {
+    /// Where it is.
+    pub path: PathBuf,
+    /// What it says of itself.
+    pub description: Description,
+    /// Hash of the file.
+    pub blake3: String,
+    /// Who named it.
+    pub(crate) by: NamedBy,
+    /// The file that was hashed.
+    file: FileIdentity,
+}
+
+/// What changes with every change of a file and of its place: device, inode, size, and when its content
+/// and its inode were changed, in s and ns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct FileIdentity([i128; 7]);
+
+impl FileIdentity {
+    fn of(path: &Path) -> io::Result<Self> {
+        let found = fs::metadata(path)?;
+        Ok(Self([
+            found.dev().into(),
+            found.ino().into(),
+            found.size().into(),
+            found.mtime().into(),
+            found.mtime_nsec().into(),
+            found.ctime().into(),
+            found.ctime_nsec().into(),
+        ]))
+    }
+}
+
+/// Both binaries of a run.
+#[derive(Clone, Debug)]
+pub struct Binaries {
+    /// The plant.
+    pub plant: Binary,
+    /// The controller.
+    pub controller: Binary,
+}
+
+/// Which binaries a run has, before they are asked anything.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Choices {
+    plant: Choice,
+    controller: Choice,
+}
+
+impl Choices {
+    /// Those that the arguments or a file name.
+    ///
+    /// # Errors
+    /// If what a file names must not be run.
+    pub(crate) fn of(arguments: &BinaryArguments, named: &Named<'_>) -> Result<Self, Failure> {
+        Ok(Self {
+            plant: named.choice(&PLANT, arguments.plant_bin.as_deref())?,
+            controller: named.choice(&CONTROLLER, arguments.controller_bin.as_deref())?,
+        })
+    }
+
+    /// Asks both what they are.
+    ///
+    /// # Errors
+    /// If one is missing, cannot be executed or does not speak the protocol.
+    pub(crate) fn find(&self, interruption: &Interruption) -> Result<Binaries, Failure> {
+        Ok(Binaries {
+            plant: Binary::of_plant(&self.plant, interruption)?,
+            controller: Binary::of_controller(&self.controller, interruption)?,
+        })
+    }
+}
+
+impl Binaries {
+    /// Tells which ones run, where that does not follow from the command line.
+    pub(crate) fn tell(&self) {
+        let all = [(&PLANT, &self.plant), (&CONTROLLER, &self.controller)];
+        for (role, Binary { path, by, .. }) in all {
+            tell!("{}: {} ({by})", role.side, path.display());
+        }
+    }
+
+    /// The programs that were named, for the scenario of the run.
+    #[must_use]
+    pub(crate) fn programs(&self) -> Programs {
+        Programs {
+            plant: self.plant.named().map(Path::to_owned),
+            controller: (self.controller.named()).map(|path| ControllerProgram::One(path.into())),
+        }
+    }
+
+    /// What helps whoever names a plant or law that they do not have.
+    #[must_use]
+    pub(crate) fn advice(&self) -> Advice {
+        let name = |role: &Role| format!("`{}` in the scenario or {} PATH", role.key, role.flag);
+        Advice {
+            plant: self.plant.advice("plant", &name(&PLANT)),
+            law: self.controller.advice("law", &name(&CONTROLLER)),
+        }
+    }
+
+    /// What scenarios are checked against: plants, laws and kinds of faults.
+    #[must_use]
+    pub fn described(
+        &self,
+    ) -> (
+        &[PlantDescription],
+        &[LawDescription],
+        &[FaultKindDescription],
+    ) {
+        let plant = &self.plant.description;
+        (
+            &plant.plants,
+            &self.controller.description.laws,
+            &plant.faults,
+        )
+    }
+}
+
+impl Binary {
+    /// Finds the plant that is named and asks what it is.
+    ///
+    /// # Errors
+    /// If it is missing, cannot be executed or does not speak the protocol.
+    pub(crate) fn plant(
+        given: Option<&Path>,
+        named: &Named<'_>,
+        interruption: &Interruption,
+    ) -> Result<Self, Failure> {
+        Self::of_plant(&named.choice(&PLANT, given)?, interruption)
+    }
+
+    /// Finds the controller that is named and asks what it is.
+    ///
+    /// # Errors
+    /// If it is missing, cannot be executed or does not speak the protocol.
+    pub(crate) fn controller(
+        given: Option<&Path>,
+        named: &Named<'_>,
+        interruption: &Interruption,
+    ) -> Result<Self, Failure> {
+        Self::of_controller(&named.choice(&CONTROLLER, given)?, interruption)
+    }
+
+    /// Asks a controller what it is that was named with this flag.
+    ///
+    /// # Errors
+    /// If it is missing, cannot be executed or does not speak the protocol.
+    pub(crate) fn asked_for(
+        path: &Path,
+        flag: &'static str,
+        interruption: &Interruption,
+    ) -> Result<Self, Failure> {
+        let choice = Choice {
+            path: std::path::absolute(path).map_err(Failure::usage)?,
+            by: NamedBy::Person(flag),
+            blake3: None,
+        };
+        Self::of_controller(&choice, interruption)
+    }
+
+    fn of_plant(choice: &Choice, interruption: &Interruption) -> Result<Self, Failure> {
+        let plant = Self::find(choice, &PLANT, interruption)?;
+        if plant.description.plants.is_empty() {
+            return Err(plant.refused("describes no plant"));
+        }
+        Ok(plant)
+    }
+
+    fn of_controller(choice: &Choice, interruption: &Interruption) -> Result<Self, Failure> {
+        let controller = Self::find(choice, &CONTROLLER, interruption)?;
+        if controller.description.laws.is_empty() {
+            return Err(controller.refused("describes no control law"));
+        }
+        Ok(controller)
+    }
+
+    fn refused(&self, why: &str) -> Failure {
+        let (path, by) = (self.path.display(), &self.by);
+        Failure::usage(match by {
+            NamedBy::Nobody => format!("{path} {why}"),
+            by => format!("{path} ({by}) {why}"),
+        })
+    }
+
+    /// What helps whoever names a law that it does not have; `name` says how another program is named.
+    pub(crate) fn advice_on_laws(&self, name: &str) -> String {
+        self.advice("law", name)
+    }
+
+    fn advice(&self, what: &str, name: &str) -> String {
+        let (path, by) = (self.path.display(), &self.by);
+        match by {
+            NamedBy::Nobody => {
+                format!("a {what} of your own is in a program of its own: {name} names it")
+            }
+            by => format!("these are the {what}s of {path} ({by})"),
+        }
+    }
+
+    /// Its path, if somebody named it.
+    pub(crate) fn named(&self) -> Option<&Path> {
+        (self.by != NamedBy::Nobody).then_some(&self.path)
+    }
+
+    /// Refuses a file that is not the one that was hashed any more.
+    ///
+    /// # Errors
+    /// That it was changed, with what to do.
+    pub(crate) fn refuse_changed(&self) -> Result<(), Failure> {
+        if FileIdentity::of(&self.path).is_ok_and(|file| file == self.file) {
+            return Ok(());
+        }
+        Err(Failure::infrastructure(format!(
+            "{} was replaced or changed after it was checked, so it is not run; start again with the file as it is now",
+            self.path.display()
+        )))
+    }
+
+    fn find(choice: &Choice, role: &Role, interruption: &Interruption) -> Result<Self, Failure> {
+        let Choice { path, by, blake3 } = choice;
+        let shown = path.display();
+        let hashed = hashed(path).map_err(|error| cannot_run(choice, role, &error));
+        let (file, found) = hashed?;
+        if let Some(wanted) = blake3.as_ref().filter(|wanted| **wanted != found) {
+            let (side, flag) = (role.side, role.flag);
+            return Err(Failure::usage(format!(
+                "{shown} is not the {side} program that was {by} any more: it has hash {found}, that one had {wanted}; {flag} {shown} runs it as it is"
+            )));
+        }
+        let output = ask(path, &["--describe"], interruption)?
+            .map_err(|error| cannot_run(choice, role, &error))?;
+        let description: Description = serde_json::from_slice(&output.stdout).map_err(|error| {
+            let said = String::from_utf8_lossy(&output.stderr);
+            let said = said.lines().next().map_or(String::new(), |said| format!(" ({})", text::line(said)));
+            Failure::usage(format!(
+                "{shown} does not speak the protocol: its answer to --describe is not a description: {error}{said}"
+            ))
+        })?;
+        let described = serde_json::to_value(&description).map_err(Failure::infrastructure)?;
+        if let Some(text) = unprintable(&described) {
+            return Err(Failure::usage(format!(
+                "{shown}: its answer to --describe has control characters in {text:?}"
+            )));
+        }
+        if description.protocol != PROTOCOL {
+            let theirs = description.protocol;
+            return Err(Failure::usage(format!(
+                "{shown} speaks protocol {theirs}, this hil {PROTOCOL}; rebuild it"
+            )));
+        }
+        description.check().map_err(|wrong| {
+            Failure::usage(format!("{shown}: its answer to --describe: {wrong}"))
+        })?;
+        let binary = Self {
+            path: path.clone(),
+            description,
+            blake3: found,
+            by: by.clone(),
+            file,
+        };
+        binary.refuse_changed()?;
+        Ok(binary)
+    }
+
+    /// Asks whether the parameters of a job go together.
+    ///
+    /// # Errors
+    /// What the binary has against them.
+    pub fn check(&self, job: &Path, interruption: &Interruption) -> Result<(), Failure> {
+        let arguments = ["--check".as_ref(), job.as_os_str()];
+        let output = ask(&self.path, &arguments, interruption)?.map_err(|error| {
+            let path = self.path.display();
+            Failure::infrastructure(format!("{path} --check: {error}"))
+        })?;
+        if output.status.success() {
+            return Ok(());
+        }
+        let said = String::from_utf8_lossy(&output.stderr);
+        let said = text::printable(said.trim().trim_start_matches("error: "));
+        Err(Failure::usage(format!(
+            "{}: {said}",
+            self.description.program
+        )))
+    }
+}
+
+/// Why a path can be no program, which the system tells in one word for all of them.
+fn unfit(path: &Path) -> Option<String> {
+    let found = fs::metadata(path).ok()?;
+    if found.is_dir() {
+        return Some("it is a folder; name the program in it".into());
+    }
+    if !found.is_file() {
+        return Some("it is no file that a program could be in".into());
+    }
+    (found.mode() & 0o111 == 0).then(|| {
+        format!(
+            "it is not executable; if it is a program, `chmod +x {}`",
+            path.display()
+        )
+    })
+}
+
+/// A program's identity and hash. What cannot be executed is not read: it may have no end.
+fn hashed(path: &Path) -> io::Result<(FileIdentity, String)> {
+    if let Some(what) = unfit(path) {
+        return Err(io::Error::other(what));
+    }
+    access(path, Access::EXEC_OK)?;
+    let file = FileIdentity::of(path)?;
+    let mut hasher = blake3::Hasher::new();
+    hasher.update_reader(fs::File::open(path)?)?;
+    Ok((file, hasher.finalize().to_hex().to_string()))
+}
+
+fn cannot_run(choice: &Choice, role: &Role, error: &dyn std::fmt::Display) -> Failure {
+    let (shown, by) = (choice.path.display(), &choice.by);
+    Failure::usage(match by {
+        NamedBy::Nobody => format!(
+            "cannot run {shown}: {error}; build it with `cargo build --release`, or name one with {}",
+            role.flag
+        ),
+        // A flag was just typed; a variable may have been set long ago.
+        NamedBy::Person(flag) if flag.starts_with("--") => format!("cannot run {shown}: {error}"),
+        by => format!("cannot run {shown} ({by}): {error}"),
+    })
+}
+
+/// The first text of a description that a terminal would do something at.
+fn unprintable(described: &Value) -> Option<&str> {
+    match described {
+        Value::String(text) => (text::printable(text) != *text).then_some(text),
+        Value::Array(all) => all.iter().find_map(unprintable),
+        Value::Object(all) => (all.keys())
+            .find(|name| text::printable(name) != **name)
+            .map(String::as_str)
+            .or_else(|| all.values().find_map(unprintable)),
+        Value::Null | Value::Bool(_) | Value::Number(_) => None,
+    }
+}
+
+/// A binary beside this one.
+fn beside(name: &str) -> Result<PathBuf, Failure> {
+    let own = std::env::current_exe().map_err(Failure::infrastructure)?;
+    Ok(own.with_file_name(name))
+}
+
+/// Kills a child that was started as a group of its own, with what it started.
+pub(crate) fn end_group(child: &Child) {
+    // There may be nobody left in it.
+    let _ = kill_process_group(Pid::from_child(child), Signal::KILL);
+}
+
+/// The status of a child that has ended. What is left of its group is killed before the child is
+/// reaped: from then on its number may be another's.
+///
+/// # Errors
+/// If there is no such child.
+pub(crate) fn reap(child: &mut Child) -> io::Result<Option<ExitStatus>> {
+    let ended = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
+    if waitid(WaitId::Pid(Pid::from_child(child)), ended)?.is_none() {
+        return Ok(None);
+    }
+    end_group(child);
+    child.try_wait()
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn what_can_be_no_program_is_told_by_what_it_is() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("text");
+        std::fs::write(&file, "schema = 1").expect("written");
+        let told = |path: &Path| unfit(path).unwrap_or_default();
+        assert!(told(folder.path()).contains("it is a folder"));
+        assert!(told(&file).contains("not executable"), "{}", told(&file));
+        assert!(told(Path::new("/dev/null")).contains("no file"));
+        assert_eq!(unfit(Path::new("/nowhere")), None);
+        assert_eq!(unfit(&std::env::current_exe().expect("this")), None);
+    }
+
+    #[test]
+    fn a_description_with_control_characters_is_found_wherever_they_are() {
+        let sound = json!({"plants": [{"name": "a", "truth": [{"unit": "m", "text": "a\nb"}]}]});
+        assert_eq!(unprintable(&sound), None);
+        let wrong = json!({"protocol": 4, "plants": [{"truth": [{"unit": "m\u{1b}[2J"}]}]});
+        assert_eq!(unprintable(&wrong), Some("m\u{1b}[2J"));
+    }
+}

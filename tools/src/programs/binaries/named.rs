@@ -1,0 +1,291 @@
+//! Which program a side has: what the command line names, else the environment, else the scenario or the
+//! recording that is run, else the program beside `hil`.
+//!
+//! What a file names is run only if nobody but this user and root can have written it, and what a
+//! recording names only if this user made the recording and the program is still the same.
+
+use std::fmt;
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+use hil_config::plan::{ControllerProgram, Programs};
+use hil_config::scenario::{Scenario, read_regular};
+
+use super::{beside, seal, trusted};
+use crate::recording::reader::RunReader;
+use crate::terminal::exit::Failure;
+
+/// A side, and how its program is named.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) struct Role {
+    pub(crate) side: &'static str,
+    /// The program beside `hil`.
+    pub(crate) beside: &'static str,
+    pub(crate) flag: &'static str,
+    pub(crate) variable: &'static str,
+    /// Its key in a scenario.
+    pub(crate) key: &'static str,
+}
+
+pub(crate) const PLANT: Role = Role {
+    side: "plant",
+    beside: "plant-process",
+    flag: "--plant-bin",
+    variable: "HIL_PLANT_BIN",
+    key: "plant.program",
+};
+pub(crate) const CONTROLLER: Role = Role {
+    side: "controller",
+    beside: "controller-process",
+    flag: "--controller-bin",
+    variable: "HIL_CONTROLLER_BIN",
+    key: "controller.program",
+};
+
+/// Who named a program.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum NamedBy {
+    /// Nobody: it is the one beside `hil`.
+    Nobody,
+    /// A flag or a variable of the environment.
+    Person(&'static str),
+    /// A key of this scenario.
+    Scenario(&'static str, PathBuf),
+    /// This run.
+    Recording(PathBuf),
+}
+
+impl fmt::Display for NamedBy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Nobody => f.write_str("beside hil"),
+            Self::Person(name) => f.write_str(name),
+            Self::Scenario(key, file) => write!(f, "{key} of {}", file.display()),
+            Self::Recording(run) => write!(f, "recorded in {}", run.display()),
+        }
+    }
+}
+
+/// The program of a side.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Choice {
+    pub(crate) path: PathBuf,
+    pub(crate) by: NamedBy,
+    /// The hash that it must have.
+    pub(crate) blake3: Option<String>,
+}
+
+/// What names programs besides the command line.
+pub(crate) enum Named<'a> {
+    Nothing,
+    Scenario {
+        file: &'a Path,
+        text: &'a str,
+        programs: Programs,
+    },
+    Recorded(&'a Recorded),
+}
+
+/// The programs of a recorded run, as far as they were named: those beside `hil` are not written down.
+#[derive(Clone, Debug)]
+pub(crate) struct Recorded {
+    run: PathBuf,
+    plant: Option<PathBuf>,
+    controller: Option<PathBuf>,
+    /// Hashes of the plant's and the controller's program.
+    pub(crate) blake3: [Option<String>; 2],
+    /// Whether this user recorded it, or why that cannot be told.
+    is_own: Result<bool, String>,
+    host: String,
+}
+
+impl Recorded {
+    pub(crate) fn of(reader: &RunReader, run: &Path) -> Self {
+        let fact = |name| reader.fact(name).map(str::to_owned);
+        Self {
+            run: run.to_owned(),
+            plant: fact("plant_binary").map(PathBuf::from),
+            controller: fact("controller_binary").map(PathBuf::from),
+            blake3: [fact("plant_blake3"), fact("controller_blake3")],
+            is_own: seal::is_own(|name| reader.fact(name)),
+            host: fact("host").unwrap_or_default(),
+        }
+    }
+
+    /// Whether this user recorded it, as far as that can be told.
+    pub(crate) fn is_own(&self) -> bool {
+        self.is_own == Ok(true)
+    }
+
+    /// The programs that a scenario of this run may name.
+    pub(crate) fn programs(&self) -> Programs {
+        if !self.is_own() {
+            return Programs::default();
+        }
+        Programs {
+            plant: self.plant.clone(),
+            controller: self.controller.clone().map(ControllerProgram::One),
+        }
+    }
+
+    /// The programs that were named.
+    pub(crate) fn named(&self) -> impl Iterator<Item = (&'static Role, &Path)> {
+        let all = [(&PLANT, &self.plant), (&CONTROLLER, &self.controller)];
+        (all.into_iter()).filter_map(|(role, path)| Some((role, path.as_deref()?)))
+    }
+
+    fn choice(&self, role: &Role) -> Result<Option<Choice>, Failure> {
+        let run = self.run.display();
+        let Some((_, path)) = self.named().find(|(named, _)| *named == role) else {
+            return Ok(None);
+        };
+        let (side, flag, shown) = (role.side, role.flag, path.display());
+        if !self.is_own() {
+            let whose = match &self.is_own {
+                Ok(_) => format!(
+                    "{run} was not recorded by this user here (host {:?})",
+                    self.host
+                ),
+                Err(why) => format!("whether this user recorded {run} cannot be told ({why})"),
+            };
+            return Err(Failure::usage(format!(
+                "{whose}, so the {side} program that it names, {shown}, is not run; {flag} PATH names one to run"
+            )));
+        }
+        let path = trusted::program(path).map_err(|why| {
+            Failure::usage(format!(
+                "{run} was recorded with the {side} program {shown}, which is not run: {why}; {flag} PATH names one to run"
+            ))
+        })?;
+        let [plant, controller] = &self.blake3;
+        let blake3 = if role == &PLANT { plant } else { controller };
+        Ok(Some(Choice {
+            path,
+            by: NamedBy::Recording(self.run.clone()),
+            blake3: Some(blake3.clone().unwrap_or_default()),
+        }))
+    }
+}
+
+/// Refuses flags that set a program where the scenario names none: they would be without effect.
+///
+/// # Errors
+/// The first such flag, with the one that names a program; `flag` is that of a side.
+pub(crate) fn refuse_set(set: &[String], flag: impl Fn(&Role) -> &str) -> Result<(), Failure> {
+    for one in set {
+        let key = one.split('=').next().unwrap_or_default().trim();
+        let sets = |role: &&&Role| {
+            let rest = key.strip_prefix(role.key);
+            rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+        };
+        if let Some(role) = [&PLANT, &CONTROLLER].iter().find(sets) {
+            return Err(Failure::usage(format!(
+                "--set {key} has no effect here, where the scenario names no program; {} PATH names the {} program",
+                flag(role),
+                role.side
+            )));
+        }
+    }
+    Ok(())
+}
+
+impl<'a> Named<'a> {
+    pub(crate) fn by(scenario: &'a Scenario) -> Self {
+        Self::Scenario {
+            file: scenario.path(),
+            text: scenario.text(),
+            programs: scenario.programs(),
+        }
+    }
+
+    /// The program of a side; `given` is that of the command line.
+    ///
+    /// # Errors
+    /// If what a file names must not be run.
+    pub(crate) fn choice(
+        &self,
+        role: &'static Role,
+        given: Option<&Path>,
+    ) -> Result<Choice, Failure> {
+        let variable = std::env::var_os(role.variable).filter(|value| !value.is_empty());
+        let person = match (given, &variable) {
+            (Some(path), _) => Some((path, role.flag)),
+            (None, Some(path)) => Some((Path::new(path), role.variable)),
+            (None, None) => None,
+        };
+        if let Some((path, by)) = person {
+            // Absolute, so that what is run is what is hashed: a bare name is looked for elsewhere.
+            let path = std::path::absolute(path).map_err(Failure::usage)?;
+            return Ok(Choice {
+                path,
+                by: NamedBy::Person(by),
+                blake3: None,
+            });
+        }
+        let named = match self {
+            Self::Nothing => None,
+            Self::Scenario {
+                file,
+                text,
+                programs,
+            } => by_scenario(role, file, text, programs)?,
+            Self::Recorded(recorded) => recorded.choice(role)?,
+        };
+        match named {
+            Some(choice) => Ok(choice),
+            None => Ok(Choice {
+                path: beside(role.beside)?,
+                by: NamedBy::Nobody,
+                blake3: None,
+            }),
+        }
+    }
+}
+
+fn by_scenario(
+    role: &'static Role,
+    file: &Path,
+    text: &str,
+    programs: &Programs,
+) -> Result<Option<Choice>, Failure> {
+    let (key, flag, shown) = (role.key, role.flag, file.display());
+    let path = match (&programs.controller, role == &PLANT) {
+        (_, true) => programs.plant.as_deref(),
+        (None, false) => None,
+        (Some(program), false) => {
+            let machine = rustix::system::uname();
+            let machine = machine.machine().to_string_lossy();
+            let found = program.for_machine(&machine);
+            Some(found.ok_or_else(|| {
+                Failure::usage(format!(
+                    "{shown}: `{key}` has no program for this machine, {machine}; add one, or name it with {flag} PATH"
+                ))
+            })?)
+        }
+    };
+    let Some(path) = path else {
+        return Ok(None);
+    };
+    let refused = |why: String| {
+        let path = path.display();
+        Failure::usage(format!(
+            "{shown} names the {} program {path}, which is not run: {why}; {flag} PATH names one to run",
+            role.side
+        ))
+    };
+    if fs::metadata(path).is_err_and(|error| error.kind() == ErrorKind::NotFound) {
+        return Err(refused("it is not there; build it".into()));
+    }
+    // What was read is what stands in a file that nobody else can have written.
+    let (own, _) = trusted::file(file).map_err(refused)?;
+    if read_regular(&own).ok().as_deref() != Some(text) {
+        return Err(refused(format!("{shown} was changed meanwhile")));
+    }
+    let path = trusted::program(path).map_err(refused)?;
+    Ok(Some(Choice {
+        path,
+        by: NamedBy::Scenario(key, file.to_owned()),
+        blake3: None,
+    }))
+}

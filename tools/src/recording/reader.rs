@@ -1,0 +1,508 @@
+//! Reads a recorded run: its records one by one, its events, and the files that travel with it.
+//!
+//! Used by `hil compare`, `hil export`, `hil rerun` and `hil scenario from`. Goes through the file once and keeps
+//! no record, so the length of a run does not matter. Takes what a file says of itself: the names
+//! of signals come from its schema, so the recording of a plant that is not here can be read. A file
+//! whose writer was killed is read as far as it goes.
+
+pub(crate) mod content;
+mod form;
+mod schema;
+mod vouched;
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+use mcap::records::{Record, op};
+use serde::de::DeserializeOwned;
+use shared_types::digest::Digest;
+use shared_types::record::Event;
+use shared_types::text;
+use shared_types::time::Rate;
+
+use crate::files::part_file;
+use crate::recording::clean::clean;
+use crate::recording::{event, mark};
+use content::{Content, ContentError, End};
+pub use schema::Column;
+pub(crate) use vouched::{UNVOUCHED, Unvouched, VOUCHED};
+
+/// Name of the recording in the folder of a run.
+pub const RECORDING: &str = "run.mcap";
+/// The fact that says what was kept, if not all was.
+pub const EXCERPT: &str = "excerpt";
+/// The topic of records.
+pub(crate) const RECORDS: &str = "/record";
+/// The topic of events.
+pub(crate) const EVENTS: &str = "/events";
+/// Bytes of encapsulation in front of a record.
+const ENCAPSULATION: usize = 4;
+
+/// The last step of the longest run that a scenario can ask for; what follows steps may count on it.
+const LAST_STEP: u64 = 1 << 40;
+
+/// What helps with a file of which nothing can be had.
+const AGAIN: &str = "copy it again from where it is whole, or run the scenario again";
+
+fn damage(path: &Path, what: &str, records: u64) -> String {
+    match records {
+        0 => format!("before its first record: {what}; {AGAIN}"),
+        _ => format!(
+            "after {records} records: {what}; `hil recover {} -o FILE` makes a recording of what is before",
+            path.display()
+        ),
+    }
+}
+
+/// A run cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// The folder of a run has no recording.
+    #[error("{0} has no recording; it was run with --no-record, or is no run's folder")]
+    NoRecording(PathBuf),
+    /// The file cannot be read.
+    #[error("cannot read {path}: {error}")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system said.
+        error: std::io::Error,
+    },
+    /// Only a part of the run was kept.
+    #[error(
+        "{path} is an excerpt ({kept}); this needs the whole run: record it without --record, --record-every and --record-around-faults"
+    )]
+    Excerpt {
+        /// The file.
+        path: PathBuf,
+        /// What was kept.
+        kept: String,
+    },
+    /// Something in the file is wrong, and not only its end is missing.
+    #[error(
+        "{path} is damaged at byte {at} of {length}, {}",
+        damage(path, what, *records)
+    )]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        what: String,
+        /// Where.
+        at: u64,
+        /// Bytes of the file.
+        length: u64,
+        /// Records before.
+        records: u64,
+    },
+    /// It ends before there is anything of a run in it.
+    #[error(
+        "{path} was cut off after {length} bytes, before its first record: nothing of the run is in it; {AGAIN}"
+    )]
+    Cut {
+        /// The file.
+        path: PathBuf,
+        /// Its bytes.
+        length: u64,
+    },
+    /// The file is not what `hil run` writes.
+    #[error("{path} is no recording of a run: {what}")]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        what: String,
+    },
+}
+
+/// A recorded run, read from its begin.
+pub struct RunReader {
+    path: PathBuf,
+    content: Content,
+    columns: Vec<Column>,
+    hashed_words: usize,
+    /// Channels by number: how their events are written, if they do not carry records.
+    channels: BTreeMap<u16, Option<String>>,
+    schemas: BTreeMap<u16, String>,
+    metadata: BTreeMap<String, BTreeMap<String, String>>,
+    enclosures: BTreeMap<String, String>,
+    words: Vec<u64>,
+    /// The first step that the next record may have.
+    next_step: u64,
+    events: Vec<Event>,
+    records: u64,
+    digest: Digest,
+    is_hashing: bool,
+    /// Records that a check sum behind them vouches for; `None` before the first sum.
+    vouched: Option<u64>,
+    /// Whether nothing came after that sum.
+    is_vouched: bool,
+}
+
+/// What came next in the file.
+enum Next {
+    Record,
+    Event(Event),
+    /// Something that was kept or that means nothing here.
+    Other,
+    End,
+}
+
+impl RunReader {
+    /// Opens a run: its folder, or its recording.
+    ///
+    /// # Errors
+    /// If there is no recording, or it is none of a run.
+    pub fn open(run: &Path) -> Result<Self, ReadError> {
+        let path = if run.is_dir() {
+            part_file::sweep(run);
+            run.join(RECORDING)
+        } else {
+            run.to_owned()
+        };
+        if run.is_dir() && !path.exists() {
+            return Err(ReadError::NoRecording(run.to_owned()));
+        }
+        let file = File::open(&path).map_err(|error| ReadError::Io {
+            path: path.clone(),
+            error,
+        })?;
+        let content = Content::of(file).map_err(|error| ReadError::Io {
+            path: path.clone(),
+            error,
+        })?;
+        let mut reader = Self {
+            path,
+            content,
+            columns: Vec::new(),
+            hashed_words: 0,
+            channels: BTreeMap::new(),
+            schemas: BTreeMap::new(),
+            metadata: BTreeMap::new(),
+            enclosures: BTreeMap::new(),
+            words: Vec::new(),
+            next_step: 0,
+            events: Vec::new(),
+            records: 0,
+            digest: Digest::default(),
+            is_hashing: true,
+            vouched: None,
+            is_vouched: false,
+        };
+        // All that is known before a run stands before its channels.
+        while reader.columns.is_empty() {
+            if matches!(reader.next()?, Next::End) {
+                return Err(match reader.end() {
+                    (Some(End::Whole), _) => reader.foreign("it has no channel `/record`"),
+                    (_, length) => ReadError::Cut {
+                        path: reader.path,
+                        length,
+                    },
+                });
+            }
+        }
+        Ok(reader)
+    }
+
+    /// The same for who does not ask for the digest, which takes longer than all else.
+    #[must_use]
+    pub fn without_digest(mut self) -> Self {
+        self.is_hashing = false;
+        self
+    }
+
+    /// The same for who wants what comes after a change of bits too: that is an error at the end then.
+    #[must_use]
+    pub(crate) fn patient(mut self) -> Self {
+        self.content.be_patient();
+        self
+    }
+
+    fn foreign(&self, what: impl Into<String>) -> ReadError {
+        ReadError::Foreign {
+            path: self.path.clone(),
+            what: what.into(),
+        }
+    }
+
+    /// The recording's file.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The words of a record.
+    #[must_use]
+    pub fn columns(&self) -> &[Column] {
+        &self.columns
+    }
+
+    /// How many of them the digest covers, from the first.
+    #[must_use]
+    pub const fn hashed_words(&self) -> usize {
+        self.hashed_words
+    }
+
+    /// A fact that was written down before the run.
+    #[must_use]
+    pub fn fact(&self, name: &str) -> Option<&str> {
+        self.metadata.get("hil.run")?.get(name).map(String::as_str)
+    }
+
+    /// All facts that were written down before the run.
+    pub fn facts(&self) -> impl Iterator<Item = (&str, &str)> {
+        let facts = self.metadata.get("hil.run").into_iter().flatten();
+        facts.map(|(name, fact)| (name.as_str(), fact.as_str()))
+    }
+
+    /// A fact that was written down after the run; only at the end of the file.
+    #[must_use]
+    pub fn result(&self, name: &str) -> Option<&str> {
+        self.metadata
+            .get("hil.result")?
+            .get(name)
+            .map(String::as_str)
+    }
+
+    /// The rate of the run.
+    ///
+    /// # Errors
+    /// If the recording does not say.
+    pub fn rate(&self) -> Result<Rate, ReadError> {
+        let hz = self.fact("rate_hz").and_then(|hz| hz.parse().ok());
+        hz.and_then(Rate::new)
+            .ok_or_else(|| self.foreign("it does not say its rate"))
+    }
+
+    /// A file that travels with it.
+    ///
+    /// # Errors
+    /// If there is none of that name.
+    pub fn enclosure(&self, name: &str) -> Result<&str, ReadError> {
+        let text = self.enclosures.get(name).map(String::as_str);
+        text.ok_or_else(|| self.foreign(format!("it does not carry `{name}`")))
+    }
+
+    /// A JSON file that travels with it.
+    ///
+    /// # Errors
+    /// If there is none of that name, or it cannot be understood.
+    pub fn enclosed<T: DeserializeOwned>(&self, name: &str) -> Result<T, ReadError> {
+        let text = self.enclosure(name)?;
+        serde_json::from_str(text).map_err(|error| self.foreign(format!("`{name}`: {error}")))
+    }
+
+    /// Goes to the next record; whether there is one.
+    ///
+    /// # Errors
+    /// If the file cannot be read.
+    pub fn advance(&mut self) -> Result<bool, ReadError> {
+        self.events.clear();
+        loop {
+            match self.next()? {
+                Next::Other => {}
+                Next::End => return Ok(false),
+                Next::Event(event) => {
+                    if let Event::Fault(taken) = &event
+                        && self.is_hashing
+                    {
+                        self.digest.fault(taken);
+                    }
+                    self.events.push(event);
+                }
+                Next::Record => {
+                    let step = self.step();
+                    if step < self.next_step || step > LAST_STEP {
+                        let next = self.next_step;
+                        return Err(self.damaged(format!(
+                            "step {step} where step {next} or a later one comes"
+                        )));
+                    }
+                    self.next_step = step + 1;
+                    if self.is_hashing {
+                        self.digest.record(&self.words[..self.hashed_words]);
+                    }
+                    self.records += 1;
+                    return Ok(true);
+                }
+            }
+        }
+    }
+
+    /// The record, as words.
+    #[must_use]
+    pub fn words(&self) -> &[u64] {
+        &self.words
+    }
+
+    /// The step of the record.
+    #[must_use]
+    pub fn step(&self) -> u64 {
+        self.words[0]
+    }
+
+    /// What happened after the record before this one; at the end, after the last.
+    #[must_use]
+    pub fn events(&self) -> &[Event] {
+        &self.events
+    }
+
+    /// Records so far.
+    #[must_use]
+    pub const fn records(&self) -> u64 {
+        self.records
+    }
+
+    /// The digest of what was read so far; of an excerpt that of the whole run, known at the end.
+    #[must_use]
+    pub fn digest(&self) -> String {
+        if self.is_excerpt() {
+            return self.result("digest").unwrap_or_default().to_owned();
+        }
+        self.digest.clone().finish()
+    }
+
+    /// Whether not all of the run was kept.
+    #[must_use]
+    pub fn is_excerpt(&self) -> bool {
+        self.fact(EXCERPT).is_some()
+    }
+
+    /// Refuses an excerpt.
+    ///
+    /// # Errors
+    /// If it is one, with what was kept.
+    pub fn refuse_excerpt(&self) -> Result<(), ReadError> {
+        match self.fact(EXCERPT) {
+            None => Ok(()),
+            Some(kept) => Err(ReadError::Excerpt {
+                path: self.path.clone(),
+                kept: kept.to_owned(),
+            }),
+        }
+    }
+
+    /// Whether the writer of the file finished it; known at the end.
+    #[must_use]
+    pub fn is_whole(&self) -> bool {
+        self.content.end() == Some(End::Whole)
+    }
+
+    /// How the file ends, and how many bytes it has; known at the end.
+    pub(crate) fn end(&self) -> (Option<End>, u64) {
+        (self.content.end(), self.content.length())
+    }
+
+    /// Where in the file it is.
+    pub(crate) const fn place(&self) -> u64 {
+        self.content.position()
+    }
+
+    fn next(&mut self) -> Result<Next, ReadError> {
+        let opcode = match self.content.advance() {
+            Ok(None) => return Ok(Next::End),
+            Ok(Some(opcode)) => opcode,
+            Err(error) => return Err(self.broken(error)),
+        };
+        self.is_vouched = matches!(opcode, mark::OPCODE | op::DATA_END);
+        if self.is_vouched {
+            self.vouched = Some(self.records);
+        }
+        let record = match self.content.record(opcode) {
+            Ok(record) => record,
+            Err(what) => return Err(self.damaged(what)),
+        };
+        match record {
+            Record::Schema { header, data } => {
+                let text = String::from_utf8_lossy(&data);
+                self.schemas
+                    .insert(header.id, text::printable(&text).into_owned());
+            }
+            Record::Channel(channel) if channel.topic == RECORDS => {
+                self.channels.insert(channel.id, None);
+                let schema = self.schemas.get(&channel.schema_id);
+                let Some(columns) = schema::columns_of(schema.map_or("", String::as_str)) else {
+                    return Err(self.foreign("its schema cannot be understood"));
+                };
+                if !self.columns.is_empty() && columns != self.columns {
+                    return Err(self.damaged(format!("its channel {RECORDS} changes")));
+                }
+                self.columns = columns;
+                self.hashed_words = schema::hashed(&self.columns);
+            }
+            Record::Channel(channel) if channel.topic == EVENTS => {
+                (self.channels).insert(channel.id, Some(channel.message_encoding));
+            }
+            Record::Metadata(metadata) => {
+                let facts = self.metadata.entry(metadata.name).or_default();
+                let printable =
+                    |(name, fact): (String, String)| (name, text::printable(&fact).into_owned());
+                facts.extend(metadata.metadata.into_iter().map(printable));
+            }
+            Record::Attachment { header, data, .. } => {
+                let text = String::from_utf8_lossy(&data).into_owned();
+                self.enclosures.insert(header.name, text);
+            }
+            Record::Message { header, data } => match self.channels.get(&header.channel_id) {
+                Some(None) if data.len() == ENCAPSULATION + 8 * self.columns.len() => {
+                    let words = data[ENCAPSULATION..].as_chunks::<8>().0;
+                    self.words.clear();
+                    self.words
+                        .extend(words.iter().map(|word| u64::from_le_bytes(*word)));
+                    return Ok(Next::Record);
+                }
+                Some(None) => {
+                    let bytes = data.len();
+                    let what = format!("a record of {bytes} bytes does not fit its schema");
+                    return Err(self.damaged(what));
+                }
+                Some(Some(encoding)) => {
+                    return match event::read(encoding, &data) {
+                        Ok(event) => Ok(Next::Event(clean(event))),
+                        Err(error) => Err(self.damaged(format!("an event: {error}"))),
+                    };
+                }
+                None => {}
+            },
+            _ => {}
+        }
+        Ok(Next::Other)
+    }
+
+    fn broken(&self, error: ContentError) -> ReadError {
+        let path = self.path.clone();
+        match error {
+            ContentError::Io(error) => ReadError::Io { path, error },
+            // Before the facts of a run it may be anybody's file.
+            ContentError::Damaged { what, .. } if !self.metadata.contains_key("hil.run") => {
+                self.foreign(what)
+            }
+            ContentError::Damaged { at, what } => ReadError::Damaged {
+                path,
+                what,
+                at,
+                length: self.content.length(),
+                records: self.records,
+            },
+        }
+    }
+
+    fn damaged(&self, what: String) -> ReadError {
+        let at = self.content.position();
+        self.broken(ContentError::Damaged { at, what })
+    }
+}
+
+/// The digest of the first records of a run.
+///
+/// # Errors
+/// If it cannot be read.
+pub fn digest_of_first(run: &Path, records: u64) -> Result<String, ReadError> {
+    let mut reader = RunReader::open(run)?;
+    while reader.records() < records && reader.advance()? {}
+    Ok(reader.digest())
+}
+
+#[cfg(test)]
+pub(crate) mod tests;

@@ -1,0 +1,128 @@
+//! The words of a record, as the schema of a recording names them.
+
+use std::collections::BTreeMap;
+
+use shared_types::record::{GROUPS, HASHED_GROUPS, Timing};
+
+/// Words of validity bits of the widest frame, and room to grow: more is damage.
+const MOST_WORDS: usize = 1024;
+
+/// One word of a record.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Column {
+    /// Name: `step`, `truth.x_m`, `sample_invalid[0]`.
+    pub name: String,
+    /// Unit; empty for what is no signal.
+    pub unit: String,
+}
+
+impl Column {
+    /// Whether it is a number with a unit, not a count or bits.
+    #[must_use]
+    pub fn is_signal(&self) -> bool {
+        self.name.contains('.')
+    }
+}
+
+/// The names of the words in a `ros2msg` schema: `uint64` and arrays of them, arrays of two `uint32`
+/// for each word, messages of `float64`, and messages that are one word, taken apart for other
+/// programs.
+pub(super) fn columns_of(schema: &str) -> Option<Vec<Column>> {
+    let mut parts = schema.split(crate::recording::schema::RULER);
+    let top = parts.next()?;
+    let mut messages = BTreeMap::new();
+    for part in parts {
+        let (name, fields) = part.trim_start().strip_prefix("MSG: ")?.split_once('\n')?;
+        messages.insert(name.trim(), fields);
+    }
+    let mut columns = Vec::new();
+    for line in top.lines().filter(|line| !line.trim().is_empty()) {
+        let (kind, name, _) = field(line)?;
+        if let Some(fields) = messages.get(kind) {
+            if is_one_word(fields) {
+                columns.push(Column {
+                    name: name.into(),
+                    unit: String::new(),
+                });
+                continue;
+            }
+            for line in fields.lines().filter(|line| !line.trim().is_empty()) {
+                let ("float64", field, unit) = field(line)? else {
+                    return None;
+                };
+                let name = format!("{name}.{field}");
+                columns.push(Column {
+                    name,
+                    unit: unit.into(),
+                });
+            }
+        } else if let Some((scalar, count)) = array(kind) {
+            let words = match scalar {
+                "uint64" => count,
+                "uint32" if count.is_multiple_of(2) => count / 2,
+                _ => return None,
+            };
+            if words > MOST_WORDS {
+                return None;
+            }
+            columns.extend((0..words).map(|index| Column {
+                name: format!("{name}[{index}]"),
+                unit: String::new(),
+            }));
+        } else if kind == "uint64" {
+            columns.push(Column {
+                name: name.into(),
+                unit: String::new(),
+            });
+        } else {
+            return None;
+        }
+    }
+    (columns.first()?.name == "step").then_some(columns)
+}
+
+/// Type and length of an array.
+fn array(kind: &str) -> Option<(&str, usize)> {
+    let (scalar, count) = kind.strip_suffix(']')?.split_once('[')?;
+    Some((scalar, count.parse().ok()?))
+}
+
+/// Whether a message is of small integers that fill a word.
+fn is_one_word(fields: &str) -> bool {
+    let bytes = |line: &str| {
+        let (kind, ..) = field(line)?;
+        let (scalar, count) = array(kind).unwrap_or((kind, 1));
+        let bytes: usize = match scalar {
+            "uint8" => 1,
+            "uint16" => 2,
+            "uint32" => 4,
+            _ => return None,
+        };
+        bytes.checked_mul(count)
+    };
+    let mut lines = fields.lines().filter(|line| !line.trim().is_empty());
+    lines.try_fold(0_usize, |sum, line| sum.checked_add(bytes(line)?)) == Some(size_of::<u64>())
+}
+
+/// Type, name and unit of a field.
+fn field(line: &str) -> Option<(&str, &str, &str)> {
+    let (field, comment) = line.split_once('#').unwrap_or((line, ""));
+    let mut words = field.split_ascii_whitespace();
+    let unit = comment.trim_start().strip_prefix('[');
+    let unit = unit
+        .and_then(|rest| rest.split_once(']'))
+        .map_or("", |(unit, _)| unit);
+    Some((words.next()?, words.next()?, unit))
+}
+
+/// Words up to the first that the digest leaves out.
+pub(super) fn hashed(columns: &[Column]) -> usize {
+    let is_left_out = |column: &Column| match column.name.split_once('.') {
+        Some((group, _)) => GROUPS[HASHED_GROUPS..].contains(&group),
+        None => Timing::NAMES.contains(&column.name.as_str()),
+    };
+    columns
+        .iter()
+        .position(is_left_out)
+        .unwrap_or(columns.len())
+}

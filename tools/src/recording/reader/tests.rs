@@ -1,0 +1,255 @@
+use shared_types::pacer::Streaks;
+use shared_types::record::{FaultTaken, Outcome, RecordLayout, RunEnd, Timing};
+use shared_types::table::Field;
+
+use super::*;
+use crate::recording::compression::Compression;
+use crate::recording::writer::{Enclosure, Provenance, Recording};
+
+/// Signals of a small run: `truth.x_m`, `measured.x_m`, `command.u_n`, and what they bring.
+pub(crate) fn layout() -> RecordLayout {
+    RecordLayout {
+        truth: vec![Field::signal("x_m", "m", "Place.")],
+        measured: vec![Field::signal("x_m", "m", "Place [as seen].")],
+        command: vec![Field::signal("u_n", "N", "Force.")],
+        command_signals: 1,
+        parameter: vec![Field::signal("mass_kg", "kg", "Mass.")],
+        ..RecordLayout::default()
+    }
+}
+
+/// A record: step, both validity words, then truth, measured, command, applied, sensed and
+/// parameter, then timing.
+pub(crate) fn record(step: u64, truth: f64, command: f64) -> Vec<u64> {
+    let values = [truth, truth, command, command, truth, 1.0].map(f64::to_bits);
+    let mut timing = [0; Timing::WORDS];
+    (timing[0], timing[1], timing[4]) = (step.wrapping_mul(1000), 1, 77);
+    [&[step, 0, 0][..], &values, &timing].concat()
+}
+
+pub(crate) fn taken(step: u64) -> Event {
+    Event::Fault(FaultTaken {
+        id: 1,
+        effect: 0,
+        step,
+        kind: "bias".into(),
+        target: "measured.x_m".into(),
+        parameter: "x_m".into(),
+        canonical: "bias=0 step".into(),
+        wall_only: false,
+    })
+}
+
+/// What is in a recording, in order.
+pub(crate) enum Content {
+    Record(Vec<u64>),
+    Event(Event),
+}
+
+/// Writes a recording into a new folder and returns that. `finish`: as after a whole run.
+pub(crate) fn recorded(
+    name: &str,
+    layout: &RecordLayout,
+    contents: &[Content],
+    enclosures: Vec<Enclosure>,
+    finish: bool,
+) -> PathBuf {
+    let folder = std::env::temp_dir().join(format!("hil-{name}-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("a folder");
+    let provenance = Provenance {
+        facts: BTreeMap::from([("rate_hz".into(), "1000".into())]),
+        enclosures,
+    };
+    let path = folder.join(RECORDING);
+    let mut recording =
+        Recording::create(&path, Compression::Lz4, layout, &provenance, None).expect("created");
+    for content in contents {
+        match content {
+            Content::Record(words) => recording
+                .record(words, &layout.view(words))
+                .expect("written"),
+            Content::Event(event) => recording.event(event, None, 0).expect("written"),
+        }
+    }
+    if finish {
+        let result = BTreeMap::from([("outcome".into(), "completed".into())]);
+        recording.finish(result).expect("finished");
+    }
+    folder
+}
+
+#[test]
+fn a_recording_reads_back_as_it_was_written() {
+    let end = Event::End(RunEnd {
+        steps: 2,
+        outcome: Outcome::Completed,
+        reason: None,
+        rejected_frames: 0,
+        effects: vec![],
+        overruns: Streaks::default(),
+        missed_commands: Streaks::default(),
+    });
+    let contents = [
+        Content::Record(record(0, 0.5, 2.0)),
+        Content::Event(taken(1)),
+        Content::Record(record(1, -0.0, f64::NAN)),
+        Content::Event(end.clone()),
+    ];
+    let enclosure = Enclosure {
+        name: "scenario.toml",
+        media_type: "application/toml",
+        text: "schema = 1".into(),
+    };
+    let folder = recorded("reads", &layout(), &contents, vec![enclosure], true);
+    let mut reader = RunReader::open(&folder).expect("opens");
+    assert_eq!(reader.rate().expect("a rate").hz(), 1000.0);
+    assert_eq!(
+        reader.enclosure("scenario.toml").expect("enclosed"),
+        "schema = 1"
+    );
+    assert!(reader.enclosure("other.toml").is_err());
+    let names: Vec<&str> = reader
+        .columns()
+        .iter()
+        .map(|column| column.name.as_str())
+        .collect();
+    let signals = [
+        "truth.x_m",
+        "measured.x_m",
+        "command.u_n",
+        "applied.u_n",
+        "sensed.x_m",
+        "parameter.mass_kg",
+    ];
+    let bits = ["step", "sample_invalid[0]", "command_invalid[0]"];
+    assert_eq!(names, [&bits[..], &signals, &Timing::NAMES].concat());
+    assert_eq!(
+        (reader.columns()[4].unit.as_str(), reader.hashed_words()),
+        ("m", 7)
+    );
+    assert!(reader.advance().expect("read"));
+    assert_eq!(
+        (reader.words(), reader.events()),
+        (&record(0, 0.5, 2.0)[..], &[][..])
+    );
+    assert!(reader.advance().expect("read"));
+    assert_eq!((reader.step(), reader.events()), (1, &[taken(1)][..]));
+    assert_eq!(reader.words(), record(1, -0.0, f64::NAN));
+    assert!(!reader.advance().expect("read"));
+    assert_eq!((reader.events(), reader.records()), (&[end][..], 2));
+    assert_eq!(
+        (reader.result("outcome"), reader.is_whole()),
+        (Some("completed"), true)
+    );
+    // By the digest's definition.
+    let text = "1 bias measured.x_m x_m bias=0 step";
+    let mut hasher = blake3::Hasher::new();
+    let words = |hasher: &mut blake3::Hasher, words: &[u64]| {
+        words.iter().for_each(|word| {
+            hasher.update(&word.to_le_bytes());
+        });
+    };
+    words(&mut hasher, &record(0, 0.5, 2.0)[..7]);
+    words(&mut hasher, &[text.len() as u64]);
+    hasher.update(text.as_bytes());
+    words(&mut hasher, &record(1, -0.0, f64::NAN)[..7]);
+    assert_eq!(reader.digest(), hasher.finalize().to_hex().to_string());
+    std::fs::remove_dir_all(folder).expect("removed");
+}
+
+#[test]
+fn a_file_that_was_cut_off_is_read_as_far_as_it_goes() {
+    let contents: Vec<Content> = (0..2000)
+        .map(|step| Content::Record(record(step, step as f64, 0.0)))
+        .collect();
+    let folder = recorded("cut", &layout(), &contents, vec![], true);
+    let path = folder.join(RECORDING);
+    let bytes = std::fs::read(&path).expect("read");
+    std::fs::write(&path, &bytes[..bytes.len() / 2]).expect("written");
+    let mut reader = RunReader::open(&path).expect("opens");
+    let mut records = 0;
+    while reader.advance().expect("reads on") {
+        assert_eq!(reader.words(), record(records, records as f64, 0.0));
+        records += 1;
+    }
+    assert!(!reader.is_whole() && records < 2000, "{records}");
+    std::fs::remove_dir_all(folder).expect("removed");
+}
+
+#[test]
+fn what_is_no_recording_is_named() {
+    let folder = std::env::temp_dir().join(format!("hil-none-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("a folder");
+    let text = folder.join("text");
+    std::fs::write(&text, "not an MCAP file at all").expect("written");
+    let told = |path: &Path| RunReader::open(path).err().expect("refused").to_string();
+    assert!(told(&folder).contains("has no recording"));
+    assert!(told(&text).contains("is no recording of a run"));
+    assert!(told(&folder.join("nothing")).starts_with("cannot read"));
+    std::fs::remove_dir_all(folder).expect("removed");
+}
+
+#[test]
+fn a_recording_that_was_cut_before_its_first_record_is_called_cut() {
+    let contents = [Content::Record(record(0, 0.0, 0.0))];
+    let folder = recorded("cut-early", &layout(), &contents, vec![], true);
+    let path = folder.join(RECORDING);
+    let whole = std::fs::read(&path).expect("read");
+    let channel = whole.windows(7).position(|bytes| bytes == b"/record");
+    for length in [0, 4, 8, 60, channel.expect("a channel") - 20] {
+        std::fs::write(&path, &whole[..length]).expect("written");
+        let told = RunReader::open(&folder).err().expect("refused").to_string();
+        let expected = format!("was cut off after {length} bytes, before its first record");
+        assert!(told.contains(&expected), "{told}");
+    }
+    std::fs::remove_dir_all(folder).expect("removed");
+}
+
+#[test]
+fn steps_that_do_not_rise_or_that_no_run_has_are_damage() {
+    for (name, steps, told) in [
+        ("twice", [3, 3], "after 1 records: step 3 where step 4"),
+        ("back", [3, 2], "after 1 records: step 2 where step 4"),
+        (
+            "huge",
+            [3, u64::MAX],
+            "after 1 records: step 18446744073709551615",
+        ),
+    ] {
+        let contents = steps.map(|step| Content::Record(record(step, 0.0, 0.0)));
+        let folder = recorded(name, &layout(), &contents, vec![], true);
+        let mut reader = RunReader::open(&folder).expect("opens");
+        assert!(reader.advance().expect("the first is right"), "{name}");
+        let error = reader.advance().expect_err(name).to_string();
+        assert!(
+            error.contains("is damaged at byte ") && error.contains(told),
+            "{error}"
+        );
+        std::fs::remove_dir_all(folder).expect("removed");
+    }
+}
+
+#[test]
+fn a_schema_of_more_words_than_a_record_has_is_not_understood() {
+    let words = |count: &str| schema::columns_of(&format!("uint64 step\nuint64[{count}] x"));
+    assert_eq!(words("3").map(|columns| columns.len()), Some(4));
+    for count in ["100000", "18446744073709551615", "-1", ""] {
+        assert_eq!(words(count), None, "{count}");
+    }
+}
+
+#[test]
+fn a_schema_of_absurd_width_is_refused() {
+    for schema in [
+        "uint64 step\nuint64[99999999999] sample_invalid\n",
+        "uint64 step\nuint64[1025] sample_invalid\n",
+        "uint64 step\nuint32[2052] sample_invalid\n",
+        "uint64 step\nuint32[3] sample_invalid\n",
+        "uint64[0] step\n",
+        "",
+    ] {
+        assert!(schema::columns_of(schema).is_none(), "{schema}");
+    }
+    let widest = "uint64 step\nuint64[1024] sample_invalid\n";
+    assert_eq!(schema::columns_of(widest).map(|all| all.len()), Some(1025));
+}

@@ -1,0 +1,61 @@
+//! What is believed of a recording that tells its own end.
+
+use shared_types::layout::{SignalKind, SignalTable};
+use shared_types::pacer::Streaks;
+use shared_types::record::{RecordLayout, RunEnd};
+
+use super::*;
+use crate::programs::rig::{SCENARIO, described, plan};
+use crate::recording::reader::tests::{Content, recorded};
+use crate::recording::writer::Enclosure;
+
+/// A recording of so many records whose plant says that it completed all 1000 steps.
+fn of_records(records: u64) -> Account {
+    let [plant, controller] = described();
+    let plan = plan();
+    let reference = plan.stimuli.iter().flat_map(|stimulus| stimulus.fields());
+    let command = SignalTable::of(SignalKind::Command, &plant.plants[0].commands);
+    let layout = RecordLayout::of(&plant.plants[0], reference.collect(), &command);
+    let epoch = layout.values_start() + layout.values() + 1;
+    let mut contents: Vec<Content> = (0..records)
+        .map(|step| {
+            let mut words = vec![0; layout.words()];
+            (words[0], words[epoch]) = (step, 1);
+            Content::Record(words)
+        })
+        .collect();
+    contents.push(Content::Event(Event::End(RunEnd {
+        steps: 1000,
+        outcome: Outcome::Completed,
+        reason: None,
+        rejected_frames: 0,
+        effects: vec![],
+        overruns: Streaks::default(),
+        missed_commands: Streaks::default(),
+    })));
+    let json = |description| serde_json::to_string(description).expect("JSON");
+    let enclosures = [
+        ("scenario.toml", SCENARIO.to_owned()),
+        ("plant-description.json", json(&plant)),
+        ("controller-description.json", json(&controller)),
+    ]
+    .map(|(name, text)| Enclosure {
+        name,
+        media_type: "text/plain",
+        text,
+    });
+    let name = format!("account-{records}");
+    let folder = recorded(&name, &layout, &contents, enclosures.into(), true);
+    let account = Account::of(&folder, None).expect("a recording");
+    std::fs::remove_dir_all(folder).expect("it is there");
+    account
+}
+
+#[test]
+fn an_end_that_its_records_contradict_is_not_believed() {
+    assert_eq!(of_records(1001).outcome(None), (Outcome::Completed, None));
+    let (outcome, reason) = of_records(858).outcome(None);
+    assert_eq!(outcome, Outcome::Failed);
+    let reason = reason.expect("why");
+    assert!(reason.contains("1001 records; 858 came"), "{reason}");
+}

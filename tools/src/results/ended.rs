@@ -1,0 +1,46 @@
+//! The end of a run and the controllers that it had, as the summary tells of them.
+
+use shared_types::record::Outcome;
+
+use crate::programs::binaries::Binary;
+use crate::results::recorded::Recorded;
+
+/// How a run ended.
+pub(crate) struct Ended {
+    pub(crate) recorded: Recorded,
+    /// How it ended, with what the supervisor knows besides what the plant saw.
+    pub(crate) outcome: Outcome,
+    /// Why, if not completed.
+    pub(crate) reason: Option<String>,
+    /// The controller processes, in order.
+    pub(crate) controllers: Vec<Started>,
+}
+
+/// A controller as the summary and the recording tell of it.
+#[derive(Clone, Debug)]
+pub(crate) struct Started {
+    /// Which of the session it is, from 1.
+    pub(crate) epoch: u32,
+    pub(crate) binary: Binary,
+    pub(crate) law: String,
+    /// Values of the scenario that were changed for it.
+    pub(crate) set: Vec<String>,
+    /// How its process ended, if there is something to say about it.
+    pub(crate) fate: Option<String>,
+}
+
+impl Started {
+    /// What a recording says of it.
+    pub(crate) fn facts(&self) -> Vec<(String, String)> {
+        let name = |what: &str| format!("controller_{}_{what}", self.epoch);
+        let mut facts = vec![
+            (name("binary"), self.binary.path.display().to_string()),
+            (name("blake3"), self.binary.blake3.clone()),
+            (name("law"), self.law.clone()),
+        ];
+        if !self.set.is_empty() {
+            facts.push((name("set"), serde_json::json!(self.set).to_string()));
+        }
+        facts
+    }
+}

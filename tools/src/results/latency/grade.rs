@@ -1,0 +1,162 @@
+//! What a latency is good for, in the words and limits that LinuxCNC's users live by.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use super::legs::Legs;
+use crate::terminal::duration::shown_ns;
+
+/// Under it, delays are good.
+pub const GOOD_NS: u64 = 20_000;
+/// Under it, they are fair.
+pub const FAIR_NS: u64 = 50_000;
+/// Over it, nothing of real time can be done on this machine.
+pub const UNFIT_NS: u64 = 500_000;
+
+/// What a loop is good for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Grade {
+    /// Under 20 us.
+    Excellent,
+    /// Under 50 us.
+    Good,
+    /// Up to 500 us.
+    Usable,
+    /// Over 500 us: unfit for servo loops.
+    Unfit,
+}
+
+impl Grade {
+    /// The grade of a figure.
+    #[must_use]
+    pub const fn of(ns: u64) -> Self {
+        match ns {
+            0..GOOD_NS => Self::Excellent,
+            GOOD_NS..FAIR_NS => Self::Good,
+            FAIR_NS..=UNFIT_NS => Self::Usable,
+            _ => Self::Unfit,
+        }
+    }
+
+    /// The words for it.
+    #[must_use]
+    pub const fn words(self) -> &'static str {
+        match self {
+            Self::Excellent => "excellent",
+            Self::Good => "good",
+            Self::Usable => "usable",
+            Self::Unfit => "unfit for servo loops",
+        }
+    }
+}
+
+/// A grade and the figure that it follows from: the 99.99 % of the round trip or, if that is worse, of
+/// the release.
+///
+/// Not the maximum: that is one step, grows with the length of a run, and on a virtual machine is the
+/// hypervisor's. Not the 99 % either, behind which a hundred steps of a second at 10 kHz can hide.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Graded {
+    /// What the loop is good for.
+    pub grade: Grade,
+    /// Which leg decided.
+    pub leg: Leg,
+    /// Its 99.99 %.
+    pub p9999_ns: u64,
+}
+
+/// A leg that can decide.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Leg {
+    /// From sending a sample to having its command.
+    RoundTrip,
+    /// How late samples were sent.
+    Release,
+}
+
+impl Graded {
+    /// The grade of some steps; `None` if there were none.
+    #[must_use]
+    pub fn of(legs: &Legs) -> Option<Self> {
+        let round_trip = (Leg::RoundTrip, legs.round_trip.p9999);
+        let release = legs.release.map(|late| (Leg::Release, late.p9999));
+        let (leg, p9999_ns) = match release {
+            Some(release) if release.1 > round_trip.1 => release,
+            _ => round_trip,
+        };
+        (legs.round_trip.count > 0).then(|| Self {
+            grade: Grade::of(p9999_ns),
+            leg,
+            p9999_ns,
+        })
+    }
+}
+
+impl fmt::Display for Graded {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let leg = match self.leg {
+            Leg::RoundTrip => "round trip",
+            Leg::Release => "release",
+        };
+        let (words, figure) = (self.grade.words(), shown_ns(self.p9999_ns));
+        write!(f, "{words} (99.99 % of the {leg}: {figure})")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::results::latency::percentiles::Percentiles;
+
+    fn legs(round_trip_ns: u64, release_ns: Option<u64>) -> Legs {
+        let figures = |p9999| Percentiles {
+            p9999,
+            max: 9_000_000, // not what decides
+            count: 1,
+            ..Percentiles::default()
+        };
+        Legs {
+            round_trip: figures(round_trip_ns),
+            plant: Percentiles::default(),
+            controller: Percentiles::default(),
+            exchange: Percentiles::default(),
+            release: release_ns.map(figures),
+        }
+    }
+
+    #[test]
+    fn the_limits_are_20_50_and_500_us() {
+        for (ns, grade) in [
+            (0, Grade::Excellent),
+            (19_999, Grade::Excellent),
+            (20_000, Grade::Good),
+            (49_999, Grade::Good),
+            (50_000, Grade::Usable),
+            (500_000, Grade::Usable),
+            (500_001, Grade::Unfit),
+        ] {
+            assert_eq!(Grade::of(ns), grade, "{ns} ns");
+        }
+    }
+
+    #[test]
+    fn the_worse_of_round_trip_and_release_decides() {
+        let of = |round_trip_ns, release_ns| {
+            let graded = Graded::of(&legs(round_trip_ns, release_ns)).expect("graded");
+            (graded.grade, graded.leg)
+        };
+        assert_eq!(of(7_000, None), (Grade::Excellent, Leg::RoundTrip));
+        assert_eq!(of(7_000, Some(60_000)), (Grade::Usable, Leg::Release));
+        assert_eq!(of(30_000, Some(2_000)), (Grade::Good, Leg::RoundTrip));
+        let shown = Graded::of(&legs(600_000, None))
+            .expect("graded")
+            .to_string();
+        assert_eq!(
+            shown,
+            "unfit for servo loops (99.99 % of the round trip: 600 us)"
+        );
+    }
+}

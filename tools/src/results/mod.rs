@@ -1,0 +1,17 @@
+//! The facts of a run and what they mean: its end, its verdict, its faults, its controllers, its late commands,
+//! its latency, and the summary that tells of all. Takes records from whoever has them, the recorder or a
+//! recording; starts nothing and watches nothing.
+
+pub(crate) mod account;
+pub mod ended;
+pub mod ending;
+pub mod evaluation;
+pub mod faults;
+pub(crate) mod handover;
+pub(crate) mod late_commands;
+pub mod latency;
+pub mod recorded;
+pub mod requirements;
+pub mod resumed;
+pub mod settings;
+pub mod summary;

@@ -1,0 +1,98 @@
+//! What requirements mean for a run, and their table.
+//!
+//! Used by the summary of a run and by `hil judge`, so that both say the same. Judges nothing: that
+//! is done while records are read, by [`Evaluation`](hil_config::evaluation::Evaluation).
+
+use std::fmt::Write as _;
+
+use hil_config::monitor::Verdict;
+use hil_config::requirements::RequirementValue;
+use serde::Serialize;
+use shared_types::number::{short, unit_shown};
+
+use crate::terminal::exit::Exit;
+
+/// How a requirement came out.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Requirement {
+    pub(crate) name: String,
+    pub(crate) formula: String,
+    /// `pass`, `fail` or `undecided`.
+    pub(crate) verdict: &'static str,
+    /// The margin in the unit, negative where it fails; null if there is none.
+    pub(crate) robustness: Option<f64>,
+    pub(crate) unit: String,
+    /// The time that the margin comes from.
+    pub(crate) at_s: Option<f64>,
+    /// When the verdict was certain.
+    pub(crate) decided_at_s: Option<f64>,
+}
+
+impl From<&RequirementValue> for Requirement {
+    fn from(value: &RequirementValue) -> Self {
+        Self {
+            name: value.name.clone(),
+            formula: value.formula.clone(),
+            verdict: match value.verdict {
+                Verdict::Pass => "pass",
+                Verdict::Fail => "fail",
+                Verdict::Undecided => "undecided",
+            },
+            robustness: value.robustness.filter(|size| size.is_finite()),
+            unit: value.unit.clone(),
+            at_s: value.at_s,
+            decided_at_s: value.decided_at_s,
+        }
+    }
+}
+
+/// The verdict of a run that ended by itself: one requirement that does not hold is enough.
+pub(crate) fn verdict(requirements: &[Requirement]) -> &'static str {
+    if requirements.iter().all(|one| one.verdict == "pass") {
+        "pass"
+    } else {
+        "fail"
+    }
+}
+
+/// Its exit code.
+pub(crate) fn exit(requirements: &[Requirement]) -> Exit {
+    match verdict(requirements) {
+        "pass" => Exit::Pass,
+        _ => Exit::Failed,
+    }
+}
+
+/// Writes the table of requirements, and the formulas of those that do not hold.
+pub(crate) fn write(text: &mut String, requirements: &[Requirement]) -> std::fmt::Result {
+    let Some(width) = requirements.iter().map(|one| one.name.len()).max() else {
+        return Ok(());
+    };
+    let width = if width < 11 { 11 } else { width };
+    if !text.ends_with("\n\n") {
+        writeln!(text)?;
+    }
+    writeln!(
+        text,
+        "  {:<width$}  {:<9}  {:>11} {:<5}  {:>9}  {:>11}",
+        "requirement", "verdict", "robustness", "", "at [s]", "decided [s]"
+    )?;
+    for one in requirements {
+        let verdict = match one.verdict {
+            "fail" => "FAIL",
+            other => other,
+        };
+        let robustness = one.robustness.map_or_else(|| "-".into(), short);
+        let time = |time_s: Option<f64>| time_s.map_or_else(|| "-".into(), |s| s.to_string());
+        let (name, unit) = (&one.name, unit_shown(&one.unit));
+        let (at_s, decided_at_s) = (time(one.at_s), time(one.decided_at_s));
+        writeln!(
+            text,
+            "  {name:<width$}  {verdict:<9}  {robustness:>11} {unit:<5}  {at_s:>9}  {decided_at_s:>11}"
+        )?;
+        if one.verdict != "pass" {
+            writeln!(text, "    {}", one.formula)?;
+        }
+    }
+    writeln!(text)
+}

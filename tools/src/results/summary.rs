@@ -1,0 +1,481 @@
+//! The summary of a run: `summary.json` for machines and a table for people.
+
+mod recorded;
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::Path;
+
+use hil_config::evaluation::MetricValue;
+use hil_config::plan::{Clock, Plan, Published};
+use serde::Serialize;
+use shared_types::number::{short, unit_shown};
+use shared_types::pacer::Streaks;
+use shared_types::record::{Outcome, RunEnd};
+use shared_types::session::SessionInfo;
+use shared_types::time::Step;
+
+use crate::programs::binaries::{Binaries, Binary};
+use crate::results::ended::{Ended, Started};
+use crate::results::faults::Fault;
+use crate::results::handover::{Laws, Tenure, tenures};
+use crate::results::latency::grade::Graded;
+use crate::results::latency::legs::Legs;
+use crate::results::latency::spikes::Spike;
+use crate::results::requirements::{self, Requirement};
+use crate::results::resumed::{Made, Resumed};
+use crate::results::settings::Realtime;
+use crate::terminal::duration::shown_ns;
+
+/// Version of the summary.
+const SCHEMA: u32 = 1;
+
+/// How a run went.
+#[derive(Clone, Debug, Serialize)]
+pub struct Summary {
+    schema: u32,
+    pub(crate) scenario: String,
+    pub(crate) session: String,
+    evidence: &'static str,
+    pub(crate) verdict: &'static str,
+    pub(crate) reason: Option<String>,
+    clock: &'static str,
+    /// Null in lockstep.
+    overruns: Option<Overruns>,
+    /// Null unless the run was against the clock or repeats one that was.
+    missed_commands: Option<Missed>,
+    rate_hz: f64,
+    steps: u64,
+    sim_time_s: f64,
+    pub(crate) wall_time_s: f64,
+    pub(crate) realtime_factor: f64,
+    pub(crate) digest: Option<String>,
+    pub(crate) metrics: Vec<Metric>,
+    pub(crate) requirements: Vec<Requirement>,
+    faults: Vec<Fault>,
+    latency_ns: Legs,
+    /// The worst round trips, the longest first.
+    spikes: Vec<Spike>,
+    /// What the loop is good for; null if nothing was exchanged.
+    grade: Option<Graded>,
+    realtime: Realtime,
+    recording: Recording,
+    rejected_frames: u64,
+    controller: Program,
+    /// All controllers, if the first was lost or replaced.
+    controllers: Vec<Tenure>,
+    plant: Program,
+    seed: u64,
+    #[serde(skip)]
+    laws: Laws,
+    /// What the run went on from; null if it began at step 0.
+    resumed: Option<Resumed>,
+    /// What it can be gone on from.
+    checkpoints: Vec<Made>,
+}
+
+/// Steps that were due before the step before them was done.
+#[derive(Clone, Debug, Serialize)]
+struct Overruns {
+    policy: &'static str,
+    #[serde(flatten)]
+    steps: Missed,
+}
+
+/// Steps that something happened to.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(crate) struct Missed {
+    count: u64,
+    longest_streak: u64,
+    first_step: Option<u64>,
+}
+
+impl From<Streaks> for Missed {
+    fn from(streaks: Streaks) -> Self {
+        Self {
+            count: streaks.count,
+            longest_streak: streaks.longest,
+            first_step: streaks.first_step,
+        }
+    }
+}
+
+/// What is told of both.
+const OVERRAN: &str = "steps overran";
+const MISSED: &str = "commands missed their deadline";
+
+impl Missed {
+    /// What came too late in a run, as a person reads it.
+    pub(crate) fn of_end(end: &RunEnd) -> impl Iterator<Item = String> {
+        let counts = [(end.overruns, OVERRAN), (end.missed_commands, MISSED)];
+        (counts.into_iter()).filter_map(|(streaks, what)| Self::from(streaks).told(what))
+    }
+
+    /// As a person reads it, if there is anything to tell.
+    fn told(&self, what: &str) -> Option<String> {
+        let first_step = self.first_step?;
+        let (count, longest) = (self.count, self.longest_streak);
+        Some(format!(
+            "{count} {what}, {longest} in a row at most, the first at step {first_step}"
+        ))
+    }
+}
+
+/// A metric over a window.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Metric {
+    pub(crate) name: String,
+    pub(crate) window_s: [f64; 2],
+    /// Null if no record of the window had the value.
+    pub(crate) value: Option<f64>,
+    pub(crate) unit: String,
+    /// Records of the window that were skipped because the value did not exist.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub(crate) skipped: u64,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
+const fn is_zero(count: &u64) -> bool {
+    *count == 0
+}
+
+impl From<&MetricValue> for Metric {
+    fn from(metric: &MetricValue) -> Self {
+        Self {
+            name: metric.name.clone(),
+            window_s: metric.window_s,
+            value: metric.value.is_finite().then_some(metric.value),
+            unit: metric.unit.clone(),
+            skipped: metric.skipped,
+        }
+    }
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Recording {
+    file: Option<&'static str>,
+    records: u64,
+    /// Records that the digest covers; 0 without one.
+    digested: u64,
+    /// Records in the file: fewer if not all was to be kept, or could be.
+    kept: u64,
+    /// Why the file lacks the rest, if it could not be written.
+    cut_short: Option<String>,
+    lost: u64,
+    /// What no check sum vouched for when it was recovered; null if that is nothing.
+    unvouched: Option<String>,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Program {
+    binary: String,
+    blake3: String,
+}
+
+/// Who made a run.
+struct Origin {
+    session: String,
+    evidence: &'static str,
+    plant: Program,
+    controller: Program,
+}
+
+impl Program {
+    fn of(binary: &Binary) -> Self {
+        Self {
+            binary: binary.path.display().to_string(),
+            blake3: binary.blake3.clone(),
+        }
+    }
+}
+
+impl Summary {
+    /// The summary of an ended run.
+    #[must_use]
+    pub(crate) fn new(
+        plan: &Plan,
+        binaries: &Binaries,
+        session: &SessionInfo,
+        evidence: &'static str,
+        recorded_to: Option<&'static str>,
+        realtime: Realtime,
+        ended: &Ended,
+    ) -> Self {
+        let origin = Origin {
+            session: session.name.clone(),
+            evidence,
+            plant: Program::of(&binaries.plant),
+            controller: Program::of(&binaries.controller),
+        };
+        Self::of(plan, origin, recorded_to, realtime, ended)
+    }
+
+    fn of(
+        plan: &Plan,
+        origin: Origin,
+        recorded_to: Option<&'static str>,
+        realtime: Realtime,
+        ended: &Ended,
+    ) -> Self {
+        let recorded = &ended.recorded;
+        let end = recorded.end.as_ref();
+        // A plant may say that there were more than a run can have.
+        let steps = (end
+            .map(|end| end.steps)
+            .filter(|steps| *steps <= plan.run.steps))
+        .unwrap_or(recorded.records);
+        let facts = ended.controllers.iter().flat_map(Started::facts);
+        let first = ("controller_blake3".into(), origin.controller.blake3.clone());
+        let facts: BTreeMap<String, String> = facts.chain([first]).collect();
+        let sim_time_s = plan.run.rate.seconds(Step(steps));
+        let past_s = plan.run.rate.seconds(Step(recorded.past_records));
+        let wall_time_s = recorded.wall_time_s;
+        let requirements: Vec<Requirement> = (recorded.requirements.iter())
+            .map(Requirement::from)
+            .collect();
+        Self {
+            schema: SCHEMA,
+            scenario: plan.name.clone(),
+            session: origin.session,
+            evidence: origin.evidence,
+            verdict: match ended.outcome {
+                Outcome::Completed if recorded.error.is_none() => {
+                    requirements::verdict(&requirements)
+                }
+                _ => "aborted",
+            },
+            reason: ended.reason.clone(),
+            clock: plan.run.clock.name(),
+            overruns: (end.filter(|_| plan.run.clock != Clock::Lockstep)).map(|end| Overruns {
+                policy: plan.run.overrun.name(),
+                steps: end.overruns.into(),
+            }),
+            missed_commands: end
+                .filter(|end| plan.run.clock == Clock::Realtime || end.missed_commands.count > 0)
+                .map(|end| end.missed_commands.into()),
+            rate_hz: plan.run.rate.hz(),
+            steps,
+            sim_time_s,
+            wall_time_s,
+            realtime_factor: if wall_time_s > 0.0 {
+                (sim_time_s - past_s) / wall_time_s
+            } else {
+                0.0
+            },
+            digest: recorded.digest.clone(),
+            metrics: recorded.metrics.iter().map(Metric::from).collect(),
+            requirements,
+            faults: recorded.faults.faults(&plan.faults, plan.run.rate),
+            latency_ns: recorded.latency.legs,
+            spikes: recorded.latency.spikes.clone(),
+            grade: recorded.latency.grade,
+            realtime,
+            recording: Recording {
+                file: recorded_to,
+                records: recorded.records,
+                digested: (recorded.digest.as_ref()).map_or(0, |_| recorded.records),
+                kept: recorded.written,
+                cut_short: recorded.cut_short.clone(),
+                lost: recorded.lost,
+                unvouched: None,
+            },
+            rejected_frames: end.map_or(0, |end| end.rejected_frames),
+            controller: origin.controller,
+            controllers: tenures(&ended.controllers, &recorded.changes, plan.run.rate),
+            plant: origin.plant,
+            seed: plan.run.seed,
+            laws: Laws::of(&plan.controller.law, &recorded.changes, |name| {
+                facts.get(name).cloned()
+            }),
+            resumed: None,
+            checkpoints: Vec::new(),
+        }
+    }
+
+    /// The same of a run that went on from a checkpoint, or that can be gone on from.
+    #[must_use]
+    pub(crate) fn with_checkpoints(self, resumed: Option<Resumed>, made: Vec<Made>) -> Self {
+        Self {
+            resumed,
+            checkpoints: made,
+            ..self
+        }
+    }
+
+    /// The summary as a person reads it.
+    #[must_use]
+    pub fn table(&self, plan: &Plan, run_dir: &Path) -> String {
+        let mut text = String::new();
+        // Writing to a string cannot fail.
+        let _ = self.write_table(&mut text, plan, run_dir);
+        text
+    }
+
+    fn write_table(&self, text: &mut String, plan: &Plan, run_dir: &Path) -> std::fmt::Result {
+        let (law, model) = (self.laws.told(plan.run.rate), &plan.plant.model);
+        writeln!(
+            text,
+            "{}: {}  ({law} on {model}, {})",
+            self.scenario, self.verdict, self.clock
+        )?;
+        if let Some(reason) = &self.reason {
+            writeln!(text, "  {reason}")?;
+        }
+        writeln!(
+            text,
+            "  {} steps, {} s in {:.2} s, {:.1}x real time",
+            self.steps, self.sim_time_s, self.wall_time_s, self.realtime_factor
+        )?;
+        if let Some(resumed) = &self.resumed {
+            writeln!(text, "  {}", resumed.told())?;
+        }
+        let overruns = self.overruns.as_ref();
+        let overran = overruns.and_then(|overruns| overruns.steps.told(OVERRAN));
+        let missed = (self.missed_commands.as_ref()).and_then(|missed| missed.told(MISSED));
+        for told in overran.iter().chain(&missed) {
+            writeln!(text, "  {told}")?;
+        }
+        for controller in &self.controllers {
+            writeln!(text, "  {}", controller.told())?;
+        }
+        for fault in &self.faults {
+            writeln!(text, "  {}", fault.told())?;
+        }
+        write_metrics(text, &self.metrics, plan, &self.laws, self.steps)?;
+        requirements::write(text, &self.requirements)?;
+        self.write_latency(text)?;
+        writeln!(text, "  {}", self.realtime.told())?;
+        let Recording {
+            file,
+            records,
+            digested,
+            kept,
+            cut_short,
+            lost,
+            ..
+        } = &self.recording;
+        match (&self.digest, cut_short) {
+            (Some(digest), None) => writeln!(text, "  digest {digest}")?,
+            (Some(digest), Some(_)) => writeln!(
+                text,
+                "  digest {digest} of {digested} records, of which the file has {kept}"
+            )?,
+            (None, _) => {}
+        }
+        let lost = if *lost > 0 {
+            format!(", {lost} LOST")
+        } else {
+            String::new()
+        };
+        for checkpoint in &self.checkpoints {
+            writeln!(text, "  {}", checkpoint.told(run_dir))?;
+        }
+        let run_dir = run_dir.display();
+        match file {
+            Some(file) if kept < records => writeln!(
+                text,
+                "  {kept} of {records} records{lost} in {run_dir}/{file}"
+            ),
+            Some(file) => writeln!(text, "  {records} records{lost} in {run_dir}/{file}"),
+            None => writeln!(
+                text,
+                "  {records} records{lost}, not kept; summary in {run_dir}"
+            ),
+        }
+    }
+
+    /// Two lines: how long steps took, and the worst with its cause.
+    fn write_latency(&self, text: &mut String) -> std::fmt::Result {
+        let (Some(graded), trip) = (&self.grade, &self.latency_ns.round_trip) else {
+            return Ok(());
+        };
+        let [p50, p99, p9999, max] = [trip.p50, trip.p99, trip.p9999, trip.max].map(shown_ns);
+        let grade = graded.grade.words();
+        writeln!(
+            text,
+            "  round trip {p50} p50, {p99} p99, {p9999} p99.99, {max} max: {grade}"
+        )?;
+        match self.spikes.first() {
+            Some(worst) => writeln!(text, "  worst: {}", worst.told()),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The table of metrics after so many steps, with what others published beside it.
+pub(crate) fn write_metrics(
+    text: &mut String,
+    metrics: &[Metric],
+    plan: &Plan,
+    laws: &Laws,
+    steps: u64,
+) -> std::fmt::Result {
+    if metrics.is_empty() || steps == 0 {
+        return Ok(());
+    }
+    let width = metrics.iter().map(|metric| metric.name.len()).max();
+    let width = width.unwrap_or(0);
+    let published: Vec<_> = (metrics.iter())
+        .map(|metric| of_law(plan, laws, metric))
+        .collect();
+    let any = published.iter().any(Option::is_some);
+    let column = if any { "  published" } else { "" };
+    writeln!(
+        text,
+        "\n  {:<width$}  {:>10}  {:>11}{column}",
+        "metric", "window [s]", "value"
+    )?;
+    let mut notes = Vec::new();
+    for (metric, published) in metrics.iter().zip(published) {
+        let [start_s, end_s] = metric.window_s;
+        let window = format!("{start_s} to {end_s}");
+        let name = &metric.name;
+        let (value, unit) = match metric.value {
+            Some(value) => (short(value), unit_shown(&metric.unit)),
+            None => ("-".into(), ""),
+        };
+        write!(text, "  {name:<width$}  {window:>10}  {value:>11} {unit}")?;
+        if let Some((published, note)) = published {
+            let gap = 4_usize.saturating_sub(unit.len());
+            write!(
+                text,
+                "{:gap$}{:>11} ({})",
+                "",
+                short(published.value),
+                published.source
+            )?;
+            notes.extend(note);
+        }
+        writeln!(text)?;
+    }
+    if steps < plan.run.steps {
+        writeln!(
+            text,
+            "  the run ended early: windows beyond its end are not complete"
+        )?;
+    }
+    notes.dedup();
+    for note in notes {
+        writeln!(text, "  note: {note}")?;
+    }
+    writeln!(text)
+}
+
+/// The published value of a metric's window for the law that answered it, and the note to it.
+pub(crate) fn of_law<'a>(
+    plan: &'a Plan,
+    laws: &Laws,
+    metric: &Metric,
+) -> Option<(&'a Published, &'a Option<String>)> {
+    let law = laws.during(metric.window_s, plan.run.rate)?;
+    let planned = plan
+        .metrics
+        .iter()
+        .find(|planned| planned.name == metric.name)?;
+    let is_it =
+        |published: &&Published| published.law == law && published.window_s == metric.window_s;
+    Some((
+        planned.published.iter().find(is_it)?,
+        &planned.published_note,
+    ))
+}

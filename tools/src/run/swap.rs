@@ -1,0 +1,323 @@
+//! Another controller takes over while the run goes on.
+//!
+//! Answers `hil controller swap`. The `hil` that runs the session listens on a socket of its own in the session's folder: it alone
+//! starts processes. It checks the new controller against the scenario as at the start, starts it, and
+//! answers once the plant has taken it, or has not.
+
+use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::Duration;
+
+use controller_process::job::Job;
+use hil_config::plan::{ControllerPlan, Plan};
+use hil_config::scenario::{Advice, Scenario};
+use serde::{Deserialize, Serialize};
+use shared_types::describe::LawDescription;
+use shared_types::live::{self, Listening, Refusal};
+use shared_types::session::SessionInfo;
+use toml_edit::{DocumentMut, Item, TableLike};
+
+use crate::programs::binaries::{Binaries, Binary};
+use crate::programs::scenario::{self, kept};
+use crate::terminal::exit::Failure;
+use crate::terminal::interruption::Interruption;
+
+/// Name of the socket in the session's folder.
+pub(crate) const SOCKET: &str = "hil";
+/// How much longer than the wait limit an answer may take: the binary describes itself, checks its
+/// job and starts.
+const BESIDES: Duration = Duration::from_secs(25);
+
+/// What is asked.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct Request {
+    /// The binary; the one in office if `None`.
+    pub(crate) binary: Option<PathBuf>,
+    /// Values of the scenario's `[controller]` to change.
+    pub(crate) set: Vec<String>,
+}
+
+/// What is answered.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(tag = "response", rename_all = "kebab-case")]
+pub(crate) enum Response {
+    /// It took over.
+    Swapped(Swapped),
+    /// No; the run goes on with the one that it had.
+    Refused {
+        /// Why.
+        reason: String,
+    },
+}
+
+/// A controller that took over.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct Swapped {
+    /// Which of the session it is.
+    pub(crate) epoch: u32,
+    /// The first step that it answers.
+    pub(crate) step: u64,
+    pub(crate) law: String,
+    pub(crate) binary: PathBuf,
+    /// Keys of the running scenario that do not hold for it, as none of its laws has them.
+    pub(crate) left_out: Vec<String>,
+}
+
+/// A controller that is checked and waits to be started.
+pub(crate) struct Wanted {
+    pub(crate) binary: Binary,
+    pub(crate) law: Law,
+    /// Values of the scenario that are changed for it.
+    pub(crate) set: Vec<String>,
+    /// Keys of the scenario that none of its laws has.
+    pub(crate) left_out: Vec<String>,
+    pub(crate) answer: Sender<Result<Swapped, String>>,
+}
+
+/// A controller's part of the scenario.
+pub(crate) struct Law(ControllerPlan);
+
+impl Law {
+    /// The job of the one in office, for this law.
+    pub(crate) fn onto(self, job: Job) -> Job {
+        let plan = self.0;
+        Job {
+            law: plan.law,
+            parameters: plan.parameters,
+            model: plan.model,
+            rate_divisor: plan.rate_divisor,
+            command_delay_steps: plan.command_delay_steps,
+            ..job
+        }
+    }
+}
+
+/// What a new controller is checked against.
+pub(crate) struct Ground {
+    pub(crate) plan: Plan,
+    pub(crate) binaries: Binaries,
+    pub(crate) job: Job,
+    pub(crate) saves: bool,
+    pub(crate) interruption: Interruption,
+    pub(crate) wait_limit_s: f64,
+}
+
+/// Controllers that are wanted, as long as it is kept.
+pub(crate) struct Door {
+    pub(crate) wanted: Receiver<Wanted>,
+    _listening: Listening,
+}
+
+/// Listens from now on; what passed every check comes out.
+///
+/// # Errors
+/// If the socket cannot be made.
+pub(crate) fn listen(session: &SessionInfo, ground: Ground) -> Result<Door, Failure> {
+    let (sender, wanted) = channel();
+    let theirs = session.clone();
+    let listening = live::listen(session, SOCKET, move |client| {
+        // A client that went away needs no answer.
+        let _ = live::answer(client, |request: Result<Request, Refusal>| {
+            let swapped = request
+                .map_err(|refusal| refusal.message)
+                .and_then(|request| ground.swap(&theirs, &request, &sender));
+            match swapped {
+                Ok(swapped) => Response::Swapped(swapped),
+                Err(reason) => Response::Refused { reason },
+            }
+        });
+    });
+    Ok(Door {
+        wanted,
+        _listening: listening.map_err(Failure::infrastructure)?,
+    })
+}
+
+impl Ground {
+    fn swap(
+        &self,
+        session: &SessionInfo,
+        request: &Request,
+        wanted: &Sender<Wanted>,
+    ) -> Result<Swapped, String> {
+        if self.saves {
+            return Err(
+                "this run makes checkpoints, or went on from one: its controller stays".into(),
+            );
+        }
+        let told = |failure: Failure| failure.to_string().trim_start_matches("error: ").to_owned();
+        let binary = match &request.binary {
+            Some(path) => Binary::asked_for(path, "--bin", &self.interruption).map_err(told)?,
+            None => {
+                let first = &self.binaries.controller;
+                let binary = Binary::asked_for(&first.path, "--bin", &self.interruption);
+                let mut binary = binary.map_err(told)?;
+                binary.by = first.by.clone();
+                if binary.blake3 != first.blake3 {
+                    let (path, now, then) = (first.path.display(), &binary.blake3, &first.blake3);
+                    return Err(format!(
+                        "{path} has changed since the run began: it has hash {now}, the run began with {then}; --bin {path} takes it as it is now"
+                    ));
+                }
+                binary
+            }
+        };
+        let (law, left_out) = self.law(&binary, &request.set).map_err(told)?;
+        // Beside the job of the one in office, which may not have read it yet.
+        let job = Law(law.clone()).onto(self.job.clone());
+        session
+            .write_file("swap.json", &job)
+            .map_err(|error| error.to_string())?;
+        let checked = binary.check(&session.folder.join("swap.json"), &self.interruption);
+        checked.map_err(told)?;
+        let (answer, answered) = channel();
+        let law = Law(law);
+        let ended = |_| "the run has ended".to_owned();
+        wanted
+            .send(Wanted {
+                binary,
+                law,
+                set: request.set.clone(),
+                left_out,
+                answer,
+            })
+            .map_err(|_| "the run has ended".to_owned())?;
+        if self.wait_limit_s.is_finite() {
+            let limit = Duration::from_secs_f64(self.wait_limit_s).saturating_add(BESIDES);
+            match answered.recv_timeout(limit) {
+                Ok(answer) => answer,
+                Err(_) => Err("the run has ended, or did not take the controller in time".into()),
+            }
+        } else {
+            answered.recv().map_err(ended)?
+        }
+    }
+
+    /// The controller's part of the scenario as it is for this binary, and the keys of it that none of
+    /// its laws has.
+    fn law(
+        &self,
+        binary: &Binary,
+        set: &[String],
+    ) -> Result<(ControllerPlan, Vec<String>), Failure> {
+        if let Some(other) = set.iter().find(|set| !set.starts_with("controller.")) {
+            return Err(Failure::usage(format!(
+                "--set {other}: a swap changes keys that begin with `controller.`"
+            )));
+        }
+        let effective = scenario::show(&self.plan, &self.binaries)?;
+        let mut document = kept(&effective).map_err(Failure::infrastructure)?;
+        let left_out = leave_out(&mut document, &binary.description.laws);
+        let text = document.to_string();
+        let advice = Advice {
+            law: binary.advice_on_laws("--bin PATH"),
+            ..Advice::default()
+        };
+        let plant = &self.binaries.plant.description;
+        let scenario = Scenario::parse(&text, "the running scenario");
+        let scenario = scenario.map(|scenario| scenario.set(set).advise(advice));
+        let laws = &binary.description.laws;
+        let plan = scenario
+            .and_then(|scenario| scenario.check(&plant.plants, laws, &plant.faults))
+            .map_err(|problems| Failure::Usage(problems.to_string()))?;
+        Ok((plan.controller, left_out))
+    }
+}
+
+/// Takes the keys out of a scenario that none of these laws has, and gives their names.
+fn leave_out(scenario: &mut DocumentMut, laws: &[LawDescription]) -> Vec<String> {
+    let mut gone = Vec::new();
+    let Some(controller) = scenario
+        .get_mut("controller")
+        .and_then(Item::as_table_like_mut)
+    else {
+        return gone;
+    };
+    let tables = controller.iter().filter(|(_, item)| item.is_table_like());
+    let tables: Vec<String> = tables.map(|(name, _)| name.to_owned()).collect();
+    for name in tables {
+        let path = format!("controller.{name}");
+        let of_law = laws.iter().filter(|law| law.name == name);
+        let known: Vec<&str> = match name.as_str() {
+            "model" => laws.iter().flat_map(|law| &law.model).collect::<Vec<_>>(),
+            _ => of_law.clone().flat_map(|law| &law.parameters).collect(),
+        }
+        .into_iter()
+        .map(|field| field.name.as_str())
+        .collect();
+        if name != "model" && of_law.count() == 0 {
+            controller.remove(&name);
+            gone.push(path);
+        } else if let Some(table) = controller.get_mut(&name).and_then(Item::as_table_like_mut) {
+            prune(table, &path, "", &known, &mut gone);
+        }
+    }
+    gone
+}
+
+/// Takes the values out of a table whose names are not known; `below` is where it is from `path` on.
+fn prune(
+    table: &mut dyn TableLike,
+    path: &str,
+    below: &str,
+    known: &[&str],
+    gone: &mut Vec<String>,
+) {
+    let keys: Vec<String> = table.iter().map(|(key, _)| key.to_owned()).collect();
+    for key in keys {
+        let name = format!("{below}{key}");
+        match table.get_mut(&key).and_then(Item::as_table_like_mut) {
+            Some(inner) => {
+                prune(inner, path, &format!("{name}."), known, gone);
+                if inner.is_empty() {
+                    table.remove(&key);
+                }
+            }
+            None if known.contains(&name.as_str()) => {}
+            None => {
+                table.remove(&key);
+                gone.push(format!("{path}.{name}"));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_that_no_law_has_are_left_out_and_no_others() {
+        let mut laws = controller_process::laws::all();
+        laws.retain(|law| law.description.name == "pid");
+        let mut laws: Vec<LawDescription> = laws.into_iter().map(|law| law.description).collect();
+        let known = laws[0].parameters[0].name.clone();
+        let unit = laws[0].parameters[0].clone();
+        for law in &mut laws {
+            law.model = vec![shared_types::table::Field {
+                name: "rod.mass_kg".into(),
+                ..unit.clone()
+            }];
+        }
+        let text = format!(
+            "[run]\nduration_s = 1.0\n[controller]\nlaw = \"pid\"\nprogram = \"/a\"\nrate_hz = 10.0\n\
+             [controller.pid]\n{known} = 1.0\nolder = 2.0\nown.older = 3.0\n\
+             [controller.lqr]\ngain = 1.0\n[controller.model]\nrod.mass_kg = 1.0\nrod.length_m = 2.0\n"
+        );
+        let mut scenario: DocumentMut = text.parse().expect("TOML");
+        let gone = leave_out(&mut scenario, &laws);
+        let wanted = [
+            "controller.pid.older",
+            "controller.pid.own.older",
+            "controller.lqr",
+            "controller.model.rod.length_m",
+        ];
+        assert_eq!(gone, wanted);
+        let kept = format!(
+            "[run]\nduration_s = 1.0\n[controller]\nlaw = \"pid\"\nprogram = \"/a\"\nrate_hz = 10.0\n\
+             [controller.pid]\n{known} = 1.0\n[controller.model]\nrod.mass_kg = 1.0\n"
+        );
+        assert_eq!(scenario.to_string(), kept);
+        assert_eq!(leave_out(&mut scenario, &laws), [""; 0]);
+    }
+}

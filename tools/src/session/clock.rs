@@ -1,0 +1,66 @@
+//! `hil pause`, `hil resume` and `hil step`: the clock of a running session.
+
+use shared_types::live::{Request, Response, Status};
+
+use crate::arguments::SessionChoice;
+use crate::session::live;
+use crate::terminal::exit::{Exit, Failure};
+use crate::terminal::output;
+
+/// Sends a request that is answered with where the run is, and tells that.
+///
+/// # Errors
+/// If there is no session to ask, or it does not answer.
+pub fn clock(choice: &SessionChoice, request: &Request) -> Result<Exit, Failure> {
+    let answer = live::find(choice).and_then(|session| match live::ask(&session, request)? {
+        Response::Status(status) => Ok(status),
+        other => Err(live::unexpected(&other)),
+    });
+    let status = answer.map_err(|unmet| unmet.tell(choice.json))?;
+    output::write(&if choice.json {
+        live::to_json(&Response::Status(status))?
+    } else {
+        format!("{}\n", told(&status))
+    })?;
+    Ok(Exit::Pass)
+}
+
+/// Where a run is, as a person reads it.
+#[must_use]
+pub fn told(status: &Status) -> String {
+    let Status {
+        step,
+        time_s,
+        steps,
+        paused,
+    } = status;
+    let state = if *paused {
+        "paused before"
+    } else {
+        "running at"
+    };
+    format!("{state} step {step} of {steps} ({time_s} s)")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_status_says_whether_the_run_is_held() {
+        let status = |paused| Status {
+            step: 70_000,
+            time_s: 7.0,
+            steps: 200_000,
+            paused,
+        };
+        assert_eq!(
+            told(&status(true)),
+            "paused before step 70000 of 200000 (7 s)"
+        );
+        assert_eq!(
+            told(&status(false)),
+            "running at step 70000 of 200000 (7 s)"
+        );
+    }
+}

@@ -1,0 +1,382 @@
+//! A fault from the command line as the `[[faults]]` text that a scenario would have.
+//!
+//! Made from what was typed and from what is possible, so that keys may be shortened and values be
+//! given in order. Judges names and numbers of values only: whether the fault is right is for the
+//! checks of scenarios, which the plant runs.
+
+mod text;
+
+use shared_types::describe::{
+    ActsOn, FaultDescription, FaultKindDescription, ListDescription, ProfileDescription,
+};
+use shared_types::live::{Possible, Refusal};
+use shared_types::number::counted;
+use shared_types::table::{Field, nearest};
+
+use crate::arguments::inject::{InjectArguments, nearest_options};
+use crate::terminal::names::listed;
+use text::{float, head, profile, rows, string, values};
+
+/// A kind of fault as the command line needs it.
+struct Kind<'a> {
+    name: &'a str,
+    target: TargetKey<'a>,
+    fields: Vec<&'a Field>,
+    list: Option<&'a ListDescription>,
+}
+
+/// How an effect of a kind says what it acts on.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum TargetKey<'a> {
+    /// By the number of a part of the plant, `actuator = 1`.
+    Selector(&'a str),
+    /// By name, `target = "link.sample"`; with the only target of the kind, if it has but one.
+    Name(Option<&'static str>),
+    /// Not at all: it is the plant.
+    Plant,
+}
+
+/// What a key of the command line means.
+#[derive(Clone, Copy)]
+enum Key<'a> {
+    Selector,
+    Field(&'a Field),
+    List(&'a ListDescription),
+}
+
+/// What was typed, sorted by what it means.
+#[derive(Default)]
+struct Sorted<'a> {
+    targets: Vec<String>,
+    /// One value, or one for each target.
+    values: Vec<(&'a Field, Vec<String>)>,
+    list: Option<(&'a ListDescription, String)>,
+}
+
+/// The fault that was asked for, as the text of a scenario.
+///
+/// # Errors
+/// Everything that is not understood.
+pub fn toml(arguments: &InjectArguments, possible: &Possible) -> Result<String, Vec<Refusal>> {
+    let kind = Kind::find(arguments.kind.as_deref().unwrap_or_default(), possible)?;
+    let sorted = kind.sort(arguments)?;
+    let mut refusals = Vec::new();
+    let profile = profile(arguments).unwrap_or_else(|refusal| {
+        refusals.push(refusal);
+        None
+    });
+    let count = sorted.targets.len();
+    let mut check_count = |name: &str, given: usize| {
+        if given != 1 && given != count {
+            let values = if count == 1 {
+                "1 value".into()
+            } else {
+                format!("1 value for all, or {count}")
+            };
+            let targets = if count == 1 { "target" } else { "targets" };
+            refusals.push(Refusal {
+                key: name.into(),
+                message: format!(
+                    "`{name}` has {} for {count} {targets}",
+                    counted(given as u64, "value")
+                ),
+                expected: Some(values),
+                nearest: Vec::new(),
+            });
+        }
+    };
+    for (field, values) in &sorted.values {
+        check_count(&field.name, values.len());
+    }
+    if !arguments.skew.is_empty() {
+        check_count("skew", arguments.skew.len());
+    }
+    if !refusals.is_empty() {
+        return Err(refusals);
+    }
+    let mut text = head(kind.name, arguments);
+    for (index, target) in sorted.targets.iter().enumerate() {
+        text += "[[faults.effects]]\n";
+        match kind.target {
+            TargetKey::Selector(selector) => text += &format!("{selector} = {target}\n"),
+            TargetKey::Plant => {}
+            TargetKey::Name(_) => text += &format!("target = {}\n", string(target)),
+        }
+        for (field, values) in &sorted.values {
+            text += &format!("{} = {}\n", field.name, values[index % values.len()]);
+        }
+        if let Some((list, rows)) = &sorted.list {
+            text += &format!("{} = {rows}\n", list.key);
+        }
+        if let Some(profile) = &profile {
+            text += &format!("profile = {profile}\n");
+        }
+        if !arguments.skew.is_empty() {
+            let skew_s = arguments.skew[index % arguments.skew.len()];
+            text += &format!("skew_s = {}\n", float(skew_s));
+        }
+    }
+    Ok(text)
+}
+
+impl<'a> Kind<'a> {
+    fn find(name: &str, possible: &'a Possible) -> Result<Self, Vec<Refusal>> {
+        let own = possible.plant.faults.iter().map(Self::of_plant);
+        let shared = possible.kinds.iter().map(Self::shared);
+        let mut kinds: Vec<Self> = own.chain(shared).collect();
+        if let Some(place) = kinds.iter().position(|kind| kind.name == name) {
+            return Ok(kinds.swap_remove(place));
+        }
+        let names = kinds.iter().map(|kind| kind.name);
+        Err(vec![Refusal {
+            key: "kind".into(),
+            message: format!("plant `{}` has no fault `{name}`", possible.plant.name),
+            expected: Some("a kind that `hil inject --list` shows".into()),
+            nearest: nearest(name, names).into_iter().map(Into::into).collect(),
+        }])
+    }
+
+    fn of_plant(described: &'a FaultDescription) -> Self {
+        let mut fields: Vec<&Field> = described.sizes.iter().collect();
+        if let ProfileDescription::Exponential { speed } = &described.profile {
+            fields.push(speed);
+        }
+        Self {
+            name: &described.kind,
+            target: match &described.selector {
+                Some(selector) => TargetKey::Selector(selector),
+                None => TargetKey::Plant,
+            },
+            fields,
+            list: None,
+        }
+    }
+
+    fn shared(described: &'a FaultKindDescription) -> Self {
+        let only = (described.acts_on == ActsOn::Controller).then_some("controller");
+        Self {
+            name: &described.kind,
+            target: TargetKey::Name(only),
+            fields: described.parameters.iter().collect(),
+            list: described.list.as_ref(),
+        }
+    }
+
+    /// Tells keys, targets and values apart.
+    fn sort(&self, arguments: &InjectArguments) -> Result<Sorted<'a>, Vec<Refusal>> {
+        let mut refusals = Vec::new();
+        let mut sorted = Sorted::default();
+        let mut words = arguments.words.iter().peekable();
+        for (given, value) in &arguments.parameter {
+            let taken = match self.key(given) {
+                Ok(Key::Selector) if sorted.targets.is_empty() => {
+                    self.targets(value).map(|targets| sorted.targets = targets)
+                }
+                Ok(Key::Field(field))
+                    if sorted
+                        .values
+                        .iter()
+                        .all(|(other, _)| other.name != field.name) =>
+                {
+                    values(field, value).map(|values| sorted.values.push((field, values)))
+                }
+                Ok(Key::List(list)) if sorted.list.is_none() => {
+                    rows(list, value).map(|rows| sorted.list = Some((list, rows)))
+                }
+                Ok(_) => Err(Refusal {
+                    key: given.clone(),
+                    ..Refusal::new(format!("`--{given}` is given twice"))
+                }),
+                Err(refusal) => Err(refusal),
+            };
+            refusals.extend(taken.err());
+        }
+        if sorted.targets.is_empty() {
+            // The only target of a kind need not be said.
+            let only = match self.target {
+                TargetKey::Name(only) => only,
+                TargetKey::Plant => Some("plant"),
+                TargetKey::Selector(_) => None,
+            };
+            let word = match only {
+                Some(only) => words
+                    .next_if(|word| *word == only)
+                    .map_or(only, String::as_str),
+                None => words.next().map_or("", String::as_str),
+            };
+            match self.targets(word) {
+                Ok(targets) => sorted.targets = targets,
+                Err(refusal) => refusals.push(refusal),
+            }
+        }
+        let words: Vec<&String> = words.collect();
+        if let Some(other) = words.first()
+            && self.is_other_target(other)
+        {
+            let kind = self.name;
+            refusals.push(Refusal {
+                key: "target".into(),
+                message: format!("`{kind}` does not act on `{other}`"),
+                expected: Some(match self.target {
+                    TargetKey::Name(Some(only)) => {
+                        format!("`{only}`, or no target: it is the only one")
+                    }
+                    _ => "no target: it acts on the plant".into(),
+                }),
+                nearest: Vec::new(),
+            });
+            return Err(refusals);
+        }
+        let is_open = |field: &&&'a Field| {
+            sorted
+                .values
+                .iter()
+                .all(|(given, _)| given.name != field.name)
+        };
+        let open: Vec<&'a Field> = self.fields.iter().filter(is_open).copied().collect();
+        if words.len() > open.len() {
+            let names: Vec<&str> = open.iter().map(|field| field.name.as_str()).collect();
+            let (given, name) = (words.len(), self.name);
+            refusals.push(Refusal {
+                key: String::new(),
+                message: format!(
+                    "`{name}` has {} left to give, not {given}: {}",
+                    counted(open.len() as u64, "value"),
+                    listed(&words)
+                ),
+                expected: Some(if names.is_empty() {
+                    "no further value".into()
+                } else {
+                    format!("values for {}", listed(&names))
+                }),
+                nearest: Vec::new(),
+            });
+        }
+        for (field, word) in open.into_iter().zip(words) {
+            match values(field, word) {
+                Ok(values) => sorted.values.push((field, values)),
+                Err(refusal) => refusals.push(refusal),
+            }
+        }
+        let place = |field: &Field| {
+            self.fields
+                .iter()
+                .position(|known| known.name == field.name)
+        };
+        sorted.values.sort_by_key(|(field, _)| place(field));
+        if refusals.is_empty() {
+            Ok(sorted)
+        } else {
+            Err(refusals)
+        }
+    }
+
+    /// Whether a word that stands where the values begin is a target, of which the kind has but one.
+    fn is_other_target(&self, word: &str) -> bool {
+        let has_one = matches!(self.target, TargetKey::Name(Some(_)) | TargetKey::Plant);
+        let names = ["plant", "controller"];
+        let groups = ["measured.", "reference.", "command.", "parameter.", "link."];
+        has_one && (names.contains(&word) || groups.iter().any(|group| word.starts_with(group)))
+    }
+
+    /// The key that is meant: its name, or its first words if no other key begins so.
+    fn key(&self, given: &str) -> Result<Key<'a>, Refusal> {
+        let mut keys: Vec<(&str, Key<'a>)> = Vec::new();
+        if let TargetKey::Selector(selector) = self.target {
+            keys.push((selector, Key::Selector));
+        }
+        keys.extend(
+            self.fields
+                .iter()
+                .map(|field| (field.name.as_str(), Key::Field(field))),
+        );
+        keys.extend(self.list.map(|list| (list.key.as_str(), Key::List(list))));
+        if let Some((_, key)) = keys.iter().find(|(name, _)| *name == given) {
+            return Ok(*key);
+        }
+        let begins = |name: &str| {
+            name.strip_prefix(given)
+                .is_some_and(|rest| rest.starts_with('_'))
+        };
+        let meant: Vec<_> = keys.iter().filter(|(name, _)| begins(name)).collect();
+        if let [(_, key)] = meant[..] {
+            return Ok(*key);
+        }
+        let names = |keys: &[&(&str, Key<'_>)]| {
+            keys.iter()
+                .map(|(name, _)| (*name).to_owned())
+                .collect::<Vec<_>>()
+        };
+        let kind = self.name;
+        Err(if meant.is_empty() {
+            let all = names(&keys.iter().collect::<Vec<_>>());
+            let option = nearest_options(given).into_iter().next();
+            // An option is meant if none of the keys is closer.
+            let option = option.filter(|option| {
+                let option = option["--".len()..].replace('-', "_");
+                let names = all.iter().map(String::as_str).chain([option.as_str()]);
+                nearest(given, names).first() == Some(&option.as_str())
+            });
+            let near = nearest(given, all.iter().map(String::as_str));
+            let near = near.into_iter().map(Into::into);
+            Refusal {
+                key: given.into(),
+                message: format!("`{kind}` has no key `{given}`, and hil no option `--{given}`"),
+                expected: Some(if all.is_empty() {
+                    "no key".into()
+                } else {
+                    format!("one of {}", listed(&all))
+                }),
+                nearest: option.into_iter().chain(near).collect(),
+            }
+        } else {
+            Refusal {
+                key: given.into(),
+                message: format!("`--{given}` may be more than one key of `{kind}`"),
+                expected: Some(format!("one of {}", listed(&names(&meant)))),
+                nearest: Vec::new(),
+            }
+        })
+    }
+
+    /// The targets in a word; of a kind with a selector, `1` and `actuator1` mean the same.
+    fn targets(&self, word: &str) -> Result<Vec<String>, Refusal> {
+        let kind = self.name;
+        let targets = word.split(',').map(str::trim);
+        let TargetKey::Selector(selector) = self.target else {
+            let targets: Vec<String> = targets.map(Into::into).collect();
+            return if targets.iter().any(String::is_empty) {
+                Err(Refusal {
+                    key: "target".into(),
+                    message: format!("`{kind}` needs a target"),
+                    expected: Some(format!(
+                        "a target that `hil inject --list --kind {kind}` shows"
+                    )),
+                    nearest: Vec::new(),
+                })
+            } else {
+                Ok(targets)
+            };
+        };
+        let number = |target: &str| {
+            let number = target.strip_prefix(selector).unwrap_or(target);
+            number.parse::<u32>().ok().map(|number| number.to_string())
+        };
+        targets
+            .map(number)
+            .collect::<Option<_>>()
+            .ok_or_else(|| Refusal {
+                key: selector.into(),
+                message: if word.is_empty() {
+                    format!("`{kind}` needs `--{selector}`")
+                } else {
+                    format!("`{word}` is no {selector}")
+                },
+                expected: Some(format!("numbers, for example `--{selector} 1,2`")),
+                nearest: Vec::new(),
+            })
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests;

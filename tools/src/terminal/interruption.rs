@@ -1,0 +1,123 @@
+//! Ctrl-C and its like: the end of a command that leaves nothing behind, and else a flag to look at; and
+//! the one signal after which nothing can go on.
+//!
+//! A command that has begun nothing ends at once. One that starts processes or writes files listens
+//! before that and looks at the flag where it waits; the parts of it that only compute, which may take
+//! long and look at nothing, are done with [`Interruption::at_once`].
+
+use std::io::{self, ErrorKind, PipeWriter, Read, Write};
+use std::os::fd::OwnedFd;
+use std::os::unix::net::UnixStream;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, LazyLock};
+
+use rustix::fs::{OFlags, fcntl_setfl};
+use shared_types::session;
+use signal_hook::consts::{SIGBUS, SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
+use signal_hook::low_level::pipe;
+
+use crate::terminal::exit::{Exit, Failure};
+use crate::terminal::output;
+
+/// Whether a signal ends the process at once.
+static AT_ONCE: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
+
+/// Makes Ctrl-C the end of this process, with its exit code, until a command listens.
+///
+/// # Errors
+/// If the signal cannot be listened to.
+pub fn end_at_once() -> Result<(), Failure> {
+    AT_ONCE.store(true, Ordering::SeqCst);
+    end_on(SIGINT)
+}
+
+fn end_on(signal: i32) -> Result<(), Failure> {
+    let (status, condition) = (Exit::Interrupted as i32, Arc::clone(&AT_ONCE));
+    signal_hook::flag::register_conditional_shutdown(signal, status, condition)
+        .map_err(Failure::infrastructure)?;
+    Ok(())
+}
+
+/// Whether the user wants the command to end.
+#[derive(Clone, Debug, Default)]
+pub struct Interruption(Arc<AtomicBool>);
+
+impl Interruption {
+    /// Listens to the signals from now on.
+    ///
+    /// # Errors
+    /// If they cannot be listened to.
+    pub fn listen() -> Result<Self, Failure> {
+        let flag = Arc::new(AtomicBool::new(false));
+        for signal in [SIGINT, SIGTERM, SIGHUP] {
+            end_on(signal)?;
+            signal_hook::flag::register(signal, Arc::clone(&flag))
+                .map_err(Failure::infrastructure)?;
+        }
+        // A file that may grow no more is an error to whoever writes it, not the end of the process.
+        signal_hook::flag::register(SIGXFSZ, Arc::default()).map_err(Failure::infrastructure)?;
+        end_without_shared_memory().map_err(Failure::infrastructure)?;
+        AT_ONCE.store(false, Ordering::SeqCst);
+        Ok(Self(flag))
+    }
+
+    /// Whether a signal came.
+    #[must_use]
+    pub fn came(&self) -> bool {
+        self.0.load(Ordering::Acquire)
+    }
+
+    /// Does work that looks at no flag, waits for nobody and leaves nothing behind wherever it stops:
+    /// a signal ends the process at once.
+    ///
+    /// # Errors
+    /// If a signal came before.
+    pub fn at_once<T>(&self, work: impl FnOnce() -> T) -> Result<T, Failure> {
+        AT_ONCE.store(true, Ordering::SeqCst);
+        // One that came until then has set the flag, any later one ends the process.
+        let done = (!self.came()).then(work);
+        AT_ONCE.store(false, Ordering::SeqCst);
+        done.ok_or(Failure::Interrupted)
+    }
+}
+
+/// Ends the process in order when memory that it shares is taken away under it: it says so, ends what it
+/// started and removes its sessions.
+fn end_without_shared_memory() -> io::Result<()> {
+    let (mut heard, told) = UnixStream::pair()?;
+    pipe::register(SIGBUS, told)?;
+    // The thread that met the hole would meet it again at once, and die of it with the process: the
+    // standard library's own handler has put the default back by then. A full pipe holds it.
+    let (held_open, full) = io::pipe()?;
+    let blocking = full.try_clone()?;
+    pipe::register(SIGBUS, OwnedFd::from(full))?;
+    fill(&blocking)?;
+    fcntl_setfl(&blocking, OFlags::empty())?;
+    std::thread::spawn(move || {
+        if heard.read_exact(&mut [0]).is_err() {
+            return;
+        }
+        output::tell(
+            "error: shared memory that is in use cannot be read or written any more (SIGBUS): a file of the session in /dev/shm was cut short, or /dev/shm is full. `hil recover` makes a whole recording of what was written",
+        );
+        session::abandon();
+        // Not before: without a reader the pipe holds nobody.
+        let _held_open = held_open;
+        std::process::exit(Exit::Infrastructure as i32);
+    });
+    Ok(())
+}
+
+/// Fills a pipe that does not block.
+fn fill(mut pipe: &PipeWriter) -> io::Result<()> {
+    for size in [4096, 1] {
+        loop {
+            match pipe.write(&[0; 4096][..size]) {
+                Ok(_) => {}
+                Err(error) if error.kind() == ErrorKind::WouldBlock => break,
+                Err(error) => return Err(error),
+            }
+        }
+    }
+    Ok(())
+}

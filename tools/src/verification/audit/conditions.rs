@@ -1,0 +1,165 @@
+//! What must not matter to a run: the conditions of an audit, made for a plan and this machine.
+
+use std::num::NonZero;
+
+use hil_config::live_faults::{FaultContext, check_faults};
+use hil_config::plan::{Clock, Plan};
+use rustix::thread::{CpuSet, sched_getaffinity};
+use shared_types::time::Step;
+
+use crate::programs::binaries::Binaries;
+
+/// The delays of a repetition add up to about so many times what the run took, at least to
+/// [`DELAYS_S`].
+const DELAYS: f64 = 1.0;
+const DELAYS_S: f64 = 0.2;
+/// Longest delay of a side in one step, in us.
+const LONGEST_DELAY_US: f64 = 200.0;
+/// A repetition at another speed takes so many times as long.
+const SLOWER: f64 = 2.0;
+
+/// The scenario under a condition.
+pub(super) struct Condition {
+    /// What it is, for people.
+    pub(super) told: String,
+    /// Why this machine or plant cannot have it.
+    pub(super) skipped: Option<String>,
+    pub(super) plan: Plan,
+    /// Whether the cores are busy meanwhile.
+    pub(super) noise: bool,
+}
+
+/// The conditions of an audit.
+pub(super) struct Conditions(Vec<Condition>);
+
+impl Conditions {
+    /// For a plan that took so long in s.
+    pub(super) fn new(plan: &Plan, binaries: &Binaries, wall_time_s: f64) -> Self {
+        let condition = |told: &str, change: &dyn Fn(&mut Plan)| {
+            let mut plan = plan.clone();
+            change(&mut plan);
+            Condition {
+                told: told.into(),
+                skipped: None,
+                plan,
+                noise: false,
+            }
+        };
+        let mut all = vec![condition("the same again", &|_| {})];
+        all.push(match plan.run.clock {
+            Clock::Paced { .. } => condition("as fast as both sides can", &|plan| {
+                plan.run.clock = Clock::Lockstep;
+            }),
+            Clock::Lockstep | Clock::Realtime => {
+                let factor = pace(plan, wall_time_s);
+                let told = format!("paced at {factor:.1} times real time");
+                condition(&told, &|plan| plan.run.clock = Clock::Paced { factor })
+            }
+        });
+        let cores = cores();
+        let on = |plant: u32, controller: u32| {
+            move |plan: &mut Plan| {
+                plan.realtime.plant_core = Some(plant);
+                plan.realtime.controller_core = Some(controller);
+                plan.realtime.recorder_core = None;
+            }
+        };
+        all.push(condition(
+            "both processes on one core",
+            &on(cores[0], cores[0]),
+        ));
+        let last = *cores.last().unwrap_or(&cores[0]);
+        let mut apart = condition("each process on a core of its own", &on(last, cores[0]));
+        if cores.len() < 2 {
+            apart.skipped = Some("there is one core only".into());
+        }
+        all.push(apart);
+        all.push(Condition {
+            noise: true,
+            ..condition("busy cores", &|_| {})
+        });
+        all.push(delayed(plan, binaries, wall_time_s));
+        Self(all)
+    }
+
+    pub(super) fn all(&self) -> &[Condition] {
+        &self.0
+    }
+}
+
+/// A pace that makes the sides wait for the clock.
+fn pace(plan: &Plan, wall_time_s: f64) -> f64 {
+    let duration_s = plan.run.rate.seconds(Step(plan.run.steps));
+    let shortest_s = 1e-3;
+    let took_s = if wall_time_s > shortest_s {
+        wall_time_s
+    } else {
+        shortest_s
+    };
+    duration_s / (SLOWER * took_s)
+}
+
+/// Both sides take their time at random, which costs time and must change nothing else.
+fn delayed(plan: &Plan, binaries: &Binaries, wall_time_s: f64) -> Condition {
+    let total_s = if DELAYS * wall_time_s > DELAYS_S {
+        DELAYS * wall_time_s
+    } else {
+        DELAYS_S
+    };
+    // Two sides, on average half of it each.
+    let spread_us = 1e6 * total_s / plan.run.steps as f64;
+    let spread_us = spread_us.clamp(0.1, LONGEST_DELAY_US);
+    let effect = |target: &str| {
+        format!("[[faults.effects]]\ntarget = \"{target}\"\nspread_us = {spread_us:?}\n")
+    };
+    let text = format!(
+        "[[faults]]\nkind = \"late\"\nat_s = 0.0\n{}{}",
+        effect("plant"),
+        effect("controller")
+    );
+    let mut condition = Condition {
+        told: format!("both sides late by up to {spread_us:.1} us at random"),
+        skipped: None,
+        plan: plan.clone(),
+        noise: false,
+    };
+    let (plants, laws, kinds) = binaries.described();
+    let plant = plants.iter().find(|plant| plant.name == plan.plant.model);
+    let law = laws.iter().find(|law| law.name == plan.controller.law);
+    let (Some(plant), Some(law)) = (plant, law) else {
+        condition.skipped = Some("the binaries do not describe themselves".into());
+        return condition;
+    };
+    let faults = check_faults(
+        &text,
+        &FaultContext {
+            plant,
+            kinds,
+            parameters: &plan.plant.parameters,
+            stimuli: &plan.stimuli,
+            internals: &law.internals,
+            derived: &[],
+            rate: plan.run.rate,
+            steps: plan.run.steps,
+            names: &[],
+            first_id: 1 + plan.faults.iter().map(|fault| fault.id).max().unwrap_or(0),
+        },
+    );
+    match faults {
+        Ok(faults) => condition.plan.faults.extend(faults),
+        Err(_) => condition.skipped = Some("the plant's binary has no fault `late`".into()),
+    }
+    condition
+}
+
+/// The cores that this process may use; at least one.
+fn cores() -> Vec<u32> {
+    let some = |count: usize| (0..count as u32).collect();
+    match sched_getaffinity(None) {
+        Ok(allowed) => (0..CpuSet::MAX_CPU)
+            .filter(|&core| allowed.is_set(core))
+            .map(|core| core as u32)
+            .collect(),
+        Err(_) => some(std::thread::available_parallelism().map_or(1, NonZero::get)),
+    }
+}

@@ -1,0 +1,336 @@
+//! Two recordings side by side, a step at a time.
+
+use std::path::Path;
+
+use serde_json::Value;
+use shared_types::record::Event;
+use shared_types::time::{Rate, Step};
+
+use super::{
+    CompareError, Comparison, Deviation, Difference, GONE, RECORD, Side, SignalDifference, Verdict,
+    number,
+};
+use crate::arguments::tolerance::Tolerances;
+use crate::recording::reader::{Column, RunReader};
+use crate::terminal::names::near;
+
+/// A comparison going on.
+pub(super) struct Work {
+    rate: Rate,
+    /// Whether signals were named; then nothing else counts.
+    is_selected: bool,
+    columns: Vec<Pair>,
+    /// The columns in the order in which a step makes them: what differs first has a cause there.
+    causal: Vec<usize>,
+    only_in_a: Vec<String>,
+    only_in_b: Vec<String>,
+    first: Option<Difference>,
+    /// Whether one of them is only an excerpt: what is not in both says nothing.
+    is_excerpt: bool,
+    /// Anything but the size of a signal differs.
+    is_other: bool,
+    lengths_differ: bool,
+}
+
+/// What a run has at a step.
+#[derive(Default)]
+pub(super) struct Row {
+    words: Vec<u64>,
+    faults: String,
+}
+
+impl Row {
+    pub(super) fn take(&mut self, reader: &RunReader) {
+        self.words.clear();
+        self.words.extend(reader.words());
+        self.faults = faults(reader);
+    }
+}
+
+/// Where a word comes in a step: the sample, what the controller makes of it, what the plant makes of
+/// that, the truth that this meets, and what follows from these.
+fn rank(column: &str) -> usize {
+    let order = [
+        "sample_invalid",
+        "measured.",
+        "reference.",
+        "command_invalid",
+        "command.",
+        "internal.",
+        "applied.",
+        "truth.",
+    ];
+    let place = order.iter().position(|prefix| column.starts_with(prefix));
+    place.unwrap_or(order.len())
+}
+
+/// Whether a word comes of what the controller answers to a sample, or may: an acceleration that is true
+/// has the command in it.
+fn is_answer(column: &str) -> bool {
+    [
+        "command_invalid",
+        "command.",
+        "applied.",
+        "internal.",
+        "truth.",
+    ]
+    .iter()
+    .any(|prefix| column.starts_with(prefix))
+}
+
+/// A word that both have.
+struct Pair {
+    column: Column,
+    a: usize,
+    b: usize,
+    deviation: Deviation,
+}
+
+impl Work {
+    pub(super) fn new(
+        a: &RunReader,
+        b: &RunReader,
+        rate: Rate,
+        signals: &[String],
+        tolerances: &Tolerances,
+    ) -> Result<Self, CompareError> {
+        let is_selected = !signals.is_empty();
+        let is_excerpt = a.is_excerpt() || b.is_excerpt();
+        let place = |reader: &RunReader, name: &str| {
+            reader
+                .columns()
+                .iter()
+                .position(|column| column.name == name)
+        };
+        let only = |one: &RunReader, other: &RunReader| -> Vec<String> {
+            let own = one.columns().iter().filter(|column| column.is_signal());
+            let own = own.filter(|column| place(other, &column.name).is_none());
+            own.map(|column| column.name.clone()).collect()
+        };
+        for name in signals {
+            for reader in [a, b] {
+                let known = reader.columns().iter().filter(|column| column.is_signal());
+                let known: Vec<&str> = known.map(|column| column.name.as_str()).collect();
+                if !known.contains(&name.as_str()) {
+                    let path = reader.path().display();
+                    let near = near(name, known);
+                    return Err(CompareError::NotComparable(format!(
+                        "{path} has no signal `{name}`{near}"
+                    )));
+                }
+            }
+        }
+        let pairs = a
+            .columns()
+            .iter()
+            .enumerate()
+            .filter_map(|(index, column)| {
+                let in_b = place(b, &column.name)?;
+                // Clocks are never the same; what is left out of the digest is looked at if asked for.
+                let counts = if is_selected {
+                    signals.contains(&column.name)
+                } else {
+                    // Bits of validity are numbered by what an excerpt keeps.
+                    index < a.hashed_words() && (column.is_signal() || !is_excerpt)
+                };
+                counts.then(|| Pair {
+                    a: index,
+                    b: in_b,
+                    deviation: Deviation::new(tolerances.of(&column.name)),
+                    column: column.clone(),
+                })
+            });
+        let columns: Vec<Pair> = pairs.collect();
+        if !columns.iter().any(|pair| pair.column.is_signal()) {
+            return Err(CompareError::NotComparable(
+                "the runs have no signal in common".into(),
+            ));
+        }
+        let names = columns.iter().map(|pair| pair.column.name.as_str());
+        (tolerances.check(names)).map_err(CompareError::NotComparable)?;
+        let (only_in_a, only_in_b) = if is_selected || is_excerpt {
+            Default::default()
+        } else {
+            (only(a, b), only(b, a))
+        };
+        let mut causal: Vec<usize> = (0..columns.len()).collect();
+        causal.sort_by_key(|&index| rank(&columns[index].column.name));
+        Ok(Self {
+            rate,
+            is_selected,
+            is_excerpt,
+            causal,
+            columns,
+            is_other: !only_in_a.is_empty() || !only_in_b.is_empty(),
+            lengths_differ: false,
+            only_in_a,
+            only_in_b,
+            first: None,
+        })
+    }
+
+    /// Whether one of the runs has no command at a step, as after the last one that it was to have.
+    fn lacks_command(&self, a: &Row, b: &Row) -> bool {
+        let commands =
+            || (self.columns.iter()).filter(|pair| pair.column.name.starts_with("command."));
+        let is_nan = |word: u64| f64::from_bits(word).is_nan();
+        commands().all(|pair| is_nan(a.words[pair.a]))
+            || commands().all(|pair| is_nan(b.words[pair.b]))
+    }
+
+    /// Compares a step. At the last of a run that is shorter than the other and has no command there,
+    /// nothing that the controller answers.
+    pub(super) fn step(
+        &mut self,
+        (a, b): (&Row, &Row),
+        columns: &[Column],
+        is_last_of_one: bool,
+    ) -> Result<(), CompareError> {
+        let (step, step_b) = (a.words[0], b.words[0]);
+        if step != step_b {
+            let what = format!(
+                "records are missing: step {step} of one comes with step {step_b} of the other"
+            );
+            return Err(CompareError::NotComparable(what));
+        }
+        if !self.is_selected && !self.is_excerpt && a.faults != b.faults {
+            self.is_other = true;
+            let (a, b) = (a.faults.as_str(), b.faults.as_str());
+            self.note(step, "faults".into(), a.into(), b.into());
+        }
+        let lacks_answer = is_last_of_one && self.lacks_command(a, b);
+        for place in 0..self.causal.len() {
+            let pair = &mut self.columns[self.causal[place]];
+            if lacks_answer && is_answer(&pair.column.name) {
+                continue;
+            }
+            let (word_a, word_b) = (a.words[pair.a], b.words[pair.b]);
+            let is_signal = pair.column.is_signal();
+            if is_signal {
+                let (a, b) = (f64::from_bits(word_a), f64::from_bits(word_b));
+                pair.deviation.take(step, a, b);
+            }
+            if word_a == word_b {
+                continue;
+            }
+            if is_signal {
+                let name = pair.column.name.clone();
+                self.note(
+                    step,
+                    name,
+                    number(f64::from_bits(word_a)),
+                    number(f64::from_bits(word_b)),
+                );
+            } else {
+                self.is_other = true;
+                let (name, bit) = validity(&pair.column.name, word_a ^ word_b, columns);
+                let told = |word: u64| {
+                    if word >> bit & 1 == 0 {
+                        "valid"
+                    } else {
+                        "invalid"
+                    }
+                };
+                self.note(step, name, told(word_a).into(), told(word_b).into());
+            }
+        }
+        Ok(())
+    }
+
+    /// One has a record more than the other.
+    pub(super) fn ended(&mut self, longer: &RunReader, is_a: bool) {
+        self.is_other = true;
+        self.lengths_differ = true;
+        let (there, not) = (Value::from("there"), Value::from(GONE));
+        let (a, b) = if is_a { (there, not) } else { (not, there) };
+        self.note(longer.step(), RECORD.into(), a, b);
+    }
+
+    fn note(&mut self, step: u64, signal: String, a: Value, b: Value) {
+        if self.first.is_none() {
+            let time_s = self.rate.seconds(Step(step));
+            self.first = Some(Difference {
+                step,
+                time_s,
+                signal,
+                a,
+                b,
+            });
+        }
+    }
+
+    pub(super) fn finish(self, a: &RunReader, b: &RunReader, names: (&Path, &Path)) -> Comparison {
+        let side = |reader: &RunReader, run: &Path| Side {
+            run: run.display().to_string(),
+            records: reader.records(),
+            digest: reader.digest(),
+            whole: reader.is_whole(),
+            unvouched: reader.unvouched().map(|unvouched| unvouched.told),
+        };
+        let is_near = |pair: &Pair| pair.deviation.is_within();
+        let are_near = self.columns.iter().all(is_near);
+        let differing = self.columns.iter().filter(|pair| pair.deviation.is_any());
+        let signals: Vec<SignalDifference> = differing.map(Pair::difference).collect();
+        let verdict = if self.first.is_none() && !self.is_other {
+            Verdict::Same
+        } else if !self.is_other && are_near {
+            Verdict::WithinTolerance
+        } else {
+            Verdict::Different
+        };
+        Comparison {
+            verdict,
+            a: side(a, names.0),
+            b: side(b, names.1),
+            lengths_differ: self.lengths_differ,
+            only_in_a: self.only_in_a,
+            only_in_b: self.only_in_b,
+            first_difference: self.first,
+            signals,
+        }
+    }
+}
+
+impl Pair {
+    fn difference(&self) -> SignalDifference {
+        let Column { name, unit } = &self.column;
+        self.deviation.of(name, unit)
+    }
+}
+
+/// The fault events of the digest in front of a record, as text.
+fn faults(reader: &RunReader) -> String {
+    let taken = reader.events().iter().filter_map(|event| match event {
+        Event::Fault(taken) if !taken.wall_only => Some(format!(
+            "{} {} {} {}",
+            taken.kind, taken.target, taken.parameter, taken.canonical
+        )),
+        _ => None,
+    });
+    let taken: Vec<String> = taken.collect();
+    if taken.is_empty() {
+        "none".into()
+    } else {
+        taken.join("; ")
+    }
+}
+
+/// Whose validity the lowest of these bits is, and the bit.
+fn validity(column: &str, bits: u64, columns: &[Column]) -> (String, u32) {
+    let bit = bits.trailing_zeros();
+    let word = column.split_once('[').and_then(|(name, index)| {
+        let index: usize = index.trim_end_matches(']').parse().ok()?;
+        Some((name, index))
+    });
+    let groups: &[&str] = match word {
+        Some(("sample_invalid", _)) => &["measured.", "reference."],
+        Some(("command_invalid", _)) => &["command.", "internal."],
+        _ => &[],
+    };
+    let number = word.map_or(0, |(_, index)| 64 * index) + bit as usize;
+    let mut of_groups = columns
+        .iter()
+        .filter(|column| groups.iter().any(|group| column.name.starts_with(group)));
+    let name = of_groups.nth(number).map_or(column, |column| &column.name);
+    (format!("validity of {name}"), bit)
+}

@@ -1,0 +1,131 @@
+//! `hil judge`: metrics and requirements of a recorded run, by its own scenario or by another.
+//!
+//! Feeds the recorded rows to the same evaluation that the recorder fed while the run went on, so its
+//! own requirements come out to the last bit as they did then. Runs nothing: what a scenario is
+//! checked against travels in the recording.
+
+use std::path::Path;
+
+use hil_config::plan::Plan;
+use serde::Serialize;
+use shared_types::record::Outcome;
+
+use crate::arguments::recordings::JudgeArguments;
+use crate::recording::reader::ReadError;
+use crate::results::account::Account;
+use crate::results::handover::Laws;
+use crate::results::requirements::{self, Requirement};
+use crate::results::summary::{Metric, write_metrics};
+use crate::terminal::exit::{Exit, Failure};
+use crate::terminal::output;
+
+/// What came of a recorded run.
+#[derive(Clone, Debug, Serialize)]
+pub struct Judgement {
+    run: String,
+    scenario: String,
+    /// `aborted` if the run did not end by itself.
+    verdict: &'static str,
+    /// How the run ended, in one word; null if its recording broke off.
+    outcome: Option<String>,
+    /// Why, if it did not end by itself; null if nobody tells.
+    reason: Option<String>,
+    records: u64,
+    metrics: Vec<Metric>,
+    requirements: Vec<Requirement>,
+    #[serde(skip)]
+    laws: Laws,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// If the run cannot be read, or the scenario does not fit it.
+pub fn judge(arguments: &JudgeArguments) -> Result<Exit, Failure> {
+    let (judgement, plan) = judged(&arguments.run, arguments.requirements.as_deref())?;
+    output::write(&if arguments.json {
+        let json = serde_json::to_string_pretty(&judgement).map_err(Failure::infrastructure)?;
+        json + "\n"
+    } else {
+        judgement.told(&plan)
+    })?;
+    Ok(match judgement.verdict {
+        "pass" => Exit::Pass,
+        _ => Exit::Failed,
+    })
+}
+
+/// Judges a run by its own scenario or by another; also the plan that it was judged by.
+///
+/// # Errors
+/// If the run cannot be read, or the scenario does not fit it.
+pub fn judged(run: &Path, by: Option<&Path>) -> Result<(Judgement, Plan), Failure> {
+    let refused = |error: ReadError| Failure::usage(error);
+    let account = Account::of(run, by).map_err(refused)?;
+    account.reader.refuse_excerpt().map_err(refused)?;
+    let (outcome, reason) = account.outcome(None);
+    let Account {
+        reader,
+        recorded,
+        damage,
+        plan,
+        ..
+    } = account;
+    let plan = plan?;
+    if let Some(damage) = damage {
+        return Err(refused(damage));
+    }
+    if let Some(torn) = reader.caveat() {
+        tell!("note: {torn}");
+    }
+    // A plant that died told no end; who ended its recording did.
+    let is_over = recorded.end.is_some() || reader.result("outcome").is_some();
+    let requirements: Vec<Requirement> = (recorded.requirements.iter())
+        .map(Requirement::from)
+        .collect();
+    let verdict = match outcome {
+        Outcome::Completed => requirements::verdict(&requirements),
+        _ => "aborted",
+    };
+    let judgement = Judgement {
+        run: run.display().to_string(),
+        scenario: plan.name.clone(),
+        verdict,
+        outcome: is_over.then(|| format!("{outcome:?}").to_lowercase()),
+        reason,
+        records: reader.records(),
+        metrics: recorded.metrics.iter().map(Metric::from).collect(),
+        requirements,
+        laws: Laws::of(&plan.controller.law, &recorded.changes, |name| {
+            reader.fact(name).map(Into::into)
+        }),
+    };
+    Ok((judgement, plan))
+}
+
+impl Judgement {
+    /// The judgement as a person reads it.
+    fn told(&self, plan: &Plan) -> String {
+        let mut text = String::new();
+        // Writing to a string cannot fail.
+        let _ = self.write(&mut text, plan);
+        text
+    }
+
+    fn write(&self, text: &mut String, plan: &Plan) -> std::fmt::Result {
+        use std::fmt::Write as _;
+        let (scenario, verdict, run) = (&self.scenario, self.verdict, &self.run);
+        writeln!(text, "{scenario}: {verdict}  ({run}, recorded)")?;
+        match self.outcome.as_deref() {
+            Some("completed") => {}
+            Some(outcome) => writeln!(text, "  the run has {outcome}: no verdict can be pass")?,
+            None => writeln!(text, "  the run was cut off: no verdict can be pass")?,
+        }
+        if let Some(reason) = &self.reason {
+            writeln!(text, "  {reason}")?;
+        }
+        let steps = self.records.saturating_sub(1);
+        write_metrics(text, &self.metrics, plan, &self.laws, steps)?;
+        requirements::write(text, &self.requirements)
+    }
+}

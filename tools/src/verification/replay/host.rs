@@ -1,0 +1,363 @@
+//! The plant's side of a replay: the protocol and the link of a run, with recorded samples.
+//!
+//! Like the plant's engine it never blocks on the controller: [`Host::poll`] does what can be done now
+//! and says what it waits for. The controller cannot tell it from a plant.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use shared_types::clock::monotonic_ns;
+use shared_types::frame::{FrameKind, Header};
+use shared_types::hello::{Control, Offer, Welcome};
+use shared_types::link::{FrameSpec, Link, LinkError};
+use shared_types::lockstep::{Abort, AbortCode, PlantAction, PlantEvent, PlantSide, Standing};
+use shared_types::supervision::Supervision;
+use shared_types::time::Step;
+use shared_types::wait::Waiter;
+
+use super::comparison::Comparison;
+use super::original::Original;
+use super::tape::{Batch, Batches};
+use crate::arguments::tolerance::Tolerances;
+
+/// What the host waits for, if it does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Progress {
+    /// It did something that got the replay on; poll again, and any wait begins anew.
+    Busy,
+    /// The controller's next message or frame.
+    Controller,
+    /// Nothing; the replay is over.
+    Over,
+}
+
+/// How a replay ended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum End {
+    /// With the last step of the run, confirmed by the controller.
+    Completed,
+    /// With the last record, before the last step of the run.
+    Short,
+    /// The controller is not one for this run.
+    Refused(String),
+    /// Otherwise.
+    Aborted(Abort),
+}
+
+/// What a replay gave.
+pub(super) struct Replayed {
+    pub(super) end: End,
+    /// `None` if no controller was welcomed.
+    pub(super) comparison: Option<Comparison>,
+    /// From the first sample to the end, in s.
+    pub(super) wall_time_s: f64,
+}
+
+/// One replay.
+pub(super) struct Host<L> {
+    link: L,
+    side: PlantSide,
+    session: u64,
+    original: Arc<Original>,
+    tolerances: Tolerances,
+    batches: Batches,
+    batch: Option<Batch>,
+    /// The row of the batch that is in work.
+    index: usize,
+    /// What the controller sent last, and the answer that was taken last.
+    received: Vec<f64>,
+    answer: (Header, Vec<f64>),
+    comparison: Option<Comparison>,
+    /// Samples answered, for who watches.
+    answered: Arc<AtomicU64>,
+    began_ns: u64,
+    end: Option<End>,
+}
+
+impl<L: Link> Host<L> {
+    pub(super) fn new(
+        link: L,
+        session: u64,
+        original: Arc<Original>,
+        tolerances: Tolerances,
+        batches: Batches,
+        answered: Arc<AtomicU64>,
+    ) -> Self {
+        Self {
+            link,
+            side: PlantSide::new(original.plan.run.steps),
+            session,
+            original,
+            tolerances,
+            batches,
+            batch: None,
+            index: 0,
+            received: Vec::new(),
+            answer: (Header::new(FrameKind::Command, Step(0)), Vec::new()),
+            comparison: None,
+            answered,
+            began_ns: 0,
+            end: None,
+        }
+    }
+
+    /// Does what can be done now.
+    ///
+    /// # Errors
+    /// If the link failed.
+    pub(super) fn poll(&mut self) -> Result<Progress, LinkError> {
+        if self.side.is_over() {
+            Ok(Progress::Over)
+        } else if self.side.is_greeting() {
+            self.greet()
+        } else if let Some(step) = self.side.unreleased() {
+            self.send(step)
+        } else {
+            self.collect()
+        }
+    }
+
+    /// What the wait limit, a death or a request to stop means now.
+    ///
+    /// # Errors
+    /// If the link failed.
+    pub(super) fn interrupt(&mut self, event: &PlantEvent<'_>) -> Result<(), LinkError> {
+        match self.side.on(event) {
+            PlantAction::Abort(abort) => {
+                let code = abort.code();
+                self.give_up(code, End::Aborted(abort))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// What came of it.
+    pub(super) fn finish(self) -> Replayed {
+        let wall_ns = match self.began_ns {
+            0 => 0,
+            began_ns => monotonic_ns() - began_ns,
+        };
+        let stopped = || End::Aborted(Abort::Stopped { at: self.side.at() });
+        Replayed {
+            end: self.end.unwrap_or_else(stopped),
+            comparison: self.comparison,
+            wall_time_s: wall_ns as f64 / 1e9,
+        }
+    }
+
+    fn greet(&mut self) -> Result<Progress, LinkError> {
+        let Some(bytes) = self.link.receive_control()? else {
+            return Ok(Progress::Controller);
+        };
+        let original = Arc::clone(&self.original);
+        let offer = original.offer(self.session);
+        let before = self.side.standing();
+        let action = match Control::from_bytes(&bytes) {
+            Ok(Control::Hello(hello)) => self.side.on(&PlantEvent::Hello(&hello, &offer)),
+            Ok(Control::Ready { epoch }) => self.side.on(&PlantEvent::Ready(epoch)),
+            Ok(Control::Welcome(_) | Control::Refusal { .. }) | Err(_) => PlantAction::Ignore,
+        };
+        match action {
+            PlantAction::Welcome(welcome) => self.welcome(*welcome)?,
+            PlantAction::Refuse(reason) => self.refuse(reason)?,
+            _ => {}
+        }
+        Ok(self.since(before))
+    }
+
+    /// Busy if anything that came got the replay on; else what was awaited still is.
+    fn since(&self, before: Standing) -> Progress {
+        if self.side.standing() == before {
+            Progress::Controller
+        } else {
+            Progress::Busy
+        }
+    }
+
+    fn welcome(&mut self, welcome: Welcome) -> Result<(), LinkError> {
+        let original = &self.original;
+        let compared = Comparison::new(
+            &original.places.answer,
+            &welcome.command,
+            &self.tolerances,
+            welcome.sample.len(),
+            original.plan.run.rate,
+        );
+        match compared {
+            Ok(comparison) => self.comparison = Some(comparison),
+            Err(reason) => {
+                self.side.on(&PlantEvent::Stop);
+                return self.refuse(reason);
+            }
+        }
+        self.link.open_frames(&FrameSpec {
+            seal: welcome.seal(),
+            outgoing: welcome.sample.len(),
+            incoming: welcome.command.len(),
+        })?;
+        self.received = vec![0.0; welcome.command.len()];
+        self.answer.1.clone_from(&self.received);
+        self.link
+            .send_control(&Control::Welcome(Box::new(welcome)).to_bytes())
+    }
+
+    fn refuse(&mut self, reason: String) -> Result<(), LinkError> {
+        let refusal = Control::Refusal {
+            reason: reason.clone(),
+        };
+        self.end = Some(End::Refused(reason));
+        self.link.send_control(&refusal.to_bytes())
+    }
+
+    /// Sends the sample of a step, or the end.
+    fn send(&mut self, step: Step) -> Result<Progress, LinkError> {
+        if step.0 < self.original.plan.run.steps && !self.has_row() {
+            self.side.on(&PlantEvent::Stop);
+            self.give_up(AbortCode::Stopped, End::Short)?;
+            return Ok(Progress::Over);
+        }
+        match self.side.on(&PlantEvent::Release) {
+            PlantAction::SendSample(step) => {
+                let Some(batch) = &self.batch else {
+                    return Ok(Progress::Over);
+                };
+                let row = batch.row(self.index);
+                let header = Header {
+                    time_ns: self.original.plan.run.rate.nanoseconds(step),
+                    directive: row.head.directive.to_wire(),
+                    age_steps: row.head.age_steps,
+                    held_steps: row.head.held_steps,
+                    invalid: row.head.invalid,
+                    ..Header::new(FrameKind::Sample, step)
+                };
+                self.link.send(&header, row.sample)?;
+            }
+            PlantAction::SendEnd(step) => {
+                self.link.send(&Header::new(FrameKind::End, step), &[])?;
+            }
+            _ => {}
+        }
+        Ok(Progress::Busy)
+    }
+
+    /// Sees to it that there is a row in work; false when there are no more.
+    fn has_row(&mut self) -> bool {
+        if self.began_ns == 0 {
+            self.began_ns = monotonic_ns();
+        }
+        while self
+            .batch
+            .as_ref()
+            .is_none_or(|batch| self.index >= batch.len())
+        {
+            self.batch = self.batches.exchange(self.batch.take());
+            self.index = 0;
+            if self.batch.is_none() {
+                return false;
+            }
+        }
+        true
+    }
+
+    fn collect(&mut self) -> Result<Progress, LinkError> {
+        let Some(header) = self.link.receive(&mut self.received)? else {
+            return Ok(Progress::Controller);
+        };
+        let before = self.side.standing();
+        match self.side.on(&PlantEvent::Frame(&header)) {
+            PlantAction::Apply(step) => {
+                if let (Some(batch), Some(comparison)) = (&self.batch, &mut self.comparison) {
+                    comparison.take(&batch.row(self.index), &self.received, &header.invalid);
+                }
+                self.answer.0 = header;
+                std::mem::swap(&mut self.answer.1, &mut self.received);
+                self.index += 1;
+                self.answered.store(step.0 + 1, Ordering::Relaxed);
+            }
+            PlantAction::Finish => self.end = Some(End::Completed),
+            PlantAction::Abort(abort) => {
+                let code = abort.code();
+                self.give_up(code, End::Aborted(abort))?;
+            }
+            PlantAction::Ignore if self.contradicts(&header) => {
+                self.interrupt(&PlantEvent::Contradiction(Step(header.step)))?;
+            }
+            _ => {}
+        }
+        Ok(self.since(before))
+    }
+
+    /// Whether a command that is passed over says something else than the one taken last, of the same step.
+    fn contradicts(&self, header: &Header) -> bool {
+        let (taken, values) = &self.answer;
+        let content = |header: &Header| (header.invalid, header.age_steps);
+        let mut both = values.iter().zip(&self.received);
+        header.kind() == Some(FrameKind::Command)
+            && (header.epoch, header.step) == (taken.epoch, taken.step)
+            && (content(header) != content(taken)
+                || both.any(|(taken, other)| taken.to_bits() != other.to_bits()))
+    }
+
+    /// Tells the controller and ends.
+    fn give_up(&mut self, code: AbortCode, end: End) -> Result<(), LinkError> {
+        let header = Header {
+            directive: code as u64,
+            ..Header::new(FrameKind::Abort, self.side.at())
+        };
+        let reason = "the replay ended before its first step".into();
+        self.end = Some(end);
+        match self.link.send(&header, &[]) {
+            // Before the frames are open there is only the control channel.
+            Err(LinkError::NotOpen) => self
+                .link
+                .send_control(&Control::Refusal { reason }.to_bytes()),
+            other => other,
+        }
+    }
+}
+
+impl Original {
+    /// What a controller can have of it.
+    pub(super) fn offer(&self, session: u64) -> Offer<'_> {
+        Offer {
+            session,
+            epoch: 1,
+            rate: self.plan.run.rate,
+            steps: self.plan.run.steps,
+            first: Step(0),
+            // Samples that came too late for its controller are marked as unseen.
+            against_clock: false,
+            measured: &self.plant.measured,
+            reference: &self.reference,
+            commands: &self.plant.commands,
+        }
+    }
+}
+
+/// Polls a host to its end; every wait is bounded.
+///
+/// # Errors
+/// If the link failed.
+pub(super) fn drive<L: Link>(
+    host: &mut Host<L>,
+    mut waiter: Waiter,
+    supervision: &Supervision,
+) -> Result<(), LinkError> {
+    loop {
+        if supervision.wants_stop() {
+            host.interrupt(&PlantEvent::Stop)?;
+        }
+        // Asked before the poll: what the controller sent before it ended still counts.
+        let peer_gone = supervision.is_peer_gone();
+        match host.poll()? {
+            Progress::Busy => waiter.done(),
+            Progress::Over => return Ok(()),
+            Progress::Controller if peer_gone => host.interrupt(&PlantEvent::PeerGone(1))?,
+            Progress::Controller => {
+                if waiter.pause() {
+                    host.interrupt(&PlantEvent::Deadline(waiter.limit().ms()))?;
+                }
+            }
+        }
+    }
+}

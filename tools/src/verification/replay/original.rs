@@ -1,0 +1,182 @@
+//! The recorded run as a replay needs it: who took part, and where its records have what.
+//!
+//! Made from what travels in the recording alone, so the plant of the run need not be on this
+//! machine. Refuses recordings that do not say all that the controller was sent.
+
+use std::path::{Path, PathBuf};
+
+use hil_config::plan::{Plan, Stimulus};
+use hil_config::scenario::Advice;
+use shared_types::describe::{Description, LawDescription, PlantDescription};
+use shared_types::table::Field;
+
+use crate::programs::binaries::Binary;
+use crate::programs::checked::{checked, checked_with};
+use crate::programs::scenario::kept;
+use crate::recording::reader::RunReader;
+use crate::terminal::exit::Failure;
+
+/// A recorded run, opened.
+pub(super) struct Original {
+    pub(super) run: PathBuf,
+    pub(super) plan: Plan,
+    pub(super) plant: PlantDescription,
+    /// The reference signals of its samples.
+    pub(super) reference: Vec<Field>,
+    /// Hash of the controller's binary.
+    pub(super) blake3: Option<String>,
+    pub(super) places: Places,
+    plants: Description,
+    scenario: String,
+}
+
+/// Where a record has what, as numbers of words.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Places {
+    /// Invalid bits of the sample and of what answers it.
+    pub(super) sample_invalid: Vec<usize>,
+    pub(super) answer_invalid: Vec<usize>,
+    /// Measured and reference signals in the order of the sample.
+    pub(super) sample: Vec<usize>,
+    /// What the controller sent, in the order of the record.
+    pub(super) answer: Vec<AnswerPlace>,
+    pub(super) sample_age_steps: Option<usize>,
+    pub(super) held_steps: Option<usize>,
+    pub(super) answered: Option<usize>,
+    pub(super) directive: Option<usize>,
+    pub(super) epoch: Option<usize>,
+}
+
+/// A recorded command or internal.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct AnswerPlace {
+    /// Name with its group, `command.x` or `internal.x`.
+    pub(super) name: String,
+    pub(super) unit: String,
+    pub(super) word: usize,
+    /// Which validity bit of the frame was its own; none of a command, whose bit tells of faults on its
+    /// way to the plant.
+    pub(super) bit: Option<usize>,
+}
+
+impl Original {
+    /// Takes from an opened recording what stands in front of its records.
+    ///
+    /// # Errors
+    /// If it lacks something that a replay needs.
+    pub(super) fn of(reader: &RunReader, run: &Path) -> Result<Self, Failure> {
+        let plants: Description =
+            (reader.enclosed("plant-description.json")).map_err(Failure::usage)?;
+        let controller: Description =
+            (reader.enclosed("controller-description.json")).map_err(Failure::usage)?;
+        let text = reader.enclosure("scenario.toml").map_err(Failure::usage)?;
+        let scenario = kept(text)
+            .map(|scenario| scenario.to_string())
+            .map_err(|error| Failure::usage(format!("{}: its scenario: {error}", run.display())))?;
+        let origin = format!("the scenario of {}", run.display());
+        let plan = checked(&scenario, origin.as_ref(), &plants, &controller)?;
+        let plant = (plants.plants.iter()).find(|plant| plant.name == plan.plant.model);
+        let law = plan.law_among(&controller.laws);
+        let (Some(plant), Some(law)) = (plant.cloned(), law) else {
+            return Err(Failure::usage(format!(
+                "{} does not describe its plant and its law",
+                run.display()
+            )));
+        };
+        let reference: Vec<Field> = plan.stimuli.iter().flat_map(Stimulus::fields).collect();
+        let places = Places::of(reader, &plant, &reference, law)
+            .map_err(|what| Failure::usage(format!("{}: {what}", run.display())))?;
+        Ok(Self {
+            run: run.to_owned(),
+            blake3: reader.fact("controller_blake3").map(str::to_owned),
+            plan,
+            plant,
+            reference,
+            places,
+            plants,
+            scenario,
+        })
+    }
+
+    /// The plan as it is for another controller: the parameters of the run, and the
+    /// defaults of those that it did not have.
+    ///
+    /// # Errors
+    /// If there is no such law for the plant, or it does not know a parameter of the run.
+    pub(super) fn plan_for(&self, controller: &Binary) -> Result<Plan, Failure> {
+        let origin = format!("the scenario of {}", self.run.display());
+        let advice = Advice {
+            law: controller.advice_on_laws("--controller-bin PATH"),
+            ..Advice::default()
+        };
+        checked_with(
+            advice,
+            &self.scenario,
+            origin.as_ref(),
+            &self.plants,
+            &controller.description,
+        )
+    }
+}
+
+impl Places {
+    fn of(
+        reader: &RunReader,
+        plant: &PlantDescription,
+        reference: &[Field],
+        law: &LawDescription,
+    ) -> Result<Self, String> {
+        let columns = reader.columns();
+        let place = |name: &str| columns.iter().position(|column| column.name == name);
+        let bits = |group: &str| -> Vec<usize> {
+            let words = (0..).map_while(|number| place(&format!("{group}[{number}]")));
+            words.collect()
+        };
+        let mut sample = Vec::new();
+        for (group, fields) in [("measured", &plant.measured[..]), ("reference", reference)] {
+            for field in fields {
+                let name = format!("{group}.{}", field.name);
+                let found = place(&name);
+                sample.push(found.ok_or_else(|| {
+                    format!("it was recorded without `{name}`; a replay needs all that the controller was sent")
+                })?);
+            }
+        }
+        let commands = law.commands.as_deref().unwrap_or(&plant.commands);
+        let sent: Vec<String> = (commands
+            .iter()
+            .map(|field| format!("command.{}", field.name)))
+        .chain(
+            law.internals
+                .iter()
+                .map(|field| format!("internal.{}", field.name)),
+        )
+        .collect();
+        let answer: Vec<AnswerPlace> = (columns.iter().enumerate())
+            .filter_map(|(word, column)| {
+                let bit = sent.iter().position(|name| *name == column.name)?;
+                let bit = (bit >= commands.len()).then_some(bit);
+                Some(AnswerPlace {
+                    name: column.name.clone(),
+                    unit: column.unit.clone(),
+                    word,
+                    bit,
+                })
+            })
+            .collect();
+        if answer.is_empty() {
+            return Err("it holds nothing that its controller sent".into());
+        }
+        Ok(Self {
+            sample_invalid: bits("sample_invalid"),
+            answer_invalid: bits("command_invalid"),
+            sample,
+            answer,
+            sample_age_steps: place("sample_age_steps"),
+            held_steps: place("held_steps"),
+            answered: place("answered"),
+            directive: place("directive"),
+            epoch: place("epoch"),
+        })
+    }
+}

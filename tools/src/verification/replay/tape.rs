@@ -1,0 +1,325 @@
+//! The samples of a recorded run and what answered them, read ahead on a thread of its own.
+//!
+//! The [host](super::host) takes them in batches, of which there is a fixed number. A batch is handed
+//! over when it is known of each of its samples whether the controller saw it: in a run against the
+//! clock a later record tells. It never compares anything.
+
+use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
+use std::thread::JoinHandle;
+
+use hil_config::plan::Clock;
+use shared_types::directive::{Answered, Directive};
+use shared_types::frame::VALIDITY_WORDS;
+use shared_types::record::{Change, ControllerChange, Event, FaultTaken};
+use shared_types::time::Step;
+
+use super::original::Places;
+use crate::recording::reader::{ReadError, RunReader};
+
+/// Samples in a batch: some hundred kilobytes.
+const BATCH: usize = 1024;
+/// Batches that are read ahead.
+const AHEAD: usize = 4;
+
+/// A sample as the controller got it, and what it answered.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Row<'a> {
+    pub(super) head: &'a Head,
+    /// Measured, then reference signals.
+    pub(super) sample: &'a [f64],
+    /// Commands and internals as recorded.
+    pub(super) answer: &'a [f64],
+}
+
+/// What there is of a sample and its answer besides numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Head {
+    pub(super) step: u64,
+    /// What the controller's runner was told, without what only costs time.
+    pub(super) directive: Directive,
+    pub(super) age_steps: u32,
+    pub(super) held_steps: u32,
+    pub(super) invalid: [u64; VALIDITY_WORDS],
+    /// Whether the answer was recorded: against the clock one may have been overtaken by the next.
+    pub(super) is_answered: bool,
+    pub(super) answer_invalid: [u64; VALIDITY_WORDS],
+}
+
+/// Samples in a row.
+#[derive(Debug)]
+pub(super) struct Batch {
+    heads: Vec<Head>,
+    values: Vec<f64>,
+    samples: usize,
+    answers: usize,
+}
+
+impl Batch {
+    fn new(samples: usize, answers: usize) -> Self {
+        Self {
+            heads: Vec::with_capacity(BATCH),
+            values: Vec::with_capacity(BATCH * (samples + answers)),
+            samples,
+            answers,
+        }
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.heads.len()
+    }
+
+    pub(super) fn row(&self, index: usize) -> Row<'_> {
+        let stride = self.samples + self.answers;
+        let values = &self.values[index * stride..][..stride];
+        let (sample, answer) = values.split_at(self.samples);
+        Row {
+            head: &self.heads[index],
+            sample,
+            answer,
+        }
+    }
+
+    fn clear(&mut self) {
+        self.heads.clear();
+        self.values.clear();
+    }
+}
+
+/// How far a recording went.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Length {
+    /// Samples that were answered or could have been.
+    pub(super) steps: u64,
+    /// Whether its writer finished it.
+    pub(super) is_whole: bool,
+}
+
+/// A recording cannot be replayed.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum TapeError {
+    /// It cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// It does not say all that is needed.
+    #[error("{0}")]
+    Lacking(String),
+}
+
+/// The thread, as its owner sees it.
+pub(super) struct Tape {
+    pub(super) batches: Batches,
+    pub(super) reader: JoinHandle<Result<Length, TapeError>>,
+}
+
+/// The batches of a tape, one after the other.
+pub(super) struct Batches {
+    filled: Receiver<Batch>,
+    emptied: Sender<Batch>,
+}
+
+impl Batches {
+    /// Gives one back for the next; `None` when there are no more.
+    pub(super) fn exchange(&mut self, done: Option<Batch>) -> Option<Batch> {
+        if let Some(done) = done {
+            let _ = self.emptied.send(done); // the reader may have come to its end
+        }
+        self.filled.recv().ok()
+    }
+}
+
+impl Tape {
+    /// Starts to read a run of so many steps whose reader stands at its first record.
+    pub(super) fn start(reader: RunReader, places: Places, steps: u64, clock: Clock) -> Self {
+        let (fill, filled) = sync_channel(AHEAD);
+        let (emptied, empty) = channel();
+        let winder = Winder {
+            against_clock: clock == Clock::Realtime,
+            steps,
+            batch: Batch::new(places.sample.len(), places.answer.len()),
+            open_from: 0,
+            held_steps: 0,
+            next: 0,
+            places,
+            fill,
+            empty,
+        };
+        Self {
+            batches: Batches { filled, emptied },
+            reader: std::thread::spawn(move || winder.wind(reader)),
+        }
+    }
+}
+
+/// Makes batches of records.
+struct Winder {
+    places: Places,
+    against_clock: bool,
+    /// Steps that the run was to have.
+    steps: u64,
+    batch: Batch,
+    /// The first step of which it is not known yet what came of its sample.
+    open_from: u64,
+    /// `held_steps` of the record before.
+    held_steps: u32,
+    /// The step of the next record.
+    next: u64,
+    fill: SyncSender<Batch>,
+    empty: Receiver<Batch>,
+}
+
+impl Winder {
+    fn wind(mut self, reader: RunReader) -> Result<Length, TapeError> {
+        let mut reader = reader.without_digest();
+        if self.against_clock
+            && (self.places.held_steps.is_none() || self.places.answered.is_none())
+        {
+            return Err(TapeError::Lacking(
+                "the run was against the clock, and its recording does not say which samples its controller saw".into(),
+            ));
+        }
+        while reader.advance()? {
+            for event in reader.events() {
+                self.check(event)?;
+            }
+            if reader.step() == self.steps {
+                break; // the truth after the last step, which no command answers
+            }
+            self.take(reader.words())?;
+            if self.batch.len() >= BATCH && self.open_from == self.next && !self.hand_over() {
+                return Ok(self.length(false)); // the host has ended and wants no more
+            }
+        }
+        while reader.advance()? {}
+        if reader.result("lost").is_some_and(|lost| lost != "0") {
+            return Err(TapeError::Lacking(format!(
+                "{} records were lost at its end; a replay needs every sample",
+                reader.result("lost").unwrap_or_default()
+            )));
+        }
+        // What no command tells of was not seen.
+        self.close(self.next, &Answered::default(), None);
+        self.hand_over();
+        Ok(self.length(reader.is_whole()))
+    }
+
+    const fn length(&self, is_whole: bool) -> Length {
+        Length {
+            steps: self.next,
+            is_whole,
+        }
+    }
+
+    /// Refuses what the recording of an older version does not say.
+    fn check(&self, event: &Event) -> Result<(), TapeError> {
+        match event {
+            Event::Fault(FaultTaken {
+                kind,
+                target,
+                step,
+                wall_only: false,
+                ..
+            }) if target == "controller" && self.places.directive.is_none() => {
+                Err(TapeError::Lacking(format!(
+                    "fault `{kind}` made the controller late from step {step} on, and this recording does not say how; record the run anew"
+                )))
+            }
+            Event::Controller(ControllerChange {
+                epoch,
+                step,
+                change: Change::Lost { .. },
+            }) => Err(TapeError::Lacking(format!(
+                "controller {epoch} was lost at step {step}; what follows is no controller's answer"
+            ))),
+            _ => Ok(()),
+        }
+    }
+
+    fn take(&mut self, words: &[u64]) -> Result<(), TapeError> {
+        let (step, expected) = (words[0], self.next);
+        if step != expected {
+            return Err(TapeError::Lacking(format!(
+                "record {step} comes where record {expected} should; a replay needs every sample from step 0 on"
+            )));
+        }
+        let word = |place: Option<usize>| place.map_or(0, |place| words[place]);
+        let epoch = word(self.places.epoch);
+        if epoch > 1 {
+            return Err(TapeError::Lacking(format!(
+                "at step {step} another controller had taken over; a replay has one"
+            )));
+        }
+        let mut head = Head {
+            step,
+            directive: Directive {
+                busy_ns: 0,
+                ..Directive::from_wire(word(self.places.directive))
+            },
+            age_steps: word(self.places.sample_age_steps) as u32,
+            held_steps: self.held_steps,
+            ..Head::default()
+        };
+        for (to, place) in head.invalid.iter_mut().zip(&self.places.sample_invalid) {
+            *to = words[*place];
+        }
+        self.batch.heads.push(head);
+        let sample = self.places.sample.iter();
+        (self.batch.values).extend(sample.map(|place| f64::from_bits(words[*place])));
+        let width = self.batch.values.len() + self.batch.answers;
+        self.batch.values.resize(width, f64::NAN);
+        self.next += 1;
+
+        let held_steps = word(self.places.held_steps);
+        self.held_steps = held_steps as u32;
+        let command = step.checked_sub(held_steps);
+        if let Some(command) = command.filter(|command| *command >= self.open_from) {
+            let answered = Answered::from_wire(word(self.places.answered));
+            self.close(command + 1, &answered, Some(words));
+        }
+        Ok(())
+    }
+
+    /// Notes what came of all samples before a step: the last of them was answered by these words, if
+    /// there are any, and those before it as the answer says. The others were not seen.
+    fn close(&mut self, end: u64, answered: &Answered, words: Option<&[u64]>) {
+        let first = self.next - self.batch.len() as u64;
+        for step in self.open_from..end {
+            let index = (step - first) as usize;
+            let is_last = step + 1 == end && words.is_some();
+            let mut before = answered.steps(Step(end - 1));
+            let is_seen = is_last || (words.is_some() && before.any(|before| before.0 == step));
+            let head = &mut self.batch.heads[index];
+            head.directive.unseen |= !is_seen;
+            let (true, Some(words)) = (is_last, words) else {
+                continue;
+            };
+            head.is_answered = !head.directive.unseen;
+            for (to, place) in head
+                .answer_invalid
+                .iter_mut()
+                .zip(&self.places.answer_invalid)
+            {
+                *to = words[*place];
+            }
+            let stride = self.batch.samples + self.batch.answers;
+            let answer = &mut self.batch.values[index * stride + self.batch.samples..];
+            for (to, place) in answer.iter_mut().zip(&self.places.answer) {
+                *to = f64::from_bits(words[place.word]);
+            }
+        }
+        self.open_from = end;
+    }
+
+    /// Gives the batch to the host and takes an empty one; false if the host has ended.
+    fn hand_over(&mut self) -> bool {
+        let (samples, answers) = (self.batch.samples, self.batch.answers);
+        let empty = self.empty.try_recv();
+        let mut empty = empty.unwrap_or_else(|_| Batch::new(samples, answers));
+        empty.clear();
+        self.fill
+            .send(std::mem::replace(&mut self.batch, empty))
+            .is_ok()
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,143 @@
+//! `hil rerun`: a recorded run once more, what was done to it while it went on included, and
+//! whether the same came out.
+
+use hil_config::plan::Clock;
+use hil_config::scenario::Scenario;
+use serde_json::json;
+
+use crate::arguments::run::{ClockKind, RerunArguments};
+use crate::arguments::tolerance::Tolerances;
+use crate::programs::binaries::Choices;
+use crate::programs::binaries::named::{Named, refuse_set};
+use crate::programs::scenario;
+use crate::recording::reader;
+use crate::run::{self, Basis, Repeated, Setup};
+use crate::terminal::exit::{Exit, Failure};
+use crate::terminal::output;
+use crate::verification::compare::{self, Difference};
+use crate::verification::repetition::RecordedRun;
+
+/// Runs the command.
+///
+/// # Errors
+/// If the run cannot be read or repeated.
+pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
+    let options = &arguments.options;
+    let recorded = RecordedRun::read(&arguments.run)?.for_any_machine();
+    let shown = arguments.run.display();
+    if recorded.lost > 0 {
+        let lost = recorded.lost;
+        return Err(Failure::usage(format!(
+            "{shown} lost {lost} records: there is no digest to compare with"
+        )));
+    }
+    // Of a run that was stopped or died all that was recorded must come again; what happened after the
+    // last record is no part of that. Against the clock it is not known what that one's controller saw.
+    let is_whole = matches!(recorded.outcome.as_deref(), Some("completed" | "diverged"));
+    let (records, expected) = if is_whole {
+        (recorded.records, recorded.digest.clone())
+    } else {
+        let unsure = u64::from(recorded.is_against_clock());
+        let records = recorded.records.saturating_sub(unsure);
+        (
+            records,
+            reader::digest_of_first(&arguments.run, records).map_err(Failure::usage)?,
+        )
+    };
+    if records == 0 {
+        return Err(Failure::usage(format!(
+            "{shown} has no record to compare with"
+        )));
+    }
+    if options.changes.clock == Some(ClockKind::Realtime) {
+        return Err(Failure::usage(
+            "a rerun repeats in lockstep what came too late; --clock realtime would be late in its own way",
+        ));
+    }
+    refuse_set(&options.changes.set, |role| role.flag)?;
+    let interruption = run::begin(options)?;
+    let choices = Choices::of(&options.binaries, &Named::Recorded(&recorded.programs))?;
+    let setup = Setup::new(options, choices.find(&interruption)?, &interruption)?;
+    setup.binaries.tell();
+    let binaries = [&setup.binaries.plant, &setup.binaries.controller];
+    for (binary, before) in binaries.into_iter().zip(&recorded.programs.blake3) {
+        if before
+            .as_ref()
+            .is_some_and(|before| *before != binary.blake3)
+        {
+            let (path, found) = (binary.path.display(), &binary.blake3);
+            let before = before.as_deref().unwrap_or_default();
+            tell!(
+                "warning: {path} is not the binary of the recorded run: it has hash {found}, that one had {before}"
+            );
+        }
+    }
+    let text = recorded.scenario()?;
+    let scenario = Scenario::parse(&text, format!("the scenario of {shown}"));
+    let check = || scenario::check(scenario, &options.changes, &setup.binaries, options.json);
+    let mut plan = interruption.at_once(check)??;
+    if options.changes.clock.is_none() && plan.run.clock == Clock::Realtime {
+        plan.run.clock = Clock::Lockstep;
+    }
+    let repeated = Repeated {
+        records,
+        missed: recorded.missed,
+    };
+    let ran = run::execute(plan, setup, options, Basis::Repeated(repeated))?;
+    let found = if is_whole {
+        &ran.digest
+    } else {
+        &ran.partial_digests.get(&records).cloned()
+    };
+    let is_same = found.as_ref() == Some(&expected);
+    let difference: Option<Difference> = match &ran.recording {
+        Some(recording) if !is_same => {
+            let exact = Tolerances::default();
+            let compare = || compare::compare(&arguments.run, recording, &[], &exact);
+            let comparison = interruption.at_once(compare);
+            (comparison.ok().and_then(Result::ok))
+                .and_then(|comparison| comparison.first_difference().cloned())
+        }
+        _ => None,
+    };
+    let told = if options.json {
+        let summary: serde_json::Value =
+            serde_json::from_str(&ran.summary).map_err(Failure::infrastructure)?;
+        let result = json!({
+            "same": is_same,
+            "records": records,
+            "recorded_digest": expected,
+            "digest": found,
+            "first_difference": difference,
+            "summary": summary,
+        });
+        format!("{result:#}\n")
+    } else {
+        let mut text = ran.table;
+        let compared = if is_whole {
+            String::new()
+        } else {
+            format!(", over its first {records} records: it did not end by itself")
+        };
+        text += &if is_same {
+            format!("same digest as {shown}{compared}\n")
+        } else {
+            let found = found.as_deref().unwrap_or("none");
+            format!(
+                "NOT the digest of {shown}{compared}: {expected} was recorded, {found} came now\n"
+            )
+        };
+        if let Some(difference) = &difference {
+            text += &format!("{difference}\n");
+        }
+        text
+    };
+    let told = output::write(&told);
+    ran.written?;
+    told?;
+    Ok(match ran.exit {
+        Exit::Infrastructure | Exit::Interrupted => ran.exit,
+        _ if is_same => Exit::Pass,
+        _ => Exit::Failed,
+    })
+}

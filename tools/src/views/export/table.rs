@@ -1,0 +1,67 @@
+//! A table being written: what a column holds, and which form the rows take.
+
+use std::io;
+
+use serde::Serialize;
+
+use super::csv::Csv;
+use super::parquet::Parquet;
+use crate::files::destination::Destination;
+
+/// A column.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub(super) struct Column {
+    pub(super) name: String,
+    /// Empty for counts and flags.
+    pub(super) unit: String,
+    pub(super) kind: Kind,
+    /// A cell may be missing.
+    #[serde(skip)]
+    pub(super) is_optional: bool,
+}
+
+/// What the cells of a column are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Kind {
+    /// A physical number.
+    Number,
+    /// Steps, nanoseconds, bits.
+    Count,
+    /// Whether something holds.
+    Flag,
+}
+
+/// One value.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Cell {
+    Number(f64),
+    Count(u64),
+    Flag(bool),
+    /// There is no such thing at that step.
+    Missing,
+}
+
+/// The table in the form that was chosen.
+pub(super) enum Table {
+    Csv(Csv<Destination>),
+    Parquet(Parquet<Destination>),
+}
+
+impl Table {
+    /// Adds a row, one cell for each column.
+    pub(super) fn row(&mut self, cells: &[Cell]) -> io::Result<()> {
+        match self {
+            Self::Csv(table) => table.row(cells),
+            Self::Parquet(table) => table.row(cells),
+        }
+    }
+
+    /// Writes what is left; `metadata` only where the form has a place for it.
+    pub(super) fn finish(self, metadata: &[(String, String)]) -> io::Result<Destination> {
+        match self {
+            Self::Csv(table) => table.finish(),
+            Self::Parquet(table) => table.finish(metadata),
+        }
+    }
+}

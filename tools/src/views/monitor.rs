@@ -1,0 +1,248 @@
+//! `hil monitor`: a running session, watched from another terminal.
+//!
+//! 1. [`watch`] attaches an [`observer`](crate::session::observer) to the session's record stream, on a thread;
+//!    [`asking`] asks its plant and its `hil`, on another.
+//! 2. Both feed the [`model`]: the [`pace`] of the run, the [`history`] of the signals that the
+//!    [`plots`] show, faults, requirements.
+//! 3. The [`screen`] draws a [`view`] of it on the [`terminal`] and reads keys into the [`display`];
+//!    [`prepared`] faults are among what keys can ask for. Without a terminal one
+//!    [line](mod@line) tells it.
+//!
+//! With the feature `foxglove` it can also serve what it sees to Foxglove.
+//!
+//! Passive: the run has the same digest with and without it, unless a key changes the run.
+
+pub mod asking;
+pub mod display;
+#[cfg(feature = "foxglove")]
+pub mod foxglove;
+pub mod history;
+pub mod keys;
+pub mod line;
+pub mod model;
+pub mod pace;
+pub mod plots;
+pub mod prepared;
+pub mod screen;
+pub mod terminal;
+pub mod view;
+pub mod watch;
+
+use std::any::Any;
+use std::io::IsTerminal;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use hil_config::plan::Plan;
+use shared_types::clock::monotonic_ns;
+use shared_types::session::{self, SessionInfo};
+
+use crate::arguments::monitor::MonitorArguments;
+use crate::session::live::{self, Unmet};
+use crate::session::observer::Notice;
+use crate::terminal::exit::{Exit, Failure};
+use crate::terminal::interruption::Interruption;
+use crate::terminal::output;
+use asking::Asking;
+use display::{Abilities, Display};
+use model::Model;
+use watch::{Audience, Watch};
+
+/// How often it is looked for a session.
+const LOOK: Duration = Duration::from_millis(20);
+/// How long a session may take to say what it runs.
+const START_LIMIT: Duration = Duration::from_secs(20);
+/// How long figures are gathered for one line.
+const GATHER: Duration = Duration::from_millis(600);
+
+/// The model, of which one thread at a time has a hold.
+#[derive(Clone)]
+pub struct SharedModel(Arc<Mutex<Model>>);
+
+impl SharedModel {
+    /// The model, held still.
+    pub fn lock(&self) -> MutexGuard<'_, Model> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// If there is no session to watch, it cannot be watched, or a prepared fault is none.
+pub fn monitor(arguments: &MonitorArguments) -> Result<Exit, Failure> {
+    if arguments.foxglove.is_some() && cfg!(not(feature = "foxglove")) {
+        return Err(Failure::usage(
+            "--foxglove: this hil was built without it; `cargo build --release -p tools --features foxglove` builds one with it",
+        ));
+    }
+    let interruption = Interruption::listen()?;
+    let session = find(arguments, &interruption).map_err(|unmet| unmet.tell(false))?;
+    let plan = notice(&session, &interruption)?.plan()?;
+    let prepared = prepared::all(&arguments.inject, &session, &plan);
+    let prepared = prepared.map_err(|unmet| unmet.tell(false))?;
+    let mut served = serve(arguments, &session, &plan)?;
+    let audience = served.as_mut().and_then(|served| served.audience.take());
+    let run_dir = session.run_dir.clone();
+    let model = Model::new(&session.name, run_dir, plan, &arguments.signal);
+    let model = SharedModel(Arc::new(Mutex::new(model)));
+
+    let watch = Watch::start(session.clone(), model.clone(), audience);
+    watch.wait_for_first();
+    if let Some(failure) = watch.failure() {
+        return Err(failure);
+    }
+    let is_dumb = std::env::var_os("TERM").is_some_and(|term| term == "dumb");
+    let is_shown = std::io::stdout().is_terminal() && std::io::stdin().is_terminal() && !is_dumb;
+    if let (Some(served), false) = (&served, is_shown) {
+        tell!("{}", served.told);
+        wait_for_end(&watch, &interruption)?;
+        return tell(&model.lock(), false);
+    }
+    let asking = Asking::start(session, model.clone());
+    if arguments.once || arguments.choice.json || !is_shown {
+        gather(&model, &watch, &interruption)?;
+        return tell(&model.lock(), arguments.choice.json);
+    }
+    let mut display = Display::new(Abilities::of_environment(), arguments.window, prepared);
+    display.answer = served.as_ref().map(|served| served.told.clone());
+    screen::show(&model, &watch, &asking, display, &interruption)?;
+    drop(watch);
+    drop(served);
+    let model = model.lock();
+    if let Some(ending) = model.ending() {
+        output::write(&format!("{}\n", line::ended(&model, ending)))?;
+    }
+    Ok(Exit::Pass)
+}
+
+/// What serves the session to others, as long as it is kept.
+struct Served {
+    /// Where, as a person reads it.
+    told: String,
+    /// What takes what is seen, until the watch has it.
+    audience: Option<Box<dyn Audience>>,
+    _server: Box<dyn Any>,
+}
+
+/// Serves the session if that is asked for.
+#[cfg(feature = "foxglove")]
+fn serve(
+    arguments: &MonitorArguments,
+    session: &SessionInfo,
+    plan: &Plan,
+) -> Result<Option<Served>, Failure> {
+    let Some(address) = arguments.foxglove else {
+        return Ok(None);
+    };
+    let serving = foxglove::Serving::start(address, session, plan)?;
+    let outlet = serving.outlet(plan, arguments.rate);
+    let told = format!(
+        "serving ws://{} for Foxglove, at most {} records a second",
+        serving.address(),
+        arguments.rate
+    );
+    Ok(Some(Served {
+        told,
+        audience: Some(Box::new(outlet)),
+        _server: Box::new(serving),
+    }))
+}
+
+/// This one cannot, and was not asked to.
+#[cfg(not(feature = "foxglove"))]
+fn serve(_: &MonitorArguments, _: &SessionInfo, _: &Plan) -> Result<Option<Served>, Failure> {
+    Ok(None)
+}
+
+/// Waits until there is nothing more to be seen.
+fn wait_for_end(watch: &Watch, interruption: &Interruption) -> Result<(), Failure> {
+    while !watch.has_ended() {
+        if interruption.came() {
+            return Err(Failure::Interrupted);
+        }
+        std::thread::sleep(LOOK);
+    }
+    watch.failure().map_or(Ok(()), Err)
+}
+
+/// The session that is meant, which may be awaited.
+fn find(arguments: &MonitorArguments, interruption: &Interruption) -> Result<SessionInfo, Unmet> {
+    let since = Instant::now();
+    let mut has_told = false;
+    loop {
+        let found = live::find(&arguments.choice);
+        let left = arguments
+            .wait
+            .filter(|wait_s| since.elapsed().as_secs_f64() < *wait_s);
+        let is_several = arguments.choice.session.is_none()
+            && session::list().is_ok_and(|running| running.len() > 1);
+        if found.is_ok() || left.is_none() || is_several {
+            return found;
+        }
+        if interruption.came() {
+            return Err(Failure::Interrupted.into());
+        }
+        if let (false, Some(wait_s)) = (has_told, left) {
+            tell!("waiting up to {wait_s} s for a session");
+            has_told = true;
+        }
+        std::thread::sleep(LOOK);
+    }
+}
+
+/// What the session says of itself.
+fn notice(session: &SessionInfo, interruption: &Interruption) -> Result<Notice, Failure> {
+    let name = &session.name;
+    let since = Instant::now();
+    loop {
+        if let Some(notice) = Notice::read(session) {
+            if notice.is_in_process {
+                return Err(Failure::usage(format!(
+                    "session `{name}` runs in one process (--link in-process), where nobody else can watch"
+                )));
+            }
+            return Ok(notice);
+        }
+        if interruption.came() {
+            return Err(Failure::Interrupted);
+        }
+        if !session.is_there() {
+            return Err(Failure::usage(format!("session `{name}` has ended")));
+        }
+        if since.elapsed() > START_LIMIT {
+            return Err(Failure::usage(format!(
+                "session `{name}` is no run that can be watched: a replay or a measurement"
+            )));
+        }
+        std::thread::sleep(LOOK);
+    }
+}
+
+/// Watches long enough to tell how fast it goes.
+fn gather(model: &SharedModel, watch: &Watch, interruption: &Interruption) -> Result<(), Failure> {
+    let since = Instant::now();
+    while since.elapsed() < GATHER && !watch.has_ended() {
+        if interruption.came() {
+            return Err(Failure::Interrupted);
+        }
+        std::thread::sleep(LOOK);
+    }
+    match watch.failure() {
+        Some(failure) => Err(failure),
+        None if model.lock().state() == "starting" && watch.has_ended() => Err(
+            Failure::infrastructure("error: the session ended before it could be watched"),
+        ),
+        None => Ok(()),
+    }
+}
+
+fn tell(model: &Model, json: bool) -> Result<Exit, Failure> {
+    let now_ns = monotonic_ns();
+    output::write(&if json {
+        live::to_json(&line::json(model, now_ns))?
+    } else {
+        format!("{}\n", line::text(model, now_ns))
+    })?;
+    Ok(Exit::Pass)
+}

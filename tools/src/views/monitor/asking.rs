@@ -1,0 +1,127 @@
+//! Asking the session, on a thread of its own: where the run is, its faults, how its requirements
+//! stand, and what keys ask for.
+//!
+//! An answer may take as long as the plant's own wait limit, and a drawing must not wait for it. The
+//! loop sees of this what it sees of `hil inject --active`, once a second.
+
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::time::{Duration, Instant};
+
+use shared_types::live::{self, LiveError, Request, Response};
+use shared_types::session::SessionInfo;
+
+use super::SharedModel;
+use crate::session::live::{Unmet, refused_text};
+use crate::session::{clock, inject, standing};
+
+/// How often it is asked where the run is, which costs the loop nothing.
+const STATUS: Duration = Duration::from_millis(250);
+/// How often it is asked which faults there are.
+const FAULTS: Duration = Duration::from_secs(1);
+/// How long an answer to a regular question is worth waiting for.
+const SHORT_LIMIT: Duration = Duration::from_secs(2);
+/// How long a plant may take to answer a person: longer than it waits for its own loop.
+const LIMIT: Duration = Duration::from_secs(20);
+
+/// The thread as its owner sees it.
+pub struct Asking {
+    requests: Sender<Request>,
+    answers: Receiver<String>,
+}
+
+impl Asking {
+    /// Asks a session from now on, until it ends or this is dropped.
+    #[must_use]
+    pub fn start(session: SessionInfo, model: SharedModel) -> Self {
+        let (requests, asked) = channel();
+        let (answer, answers) = channel();
+        // Not joined: it may be in the middle of a long question when nobody wants the answer any more.
+        std::thread::spawn(move || Thread { session, model }.work(&asked, &answer));
+        Self { requests, answers }
+    }
+
+    /// Asks for something.
+    pub fn ask(&self, request: Request) {
+        let _ = self.requests.send(request); // a session that ended is told of elsewhere
+    }
+
+    /// The newest answer to what was asked for, as a person reads it.
+    #[must_use]
+    pub fn answer(&self) -> Option<String> {
+        self.answers.try_iter().last()
+    }
+}
+
+struct Thread {
+    session: SessionInfo,
+    model: SharedModel,
+}
+
+impl Thread {
+    fn work(&self, asked: &Receiver<Request>, answer: &Sender<String>) {
+        let mut faults_at = Instant::now();
+        loop {
+            if Instant::now() >= faults_at {
+                self.ask_faults();
+                self.ask_standings();
+                faults_at = Instant::now() + FAULTS;
+            } else {
+                self.ask_status();
+            }
+            match asked.recv_timeout(STATUS) {
+                Ok(request) => {
+                    if answer.send(self.meet(&request)).is_err() {
+                        return;
+                    }
+                    faults_at = Instant::now();
+                }
+                Err(RecvTimeoutError::Timeout) if self.session.is_there() => {}
+                Err(_) => return,
+            }
+        }
+    }
+
+    fn ask_faults(&self) {
+        if let Ok(Response::Active { status, faults }) = self.short(&Request::Active) {
+            let mut model = self.model.lock();
+            model.hear_status(status);
+            model.hear_faults(faults);
+        }
+    }
+
+    fn ask_status(&self) {
+        if let Ok(Response::Status(status)) = self.short(&Request::Status) {
+            self.model.lock().hear_status(status);
+        }
+    }
+
+    fn ask_standings(&self) {
+        let standings = standing::ask(&self.session);
+        self.model.lock().hear_standings(standings.unwrap_or(None));
+    }
+
+    fn short(&self, request: &Request) -> Result<Response, LiveError> {
+        live::ask(&self.session, request, SHORT_LIMIT)
+    }
+
+    /// Asks what a person asks for, and tells the answer in one line.
+    fn meet(&self, request: &Request) -> String {
+        let answered = live::ask(&self.session, request, LIMIT);
+        let told = match answered {
+            Ok(Response::Refused { problems }) => refused_text(&problems),
+            Ok(Response::Status(status)) => {
+                let told = clock::told(&status);
+                self.model.lock().hear_status(status);
+                told
+            }
+            Ok(response) => match inject::told(&response) {
+                Ok(told) => told,
+                Err(Unmet::Failed(failure)) => failure.to_string(),
+                Err(Unmet::Refused(problems)) => refused_text(&problems),
+            },
+            Err(error) => format!("error: {error}"),
+        };
+        let lines: Vec<&str> = told.lines().map(str::trim).collect();
+        lines.join("; ")
+    }
+}

@@ -1,0 +1,405 @@
+//! What is known of the watched session: fed by its records, its events and the answers of its plant.
+//!
+//! Drawn by the [view](super::view), told in one line by the [line](super::line). Knows no terminal and
+//! asks nobody.
+
+use std::path::PathBuf;
+
+use hil_config::evaluation::Evaluation;
+use hil_config::expression::{Columns, Group};
+use hil_config::plan::Plan;
+use shared_types::live::{FaultState, Status};
+use shared_types::record::{Change, Event, Outcome, RecordLayout, Validity};
+use shared_types::time::{Rate, Step};
+
+use super::history::History;
+use super::pace::Pace;
+use super::plots::{Column, Plot, chosen};
+use crate::session::observer::Seen;
+use crate::session::standing::Standing;
+use crate::terminal::exit::Failure;
+
+/// How the watched run ended.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Ending {
+    /// Its last word in the record stream.
+    pub outcome: Option<Outcome>,
+    /// Why, if it did not come to its end.
+    pub reason: Option<String>,
+    /// Steps that were executed, if that is known.
+    pub steps: Option<u64>,
+    /// The verdict of its summary.
+    pub verdict: Option<String>,
+    /// `hil` has removed the session.
+    pub is_gone: bool,
+    /// `hil` is gone and wrote no summary, as when it was killed.
+    pub is_abandoned: bool,
+    /// What it recorded until then is there to be recovered.
+    pub is_recoverable: bool,
+}
+
+/// What is known of the requirements.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Judged {
+    /// Nobody was asked yet.
+    #[default]
+    Unknown,
+    /// `hil` gave no answer.
+    Silent,
+    /// What it said.
+    Known(Vec<Standing>),
+}
+
+/// A signal that is kept.
+struct Trace {
+    /// Its place among the columns.
+    column: usize,
+    value: f64,
+    history: History,
+}
+
+/// The watched session.
+pub struct Model {
+    /// Name of the session.
+    pub session: String,
+    /// Where its run is written, if it is.
+    pub run_dir: Option<PathBuf>,
+    plan: Plan,
+    /// The law that answers now.
+    law: String,
+    patterns: Vec<String>,
+    columns: Vec<Column>,
+    plots: Vec<Plot>,
+    traces: Vec<Trace>,
+    /// For derived signals that are drawn.
+    derived: Option<Evaluation>,
+    validity: Validity,
+    pace: Pace,
+    /// The newest record, if there was one.
+    step: Option<u64>,
+    joined: Option<u64>,
+    /// Records and events that were lost since it joined.
+    pub lost: u64,
+    /// `hil` is stopped, by a signal or a debugger, and the run with it.
+    pub is_owner_stopped: bool,
+    status: Option<Status>,
+    faults: Vec<FaultState>,
+    judged: Judged,
+    note: Option<String>,
+    ending: Option<Ending>,
+}
+
+impl Model {
+    /// Of a session before anything was seen of it.
+    #[must_use]
+    pub fn new(session: &str, run_dir: Option<PathBuf>, plan: Plan, patterns: &[String]) -> Self {
+        Self {
+            session: session.into(),
+            run_dir,
+            law: plan.controller.law.clone(),
+            plan,
+            patterns: patterns.to_vec(),
+            columns: Vec::new(),
+            plots: Vec::new(),
+            traces: Vec::new(),
+            derived: None,
+            validity: Validity::default(),
+            pace: Pace::default(),
+            step: None,
+            joined: None,
+            lost: 0,
+            is_owner_stopped: false,
+            status: None,
+            faults: Vec::new(),
+            judged: Judged::Unknown,
+            note: None,
+            ending: None,
+        }
+    }
+
+    /// Its signals are known.
+    ///
+    /// # Errors
+    /// If those that are to be drawn are not among them.
+    pub fn attach(&mut self, layout: &RecordLayout) -> Result<(), Failure> {
+        let mut columns = Columns::default();
+        self.columns.clear();
+        for (group, fields) in Group::ALL.into_iter().zip(layout.groups()) {
+            columns.push_fields(group, fields);
+            self.columns.extend(fields.iter().map(|field| Column {
+                group,
+                name: field.name.clone(),
+                unit: field.unit.clone(),
+            }));
+        }
+        self.validity = layout.validity();
+        let recorded = self.columns.len();
+        (self.columns).extend(self.plan.derived.iter().map(|derived| Column {
+            group: Group::Derived,
+            name: derived.name.clone(),
+            unit: derived.unit.clone(),
+        }));
+        self.plots = chosen(&self.columns, &self.patterns)?;
+        let mut drawn: Vec<usize> = (self.plots.iter())
+            .flat_map(|plot| plot.signals.iter().copied())
+            .collect();
+        drawn.sort_unstable();
+        drawn.dedup();
+        if drawn.iter().any(|signal| *signal >= recorded) {
+            let mut plan = self.plan.clone();
+            plan.metrics.clear();
+            plan.analyses.clear();
+            plan.requirements.clear();
+            let evaluation = Evaluation::new(&plan, &columns);
+            self.derived = Some(evaluation.map_err(Failure::infrastructure)?);
+        }
+        self.traces = drawn
+            .into_iter()
+            .map(|column| Trace {
+                column,
+                value: f64::NAN,
+                history: History::default(),
+            })
+            .collect();
+        Ok(())
+    }
+
+    /// Takes what was seen.
+    pub fn take(&mut self, seen: Seen<'_>) {
+        match seen {
+            Seen::Record(record, _) => {
+                self.joined.get_or_insert(record.step);
+                self.step = Some(record.step);
+                self.pace.take(record.step, &record.timing);
+                let recorded = record.values.len();
+                if let Some(evaluation) = &mut self.derived {
+                    let invalid = self.validity.invalid(record.hashed);
+                    evaluation.observe(Step(record.step), record.values, invalid);
+                }
+                let derived = self.derived.as_ref().map_or(&[][..], Evaluation::derived);
+                for trace in &mut self.traces {
+                    trace.value = match trace.column.checked_sub(recorded) {
+                        None => record.values[trace.column],
+                        Some(at) => derived[at],
+                    };
+                    trace.history.take(record.step, trace.value);
+                }
+            }
+            Seen::Event(event) => self.note_event(event),
+            Seen::Lost(count) => self.lost += count,
+            Seen::Broken(what) => self.note = Some(format!("unreadable: {what}")),
+        }
+    }
+
+    fn note_event(&mut self, event: Event) {
+        let at = |step: u64| self.seconds(step);
+        match event {
+            Event::Fault(taken) => {
+                let (id, kind, target) = (taken.id, &taken.kind, &taken.target);
+                let (step, at_s) = (taken.step, at(taken.step));
+                self.note = Some(format!(
+                    "fault {id} {kind} on {target} from step {step} ({at_s} s)"
+                ));
+            }
+            Event::FaultEnded(ended) => {
+                self.note = Some(format!("fault {} ended at step {}", ended.id, ended.step));
+            }
+            Event::Controller(change) => {
+                let (epoch, step) = (change.epoch, change.step);
+                self.note = Some(match change.change {
+                    Change::Lost { reason, .. } => {
+                        format!("controller {epoch} lost at step {step}: {reason}")
+                    }
+                    Change::Joined { law } => {
+                        let told = format!("controller {epoch} ({law}) from step {step}");
+                        self.law = law;
+                        told
+                    }
+                    Change::Refused { reason } => format!("controller {epoch} refused: {reason}"),
+                });
+            }
+            Event::End(end) => {
+                let ending = self.ending.get_or_insert_default();
+                ending.outcome = Some(end.outcome);
+                ending.reason = end.reason;
+                ending.steps = Some(end.steps);
+            }
+            Event::Accepted(_) => {}
+        }
+    }
+
+    /// Where the plant says it is.
+    pub fn hear_status(&mut self, status: Status) {
+        self.status = Some(status);
+    }
+
+    /// Which faults the plant says there are.
+    pub fn hear_faults(&mut self, faults: Vec<FaultState>) {
+        self.faults = faults;
+    }
+
+    /// What is said of the requirements. A silence does not unsay what was known, and an answer that
+    /// comes after the end is older than the summary.
+    pub fn hear_standings(&mut self, standings: Option<Vec<Standing>>) {
+        if self.ending.as_ref().is_some_and(|ending| ending.is_gone) {
+            return;
+        }
+        match standings {
+            Some(standings) => self.judged = Judged::Known(standings),
+            None if matches!(self.judged, Judged::Known(_)) => {}
+            None => self.judged = Judged::Silent,
+        }
+    }
+
+    /// The session is no more. `verdict` is that of its summary, if there is one.
+    pub fn end(&mut self, verdict: Option<String>) {
+        let ending = self.ending.get_or_insert_default();
+        ending.is_gone = true;
+        ending.verdict = verdict;
+        self.is_owner_stopped = false;
+    }
+
+    /// The session is no more, and `hil` is gone without a summary; perhaps it has left a recording.
+    pub fn abandon(&mut self, is_recoverable: bool) {
+        self.end(None);
+        let ending = self.ending.get_or_insert_default();
+        ending.is_abandoned = true;
+        ending.is_recoverable = is_recoverable;
+    }
+
+    /// The law that answers now.
+    #[must_use]
+    pub fn law(&self) -> &str {
+        &self.law
+    }
+
+    /// The scenario.
+    #[must_use]
+    pub const fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// Steps per second.
+    #[must_use]
+    pub const fn rate(&self) -> Rate {
+        self.plan.run.rate
+    }
+
+    /// A step's simulated time in s.
+    #[must_use]
+    pub fn seconds(&self, step: u64) -> f64 {
+        self.rate().seconds(Step(step))
+    }
+
+    /// The newest step that is known of.
+    #[must_use]
+    pub fn step(&self) -> Option<u64> {
+        let asked = self.status.as_ref().map(|status| status.step);
+        // The last record of a held run is some steps older.
+        if self.is_paused() {
+            asked
+        } else {
+            self.step.or(asked)
+        }
+    }
+
+    /// The step of the newest record.
+    #[must_use]
+    pub const fn seen(&self) -> Option<u64> {
+        self.step
+    }
+
+    /// The first step that was seen, unless it was the run's first.
+    #[must_use]
+    pub fn joined_late(&self) -> Option<u64> {
+        self.joined.filter(|step| *step > 0)
+    }
+
+    /// Whether the plant says that the run is held.
+    #[must_use]
+    pub fn is_paused(&self) -> bool {
+        self.status.as_ref().is_some_and(|status| status.paused)
+    }
+
+    /// How the run ended, if it did.
+    #[must_use]
+    pub const fn ending(&self) -> Option<&Ending> {
+        self.ending.as_ref()
+    }
+
+    /// `starting`, `running`, `paused` or `ended`.
+    #[must_use]
+    pub fn state(&self) -> &'static str {
+        if self.ending.is_some() {
+            "ended"
+        } else if self.is_paused() {
+            "paused"
+        } else if self.step().is_some() {
+            "running"
+        } else {
+            "starting"
+        }
+    }
+
+    /// Simulated seconds per second.
+    #[must_use]
+    pub fn speed(&self, now_ns: u64) -> Option<f64> {
+        let steps_per_s = self.pace.steps_per_s(now_ns)?;
+        Some(steps_per_s / self.rate().hz())
+    }
+
+    /// Speed and round trips.
+    #[must_use]
+    pub const fn pace(&self) -> &Pace {
+        &self.pace
+    }
+
+    /// What is drawn.
+    #[must_use]
+    pub fn plots(&self) -> &[Plot] {
+        &self.plots
+    }
+
+    /// The newest value of a signal that is drawn; NaN if there is none.
+    #[must_use]
+    pub fn value(&self, signal: usize) -> f64 {
+        self.trace(signal).map_or(f64::NAN, |trace| trace.value)
+    }
+
+    /// What a signal that is drawn did.
+    #[must_use]
+    pub fn history(&self, signal: usize) -> Option<&History> {
+        self.trace(signal).map(|trace| &trace.history)
+    }
+
+    fn trace(&self, signal: usize) -> Option<&Trace> {
+        self.traces.iter().find(|trace| trace.column == signal)
+    }
+
+    /// Every signal that is drawn, by name, with its newest value.
+    pub fn values(&self) -> impl Iterator<Item = (String, f64)> + '_ {
+        let named = |trace: &Trace| (self.columns[trace.column].full_name(), trace.value);
+        self.traces.iter().map(named)
+    }
+
+    /// The faults of the run.
+    #[must_use]
+    pub fn faults(&self) -> &[FaultState] {
+        &self.faults
+    }
+
+    /// The requirements.
+    #[must_use]
+    pub const fn judged(&self) -> &Judged {
+        &self.judged
+    }
+
+    /// The last thing that happened.
+    #[must_use]
+    pub fn note(&self) -> Option<&str> {
+        self.note.as_deref()
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests;

@@ -1,0 +1,191 @@
+//! Faults that a key puts in: what was typed after `--inject`, checked before anything is shown.
+//!
+//! The words are those of `hil inject` and become the same request. They are checked here as the plant
+//! will check them, so that a wrong one is refused at the start and not in the middle of a run.
+
+use std::ffi::OsString;
+use std::time::{Duration, Instant};
+
+use clap::Parser;
+use hil_config::live_faults::{FaultContext, check_faults};
+use hil_config::plan::Plan;
+use shared_types::live::{Possible, Refusal};
+use shared_types::record::RecordLayout;
+use shared_types::session::SessionInfo;
+use shared_types::stream::iceoryx::LAYOUT_FILE;
+
+use crate::arguments::inject::arrange;
+use crate::arguments::{Command, CommandLine};
+use crate::session::inject;
+use crate::session::live::Unmet;
+use crate::terminal::exit::Failure;
+
+/// Most that there are keys for.
+const MOST: usize = 9;
+/// How long a session may take until it can be asked what is possible.
+const START_LIMIT: Duration = Duration::from_secs(20);
+/// How often it is looked whether it can.
+const LOOK: Duration = Duration::from_millis(10);
+
+/// A fault that is ready to be put in.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Prepared {
+    /// What was typed.
+    pub words: String,
+    /// The request's text.
+    pub toml: String,
+}
+
+/// Prepares faults for a session; asks it only if there are any.
+///
+/// # Errors
+/// If one is none that the session would take.
+pub fn all(texts: &[String], session: &SessionInfo, plan: &Plan) -> Result<Vec<Prepared>, Unmet> {
+    if texts.is_empty() {
+        return Ok(Vec::new());
+    }
+    if texts.len() > MOST {
+        let message = format!("{} times --inject; there are keys for {MOST}", texts.len());
+        return Err(Refusal::new(message).into());
+    }
+    let layout = layout(session)?;
+    let possible = inject::possible(session)?;
+    let prepared = texts.iter().map(|text| {
+        one(text, &possible, plan, &layout).map_err(|problems| {
+            Unmet::Refused(
+                problems
+                    .into_iter()
+                    .map(|problem| Refusal {
+                        message: format!("--inject '{text}': {}", problem.message),
+                        ..problem
+                    })
+                    .collect(),
+            )
+        })
+    });
+    prepared.collect()
+}
+
+/// The signals of a session, which it tells when both sides are there.
+fn layout(session: &SessionInfo) -> Result<RecordLayout, Unmet> {
+    let since = Instant::now();
+    loop {
+        if let Ok(layout) = session.read_file(LAYOUT_FILE) {
+            return Ok(layout);
+        }
+        if !session.is_there() || since.elapsed() > START_LIMIT {
+            let name = &session.name;
+            return Err(Failure::infrastructure(format!(
+                "session `{name}` has ended or does not start"
+            ))
+            .into());
+        }
+        std::thread::sleep(LOOK);
+    }
+}
+
+fn one(
+    text: &str,
+    possible: &Possible,
+    plan: &Plan,
+    layout: &RecordLayout,
+) -> Result<Prepared, Vec<Refusal>> {
+    let refused = |message: String| vec![Refusal::new(message)];
+    let words = shlex::split(text).ok_or_else(|| refused("a quote is not closed".into()))?;
+    let typed = ["hil", "inject"]
+        .map(str::to_owned)
+        .into_iter()
+        .chain(words);
+    let command_line = CommandLine::try_parse_from(arrange(typed.map(OsString::from)));
+    let command_line = command_line.map_err(|error| {
+        let told = error.to_string();
+        let first = told.lines().next().unwrap_or_default();
+        refused(first.trim_start_matches("error: ").to_owned())
+    })?;
+    let Command::Inject(arguments) = command_line.command else {
+        return Err(refused("no fault".into()));
+    };
+    if arguments.kind.is_none() || arguments.session.session.is_some() || arguments.session.json {
+        return Err(refused(
+            "a kind of fault and what it acts on, without --list, --active, --clear, --session and --json"
+                .into(),
+        ));
+    }
+    let toml = inject::toml(&arguments, possible)?;
+    let derived: Vec<(String, String)> = (plan.derived.iter())
+        .map(|derived| (derived.name.clone(), derived.expression.to_string()))
+        .collect();
+    let named = plan.faults.iter();
+    let names: Vec<(String, u32)> = named
+        .filter_map(|fault| Some((fault.name.clone()?, fault.id)))
+        .collect();
+    let context = FaultContext {
+        plant: &possible.plant,
+        kinds: &possible.kinds,
+        parameters: &plan.plant.parameters,
+        stimuli: &plan.stimuli,
+        internals: &layout.internal,
+        derived: &derived,
+        rate: plan.run.rate,
+        steps: plan.run.steps,
+        names: &names,
+        // Faults that others put in before this one have lower numbers.
+        first_id: u32::MAX / 2,
+    };
+    check_faults(&toml, &context)
+        .map_err(|problems| problems.0.iter().map(Refusal::from).collect::<Vec<_>>())?;
+    Ok(Prepared {
+        words: text.into(),
+        toml,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::views::monitor::model::tests::{layout, plan, possible};
+
+    fn prepared(text: &str) -> Result<Prepared, String> {
+        let plan = plan();
+        one(text, &possible(&plan), &plan, &layout(&plan)).map_err(|problems| {
+            let told: Vec<String> = problems.into_iter().map(|one| one.message).collect();
+            told.join("; ")
+        })
+    }
+
+    #[test]
+    fn words_of_inject_are_prepared_and_wrong_ones_refused_at_once() {
+        for text in [
+            "bias measured.surface_angle_rad 0.01 --ramp 2s",
+            "leakage --actuator 1,2 --coefficient 5e-7,1e-7 --speed 10,0.5",
+            "dropout measured.surface_angle_rad --when 'abs(truth.surface_angle_rad) > 0.1'",
+        ] {
+            let prepared = prepared(text).expect(text);
+            assert_eq!(prepared.words, text);
+            let kind = text.split(' ').next().expect("a word");
+            assert!(
+                prepared.toml.contains(&format!("kind = \"{kind}\"")),
+                "{prepared:?}"
+            );
+        }
+        for (text, fragment) in [
+            ("", "required"),
+            ("leek --actuator 1", "leek"),
+            ("leakage --actuator 9 --coefficient 1e-7 --speed 1", "9"),
+            ("leakage --actuator 1 --coefficient -1 --speed 1", "-1"),
+            (
+                "bias measured.surface_angle_rad 1 --when 'truth.x > 1'",
+                "truth.x",
+            ),
+            ("bias 'measured.surface_angle_rad 1", "quote"),
+            ("--list", "a kind of fault"),
+            (
+                "bias measured.surface_angle_rad 1 --session demo",
+                "--session",
+            ),
+        ] {
+            let told = prepared(text).expect_err(text);
+            assert!(told.contains(fragment), "{text}: {told}");
+        }
+    }
+}

@@ -1,0 +1,216 @@
+//! Watching the session, on a thread of its own: from before its first step to its summary.
+//!
+//! The thread sleeps between looks at the stream. It must not wait for a terminal: what it does not
+//! take in time is lost to it.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+use shared_types::record::RecordLayout;
+use shared_types::session::SessionInfo;
+
+use super::{SharedModel, line};
+use crate::session::observer::{Observer, Seen};
+use crate::terminal::exit::Failure;
+
+/// How often it is looked whether the session begins.
+const BEGIN: Duration = Duration::from_millis(20);
+/// How often it is looked whether the session is still there when nothing comes.
+const LOOK: Duration = Duration::from_millis(200);
+/// How long a session may take to go after its last word, and its summary to come after that.
+const END_LIMIT: Duration = Duration::from_secs(20);
+
+/// Who gets what is seen besides the model; called by the watching thread, which it must not hold up.
+pub trait Audience: Send {
+    /// The signals are known.
+    fn attach(&mut self, layout: &RecordLayout);
+
+    /// Something was seen.
+    fn take(&mut self, seen: &Seen<'_>);
+
+    /// Nothing will be seen any more; why, as a person reads it.
+    fn end(&mut self, last_word: &str);
+}
+
+/// The thread as its owner sees it.
+pub struct Watch {
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+    failures: Receiver<Failure>,
+    first: Receiver<()>,
+}
+
+impl Watch {
+    /// Watches a session from now on, until this is dropped.
+    #[must_use]
+    pub fn start(
+        session: SessionInfo,
+        model: SharedModel,
+        audience: Option<Box<dyn Audience>>,
+    ) -> Self {
+        let stop = Arc::new(AtomicBool::new(false));
+        let (failed, failures) = channel();
+        let (tried, first) = channel();
+        let mut work = Work {
+            session,
+            model,
+            audience,
+            stop: Arc::clone(&stop),
+        };
+        let thread = std::thread::spawn(move || {
+            if let Err(failure) = work.watch(&tried) {
+                let _ = failed.send(failure); // nobody is left to tell
+            }
+        });
+        Self {
+            stop,
+            thread: Some(thread),
+            failures,
+            first,
+        }
+    }
+
+    /// Waits until it was tried for the first time to attach.
+    pub fn wait_for_first(&self) {
+        let _ = self.first.recv(); // an error is told by `failure`
+    }
+
+    /// What keeps it from watching, if anything does.
+    #[must_use]
+    pub fn failure(&self) -> Option<Failure> {
+        self.failures.try_recv().ok()
+    }
+
+    /// Whether there is nothing more to come.
+    #[must_use]
+    pub fn has_ended(&self) -> bool {
+        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
+    }
+}
+
+impl Drop for Watch {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Release);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join(); // a panic has told itself
+        }
+    }
+}
+
+struct Work {
+    session: SessionInfo,
+    model: SharedModel,
+    audience: Option<Box<dyn Audience>>,
+    stop: Arc<AtomicBool>,
+}
+
+impl Work {
+    fn watch(&mut self, tried: &Sender<()>) -> Result<(), Failure> {
+        let attached = self.attach(tried)?;
+        if let Some(mut observer) = attached {
+            self.look(&mut observer)?;
+        }
+        self.wait_for_summary();
+        let model = self.model.lock();
+        if let (Some(audience), Some(ending)) = (&mut self.audience, model.ending()) {
+            audience.end(&line::ended(&model, ending));
+        }
+        Ok(())
+    }
+
+    fn is_over(&self) -> bool {
+        self.stop.load(Ordering::Acquire)
+    }
+
+    /// Attaches as soon as there is something to attach to; `None` if there will not be.
+    fn attach(&mut self, tried: &Sender<()>) -> Result<Option<Observer>, Failure> {
+        while !self.is_over() && self.session.is_there() {
+            if let Some(observer) = Observer::attach(&self.session)? {
+                self.model.lock().attach(observer.layout())?;
+                if let Some(audience) = &mut self.audience {
+                    audience.attach(observer.layout());
+                }
+                let _ = tried.send(()); // whoever waited may not any more
+                return Ok(Some(observer));
+            }
+            let _ = tried.send(());
+            std::thread::sleep(BEGIN);
+        }
+        Ok(None)
+    }
+
+    /// Looks until the run ends.
+    fn look(&mut self, observer: &mut Observer) -> Result<(), Failure> {
+        let mut looked = Instant::now();
+        while !self.is_over() {
+            // Asked before the look: what came until then must be in it.
+            let is_last = looked.elapsed() > LOOK && !self.session.is_there();
+            let taken = {
+                let mut model = self.model.lock();
+                let taken = observer.look(|seen| {
+                    if let Some(audience) = &mut self.audience {
+                        audience.take(&seen);
+                    }
+                    model.take(seen);
+                })?;
+                if model.ending().is_some() {
+                    return Ok(());
+                }
+                taken
+            };
+            if taken == 0 && is_last {
+                return Ok(());
+            }
+            if looked.elapsed() > LOOK {
+                looked = Instant::now();
+                self.model.lock().is_owner_stopped = self.session.owner.is_stopped();
+            }
+            std::thread::sleep(observer.nap());
+        }
+        Ok(())
+    }
+
+    /// Waits until `hil` has removed the session and written the summary, and takes the verdict.
+    fn wait_for_summary(&self) {
+        let since = Instant::now();
+        let run_dir = self.model.lock().run_dir.clone();
+        let run_dir = run_dir.or_else(|| {
+            let info = SessionInfo::read(&self.session.folder).ok()?;
+            info.run_dir
+        });
+        let (mut verdict, mut standings) = (None, None);
+        while !self.is_over() && verdict.is_none() && since.elapsed() < END_LIMIT {
+            // Asked before the look. Killed, it writes none.
+            let is_last = !self.session.owner.is_alive();
+            let text = run_dir
+                .as_ref()
+                .and_then(|folder| std::fs::read_to_string(folder.join("summary.json")).ok());
+            let summary: Option<Value> = text.and_then(|text| serde_json::from_str(&text).ok());
+            if let Some(mut summary) = summary {
+                verdict = summary["verdict"].as_str().map(str::to_owned);
+                standings = serde_json::from_value(summary["requirements"].take()).ok();
+            }
+            if verdict.is_none() && is_last {
+                break;
+            }
+            std::thread::sleep(BEGIN);
+        }
+        if self.is_over() {
+            return; // it is not watched any more, which is no end
+        }
+        let mut model = self.model.lock();
+        model.run_dir = model.run_dir.take().or(run_dir);
+        // What was asked last is older than the end.
+        model.hear_standings(standings);
+        if verdict.is_none() && !self.session.owner.is_alive() {
+            let recording = model.run_dir.as_ref().map(|folder| folder.join("run.mcap"));
+            model.abandon(recording.is_some_and(|file| file.exists()));
+        } else {
+            model.end(verdict);
+        }
+    }
+}

@@ -1,0 +1,176 @@
+//! The page of a report: everything that reads without a script, and the data for the script that draws.
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+use shared_types::number::unit_shown;
+
+use super::data::Data;
+use super::plots::Plot;
+use super::run::{Run, Span};
+use super::tables;
+use crate::terminal::exit::Failure;
+
+const UPLOT: &str = include_str!("assets/uplot/uPlot.iife.min.js");
+const UPLOT_STYLE: &str = include_str!("assets/uplot/uPlot.min.css");
+const SCRIPT: &str = include_str!("assets/report.js");
+const STYLE: &str = include_str!("assets/report.css");
+/// Nothing is loaded, nothing is sent.
+const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'";
+
+/// The whole page.
+pub(super) fn page(runs: &[Run], plots: &[Plot], data: &Data) -> Result<String, Failure> {
+    let title = title(runs);
+    // No text in it can end the element.
+    let json = serde_json::to_string(data)
+        .map_err(Failure::infrastructure)?
+        .replace('<', "\\u003c");
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta http-equiv="Content-Security-Policy" content=(POLICY);
+                meta name="generator" content=(concat!("hil ", env!("CARGO_PKG_VERSION")));
+                title { (title) }
+                style { (PreEscaped(UPLOT_STYLE)) (PreEscaped(STYLE)) }
+            }
+            body {
+                a.skip href="#plots" { "Skip to the plots" }
+                header {
+                    h1 { (title) }
+                    p { (description(runs)) }
+                }
+                (toolbar(runs))
+                main {
+                    section #runs { h2 { "Runs" } (tables::runs(runs)) }
+                    section #requirements { h2 { "Requirements" } (tables::requirements(runs)) }
+                    section #metrics { h2 { "Metrics" } (tables::metrics(runs)) }
+                    section #faults { h2 { "Faults and controllers" } (tables::events(runs)) }
+                    section #plots {
+                        h2 { "Plots" }
+                        noscript { p.note { "Plots need a browser with JavaScript; the tables do not." } }
+                        (sections(plots))
+                    }
+                    (picker(data))
+                    section #latency {
+                        h2 { "Latency" }
+                        (tables::latency(runs))
+                        div.plots #histograms {}
+                        h3 { "The longest round trips" }
+                        (tables::spikes(runs))
+                    }
+                    section #provenance { h2 { "Provenance" } (tables::provenance(runs)) }
+                }
+                footer { p { "Made by hil " (env!("CARGO_PKG_VERSION")) ", commit " (env!("HIL_COMMIT")) ". Plots by uPlot, MIT licence." } }
+                p #status .visually-hidden role="status" aria-live="polite" {}
+                script #data type="application/json" { (PreEscaped(json)) }
+                script { (PreEscaped(UPLOT)) }
+                script { (PreEscaped(SCRIPT)) }
+            }
+        }
+    };
+    Ok(page.into_string())
+}
+
+fn title(runs: &[Run]) -> String {
+    let mut scenarios: Vec<&str> = Vec::new();
+    for run in runs {
+        let scenario = run.fact("scenario");
+        if !scenarios.contains(&scenario) {
+            scenarios.push(scenario);
+        }
+    }
+    let mut laws: Vec<&str> = Vec::new();
+    for law in runs.iter().map(Run::law) {
+        if !law.is_empty() && !laws.contains(&law) {
+            laws.push(law);
+        }
+    }
+    format!("{}: {}", scenarios.join(", "), laws.join(", "))
+}
+
+fn description(runs: &[Run]) -> String {
+    let mut texts: Vec<&str> = Vec::new();
+    for plan in runs.iter().filter_map(|run| run.plan.as_ref()) {
+        if !plan.description.is_empty() && !texts.contains(&plan.description.as_str()) {
+            texts.push(&plan.description);
+        }
+    }
+    texts.join("; ")
+}
+
+fn toolbar(runs: &[Run]) -> Markup {
+    html! {
+        nav.bar aria-label="Controls" {
+            a href="#requirements" { "Requirements" }
+            a href="#metrics" { "Metrics" }
+            a href="#plots" { "Plots" }
+            a href="#latency" { "Latency" }
+            a href="#provenance" { "Provenance" }
+            span.gap {}
+            span.jumps { @for span in jumps(runs) {
+                button type="button" data-jump=(span.from_s) title="Zoom in on where it took hold" {
+                    "fault " (span.event) " " (span.kind)
+                }
+            } }
+            button #whole type="button" { "Whole run" }
+            button #theme type="button" aria-pressed="false" { "Dark" }
+            details.keys {
+                summary { "Keys" }
+                div { "Drag, or on a focused plot: " kbd { "←" } " " kbd { "→" } " move, " kbd { "+" } " " kbd { "-" } " zoom, "
+                    kbd { "Shift" } " with arrows moves the cursor, " kbd { "0" } " whole run. Wheel with " kbd { "Ctrl" } " zooms, a double click shows all." }
+            }
+        }
+    }
+}
+
+/// All faults, those that several runs have in common once.
+fn jumps(runs: &[Run]) -> Vec<&Span> {
+    let mut spans: Vec<&Span> = Vec::new();
+    for span in runs.iter().flat_map(|run| &run.spans) {
+        let what = |one: &Span| (one.event, one.kind.clone(), one.from_s.to_bits());
+        if !spans.iter().any(|one| what(one) == what(span)) {
+            spans.push(span);
+        }
+    }
+    spans
+}
+
+/// Plots under the headings of their sections; the script draws into them.
+fn sections(plots: &[Plot]) -> Markup {
+    let mut last = "";
+    let headed = plots.iter().enumerate().map(|(number, plot)| {
+        let heading = (plot.section != last).then_some(plot.section);
+        last = plot.section;
+        (number, heading, plot)
+    });
+    html! {
+        @for (number, heading, plot) in headed {
+            @if let Some(heading) = heading { h3 { (heading) } }
+            figure.plot id={ "plot-" (number) } data-plot=(number) tabindex="0" role="group" aria-label={ "Plot: " (plot.title) } {
+                figcaption { (plot.title) @if !unit_shown(&plot.unit).is_empty() { " [" (plot.unit) "]" } }
+                div.canvas {}
+                div.legend {}
+            }
+        }
+    }
+}
+
+/// Every other signal, to be added.
+fn picker(data: &Data) -> Markup {
+    html! {
+        section #signals {
+            h2 { "More signals" }
+            label for="filter" { "Filter " }
+            input #filter type="search" placeholder="truth.*, pressure, ..." autocomplete="off";
+            p.hint { "Choose some and plot them together." }
+            div.signals {
+                @for (name, unit) in data.names() {
+                    label { input type="checkbox" name="signal" value=(name); " " (name) " " span.hint { (unit_shown(unit)) } }
+                }
+            }
+            button #plot type="button" { "Plot chosen" }
+        }
+        div.plots #added {}
+    }
+}

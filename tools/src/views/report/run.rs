@@ -1,0 +1,382 @@
+//! A recorded run as a report shows it.
+//!
+//! Read twice: first what came of it, from which follows what is worth a close look; then its signals as
+//! envelopes over the grid that follows from that. Neither keeps records, so the length of a run does not
+//! matter.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use hil_config::plan::{self, Plan};
+use serde_json::Value;
+use shared_types::record::Outcome;
+use shared_types::time::{Rate, Step};
+
+use super::envelope::Envelope;
+use super::grid::Grid;
+use crate::recording::reader::{ReadError, RunReader};
+use crate::results::account::Account;
+use crate::results::evaluation::{self, RecordedEvaluation};
+use crate::results::handover::Laws;
+use crate::results::latency::spikes::KEPT;
+use crate::results::requirements::{self, Requirement};
+use crate::results::summary::{Metric, Missed};
+use crate::terminal::exit::Failure;
+
+/// Words of measured time that are worth a plot.
+const TIMES: [&str; 5] = [
+    "round_trip_ns",
+    "controller_ns",
+    "plant_ns",
+    "late_ns",
+    "held_steps",
+];
+
+/// What came of a run.
+pub(super) struct Run {
+    /// What tells it from the others of the report.
+    pub(super) label: String,
+    pub(super) path: PathBuf,
+    pub(super) account: Account,
+    /// Its scenario; `None` if that cannot be understood.
+    pub(super) plan: Option<Plan>,
+    pub(super) rate: Rate,
+    pub(super) last: Step,
+    pub(super) reason: Option<String>,
+    pub(super) verdict: String,
+    pub(super) requirements: Vec<Requirement>,
+    pub(super) metrics: Vec<Metric>,
+    /// Effects of faults in the order in which they took hold.
+    pub(super) spans: Vec<Span>,
+    /// The laws that it ran with.
+    pub(super) laws: Laws,
+    /// The same as a person reads it.
+    told_laws: String,
+    /// What a reader should know before anything else.
+    pub(super) notes: Vec<String>,
+}
+
+/// A time in which a fault acts.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Span {
+    pub(super) event: u32,
+    pub(super) kind: String,
+    pub(super) from_s: f64,
+    /// `None`: to the end.
+    pub(super) until_s: Option<f64>,
+}
+
+impl Run {
+    /// Reads what came of a run, judged by its own scenario or by another.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub(super) fn of(path: &Path, by: Option<&Path>) -> Result<Self, Failure> {
+        let mut account = Account::of(path, by).map_err(Failure::usage)?;
+        if account.recorded.written == 0 {
+            let shown = account.reader.path().display().to_string();
+            return Err(Failure::usage(format!("{shown} has no record to show")));
+        }
+        let rate = account.reader.rate().map_err(Failure::usage)?;
+        let mut notes = Vec::new();
+        if let Some(damage) = &account.damage {
+            notes.push(format!("damaged: {damage}"));
+        } else if let Some(torn) = account.reader.caveat() {
+            notes.push(torn);
+        }
+        let broke_off = (!account.has_result() && account.recorded.end.is_none())
+            .then_some("the recording breaks off");
+        let (outcome, reason) = account.outcome(broke_off);
+        let plan = match std::mem::replace(&mut account.plan, Err(Failure::usage("taken"))) {
+            Ok(plan) => Some(plan),
+            Err(failure) if by.is_some() => return Err(failure),
+            Err(failure) => {
+                notes.push(format!(
+                    "its scenario cannot be understood, so nothing is judged or derived: {failure}"
+                ));
+                None
+            }
+        };
+        let recorded = &account.recorded;
+        let mut requirements: Vec<Requirement> = (recorded.requirements.iter())
+            .map(Requirement::from)
+            .collect();
+        let mut verdict = match outcome {
+            Outcome::Completed => requirements::verdict(&requirements).to_owned(),
+            _ => "aborted".to_owned(),
+        };
+        if let Some(kept) = account.reader.fact(crate::recording::reader::EXCERPT) {
+            let told = summary_beside(path);
+            notes.push(format!(
+                "an excerpt: {kept}; {}",
+                match &told {
+                    Some(_) => "verdict and requirements are those that the run itself found",
+                    None => "requirements need the whole run, so it is not judged",
+                }
+            ));
+            (verdict, requirements) = told.unwrap_or(("not judged".into(), Vec::new()));
+        } else if plan.is_none() {
+            verdict = "not judged".into();
+        }
+        let written = account.reader.result("digest").unwrap_or_default();
+        let is_other = (recorded.digest.as_deref())
+            .is_some_and(|found| !written.is_empty() && found != written);
+        if is_other {
+            notes.push("the digest of its records is not the recorded one: some of what is shown is not what was recorded".into());
+        }
+        if (is_other || account.damage.is_some()) && verdict == "pass" {
+            verdict = "not judged".into();
+        }
+        notes.extend(account.recorded.end.iter().flat_map(Missed::of_end));
+        let spans = spans(&account, rate);
+        let laws = plan.as_ref().map(|plan| plan.controller.law.as_str());
+        let fact = |name: &str| account.reader.fact(name).map(Into::into);
+        let laws = laws.map_or_else(Laws::default, |law| Laws::of(law, &recorded.changes, fact));
+        Ok(Self {
+            label: String::new(),
+            path: path.to_owned(),
+            rate,
+            last: Step(account.reader.step()),
+            reason,
+            verdict,
+            requirements,
+            metrics: recorded.metrics.iter().map(Metric::from).collect(),
+            spans,
+            told_laws: laws.told(rate),
+            laws,
+            notes,
+            plan,
+            account,
+        })
+    }
+
+    /// A fact that was written down before the run.
+    pub(super) fn fact(&self, name: &str) -> &str {
+        self.account.reader.fact(name).unwrap_or_default()
+    }
+
+    /// Its law, or all with the time from which each ran; empty if the scenario cannot be understood.
+    pub(super) fn law(&self) -> &str {
+        &self.told_laws
+    }
+
+    /// When it ends, in s.
+    pub(super) fn end_s(&self) -> f64 {
+        self.rate.seconds(self.last)
+    }
+
+    /// Times in ns that are worth a close look, the most interesting first.
+    pub(super) fn times_ns(&self) -> Vec<u64> {
+        let ns = |s: f64| (s * 1e9) as u64;
+        let spans = self.spans.iter();
+        let faults = spans.flat_map(|span| std::iter::once(span.from_s).chain(span.until_s));
+        let changes = self
+            .account
+            .recorded
+            .changes
+            .iter()
+            .map(|change| change.step);
+        let spikes = self.account.recorded.latency.spikes.iter();
+        let steps = changes.chain(spikes.take(KEPT / 3).map(|spike| spike.step));
+        let margins = self.requirements.iter().filter_map(|one| one.at_s);
+        let times = faults.chain(margins).map(ns);
+        times
+            .chain(steps.map(|step| self.rate.nanoseconds(Step(step))))
+            .collect()
+    }
+
+    /// What reads its signals.
+    pub(super) fn reading<'a>(&'a self, extra: &'a [plan::Derived]) -> Reading<'a> {
+        Reading {
+            path: &self.path,
+            rate: self.rate,
+            plan: self.plan.as_ref(),
+            extra,
+        }
+    }
+}
+
+/// What the signals of a run are read with.
+pub(super) struct Reading<'a> {
+    path: &'a Path,
+    rate: Rate,
+    plan: Option<&'a Plan>,
+    /// Signals to be computed besides those of the scenario.
+    extra: &'a [plan::Derived],
+}
+
+impl Reading<'_> {
+    /// The signals over a grid, with what is derived from them.
+    ///
+    /// # Errors
+    /// If it cannot be read any more.
+    pub(super) fn signals(&self, grid: &Grid) -> Result<Signals, ReadError> {
+        let mut reader = RunReader::open(self.path)?.without_digest().patient();
+        let mut signals = Signals::default();
+        let mut places = Vec::new();
+        for (place, column) in reader.columns().iter().enumerate() {
+            let is_time = TIMES.contains(&column.name.as_str());
+            if column.is_signal() || is_time {
+                let unit = match (is_time, column.name.as_str()) {
+                    (false, _) => column.unit.as_str(),
+                    (true, "held_steps") => "steps",
+                    (true, _) => "ns",
+                };
+                signals.push(&column.name, unit, grid);
+                places.push((place, is_time));
+            }
+        }
+        let mut derived = self.derived(&reader);
+        for one in derived.iter().flat_map(|(signals, _)| signals) {
+            signals.push(&one.name, &one.unit, grid);
+        }
+        let mut bucket = 0;
+        // What is damaged after some records shows those.
+        while let Ok(true) = reader.advance() {
+            let step = Step(reader.step());
+            bucket = grid.bucket(bucket, self.rate.nanoseconds(step));
+            let words = reader.words();
+            let (recorded, computed) = signals.envelopes.split_at_mut(places.len());
+            for (envelope, (place, is_time)) in recorded.iter_mut().zip(&places) {
+                let word = words[*place];
+                match is_time {
+                    false => envelope.take(bucket, f64::from_bits(word)),
+                    // 0 is no time: nothing was exchanged or due.
+                    true if word > 0 => envelope.take(bucket, word as f64),
+                    true => {}
+                }
+            }
+            if let Some((_, evaluation)) = &mut derived {
+                for (envelope, value) in computed.iter_mut().zip(evaluation.observe(words)) {
+                    envelope.take(bucket, *value);
+                }
+            }
+        }
+        signals.forget_missing();
+        Ok(signals)
+    }
+
+    /// Its derived signals and the extra ones, and what computes them; `None` of an excerpt, which lacks
+    /// what they are made of.
+    fn derived(&self, reader: &RunReader) -> Option<(Vec<plan::Derived>, RecordedEvaluation)> {
+        let plan = self.plan.filter(|_| !reader.is_excerpt())?;
+        let plant = reader.enclosed("plant-description.json").ok()?;
+        let (columns, words) = evaluation::columns(reader, &plant).ok()?;
+        let is_known = |name: &str| {
+            columns.index_of(name).is_some() || plan.derived.iter().any(|one| one.name == name)
+        };
+        let can_be = |one: &&plan::Derived| one.expression.signals().all(is_known);
+        let mut signals = plan.derived.clone();
+        signals.extend(self.extra.iter().filter(can_be).cloned());
+        let plan = Plan {
+            derived: signals.clone(),
+            metrics: Vec::new(),
+            analyses: Vec::new(),
+            requirements: Vec::new(),
+            ..plan.clone()
+        };
+        let evaluation = RecordedEvaluation::new(reader, &plan, &columns, words).ok()?;
+        Some((signals, evaluation))
+    }
+}
+
+/// The signals of a run over a grid.
+#[derive(Default)]
+pub(super) struct Signals {
+    names: Vec<(String, String)>,
+    envelopes: Vec<Envelope>,
+}
+
+impl Signals {
+    fn push(&mut self, name: &str, unit: &str, grid: &Grid) {
+        self.names.push((name.to_owned(), unit.to_owned()));
+        self.envelopes.push(Envelope::new(grid.len()));
+    }
+
+    /// Signals that never had a value are not there.
+    fn forget_missing(&mut self) {
+        let names = std::mem::take(&mut self.names);
+        let envelopes = std::mem::take(&mut self.envelopes);
+        (self.names, self.envelopes) = (names.into_iter().zip(envelopes))
+            .filter(|(_, envelope)| envelope.exists())
+            .unzip();
+    }
+
+    /// Name, unit and envelope of each.
+    pub(super) fn iter(&self) -> impl Iterator<Item = (&str, &str, &Envelope)> {
+        let names = self.names.iter();
+        (names.zip(&self.envelopes))
+            .map(|((name, unit), envelope)| (name.as_str(), unit.as_str(), envelope))
+    }
+
+    /// The envelope of a signal.
+    pub(super) fn get(&self, name: &str) -> Option<&Envelope> {
+        self.iter()
+            .find(|one| one.0 == name)
+            .map(|(.., envelope)| envelope)
+    }
+
+    /// The unit of a signal.
+    pub(super) fn unit(&self, name: &str) -> Option<&str> {
+        self.iter()
+            .find(|one| one.0 == name)
+            .map(|(_, unit, _)| unit)
+    }
+}
+
+/// When faults acted: one span for each event, from its first effect to the end of its last.
+fn spans(account: &Account, rate: Rate) -> Vec<Span> {
+    let faults = &account.recorded.faults;
+    let mut ends: BTreeMap<(u32, u32), u64> = BTreeMap::new();
+    for ended in &faults.ended {
+        ends.insert((ended.id, ended.effect), ended.step);
+    }
+    let mut events: BTreeMap<u32, (String, u64, Option<u64>)> = BTreeMap::new();
+    for taken in &faults.taken {
+        let until = ends.get(&(taken.id, taken.effect)).copied();
+        events
+            .entry(taken.id)
+            .and_modify(|(_, from, to)| {
+                *from = taken.step.min(*from);
+                // One effect that goes on is enough.
+                *to = to.zip(until).map(|(a, b)| if a > b { a } else { b });
+            })
+            .or_insert((taken.kind.clone(), taken.step, until));
+    }
+    let seconds = |step| rate.seconds(Step(step));
+    let mut spans: Vec<Span> = (events.into_iter())
+        .map(|(event, (kind, from, until))| Span {
+            event,
+            kind,
+            from_s: seconds(from),
+            until_s: until.map(seconds),
+        })
+        .collect();
+    spans.sort_by(|a, b| a.from_s.total_cmp(&b.from_s));
+    spans
+}
+
+/// Verdict and requirements of the `summary.json` beside a recording.
+fn summary_beside(run: &Path) -> Option<(String, Vec<Requirement>)> {
+    let folder = if run.is_dir() { run } else { run.parent()? };
+    let text = std::fs::read_to_string(folder.join("summary.json")).ok()?;
+    let summary: Value = serde_json::from_str(&text).ok()?;
+    let text = |value: &Value| value.as_str().unwrap_or_default().to_owned();
+    let requirements = summary["requirements"]
+        .as_array()?
+        .iter()
+        .map(|one| Requirement {
+            name: text(&one["name"]),
+            formula: text(&one["formula"]),
+            verdict: match one["verdict"].as_str() {
+                Some("pass") => "pass",
+                Some("fail") => "fail",
+                _ => "undecided",
+            },
+            robustness: one["robustness"].as_f64(),
+            unit: text(&one["unit"]),
+            at_s: one["at_s"].as_f64(),
+            decided_at_s: one["decided_at_s"].as_f64(),
+        });
+    Some((text(&summary["verdict"]), requirements.collect()))
+}

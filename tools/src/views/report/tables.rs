@@ -1,0 +1,326 @@
+//! The tables of a report: verdicts, requirements, metrics, faults, latency, provenance.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use hil_config::plan::Published;
+use maud::{Markup, html};
+use shared_types::number::{short, short_in};
+use shared_types::time::Step;
+
+use super::run::Run;
+use crate::results::latency::percentiles::Percentiles;
+use crate::results::requirements::Requirement;
+use crate::results::summary::{Metric, of_law};
+use crate::terminal::duration::shown_ns;
+
+/// What levels of evidence mean.
+const EVIDENCE: [(&str, &str); 4] = [
+    (
+        "in-process",
+        "both sides in one process: about the algorithms, not about processes or targets",
+    ),
+    (
+        "sil",
+        "software in the loop: two processes on one machine; no evidence about target hardware",
+    ),
+    ("pil", "processor in the loop: the controller on its target"),
+    (
+        "hil",
+        "hardware in the loop: the controller on its target with its interfaces",
+    ),
+];
+
+/// Who ran, how it ended, how fast.
+pub(super) fn runs(runs: &[Run]) -> Markup {
+    html! {
+        div.scroll tabindex="0" { table {
+            thead { tr {
+                th { "run" } th { "verdict" } th { "scenario" } th { "law" } th { "clock" }
+                th.n { "simulated" } th.n { "speed" } th { "evidence" } th { "digest" }
+            } }
+            tbody {
+                @for (number, run) in runs.iter().enumerate() {
+                    tr {
+                        th scope="row" { (swatch(number)) (run.label) }
+                        td { (badge(&run.verdict)) @if let Some(reason) = &run.reason { br; (reason) } }
+                        td { (run.fact("scenario")) }
+                        td { (run.law()) }
+                        td { (run.plan.as_ref().map_or("", |plan| plan.run.clock.name())) }
+                        td.n { (run.account.recorded.records) " records, " (seconds(run.end_s())) " s" }
+                        td.n { (speed(run)) }
+                        td { abbr title=(meaning(run.fact("evidence"))) { (run.fact("evidence")) } }
+                        td { (digest(run)) }
+                    }
+                }
+            }
+        } }
+        @for run in runs { @for note in &run.notes { p.note { (run.label) ": " (note) } } }
+    }
+}
+
+fn speed(run: &Run) -> String {
+    let wall_s = run.account.recorded.wall_time_s;
+    match wall_s > 0.0 {
+        true => format!("{:.1}x real time", run.end_s() / wall_s),
+        false => "-".into(),
+    }
+}
+
+/// The digest, recomputed from the records, against the one that the recorder wrote.
+fn digest(run: &Run) -> Markup {
+    let recorded = run.account.reader.result("digest").unwrap_or_default();
+    let found = run.account.recorded.digest.as_deref();
+    html! {
+        @match found {
+            Some(found) => {
+                code title=(found) { (found.get(..12).unwrap_or(found)) }
+                @if run.account.reader.is_excerpt() { " as recorded" }
+                @else if recorded == found { " recomputed: equal" }
+                @else if recorded.is_empty() { " of what is there" }
+                @else { " " strong { "NOT the recorded one" } }
+            }
+            None => "none: records were lost",
+        }
+    }
+}
+
+/// Every requirement with its margin in every run.
+pub(super) fn requirements(runs: &[Run]) -> Markup {
+    let mut names: Vec<&Requirement> = Vec::new();
+    for one in runs.iter().flat_map(|run| &run.requirements) {
+        if !names.iter().any(|known| known.name == one.name) {
+            names.push(one);
+        }
+    }
+    html! {
+        @if names.is_empty() { p { "No requirement was judged." } }
+        @else { div.scroll tabindex="0" { table {
+            thead { tr {
+                th { "requirement" }
+                @for (number, run) in runs.iter().enumerate() { th { (swatch(number)) (run.label) } }
+            } }
+            tbody { @for one in names { tr {
+                th scope="row" { (one.name) br; code.formula { (one.formula) } }
+                @for (number, run) in runs.iter().enumerate() {
+                    td { @match run.requirements.iter().find(|judged| judged.name == one.name) {
+                        Some(judged) => (margin(number, judged)),
+                        None => "-",
+                    } }
+                }
+            } } }
+        } }
+        p.hint { "Margins are robustness in the unit of the signal: how far the worst step was from the limit, negative where it failed. Select one to see it." } }
+    }
+}
+
+fn margin(run: usize, judged: &Requirement) -> Markup {
+    html! {
+        (badge(judged.verdict)) " "
+        @if let Some(robustness) = judged.robustness {
+            @if let Some(at_s) = judged.at_s {
+                button.link type="button" data-requirement=(judged.name) data-run=(run) data-at=(at_s) {
+                    (short_in(robustness, &judged.unit)) " at " (seconds(at_s)) " s"
+                }
+            } @else { (short_in(robustness, &judged.unit)) }
+        }
+        @if let Some(decided_s) = judged.decided_at_s { br; span.hint { "certain at " (seconds(decided_s)) " s" } }
+    }
+}
+
+/// Every metric over every window in every run, with what others published beside it.
+pub(super) fn metrics(runs: &[Run]) -> Markup {
+    let mut rows: Vec<&Metric> = Vec::new();
+    for one in runs.iter().flat_map(|run| &run.metrics) {
+        if !rows.iter().any(|known| is_same(known, one)) {
+            rows.push(one);
+        }
+    }
+    let has_published = runs
+        .iter()
+        .any(|run| rows.iter().any(|row| published(run, row).is_some()));
+    let notes: BTreeSet<&str> = (runs.iter().flat_map(|run| &run.plan))
+        .flat_map(|plan| &plan.metrics)
+        .filter_map(|metric| metric.published_note.as_deref())
+        .collect();
+    html! {
+        @if rows.is_empty() { p { "The scenario has no metrics." } }
+        @else { div.scroll tabindex="0" { table {
+            thead { tr {
+                th { "metric" } th.n { "window [s]" }
+                @for (number, run) in runs.iter().enumerate() {
+                    th.n { (swatch(number)) (run.label) }
+                    @if has_published { th.n { "published" } }
+                }
+            } }
+            tbody { @for row in rows { tr {
+                th scope="row" { (row.name) }
+                td.n { (seconds(row.window_s[0])) " to " (seconds(row.window_s[1])) }
+                @for run in runs {
+                    td.n { @match run.metrics.iter().find(|one| is_same(one, row)) {
+                        Some(Metric { value: Some(value), unit, .. }) => { (short_in(*value, unit)) },
+                        _ => "-",
+                    } }
+                    @if has_published { td.n { @if let Some(published) = published(run, row) {
+                        (short(published.value)) " (" (published.source) ")"
+                    } @else { "-" } } }
+                }
+            } } }
+        } } }
+        @for note in notes { p.note { (note) } }
+    }
+}
+
+fn is_same(a: &Metric, b: &Metric) -> bool {
+    a.name == b.name && a.window_s == b.window_s
+}
+
+/// What others published of a metric's window for the law that answered it.
+fn published<'a>(run: &'a Run, metric: &Metric) -> Option<&'a Published> {
+    let (published, _) = of_law(run.plan.as_ref()?, &run.laws, metric)?;
+    Some(published)
+}
+
+/// What became of faults and controllers.
+pub(super) fn events(runs: &[Run]) -> Markup {
+    html! {
+        @for (number, run) in runs.iter().enumerate() {
+            @let faults = run.plan.as_ref().map_or_else(Vec::new, |plan| run.account.recorded.faults.faults(&plan.faults, run.rate));
+            @let changes = &run.account.recorded.changes;
+            h3 { (swatch(number)) (run.label) }
+            @if faults.is_empty() && changes.is_empty() && run.spans.is_empty() { p { "No fault." } }
+            ul {
+                @for fault in &faults { li { (fault.told()) } }
+                // Of a scenario that cannot be understood.
+                @if faults.is_empty() { @for span in &run.spans {
+                    li { "fault " (span.event) " " (span.kind) " from " (seconds(span.from_s)) " s" }
+                } }
+                @for change in changes {
+                    li { "controller " (change.epoch) ", step " (change.step) ": " (changed(change)) }
+                }
+            }
+        }
+    }
+}
+
+fn changed(change: &shared_types::record::ControllerChange) -> String {
+    use shared_types::record::Change;
+    match &change.change {
+        Change::Lost { reason, policy } => format!("lost, {reason}; then {}", policy.name()),
+        Change::Joined { law } => format!("took over with {law}"),
+        Change::Refused { reason } => format!("refused, {reason}"),
+    }
+}
+
+/// Percentiles of each leg and the worst steps.
+pub(super) fn latency(runs: &[Run]) -> Markup {
+    html! {
+        div.scroll tabindex="0" { table {
+            thead { tr {
+                th { "run" } th { "leg" }
+                @for name in ["p50", "p90", "p99", "p99.9", "p99.99", "max", "count"] { th.n { (name) } }
+            } }
+            tbody { @for (number, run) in runs.iter().enumerate() {
+                @let legs = run.account.recorded.latency.legs;
+                @let all = [("round trip", Some(legs.round_trip)), ("controller", Some(legs.controller)), ("exchange", Some(legs.exchange)), ("plant", Some(legs.plant)), ("late by", legs.release)];
+                @for (leg, times) in all { @if let Some(times) = times.filter(|times| times.count > 0) { tr {
+                    th scope="row" { (swatch(number)) (run.label) }
+                    td { (leg) }
+                    (percentiles(&times))
+                } } }
+            } }
+        } }
+        @for (number, run) in runs.iter().enumerate() {
+            @if let Some(graded) = &run.account.recorded.latency.grade {
+                p { (swatch(number)) (run.label) ": " (graded.grade.words()) ", by the limits that users of machine control live by." }
+            }
+        }
+    }
+}
+
+fn percentiles(times: &Percentiles) -> Markup {
+    let Percentiles {
+        p50,
+        p90,
+        p99,
+        p999,
+        p9999,
+        max,
+        count,
+    } = *times;
+    html! {
+        @for ns in [p50, p90, p99, p999, p9999, max] { td.n { (shown_ns(ns)) } }
+        td.n { (count) }
+    }
+}
+
+/// The worst steps with what surrounded them.
+pub(super) fn spikes(runs: &[Run]) -> Markup {
+    html! {
+        div.scroll tabindex="0" { table {
+            thead { tr { th { "run" } th.n { "step" } th.n { "time" } th.n { "round trip" } th.n { "controller" } th { "meanwhile" } } }
+            tbody { @for (number, run) in runs.iter().enumerate() {
+                @for spike in &run.account.recorded.latency.spikes { tr {
+                    th scope="row" { (swatch(number)) (run.label) }
+                    td.n { (spike.step) }
+                    td.n { (seconds(run.rate.seconds(Step(spike.step)))) " s" }
+                    td.n { (shown_ns(spike.round_trip_ns)) }
+                    td.n { (shown_ns(spike.controller_ns)) }
+                    td { (spike.surroundings()) }
+                } }
+            } }
+        } }
+    }
+}
+
+/// Everything that is written down about a run, by what it is about.
+pub(super) fn provenance(runs: &[Run]) -> Markup {
+    const HOST: [&str; 4] = ["host", "kernel", "machine", "cores"];
+    html! {
+        @for (number, run) in runs.iter().enumerate() {
+            @let facts: BTreeMap<&str, &str> = run.account.reader.facts().collect();
+            @let is_of = |group: &str, name: &str| match group {
+                "Doctor" => name.starts_with("doctor_"),
+                "Real-time settings" => name.starts_with("realtime_"),
+                "Host" => HOST.contains(&name),
+                _ => !name.starts_with("doctor_") && !name.starts_with("realtime_") && !HOST.contains(&name),
+            };
+            h3 { (swatch(number)) (run.label) }
+            p { "Evidence level " strong { (run.fact("evidence")) } ": " (meaning(run.fact("evidence"))) "." }
+            p { code { (run.account.reader.path().display()) } }
+            @for group in ["Run", "Host", "Doctor", "Real-time settings"] {
+                @let chosen: Vec<_> = facts.iter().filter(|(name, _)| is_of(group, name)).collect();
+                @if !chosen.is_empty() { details open[group == "Run" || group == "Host"] {
+                    summary { (group) }
+                    div.scroll tabindex="0" { table.facts { tbody {
+                        @for (name, value) in chosen { tr {
+                            th scope="row" { (name.trim_start_matches("doctor_")) } td { (value) }
+                        } }
+                    } } }
+                } }
+            }
+            @if let Ok(scenario) = run.account.reader.enclosure("scenario.toml") {
+                details { summary { "Configuration: the effective scenario" } pre { code { (scenario) } } }
+            }
+        }
+    }
+}
+
+fn meaning(evidence: &str) -> &'static str {
+    let known = EVIDENCE.iter().find(|(level, _)| *level == evidence);
+    known.map_or("unknown", |(_, meaning)| meaning)
+}
+
+fn badge(verdict: &str) -> Markup {
+    html! { span.badge data-verdict=(verdict) { (verdict) } }
+}
+
+/// The colour of a run.
+pub(super) fn swatch(run: usize) -> Markup {
+    html! { span.swatch data-run=(run) aria-hidden="true" {} }
+}
+
+/// A time without needless digits.
+fn seconds(time_s: f64) -> String {
+    let text = format!("{time_s:.6}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
