@@ -24,12 +24,12 @@ mod stimuli;
 
 use std::path::Path;
 
-use shared_types::describe::{FaultKindDescription, LawDescription, PlantDescription};
+use shared_types::describe::{FaultKindDescription, LawDescription, PlantDescription, Settings};
 use shared_types::table::Field;
+use shared_types::time::Rate;
 
 use crate::expression::{Columns, Expression, Group};
 use crate::keys;
-use crate::live_faults::FaultContext;
 use crate::plan::{FaultEvent, Plan, Programs, Stimulus};
 use crate::problem::{ProblemKind, Problems};
 use crate::reader::{Reader, Section};
@@ -41,7 +41,56 @@ use run::Grid;
 pub(crate) use controller::law_for;
 pub(crate) use faults::{groups, unit_of};
 
-pub(crate) fn check(
+/// The run that faults are asked for.
+#[derive(Clone, Copy, Debug)]
+pub struct FaultContext<'a> {
+    /// Its plant.
+    pub plant: &'a PlantDescription,
+    /// The kinds of faults on signals, links and timing.
+    pub kinds: &'a [FaultKindDescription],
+    /// The plant's healthy parameters.
+    pub parameters: &'a Settings,
+    /// Its reference signals.
+    pub stimuli: &'a [Stimulus],
+    /// What the law shows of itself.
+    pub internals: &'a [Field],
+    /// The scenario's derived signals by name and expression.
+    pub derived: &'a [(String, String)],
+    /// Steps per second.
+    pub rate: Rate,
+    /// Number of steps of the whole run.
+    pub steps: u64,
+    /// Names and numbers of the events there are, of the scenario and live ones.
+    pub names: &'a [(String, u32)],
+    /// The number of the first new event; all lower ones are taken.
+    pub first_id: u32,
+}
+
+impl Scenario {
+    /// The programs that it names, before anything is known of them; what is wrong with a name is told
+    /// by the [check](Self::check).
+    #[must_use]
+    pub fn programs(&self) -> Programs {
+        let mut reader = Reader::new(self.sources.clone(), Vec::new());
+        programs::check(&mut reader, &root(self), folder(self))
+    }
+
+    /// Checks it against the plants, laws and kinds of faults there are.
+    ///
+    /// # Errors
+    /// With everything that is wrong.
+    pub fn check(
+        &self,
+        plants: &[PlantDescription],
+        laws: &[LawDescription],
+        kinds: &[FaultKindDescription],
+    ) -> Result<Plan, Problems> {
+        let reader = Reader::new(self.sources.clone(), self.problems.clone());
+        check(self, reader, plants, laws, kinds)
+    }
+}
+
+fn check(
     scenario: &Scenario,
     mut reader: Reader,
     plants: &[PlantDescription],
@@ -200,12 +249,6 @@ fn parts(
 /// Folder that the files named by a scenario are relative to.
 fn folder(scenario: &Scenario) -> &Path {
     scenario.path.parent().unwrap_or(Path::new(""))
-}
-
-/// The programs that a scenario names, as far as they are named in order; the [`check`] tells the rest.
-pub(crate) fn programs(scenario: &Scenario) -> Programs {
-    let mut reader = Reader::new(scenario.sources.clone(), Vec::new());
-    programs::check(&mut reader, &root(scenario), folder(scenario))
 }
 
 /// The scenario's name, which becomes part of folder names.

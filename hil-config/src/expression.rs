@@ -48,7 +48,7 @@ mod units;
 
 use std::ops::Range;
 
-use crate::reader::MOST_PROBLEMS;
+use crate::problem::MOST_PROBLEMS;
 
 pub use columns::{Columns, Group};
 pub use program::Program;

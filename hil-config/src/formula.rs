@@ -52,7 +52,7 @@ mod parser;
 use std::ops::Range;
 
 use crate::expression::{Columns, Expression, ExpressionError};
-use crate::reader::MOST_PROBLEMS;
+use crate::problem::MOST_PROBLEMS;
 
 pub(crate) use parser::is_operator;
 

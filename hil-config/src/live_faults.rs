@@ -3,39 +3,12 @@
 //! Used by the plant's service for requests from a command line. The text is the `[[faults]]` of a
 //! scenario and is checked by the same code. Reads no file: who asks puts tables of points inline.
 
-use shared_types::describe::{FaultKindDescription, PlantDescription, Settings};
 use shared_types::live::Refusal;
-use shared_types::table::Field;
-use shared_types::time::Rate;
 
 use crate::check;
-use crate::plan::{FaultEvent, Stimulus};
+pub use crate::check::FaultContext;
+use crate::plan::FaultEvent;
 use crate::problem::{Problem, Problems};
-
-/// The run that faults are asked for.
-#[derive(Clone, Copy, Debug)]
-pub struct FaultContext<'a> {
-    /// Its plant.
-    pub plant: &'a PlantDescription,
-    /// The kinds of faults on signals, links and timing.
-    pub kinds: &'a [FaultKindDescription],
-    /// The plant's healthy parameters.
-    pub parameters: &'a Settings,
-    /// Its reference signals.
-    pub stimuli: &'a [Stimulus],
-    /// What the law shows of itself.
-    pub internals: &'a [Field],
-    /// The scenario's derived signals by name and expression.
-    pub derived: &'a [(String, String)],
-    /// Steps per second.
-    pub rate: Rate,
-    /// Number of steps of the whole run.
-    pub steps: u64,
-    /// Names and numbers of the events there are, of the scenario and live ones.
-    pub names: &'a [(String, u32)],
-    /// The number of the first new event; all lower ones are taken.
-    pub first_id: u32,
-}
 
 /// Checks `[[faults]]` against a running run: all of them, or everything that is wrong.
 ///

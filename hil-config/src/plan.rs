@@ -4,6 +4,7 @@
 //! can be out of range, unknown or unbound any more.
 
 mod analysis;
+mod columns;
 mod plot;
 mod requirement;
 

@@ -12,6 +12,8 @@ use crate::source::Excerpt;
 
 /// What the name of a source begins with that is a flag and not a file.
 pub(crate) const FLAG: &str = "--set ";
+/// Most problems that are told: a file of another kind may have a million, each with its line.
+pub(crate) const MOST_PROBLEMS: usize = 100;
 /// Most names that are listed to choose from.
 const MOST_LISTED: usize = 100;
 

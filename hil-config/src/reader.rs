@@ -8,12 +8,10 @@ use shared_types::number::exact as number;
 
 use crate::document::{Entry, Node, Table, Value};
 use crate::keys::{Key, Kind};
-use crate::problem::{Problem, ProblemKind, Problems, listed};
+use crate::problem::{MOST_PROBLEMS, Problem, ProblemKind, Problems, listed};
 use crate::quantity::Quantity;
 use crate::source::{Place, Sources};
 
-/// Most problems that are told: a file of another kind may have a million, each with its line.
-pub(crate) const MOST_PROBLEMS: usize = 100;
 /// Longest message, in characters: a name in it may be as long as the file.
 const LONGEST_MESSAGE: usize = 1000;
 

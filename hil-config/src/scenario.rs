@@ -6,11 +6,8 @@
 use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
-use shared_types::describe::{FaultKindDescription, LawDescription, PlantDescription};
-
 use crate::document::Table;
 use crate::flag;
-use crate::plan::{Plan, Programs};
 use crate::problem::{FLAG, Problem, ProblemKind, Problems};
 use crate::reader::Reader;
 use crate::source::{Place, Sources};
@@ -22,7 +19,7 @@ pub struct Scenario {
     pub(crate) sources: Sources,
     pub(crate) table: Table,
     /// Problems of flags, kept until the check so that all are reported at once.
-    problems: Vec<Problem>,
+    pub(crate) problems: Vec<Problem>,
     pub(crate) advice: Advice,
 }
 
@@ -106,13 +103,6 @@ impl Scenario {
         self.sources.whole(Sources::SCENARIO)
     }
 
-    /// The programs that it names, before anything is known of them; what is wrong with a name is told
-    /// by the [check](Self::check).
-    #[must_use]
-    pub fn programs(&self) -> Programs {
-        crate::check::programs(self)
-    }
-
     /// Puts `KEY=VALUE` flags over it, one after the other; none may replace what an earlier one set.
     /// Flags that cannot be applied are reported by the [check](Self::check), with everything else.
     #[must_use]
@@ -145,20 +135,6 @@ impl Scenario {
             }
         }
         self
-    }
-
-    /// Checks it against the plants, laws and kinds of faults there are.
-    ///
-    /// # Errors
-    /// With everything that is wrong.
-    pub fn check(
-        &self,
-        plants: &[PlantDescription],
-        laws: &[LawDescription],
-        kinds: &[FaultKindDescription],
-    ) -> Result<Plan, Problems> {
-        let reader = Reader::new(self.sources.clone(), self.problems.clone());
-        crate::check::check(self, reader, plants, laws, kinds)
     }
 }
 

@@ -22,6 +22,7 @@ use prefix::{is_prefix, noted_prefix, remove_below, segments_of};
 
 mod all;
 mod counter;
+mod node;
 mod prefix;
 
 /// Longest session name: the paths of sockets below the folder must stay under 108 bytes.
@@ -394,10 +395,10 @@ impl SessionInfo {
         let counter = self.node_counter();
         (self.make_node_counter()).map_err(SessionError::io("create", &counter))?;
         // The first node shows that iceoryx2 takes that file for its own.
-        crate::link::iceoryx::node(self, "session").map_err(|error| SessionError::Io {
+        self.node("session").map_err(|reason| SessionError::Io {
             action: "use shared memory below",
             path: root,
-            error: io::Error::other(error.to_string()),
+            error: io::Error::other(format!("shared memory: {reason}")),
         })?;
         (self.check_node_counter()).map_err(SessionError::io("use", &counter))?;
         Ok(lock)

@@ -126,6 +126,15 @@ fn addresses() -> u64 {
     kib.unwrap_or(0) << 10
 }
 
+/// Tells what iceoryx2 could not do, which says no more than that, and what may have kept it from that.
+pub(crate) fn refused(error: impl std::fmt::Debug) -> String {
+    let hindrance = hindrance().unwrap_or_else(|| {
+        "nothing is known that keeps shared memory from being used; try again, then see `hil doctor`"
+            .into()
+    });
+    format!("iceoryx2 says {error:?}: {hindrance}")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -5,10 +5,7 @@
 
 use std::collections::HashMap;
 
-use shared_types::describe::PlantDescription;
 use shared_types::table::{Field, nearest, unit_of_name};
-
-use crate::plan::Stimulus;
 
 /// What a signal is, and the first part of its name in expressions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -79,29 +76,6 @@ pub struct Columns {
 }
 
 impl Columns {
-    /// The columns of a record of this plant and stimuli and a law that shows these internals.
-    #[must_use]
-    pub fn of(plant: &PlantDescription, stimuli: &[Stimulus], internals: &[Field]) -> Self {
-        let mut columns = Self::default();
-        columns.push_fields(Group::Truth, &plant.truth);
-        columns.push_fields(Group::Measured, &plant.measured);
-        for stimulus in stimuli {
-            columns.push_fields(Group::Reference, &stimulus.fields());
-        }
-        columns.push_fields(Group::Command, &plant.commands);
-        columns.push_fields(Group::Applied, &plant.commands);
-        columns.push_fields(Group::Internal, internals);
-        columns.push_fields(Group::Sensed, &plant.measured);
-        for stimulus in stimuli {
-            columns.push_fields(Group::Stimulus, &stimulus.fields());
-        }
-        let faultable = plant.parameters.iter().filter(|field| field.faultable);
-        for field in faultable {
-            columns.push_with_unit(Group::Parameter, &field.name, &field.unit);
-        }
-        columns
-    }
-
     /// Columns whose names are whole already.
     pub(crate) fn named(names: Vec<String>) -> Self {
         let mut columns = Self::default();

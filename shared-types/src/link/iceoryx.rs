@@ -43,19 +43,9 @@ const CONTROL_BUFFER: usize = 8;
 /// # Errors
 /// If the session's shared memory cannot be used.
 pub fn node(session: &SessionInfo, name: &str) -> Result<Node<Ipc>, LinkError> {
-    let service = "shared memory";
-    let config = session
-        .iceoryx_config()
-        .map_err(|e| transport(service, e))?;
-    let name = name.try_into().map_err(|e| transport(service, e))?;
-    let node = NodeBuilder::new()
-        .name(&name)
-        .config(&config)
-        .signal_handling_mode(SignalHandlingMode::Disabled)
-        .create::<Ipc>()
-        .map_err(|e| transport(service, e))?;
-    session.tighten();
-    Ok(node)
+    let service = "shared memory".into();
+    let node = session.node(name);
+    node.map_err(|reason| LinkError::Transport { service, reason })
 }
 
 /// Which end of the link this is.
@@ -169,13 +159,9 @@ impl ControlChannel {
 
 /// What iceoryx2 could not do, which says no more than that, and what may have kept it from that.
 pub fn transport(service: &str, error: impl std::fmt::Debug) -> LinkError {
-    let hindrance = shared_memory::hindrance().unwrap_or_else(|| {
-        "nothing is known that keeps shared memory from being used; try again, then see `hil doctor`"
-            .into()
-    });
     LinkError::Transport {
         service: service.into(),
-        reason: format!("iceoryx2 says {error:?}: {hindrance}"),
+        reason: shared_memory::refused(error),
     }
 }
 

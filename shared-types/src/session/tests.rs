@@ -9,7 +9,7 @@ use super::*;
 fn a_dropped_session_leaves_nothing() {
     let session = Session::create(None).expect("a session");
     let info = session.info().clone();
-    let node = crate::link::iceoryx::node(&info, "test").expect("a node");
+    let node = info.node("test").expect("a node");
     assert!(info.folder.is_dir());
     assert!(
         !info.segments().is_empty(),
@@ -24,7 +24,7 @@ fn a_dropped_session_leaves_nothing() {
 #[test]
 fn everything_is_closed_to_others() {
     let session = Session::create(None).expect("a session");
-    let _node = crate::link::iceoryx::node(session.info(), "test").expect("a node");
+    let _node = session.info().node("test").expect("a node");
     let mode = |path: &Path| fs::metadata(path).expect("there").mode() & 0o777;
     assert_eq!(mode(&session.info().folder), 0o700);
     assert_eq!(mode(&session.info().folder.join("session.json")), 0o600);
@@ -43,7 +43,7 @@ fn the_node_counter_is_closed_from_the_moment_of_its_making() {
     let made_or_changed = WatchFlags::CREATE | WatchFlags::ATTRIB;
     inotify::add_watch(&watch, SHARED_MEMORY, made_or_changed).expect("watched");
     let session = Session::create(None).expect("a session");
-    let _node = crate::link::iceoryx::node(session.info(), "test").expect("a node");
+    let _node = session.info().node("test").expect("a node");
 
     let segments = session.info().segments();
     let [counter] = &segments[..] else {
