@@ -11,8 +11,8 @@ use shared_types::record::RecordLayout;
 use shared_types::session::SessionInfo;
 use shared_types::table::Field;
 use tools::recording::compression::Compression;
-use tools::recording::writer::{Enclosure, Provenance, Recording};
 use tools::recording::reader::RunReader;
+use tools::recording::writer::{Enclosure, Provenance, Recording};
 
 use crate::every_fault;
 use crate::support::harness::{Rig, Run, until};

@@ -29,10 +29,10 @@ use shared_types::time::Step;
 use shared_types::zerocopy::IntoBytes;
 use tempfile::TempDir;
 use tools::recording::compression::Compression;
-use tools::results::latency::legs::Latency;
-use tools::run::recorder::{Recorder, RecordingPlan};
 use tools::recording::excerpt::Choice;
 use tools::recording::writer::{Provenance, Recording};
+use tools::results::latency::legs::Latency;
+use tools::run::recorder::{Recorder, RecordingPlan};
 
 use tape::{Replay, Tape};
 

@@ -12,7 +12,11 @@ use crate::terminal::exit::Failure;
 ///
 /// # Errors
 /// If it exists with something in it, or cannot be written.
-pub(crate) fn create(out: Option<&Path>, scenario: &str, session: &str) -> Result<PathBuf, Failure> {
+pub(crate) fn create(
+    out: Option<&Path>,
+    scenario: &str,
+    session: &str,
+) -> Result<PathBuf, Failure> {
     let folder = out.map_or_else(|| default(scenario, session), Path::to_owned);
     // Other processes are told of it.
     refuse_odd(&std::path::absolute(&folder).map_err(Failure::usage)?)?;

@@ -1,7 +1,7 @@
 //! `hil run --audit`: whether a scenario has one digest with these binaries, whatever goes on around
 //! it.
 //!
-//! Runs the scenario as asked for, then again under [conditions](conditions) that must not matter:
+//! Runs the scenario as asked for, then again under [conditions] that must not matter:
 //! other speeds, other cores, busy cores, sides that take their time. Each is a whole run of the same
 //! binaries in a session, a folder and processes of its own, so that addresses, process numbers and
 //! names differ as well. The first difference of each is named.

@@ -18,8 +18,8 @@ use shared_types::live::Possible;
 use shared_types::record::FaultAccepted;
 use shared_types::table::Field;
 use shared_types::time::Step;
-use tools::arguments::{Command, CommandLine};
 use tools::arguments::inject::arrange;
+use tools::arguments::{Command, CommandLine};
 use tools::results::faults::LiveFault;
 use tools::session::inject;
 

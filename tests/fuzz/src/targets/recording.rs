@@ -9,13 +9,13 @@ use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 use tools::arguments::export::{ExportArguments, ExportFormat};
 use tools::arguments::tolerance::Tolerances;
-use tools::verification::compare::{Verdict, compare};
-use tools::views::export;
-use tools::terminal::interruption::Interruption;
-use tools::verification::judge::judged;
 use tools::benchmark::recorded;
-use tools::verification::repetition::RecordedRun;
 use tools::recording::reader::{RECORDING, RunReader};
+use tools::terminal::interruption::Interruption;
+use tools::verification::compare::{Verdict, compare};
+use tools::verification::judge::judged;
+use tools::verification::repetition::RecordedRun;
+use tools::views::export;
 
 use super::assert_told;
 
