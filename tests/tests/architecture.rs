@@ -1,4 +1,7 @@
-//! The shape of the workspace: which packages, which programs, who may depend on whom.
+//! The shape of the workspace: which packages, which programs, who may depend on whom, down to the modules.
+
+mod rooms;
+mod sources;
 
 use std::collections::BTreeSet;
 use std::process::Command;

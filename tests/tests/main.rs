@@ -2,7 +2,7 @@
 //!
 //! | module | proves |
 //! |---|---|
-//! | [`architecture`] | packages, binaries and dependency arrows |
+//! | [`architecture`] | packages, binaries and dependency arrows, of packages and of their modules |
 //! | [`clocks`] | lockstep, paced and real time; what comes too late and how it is repeated |
 //! | [`audit`] | what depends on more than its samples is caught |
 //! | [`bad_input`] | any bytes through every reader: taken or refused by name, never a panic |

@@ -1,0 +1,160 @@
+//! The rooms of `tools` and the modules of the packages below: each looks only down, and in no circle.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::PathBuf;
+
+use super::sources::{Named, named_below};
+use crate::programs::workspace;
+
+/// The rooms of `tools` from top to bottom: each names only itself and what is below it.
+const ROOMS: [&str; 14] = [
+    "commands",
+    "views",
+    "verification",
+    "benchmark",
+    "run",
+    "doctor",
+    "session",
+    "checkpoint",
+    "results",
+    "programs",
+    "arguments",
+    "recording",
+    "files",
+    "terminal",
+];
+
+fn sources(package: &str) -> PathBuf {
+    workspace().join(package).join("src")
+}
+
+/// The modules that a package declares on its root.
+fn modules(package: &str) -> BTreeSet<String> {
+    let root = fs::read_to_string(sources(package).join("lib.rs")).expect("a root");
+    let declared = root.lines().filter_map(|line| {
+        let line = line.trim_start_matches("pub(crate) ");
+        let name = line.trim_start_matches("pub ").strip_prefix("mod ")?;
+        name.strip_suffix(';')
+    });
+    declared.map(Into::into).collect()
+}
+
+fn floor(room: &str) -> Option<usize> {
+    ROOMS.iter().position(|known| *known == room)
+}
+
+#[test]
+fn tools_has_these_rooms_and_nothing_beside_them() {
+    let known: BTreeSet<String> = ROOMS.map(Into::into).into();
+    assert_eq!(modules("tools"), known);
+    for entry in fs::read_dir(sources("tools")).expect("sources") {
+        let path = entry.expect("an entry").path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let is_room = path.is_dir() && known.contains(&*name);
+        let is_root = ["lib.rs", "main.rs"].contains(&&*name);
+        assert!(is_room || is_root, "{name} is no room of tools");
+        if is_room {
+            let text = fs::read_to_string(path.join("mod.rs")).expect("a room has a mod.rs");
+            assert!(text.starts_with("//! "), "{name} does not say what it is");
+        }
+    }
+}
+
+#[test]
+fn rooms_of_tools_name_only_rooms_below_them() {
+    let wrong: Vec<String> = named_below(&sources("tools"))
+        .iter()
+        .filter_map(|named| {
+            let from = &named.from[0];
+            let what = match named.to.first() {
+                None => "the root of the package",
+                Some(to) => match (floor(from), floor(to)) {
+                    (Some(from), Some(to)) if from <= to => return None,
+                    (Some(_), Some(_)) => "a room above it",
+                    _ => "no room",
+                },
+            };
+            let (place, path) = (named.place(), named.to.join("::"));
+            Some(format!(
+                "tools/src/{place}: `{from}` names `crate::{path}`, {what}"
+            ))
+        })
+        .collect();
+    assert!(wrong.is_empty(), "\n{}\n", wrong.join("\n"));
+}
+
+/// The first circle among modules of a root, as its paths.
+fn circle(named: &[Named], modules: &BTreeSet<String>) -> Option<Vec<String>> {
+    let mut arrows: BTreeMap<&str, BTreeMap<&str, &Named>> = BTreeMap::new();
+    for named in named {
+        let Some(to) = named.to.first().filter(|to| modules.contains(*to)) else {
+            continue;
+        };
+        if *to != named.from[0] {
+            let from = arrows.entry(&named.from[0]).or_default();
+            from.entry(to).or_insert(named);
+        }
+    }
+    // Modules that name nothing of what is left go, until only circles and what leads to them are left.
+    loop {
+        let left: BTreeSet<&str> = arrows.keys().copied().collect();
+        let before = left.len();
+        arrows.retain(|_, to| to.keys().any(|to| left.contains(to)));
+        if arrows.is_empty() {
+            return None;
+        }
+        if arrows.len() == before {
+            break;
+        }
+    }
+    let left: BTreeSet<&str> = arrows.keys().copied().collect();
+    let mut module = *left.first()?;
+    let mut way = Vec::new();
+    let mut seen = Vec::new();
+    while !seen.contains(&module) {
+        seen.push(module);
+        let (to, named) = (arrows[module].iter()).find(|(to, _)| left.contains(*to))?;
+        way.push(format!(
+            "{}: `{module}` names `{}`",
+            named.place(),
+            named.to.join("::")
+        ));
+        module = *to;
+    }
+    let begin = seen.iter().position(|seen| *seen == module)?;
+    Some(way.split_off(begin))
+}
+
+#[test]
+fn modules_of_lower_packages_form_no_circle() {
+    for package in ["shared-types", "hil-config"] {
+        let (named, modules) = (named_below(&sources(package)), modules(package));
+        for named in &named {
+            // A package that the root hands on looks at no module of this one.
+            let is_told =
+                (named.to.first()).is_some_and(|to| modules.contains(to) || to == "zerocopy");
+            let (place, path) = (named.place(), named.to.join("::"));
+            assert!(is_told, "{package}/src/{place}: `{path}` hides its module");
+        }
+        let found = circle(&named, &modules);
+        let way = found.unwrap_or_default().join("\n");
+        assert!(way.is_empty(), "a circle in {package}/src:\n{way}\n");
+    }
+}
+
+#[test]
+fn a_circle_is_found_and_what_leads_to_it_is_left_out() {
+    let arrow = |from: &str, to: &str| Named {
+        file: format!("{from}.rs").into(),
+        line: 1,
+        from: vec![from.into()],
+        to: vec![to.into(), "Item".into()],
+    };
+    let modules = BTreeSet::from(["a", "b", "c", "d"].map(String::from));
+    let mut named = vec![arrow("a", "b"), arrow("b", "c"), arrow("c", "d")];
+    assert_eq!(circle(&named, &modules), None);
+    named.push(arrow("d", "b"));
+    let way = circle(&named, &modules).expect("a circle");
+    assert_eq!(way.len(), 3, "{way:?}");
+}
