@@ -1,7 +1,7 @@
 //! `hil compare RUN --baseline NAME`: whether a run is still the one that was agreed on.
 //!
 //! 1. `figures` reads the run: digest, statistics, metrics.
-//! 2. [`file`](mod@file) has the named run with its tolerances. It is made for review and for version control.
+//! 2. `file` has the named run with its tolerances. It is made for review and for version control.
 //! 3. `changes` says what is another in the one than in the other.
 //! 4. With the same digest all signals are the same. Otherwise the recording of the baseline is compared
 //!    sample by sample, or, where it is not there, figure by figure. Metrics are compared always.
