@@ -5,7 +5,7 @@ use std::fs;
 use std::path::PathBuf;
 
 use super::sources::{Named, named_below};
-use crate::programs::workspace;
+use crate::support::programs::workspace;
 
 /// The rooms of `tools` from top to bottom: each names only itself and what is below it.
 const ROOMS: [&str; 14] = [
