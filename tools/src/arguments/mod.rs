@@ -1,6 +1,7 @@
-//! The command line as it is typed; what it means is decided by the commands.
+//! The command line as it is typed: clap's types and their values, nothing else. The rooms above decide
+//! their meaning; no work is done here.
 //!
-//! One file for each group of commands, and here what they share.
+//! One file for each group of commands, and here the parts that they share.
 
 pub mod checkpoint;
 pub mod clock;

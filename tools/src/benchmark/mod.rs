@@ -1,4 +1,5 @@
-//! How long the steps of a loop take, and what happened around the worst of them.
+//! Measurements of the loop on this machine, and of the limits that the machine sets. The figures
+//! themselves are those of [`results`](crate::results::latency); no run of a scenario is measured here.
 //!
 //! `hil latency` measures the machine:
 //!

@@ -1,5 +1,5 @@
 //! Checkpoints: the state of both sides before a step, kept in the folder of a run so that another run
-//! goes on from there.
+//! goes on from there. Nothing is run or recorded here.
 //!
 //! A checkpoint is a folder `checkpoint-<step>` beside the `run.mcap` that it belongs to:
 //! `plant.state` and `controller.state`, which only the binaries that wrote them can read, and

@@ -1,5 +1,5 @@
-//! One thin file for each verb that has no room of its own, and the one place that says which verb goes
-//! where. A subcommand is added in three steps: its arguments in [`arguments`](crate::arguments), its work in the
+//! Verbs without a room of their own, a thin file each, and the one place that sends each verb to its room.
+//! Nothing that another room could use is here. A subcommand is added in three steps: its arguments in [`arguments`](crate::arguments), its work in the
 //! room that owns it or here, and its line in [`execute`].
 
 pub mod config;
