@@ -22,18 +22,22 @@
 //!
 //! A run, from the command line to the summary:
 //!
-//! 1. [`arguments`] is what was typed, and [`commands::execute`] finds the verb's room.
+//! 1. [`arguments`] is what was typed, and [`commands::execute`] finds the verb's room; for `hil run`
+//!    it is [`verification`], where one scenario is a suite of one.
 //! 2. [`programs`] finds plant and controller and asks them what they are; the scenario is checked against that.
 //! 3. [`run`] prepares session and folder, starts both sides and watches over them.
-//! 4. Its [recorder](run::recorder) drains the record stream on a thread of its own: digest, metrics, latency,
-//!    [`recording`].
+//! 4. Its [recorder](run::recorder) drains the record stream on a thread of its own: digest, metrics,
+//!    requirements, latency, [`recording`]. The end of the run and its requirements make the exit code.
 //! 5. [`results::summary`] says how it went, to a person and to a machine.
 //!
-//! A subcommand is added in three places: its arguments in [`arguments`], its work in the room that
-//! owns it or, if it is a thin one, in [`commands`], and its line in [`commands::execute`].
+//! A subcommand is added in three rooms: its arguments, its variant of `Command` and its group of
+//! the help in [`arguments`]; its work in the room that owns it or else in [`commands`]; its line
+//! in [`commands::execute`]. Then `HIL_WRITE_BOOK=1 cargo test -p tests book::references` writes
+//! the reference of the book.
 //!
-//! Nothing here runs on the loop but the plant and law of [`benchmark`] that do nothing, and the plant's
-//! place that a [replay](verification::replay) takes.
+//! The loop is the work of other packages. Three parts run on it: the idle plant and law of
+//! [`benchmark`], the [replay](verification::replay) in the plant's place, and [`run`] where it
+//! turns both sides in one thread.
 
 // First, because its macro `tell!` is used everywhere.
 #[macro_use]

@@ -1,5 +1,5 @@
-//! The command line as it is typed: clap's types and their values, nothing else. The rooms above decide
-//! their meaning; no work is done here.
+//! The command line as it is typed: clap's types, their values, help, completions and the errors of the
+//! command line. No command is carried out here.
 //!
 //! One file for each group of commands, and here the parts that they share.
 

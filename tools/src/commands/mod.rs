@@ -1,6 +1,5 @@
-//! Verbs without a room of their own, a thin file each, and the one place that sends each verb to its room.
-//! Nothing that another room could use is here. A subcommand is added in three steps: its arguments in [`arguments`](crate::arguments), its work in the
-//! room that owns it or here, and its line in [`execute`].
+//! The one place that sends each verb to its room, and the verbs that belong to no other: config,
+//! controller swap, recover, sessions. Nothing here is used by another room.
 
 pub mod config;
 pub mod recover;

@@ -1,4 +1,5 @@
-//! `hil doctor`: whether this machine is fit for claims about timing, and what to change.
+//! `hil doctor`: whether this machine is fit for claims about timing, and what to change. Changes
+//! nothing of the machine, and runs no scenario.
 //!
 //! 1. [`cores`] chooses the two cores that are judged.
 //! 2. The checks read what the kernel tells below a [`tree`] of files: [`cores`], [`isolation`],
@@ -9,7 +10,7 @@
 //!    kernel's command line). A file that cannot be read is unknown, never guessed.
 //! 5. The [`report`] says it and draws the conclusion.
 //!
-//! Nothing of the machine is changed. `hil run` stores [`facts`] in its recordings.
+//! `hil run` stores [`facts`] in its recordings.
 
 pub mod activity;
 pub mod boot;

@@ -1,9 +1,9 @@
 //! Reads a recorded run: its records one by one, its events, and the files that travel with it.
 //!
-//! Used by `hil compare`, `hil export`, `hil rerun` and `hil scenario from`. Goes through the file once and keeps
-//! no record, so the length of a run does not matter. Takes what a file says of itself: the names
-//! of signals come from its schema, so the recording of a plant that is not here can be read. A file
-//! whose writer was killed is read as far as it goes.
+//! Used by every command that reads a recorded run. Goes through the file once and keeps no record, so
+//! the length of a run does not matter. Takes what a file says of itself: the names of signals come
+//! from its schema, so the recording of a plant that is not here can be read. A file whose writer was
+//! killed is read as far as it goes.
 
 pub(crate) mod content;
 mod form;

@@ -1,8 +1,8 @@
 //! What can be had of a recording in any state: its records as far as they go, and what came of the run
 //! up to there.
 //!
-//! Used by `hil recover` and `hil report`. Reads the file once and says what the recorder would have said
-//! had the run ended there.
+//! Used by `hil recover`, `hil report` and `hil judge`. Reads the file once and says what the recorder
+//! would have said had the run ended there.
 
 use std::collections::BTreeMap;
 use std::path::Path;

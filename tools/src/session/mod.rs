@@ -1,5 +1,6 @@
-//! A running session as another terminal sees it: which one is meant, its records, its requests and faults.
-//! Talks to sockets and streams of others; never starts or ends a run.
+//! Between a running session and other terminals: the choice of a session, its records, requests and
+//! faults, and the margins of its requirements, which the `hil` that runs it answers from here. The
+//! plant decides whether a fault is taken; no run is started or ended here.
 
 pub mod clock;
 pub mod inject;

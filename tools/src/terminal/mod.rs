@@ -1,6 +1,6 @@
 //! The way to and from the person at the terminal: exit codes and failures, standard output, progress,
-//! interruption, times and names as they are typed and shown. Knows nothing of runs, and reads no file
-//! but the terminal.
+//! interruption, times and names as they are typed and shown. Of a run it knows steps and time for the
+//! progress bar, nothing else, and it opens no file of a run.
 
 // First, because its macro `tell!` is used everywhere.
 #[macro_use]

@@ -1,5 +1,6 @@
-//! Runs to look at, live or recorded: the monitor, the report, tables and layouts for other programs. Judges
-//! nothing itself, and changes no run.
+//! Runs to look at, live or recorded: the monitor, the report, tables and layouts for other programs.
+//! Judges nothing itself and changes no recording; requests from the monitor's keys go to a running
+//! session through [`session`](crate::session).
 
 pub mod export;
 pub mod layout;
