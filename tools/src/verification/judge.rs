@@ -91,7 +91,7 @@ pub fn judged(run: &Path, by: Option<&Path>) -> Result<(Judgement, Plan), Failur
         run: run.display().to_string(),
         scenario: plan.name.clone(),
         verdict,
-        outcome: is_over.then(|| format!("{outcome:?}").to_lowercase()),
+        outcome: is_over.then(|| outcome.name().to_owned()),
         reason,
         records: reader.records(),
         metrics: recorded.metrics.iter().map(Metric::from).collect(),

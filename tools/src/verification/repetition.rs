@@ -135,7 +135,7 @@ impl RecordedRun {
                     Event::Fault(taken) => log.taken.push(taken.clone()),
                     Event::FaultEnded(ended) => log.ended.push(ended.clone()),
                     Event::Controller(change) => refuse_succession(run, change)?,
-                    Event::End(end) => outcome = Some(format!("{:?}", end.outcome).to_lowercase()),
+                    Event::End(end) => outcome = Some(end.outcome.name().to_owned()),
                 }
             }
             if !goes_on {

@@ -373,7 +373,7 @@ impl Work {
             ("records", self.recorded.records.to_string()),
             ("lost", self.recorded.lost.to_string()),
             ("digest", self.digest().unwrap_or_default()),
-            ("outcome", format!("{outcome:?}").to_lowercase()),
+            ("outcome", outcome.name().to_owned()),
             ("reason", reason.unwrap_or_default().to_owned()),
         ];
         let owned = facts.map(|(name, value)| (name.to_owned(), value));
