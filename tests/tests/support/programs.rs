@@ -120,13 +120,29 @@ pub(crate) fn example(name: &str) -> PathBuf {
     outside(&Path::new("examples").join(name), name)
 }
 
-/// Builds a crate that is outside the workspace and gives its program.
+/// Builds a crate that is outside the workspace and gives a copy of its program that stays as it is:
+/// commands of the book build the same crates meanwhile.
 pub(crate) fn outside(folder: &Path, program: &str) -> PathBuf {
     let target = target().join("examples-outside");
     let mut cargo = Command::new(env!("CARGO"));
     cargo.arg("build").current_dir(workspace().join(folder));
     finish(cargo.arg("--target-dir").arg(&target));
-    target.join("debug").join(program)
+    let built = target.join("debug").join(program);
+    let content = std::fs::read(&built).expect("it was built");
+    let place = target
+        .join("copies")
+        .join(&*blake3::hash(&content).to_hex());
+    let copy = place.join(program);
+    if !copy.exists() {
+        std::fs::create_dir_all(&place).expect("a folder");
+        let part = tempfile::Builder::new()
+            .tempdir_in(&place)
+            .expect("a folder");
+        let whole = part.path().join(program);
+        std::fs::copy(&built, &whole).expect("copied");
+        std::fs::rename(&whole, &copy).expect("renamed");
+    }
+    copy
 }
 
 /// Whether the environment insists on a part that not every machine has.
