@@ -52,7 +52,7 @@ pub struct FaultContext<'a> {
     pub parameters: &'a Settings,
     /// Its reference signals.
     pub stimuli: &'a [Stimulus],
-    /// What the law shows of itself.
+    /// Internal signals of the law.
     pub internals: &'a [Field],
     /// The scenario's derived signals by name and expression.
     pub derived: &'a [(String, String)],

@@ -60,7 +60,7 @@ pub struct Monitor {
     margins: Vec<Margin>,
     /// The parts that the verdict hangs on before they are computed, operands first.
     deciding: Vec<usize>,
-    /// What is certain of the only margin of each part; of the deciding ones alone it is looked at.
+    /// Certainty of the only margin of each part; used of the deciding parts alone.
     certain: Vec<Option<bool>>,
     /// The first row that any part looks at.
     from_row: u64,

@@ -300,7 +300,7 @@ pub struct LawDescription {
     pub plants: Vec<String>,
     /// Its own parameters, the scenario's `[controller.<law>]`.
     pub parameters: Vec<Field>,
-    /// What it believes of the plant, the scenario's `[controller.model]`. A value that is not
+    /// Its model of the plant, the scenario's `[controller.model]`. A value that is not
     /// given there is the scenario's parameter of the plant with the same name.
     #[serde(default)]
     pub model: Vec<Field>,

@@ -6,7 +6,7 @@ use std::ops::Range;
 use super::program::{Binary, Op, Unary};
 use super::{Columns, Expression, ExpressionError, Name, Reduced, ReductionKind};
 
-/// What is known of the unit of a value.
+/// The unit of a value, as far as it is known.
 #[derive(Clone, Debug)]
 pub(crate) enum Unit<'a> {
     /// A plain number, which fits every unit.
@@ -19,7 +19,7 @@ pub(crate) enum Unit<'a> {
         /// The first signal that tells it. An integral has none: its unit is shown, but not held against
         /// others, as J and W s are one.
         name: Option<&'a Name>,
-        /// Whether nothing of which the unit is not known was added or compared.
+        /// True unless a value of unknown unit was added or compared.
         is_whole: bool,
     },
 }
@@ -95,7 +95,7 @@ impl<'a> Unit<'a> {
         }
     }
 
-    /// That of its integral over time.
+    /// The unit of the integral over time.
     fn times_s(self) -> Self {
         match self {
             Self::Known {

@@ -56,7 +56,7 @@ impl<'a> Ground<'a> {
         ground
     }
 
-    /// Whether an expression has no value in the last row.
+    /// True of an expression without a value in the last row.
     fn is_without_end(&self, expression: &Expression) -> bool {
         expression
             .signals()
@@ -128,9 +128,9 @@ type Drafted = Result<usize, ExpressionError>;
 #[derive(Clone, Copy, Debug)]
 struct Wanted {
     node: usize,
-    /// Whether the part is that of the node, not of its opposite.
+    /// True of the part of the node, false of that of its opposite.
     holds: bool,
-    /// Whether it is judged at step 0 only.
+    /// True of a part that is judged at step 0 only.
     at_start: bool,
 }
 
@@ -170,7 +170,7 @@ impl Builder<'_> {
         self.known(wanted).expect("operands are drafted first")
     }
 
-    /// What a node is made of, a single operand twice; none if it is a comparison.
+    /// The operands of a node, a single one twice; none of a comparison.
     fn operands(&self, wanted: Wanted) -> Option<[Wanted; 2]> {
         let Wanted {
             holds, at_start, ..

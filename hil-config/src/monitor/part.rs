@@ -144,7 +144,7 @@ impl Part {
         }
     }
 
-    /// What is certain of its only margin before that is computed; `of` is that of each part before.
+    /// Certainty of its only margin before the margin is computed; `of` has that of each part before.
     #[inline]
     pub(super) fn certain(&self, of: &[Option<bool>]) -> Option<bool> {
         match &self.work {
