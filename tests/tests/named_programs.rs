@@ -508,7 +508,8 @@ fn a_program_that_was_replaced_while_the_run_goes_on_is_not_started_as_the_old_o
     let swap = |more: &[&str]| rig.beside(&[&swap, more, &at[..]].concat());
     std::fs::remove_file(&law).expect("it is ours");
     let cannot = format!("cannot run {}", law.display());
-    swap(&[]).expect(2).says(&[&cannot]);
+    let help = "; --bin PATH names another";
+    swap(&[]).expect(2).says(&[&cannot, help]);
     // Bytes behind the end of a program are none of its business.
     let own = std::fs::read(program("controller-process")).expect("a program");
     let changed = [&own[..], b"0"].concat();

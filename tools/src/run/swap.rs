@@ -151,7 +151,8 @@ impl Ground {
             None => {
                 let first = &self.binaries.controller;
                 let binary = Binary::asked_for(&first.path, "--bin", &self.interruption);
-                let mut binary = binary.map_err(told)?;
+                let mut binary = binary
+                    .map_err(|failure| format!("{}; --bin PATH names another", told(failure)))?;
                 binary.by = first.by.clone();
                 if binary.blake3 != first.blake3 {
                     let (path, now, then) = (first.path.display(), &binary.blake3, &first.blake3);
