@@ -6,6 +6,7 @@
 //! shared memory between processes, and a pair of mailboxes within one thread. A network link for
 //! a target board is a third implementation of [`Link`].
 
+pub mod bare;
 #[cfg(test)]
 mod conformance;
 pub mod iceoryx;

@@ -2,17 +2,15 @@
 //!
 //! What the loop is compared with. The payloads are as large as the loop's frames, both ends write all
 //! of one and copy all of the other out, and both wait as the loop does. The ends are
-//! [`raw`](super::raw) and [`blackboard`](super::blackboard).
+//! [`raw`](super::raw) and the [`Blackboard`].
 
 use hdrhistogram::Histogram;
 use shared_types::clock::monotonic_ns;
-use shared_types::frame::Header;
+use shared_types::link::bare::{Blackboard, HEADER_WORDS};
 use shared_types::wait::Waiter;
 
 use crate::results::latency::histogram;
 
-/// Words of a frame's header.
-pub const HEADER_WORDS: usize = size_of::<Header>() / size_of::<u64>();
 /// Room for values in the smallest frame.
 const SMALLEST: usize = 16;
 
@@ -37,6 +35,16 @@ impl<E: End + ?Sized> End for Box<E> {
 
     fn receive(&mut self) -> Option<u64> {
         (**self).receive()
+    }
+}
+
+impl End for Blackboard {
+    fn send(&mut self, number: u64) {
+        Self::send(self, number);
+    }
+
+    fn receive(&mut self) -> Option<u64> {
+        Self::receive(self)
     }
 }
 
@@ -129,7 +137,9 @@ fn receive(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use shared_types::checkpoint::Side;
     use shared_types::frame::Frame;
+    use shared_types::session::Session;
     use shared_types::wait::WaitLimit;
 
     #[test]
@@ -146,6 +156,26 @@ mod tests {
         ] {
             assert_eq!(8 * frame_words(signals), bytes, "{signals} signals");
         }
+    }
+
+    #[test]
+    fn every_trip_over_a_blackboard_is_answered() {
+        let session = Session::create(None).expect("a session");
+        let trips = Trips {
+            warm_up: 3,
+            measured: 100,
+        };
+        let waiter = || Waiter::new(WaitLimit::from_seconds(30.0));
+        let mut plant = Blackboard::open(session.info(), Side::Plant, 33, 2).expect("creates");
+        let trips_ns = std::thread::scope(|scope| {
+            scope.spawn(|| {
+                let info = session.info();
+                let mut end = Blackboard::open(info, Side::Controller, 33, 2).expect("opens");
+                follow(&mut end, trips, waiter(), || false).expect("all came");
+            });
+            lead(&mut plant, trips, waiter(), || false).expect("all answered")
+        });
+        assert_eq!(trips_ns.len(), 100);
     }
 
     /// Answers at once, but trip `lost` never.

@@ -8,7 +8,9 @@ use hdrhistogram::Histogram;
 use hil_config::plan::Realtime;
 use plant_process::engine::Engine;
 use serde::Serialize;
+use shared_types::checkpoint::Side;
 use shared_types::link::LinkError;
+use shared_types::link::bare::Blackboard;
 use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::realtime::{CONTROLLER_FILE, Report};
 use shared_types::record::{Event, Outcome, RecordLayout, Timing};
@@ -19,7 +21,6 @@ use shared_types::time::Rate;
 use shared_types::wait::WaitLimit;
 use shared_types::zerocopy::{FromBytes, IntoBytes};
 
-use super::blackboard::{Blackboard, Side};
 use super::exchange::{NoAnswer, Trips, follow, frame_words, lead};
 use super::peer::{Peer, WAIT_LIMIT_S};
 use crate::arguments::latency::{LatencyArguments, PeerWork};

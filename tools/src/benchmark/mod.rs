@@ -6,13 +6,12 @@
 //! 1. [`measurement`] runs a plant and a law that do [nothing](null) through the real engine, link and
 //!    runner. The plant is a thread of this process, the controller a [`peer`]: `hil` once more.
 //! 2. Between the same two sides it measures the [`raw`] limit of shared memory and the bare
-//!    [`blackboard`], an [`exchange`] of payloads as large as the loop's frames.
+//!    [blackboard](shared_types::link::bare), an [`exchange`] of payloads as large as the loop's frames.
 //! 3. The [`report`] puts all cases side by side, with the [`bars`] of one of them.
 //!
 //! `hil latency RUN` makes the same report of a [`recorded`] run.
 
 pub mod bars;
-pub mod blackboard;
 pub mod exchange;
 pub mod measurement;
 pub mod null;

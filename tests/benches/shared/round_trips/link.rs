@@ -1,11 +1,11 @@
 //! The project's link: frames that are filled, sealed, summed and checked.
 
+use shared_types::checkpoint::Side;
 use shared_types::frame::{FrameKind, Header, Seal};
 use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{FrameSpec, Link};
 use shared_types::session::SessionInfo;
 use shared_types::time::Step;
-use tools::benchmark::blackboard::Side;
 use tools::benchmark::exchange::End;
 
 use super::{COMMANDS, SIGNALS};

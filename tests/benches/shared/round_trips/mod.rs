@@ -14,9 +14,10 @@ mod peer;
 mod place;
 mod sockets;
 
+use shared_types::checkpoint::Side;
 use shared_types::frame::Frame;
+use shared_types::link::bare::Blackboard;
 use shared_types::session::SessionInfo;
-use tools::benchmark::blackboard::{Blackboard, Side};
 use tools::benchmark::exchange::End;
 
 pub(crate) use peer::{answered, measure};

@@ -4,10 +4,10 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
+use shared_types::checkpoint::Side;
 use shared_types::realtime::pin;
 use shared_types::session::{Session, SessionInfo};
 use shared_types::wait::{WaitLimit, WaitStrategy, Waiter};
-use tools::benchmark::blackboard::Side;
 use tools::benchmark::exchange::{End, Trips, follow, lead};
 use tools::benchmark::raw;
 

@@ -1,29 +1,27 @@
 //! The bare iceoryx2 exchange: one blackboard entry each way between two processes, as the link uses
 //! them, but without frames to fill, seal, sum and check.
+//!
+//! Benchmarks compare the link with it. It stands beside the link because the two share nearly all code
+//! that the compiler makes of iceoryx2; no run uses it.
 
 use iceoryx2::port::reader::{BlackboardValue, EntryHandle};
 use iceoryx2::port::writer::EntryHandleMut;
 use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::blackboard::PortFactory;
-use shared_types::link::LinkError;
-use shared_types::link::iceoryx::{Ipc, node, transport};
-use shared_types::session::SessionInfo;
 
-use super::exchange::{End, HEADER_WORDS};
+use super::LinkError;
+use super::iceoryx::{Ipc, node, transport};
+use crate::checkpoint::Side;
+use crate::frame::Header;
+use crate::session::SessionInfo;
+
+/// Words of a frame's header.
+pub const HEADER_WORDS: usize = size_of::<Header>() / size_of::<u64>();
 
 const SAMPLES: &str = "bare/samples";
 const COMMANDS: &str = "bare/commands";
 
-/// Which side of the exchange this is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Side {
-    /// Sends first, creates what both use.
-    Plant,
-    /// Answers.
-    Controller,
-}
-
-/// As large as a frame for `N` values.
+/// A payload as large as a frame of `N` values.
 #[derive(Clone, Copy, Debug, ZeroCopySend)]
 #[repr(C)]
 struct Payload<const N: usize> {
@@ -80,16 +78,6 @@ pub struct Blackboard {
     _node: Node<Ipc>,
 }
 
-impl End for Blackboard {
-    fn send(&mut self, number: u64) {
-        self.outgoing.send(number);
-    }
-
-    fn receive(&mut self) -> Option<u64> {
-        self.incoming.receive()
-    }
-}
-
 /// Runs a function for the size class of so many values.
 macro_rules! for_class {
     ($values:expr, $function:ident ( $($argument:expr),* )) => {
@@ -105,8 +93,18 @@ macro_rules! for_class {
 }
 
 impl Blackboard {
-    /// An end for payloads of so many values from the plant and so many back. The plant's end is
-    /// there before the controller's is opened.
+    /// Sends a payload full of this number.
+    pub fn send(&mut self, number: u64) {
+        self.outgoing.send(number);
+    }
+
+    /// Copies a payload out that came, and returns its number.
+    pub fn receive(&mut self) -> Option<u64> {
+        self.incoming.receive()
+    }
+
+    /// Opens an end for payloads of `there` values from the plant and `back` values to it. The plant's
+    /// end is there before the controller's is opened.
     ///
     /// # Errors
     /// If shared memory cannot be used, or the plant has created nothing.
@@ -176,32 +174,4 @@ fn incoming<const N: usize>(
         .entry::<Payload<N>>(&0);
     let cell = cell.map_err(|e| transport(name, e))?;
     Ok(Box::new(Reader { cell, last: None }))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::benchmark::exchange::{Trips, follow, lead};
-    use shared_types::session::Session;
-    use shared_types::wait::{WaitLimit, Waiter};
-
-    #[test]
-    fn every_trip_is_answered() {
-        let session = Session::create(None).expect("a session");
-        let trips = Trips {
-            warm_up: 3,
-            measured: 100,
-        };
-        let waiter = || Waiter::new(WaitLimit::from_seconds(30.0));
-        let mut plant = Blackboard::open(session.info(), Side::Plant, 33, 2).expect("creates");
-        let trips_ns = std::thread::scope(|scope| {
-            scope.spawn(|| {
-                let info = session.info();
-                let mut end = Blackboard::open(info, Side::Controller, 33, 2).expect("opens");
-                follow(&mut end, trips, waiter(), || false).expect("all came");
-            });
-            lead(&mut plant, trips, waiter(), || false).expect("all answered")
-        });
-        assert_eq!(trips_ns.len(), 100);
-    }
 }
