@@ -2,13 +2,11 @@
 //! before step 0.
 //!
 //! A link moves bytes and knows nothing of steps; the [lockstep machines](crate::lockstep) know
-//! steps and nothing of links. Two implementations pass the same conformance suite: iceoryx2
-//! shared memory between processes, and a pair of mailboxes within one thread. A network link for
-//! a target board is a third implementation of [`Link`].
+//! steps and nothing of links. Two implementations: iceoryx2 shared memory between processes, and a pair
+//! of mailboxes within one thread. Both pass a public suite, [`conformance`](mod@crate::conformance), and so
+//! must a third, such as a network link for a target board.
 
 pub mod bare;
-#[cfg(test)]
-mod conformance;
 pub mod iceoryx;
 pub mod in_process;
 
@@ -109,7 +107,8 @@ pub struct Rejected {
 }
 
 impl Rejected {
-    fn add(&mut self, error: FrameError) {
+    /// Counts a frame that was refused.
+    pub fn add(&mut self, error: FrameError) {
         self.count += 1;
         self.last = Some(error);
     }
@@ -157,3 +156,6 @@ pub enum LinkError {
     #[error("the frame channels are not open")]
     NotOpen,
 }
+
+#[cfg(test)]
+mod tests;

@@ -3,7 +3,7 @@
 //! The plant's end is a [`RecordSink`], the observer's a [`RecordSource`]. The observer returns
 //! credit, its last contiguous item; a plant that must not lose records looks at it now and then
 //! and holds the loop back when the buffer could overflow. Two implementations: iceoryx2 shared
-//! memory and a ring within one process.
+//! memory and a ring within one process. Both pass a public suite, [`conformance`](mod@crate::conformance).
 
 pub mod iceoryx;
 pub mod in_process;
@@ -14,13 +14,15 @@ use crate::record::{Event, RecordLayout};
 /// Most bytes of an event; that of a fault with the longest table that a scenario may have is shorter.
 const LONGEST_EVENT: usize = 64 << 20;
 
-/// What an item is.
+/// Kind of an item, a number on the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u64)]
-enum ItemKind {
+pub enum ItemKind {
+    /// A record.
     Record = 1,
     /// A piece of an event's JSON; the last piece completes it.
     EventPart = 2,
+    /// The last piece of an event.
     EventEnd = 3,
 }
 
@@ -159,8 +161,12 @@ impl Assembler {
     }
 }
 
-/// Cuts an event into items of at most `words` words and sends each.
-fn send_in_parts<E>(
+/// Cuts an event into items of at most `words` words and sends each: its kind, bytes and words. Every sink
+/// uses it, also that of a transport of one's own.
+///
+/// # Errors
+/// The first failure to send.
+pub fn send_in_parts<E>(
     event: &Event,
     words: usize,
     mut send: impl FnMut(ItemKind, usize, &[u64]) -> Result<(), E>,

@@ -1,11 +1,11 @@
-//! What every record stream must do, run on both implementations, and what only one can show.
+//! What only the stream over shared memory and the assembler can show; `conformance` has what every stream must.
 
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use super::*;
-use crate::record::{FaultTaken, RecordLayout};
+use crate::record::RecordLayout;
 use crate::session::Session;
 use crate::table::Field;
 
@@ -19,19 +19,6 @@ fn layout() -> RecordLayout {
     }
 }
 
-fn event(text: &str) -> Event {
-    Event::Fault(FaultTaken {
-        effect: 0,
-        wall_only: false,
-        id: 1,
-        step: 2,
-        kind: "leakage".into(),
-        target: "actuator1".into(),
-        parameter: text.into(),
-        canonical: String::new(),
-    })
-}
-
 /// Everything a source has, as text.
 fn drained(source: &mut dyn RecordSource) -> Vec<String> {
     let mut seen = Vec::new();
@@ -39,7 +26,6 @@ fn drained(source: &mut dyn RecordSource) -> Vec<String> {
         let count = source.drain(&mut |item| {
             seen.push(match item {
                 Item::Record(words) => format!("record {}", words[0]),
-                Item::Event(Event::Fault(fault)) => format!("event {}", fault.parameter.len()),
                 other => format!("{other:?}"),
             });
         });
@@ -47,48 +33,6 @@ fn drained(source: &mut dyn RecordSource) -> Vec<String> {
             return seen;
         }
     }
-}
-
-fn records_and_events_arrive_in_order(sink: &mut dyn RecordSink, source: &mut dyn RecordSource) {
-    sink.open(&layout()).expect("opens");
-    assert!(drained(source).is_empty());
-    let mut words = vec![0; layout().words()];
-    assert!(sink.has_room().expect("asks"));
-    sink.record(&words).expect("publishes");
-    sink.event(&event(&"long ".repeat(500))).expect("publishes");
-    words[0] = 1;
-    sink.record(&words).expect("publishes");
-    assert_eq!(drained(source), ["record 0", "event 2500", "record 1"]);
-}
-
-#[test]
-fn order_is_kept_in_process() {
-    let (mut sink, mut source) = in_process::pair();
-    records_and_events_arrive_in_order(&mut sink, &mut source);
-}
-
-#[test]
-fn order_is_kept_over_iceoryx2() {
-    let session = Session::create(None).expect("a session");
-    let mut sink = iceoryx::IceoryxSink::create(session.info(), Owed::Everything).expect("creates");
-    let mut source = iceoryx::IceoryxSource::open(session.info(), true).expect("opens");
-    records_and_events_arrive_in_order(&mut sink, &mut source);
-}
-
-#[test]
-fn a_full_ring_holds_the_loop_back_until_it_is_drained() {
-    let (mut sink, mut source) = in_process::pair();
-    sink.open(&layout()).expect("opens");
-    let mut words = vec![0; layout().words()];
-    let mut sent = 0;
-    while sink.has_room().expect("asks") {
-        words[0] = sent;
-        sink.record(&words).expect("publishes");
-        sent += 1;
-    }
-    let seen = drained(&mut source);
-    assert_eq!(seen.len() as u64, sent);
-    assert!(sink.has_room().expect("asks"));
 }
 
 #[test]

@@ -1,0 +1,100 @@
+//! Deaths, closes and handovers.
+
+use super::{Fixture, Pair, command, frame, message, open, sample, send, silence};
+use crate::frame::FrameKind;
+use crate::link::Link;
+
+/// Opens a second controller beside the first, up to the handover.
+fn second<F: Fixture>(plant: &mut F::Link, place: &mut F) -> F::Link {
+    plant.expect(2).expect("another is expected");
+    let mut second = place.controller(2);
+    second.send_control(b"new").expect("sends");
+    assert_eq!(message::<F>(plant), b"new", "only the new one is heard");
+    open(plant, 2, 1, 1);
+    open(&mut second, 2, 1, 1);
+    second
+}
+
+/// Hands over to the second controller and exchanges a sample with it.
+fn hand_over<F: Fixture>(plant: &mut F::Link, second: &mut F::Link) {
+    let mut got = [0.0];
+    plant.take_over();
+    silence::<F>(plant, &mut got, "an older epoch's command is gone");
+    sample(plant, 7, &[7.0]);
+    let arrived = frame::<F>(second, &mut got);
+    assert_eq!((arrived.epoch, arrived.sequence, got), (2, 1, [7.0]));
+    command(second, 7, &[1.0]);
+    let arrived = frame::<F>(plant, &mut got);
+    assert_eq!((arrived.epoch, arrived.sequence, got), (2, 1, [1.0]));
+}
+
+/// A controller is active until the handover and never heard after it.
+pub fn another_controller_takes_over_from_the_active_one<F: Fixture>() {
+    let mut pair = Pair::<F>::open(1, 1);
+    pair.controller.send_control(b"old").expect("sends");
+    let mut second = second(&mut pair.plant, &mut pair.place);
+    let mut got = [0.0];
+    command(&mut pair.controller, 4, &[4.0]);
+    let arrived = frame::<F>(&mut pair.plant, &mut got);
+    assert_eq!((arrived.epoch, got), (1, [4.0]), "the first one is active");
+
+    command(&mut pair.controller, 5, &[5.0]);
+    hand_over::<F>(&mut pair.plant, &mut second);
+    command(&mut pair.controller, 6, &[6.0]);
+    silence::<F>(&mut pair.plant, &mut got, "the first one is not active");
+}
+
+/// The last command of a controller counts; after it nothing comes, which is no error.
+pub fn a_dead_controller_is_silent_after_its_last_frame<F: Fixture>() {
+    let mut pair = Pair::<F>::open(1, 1);
+    sample(&mut pair.plant, 3, &[3.0]);
+    command(&mut pair.controller, 3, &[5.0]);
+    pair.place.kill(pair.controller);
+    last_frame_and_silence::<F>(&mut pair.plant, FrameKind::Sample);
+}
+
+/// The last sample of a plant counts; after it nothing comes, which is no error.
+pub fn a_dead_plant_is_silent_after_its_last_frame<F: Fixture>() {
+    let mut pair = Pair::<F>::open(1, 1);
+    command(&mut pair.controller, 2, &[2.0]);
+    sample(&mut pair.plant, 3, &[5.0]);
+    pair.place.kill(pair.plant);
+    last_frame_and_silence::<F>(&mut pair.controller, FrameKind::Command);
+}
+
+fn last_frame_and_silence<F: Fixture>(end: &mut F::Link, sends: FrameKind) {
+    let mut got = [0.0];
+    let arrived = frame::<F>(end, &mut got);
+    assert_eq!((arrived.step, got), (3, [5.0]));
+    for step in 4..50 {
+        send(end, sends, step, &[0.0]);
+        silence::<F>(end, &mut got, "nobody answers");
+    }
+}
+
+/// A run goes on with a controller that was made ready before the first one died.
+pub fn another_controller_follows_a_dead_one<F: Fixture>() {
+    let mut pair = Pair::<F>::open(1, 1);
+    let mut second = second(&mut pair.plant, &mut pair.place);
+    pair.place.kill(pair.controller);
+    sample(&mut pair.plant, 6, &[6.0]);
+    silence::<F>(&mut pair.plant, &mut [0.0], "the active one is dead");
+    hand_over::<F>(&mut pair.plant, &mut second);
+}
+
+/// Either end may close first, in the middle of an exchange.
+pub fn an_end_that_closes_holds_nobody_up<F: Fixture>() {
+    for plant_first in [true, false] {
+        let mut pair = Pair::<F>::open(1, 1);
+        pair.plant.send_control(b"word").expect("sends");
+        sample(&mut pair.plant, 1, &[1.0]);
+        command(&mut pair.controller, 1, &[1.0]);
+        let (first, second) = if plant_first {
+            (pair.plant, pair.controller)
+        } else {
+            (pair.controller, pair.plant)
+        };
+        drop(first);
+        drop(second);
+    }
+}

@@ -1,0 +1,273 @@
+//! Control messages and frames of one pair.
+
+use std::thread::yield_now;
+
+use super::{
+    Fixture, Pair, SEAL, awaited, command, frame, message, open, sample, send, silence, spec,
+};
+use crate::frame::{FrameError, FrameKind, Header, MAX_SIGNALS, Seal};
+use crate::link::{FrameSpec, Link, LinkError, Peer};
+use crate::time::Step;
+
+/// Control messages of any length arrive, none twice.
+pub fn control_messages_arrive_in_order_and_once<F: Fixture>() {
+    let Pair {
+        mut plant,
+        mut controller,
+        place: _place,
+    } = Pair::<F>::new();
+    let long = vec![7_u8; 100_000];
+    controller.send_control(b"hello").expect("sends");
+    controller.send_control(&long).expect("sends");
+    assert_eq!(message::<F>(&mut plant), b"hello");
+    assert_eq!(message::<F>(&mut plant), long);
+    assert_eq!(plant.receive_control(), Ok(None), "it came already");
+    plant.send_control(b"welcome").expect("sends");
+    assert_eq!(message::<F>(&mut controller), b"welcome");
+    assert_eq!(controller.receive_control(), Ok(None), "it came already");
+}
+
+/// A side may say all of hello before the other listens.
+pub fn eight_control_messages_may_wait<F: Fixture>() {
+    let mut pair = Pair::<F>::new();
+    for number in 0..8_u8 {
+        let message = vec![number; 1 + usize::from(number)];
+        pair.controller.send_control(&message).expect("sends");
+    }
+    for number in 0..8_u8 {
+        let wanted = vec![number; 1 + usize::from(number)];
+        assert_eq!(message::<F>(&mut pair.plant), wanted);
+    }
+}
+
+/// Frames of every size class cross with their values, kind, identity and number, once.
+pub fn frames_cross_both_ways<F: Fixture>() {
+    for (samples, commands) in [(1, 1), (16, 17), (40, 3), (100, 200), (512, 300), (0, 5)] {
+        let mut pair = Pair::<F>::open(samples, commands);
+        let (plant, controller) = (&mut pair.plant, &mut pair.controller);
+        let sent: Vec<f64> = (0..samples).map(|i| i as f64 + 0.5).collect();
+        let mut got = vec![0.0; samples];
+        silence::<F>(controller, &mut got, "nothing was sent");
+        sample(plant, 0, &sent);
+        let arrived = frame::<F>(controller, &mut got);
+        assert_eq!(
+            (arrived.step, arrived.sequence, arrived.kind()),
+            (0, 1, Some(FrameKind::Sample))
+        );
+        assert_eq!(
+            (arrived.session, arrived.layout, arrived.epoch),
+            (11, 22, 1)
+        );
+        assert_eq!(usize::from(arrived.count), samples);
+        assert_eq!(got, sent);
+        silence::<F>(controller, &mut got, "a frame is delivered once");
+        let answer: Vec<f64> = (0..commands).map(|i| -1.0 - i as f64).collect();
+        let mut answered = vec![1.0; commands];
+        command(controller, 0, &answer);
+        frame::<F>(plant, &mut answered);
+        assert_eq!(answered, answer);
+    }
+}
+
+/// All that a sender fills in arrives as it was.
+pub fn every_field_of_a_header_crosses<F: Fixture>() {
+    let mut pair = Pair::<F>::open(100, 1);
+    let sent = Header {
+        time_ns: 1 << 40,
+        work_ns: 2,
+        directive: u64::MAX,
+        surroundings: 3,
+        age_steps: 4,
+        held_steps: 5,
+        invalid: [1, 1 << 35, 0, 0, 0, 0, 0, 0],
+        ..Header::new(FrameKind::Sample, Step(1 << 50))
+    };
+    pair.plant.send(&sent, &[0.0; 100]).expect("sends");
+    let arrived = frame::<F>(&mut pair.controller, &mut [0.0; 100]);
+    let Header {
+        session,
+        layout,
+        sequence,
+        epoch,
+        count,
+        check_sum,
+        ..
+    } = arrived;
+    let wanted = Header {
+        session,
+        layout,
+        sequence,
+        epoch,
+        count,
+        check_sum,
+        ..sent
+    };
+    assert_eq!(arrived, wanted);
+}
+
+/// In lockstep no frame is lost, repeated or changed.
+pub fn each_of_many_samples_is_answered_once<F: Fixture>() {
+    let mut pair = Pair::<F>::open(3, 2);
+    for step in 0..2000 {
+        let value = step as f64;
+        let (mut sampled, mut answered) = ([0.0; 3], [0.0; 2]);
+        sample(&mut pair.plant, step, &[value, -value, 0.5 * value]);
+        let header = frame::<F>(&mut pair.controller, &mut sampled);
+        assert_eq!((header.step, header.sequence), (step, step + 1));
+        assert_eq!(sampled, [value, -value, 0.5 * value], "step {step}");
+        command(&mut pair.controller, step, &[2.0 * value, value]);
+        let header = frame::<F>(&mut pair.plant, &mut answered);
+        assert_eq!((header.step, header.sequence), (step, step + 1));
+        assert_eq!(answered, [2.0 * value, value], "step {step}");
+    }
+}
+
+/// A link holds the latest state and is no queue.
+pub fn the_latest_frame_wins<F: Fixture>() {
+    let mut pair = Pair::<F>::open(1, 1);
+    for step in 0..5 {
+        sample(&mut pair.plant, step, &[step as f64]);
+    }
+    std::thread::sleep(F::LATENCY);
+    let mut got = [0.0];
+    let arrived = frame::<F>(&mut pair.controller, &mut got);
+    assert_eq!((arrived.step, arrived.sequence, got), (4, 5, [4.0]));
+    silence::<F>(&mut pair.controller, &mut got, "older ones are gone");
+}
+
+/// No sender waits, however much is under way; the newest frame arrives all the same.
+pub fn an_end_that_never_receives_holds_nobody_up<F: Fixture>() {
+    let mut pair = Pair::<F>::open(512, 1);
+    for step in 0..5000 {
+        sample(&mut pair.plant, step, &[step as f64; 512]);
+    }
+    let mut got = [0.0; 512];
+    awaited::<F, _>("newest frame", || {
+        // What a full channel did not take goes on when its sender looks for frames.
+        assert_eq!(pair.plant.receive(&mut [0.0]), Ok(None));
+        let arrived = pair.controller.receive(&mut got).expect("receives");
+        arrived.filter(|header| header.step == 4999)
+    });
+    assert_eq!(got, [4999.0; 512]);
+}
+
+/// A frame is the one or the other, never a piece of each. Vacuous for a link within one thread.
+pub fn frames_are_whole_while_both_ends_work<F: Fixture>() {
+    const LAST: u64 = 5000;
+    let mut place = F::new();
+    let mut plant = place.plant();
+    let Some(opens) = place.controller_elsewhere() else {
+        return;
+    };
+    open(&mut plant, 1, 512, 1);
+    let receives = std::thread::spawn(move || {
+        let mut controller = opens();
+        open(&mut controller, 1, 1, 512);
+        command(&mut controller, 0, &[0.0]);
+        let (mut got, mut newest) = ([0.0; 512], 0);
+        while newest < LAST {
+            let header = frame::<F>(&mut controller, &mut got);
+            assert!(header.step > newest, "{} after {newest}", header.step);
+            newest = header.step;
+            assert_eq!(got, [newest as f64; 512], "step {newest}");
+        }
+        assert_eq!(controller.rejected().count, 0);
+    });
+    frame::<F>(&mut plant, &mut [0.0]);
+    for step in 1..=LAST {
+        sample(&mut plant, step, &[step as f64; 512]);
+    }
+    while !receives.is_finished() {
+        assert_eq!(plant.receive(&mut [0.0]), Ok(None));
+        yield_now();
+    }
+    receives.join().expect("every frame is whole");
+}
+
+/// An end, a confirmation and an abort carry no values.
+pub fn frames_without_values_leave_the_buffer_alone<F: Fixture>() {
+    let mut pair = Pair::<F>::open(2, 1);
+    send(&mut pair.plant, FrameKind::End, 9, &[]);
+    let mut got = [3.0, 4.0];
+    let arrived = frame::<F>(&mut pair.controller, &mut got);
+    assert_eq!(
+        (arrived.kind(), arrived.step, got),
+        (Some(FrameKind::End), 9, [3.0, 4.0])
+    );
+}
+
+/// Numbers become canonical on the way: one NaN, no negative zero.
+pub fn odd_numbers_arrive_canonical<F: Fixture>() {
+    let mut pair = Pair::<F>::open(3, 1);
+    sample(&mut pair.plant, 0, &[-0.0, -f64::NAN, f64::INFINITY]);
+    let mut got = [1.0; 3];
+    frame::<F>(&mut pair.controller, &mut got);
+    let wanted = [0.0, f64::NAN, f64::INFINITY];
+    assert_eq!(got.map(f64::to_bits), wanted.map(f64::to_bits));
+}
+
+/// A frame with more or fewer values than agreed is not delivered.
+pub fn a_frame_of_another_count_is_rejected_and_counted<F: Fixture>() {
+    let mut pair = Pair::<F>::open(2, 1);
+    sample(&mut pair.plant, 0, &[1.0]);
+    rejects::<F>(&mut pair.controller, FrameError::Count);
+}
+
+/// Looks until a frame is refused, for this reason.
+fn rejects<F: Fixture>(end: &mut F::Link, reason: FrameError) {
+    let mut got = [7.0; 2];
+    let rejected = awaited::<F, _>("refusal", || {
+        assert_eq!(end.receive(&mut got), Ok(None));
+        Some(end.rejected()).filter(|rejected| rejected.count > 0)
+    });
+    assert_eq!((rejected.count, rejected.last), (1, Some(reason)));
+    assert_eq!(got, [7.0; 2], "a refused frame leaves the buffer alone");
+}
+
+/// Frames of another session or layout cannot be opened, or else are refused one by one.
+pub fn frames_of_another_run_are_never_delivered<F: Fixture>() {
+    let session = Seal {
+        session: 12,
+        ..SEAL
+    };
+    let layout = Seal { layout: 23, ..SEAL };
+    for (seal, reason) in [(session, FrameError::Session), (layout, FrameError::Layout)] {
+        let mut pair = Pair::<F>::new();
+        open(&mut pair.plant, 1, 2, 1);
+        let other = FrameSpec {
+            seal,
+            ..spec(1, 1, 2)
+        };
+        match pair.controller.open_frames(&other) {
+            Err(error) => assert!(matches!(error, LinkError::Foreign { .. }), "{error}"),
+            Ok(()) => {
+                sample(&mut pair.plant, 0, &[1.0, 2.0]);
+                rejects::<F>(&mut pair.controller, reason);
+            }
+        }
+    }
+}
+
+/// Nobody sends or receives a frame before the layout is agreed.
+pub fn frames_before_opening_are_an_error<F: Fixture>() {
+    let mut pair = Pair::<F>::new();
+    let header = Header::new(FrameKind::Sample, Step(0));
+    assert_eq!(pair.plant.send(&header, &[]), Err(LinkError::NotOpen));
+    assert_eq!(pair.plant.receive(&mut []), Err(LinkError::NotOpen));
+}
+
+/// More signals than a frame carries are refused by number.
+pub fn too_many_signals_are_refused<F: Fixture>() {
+    let mut pair = Pair::<F>::new();
+    for (outgoing, incoming) in [(MAX_SIGNALS + 1, 1), (1, MAX_SIGNALS + 1)] {
+        let opened = pair.plant.open_frames(&spec(1, outgoing, incoming));
+        assert_eq!(opened, Err(LinkError::TooManySignals(MAX_SIGNALS + 1)));
+    }
+}
+
+/// The plant knows the controller of its own pair, or does not know yet.
+pub fn the_peer_of_a_pair_is_no_stranger<F: Fixture>() {
+    let pair = Pair::<F>::open(1, 1);
+    let peer = pair.plant.peer().expect("it can be asked");
+    assert!(matches!(peer, Peer::Launched | Peer::Unknown), "{peer:?}");
+}

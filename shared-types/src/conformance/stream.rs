@@ -1,0 +1,239 @@
+//! Sentences about record streams: what a recorder, which must not lose a record, relies on.
+
+use std::thread::yield_now;
+use std::time::{Duration, Instant};
+
+use super::Sentence;
+use crate::record::{Event, FaultTaken, RecordLayout};
+use crate::stream::{Item, RecordSink, RecordSource};
+use crate::table::Field;
+
+/// A place where a plant's sink and a recorder's source meet.
+pub trait Fixture {
+    /// The plant's end.
+    type Sink: RecordSink;
+    /// The recorder's end.
+    type Source: RecordSource;
+
+    /// Time after which what was published and did not come counts as lost.
+    const PATIENCE: Duration = Duration::from_secs(20);
+
+    /// Makes the place. It outlives the ends that meet there.
+    fn new() -> Self;
+
+    /// Makes the end of a plant that owes its recorder every record, and what opens the recorder's on any thread.
+    fn connect(&mut self) -> (Self::Sink, impl FnOnce() -> Self::Source + Send + 'static);
+}
+
+/// Lists the sentences for an implementation.
+#[must_use]
+pub fn sentences<F: Fixture>() -> Vec<Sentence> {
+    crate::conformance!(@stream list F)
+}
+
+/// More records than any stream may take without credit.
+const MANY: u64 = 1 << 20;
+/// Items that a sentence publishes where it is not about many.
+const SOME: u64 = 100;
+
+fn layout() -> RecordLayout {
+    let field = Field::signal("angle_rad", "rad", "x");
+    RecordLayout {
+        truth: vec![field.clone()],
+        measured: vec![field],
+        command_signals: 1,
+        ..RecordLayout::default()
+    }
+}
+
+fn event(text: &str) -> Event {
+    Event::Fault(FaultTaken {
+        effect: 0,
+        wall_only: false,
+        id: 1,
+        step: 2,
+        kind: "leakage".into(),
+        target: "actuator1".into(),
+        parameter: text.into(),
+        canonical: String::new(),
+    })
+}
+
+/// Publishes the record of a step, each of its words the step.
+fn publish(sink: &mut impl RecordSink, step: u64) {
+    let words = vec![step; layout().words()];
+    sink.record(&words).expect("a record is published");
+}
+
+fn record(step: u64) -> String {
+    format!("record {step}")
+}
+
+/// Takes all that there is, as text; a record by its step, or by what differs from that.
+fn take(source: &mut impl RecordSource, seen: &mut Vec<String>) -> usize {
+    let taken = source.drain(&mut |item| {
+        seen.push(match item {
+            Item::Record(words) if words == vec![words[0]; layout().words()] => record(words[0]),
+            Item::Event(Event::Fault(fault)) => format!("event {}", fault.parameter.len()),
+            other => format!("{other:?}"),
+        });
+    });
+    taken.expect("a source drains")
+}
+
+/// Takes until so many items came and no more do.
+fn drained<F: Fixture>(source: &mut F::Source, items: usize) -> Vec<String> {
+    let mut seen = Vec::new();
+    let since = Instant::now();
+    while take(source, &mut seen) > 0 || seen.len() < items {
+        assert!(
+            since.elapsed() < F::PATIENCE,
+            "only {} of {items} items came: {:?}",
+            seen.len(),
+            &seen[seen.len().saturating_sub(3)..]
+        );
+        yield_now();
+    }
+    seen
+}
+
+/// Opens both ends; the recorder has looked once.
+fn opened<F: Fixture>(place: &mut F) -> (F::Sink, F::Source) {
+    let (mut sink, opens) = place.connect();
+    sink.open(&layout()).expect("a sink opens");
+    let mut source = opens();
+    assert!(drained::<F>(&mut source, 0).is_empty());
+    (sink, source)
+}
+
+/// Waits until there is room.
+fn room<F: Fixture>(sink: &mut F::Sink) {
+    let since = Instant::now();
+    while !sink.has_room().expect("a sink can be asked") {
+        assert!(since.elapsed() < F::PATIENCE, "there is never room");
+        yield_now();
+    }
+}
+
+/// Records and events, also those longer than a record, arrive in the order of things.
+pub fn records_and_events_arrive_in_order_and_once<F: Fixture>() {
+    let mut place = F::new();
+    let (mut sink, mut source) = opened(&mut place);
+    room::<F>(&mut sink);
+    publish(&mut sink, 0);
+    let long = event(&"long ".repeat(500));
+    sink.event(&long).expect("an event is published");
+    publish(&mut sink, 1);
+    let wanted = ["record 0", "event 2500", "record 1"];
+    assert_eq!(drained::<F>(&mut source, wanted.len()), wanted);
+    assert!(drained::<F>(&mut source, 0).is_empty(), "they came already");
+}
+
+/// A sink has no more room before a record could be lost, and has room again once records are taken.
+pub fn a_plant_without_credit_waits_and_loses_nothing<F: Fixture>() {
+    let mut place = F::new();
+    let (mut sink, mut source) = opened(&mut place);
+    room::<F>(&mut sink);
+    let mut wanted = Vec::new();
+    for round in 0..3 {
+        let mut sent = 0;
+        while sink.has_room().expect("a sink can be asked") {
+            publish(&mut sink, sent);
+            wanted.push(record(sent));
+            sent += 1;
+            assert!(sent < MANY, "it never waits for its recorder");
+        }
+        assert!(
+            sent > SOME,
+            "in round {round} it waits after {sent} records"
+        );
+        assert_eq!(drained::<F>(&mut source, wanted.len()), wanted);
+        wanted.clear();
+        room::<F>(&mut sink);
+    }
+}
+
+/// A plant sees how much its recorder took, or has none to wait for.
+pub fn credit_counts_what_was_taken<F: Fixture>() {
+    let mut place = F::new();
+    let (mut sink, mut source) = opened(&mut place);
+    room::<F>(&mut sink);
+    for step in 0..SOME {
+        publish(&mut sink, step);
+    }
+    let (sent, taken) = sink.sent_and_taken().expect("a sink can be asked");
+    assert!(
+        (sent, taken) == (SOME, 0) || sent == taken,
+        "{taken} of {sent}"
+    );
+    drained::<F>(&mut source, SOME as usize);
+    let since = Instant::now();
+    loop {
+        let (sent, taken) = sink.sent_and_taken().expect("a sink can be asked");
+        if sent == taken {
+            return;
+        }
+        let waited = since.elapsed();
+        assert!(waited < F::PATIENCE, "{taken} of {sent} after {waited:?}");
+        yield_now();
+    }
+}
+
+/// A record is never a piece of two, and none is missing.
+pub fn records_are_whole_while_both_ends_work<F: Fixture>() {
+    const LAST: u64 = 20_000;
+    let mut place = F::new();
+    let (mut sink, opens) = place.connect();
+    sink.open(&layout()).expect("a sink opens");
+    let takes = std::thread::spawn(move || {
+        let mut source = opens();
+        let (mut seen, mut next, mut since) = (Vec::new(), 0, Instant::now());
+        while next < LAST {
+            if take(&mut source, &mut seen) > 0 {
+                since = Instant::now();
+            }
+            for item in seen.drain(..) {
+                assert_eq!(item, record(next));
+                next += 1;
+            }
+            let waited = since.elapsed();
+            assert!(waited < F::PATIENCE, "no record {next} within {waited:?}");
+            yield_now();
+        }
+    });
+    for step in 0..LAST {
+        while !sink.has_room().expect("a sink can be asked") && !takes.is_finished() {
+            yield_now();
+        }
+        publish(&mut sink, step);
+    }
+    takes.join().expect("every record came whole");
+}
+
+/// What a plant published before its death arrives; after it nothing comes, which is no error.
+pub fn a_dead_plant_is_silent_after_its_last_record<F: Fixture>() {
+    let mut place = F::new();
+    let (mut sink, mut source) = opened(&mut place);
+    room::<F>(&mut sink);
+    for step in 0..SOME {
+        publish(&mut sink, step);
+    }
+    drop(sink);
+    let wanted: Vec<String> = (0..SOME).map(record).collect();
+    assert_eq!(drained::<F>(&mut source, wanted.len()), wanted);
+    assert!(drained::<F>(&mut source, 0).is_empty());
+}
+
+/// A plant sees a recorder that is gone as one that takes nothing more, which is no error.
+pub fn a_dead_recorder_holds_nobody_up<F: Fixture>() {
+    let mut place = F::new();
+    let (mut sink, source) = opened(&mut place);
+    room::<F>(&mut sink);
+    drop(source);
+    let mut sent = 0;
+    while sent < SOME && sink.has_room().expect("a sink can be asked") {
+        publish(&mut sink, sent);
+        sent += 1;
+    }
+    assert_eq!(sent, SOME, "there was room for as many");
+}
