@@ -94,9 +94,14 @@ fn the_code_of_the_chapters_is_that_of_the_examples() {
 
 #[test]
 fn every_line_of_rust_in_the_book_is_one_of_an_example_or_is_built() {
-    let examples: String = ["own-plant", "own-controller", "own-fault"]
-        .map(|name| example(&format!("{name}/src/main.rs")))
-        .concat();
+    let examples: String = [
+        "own-plant/src/main.rs",
+        "own-controller/src/main.rs",
+        "own-fault/src/main.rs",
+        "unix-socket-link/tests/conformance.rs",
+    ]
+    .map(example)
+    .concat();
     for page in pages() {
         let blocks = page.blocks();
         let shown = blocks

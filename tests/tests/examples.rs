@@ -1,10 +1,12 @@
-//! The crates of `examples`: a plant and a law of one's own, built outside the workspace.
+//! The crates of `examples`: a plant, a law and a link of one's own, built outside the workspace.
+
+use std::process::Command;
 
 use serde_json::Value;
 
 use crate::support::harness::{Rig, until};
 use crate::support::mcap_reader::Recording;
-use crate::support::programs::{example, workspace};
+use crate::support::programs::{example, test_example, workspace};
 
 const SCENARIO: &str = "examples/own-plant/pendulum.toml";
 
@@ -157,4 +159,22 @@ fn a_parameter_of_a_plant_from_outside_is_open_to_the_built_in_faults() {
     let mass_kg = |record| recording.value(&record, "parameter.mass_kg");
     let masses: Vec<f64> = recording.records().map(mass_kg).collect();
     assert_eq!(masses[500], 2.0 * masses[499]);
+}
+
+#[test]
+fn a_link_from_outside_passes_the_suite_of_every_link() {
+    let _rig = Rig::new();
+    test_example("unix-socket-link");
+}
+
+#[test]
+fn a_run_over_a_link_from_outside_has_the_digest_of_shared_memory() {
+    let rig = Rig::new();
+    let scenario = "scenarios/spring-mass.toml";
+    let wanted = rig.run(&format!("{scenario} --no-record")).expect(0);
+    let mut link = Command::new(example("unix-socket-link"));
+    let output = link.arg(workspace().join(scenario)).output();
+    let told = output.expect("it can be run").stdout;
+    let wanted = format!("digest {}\n", wanted.digest());
+    assert_eq!(String::from_utf8_lossy(&told), wanted);
 }

@@ -76,8 +76,8 @@ pub(crate) fn target() -> PathBuf {
 
 fn finish(cargo: &mut Command) {
     let output = cargo.output().expect("cargo can be run");
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{cargo:?} failed:\n{said}");
+    let [told, said] = [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text));
+    assert!(output.status.success(), "{cargo:?} failed:\n{told}{said}");
 }
 
 /// A program of the workspace, as fresh as the sources.
@@ -118,6 +118,14 @@ pub(crate) fn other_hil() -> Option<PathBuf> {
 /// Builds a crate of `examples` and gives its program.
 pub(crate) fn example(name: &str) -> PathBuf {
     outside(&Path::new("examples").join(name), name)
+}
+
+/// Runs the tests of a crate of `examples`, without a network.
+pub(crate) fn test_example(name: &str) {
+    let mut cargo = Command::new(env!("CARGO"));
+    cargo.args(["test", "--offline", "--target-dir"]);
+    cargo.arg(target().join("examples-outside"));
+    finish(cargo.current_dir(workspace().join("examples").join(name)));
 }
 
 /// Builds a crate that is outside the workspace and gives a copy of its program that stays as it is:

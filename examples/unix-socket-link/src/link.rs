@@ -1,0 +1,170 @@
+//! The link: a socket for the control messages of each controller, and one for its frames.
+//!
+//! The plant listens and a controller connects, by the number of its epoch, in a folder that is nobody else's.
+//! A frame is its header and its values as they are in memory: both sides are on one machine. There is no check
+//! sum, because nothing here could break it; a link over a wire would send one.
+
+use std::path::{Path, PathBuf};
+
+use shared_types::frame::{FrameError, Header, MAX_SIGNALS, Seal};
+use shared_types::link::{FrameSpec, Link, LinkError, Peer, Rejected};
+use shared_types::table::canonical;
+use shared_types::zerocopy::{FromBytes, IntoBytes};
+
+use crate::socket::Socket;
+
+#[derive(Clone, Copy, PartialEq)]
+enum Side {
+    Plant,
+    Controller,
+}
+
+/// One end of a link over UNIX sockets.
+pub struct UnixSocketLink {
+    side: Side,
+    folder: PathBuf,
+    control: Socket,
+    frames: Option<Frames>,
+    /// Those opened last, if others are in use.
+    next: Option<Frames>,
+    rejected: Rejected,
+}
+
+struct Frames {
+    socket: Socket,
+    seal: Seal,
+    sequence: u64,
+}
+
+impl UnixSocketLink {
+    /// Makes the plant's end, in a folder without sockets.
+    ///
+    /// # Errors
+    /// If another plant is there or the folder cannot be used.
+    pub fn create(folder: &Path) -> Result<Self, LinkError> {
+        Self::new(folder, Side::Plant, 1)
+    }
+
+    /// Makes the end of the controller of an epoch.
+    ///
+    /// # Errors
+    /// [`LinkError::Absent`] as long as the plant does not expect it.
+    pub fn open(folder: &Path, epoch: u32) -> Result<Self, LinkError> {
+        Self::new(folder, Side::Controller, epoch)
+    }
+
+    fn new(folder: &Path, side: Side, epoch: u32) -> Result<Self, LinkError> {
+        Ok(Self {
+            side,
+            folder: folder.into(),
+            control: socket(folder, side, "control", epoch)?,
+            frames: None,
+            next: None,
+            rejected: Rejected::default(),
+        })
+    }
+}
+
+fn socket(folder: &Path, side: Side, name: &str, epoch: u32) -> Result<Socket, LinkError> {
+    let path = folder.join(format!("{name}-{epoch}"));
+    match side {
+        Side::Plant => Socket::listen(&path),
+        Side::Controller => Socket::connect(&path),
+    }
+}
+
+impl Link for UnixSocketLink {
+    fn send_control(&mut self, message: &[u8]) -> Result<(), LinkError> {
+        self.control.queue(message)
+    }
+
+    fn receive_control(&mut self) -> Result<Option<Vec<u8>>, LinkError> {
+        self.control.next()
+    }
+
+    fn expect(&mut self, epoch: u32) -> Result<(), LinkError> {
+        self.control = socket(&self.folder, self.side, "control", epoch)?;
+        Ok(())
+    }
+
+    fn peer(&self) -> Result<Peer, LinkError> {
+        Ok(Peer::Launched) // nobody else can enter the folder
+    }
+
+    fn open_frames(&mut self, spec: &FrameSpec) -> Result<(), LinkError> {
+        let most = spec.outgoing.max(spec.incoming);
+        if most > MAX_SIGNALS {
+            return Err(LinkError::TooManySignals(most));
+        }
+        self.next = Some(Frames {
+            socket: socket(&self.folder, self.side, "frames", spec.seal.epoch)?,
+            seal: spec.seal,
+            sequence: 0,
+        });
+        if self.frames.is_none() {
+            self.take_over();
+        }
+        Ok(())
+    }
+
+    fn take_over(&mut self) {
+        if self.next.is_some() {
+            self.frames = self.next.take();
+        }
+    }
+
+    fn send(&mut self, header: &Header, values: &[f64]) -> Result<(), LinkError> {
+        let frames = self.frames.as_mut().ok_or(LinkError::NotOpen)?;
+        frames.sequence += 1;
+        let header = Header {
+            session: frames.seal.session,
+            layout: frames.seal.layout,
+            epoch: frames.seal.epoch,
+            sequence: frames.sequence,
+            count: values.len() as u16,
+            ..*header
+        };
+        let mut message = header.as_bytes().to_vec();
+        message.extend(
+            values
+                .iter()
+                .flat_map(|value| canonical(*value).to_ne_bytes()),
+        );
+        frames.socket.replace(&message)
+    }
+
+    fn receive(&mut self, values: &mut [f64]) -> Result<Option<Header>, LinkError> {
+        let frames = self.frames.as_mut().ok_or(LinkError::NotOpen)?;
+        let mut newest = None;
+        while let Some(message) = frames.socket.next()? {
+            newest = Some(message);
+        }
+        let Some(message) = newest else {
+            return Ok(None);
+        };
+        match opened(&message, frames.seal, values) {
+            Ok(header) => Ok(Some(header)),
+            Err(error) => {
+                self.rejected.add(error);
+                Ok(None)
+            }
+        }
+    }
+
+    fn rejected(&self) -> Rejected {
+        self.rejected
+    }
+}
+
+/// Checks a frame and copies its values out.
+fn opened(message: &[u8], seal: Seal, values: &mut [f64]) -> Result<Header, FrameError> {
+    let (header, carried) = Header::read_from_prefix(message).map_err(|_| FrameError::Corrupt)?;
+    seal.check(&header, values.len())?;
+    if carried.len() != 8 * usize::from(header.count) {
+        return Err(FrameError::Corrupt);
+    }
+    for (value, bytes) in values.iter_mut().zip(carried.chunks_exact(8)) {
+        *value = f64::read_from_bytes(bytes).map_err(|_| FrameError::Corrupt)?;
+    }
+    Ok(header)
+}

@@ -1,0 +1,152 @@
+//! A plant and a law in lockstep over any link: the plant in this thread, the law in one of its own.
+
+use std::path::Path;
+
+use controller_process::runner::{Runner, choose};
+use hil_config::plan::Plan;
+use hil_config::scenario::Scenario;
+use plant_process::engine::Engine;
+use plant_process::faults::kinds;
+use shared_types::checkpoint::Checkpoints;
+use shared_types::describe::PROTOCOL;
+use shared_types::digest::Digest;
+use shared_types::link::{Link, LinkError};
+use shared_types::realtime::Settings;
+use shared_types::record::{Event, Outcome, RecordLayout};
+use shared_types::stream::RecordSink;
+use shared_types::supervision::Supervision;
+use shared_types::wait::{WaitLimit, Waiter};
+
+const WAIT_LIMIT_S: f64 = 20.0;
+
+/// Runs a scenario with the built-in plants and laws and gives its digest.
+///
+/// # Errors
+/// Everything that is wrong with the scenario, or the reason why the run did not complete.
+pub fn run<P: Link, C: Link>(
+    scenario: &Path,
+    session: u64,
+    plant: P,
+    opens: impl FnOnce() -> Result<C, LinkError> + Send + 'static,
+) -> Result<String, String> {
+    let plan = plan(scenario)?;
+    let job = controller_job(&plan, session);
+    let law = std::thread::spawn(move || -> Result<(), String> {
+        let laws = controller_process::laws::all();
+        let law = choose(&laws, &job.law, &job.plant).map_err(|e| e.to_string())?;
+        let link = opens().map_err(|e| e.to_string())?;
+        let mut runner = Runner::new(law, job, link).map_err(|e| e.to_string())?;
+        controller_process::program::drive(&mut runner, waiter(), &Supervision::new())
+            .map_err(|e| e.to_string())
+    });
+
+    let mut digest = Digest::default();
+    let sink = Digesting {
+        digest: &mut digest,
+        hashed_words: 0,
+    };
+    let plants = plant_process::models::all();
+    let mut plants = plants.iter();
+    let kind = plants.find(|kind| kind.description.name == plan.plant.model);
+    let kind = kind.ok_or("no such plant")?;
+    let engine = Engine::new(kind, &kinds::all(), plant_job(plan, session), plant, sink);
+    let mut engine = engine.map_err(|e| e.to_string())?;
+    plant_process::program::drive(&mut engine, waiter(), &Supervision::new())
+        .map_err(|e| e.to_string())?;
+    let end = engine.end().cloned();
+    drop(engine);
+    law.join().map_err(|_| "the law panicked")??;
+    match end {
+        Some(end) if end.outcome == Outcome::Completed => Ok(digest.finish()),
+        end => Err(format!("the run did not complete: {end:?}")),
+    }
+}
+
+fn waiter() -> Waiter {
+    Waiter::new(WaitLimit::from_seconds(WAIT_LIMIT_S))
+}
+
+fn plan(scenario: &Path) -> Result<Plan, String> {
+    let plants: Vec<_> = (plant_process::models::all().into_iter())
+        .map(|kind| kind.description)
+        .collect();
+    let laws: Vec<_> = (controller_process::laws::all().into_iter())
+        .map(|kind| kind.description)
+        .collect();
+    let kinds: Vec<_> = (kinds::all().into_iter())
+        .map(|kind| kind.description)
+        .collect();
+    Scenario::read(scenario)
+        .and_then(|scenario| scenario.check(&plants, &laws, &kinds))
+        .map_err(|problems| problems.to_string())
+}
+
+fn controller_job(plan: &Plan, session: u64) -> controller_process::job::Job {
+    let (run, controller) = (&plan.run, &plan.controller);
+    controller_process::job::Job {
+        protocol: PROTOCOL,
+        session,
+        epoch: 1,
+        plant: plan.plant.model.clone(),
+        law: controller.law.clone(),
+        parameters: controller.parameters.clone(),
+        model: controller.model.clone(),
+        rate: run.rate,
+        rate_divisor: controller.rate_divisor,
+        command_delay_steps: controller.command_delay_steps,
+        checkpoints: Checkpoints::default(),
+        realtime: Settings::default(),
+        wait_limit_s: WAIT_LIMIT_S,
+    }
+}
+
+fn plant_job(plan: Plan, session: u64) -> plant_process::job::Job {
+    let derived = plan.derived.iter();
+    plant_process::job::Job {
+        protocol: PROTOCOL,
+        session,
+        run: plan.run,
+        plant: plan.plant,
+        stimuli: plan.stimuli,
+        faults: plan.faults,
+        derived: derived
+            .map(|derived| (derived.name.clone(), derived.expression.to_string()))
+            .collect(),
+        missed: Vec::new(),
+        law: None,
+        pause_at_s: None,
+        observed: true,
+        checkpoints: Checkpoints::default(),
+        realtime: Settings::default(),
+        wait_limit_s: WAIT_LIMIT_S,
+    }
+}
+
+/// A record stream that ends here: of each record only the digest is made.
+struct Digesting<'a> {
+    digest: &'a mut Digest,
+    hashed_words: usize,
+}
+
+impl RecordSink for Digesting<'_> {
+    fn open(&mut self, layout: &RecordLayout) -> Result<(), LinkError> {
+        self.hashed_words = layout.hashed_words();
+        Ok(())
+    }
+
+    fn has_room(&mut self) -> Result<bool, LinkError> {
+        Ok(true)
+    }
+
+    fn record(&mut self, words: &[u64]) -> Result<(), LinkError> {
+        self.digest.record(&words[..self.hashed_words]);
+        Ok(())
+    }
+
+    fn event(&mut self, event: &Event) -> Result<(), LinkError> {
+        if let Event::Fault(fault) = event {
+            self.digest.fault(fault);
+        }
+        Ok(())
+    }
+}
