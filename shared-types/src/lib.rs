@@ -19,8 +19,9 @@
 //! each consumer of random numbers a stream of its own; [`clock`] is the meters' clock;
 //! [`mod@shared_memory`] knows what keeps that from being used;
 //! [`realtime`] is what a process can ask of the system for its loop; [`text`] is what others say, made
-//! fit to be shown, and [`number`] writes numbers with their units. [`conformance`](mod@conformance) is for
-//! whoever writes another link or record stream.
+//! fit to be shown, and [`number`] writes numbers with their units.
+//! [`ignored`] counts what peers said in vain.
+//! [`conformance`](mod@conformance) is for whoever writes another link or record stream.
 
 extern crate self as shared_types; // the names that `table!` writes must hold in here too
 
@@ -32,6 +33,7 @@ pub mod digest;
 pub mod directive;
 pub mod frame;
 pub mod hello;
+pub mod ignored;
 pub mod layout;
 pub mod link;
 pub mod live;

@@ -25,6 +25,7 @@ use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
 use crate::describe::PlantDescription;
 use crate::frame::VALIDITY_WORDS;
+use crate::ignored::Ignored;
 use crate::layout::{SignalKind, SignalTable, difference};
 use crate::lockstep::OnLoss;
 use crate::pacer::Streaks;
@@ -456,6 +457,9 @@ pub struct RunEnd {
     pub reason: Option<String>,
     /// Frames that failed a check: of the controller, and those that a fault corrupted.
     pub rejected_frames: u64,
+    /// Messages and frames of controllers that were passed over.
+    #[serde(default, skip_serializing_if = "Ignored::is_empty")]
+    pub ignored: Ignored,
     /// What became of each effect of each fault, also of those that never took hold.
     pub effects: Vec<FaultEffectSize>,
     /// Steps that were due before the step before them was done; none in lockstep.
@@ -464,6 +468,23 @@ pub struct RunEnd {
     /// Steps whose command missed its deadline, or did in the run that was repeated.
     #[serde(default)]
     pub missed_commands: Streaks,
+}
+
+impl RunEnd {
+    /// Makes the end of a run without faults in which nothing was late or refused.
+    #[must_use]
+    pub fn new(steps: u64, outcome: Outcome) -> Self {
+        Self {
+            steps,
+            outcome,
+            reason: None,
+            rejected_frames: 0,
+            ignored: Ignored::default(),
+            effects: Vec::new(),
+            overruns: Streaks::default(),
+            missed_commands: Streaks::default(),
+        }
+    }
 }
 
 /// What became of one effect of a fault.
@@ -586,15 +607,7 @@ mod tests {
 
     #[test]
     fn events_survive_json() {
-        let event = Event::End(RunEnd {
-            steps: 3,
-            outcome: Outcome::Completed,
-            reason: None,
-            rejected_frames: 0,
-            effects: vec![],
-            overruns: Streaks::default(),
-            missed_commands: Streaks::default(),
-        });
+        let event = Event::End(RunEnd::new(3, Outcome::Completed));
         let lost = Event::Controller(ControllerChange {
             epoch: 1,
             step: 7,

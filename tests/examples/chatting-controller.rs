@@ -15,8 +15,9 @@ use controller_process::job::{JOB_FILE, Job};
 use controller_process::runner::{Progress, Runner, choose};
 use shared_types::describe::{Description, Invalid};
 use shared_types::frame::{FrameKind, Header};
+use shared_types::ignored::Ignored;
 use shared_types::link::iceoryx::IceoryxLink;
-use shared_types::link::{FrameSpec, Link, LinkError, Peer, Rejected};
+use shared_types::link::{FrameSpec, Link, LinkError, Peer};
 use shared_types::lockstep::ControllerEvent;
 use shared_types::program::{COMPLETED, Program, read_job};
 use shared_types::realtime;
@@ -132,7 +133,7 @@ impl Link for Chatting {
         Ok(came.filter(|header| header.kind() != Some(FrameKind::Sample)))
     }
 
-    fn rejected(&self) -> Rejected {
+    fn rejected(&self) -> Ignored {
         self.inner.rejected()
     }
 }

@@ -51,6 +51,10 @@ fn an_answer_repeated_for_ever_ends_with_the_wait_limit_whatever_the_policy() {
     let summary = run.summary();
     assert_told(&summary["reason"], late);
     assert_eq!(applied_n(&run), [FORCE_N; ANSWERED as usize]);
+    // As often as the plant looked; nothing else was said in vain.
+    let ignored = summary["ignored"].as_object().expect("reasons");
+    assert_eq!(ignored.keys().collect::<Vec<_>>(), ["repeated"]);
+    assert!(ignored["repeated"].as_u64() > Some(1), "{ignored:?}");
     for (policy, then_n) in [("hold", FORCE_N), ("safe-command", SAFE_N)] {
         let run = chats(&rig, "repeats", policy, "lockstep").expect(0);
         let summary = run.summary();
@@ -97,7 +101,13 @@ fn a_hello_said_for_ever_ends_with_the_wait_limit() {
     let rig = Rig::new();
     let run = chats(&rig, "greets", "hold", "lockstep").expect(3);
     let late = "controller did not open its frames within 0.3 s";
-    assert_told(&run.summary()["reason"], late);
+    let summary = run.summary();
+    assert_told(&summary["reason"], late);
+    assert!(
+        summary["ignored"]["out_of_turn"].as_u64() > Some(1),
+        "{}",
+        summary["ignored"]
+    );
 }
 
 #[test]

@@ -38,6 +38,7 @@ fn judged(run: &Run) -> Vec<Value> {
         "metrics",
         "faults",
         "rejected_frames",
+        "ignored",
     ];
     keys.map(|key| summary[key].take()).into()
 }

@@ -20,14 +20,14 @@ const MUTANTS: [(&str, &str, &str); 12] = [
     // What a lost controller sent is taken.
     (
         "plant.rs",
-        "(_, PlantEvent::Frame(_)) if self.lost => self.ignore(),",
+        "(_, PlantEvent::Frame(_)) if self.is_alone() => self.ignore(Reason::Lost),",
         "",
     ),
     // The death of any controller loses the one in office.
     (
         "plant.rs",
-        "if epoch == self.epoch {",
-        "if epoch <= self.epoch {",
+        "if epoch == self.epoch() {",
+        "if epoch <= self.epoch() {",
     ),
     // A sample seen again is answered again.
     (
@@ -38,8 +38,8 @@ const MUTANTS: [(&str, &str, &str); 12] = [
     // A command seen again breaks the protocol.
     (
         "plant.rs",
-        "(_, Some(FrameKind::Command)) if got.0 < self.at().0 => self.ignore(),",
-        "",
+        "(_, Some(FrameKind::Command)) if got < self.at() =>",
+        "(_, Some(FrameKind::Command)) if false =>",
     ),
     // The wait for the confirmation of the end has no limit.
     (
@@ -50,26 +50,26 @@ const MUTANTS: [(&str, &str, &str); 12] = [
     // The end waits for the confirmation of a controller that is lost.
     (
         "plant.rs",
-        "(State::AwaitConfirmation, PlantEvent::Missed) if self.lost => {",
+        "(State::AwaitConfirmation, PlantEvent::Missed) if self.is_alone() => {",
         "(State::AwaitConfirmation, PlantEvent::Missed) if self.steps == 0 => {",
     ),
     // A step waits for a controller that is lost.
     (
         "plant.rs",
-        "self.against_clock || self.lost",
+        "self.against_clock || self.is_alone()",
         "self.against_clock",
     ),
     // A controller is lost twice.
     (
         "plant.rs",
-        "if self.lost {\n            return self.ignore();\n        }\n        if self.is_greeting()",
-        "if self.is_greeting()",
+        "let Controller::Active(epoch) = self.controller else {\n            return PlantAction::Nothing;\n        };",
+        "let epoch = self.epoch();",
     ),
     // What is passed over renews the limit of a wait.
     (
         "plant.rs",
         "self.newer.0,\n        ])",
-        "self.newer.0 + self.ignored,\n        ])",
+        "self.newer.0 + self.ignored.total(),\n        ])",
     ),
     (
         "controller.rs",

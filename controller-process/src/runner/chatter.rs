@@ -3,8 +3,9 @@
 use std::sync::mpsc;
 use std::time::Duration;
 
+use shared_types::ignored::Ignored;
+use shared_types::link::Peer;
 use shared_types::link::in_process::{InProcessLink, pair};
-use shared_types::link::{Peer, Rejected};
 use shared_types::supervision::Supervision;
 use shared_types::wait::{WaitLimit, Waiter};
 
@@ -80,7 +81,7 @@ impl Link for Echo {
         })
     }
 
-    fn rejected(&self) -> Rejected {
+    fn rejected(&self) -> Ignored {
         self.inner.rejected()
     }
 }

@@ -7,7 +7,8 @@ use std::time::Duration;
 use hil_config::plan::Run;
 use shared_types::describe::PROTOCOL;
 use shared_types::hello::Hello;
-use shared_types::link::{FrameSpec, Peer, Rejected};
+use shared_types::ignored::{Ignored, Reason};
+use shared_types::link::{FrameSpec, Peer};
 use shared_types::lockstep::OnLoss;
 use shared_types::record::{Change, Event};
 use shared_types::stream::in_process::{InProcessSink, InProcessSource};
@@ -133,8 +134,8 @@ impl Link for Parrot {
         }))
     }
 
-    fn rejected(&self) -> Rejected {
-        Rejected::default()
+    fn rejected(&self) -> Ignored {
+        Ignored::default()
     }
 }
 
@@ -207,6 +208,7 @@ fn an_old_answer_repeated_for_ever_does_not_put_off_the_limit() {
     for policy in [OnLoss::Abort, OnLoss::Hold, OnLoss::SafeCommand] {
         let parrot = Parrot::new(3, Repeats::Command(Step(0)));
         let (end, _, lost) = ends(engine(job_of(9, policy, Clock::Lockstep), parrot));
+        assert!(end.ignored.of(Reason::Repeated) > 1, "{:?}", end.ignored);
         if policy == OnLoss::Abort {
             assert_eq!(
                 (end.outcome, end.reason.as_deref()),
@@ -235,6 +237,7 @@ fn messages_that_agree_on_nothing_do_not_put_off_the_limit_of_hello() {
         parrot.controls.pop_back();
         let job = job_of(9, OnLoss::Abort, Clock::Lockstep);
         let (end, _, _) = ends(engine(job, parrot));
+        assert!(end.ignored.of(Reason::OutOfTurn) > 1, "{:?}", end.ignored);
         let late = "controller did not open its frames within 0.1 s";
         assert_eq!(end.reason.as_deref(), Some(late));
     }

@@ -62,11 +62,13 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         } else {
             Ok(())
         };
+        let rejected = self.link.rejected();
         let end = RunEnd {
             steps: self.executed,
             outcome,
             reason,
-            rejected_frames: self.link.rejected().count + self.plant.faults.rejected(),
+            rejected_frames: rejected.total() + self.plant.faults.rejected(),
+            ignored: self.side.ignored() + rejected,
             effects: self.plant.faults.effects(),
             overruns: (self.pacer)
                 .map(|pacer| pacer.overruns())

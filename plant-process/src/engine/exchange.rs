@@ -58,7 +58,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                 self.keep(header);
             }
             PlantAction::Finish => self.finish(Outcome::Completed, None)?,
-            PlantAction::Ignore if self.contradicts(&header) => {
+            PlantAction::Ignore(_) if self.contradicts(&header) => {
                 self.interrupt(&PlantEvent::Contradiction(Step(header.step)))?;
             }
             action => self.react(&action)?,

@@ -3,6 +3,7 @@
 use shared_types::clock::monotonic_ns;
 use shared_types::frame::{FrameKind, Header};
 use shared_types::hello::{Control, Offer, Welcome};
+use shared_types::ignored::Reason;
 use shared_types::link::{FrameSpec, Link, LinkError, Peer};
 use shared_types::lockstep::{Abort, AbortCode, OnLoss, PlantAction, PlantEvent};
 use shared_types::program;
@@ -63,8 +64,14 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     pub(super) fn hear(&mut self) -> Result<Option<Control>, LinkError> {
         if self.heard.is_none() {
             let bytes = self.link.receive_control()?;
-            // What is no message is nobody's; the wait for one goes on.
-            self.heard = bytes.and_then(|bytes| Control::from_bytes(&bytes).ok());
+            self.heard = match bytes.map(|bytes| Control::from_bytes(&bytes)) {
+                Some(Ok(message)) => Some(message),
+                Some(Err(_)) => {
+                    self.side.ignore(Reason::Unreadable);
+                    None
+                }
+                None => None,
+            };
         }
         if self.heard.is_none() {
             return Ok(None);
@@ -74,6 +81,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             Peer::Unknown => Ok(None),
             Peer::Stranger(reason) => {
                 self.heard = None;
+                self.side.ignore(Reason::Impostor);
                 program::say(&format!("refused: {reason}"));
                 let refusal = Control::Refusal { reason };
                 self.link.send_control(&refusal.to_bytes())?;
@@ -105,7 +113,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                 self.side.on(&PlantEvent::Hello(hello, &offer))
             }
             Control::Ready { epoch } => self.side.on(&PlantEvent::Ready(*epoch)),
-            Control::Welcome(_) | Control::Refusal { .. } => PlantAction::Ignore,
+            Control::Welcome(_) | Control::Refusal { .. } => self.side.ignore(Reason::OutOfTurn),
         }
     }
 

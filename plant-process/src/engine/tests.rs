@@ -10,8 +10,9 @@ use hil_config::plan::{
 use shared_types::checkpoint::Checkpoints;
 use shared_types::describe::{Operation, PROTOCOL, Settings};
 use shared_types::hello::Hello;
+use shared_types::ignored::Ignored;
 use shared_types::link::in_process::{InProcessLink, pair};
-use shared_types::link::{FrameSpec, Peer, Rejected};
+use shared_types::link::{FrameSpec, Peer};
 use shared_types::lockstep::OnLoss;
 use shared_types::pacer::OverrunPolicy;
 use shared_types::record::Event;
@@ -457,7 +458,7 @@ impl Link for LastWord {
         Ok(got)
     }
 
-    fn rejected(&self) -> Rejected {
+    fn rejected(&self) -> Ignored {
         self.inner.rejected()
     }
 }

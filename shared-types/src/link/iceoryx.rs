@@ -25,8 +25,9 @@ use iceoryx2::service::port_factory::blackboard::PortFactory as Blackboard;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as Topic;
 use iceoryx2::service::port_factory::subscriber::PortFactorySubscriber;
 
-use super::{FrameSpec, Link, LinkError, Peer, Rejected};
+use super::{FrameSpec, Link, LinkError, Peer};
 use crate::frame::{Frame, FrameError, Header, Seal, SizeClass};
+use crate::ignored::Ignored;
 use crate::process::ProcessId;
 use crate::session::SessionInfo;
 use crate::shared_memory;
@@ -63,7 +64,7 @@ pub struct IceoryxLink {
     frames: Option<Frames>,
     /// Those opened last, if others are in use.
     next: Option<Frames>,
-    rejected: Rejected,
+    rejected: Ignored,
     // Last: what is above must be dropped before the node that it lives in.
     node: Node<Ipc>,
 }
@@ -110,7 +111,7 @@ impl IceoryxLink {
             control: ControlChannel::new(&node, side, epoch)?,
             frames: None,
             next: None,
-            rejected: Rejected::default(),
+            rejected: Ignored::default(),
             node,
         })
     }
@@ -517,13 +518,13 @@ impl Link for IceoryxLink {
             None => Ok(None),
             Some(Ok(header)) => Ok(Some(header)),
             Some(Err(error)) => {
-                self.rejected.add(error);
+                self.rejected.count(error);
                 Ok(None)
             }
         }
     }
 
-    fn rejected(&self) -> Rejected {
+    fn rejected(&self) -> Ignored {
         self.rejected
     }
 }

@@ -7,8 +7,9 @@ use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::rc::Rc;
 
-use super::{FrameSpec, Link, LinkError, Peer, Rejected};
+use super::{FrameSpec, Link, LinkError, Peer};
 use crate::frame::{Header, MAX_SIGNALS, Seal};
+use crate::ignored::Ignored;
 use crate::table::canonical;
 
 /// Two connected ends.
@@ -29,7 +30,7 @@ pub struct InProcessLink {
     /// Of the frames opened last, if others are in use.
     next: Option<Seal>,
     sequence: u64,
-    rejected: Rejected,
+    rejected: Ignored,
 }
 
 #[derive(Default)]
@@ -47,7 +48,7 @@ impl InProcessLink {
             seal: None,
             next: None,
             sequence: 0,
-            rejected: Rejected::default(),
+            rejected: Ignored::default(),
         }
     }
 }
@@ -126,7 +127,7 @@ impl Link for InProcessLink {
             return Ok(None);
         };
         if let Err(error) = seal.check(&header, values.len()) {
-            self.rejected.add(error);
+            self.rejected.count(error);
             return Ok(None);
         }
         if header.count > 0 {
@@ -135,7 +136,7 @@ impl Link for InProcessLink {
         Ok(Some(header))
     }
 
-    fn rejected(&self) -> Rejected {
+    fn rejected(&self) -> Ignored {
         self.rejected
     }
 }

@@ -10,7 +10,8 @@ pub mod bare;
 pub mod iceoryx;
 pub mod in_process;
 
-use crate::frame::{FrameError, Header, Seal};
+use crate::frame::{Header, Seal};
+use crate::ignored::Ignored;
 
 /// One side's end of a link. No method ever blocks.
 ///
@@ -72,7 +73,7 @@ pub trait Link {
     fn receive(&mut self, values: &mut [f64]) -> Result<Option<Header>, LinkError>;
 
     /// Frames that arrived and were refused.
-    fn rejected(&self) -> Rejected;
+    fn rejected(&self) -> Ignored;
 }
 
 /// Who speaks for the controller.
@@ -95,23 +96,6 @@ pub struct FrameSpec {
     pub outgoing: usize,
     /// Values in a frame that this side receives.
     pub incoming: usize,
-}
-
-/// Frames that were refused.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Rejected {
-    /// How many.
-    pub count: u64,
-    /// Why the last one was.
-    pub last: Option<FrameError>,
-}
-
-impl Rejected {
-    /// Counts a frame that was refused.
-    pub fn add(&mut self, error: FrameError) {
-        self.count += 1;
-        self.last = Some(error);
-    }
 }
 
 /// A transport failed.

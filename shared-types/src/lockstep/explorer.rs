@@ -294,7 +294,7 @@ impl World {
     fn tell(&mut self, event: &PlantEvent<'_>) -> Result<(), String> {
         let was_alone = self.plant.is_alone();
         match self.plant.on(event) {
-            PlantAction::Ignore => {}
+            PlantAction::Nothing | PlantAction::Ignore(_) => {}
             PlantAction::Expect(epoch) => self.heard = epoch,
             PlantAction::Welcome(welcome) => {
                 if self.used == 0 {

@@ -3,6 +3,7 @@
 use super::{Abort, AbortCode, OnLoss, Standing};
 use crate::frame::{FrameKind, Header};
 use crate::hello::{Hello, Offer, Welcome, agree};
+use crate::ignored::{Ignored, Reason};
 use crate::time::Step;
 
 const PEER: &str = "controller";
@@ -38,8 +39,10 @@ pub enum PlantEvent<'a> {
 /// What to do next.
 #[derive(Debug, PartialEq)]
 pub enum PlantAction {
-    /// Nothing; the event changes nothing.
-    Ignore,
+    /// Nothing.
+    Nothing,
+    /// Nothing: a message or frame of the controller is passed over.
+    Ignore(Reason),
     /// Make a control channel for the controller of this epoch.
     Expect(u32),
     /// Open the frames, then send this welcome.
@@ -96,11 +99,30 @@ impl State {
     }
 }
 
-/// A controller that was announced and is not in office yet.
+/// Controller that steps are exchanged with, by its epoch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-struct Candidate {
-    epoch: u32,
-    welcomed: bool,
+enum Controller {
+    /// Active controller.
+    Active(u32),
+    /// Controller that was lost; none replaced it yet.
+    Lost(u32),
+}
+
+/// Controller that is to take over, by its epoch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+enum Candidate {
+    /// Hello is awaited.
+    Announced(u32),
+    /// The opening of its frames is awaited.
+    Welcomed(u32),
+}
+
+impl Candidate {
+    const fn epoch(self) -> u32 {
+        match self {
+            Self::Announced(epoch) | Self::Welcomed(epoch) => epoch,
+        }
+    }
 }
 
 /// The plant's side: waits for hello, then exchanges `steps` steps, then the end barrier.
@@ -111,31 +133,27 @@ pub struct PlantSide {
     steps: u64,
     against_clock: bool,
     on_loss: OnLoss,
-    /// The controller in office, or the last one that was.
-    epoch: u32,
-    /// It is not there any more.
-    lost: bool,
+    controller: Controller,
     candidate: Option<Candidate>,
     /// The first step whose command is newer than every one that was taken.
     newer: Step,
-    ignored: u64,
+    ignored: Ignored,
 }
 
 impl PlantSide {
     /// A side that is to exchange so many steps.
     #[must_use]
-    pub const fn new(steps: u64) -> Self {
+    pub fn new(steps: u64) -> Self {
         Self {
             state: State::AwaitHello,
             first: Step(0),
             steps,
             against_clock: false,
             on_loss: OnLoss::Abort,
-            epoch: 1,
-            lost: false,
+            controller: Controller::Active(1),
             candidate: None,
             newer: Step(0),
-            ignored: 0,
+            ignored: Ignored::default(),
         }
     }
 
@@ -186,30 +204,32 @@ impl PlantSide {
     /// Whether there is no controller.
     #[must_use]
     pub const fn is_alone(&self) -> bool {
-        self.lost
+        matches!(self.controller, Controller::Lost(_))
     }
 
     /// Whether steps wait until there is a controller again.
     #[must_use]
     pub fn waits_for_controller(&self) -> bool {
-        self.lost && self.on_loss == OnLoss::WaitForRestart && !self.against_clock
+        self.needs_another() && !self.against_clock
     }
 
     /// The epoch of the controller in office, or of the last one that was.
     #[must_use]
     pub const fn epoch(&self) -> u32 {
-        self.epoch
+        match self.controller {
+            Controller::Active(epoch) | Controller::Lost(epoch) => epoch,
+        }
     }
 
     /// The epoch of a controller that was announced and is not in office yet.
     #[must_use]
     pub fn candidate(&self) -> Option<u32> {
-        self.candidate.map(|candidate| candidate.epoch)
+        self.candidate.map(Candidate::epoch)
     }
 
-    /// Frames of steps long past that were passed over.
+    /// Messages and frames of controllers that were passed over.
     #[must_use]
-    pub const fn ignored(&self) -> u64 {
+    pub const fn ignored(&self) -> Ignored {
         self.ignored
     }
 
@@ -219,8 +239,8 @@ impl PlantSide {
         Standing([
             self.state.number(),
             self.at().0,
-            self.epoch as u64,
-            self.lost as u64,
+            self.epoch() as u64,
+            self.is_alone() as u64,
             self.newer.0,
         ])
     }
@@ -238,7 +258,7 @@ impl PlantSide {
     /// Takes an event and says what to do.
     pub fn on(&mut self, event: &PlantEvent<'_>) -> PlantAction {
         match (&self.state, event) {
-            (State::Over, _) => PlantAction::Ignore,
+            (State::Over, _) => PlantAction::Nothing,
             (_, PlantEvent::Stop) => self.abort(Abort::Stopped { at: self.at() }),
             (_, PlantEvent::PeerGone(epoch)) => self.gone(*epoch),
 
@@ -252,9 +272,9 @@ impl PlantSide {
                     PlantAction::Refuse(refused.to_string())
                 }
             },
-            (State::AwaitReady, PlantEvent::Ready(ready)) if *ready == self.epoch => {
+            (State::AwaitReady, PlantEvent::Ready(ready)) if *ready == self.epoch() => {
                 self.state = State::Between(self.first);
-                PlantAction::Ignore
+                PlantAction::Nothing
             }
             (_, PlantEvent::Expect(epoch)) => self.expect(*epoch),
             (_, PlantEvent::Hello(hello, offer)) => self.greet(hello, offer),
@@ -272,20 +292,19 @@ impl PlantSide {
             }
 
             (State::AwaitCommand(_), PlantEvent::Missed) if self.waits_for_controller() => {
-                PlantAction::Ignore
+                PlantAction::Nothing
             }
             (State::AwaitCommand(step), PlantEvent::Missed) if self.goes_on_without_command() => {
                 let step = *step;
                 self.state = State::Between(step.next());
                 PlantAction::Hold(step)
             }
-            (State::AwaitConfirmation, PlantEvent::Missed) if self.lost => {
+            (State::AwaitConfirmation, PlantEvent::Missed) if self.is_alone() => {
                 self.state = State::Over;
                 PlantAction::Finish
             }
 
-            // Whoever it is from, nobody is in office.
-            (_, PlantEvent::Frame(_)) if self.lost => self.ignore(),
+            (_, PlantEvent::Frame(_)) if self.is_alone() => self.ignore(Reason::Lost),
             (_, PlantEvent::Frame(header)) => self.on_frame(header),
             (_, PlantEvent::Contradiction(step)) => {
                 self.broken(format!("it answered step {step} twice, and not the same"))
@@ -296,7 +315,7 @@ impl PlantSide {
                 self.late("open its frames".into(), *ms)
             }
             (State::AwaitCommand(step), PlantEvent::Deadline(ms)) => {
-                let what = if self.lost {
+                let what = if self.is_alone() {
                     format!("take over at step {step}")
                 } else {
                     format!("answer step {step}")
@@ -307,9 +326,9 @@ impl PlantSide {
                 self.late(format!("confirm the end after {} steps", self.steps), *ms)
             }
             // Nothing is awaited from the controller between steps.
-            (State::Between(_), PlantEvent::Deadline(_)) => PlantAction::Ignore,
+            (State::Between(_), PlantEvent::Deadline(_)) => PlantAction::Nothing,
 
-            (_, PlantEvent::Release | PlantEvent::Missed) => self.ignore(),
+            (_, PlantEvent::Release | PlantEvent::Missed) => PlantAction::Nothing,
         }
     }
 
@@ -344,8 +363,11 @@ impl PlantSide {
                 self.newer = got.next();
                 PlantAction::Keep
             }
-            // A command that was sent before, seen again.
-            (_, Some(FrameKind::Command)) if got.0 < self.at().0 => self.ignore(),
+            (_, Some(FrameKind::Command)) if got < self.at() => self.ignore(if got < self.newer {
+                Reason::Repeated
+            } else {
+                Reason::Late
+            }),
             (_, kind) => {
                 let name = kind.map_or_else(|| "a frame of no kind".into(), |k| format!("{k:?}"));
                 self.broken(format!("unexpected {name} of step {got}"))
@@ -353,34 +375,33 @@ impl PlantSide {
         }
     }
 
+    /// Tells if the run cannot go on before another controller takes over.
+    fn needs_another(&self) -> bool {
+        self.is_alone() && self.on_loss == OnLoss::WaitForRestart
+    }
+
     /// Whether a step may meet the newest command instead of its own.
     const fn goes_on_without_command(&self) -> bool {
-        self.against_clock || self.lost
+        self.against_clock || self.is_alone()
     }
 
     fn expect(&mut self, epoch: u32) -> PlantAction {
-        let newest = self.candidate().unwrap_or(self.epoch);
+        let newest = self.candidate().unwrap_or(self.epoch());
         if self.is_greeting() || epoch <= newest {
-            return self.ignore();
+            return PlantAction::Nothing;
         }
-        self.candidate = Some(Candidate {
-            epoch,
-            welcomed: false,
-        });
+        self.candidate = Some(Candidate::Announced(epoch));
         PlantAction::Expect(epoch)
     }
 
     /// The hello of one that was announced.
     fn greet(&mut self, hello: &Hello, offer: &Offer<'_>) -> PlantAction {
-        let Some(candidate) = self.candidate.filter(|candidate| !candidate.welcomed) else {
-            return self.ignore();
+        let Some(Candidate::Announced(epoch)) = self.candidate else {
+            return self.ignore(Reason::OutOfTurn);
         };
         match agree(hello, offer) {
             Ok(welcome) => {
-                self.candidate = Some(Candidate {
-                    welcomed: true,
-                    ..candidate
-                });
+                self.candidate = Some(Candidate::Welcomed(epoch));
                 PlantAction::Welcome(Box::new(welcome))
             }
             Err(refused) => self.dismiss(Abort::Refused(refused.to_string())),
@@ -388,21 +409,20 @@ impl PlantSide {
     }
 
     fn take_over(&mut self, epoch: u32) -> PlantAction {
-        if self.candidate
-            != Some(Candidate {
-                epoch,
-                welcomed: true,
-            })
-        {
-            return self.ignore();
+        if self.candidate != Some(Candidate::Welcomed(epoch)) {
+            let is_known = epoch == self.epoch() || self.candidate() == Some(epoch);
+            return self.ignore(if is_known {
+                Reason::OutOfTurn
+            } else {
+                Reason::Epoch
+            });
         }
         if self.state == State::AwaitConfirmation {
             let late = format!("it came after the last of {} steps", self.steps);
             return self.dismiss(Abort::Refused(late));
         }
         self.candidate = None;
-        self.epoch = epoch;
-        self.lost = false;
+        self.controller = Controller::Active(epoch);
         // Its first sample is that of this step; the ones before it never saw.
         self.newer = self.at();
         PlantAction::TakeOver(match self.state {
@@ -414,7 +434,7 @@ impl PlantSide {
     /// Goes on without the one that was announced, if it can.
     fn dismiss(&mut self, why: Abort) -> PlantAction {
         self.candidate = None;
-        if self.lost && self.on_loss == OnLoss::WaitForRestart {
+        if self.needs_another() {
             self.abort(why)
         } else {
             PlantAction::Dismiss(why)
@@ -422,13 +442,10 @@ impl PlantSide {
     }
 
     fn candidate_late(&mut self, limit_ms: u64) -> PlantAction {
-        let Some(candidate) = self.candidate else {
-            return self.ignore();
-        };
-        let what = if candidate.welcomed {
-            "open its frames"
-        } else {
-            "say hello"
+        let what = match self.candidate {
+            None => return PlantAction::Nothing,
+            Some(Candidate::Announced(_)) => "say hello",
+            Some(Candidate::Welcomed(_)) => "open its frames",
         };
         self.dismiss(Abort::Late {
             peer: "the new controller",
@@ -445,15 +462,16 @@ impl PlantSide {
                 at,
             });
         }
-        if epoch == self.epoch {
+        if epoch == self.epoch() {
             return self.lose(Abort::Gone { peer: PEER, at });
         }
-        self.ignore()
+        PlantAction::Nothing
     }
 
-    fn ignore(&mut self) -> PlantAction {
-        self.ignored += 1;
-        PlantAction::Ignore
+    /// Passes a message or frame of a controller over.
+    pub fn ignore(&mut self, reason: Reason) -> PlantAction {
+        self.ignored.count(reason);
+        PlantAction::Ignore(reason)
     }
 
     fn late(&mut self, what: String, limit_ms: u64) -> PlantAction {
@@ -462,7 +480,7 @@ impl PlantSide {
             what,
             limit_ms,
         };
-        if self.lost && self.on_loss == OnLoss::WaitForRestart {
+        if self.needs_another() {
             // Nobody came in its place.
             self.abort(late)
         } else {
@@ -480,13 +498,13 @@ impl PlantSide {
 
     /// The controller in office is of no more use.
     fn lose(&mut self, why: Abort) -> PlantAction {
-        if self.lost {
-            return self.ignore();
-        }
+        let Controller::Active(epoch) = self.controller else {
+            return PlantAction::Nothing;
+        };
         if self.is_greeting() || self.on_loss == OnLoss::Abort {
             return self.abort(why);
         }
-        self.lost = true;
+        self.controller = Controller::Lost(epoch);
         PlantAction::Lose(why)
     }
 
@@ -498,13 +516,16 @@ impl PlantSide {
     /// All that decides what it does next.
     #[cfg(test)]
     pub(super) fn key(&self) -> [u64; 7] {
-        let (epoch, welcomed) =
-            (self.candidate).map_or((0, false), |one| (one.epoch, one.welcomed));
+        let (epoch, welcomed) = match self.candidate {
+            None => (0, false),
+            Some(Candidate::Announced(epoch)) => (epoch, false),
+            Some(Candidate::Welcomed(epoch)) => (epoch, true),
+        };
         [
             self.state.number(),
             self.at().0,
-            u64::from(self.epoch),
-            u64::from(self.lost),
+            u64::from(self.epoch()),
+            u64::from(self.is_alone()),
             self.newer.0,
             u64::from(epoch),
             u64::from(welcomed),

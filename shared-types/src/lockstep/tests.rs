@@ -4,6 +4,7 @@ use super::*;
 use crate::describe::PROTOCOL;
 use crate::frame::{FrameKind, Header};
 use crate::hello::{Control, Hello, Offer};
+use crate::ignored::Reason;
 use crate::table::Field;
 use crate::time::Rate;
 
@@ -44,7 +45,7 @@ fn plant(steps: u64) -> PlantSide {
     let mut plant = PlantSide::new(steps);
     let welcomed = plant.on(&PlantEvent::Hello(&hello, &offer(&hello.measured, steps)));
     assert!(matches!(welcomed, PlantAction::Welcome(_)));
-    assert_eq!(plant.on(&PlantEvent::Ready(1)), PlantAction::Ignore);
+    assert_eq!(plant.on(&PlantEvent::Ready(1)), PlantAction::Nothing);
     plant
 }
 
@@ -145,14 +146,15 @@ fn a_command_seen_twice_is_applied_once() {
     let mut plant = plant(3);
     plant.on(&PlantEvent::Release);
     let command = header(FrameKind::Command, 0);
+    let repeated = PlantAction::Ignore(Reason::Repeated);
     assert_eq!(
         plant.on(&PlantEvent::Frame(&command)),
         PlantAction::Apply(Step(0))
     );
-    assert_eq!(plant.on(&PlantEvent::Frame(&command)), PlantAction::Ignore);
+    assert_eq!(plant.on(&PlantEvent::Frame(&command)), repeated);
     plant.on(&PlantEvent::Release);
-    assert_eq!(plant.on(&PlantEvent::Frame(&command)), PlantAction::Ignore);
-    assert_eq!(plant.ignored(), 2);
+    assert_eq!(plant.on(&PlantEvent::Frame(&command)), repeated);
+    assert_eq!(plant.ignored().of(Reason::Repeated), 2);
     let next = header(FrameKind::Command, 1);
     assert_eq!(
         plant.on(&PlantEvent::Frame(&next)),
@@ -241,7 +243,7 @@ fn every_wait_of_the_plant_names_who_is_late_and_for_what() {
     let mut waiting = plant(3);
     assert_eq!(
         waiting.on(&PlantEvent::Deadline(5000)),
-        PlantAction::Ignore,
+        PlantAction::Nothing,
         "nothing is awaited"
     );
     waiting.on(&PlantEvent::Release);
@@ -285,7 +287,7 @@ fn stop_and_loss_end_every_state() {
     );
     assert_eq!(
         running.on(&PlantEvent::Release),
-        PlantAction::Ignore,
+        PlantAction::Nothing,
         "over is over"
     );
     let mut answering = controller();
@@ -336,7 +338,8 @@ fn a_ready_of_another_epoch_does_not_start_the_run() {
     let hello = hello();
     let mut plant = PlantSide::new(3);
     plant.on(&PlantEvent::Hello(&hello, &offer(&hello.measured, 3)));
-    assert_eq!(plant.on(&PlantEvent::Ready(2)), PlantAction::Ignore);
+    let of_another = PlantAction::Ignore(Reason::Epoch);
+    assert_eq!(plant.on(&PlantEvent::Ready(2)), of_another);
     assert_eq!(plant.unreleased(), None);
     assert!(plant.is_greeting());
 }
@@ -370,7 +373,7 @@ fn against_the_clock_a_missed_command_is_held_and_a_late_one_kept() {
     );
     assert_eq!(
         plant.on(&PlantEvent::Frame(&command(1))),
-        PlantAction::Ignore
+        PlantAction::Ignore(Reason::Repeated)
     );
     let confirmed = header(FrameKind::EndConfirmed, 3);
     assert_eq!(
@@ -386,7 +389,7 @@ fn in_lockstep_no_deadline_is_missed_and_a_late_command_changes_nothing() {
         plant.on(&PlantEvent::Release),
         PlantAction::SendSample(Step(0))
     );
-    assert_eq!(plant.on(&PlantEvent::Missed), PlantAction::Ignore);
+    assert_eq!(plant.on(&PlantEvent::Missed), PlantAction::Nothing);
     let first = header(FrameKind::Command, 0);
     assert_eq!(
         plant.on(&PlantEvent::Frame(&first)),
@@ -396,7 +399,8 @@ fn in_lockstep_no_deadline_is_missed_and_a_late_command_changes_nothing() {
         plant.on(&PlantEvent::Release),
         PlantAction::SendSample(Step(1))
     );
-    assert_eq!(plant.on(&PlantEvent::Frame(&first)), PlantAction::Ignore);
+    let repeated = PlantAction::Ignore(Reason::Repeated);
+    assert_eq!(plant.on(&PlantEvent::Frame(&first)), repeated);
 }
 
 #[test]
@@ -432,14 +436,14 @@ fn against_the_clock_only_a_command_that_is_newer_than_all_before_is_kept() {
     }
     for (step, action) in [
         (1, PlantAction::Keep),
-        (1, PlantAction::Ignore),
-        (0, PlantAction::Ignore),
+        (1, PlantAction::Ignore(Reason::Repeated)),
+        (0, PlantAction::Ignore(Reason::Repeated)),
         (3, PlantAction::Keep),
-        (2, PlantAction::Ignore),
+        (2, PlantAction::Ignore(Reason::Repeated)),
         (4, PlantAction::Apply(Step(4))),
     ] {
         let before = plant.standing();
-        let moves = action != PlantAction::Ignore;
+        let moves = !matches!(action, PlantAction::Ignore(_));
         assert_eq!(plant.on(&PlantEvent::Frame(&command(step))), action);
         assert_eq!(plant.standing() != before, moves, "command {step}");
     }
@@ -462,4 +466,33 @@ fn two_answers_to_one_step_that_differ_are_a_broken_protocol() {
         assert_eq!(why.to_string(), told);
         assert_eq!(plant.is_over(), on_loss == OnLoss::Abort);
     }
+}
+
+#[test]
+fn each_message_that_is_passed_over_keeps_its_reason() {
+    let hello = hello();
+    let mut plant = plant(3).against_clock().on_loss(OnLoss::Hold);
+    let offer = offer(&hello.measured, 3);
+    let mut told = |event: PlantEvent<'_>| match plant.on(&event) {
+        PlantAction::Ignore(reason) => Some(reason),
+        _ => None,
+    };
+    assert_eq!(told(PlantEvent::Ready(1)), Some(Reason::OutOfTurn));
+    assert_eq!(told(PlantEvent::Ready(7)), Some(Reason::Epoch));
+    assert_eq!(
+        told(PlantEvent::Hello(&hello, &offer)),
+        Some(Reason::OutOfTurn)
+    );
+    for _ in 0..3 {
+        assert_eq!(told(PlantEvent::Release), None);
+        assert_eq!(told(PlantEvent::Missed), None);
+    }
+    assert_eq!(told(PlantEvent::Release), None);
+    let command = header(FrameKind::Command, 2);
+    assert_eq!(told(PlantEvent::Frame(&command)), Some(Reason::Late));
+    assert_eq!(told(PlantEvent::PeerGone(1)), None);
+    assert_eq!(told(PlantEvent::Frame(&command)), Some(Reason::Lost));
+    assert_eq!(told(PlantEvent::PeerGone(1)), None);
+    let ignored = plant.ignored();
+    assert_eq!((ignored.total(), ignored.of(Reason::OutOfTurn)), (5, 2));
 }

@@ -11,7 +11,6 @@ use std::path::Path;
 use shared_types::describe::{Description, PROTOCOL};
 use shared_types::frame::{Frame, FrameKind, Header, Seal};
 use shared_types::hello::{Control, Hello, Offer, agree};
-use shared_types::pacer::Streaks;
 use shared_types::record::{Event, FaultTaken, Outcome, RecordLayout, RunEnd, Timing};
 use shared_types::table::Field;
 use shared_types::time::{Rate, Step};
@@ -104,15 +103,7 @@ fn recordings(folder: &Path) {
             enclosure("controller-description.json", json(&controller)),
         ],
     };
-    let end = Event::End(RunEnd {
-        steps: 10,
-        outcome: Outcome::Completed,
-        reason: None,
-        rejected_frames: 0,
-        effects: vec![],
-        overruns: Streaks::default(),
-        missed_commands: Streaks::default(),
-    });
+    let end = Event::End(RunEnd::new(10, Outcome::Completed));
     let taken = Event::Fault(FaultTaken {
         id: 1,
         effect: 0,

@@ -9,6 +9,7 @@ use std::path::Path;
 use hil_config::evaluation::MetricValue;
 use hil_config::plan::{Clock, Plan, Published};
 use serde::Serialize;
+use shared_types::ignored::Ignored;
 use shared_types::number::{short, unit_shown};
 use shared_types::pacer::Streaks;
 use shared_types::record::{Outcome, RunEnd};
@@ -61,6 +62,8 @@ pub struct Summary {
     realtime: Realtime,
     recording: Recording,
     rejected_frames: u64,
+    /// Messages and frames of controllers that were passed over, by reason.
+    ignored: Ignored,
     controller: Program,
     /// All controllers, if the first was lost or replaced.
     controllers: Vec<Tenure>,
@@ -280,6 +283,7 @@ impl Summary {
                 unvouched: None,
             },
             rejected_frames: end.map_or(0, |end| end.rejected_frames),
+            ignored: end.map(|end| end.ignored).unwrap_or_default(),
             controller: origin.controller,
             controllers: tenures(&ended.controllers, &recorded.changes, plan.run.rate),
             plant: origin.plant,

@@ -1,4 +1,3 @@
-use shared_types::pacer::Streaks;
 use shared_types::record::{FaultTaken, Outcome, RecordLayout, RunEnd, Timing};
 use shared_types::table::Field;
 
@@ -80,15 +79,7 @@ pub(crate) fn recorded(
 
 #[test]
 fn a_recording_reads_back_as_it_was_written() {
-    let end = Event::End(RunEnd {
-        steps: 2,
-        outcome: Outcome::Completed,
-        reason: None,
-        rejected_frames: 0,
-        effects: vec![],
-        overruns: Streaks::default(),
-        missed_commands: Streaks::default(),
-    });
+    let end = Event::End(RunEnd::new(2, Outcome::Completed));
     let contents = [
         Content::Record(record(0, 0.5, 2.0)),
         Content::Event(taken(1)),

@@ -1,7 +1,6 @@
 //! What is believed of a recording that tells its own end.
 
 use shared_types::layout::{SignalKind, SignalTable};
-use shared_types::pacer::Streaks;
 use shared_types::record::{RecordLayout, RunEnd};
 
 use super::*;
@@ -24,15 +23,10 @@ fn of_records(records: u64) -> Account {
             Content::Record(words)
         })
         .collect();
-    contents.push(Content::Event(Event::End(RunEnd {
-        steps: 1000,
-        outcome: Outcome::Completed,
-        reason: None,
-        rejected_frames: 0,
-        effects: vec![],
-        overruns: Streaks::default(),
-        missed_commands: Streaks::default(),
-    })));
+    contents.push(Content::Event(Event::End(RunEnd::new(
+        1000,
+        Outcome::Completed,
+    ))));
     let json = |description| serde_json::to_string(description).expect("JSON");
     let enclosures = [
         ("scenario.toml", SCENARIO.to_owned()),

@@ -22,15 +22,7 @@ fn honest() -> Recorded {
             given: STEPS,
             held: 0,
         }),
-        end: Some(RunEnd {
-            steps: STEPS,
-            outcome: Outcome::Completed,
-            reason: None,
-            rejected_frames: 0,
-            effects: vec![],
-            overruns: Streaks::default(),
-            missed_commands: Streaks::default(),
-        }),
+        end: Some(RunEnd::new(STEPS, Outcome::Completed)),
         ..nothing()
     }
 }

@@ -3,7 +3,6 @@
 use hil_config::plan::Clock;
 use shared_types::link::LinkError;
 use shared_types::lockstep::OnLoss;
-use shared_types::pacer::Streaks;
 use shared_types::record::{Change, Event, Outcome, RunEnd};
 use shared_types::stream::Item;
 use shared_types::time::Step;
@@ -176,13 +175,8 @@ fn events_that_cannot_be_are_refused() {
     refused(clock, many, 0, "changes of controllers");
     let end = || {
         Item::Event(Event::End(RunEnd {
-            steps: 0,
-            outcome: Outcome::Stopped,
             reason: Some("well \u{1b}[2J".into()),
-            rejected_frames: 0,
-            effects: vec![],
-            overruns: Streaks::default(),
-            missed_commands: Streaks::default(),
+            ..RunEnd::new(0, Outcome::Stopped)
         }))
     };
     refused(

@@ -1,6 +1,5 @@
 use hil_config::plan::{FaultAction, FaultEffect, FaultSource, Profile};
 use shared_types::describe::Settings;
-use shared_types::pacer::Streaks;
 use shared_types::record::{FaultAccepted, Outcome, RunEnd};
 
 use super::*;
@@ -133,15 +132,7 @@ fn run(name: &str, events: Vec<Event>) -> Result<RecordedRun, Failure> {
         enclose("plant-description.json", json(&plant)),
         enclose("controller-description.json", json(&controller)),
     ];
-    let end = Event::End(RunEnd {
-        steps: 1,
-        outcome: Outcome::Completed,
-        reason: None,
-        rejected_frames: 0,
-        effects: vec![],
-        overruns: Streaks::default(),
-        missed_commands: Streaks::default(),
-    });
+    let end = Event::End(RunEnd::new(1, Outcome::Completed));
     let mut contents = vec![Content::Record(record(0, 0.0, 0.0))];
     contents.extend(events.into_iter().chain([end]).map(Content::Event));
     let folder = recorded(name, &layout(), &contents, enclosures, true);

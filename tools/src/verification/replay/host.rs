@@ -279,7 +279,7 @@ impl<L: Link> Host<L> {
                 let code = abort.code();
                 self.give_up(code, End::Aborted(abort))?;
             }
-            PlantAction::Ignore if self.contradicts(&header) => {
+            PlantAction::Ignore(_) if self.contradicts(&header) => {
                 self.interrupt(&PlantEvent::Contradiction(Step(header.step)))?;
             }
             _ => {}

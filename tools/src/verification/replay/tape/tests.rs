@@ -1,6 +1,5 @@
 use std::path::PathBuf;
 
-use shared_types::pacer::Streaks;
 use shared_types::record::{Outcome, RunEnd};
 
 use super::*;
@@ -264,15 +263,7 @@ fn a_recording_that_does_not_say_all_is_refused() {
 
 #[test]
 fn a_run_that_ended_early_or_was_cut_off_says_how_far_it_goes() {
-    let stopped = Event::End(RunEnd {
-        steps: 3,
-        outcome: Outcome::Stopped,
-        reason: None,
-        rejected_frames: 0,
-        effects: vec![],
-        overruns: Streaks::default(),
-        missed_commands: Streaks::default(),
-    });
+    let stopped = Event::End(RunEnd::new(3, Outcome::Stopped));
     let mut contents: Vec<Content> = (0..3)
         .map(|step| Content::Record(record(step, 0.0, 0.0)))
         .collect();

@@ -196,15 +196,10 @@ fn events_are_told_and_the_last_one_ends_the_run() {
     assert_eq!(model.note(), Some(told));
     model.take(Seen::Lost(7));
     assert_eq!(model.lost, 7);
-    model.take(Seen::Event(Event::End(RunEnd {
-        steps: 5000,
-        outcome: Outcome::Completed,
-        reason: None,
-        rejected_frames: 0,
-        effects: Vec::new(),
-        overruns: Default::default(),
-        missed_commands: Default::default(),
-    })));
+    model.take(Seen::Event(Event::End(RunEnd::new(
+        5000,
+        Outcome::Completed,
+    ))));
     model.end(Some("pass".into()));
     let ending = model.ending().expect("ended");
     assert_eq!((ending.steps, ending.is_gone), (Some(5000), true));
