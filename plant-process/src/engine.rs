@@ -10,16 +10,15 @@ use hil_config::plan::Clock;
 use shared_types::checkpoint::{Saves, Side};
 use shared_types::clock::monotonic_ns;
 use shared_types::describe::{Invalid, PlantDescription};
-use shared_types::frame::{FrameKind, Header};
-use shared_types::hello::Control;
 use shared_types::link::{Link, LinkError};
 use shared_types::lockstep::{AbortCode, PlantAction, PlantEvent, PlantSide};
-use shared_types::pacer::{Pacer, Streaks};
+use shared_types::pacer::Pacer;
 use shared_types::record::{Outcome, RunEnd, Timing};
 use shared_types::stream::RecordSink;
 use shared_types::surroundings::Lookout;
 use shared_types::table::Field;
 use shared_types::time::Step;
+use shared_types::wait::WaitLimit;
 
 use crate::checkpoint::SavedPlant;
 use crate::desk::Desk;
@@ -27,10 +26,12 @@ use crate::faults::{FaultKindEntry, FaultLayer, FaultWorkshop};
 use crate::guard::Guard;
 use crate::job::Job;
 use crate::plant::{Model, PlantKind};
-use crate::repeat::Repetition;
 use crate::rows::Rows;
-use succession::Agreed;
-use watch::Watch;
+use commands::Commands;
+use orders::Held;
+use publisher::Publisher;
+use release::SentSample;
+use succession::Handover;
 
 /// A step that no run reaches.
 const NEVER: Step = Step(u64::MAX);
@@ -57,79 +58,28 @@ pub enum Progress {
 /// One run of one plant.
 pub struct Engine<L, S> {
     link: L,
-    sink: S,
+    publisher: Publisher<S>,
     side: PlantSide,
     plant: Plant,
     job: Job,
     pacer: Option<Pacer>,
     desk: Arc<Desk>,
-    /// When the controller was told last that the run is held; `None` while it is not.
-    told_held_ns: Option<u64>,
-    /// Since when the run is held.
-    held_since_ns: u64,
+    held: Option<Held>,
     rows: Rows,
-    /// The step whose reference signals are made already.
-    prepared: Option<Step>,
-    /// The last record, if it was not published yet.
-    pending: bool,
     /// The last step was measured and the final record is to be written.
     ending: Option<Step>,
     timing: Timing,
-    sample_age_steps: u32,
-    /// What the controller's runner was told with the sample.
-    directive: u64,
     lookout: Lookout,
-    sent_ns: u64,
-    /// How much later than due the sample was sent.
-    late_ns: u64,
-    /// Until when the command is awaited; for ever except against the clock.
-    deadline_ns: u64,
-    /// The newest command, whose values are in the rows, and how it came.
-    newest: Command,
-    /// When a command came last.
-    heard_ns: u64,
-    missed: Streaks,
-    watch: Watch,
-    /// What is repeated, if a run against the clock is.
-    repetition: Option<Repetition>,
+    sample: SentSample,
+    commands: Commands,
+    handover: Handover,
     /// The first step that is exchanged.
     first: Step,
-    saves: Saves,
-    /// What the run goes on from, until hello.
-    saved: Option<SavedPlant>,
     executed: u64,
-    /// A control message that waits until it is known who may speak for the controller.
-    heard: Option<Control>,
-    /// What was agreed with a controller that is not in office yet.
-    agreed: Option<Agreed>,
-    /// The epoch of the controller that was announced last, and since when it is awaited.
-    expected: u32,
-    expected_ns: u64,
+    saves: Saves,
+    /// State that the run goes on from, until hello.
+    saved: Option<SavedPlant>,
     end: Option<RunEnd>,
-}
-
-/// A command that a step meets.
-#[derive(Clone, Copy)]
-struct Command {
-    header: Header,
-    /// How many steps before this one it was sent.
-    held_steps: u32,
-    /// From sending its sample, or when that was due, to having it; 0 if none came at this step.
-    /// Of a late command and the one after it, those of the late one.
-    round_trip_ns: u64,
-    /// The controller's work on it; 0 likewise.
-    work_ns: u64,
-}
-
-impl Default for Command {
-    fn default() -> Self {
-        Self {
-            header: Header::new(FrameKind::Command, Step(0)),
-            held_steps: 0,
-            round_trip_ns: 0,
-            work_ns: 0,
-        }
-    }
 }
 
 /// The plant with everything around it that is stepped with it.
@@ -195,7 +145,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         let hold_at = (job.pause_at_s).map_or(NEVER, |at_s| job.run.rate.step_at_or_after(at_s));
         Ok(Self {
             link,
-            sink,
+            publisher: Publisher::new(sink, WaitLimit::from_seconds(job.wait_limit_s)),
             side: match job.run.clock {
                 Clock::Realtime => PlantSide::new(job.run.steps).against_clock(),
                 Clock::Lockstep | Clock::Paced { .. } => PlantSide::new(job.run.steps),
@@ -205,32 +155,18 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             plant,
             pacer: None,
             desk: Arc::new(Desk::new(hold_at)),
-            told_held_ns: None,
-            held_since_ns: 0,
+            held: None,
             rows: Rows::default(),
-            prepared: None,
-            pending: false,
             ending: None,
             timing: Timing::default(),
-            sample_age_steps: 0,
-            directive: 0,
             lookout: Lookout::default(),
-            sent_ns: 0,
-            late_ns: 0,
-            deadline_ns: u64::MAX,
-            newest: Command::default(),
-            heard_ns: 0,
-            missed: Streaks::default(),
-            watch: Watch::default(),
-            repetition: None,
+            sample: SentSample::default(),
+            commands: Commands::default(),
+            handover: Handover::default(),
             first,
+            executed: first.0,
             saves: Saves::new(Side::Plant, &name, job.checkpoints.clone()),
             saved,
-            executed: first.0,
-            heard: None,
-            agreed: None,
-            expected: 1,
-            expected_ns: 0,
             end: None,
             job,
         })
@@ -242,7 +178,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     /// If the link or the record stream failed.
     pub fn poll(&mut self) -> Result<Progress, LinkError> {
         let progress = self.proceed()?;
-        if progress == Progress::Recorder && self.recorder_is_stuck(monotonic_ns())? {
+        if progress == Progress::Recorder && self.publisher.is_stuck(monotonic_ns())? {
             self.recorder_late()?;
             return Ok(Progress::Over);
         }
@@ -323,32 +259,33 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     /// Publishes what observers await: the record of the step before, then which faults took hold
     /// or ended at this step. False if the recorder has no room for all of it now.
     fn tell(&mut self) -> Result<bool, LinkError> {
-        if self.pending {
-            if !self.sink.has_room()? {
-                return Ok(false);
-            }
-            self.sink.record(&self.rows.record)?;
-            self.pending = false;
+        if !self.publisher.publish(&self.rows.record)? {
+            return Ok(false);
         }
         while self.plant.faults.has_events() {
-            if !self.sink.has_room()? {
+            if !self.publisher.sink.has_room()? {
                 return Ok(false);
             }
             if let Some(event) = self.plant.faults.next_event() {
-                self.sink.event(&event)?;
+                self.publisher.sink.event(&event)?;
             }
         }
         Ok(true)
     }
+
+    fn wait_limit(&self) -> WaitLimit {
+        WaitLimit::from_seconds(self.job.wait_limit_s)
+    }
 }
 
+mod commands;
 mod ending;
 mod exchange;
 mod greeting;
 mod orders;
+mod publisher;
 mod release;
 mod succession;
-mod watch;
 
 #[cfg(test)]
 mod chatter;

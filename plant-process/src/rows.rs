@@ -20,6 +20,8 @@ pub struct Rows {
     pub sensed: Vec<f64>,
     /// Reference signals before faults; made one step ahead.
     pub stimulus: Vec<f64>,
+    /// The step that they are of, once they are made.
+    pub stimulus_of: Option<Step>,
     /// The same, of the sample that was sent last.
     pub sent_stimulus: Vec<f64>,
     /// The plant's faultable parameters as they act.
@@ -64,6 +66,7 @@ impl Rows {
             sample: vec![0.0; welcome.sample.len()],
             sensed: vec![0.0; layout.measured.len()],
             stimulus: vec![0.0; layout.reference.len()],
+            stimulus_of: None,
             sent_stimulus: vec![0.0; layout.reference.len()],
             parameter: vec![0.0; layout.parameter.len()],
             invalid: [0; VALIDITY_WORDS],

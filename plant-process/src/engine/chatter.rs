@@ -6,7 +6,8 @@ use std::time::Duration;
 
 use hil_config::plan::Run;
 use shared_types::describe::PROTOCOL;
-use shared_types::hello::Hello;
+use shared_types::frame::{FrameKind, Header};
+use shared_types::hello::{Control, Hello};
 use shared_types::ignored::{Ignored, Reason};
 use shared_types::link::{FrameSpec, Peer};
 use shared_types::lockstep::OnLoss;

@@ -57,11 +57,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         self.desk.close();
         self.side.on(&PlantEvent::Stop); // whatever it was in, it is over now
         // Room or not: nothing comes after it that could be lost.
-        let published = if std::mem::take(&mut self.pending) {
-            self.sink.record(&self.rows.record)
-        } else {
-            Ok(())
-        };
+        let published = self.publisher.flush(&self.rows.record);
         let rejected = self.link.rejected();
         let end = RunEnd {
             steps: self.executed,
@@ -73,11 +69,11 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             overruns: (self.pacer)
                 .map(|pacer| pacer.overruns())
                 .unwrap_or_default(),
-            missed_commands: self.missed,
+            missed_commands: self.commands.missed,
         };
         self.end = Some(end.clone());
         published?;
-        match self.sink.event(&Event::End(end)) {
+        match self.publisher.sink.event(&Event::End(end)) {
             Err(LinkError::NotOpen) => Ok(()), // nobody records a run that never began
             other => other,
         }

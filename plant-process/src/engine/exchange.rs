@@ -8,9 +8,9 @@ use shared_types::pacer::OverrunPolicy;
 use shared_types::record::{Outcome, Timing};
 use shared_types::stream::RecordSink;
 use shared_types::time::{Interval, Step};
-use shared_types::wait::WaitLimit;
 
-use super::{Command, Engine, Progress};
+use super::commands::Command;
+use super::{Engine, Progress};
 use crate::guard::first_bad;
 
 impl<L: Link, S: RecordSink> Engine<L, S> {
@@ -35,7 +35,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         {
             return Ok(Progress::Busy);
         }
-        match self.deadline_ns {
+        match self.sample.deadline_ns {
             u64::MAX => Ok(Progress::Controller),
             deadline_ns if monotonic_ns() < deadline_ns => {
                 Ok(Progress::ControllerUntil(deadline_ns))
@@ -69,27 +69,27 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     /// Whether a command that is passed over says something else than the newest one, of the same step.
     /// That may be another's, as in a run that is repeated or after a loss.
     fn contradicts(&self, header: &Header) -> bool {
-        let newest = &self.newest.header;
+        let newest = &self.commands.newest.header;
         header.kind() == Some(FrameKind::Command)
             && (header.epoch, header.step) == (newest.epoch, newest.step)
-            && self.repetition.is_none()
+            && self.commands.repetition.is_none()
             && self.rows.differs(header, newest)
     }
 
     /// Takes the command that answers a step, or what it had to do with in the run that is repeated.
     fn take(&mut self, step: Step, header: Header) -> Result<(), LinkError> {
         let received_ns = monotonic_ns();
-        self.heard_ns = received_ns;
         if step == self.first
             && let Some(pacer) = &mut self.pacer
         {
             // Time begins when the controller has answered once.
             pacer.anchor(step, received_ns);
         }
-        self.came(header, received_ns - self.sent_ns);
-        if let Some(repetition) = &mut self.repetition {
+        let round_trip_ns = received_ns - self.sample.sent_ns;
+        (self.commands).came(header, received_ns, round_trip_ns);
+        if let Some(repetition) = &mut self.commands.repetition {
             match repetition.exchange(step, header, &mut self.rows.frame) {
-                Ok(header) => self.newest.header = header,
+                Ok(header) => self.commands.newest.header = header,
                 Err(reason) => return self.give_up(Outcome::Failed, AbortCode::Other, reason),
             }
         }
@@ -98,25 +98,17 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
 
     /// Keeps a command that came too late for its own step.
     fn keep(&mut self, header: Header) {
-        self.heard_ns = monotonic_ns();
+        let received_ns = monotonic_ns();
         let due_ns = (self.pacer).map_or(0, |pacer| pacer.due_ns(Step(header.step)));
-        self.came(header, self.heard_ns.saturating_sub(due_ns));
-    }
-
-    /// A command is the newest there is.
-    fn came(&mut self, header: Header, round_trip_ns: u64) {
-        let newest = &mut self.newest;
-        newest.header = header;
-        if round_trip_ns > newest.round_trip_ns {
-            (newest.round_trip_ns, newest.work_ns) = (round_trip_ns, header.work_ns);
-        }
+        let round_trip_ns = received_ns.saturating_sub(due_ns);
+        (self.commands).came(header, received_ns, round_trip_ns);
     }
 
     /// The command missed its deadline: the step meets the newest there is.
     fn miss(&mut self) -> Result<Progress, LinkError> {
         let now_ns = monotonic_ns();
-        let limit = WaitLimit::from_seconds(self.job.wait_limit_s);
-        if now_ns - self.heard_ns >= limit.ns() {
+        let limit = self.wait_limit();
+        if self.commands.are_silent(now_ns, limit) {
             self.interrupt(&PlantEvent::Deadline(limit.ms()))?;
             return Ok(Progress::Busy);
         }
@@ -124,7 +116,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             return Ok(Progress::Controller);
         };
         if self.job.run.overrun == OverrunPolicy::Abort {
-            self.missed.note(step);
+            self.commands.missed.note(step);
             let late = format!(
                 "controller did not answer step {step} by its deadline, and the policy for overruns is `abort`"
             );
@@ -141,15 +133,10 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
 
     /// A step meets the newest command: it is applied and the plant integrates to the next step.
     pub(super) fn meet(&mut self, step: Step, received_ns: u64) -> Result<(), LinkError> {
-        if self.recorder_is_stuck(received_ns)? {
+        if self.publisher.is_stuck(received_ns)? {
             return self.recorder_late();
         }
-        self.newest.held_steps = (step.0 - self.newest.header.step) as u32;
-        if self.newest.held_steps > 0 && !self.side.is_alone() {
-            self.missed.note(step);
-        }
-        let met = self.newest;
-        (self.newest.round_trip_ns, self.newest.work_ns) = (0, 0);
+        let met = self.commands.meet(step, self.side.is_alone());
         let header = &Header {
             age_steps: met.header.age_steps.saturating_add(met.held_steps),
             work_ns: met.work_ns,
@@ -196,25 +183,25 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             work_ns,
         } = met;
         let round_trip_ns = *round_trip_ns;
-        let took_ns = received_ns - self.sent_ns + self.timing.plant_ns;
+        let took_ns = received_ns - self.sample.sent_ns + self.timing.plant_ns;
         self.timing = Timing {
             time_ns: self.job.run.rate.nanoseconds(step),
             epoch: u64::from(header.epoch),
-            sample_age_steps: u64::from(self.sample_age_steps),
+            sample_age_steps: u64::from(self.sample.age_steps),
             command_age_steps: u64::from(age_steps),
             published_ns: received_ns,
             round_trip_ns,
             controller_ns: *work_ns,
             plant_ns: self.timing.plant_ns,
-            late_ns: self.late_ns,
+            late_ns: self.sample.late_ns,
             held_steps: u64::from(*held_steps),
             answered: header.directive,
             plant_surroundings: self.lookout.after(took_ns),
             controller_surroundings: header.surroundings,
-            directive: self.directive,
+            directive: self.sample.directive,
         };
         self.rows.write_record(step, header, &self.timing);
-        self.pending = true;
+        self.publisher.note();
     }
 
     /// Record N: the truth after the last step, which no command answers.
@@ -235,7 +222,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             ..Timing::default()
         };
         self.rows.write_final_record(step, &self.timing);
-        self.pending = true;
+        self.publisher.note();
         Ok(())
     }
 }

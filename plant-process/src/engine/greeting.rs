@@ -51,13 +51,13 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             outgoing: welcome.sample.len(),
             incoming: welcome.command.len(),
         })?;
-        self.sink.open(&layout)?;
+        self.publisher.sink.open(&layout)?;
         self.desk.opened(&layout);
         let opened = self.plant.faults.open(&self.plant.workshop, &layout);
         self.rows = Rows::new(layout, &welcome);
         let opened = opened.and_then(|()| self.restore());
         let missed = std::mem::take(&mut self.job.missed);
-        self.repetition =
+        self.commands.repetition =
             (!missed.is_empty()).then(|| Repetition::new(missed, welcome.command.len()));
         self.plant.faults.faultable(&mut self.rows.parameter);
         self.link

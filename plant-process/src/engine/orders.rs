@@ -10,18 +10,27 @@ use shared_types::time::Step;
 use super::{Engine, NEVER};
 use crate::desk::Order;
 
+/// Hold of a run, in ns of the monotonic clock.
+#[derive(Clone, Copy)]
+pub(super) struct Held {
+    /// Begin.
+    since_ns: u64,
+    /// Time at which the controller was told last.
+    told_ns: u64,
+}
+
 impl<L: Link, S: RecordSink> Engine<L, S> {
     /// Serves what waits at the desk before a step; true if the run is held there.
     pub(super) fn attend(&mut self, step: Step) -> Result<bool, LinkError> {
-        while self.sink.has_room()?
+        while self.publisher.sink.has_room()?
             && let Some(order) = self.desk.next_order()
         {
             self.serve(order, step)?;
         }
         if !self.desk.holds(step) {
-            if self.told_held_ns.take().is_some() {
-                let held_ns = monotonic_ns() - self.held_since_ns;
-                self.heard_ns += held_ns;
+            if let Some(held) = self.held.take() {
+                let held_ns = monotonic_ns() - held.since_ns;
+                self.commands.heard_ns += held_ns;
                 if let Some(pacer) = &mut self.pacer {
                     pacer.delay(held_ns);
                 }
@@ -31,12 +40,12 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         self.tell()?; // an observer should see all that happened
         let now_ns = monotonic_ns();
         let again_ns = self.hold_again_ns();
-        let due = |told_ns: u64| now_ns - told_ns >= again_ns;
-        if self.told_held_ns.is_none() {
-            self.held_since_ns = now_ns;
-        }
-        if self.told_held_ns.is_none_or(due) {
-            self.told_held_ns = Some(now_ns);
+        let is_due = |held: Held| now_ns - held.told_ns >= again_ns;
+        if self.held.is_none_or(is_due) {
+            self.held = Some(Held {
+                since_ns: self.held.map_or(now_ns, |held| held.since_ns),
+                told_ns: now_ns,
+            });
             self.link.send(&Header::new(FrameKind::Hold, step), &[])?;
         }
         Ok(true)
@@ -62,7 +71,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                 };
                 if let Ok(admitted) = &admitted {
                     for (fault, event) in admitted.iter().zip(events) {
-                        self.sink.event(&Event::Accepted(FaultAccepted {
+                        self.publisher.sink.event(&Event::Accepted(FaultAccepted {
                             id: fault.id,
                             step: step.0,
                             fault: serde_json::to_value(event).unwrap_or_default(),
@@ -87,7 +96,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             }
             Order::Advance(steps, answer) => {
                 let until = Step(step.0.saturating_add(steps));
-                let _ = answer.send(if self.told_held_ns.is_some() {
+                let _ = answer.send(if self.held.is_some() {
                     desk.hold_at(until);
                     Ok(until)
                 } else {

@@ -1,40 +1,77 @@
-//! Is the recorder still there? Its buffer holds thousands of records, seconds of a slow run, before one
-//! has to wait for it, and against the clock none ever does.
+//! Publishing of records, and the watch over the recorder that takes them.
+//!
+//! The recorder's buffer holds thousands of records, seconds of a slow run, before one has to wait for
+//! it, and against the clock none ever does. So the publisher looks now and then if it still takes any.
 
-use shared_types::link::{Link, LinkError};
+use shared_types::link::LinkError;
 use shared_types::stream::RecordSink;
 use shared_types::wait::WaitLimit;
-
-use super::Engine;
 
 /// Looks in each wait limit.
 const LOOKS: u64 = 8;
 
-/// What was seen of the recorder.
-#[derive(Default)]
-pub(super) struct Watch {
-    /// When it is looked at next.
+/// Stream of records and events to the recorder.
+pub(super) struct Publisher<S> {
+    pub sink: S,
+    limit: WaitLimit,
+    /// Tells if the last record was not published yet.
+    pending: bool,
+    /// Time of the next look at the recorder.
     again_ns: u64,
-    /// How many items it had taken, of those that there were, and since when it has taken no other;
-    /// `None` where there were no others.
+    /// Number of items that the recorder had taken, of those that there were, and since when it has
+    /// taken no other; `None` where there were no others.
     owing: Option<(u64, u64)>,
 }
 
-impl<L: Link, S: RecordSink> Engine<L, S> {
-    /// Whether the recorder took nothing of what there is for the wait limit. Most calls compare two
+impl<S: RecordSink> Publisher<S> {
+    /// Makes the stream to a recorder that may take nothing for the wait limit at most.
+    pub(super) const fn new(sink: S, limit: WaitLimit) -> Self {
+        Self {
+            sink,
+            limit,
+            pending: false,
+            again_ns: 0,
+            owing: None,
+        }
+    }
+
+    /// Notes that there is a record to publish.
+    pub(super) const fn note(&mut self) {
+        self.pending = true;
+    }
+
+    /// Publishes the record if it is not yet; false if the recorder has no room for it now.
+    pub(super) fn publish(&mut self, record: &[u64]) -> Result<bool, LinkError> {
+        if self.pending {
+            if !self.sink.has_room()? {
+                return Ok(false);
+            }
+            self.flush(record)?;
+        }
+        Ok(true)
+    }
+
+    /// Publishes the record if it is not yet, room or not.
+    pub(super) fn flush(&mut self, record: &[u64]) -> Result<(), LinkError> {
+        if std::mem::take(&mut self.pending) {
+            self.sink.record(record)?;
+        }
+        Ok(())
+    }
+
+    /// Tells if the recorder took nothing of what there is for the wait limit. Most calls compare two
     /// numbers.
-    pub(super) fn recorder_is_stuck(&mut self, now_ns: u64) -> Result<bool, LinkError> {
-        if now_ns < self.watch.again_ns {
+    pub(super) fn is_stuck(&mut self, now_ns: u64) -> Result<bool, LinkError> {
+        if now_ns < self.again_ns {
             return Ok(false);
         }
-        let limit_ns = WaitLimit::from_seconds(self.job.wait_limit_s).ns();
-        self.watch.again_ns = now_ns.saturating_add(limit_ns / LOOKS);
+        self.again_ns = now_ns.saturating_add(self.limit.ns() / LOOKS);
         let (sent, taken) = self.sink.sent_and_taken()?;
-        match self.watch.owing {
+        match self.owing {
             Some((before, since_ns)) if before == taken => {
-                return Ok(now_ns - since_ns >= limit_ns);
+                return Ok(now_ns - since_ns >= self.limit.ns());
             }
-            _ => self.watch.owing = (taken < sent).then_some((taken, now_ns)),
+            _ => self.owing = (taken < sent).then_some((taken, now_ns)),
         }
         Ok(false)
     }

@@ -15,6 +15,41 @@ use crate::checkpoint::SavedPlant;
 use crate::guard::first_bad;
 use crate::stimulus;
 
+/// Sample that was sent last, and the wait for its command.
+pub(super) struct SentSample {
+    pub age_steps: u32,
+    /// [`Directive`](shared_types::directive::Directive) for the controller's runner, as sent.
+    pub directive: u64,
+    pub sent_ns: u64,
+    /// Time by which it was sent later than due.
+    pub late_ns: u64,
+    /// Time until which the command is awaited; for ever except against the clock.
+    pub deadline_ns: u64,
+}
+
+impl Default for SentSample {
+    fn default() -> Self {
+        Self {
+            age_steps: 0,
+            directive: 0,
+            sent_ns: 0,
+            late_ns: 0,
+            deadline_ns: u64::MAX,
+        }
+    }
+}
+
+impl SentSample {
+    /// Notes when it is sent and was due; 0 if it never was.
+    const fn is_sent(&mut self, now_ns: u64, due_ns: u64) {
+        self.sent_ns = now_ns;
+        self.late_ns = match due_ns {
+            0 => 0,
+            _ => now_ns - due_ns,
+        };
+    }
+}
+
 impl<L: Link, S: RecordSink> Engine<L, S> {
     /// Between two steps: wait for the clock, then send the sample of the next one.
     pub(super) fn release(&mut self, step: Step) -> Result<Progress, LinkError> {
@@ -31,7 +66,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         if !self.desk.is_open_for(step) && self.attend(step)? {
             return Ok(Progress::Held);
         }
-        if !self.sink.has_room()? {
+        if !self.publisher.sink.has_room()? {
             return Ok(Progress::Recorder);
         }
         let run = self.job.run;
@@ -60,20 +95,16 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                     return Ok(Progress::Over);
                 }
                 let (mut directive, busy_ns) = self.plant.faults.timing(step);
-                if let Some(repetition) = &mut self.repetition {
+                if let Some(repetition) = &mut self.commands.repetition {
                     directive.unseen = !repetition.is_seen(step);
                 }
-                self.directive = directive.to_wire();
+                self.sample.directive = directive.to_wire();
                 let header = self.sample_header(step);
                 if busy_ns > 0 {
                     self.plant.faults.plant_was_busy(spin(busy_ns));
                 }
-                self.sent_ns = monotonic_ns();
-                self.late_ns = match release_ns {
-                    0 => 0,
-                    _ => self.sent_ns - release_ns,
-                };
-                self.deadline_ns = self.deadline_of(step);
+                self.sample.deadline_ns = self.deadline_of(step);
+                self.sample.is_sent(monotonic_ns(), release_ns);
                 self.link.send(&header, &self.rows.sample)?;
                 // While the controller works: what observers need, and what needs no command.
                 self.tell()?;
@@ -84,7 +115,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                     return Ok(Progress::Over);
                 }
                 self.ending = Some(step);
-                self.deadline_ns = u64::MAX;
+                self.sample.deadline_ns = u64::MAX;
             }
             _ => {}
         }
@@ -109,10 +140,10 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         Header {
             time_ns: self.job.run.rate.nanoseconds(step),
             work_ns: self.timing.plant_ns,
-            directive: self.directive,
-            age_steps: self.sample_age_steps,
+            directive: self.sample.directive,
+            age_steps: self.sample.age_steps,
             surroundings: self.timing.plant_surroundings,
-            held_steps: self.newest.held_steps,
+            held_steps: self.commands.newest.held_steps,
             invalid: self.rows.invalid,
             ..Header::new(FrameKind::Sample, step)
         }
@@ -139,7 +170,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             stimulus::evaluate(&stimulus.waveform, time_s, row);
             reference = rest;
         }
-        self.prepared = Some(step);
+        self.rows.stimulus_of = Some(step);
     }
 
     /// Fills the sample of a step; false if the plant diverged.
@@ -149,7 +180,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             plant.model.retune(plant.faults.parameters());
             plant.faults.faultable(&mut rows.parameter);
         }
-        if self.prepared != Some(step) {
+        if self.rows.stimulus_of != Some(step) {
             self.prepare(step);
         }
         let (plant, rows) = (&mut self.plant, &mut self.rows);
@@ -159,7 +190,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             return Ok(false);
         }
         rows.sent_stimulus.copy_from_slice(&rows.stimulus);
-        self.sample_age_steps = plant.faults.sample(
+        self.sample.age_steps = plant.faults.sample(
             step,
             (&rows.sensed, &rows.sent_stimulus),
             &mut rows.sample,

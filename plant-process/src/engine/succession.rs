@@ -11,14 +11,43 @@ use shared_types::record::{Change, ControllerChange, Event, Outcome};
 use shared_types::stream::RecordSink;
 use shared_types::supervision::Gone;
 use shared_types::time::Step;
-use shared_types::wait::WaitLimit;
 
-use super::{Clock, Command, Engine, Progress};
+use super::commands::Command;
+use super::{Clock, Engine, Progress};
 
-/// What was agreed with a controller that is not in office yet.
-pub(super) struct Agreed {
+/// Newest controller on its way to take over.
+pub(super) struct Handover {
+    /// Epoch of the controller that was announced last.
+    expected: u32,
+    /// Time since which it is awaited.
+    since_ns: u64,
+    /// Control message that waits until it is known who may speak for the controller.
+    heard: Option<Control>,
+    agreed: Option<Agreed>,
+}
+
+/// Agreement with a controller that has not taken over yet.
+struct Agreed {
     welcome: Welcome,
     law: String,
+}
+
+impl Default for Handover {
+    fn default() -> Self {
+        Self::to(1, 0)
+    }
+}
+
+impl Handover {
+    /// Begins with the controller of an epoch, of which nothing is known.
+    const fn to(expected: u32, since_ns: u64) -> Self {
+        Self {
+            expected,
+            since_ns,
+            heard: None,
+            agreed: None,
+        }
+    }
 }
 
 impl<L: Link, S: RecordSink> Engine<L, S> {
@@ -29,9 +58,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     /// If the link or the record stream failed.
     pub fn expect(&mut self, epoch: u32) -> Result<(), LinkError> {
         if let PlantAction::Expect(epoch) = self.side.on(&PlantEvent::Expect(epoch)) {
-            (self.expected, self.expected_ns) = (epoch, monotonic_ns());
-            self.heard = None;
-            self.agreed = None;
+            self.handover = Handover::to(epoch, monotonic_ns());
             if let Err(error) = self.link.expect(epoch) {
                 program::say(&error.to_string());
                 self.interrupt(&PlantEvent::PeerGone(epoch))?;
@@ -62,9 +89,10 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     /// The next control message of the process that was launched to be the controller. Others are
     /// told to leave.
     pub(super) fn hear(&mut self) -> Result<Option<Control>, LinkError> {
-        if self.heard.is_none() {
+        let heard = &mut self.handover.heard;
+        if heard.is_none() {
             let bytes = self.link.receive_control()?;
-            self.heard = match bytes.map(|bytes| Control::from_bytes(&bytes)) {
+            *heard = match bytes.map(|bytes| Control::from_bytes(&bytes)) {
                 Some(Ok(message)) => Some(message),
                 Some(Err(_)) => {
                     self.side.ignore(Reason::Unreadable);
@@ -73,14 +101,14 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                 None => None,
             };
         }
-        if self.heard.is_none() {
+        if heard.is_none() {
             return Ok(None);
         }
         match self.link.peer()? {
-            Peer::Launched => Ok(self.heard.take()),
+            Peer::Launched => Ok(heard.take()),
             Peer::Unknown => Ok(None),
             Peer::Stranger(reason) => {
-                self.heard = None;
+                *heard = None;
                 self.side.ignore(Reason::Impostor);
                 program::say(&format!("refused: {reason}"));
                 let refusal = Control::Refusal { reason };
@@ -120,8 +148,8 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     /// Hears the controller that was announced; true if that changed anything for the run, as it takes
     /// over or was the last hope. Else the one in office goes on, and has no more time for it.
     pub(super) fn attend_candidate(&mut self) -> Result<bool, LinkError> {
-        let limit = WaitLimit::from_seconds(self.job.wait_limit_s);
-        if monotonic_ns() - self.expected_ns >= limit.ns() {
+        let limit = self.wait_limit();
+        if monotonic_ns() - self.handover.since_ns >= limit.ns() {
             return self.interrupt(&PlantEvent::CandidateLate(limit.ms()));
         }
         let Some(message) = self.hear()? else {
@@ -129,7 +157,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         };
         let standing = self.side.standing();
         let before = (self.side.is_alone(), self.side.waits_for_controller());
-        match self.told(&message, self.expected) {
+        match self.told(&message, self.handover.expected) {
             PlantAction::Welcome(welcome) => {
                 self.link.open_frames(&FrameSpec {
                     seal: welcome.seal(),
@@ -137,7 +165,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                     incoming: welcome.command.len(),
                 })?;
                 if let Control::Hello(hello) = message {
-                    self.agreed = Some(Agreed {
+                    self.handover.agreed = Some(Agreed {
                         welcome: (*welcome).clone(),
                         law: hello.law,
                     });
@@ -157,7 +185,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         unanswered: Option<Step>,
         (was_alone, waited): (bool, bool),
     ) -> Result<(), LinkError> {
-        let Some(Agreed { welcome, law }) = self.agreed.take() else {
+        let Some(Agreed { welcome, law }) = self.handover.agreed.take() else {
             return Ok(()); // there is one whenever the protocol says so
         };
         if !was_alone {
@@ -168,12 +196,12 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         let now_ns = monotonic_ns();
         // Time stood still while nobody was there.
         if waited && let Some(pacer) = &mut self.pacer {
-            pacer.delay(now_ns - self.heard_ns);
+            pacer.delay(now_ns - self.commands.heard_ns);
         }
-        self.heard_ns = now_ns;
+        self.commands.heard_ns = now_ns;
         self.publish(self.side.epoch(), Change::Joined { law })?;
         if let Some(step) = unanswered {
-            self.sent_ns = monotonic_ns();
+            self.sample.sent_ns = monotonic_ns();
             self.link
                 .send(&self.sample_header(step), &self.rows.sample)?;
         }
@@ -187,20 +215,17 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         self.dismiss_in_office(why.code())?;
         if policy == OnLoss::SafeCommand {
             let invalid = self.rows.fill_frame(&self.job.plant.safe_command);
-            self.newest = Command {
-                header: Header {
-                    invalid,
-                    ..Header::new(FrameKind::Command, at)
-                },
-                ..Command::default()
-            };
+            self.commands.newest = Command::new(Header {
+                invalid,
+                ..Header::new(FrameKind::Command, at)
+            });
         }
         let reason = why.to_string();
         self.publish(self.side.epoch(), Change::Lost { reason, policy })?;
         program::say(&format!("{why}; {}", policy.name()));
-        self.heard_ns = monotonic_ns();
+        self.commands.heard_ns = monotonic_ns();
         if policy == OnLoss::WaitForRestart && self.side.candidate().is_none() {
-            self.expect(self.expected + 1)?;
+            self.expect(self.handover.expected + 1)?;
         }
         Ok(())
     }
@@ -217,12 +242,12 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     pub(super) fn dismiss(&mut self, why: &Abort) -> Result<(), LinkError> {
         let reason = why.to_string();
         program::say(&format!("refused another controller: {reason}"));
-        self.agreed = None;
+        self.handover.agreed = None;
         let refusal = Control::Refusal {
             reason: reason.clone(),
         };
         self.link.send_control(&refusal.to_bytes())?;
-        self.publish(self.expected, Change::Refused { reason })
+        self.publish(self.handover.expected, Change::Refused { reason })
     }
 
     /// Tells observers, after all that happened before.
@@ -234,15 +259,14 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             step,
             change,
         };
-        self.sink.event(&Event::Controller(change))
+        self.publisher.sink.event(&Event::Controller(change))
     }
 
     /// After a loss: the step meets the newest command, or waits for another controller.
     pub(super) fn go_on_alone(&mut self) -> Result<Progress, LinkError> {
-        let limit = WaitLimit::from_seconds(self.job.wait_limit_s);
-        let now_ns = monotonic_ns();
+        let (limit, now_ns) = (self.wait_limit(), monotonic_ns());
         let waits = self.job.run.on_controller_loss == OnLoss::WaitForRestart;
-        if waits && now_ns - self.heard_ns >= limit.ns() {
+        if waits && self.commands.are_silent(now_ns, limit) {
             self.interrupt(&PlantEvent::Deadline(limit.ms()))?;
             return Ok(Progress::Busy);
         }

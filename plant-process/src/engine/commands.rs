@@ -1,0 +1,83 @@
+//! Commands as they came, in time or not.
+//!
+//! Used by the exchange of each step; never looks at a value, which are in the
+//! [rows](crate::rows::Rows).
+
+use shared_types::frame::{FrameKind, Header};
+use shared_types::pacer::Streaks;
+use shared_types::time::Step;
+use shared_types::wait::WaitLimit;
+
+use crate::repeat::Repetition;
+
+/// Newest command, and what became of those before it.
+#[derive(Default)]
+pub(super) struct Commands {
+    pub newest: Command,
+    /// Time at which a command came last, in ns of the monotonic clock.
+    pub heard_ns: u64,
+    /// Steps whose command missed its deadline.
+    pub missed: Streaks,
+    /// Commands that a recorded run against the clock met, if one is repeated.
+    pub repetition: Option<Repetition>,
+}
+
+/// Command that a step meets.
+#[derive(Clone, Copy)]
+pub(super) struct Command {
+    pub header: Header,
+    /// Steps since the one it was sent for.
+    pub held_steps: u32,
+    /// From sending its sample, or when that was due, to having it; 0 if none came at this step.
+    /// Of a late command and the one after it, those of the late one.
+    pub round_trip_ns: u64,
+    /// Work of the controller on it; 0 likewise.
+    pub work_ns: u64,
+}
+
+impl Default for Command {
+    fn default() -> Self {
+        Self::new(Header::new(FrameKind::Command, Step(0)))
+    }
+}
+
+impl Command {
+    /// Makes a command that no controller sent.
+    pub(super) const fn new(header: Header) -> Self {
+        Self {
+            header,
+            held_steps: 0,
+            round_trip_ns: 0,
+            work_ns: 0,
+        }
+    }
+}
+
+impl Commands {
+    /// Makes a command the newest.
+    pub(super) fn came(&mut self, header: Header, received_ns: u64, round_trip_ns: u64) {
+        self.heard_ns = received_ns;
+        let newest = &mut self.newest;
+        newest.header = header;
+        if round_trip_ns > newest.round_trip_ns {
+            (newest.round_trip_ns, newest.work_ns) = (round_trip_ns, header.work_ns);
+        }
+    }
+
+    /// Gives a step the newest command; it counts as missed if it is of an earlier step and there is a
+    /// controller.
+    pub(super) fn meet(&mut self, step: Step, is_alone: bool) -> Command {
+        self.newest.held_steps = (step.0 - self.newest.header.step) as u32;
+        if self.newest.held_steps > 0 && !is_alone {
+            self.missed.note(step);
+        }
+        let met = self.newest;
+        (self.newest.round_trip_ns, self.newest.work_ns) = (0, 0);
+        met
+    }
+
+    /// Tells if no command came for the wait limit.
+    pub(super) const fn are_silent(&self, now_ns: u64, limit: WaitLimit) -> bool {
+        now_ns - self.heard_ns >= limit.ns()
+    }
+}

@@ -1,0 +1,223 @@
+//! Runs that end: diverged, stopped, refused, and confirmed at the last moment.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use hil_config::plan::Limit;
+use shared_types::ignored::Ignored;
+use shared_types::link::Peer;
+use shared_types::supervision::Supervision;
+use shared_types::wait::Waiter;
+
+use super::*;
+
+#[test]
+fn a_diverged_plant_ends_at_the_step_with_the_signal_named() {
+    let limits = vec![Limit {
+        signal: "position_m".into(),
+        min: -1.5,
+        max: 1.5,
+    }];
+    let job = job(9);
+    let job = Job {
+        plant: PlantPlan {
+            limits,
+            ..job.plant
+        },
+        ..job
+    };
+    let (mut engine, mut controller, mut source) = greeted(job);
+    let end = run(&mut engine, &mut controller, 1.0);
+    assert_eq!(end.kind(), Some(FrameKind::Abort));
+    assert_eq!(AbortCode::from_wire(end.directive), AbortCode::Diverged);
+    let run_end = engine.end().expect("over");
+    let told = "plant diverged at step 2 (0.2 s): position_m = 2 m is outside -1.5 to 1.5 m";
+    assert_eq!(
+        (run_end.outcome, run_end.reason.as_deref()),
+        (Outcome::Diverged, Some(told))
+    );
+    let (records, _) = published(&mut source);
+    assert_eq!(
+        records.last().expect("some")[..2],
+        [2.0, 2.0],
+        "its last record shows it"
+    );
+}
+
+#[test]
+fn a_plant_that_leaves_the_numbers_is_stopped_before_it_sends_one() {
+    let (mut engine, mut controller, mut source) = greeted(job(9));
+    let end = run(&mut engine, &mut controller, f64::MAX);
+    assert_eq!(AbortCode::from_wire(end.directive), AbortCode::Diverged);
+    let (records, _) = published(&mut source);
+    assert!(records.iter().flatten().all(|value| value.is_finite()));
+}
+
+#[test]
+fn a_command_that_is_no_number_ends_the_run_and_is_named() {
+    for force_n in [f64::NAN, f64::INFINITY] {
+        let (mut engine, mut controller, mut source) = greeted(job(9));
+        let end = run(&mut engine, &mut controller, force_n);
+        assert_eq!(AbortCode::from_wire(end.directive), AbortCode::NotANumber);
+        let reason = engine.end().expect("over").reason.clone().expect("told");
+        assert!(reason.contains("command of step 0: force_n"), "{reason}");
+        assert_eq!(published(&mut source).0.len(), 0);
+    }
+}
+
+#[test]
+fn a_stop_tells_the_controller_and_keeps_what_was_recorded() {
+    let (mut engine, mut controller, mut source) = greeted(job(9));
+    let mut sample = [0.0; 3];
+    for step in 0..2 {
+        while engine.poll().expect("polls") == Progress::Busy {}
+        controller
+            .receive(&mut sample)
+            .expect("polls")
+            .expect("a sample");
+        let answer = Header::new(FrameKind::Command, Step(step));
+        controller.send(&answer, &[0.0; 3]).expect("sends");
+        engine.poll().expect("polls");
+    }
+    engine.interrupt(&PlantEvent::Stop).expect("stops");
+    let abort = controller
+        .receive(&mut sample)
+        .expect("polls")
+        .expect("a frame");
+    assert_eq!(AbortCode::from_wire(abort.directive), AbortCode::Stopped);
+    assert_eq!(engine.poll().expect("polls"), Progress::Over);
+    let (records, events) = published(&mut source);
+    assert_eq!(records.len(), 2);
+    assert!(matches!(&events[..], [Event::End(end)] if end.outcome == Outcome::Stopped));
+}
+
+#[test]
+fn a_controller_that_does_not_fit_is_refused_with_the_reason() {
+    let (link, mut controller) = pair();
+    let (sink, _source) = shared_types::stream::in_process::pair();
+    let mut engine = Engine::new(&kind(), &kinds::all(), job(3), link, sink).expect("starts");
+    let hello = Hello {
+        protocol: PROTOCOL,
+        session: 5,
+        law: "test".into(),
+        measured: vec![Field::signal("posiition_m", "m", "x")],
+        reference: vec![],
+        commands: None,
+        internals: vec![],
+    };
+    controller
+        .send_control(&Control::Hello(hello).to_bytes())
+        .expect("sends");
+    engine.poll().expect("polls");
+    let bytes = controller
+        .receive_control()
+        .expect("polls")
+        .expect("an answer");
+    let Ok(Control::Refusal { reason }) = Control::from_bytes(&bytes) else {
+        panic!("no refusal");
+    };
+    assert!(
+        reason.contains("no signal `posiition_m`, nearest: position_m"),
+        "{reason}"
+    );
+    assert_eq!(engine.end().map(|end| end.outcome), Some(Outcome::Failed));
+}
+
+/// A link whose other end confirms and ends just after the plant looked and found nothing.
+struct LastWord {
+    inner: InProcessLink,
+    controller: Rc<RefCell<InProcessLink>>,
+    supervision: Supervision,
+}
+
+impl Link for LastWord {
+    fn send_control(&mut self, message: &[u8]) -> Result<(), LinkError> {
+        self.inner.send_control(message)
+    }
+
+    fn receive_control(&mut self) -> Result<Option<Vec<u8>>, LinkError> {
+        self.inner.receive_control()
+    }
+
+    fn expect(&mut self, epoch: u32) -> Result<(), LinkError> {
+        self.inner.expect(epoch)
+    }
+
+    fn peer(&self) -> Result<Peer, LinkError> {
+        self.inner.peer()
+    }
+
+    fn open_frames(&mut self, spec: &FrameSpec) -> Result<(), LinkError> {
+        self.inner.open_frames(spec)
+    }
+
+    fn take_over(&mut self) {
+        self.inner.take_over();
+    }
+
+    fn send(&mut self, header: &Header, values: &[f64]) -> Result<(), LinkError> {
+        self.inner.send(header, values)
+    }
+
+    fn receive(&mut self, values: &mut [f64]) -> Result<Option<Header>, LinkError> {
+        let got = self.inner.receive(values)?;
+        if got.is_none() {
+            let confirmed = Header::new(FrameKind::EndConfirmed, Step(0));
+            self.controller.borrow_mut().send(&confirmed, &[])?;
+            self.supervision.peer_gone(1);
+        }
+        Ok(got)
+    }
+
+    fn rejected(&self) -> Ignored {
+        self.inner.rejected()
+    }
+}
+
+#[test]
+fn what_a_controller_confirmed_before_it_ended_counts() {
+    let (inner, controller) = pair();
+    let controller = Rc::new(RefCell::new(controller));
+    let supervision = Supervision::new();
+    let link = LastWord {
+        inner,
+        controller: Rc::clone(&controller),
+        supervision: supervision.clone(),
+    };
+    let (sink, _source) = shared_types::stream::in_process::pair();
+    let mut engine = Engine::new(&kind(), &kinds::all(), job(0), link, sink).expect("starts");
+    let hello = Hello {
+        protocol: PROTOCOL,
+        session: 5,
+        law: "test".into(),
+        measured: vec![],
+        reference: vec![],
+        commands: None,
+        internals: vec![],
+    };
+    let say = |message: Control| {
+        let sent = controller.borrow_mut().send_control(&message.to_bytes());
+        sent.expect("sends");
+    };
+    say(Control::Hello(hello));
+    engine.poll().expect("polls");
+    let answer = controller.borrow_mut().receive_control();
+    let bytes = answer.expect("polls").expect("an answer");
+    let Ok(Control::Welcome(welcome)) = Control::from_bytes(&bytes) else {
+        panic!("no welcome");
+    };
+    let spec = FrameSpec {
+        seal: welcome.seal(),
+        outgoing: 1,
+        incoming: 3,
+    };
+    controller.borrow_mut().open_frames(&spec).expect("opens");
+    say(Control::Ready { epoch: 1 });
+    let limit = WaitLimit::from_seconds(60.0);
+    crate::program::drive(&mut engine, Waiter::new(limit), &supervision).expect("drives");
+    let end = engine.end().expect("over");
+    assert_eq!(
+        (end.outcome, end.reason.as_deref()),
+        (Outcome::Completed, None)
+    );
+}
