@@ -40,6 +40,7 @@
 //! least one and may compute with them, as in `max(x) - min(x)`; a derived signal has none.
 
 mod columns;
+pub(crate) mod cursor;
 pub(crate) mod lexer;
 mod parser;
 mod program;

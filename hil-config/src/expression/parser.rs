@@ -3,12 +3,10 @@
 
 use std::ops::Range;
 
-use super::lexer::{Token, TokenKind, tokens};
+use super::cursor::Cursor;
+use super::lexer::TokenKind;
 use super::program::{Binary, Op, STACK, Unary, needed_stack};
 use super::{Expression, ExpressionError, Name, Reduced, ReductionKind};
-
-/// Deepest nesting of parentheses, calls and signs.
-const NESTING: usize = 64;
 
 /// Words with a meaning of their own.
 const WORDS: [&str; 3] = ["and", "or", "not"];
@@ -37,19 +35,13 @@ pub(crate) fn is_reserved(name: &str) -> bool {
 
 pub(super) fn parse(text: &str) -> Result<Expression, ExpressionError> {
     let mut parser = Parser {
-        text,
-        tokens: tokens(text)?,
-        at: 0,
-        nesting: 0,
+        words: Cursor::new(text)?,
         ops: Vec::new(),
         names: Vec::new(),
         reductions: Vec::new(),
     };
     parser.disjunction()?;
-    let last = parser.next();
-    if last.kind != TokenKind::End {
-        return Err(parser.unexpected(&last, "an operator or the end"));
-    }
+    parser.words.expect_end()?;
     let expression = Expression {
         text: text.into(),
         ops: parser.ops,
@@ -79,10 +71,7 @@ pub(super) fn parse(text: &str) -> Result<Expression, ExpressionError> {
 }
 
 struct Parser<'a> {
-    text: &'a str,
-    tokens: Vec<Token>,
-    at: usize,
-    nesting: usize,
+    words: Cursor<'a>,
     ops: Vec<Op>,
     names: Vec<Name>,
     reductions: Vec<Reduced>,
@@ -93,7 +82,7 @@ type Parsed = Result<(), ExpressionError>;
 impl Parser<'_> {
     fn disjunction(&mut self) -> Parsed {
         self.conjunction()?;
-        while self.accept_word("or") {
+        while self.words.accept_word("or") {
             self.conjunction()?;
             self.ops.push(Op::Binary(Binary::Or));
         }
@@ -102,7 +91,7 @@ impl Parser<'_> {
 
     fn conjunction(&mut self) -> Parsed {
         self.negation()?;
-        while self.accept_word("and") {
+        while self.words.accept_word("and") {
             self.negation()?;
             self.ops.push(Op::Binary(Binary::And));
         }
@@ -110,7 +99,7 @@ impl Parser<'_> {
     }
 
     fn negation(&mut self) -> Parsed {
-        if !self.accept_word("not") {
+        if !self.words.accept_word("not") {
             return self.comparison();
         }
         self.nested(Self::negation)?;
@@ -125,9 +114,11 @@ impl Parser<'_> {
         };
         self.sum()?;
         self.ops.push(Op::Binary(operator));
-        let next = self.peek().clone();
+        let next = self.words.peek().clone();
         if self.accept_comparison().is_some() {
-            return Err(self.error(next.span, "two comparisons in a row; join them by `and`"));
+            return Err(self
+                .words
+                .error(next.span, "two comparisons in a row; join them by `and`"));
         }
         Ok(())
     }
@@ -135,16 +126,16 @@ impl Parser<'_> {
     fn accept_comparison(&mut self) -> Option<Binary> {
         COMPARISONS
             .iter()
-            .find(|(symbol, _)| self.accept(symbol))
+            .find(|(symbol, _)| self.words.accept(symbol))
             .map(|(_, operator)| *operator)
     }
 
     fn sum(&mut self) -> Parsed {
         self.product()?;
         loop {
-            let operator = if self.accept("+") {
+            let operator = if self.words.accept("+") {
                 Binary::Add
-            } else if self.accept("-") {
+            } else if self.words.accept("-") {
                 Binary::Subtract
             } else {
                 return Ok(());
@@ -157,9 +148,9 @@ impl Parser<'_> {
     fn product(&mut self) -> Parsed {
         self.sign()?;
         loop {
-            let operator = if self.accept("*") {
+            let operator = if self.words.accept("*") {
                 Binary::Multiply
-            } else if self.accept("/") {
+            } else if self.words.accept("/") {
                 Binary::Divide
             } else {
                 return Ok(());
@@ -170,7 +161,7 @@ impl Parser<'_> {
     }
 
     fn sign(&mut self) -> Parsed {
-        if !self.accept("-") {
+        if !self.words.accept("-") {
             return self.primary();
         }
         self.nested(Self::sign)?;
@@ -179,20 +170,20 @@ impl Parser<'_> {
     }
 
     fn primary(&mut self) -> Parsed {
-        let token = self.next();
+        let token = self.words.next();
         match token.kind {
             TokenKind::Number(value) => self.ops.push(Op::Constant(value)),
             TokenKind::Symbol("(") => {
                 self.nested(Self::disjunction)?;
-                self.expect(")", "an operator or `)`")?;
+                self.words.expect(")", "an operator or `)`")?;
             }
             TokenKind::Name(ref name) if !WORDS.contains(&name.as_str()) => {
-                if self.accept("(") {
+                if self.words.accept("(") {
                     return self.nested(|parser| parser.call(name, token.span.clone()));
                 }
                 if is_reserved(name) {
                     let message = format!("`{name}` is a function and needs a `(`");
-                    return Err(self.error(token.span, message));
+                    return Err(self.words.error(token.span, message));
                 }
                 self.ops.push(Op::Name(self.names.len()));
                 self.names.push(Name {
@@ -201,7 +192,7 @@ impl Parser<'_> {
                     reduced: false,
                 });
             }
-            _ => return Err(self.unexpected(&token, "a number, a signal or `(`")),
+            _ => return Err(self.words.unexpected(&token, "a number, a signal or `(`")),
         }
         Ok(())
     }
@@ -212,12 +203,12 @@ impl Parser<'_> {
         let first_reduction = self.reductions.len();
         self.disjunction()?;
         let mut arguments = 1;
-        while self.accept(",") {
+        while self.words.accept(",") {
             self.disjunction()?;
             arguments += 1;
         }
         let wanted = if arguments == 1 { "`,` or `)`" } else { "`)`" };
-        self.expect(")", wanted)?;
+        self.words.expect(")", wanted)?;
         let op = match (name, arguments) {
             ("abs", 1) => Op::Unary(Unary::Abs),
             ("sqrt", 1) => Op::Unary(Unary::Sqrt),
@@ -226,7 +217,7 @@ impl Parser<'_> {
             _ => match ReductionKind::of_name(name) {
                 Some(kind) if arguments == 1 => {
                     if self.reductions.len() > first_reduction {
-                        return Err(self.error(span, "a reduction of a reduction"));
+                        return Err(self.words.error(span, "a reduction of a reduction"));
                     }
                     let ops = self.ops.split_off(first_op);
                     for name in &mut self.names[first_name..] {
@@ -249,12 +240,12 @@ impl Parser<'_> {
                 _ => "one value",
             };
             let message = format!("`{name}` takes {takes}, not {arguments}");
-            return self.error(span, message);
+            return self.words.error(span, message);
         }
         let known: Vec<&str> = functions().collect();
         let known = known.join(", ");
         let message = format!("unknown function `{name}`; there are {known}");
-        let mut error = self.error(span, message);
+        let mut error = self.words.error(span, message);
         error.nearest = shared_types::table::nearest(name, functions())
             .into_iter()
             .map(Into::into)
@@ -262,67 +253,11 @@ impl Parser<'_> {
         error
     }
 
-    /// Runs a rule one level deeper; deep nesting must not exhaust the stack.
+    /// Runs a rule one level deeper.
     fn nested(&mut self, rule: impl FnOnce(&mut Self) -> Parsed) -> Parsed {
-        if self.nesting == NESTING {
-            let span = self.peek().span.clone();
-            let message = format!("nesting deeper than {NESTING} levels");
-            return Err(self.error(span, message));
-        }
-        self.nesting += 1;
+        self.words.nest()?;
         rule(self)?;
-        self.nesting -= 1;
+        self.words.leave();
         Ok(())
-    }
-
-    fn peek(&self) -> &Token {
-        &self.tokens[self.at]
-    }
-
-    /// The next word; the end is never left.
-    fn next(&mut self) -> Token {
-        let token = self.peek().clone();
-        if token.kind != TokenKind::End {
-            self.at += 1;
-        }
-        token
-    }
-
-    fn accept(&mut self, symbol: &str) -> bool {
-        let found = matches!(self.peek().kind, TokenKind::Symbol(found) if found == symbol);
-        if found {
-            self.at += 1;
-        }
-        found
-    }
-
-    fn accept_word(&mut self, word: &str) -> bool {
-        let found = matches!(&self.peek().kind, TokenKind::Name(name) if name == word);
-        if found {
-            self.at += 1;
-        }
-        found
-    }
-
-    fn expect(&mut self, symbol: &str, wanted: &str) -> Parsed {
-        if self.accept(symbol) {
-            return Ok(());
-        }
-        let token = self.peek().clone();
-        Err(self.unexpected(&token, wanted))
-    }
-
-    fn unexpected(&self, token: &Token, wanted: &str) -> ExpressionError {
-        let found = match &token.kind {
-            TokenKind::End => "the end".into(),
-            TokenKind::Time(_) => format!("the time `{}`", &self.text[token.span.clone()]),
-            _ => format!("`{}`", &self.text[token.span.clone()]),
-        };
-        let message = format!("expected {wanted}, found {found}");
-        self.error(token.span.clone(), message)
-    }
-
-    fn error(&self, span: Range<usize>, message: impl Into<String>) -> ExpressionError {
-        ExpressionError::new(self.text, span, message)
     }
 }

@@ -7,11 +7,9 @@ use std::ops::Range;
 use shared_types::table::nearest;
 
 use super::{Comparison, Formula, Node, Relation, Side, Window};
-use crate::expression::lexer::{Token, TokenKind, tokens};
+use crate::expression::cursor::Cursor;
+use crate::expression::lexer::{Token, TokenKind};
 use crate::expression::{Expression, ExpressionError, functions, is_reserved};
-
-/// Deepest nesting of parentheses and operators.
-const NESTING: usize = 64;
 
 /// Operators in front of their operand.
 const PREFIXES: [&str; 6] = [
@@ -32,17 +30,11 @@ pub(crate) fn is_operator(name: &str) -> bool {
 
 pub(super) fn parse(text: &str) -> Result<Formula, ExpressionError> {
     let mut parser = Parser {
-        text,
-        tokens: tokens(text)?,
-        at: 0,
-        nesting: 0,
+        words: Cursor::new(text)?,
         nodes: Vec::new(),
     };
     parser.formula()?;
-    let last = parser.peek().clone();
-    if last.kind != TokenKind::End {
-        return Err(parser.unexpected(&last, "an operator or the end"));
-    }
+    parser.words.expect_end()?;
     Ok(Formula {
         text: text.into(),
         nodes: parser.nodes,
@@ -50,10 +42,7 @@ pub(super) fn parse(text: &str) -> Result<Formula, ExpressionError> {
 }
 
 struct Parser<'a> {
-    text: &'a str,
-    tokens: Vec<Token>,
-    at: usize,
-    nesting: usize,
+    words: Cursor<'a>,
     nodes: Vec<Node>,
 }
 
@@ -63,7 +52,7 @@ type Parsed = Result<usize, ExpressionError>;
 impl Parser<'_> {
     fn formula(&mut self) -> Parsed {
         let left = self.disjunction()?;
-        if !self.accept_word("implies") {
+        if !self.words.accept_word("implies") {
             return Ok(left);
         }
         let right = self.nested(Self::formula)?;
@@ -72,7 +61,7 @@ impl Parser<'_> {
 
     fn disjunction(&mut self) -> Parsed {
         let mut left = self.conjunction()?;
-        while self.accept_word("or") {
+        while self.words.accept_word("or") {
             let right = self.conjunction()?;
             left = self.push(Node::Or(left, right));
         }
@@ -81,7 +70,7 @@ impl Parser<'_> {
 
     fn conjunction(&mut self) -> Parsed {
         let mut left = self.pair()?;
-        while self.accept_word("and") {
+        while self.words.accept_word("and") {
             let right = self.pair()?;
             left = self.push(Node::And(left, right));
         }
@@ -95,11 +84,11 @@ impl Parser<'_> {
         };
         let window = self.window(word)?;
         let reach = self.operand()?;
-        let next = self.peek().span.clone();
+        let next = self.words.peek().span.clone();
         if self.accept_chain().is_some() {
             let message =
                 "two of `until` and `since` in a row; say by parentheses what belongs together";
-            return Err(self.error(next, message));
+            return Err(self.words.error(next, message));
         }
         Ok(self.push(Node::Chain {
             is_past,
@@ -111,10 +100,10 @@ impl Parser<'_> {
 
     /// Whether `since` comes, not `until`, and its place.
     fn accept_chain(&mut self) -> Option<(bool, Range<usize>)> {
-        let span = self.peek().span.clone();
-        if self.accept_word("until") {
+        let span = self.words.peek().span.clone();
+        if self.words.accept_word("until") {
             Some((false, span))
-        } else if self.accept_word("since") {
+        } else if self.words.accept_word("since") {
             Some((true, span))
         } else {
             None
@@ -122,18 +111,18 @@ impl Parser<'_> {
     }
 
     fn operand(&mut self) -> Parsed {
-        let token = self.peek().clone();
+        let token = self.words.peek().clone();
         let TokenKind::Name(word) = &token.kind else {
             return self.primary();
         };
         let over = match word.as_str() {
             "not" => {
-                self.at += 1;
+                self.words.at += 1;
                 let operand = self.nested(Self::operand)?;
                 return Ok(self.push(Node::Not(operand)));
             }
             "rise" | "fall" => {
-                self.at += 1;
+                self.words.at += 1;
                 let rises = word == "rise";
                 let operand = self.nested(Self::operand)?;
                 return Ok(self.push(Node::Edge { rises, operand }));
@@ -144,7 +133,7 @@ impl Parser<'_> {
             "once" => (true, false),
             _ => return self.primary(),
         };
-        self.at += 1;
+        self.words.at += 1;
         let window = self.window(token.span)?;
         let operand = self.nested(Self::operand)?;
         let (is_past, every) = over;
@@ -157,29 +146,26 @@ impl Parser<'_> {
     }
 
     fn primary(&mut self) -> Parsed {
-        if self.peek().kind != TokenKind::Symbol("(") || self.opens_expression() {
+        if self.words.peek().kind != TokenKind::Symbol("(") || self.opens_expression() {
             return self.comparison();
         }
-        self.at += 1;
+        self.words.at += 1;
         let inner = self.nested(Self::formula)?;
-        if !self.accept(")") {
-            let token = self.peek().clone();
-            return Err(self.unexpected(&token, "an operator or `)`"));
-        }
+        self.words.expect(")", "an operator or `)`")?;
         Ok(inner)
     }
 
     /// Whether the parenthesis here belongs to an expression: what follows its end goes on with one.
     fn opens_expression(&self) -> bool {
         let mut depth = 0_usize;
-        for (at, token) in self.tokens.iter().enumerate().skip(self.at) {
+        for (at, token) in self.words.tokens.iter().enumerate().skip(self.words.at) {
             match token.kind {
                 TokenKind::Symbol("(") => depth += 1,
                 TokenKind::Symbol(")") => depth -= 1,
                 _ => {}
             }
             if depth == 0 {
-                let next = &self.tokens[at + 1].kind;
+                let next = &self.words.tokens[at + 1].kind;
                 return matches!(next, TokenKind::Symbol(symbol)
                     if !matches!(*symbol, "(" | ")" | "[" | "]" | ","));
             }
@@ -188,12 +174,11 @@ impl Parser<'_> {
     }
 
     fn comparison(&mut self) -> Parsed {
-        let begin = self.at;
+        let begin = self.words.at;
         let end = self.end_of_comparison();
-        let words = &self.tokens[begin..end];
+        let words = &self.words.tokens[begin..end];
         let (Some(first), Some(last)) = (words.first(), words.last()) else {
-            let token = self.peek().clone();
-            return Err(self.unexpected(&token, "a comparison"));
+            return Err(self.words.unexpected(self.words.peek(), "a comparison"));
         };
         let span = first.span.start..last.span.end;
         let relations = relations(words);
@@ -202,25 +187,25 @@ impl Parser<'_> {
             [one] => one.clone(),
             [_, (_, second), ..] => {
                 let message = "two comparisons in a row; join them by `and`";
-                return Err(self.error(second.clone(), message));
+                return Err(self.words.error(second.clone(), message));
             }
         };
         let left = self.side(span.start..sign.start)?;
         let right = self.side(sign.end..span.end)?;
         for (side, end) in [(&left, sign.start), (&right, span.end)] {
             if side.expression.is_truth() {
-                let words = self.text[side.start..end].trim_end();
+                let words = self.words.text[side.start..end].trim_end();
                 let begin = side.start + words.len() - words.trim_start().len();
                 let span = begin..side.start + words.len();
                 let message = "it is true or false, and so cannot be compared; join comparisons by `and`, `or` and `implies`";
-                return Err(self.error(span, message));
+                return Err(self.words.error(span, message));
             }
         }
         if left.expression.is_constant() && right.expression.is_constant() {
             let message = "it compares numbers and no signal, and so says nothing of a run";
-            return Err(self.error(span, message));
+            return Err(self.words.error(span, message));
         }
-        self.at = end;
+        self.words.at = end;
         let node = Node::Comparison(Comparison {
             relation,
             left,
@@ -232,7 +217,7 @@ impl Parser<'_> {
     /// The first word behind the comparison that begins here.
     fn end_of_comparison(&self) -> usize {
         let mut depth = 0_usize;
-        for (at, token) in self.tokens.iter().enumerate().skip(self.at) {
+        for (at, token) in self.words.tokens.iter().enumerate().skip(self.words.at) {
             match &token.kind {
                 TokenKind::End | TokenKind::Symbol("[" | "]") => return at,
                 TokenKind::Symbol(")" | ",") if depth == 0 => return at,
@@ -244,21 +229,21 @@ impl Parser<'_> {
                 _ => {}
             }
         }
-        self.tokens.len()
+        self.words.tokens.len()
     }
 
     fn side(&self, span: Range<usize>) -> Result<Side, ExpressionError> {
         let start = span.start;
-        let expression = Expression::parse(&self.text[span])
+        let expression = Expression::parse(&self.words.text[span])
             .and_then(|expression| expression.refuse_reduction().map(|()| expression))
-            .map_err(|error| error.inside(self.text, start))?;
+            .map_err(|error| error.inside(self.words.text, start))?;
         Ok(Side { expression, start })
     }
 
     /// What is wrong with words that compare nothing.
     fn no_comparison(&self, words: Range<usize>, span: Range<usize>) -> ExpressionError {
-        let first = &self.tokens[words.start];
-        let follows = &self.tokens[words.start + 1].kind;
+        let first = &self.words.tokens[words.start];
+        let follows = &self.words.tokens[words.start + 1].kind;
         let misspelt = match &first.kind {
             TokenKind::Name(name) if *follows == TokenKind::Symbol("[") => Some(name),
             TokenKind::Name(name) if *follows == TokenKind::Symbol("(") => {
@@ -268,32 +253,32 @@ impl Parser<'_> {
         };
         if let Some(name) = misspelt {
             let message = format!("unknown operator `{name}`");
-            let mut error = self.error(first.span.clone(), message);
+            let mut error = self.words.error(first.span.clone(), message);
             let known = PREFIXES.into_iter().chain(["not"]).chain(functions());
             error.nearest = nearest(name, known).into_iter().map(Into::into).collect();
             return error;
         }
         let message = "a requirement is made of comparisons, such as `abs(error_m) < 0.01`";
-        self.error(span, message)
+        self.words.error(span, message)
     }
 
     /// Bounds, if they come; `word` is the operator that they belong to.
     fn window(&mut self, word: Range<usize>) -> Result<Window, ExpressionError> {
-        let open = self.peek().span.clone();
-        if !self.accept("[") {
+        let open = self.words.peek().span.clone();
+        if !self.words.accept("[") {
             return Ok(Window {
                 bounds_s: None,
                 span: word,
             });
         }
         let begin_s = self.time()?;
-        self.expect(",", "`,` and the end of the window")?;
+        self.words.expect(",", "`,` and the end of the window")?;
         let end_s = self.time()?;
-        let close = self.peek().span.clone();
-        self.expect("]", "`]`")?;
+        let close = self.words.peek().span.clone();
+        self.words.expect("]", "`]`")?;
         if begin_s > end_s {
             let message = "the window ends before it begins";
-            return Err(self.error(open.start..close.end, message));
+            return Err(self.words.error(open.start..close.end, message));
         }
         Ok(Window {
             bounds_s: Some((begin_s, end_s)),
@@ -302,11 +287,12 @@ impl Parser<'_> {
     }
 
     fn time(&mut self) -> Result<f64, ExpressionError> {
-        let token = self.peek().clone();
-        self.at += 1;
+        let token = self.words.next();
         match token.kind {
             TokenKind::Number(time_s) | TokenKind::Time(time_s) => Ok(time_s),
-            _ => Err(self.unexpected(&token, "a time of at least 0, such as 2s or 200ms")),
+            _ => Err(self
+                .words
+                .unexpected(&token, "a time of at least 0, such as 2s or 200ms")),
         }
     }
 
@@ -315,58 +301,12 @@ impl Parser<'_> {
         self.nodes.len() - 1
     }
 
-    /// Runs a rule one level deeper; deep nesting must not exhaust the stack.
+    /// Runs a rule one level deeper.
     fn nested(&mut self, rule: impl FnOnce(&mut Self) -> Parsed) -> Parsed {
-        if self.nesting == NESTING {
-            let span = self.peek().span.clone();
-            let message = format!("nesting deeper than {NESTING} levels");
-            return Err(self.error(span, message));
-        }
-        self.nesting += 1;
+        self.words.nest()?;
         let parsed = rule(self)?;
-        self.nesting -= 1;
+        self.words.leave();
         Ok(parsed)
-    }
-
-    fn peek(&self) -> &Token {
-        &self.tokens[self.at]
-    }
-
-    fn accept(&mut self, symbol: &str) -> bool {
-        let found = matches!(self.peek().kind, TokenKind::Symbol(found) if found == symbol);
-        if found {
-            self.at += 1;
-        }
-        found
-    }
-
-    fn accept_word(&mut self, word: &str) -> bool {
-        let found = matches!(&self.peek().kind, TokenKind::Name(name) if name == word);
-        if found {
-            self.at += 1;
-        }
-        found
-    }
-
-    fn expect(&mut self, symbol: &str, wanted: &str) -> Result<(), ExpressionError> {
-        if self.accept(symbol) {
-            return Ok(());
-        }
-        let token = self.peek().clone();
-        Err(self.unexpected(&token, wanted))
-    }
-
-    fn unexpected(&self, token: &Token, wanted: &str) -> ExpressionError {
-        let found = match &token.kind {
-            TokenKind::End => "the end".into(),
-            _ => format!("`{}`", &self.text[token.span.clone()]),
-        };
-        let message = format!("expected {wanted}, found {found}");
-        self.error(token.span.clone(), message)
-    }
-
-    fn error(&self, span: Range<usize>, message: impl Into<String>) -> ExpressionError {
-        ExpressionError::new(self.text, span, message)
     }
 }
 

@@ -1,0 +1,107 @@
+//! Cursor over the words of a text, for both parsers.
+//!
+//! Reads on word by word, limits the nesting and words the errors; knows no grammar.
+
+use std::ops::Range;
+
+use super::ExpressionError;
+use super::lexer::{Token, TokenKind, tokens};
+
+/// Deepest nesting of parentheses, calls, signs and operators.
+const NESTING: usize = 64;
+
+/// Place in a text that is split into words.
+pub(crate) struct Cursor<'a> {
+    pub text: &'a str,
+    /// Words; the last one is [`TokenKind::End`].
+    pub tokens: Vec<Token>,
+    /// Index of the next word.
+    pub at: usize,
+    nesting: usize,
+}
+
+impl<'a> Cursor<'a> {
+    /// Stands before the first word.
+    pub(crate) fn new(text: &'a str) -> Result<Self, ExpressionError> {
+        Ok(Self {
+            text,
+            tokens: tokens(text)?,
+            at: 0,
+            nesting: 0,
+        })
+    }
+
+    pub(crate) fn peek(&self) -> &Token {
+        &self.tokens[self.at]
+    }
+
+    /// Takes the next word; the end is never left.
+    pub(crate) fn next(&mut self) -> Token {
+        let token = self.peek().clone();
+        if token.kind != TokenKind::End {
+            self.at += 1;
+        }
+        token
+    }
+
+    pub(crate) fn accept(&mut self, symbol: &str) -> bool {
+        self.accept_if(|kind| matches!(kind, TokenKind::Symbol(found) if *found == symbol))
+    }
+
+    pub(crate) fn accept_word(&mut self, word: &str) -> bool {
+        self.accept_if(|kind| matches!(kind, TokenKind::Name(name) if name == word))
+    }
+
+    fn accept_if(&mut self, fits: impl FnOnce(&TokenKind) -> bool) -> bool {
+        let found = fits(&self.peek().kind);
+        self.at += usize::from(found);
+        found
+    }
+
+    pub(crate) fn expect(&mut self, symbol: &str, wanted: &str) -> Result<(), ExpressionError> {
+        if self.accept(symbol) {
+            return Ok(());
+        }
+        Err(self.unexpected(self.peek(), wanted))
+    }
+
+    /// Refuses words behind the last rule.
+    pub(crate) fn expect_end(&self) -> Result<(), ExpressionError> {
+        match self.peek().kind {
+            TokenKind::End => Ok(()),
+            _ => Err(self.unexpected(self.peek(), "an operator or the end")),
+        }
+    }
+
+    /// Goes one level deeper; deep nesting must not exhaust the stack.
+    pub(crate) fn nest(&mut self) -> Result<(), ExpressionError> {
+        if self.nesting == NESTING {
+            let message = format!("nesting deeper than {NESTING} levels");
+            return Err(self.error(self.peek().span.clone(), message));
+        }
+        self.nesting += 1;
+        Ok(())
+    }
+
+    /// Comes back from one level deeper.
+    pub(crate) const fn leave(&mut self) {
+        self.nesting -= 1;
+    }
+
+    pub(crate) fn unexpected(&self, token: &Token, wanted: &str) -> ExpressionError {
+        let word = &self.text[token.span.clone()];
+        let found = match &token.kind {
+            TokenKind::End => "the end".into(),
+            TokenKind::Time(_) => format!("the time `{word}`"),
+            _ => format!("`{word}`"),
+        };
+        self.error(
+            token.span.clone(),
+            format!("expected {wanted}, found {found}"),
+        )
+    }
+
+    pub(crate) fn error(&self, span: Range<usize>, message: impl Into<String>) -> ExpressionError {
+        ExpressionError::new(self.text, span, message)
+    }
+}
