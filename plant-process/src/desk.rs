@@ -13,12 +13,12 @@ use shared_types::live::{FaultState, Status};
 use shared_types::record::RecordLayout;
 use shared_types::time::Step;
 
-use crate::faults::{Admitted, Prepared};
+use crate::faults::{Admitted, ArmedFault};
 
 /// What the loop is asked to do.
 pub enum Order {
     /// Take these faults, all or none.
-    Admit(Vec<Box<Prepared>>, Sender<Result<Vec<Admitted>, String>>),
+    Admit(Vec<Box<ArmedFault>>, Sender<Result<Vec<Admitted>, String>>),
     /// End one fault or all; answered with those that ended and the first step without them.
     Clear(Option<u32>, Sender<(Vec<u32>, Step)>),
     /// Show the faults.

@@ -22,7 +22,7 @@ use shared_types::wait::WaitLimit;
 
 use crate::checkpoint::SavedPlant;
 use crate::desk::Desk;
-use crate::faults::{FaultKindEntry, FaultLayer, FaultWorkshop};
+use crate::faults::{FaultBuilder, FaultKindEntry, FaultLayer};
 use crate::guard::Guard;
 use crate::job::Job;
 use crate::plant::{Model, PlantKind};
@@ -87,7 +87,7 @@ struct Plant {
     description: PlantDescription,
     reference: Vec<Field>,
     model: Box<dyn Model>,
-    workshop: Arc<FaultWorkshop>,
+    builder: Arc<FaultBuilder>,
     faults: FaultLayer,
     guard: Guard,
 }
@@ -109,7 +109,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         let reference: Vec<Field> = (job.stimuli.iter())
             .flat_map(|stimulus| stimulus.fields())
             .collect();
-        let workshop = FaultWorkshop::new(
+        let builder = FaultBuilder::new(
             &description,
             &reference,
             faults,
@@ -131,14 +131,14 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         };
         if let Some(saved) = &saved {
             // First: a model takes whatever parameters it is given.
-            FaultLayer::check(&workshop, &job.faults, &saved.faults)?;
+            FaultLayer::check(&builder, &job.faults, &saved.faults)?;
             saved.restore_model(model.as_mut())?;
         }
         let plant = Plant {
             model,
             guard: Guard::new(&description.truth, &job.plant.limits)?,
-            faults: FaultLayer::new(&workshop, &job.faults)?,
-            workshop: Arc::new(workshop),
+            faults: FaultLayer::new(&builder, &job.faults)?,
+            builder: Arc::new(builder),
             reference,
             description,
         };
@@ -235,10 +235,10 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         Arc::clone(&self.desk)
     }
 
-    /// Where faults for this run are prepared.
+    /// Builder of faults for this run.
     #[must_use]
-    pub fn workshop(&self) -> Arc<FaultWorkshop> {
-        Arc::clone(&self.plant.workshop)
+    pub fn builder(&self) -> Arc<FaultBuilder> {
+        Arc::clone(&self.plant.builder)
     }
 
     /// How the run ended; `None` until then.

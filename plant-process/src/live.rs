@@ -18,7 +18,7 @@ use shared_types::time::{Rate, Step};
 
 use crate::desk::{Desk, Order};
 use crate::faults::layer::columns;
-use crate::faults::{FaultKindEntry, FaultWorkshop};
+use crate::faults::{FaultBuilder, FaultKindEntry};
 use crate::job::Job;
 use crate::plant::PlantKind;
 
@@ -84,12 +84,12 @@ pub fn serve(
     session: &SessionInfo,
     context: LiveContext,
     desk: Arc<Desk>,
-    workshop: Arc<FaultWorkshop>,
+    builder: Arc<FaultBuilder>,
 ) -> Result<Listening, String> {
     let mut service = Service {
         context,
         desk,
-        workshop,
+        builder,
     };
     live::listen(session, SOCKET, move |client| {
         // A client that went away needs no answer.
@@ -103,7 +103,7 @@ pub fn serve(
 struct Service {
     context: LiveContext,
     desk: Arc<Desk>,
-    workshop: Arc<FaultWorkshop>,
+    builder: Arc<FaultBuilder>,
 }
 
 /// Why there is no answer from the loop.
@@ -163,14 +163,14 @@ impl Service {
             let message = format!("{count} faults in one request; 1 to {MOST_FAULTS} are taken");
             return refused(Refusal::new(message));
         }
-        let prepared = (events.iter())
-            .map(|event| self.workshop.prepare(event.clone(), &columns).map(Box::new))
+        let armed = (events.iter())
+            .map(|event| self.builder.build(event.clone(), &columns).map(Box::new))
             .collect::<Result<Vec<_>, _>>();
-        let prepared = match prepared {
-            Ok(prepared) => prepared,
+        let armed = match armed {
+            Ok(armed) => armed,
             Err(invalid) => return refused(Refusal::new(invalid.to_string())),
         };
-        match self.order(|answer| Order::Admit(prepared, answer)) {
+        match self.order(|answer| Order::Admit(armed, answer)) {
             Ok(Ok(admitted)) => {
                 self.context.note(&events);
                 let rate = self.context.rate;

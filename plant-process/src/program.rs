@@ -106,7 +106,7 @@ impl Program for PlantProgram {
         let context = LiveContext::new(self.kind(&job)?, &self.faults, &job);
         let engine = Engine::new(self.kind(&job)?, &self.faults, job, link, sink);
         let mut engine = engine.map_err(|e| e.to_string())?;
-        let _listening = live::serve(session, context, engine.desk(), engine.workshop())?;
+        let _listening = live::serve(session, context, engine.desk(), engine.builder())?;
         // Threads that there are by now keep ordinary scheduling.
         let report = settings.apply();
         let told = session.write_file(realtime::PLANT_FILE, &report);

@@ -53,7 +53,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         })?;
         self.publisher.sink.open(&layout)?;
         self.desk.opened(&layout);
-        let opened = self.plant.faults.open(&self.plant.workshop, &layout);
+        let opened = self.plant.faults.open(&self.plant.builder, &layout);
         self.rows = Rows::new(layout, &welcome);
         let opened = opened.and_then(|()| self.restore());
         let missed = std::mem::take(&mut self.job.missed);

@@ -62,10 +62,10 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         let (desk, faults) = (&self.desk, &mut self.plant.faults);
         // Whoever asked may have gone away; what was asked is done all the same.
         match order {
-            Order::Admit(prepared, answer) => {
-                let events: Vec<_> = (prepared.iter().map(|fault| fault.event().clone())).collect();
+            Order::Admit(armed, answer) => {
+                let events: Vec<_> = (armed.iter().map(|fault| fault.event().clone())).collect();
                 let admitted = if step.0 < self.job.run.steps {
-                    faults.admit(prepared, step)
+                    faults.admit(armed, step)
                 } else {
                     Err("the run is over".into())
                 };

@@ -1,6 +1,6 @@
 //! One effect of a fault: where it is in its life, what it does, and how much it did.
 //!
-//! Made in the workshop with all the space it needs, owned by the layer. An effect waits, acts and
+//! Made by the fault builder with all the space it needs, owned by the layer. An effect waits, acts and
 //! has ended; it never goes back, and keeps no more than what is told of it.
 
 use std::fmt::Write;

@@ -22,12 +22,12 @@ use shared_types::live::FaultState;
 use shared_types::record::{Event, FaultEffectSize, FaultEnded, RecordLayout};
 use shared_types::time::{Rate, Step};
 
+use super::builder::{ArmedFault, FaultBuilder};
 use super::effect::{Action, Direction, Effect, SavedEffect};
 use super::lane::{Lane, SavedLane};
 use super::parameters::{Parameters, SavedParameters};
 use super::schedule::{Change, SavedEvent, Schedule, waits_for};
 use super::timing::Timing;
-use super::workshop::{FaultWorkshop, Prepared};
 
 /// Ended faults that are let go of for each that is taken.
 const MOST_RETIRED: usize = 4;
@@ -93,20 +93,20 @@ impl FaultLayer {
     ///
     /// # Errors
     /// If one of them cannot be.
-    pub fn new(workshop: &FaultWorkshop, events: &[FaultEvent]) -> Result<Self, Invalid> {
+    pub fn new(builder: &FaultBuilder, events: &[FaultEvent]) -> Result<Self, Invalid> {
         for event in events {
-            workshop.effects(event)?;
+            builder.effects(event)?;
         }
         Ok(Self {
-            rate: workshop.rate,
-            seed: workshop.seed,
+            rate: builder.rate,
+            seed: builder.seed,
             scenario: events.to_vec(),
             schedule: Schedule::default(),
             effects: Vec::new(),
             targets: Targets {
-                parameters: Parameters::new(&workshop.parameters, &workshop.healthy),
-                sample: Lane::new(workshop.sample_width(), FrameKind::Sample),
-                command: Lane::new(workshop.commands(), FrameKind::Command),
+                parameters: Parameters::new(&builder.parameters, &builder.healthy),
+                sample: Lane::new(builder.sample_width(), FrameKind::Sample),
+                command: Lane::new(builder.commands(), FrameKind::Command),
                 timing: Timing::default(),
             },
             told: VecDeque::new(),
@@ -149,27 +149,27 @@ impl FaultLayer {
     /// # Errors
     /// Why it is not.
     pub fn check(
-        workshop: &FaultWorkshop,
+        builder: &FaultBuilder,
         events: &[FaultEvent],
         saved: &SavedFaults,
     ) -> Result<(), Invalid> {
         let mut effects = Vec::new();
         for event in events {
-            effects.extend(workshop.effects(event)?);
+            effects.extend(builder.effects(event)?);
         }
         restore_effects(&mut effects, &saved.effects)?;
-        Parameters::new(&workshop.parameters, &workshop.healthy).check(&saved.parameters)
+        Parameters::new(&builder.parameters, &builder.healthy).check(&saved.parameters)
     }
 
     /// Arms the scenario's faults, now that it is known what a record holds.
     ///
     /// # Errors
     /// If a condition names a signal that there is not.
-    pub fn open(&mut self, workshop: &FaultWorkshop, layout: &RecordLayout) -> Result<(), Invalid> {
+    pub fn open(&mut self, builder: &FaultBuilder, layout: &RecordLayout) -> Result<(), Invalid> {
         let columns = columns(layout);
         for event in std::mem::take(&mut self.scenario) {
-            let prepared = workshop.prepare(event, &columns)?;
-            self.arm(prepared, Step(0));
+            let armed = builder.build(event, &columns)?;
+            self.arm(armed, Step(0));
         }
         self.schedule.look_ahead(&self.effects);
         Ok(())
@@ -265,10 +265,10 @@ impl FaultLayer {
     /// If one of them should have taken hold in the past, or never will.
     pub fn admit(
         &mut self,
-        prepared: Vec<Box<Prepared>>,
+        armed: Vec<Box<ArmedFault>>,
         next: Step,
     ) -> Result<Vec<Admitted>, String> {
-        for fault in &prepared {
+        for fault in &armed {
             let trigger = &fault.event().trigger;
             if let Some(other) = self.schedule.follows_in_vain(trigger) {
                 return Err(format!(
@@ -283,7 +283,7 @@ impl FaultLayer {
                 ));
             }
         }
-        for fault in &prepared {
+        for fault in &armed {
             let event = fault.event();
             let hold = self.schedule.hold_of(&event.trigger, next);
             let begin = hold.map_or(next, Step);
@@ -294,11 +294,11 @@ impl FaultLayer {
                 ));
             }
         }
-        self.retire(MOST_RETIRED * prepared.len());
-        let admitted = prepared.into_iter().map(|prepared| {
-            let event = prepared.event();
+        self.retire(MOST_RETIRED * armed.len());
+        let admitted = armed.into_iter().map(|armed| {
+            let event = armed.event();
             let (id, kind, waits_for) = (event.id, event.kind.clone(), waits_for(&event.trigger));
-            let step = self.arm(*prepared, next);
+            let step = self.arm(*armed, next);
             Admitted {
                 id,
                 kind,
@@ -345,17 +345,17 @@ impl FaultLayer {
     }
 
     /// Takes an event, with room for all that it will do.
-    fn arm(&mut self, mut prepared: Prepared, next: Step) -> Option<Step> {
+    fn arm(&mut self, mut armed: ArmedFault, next: Step) -> Option<Step> {
         let begin = self.effects.len();
-        let end = begin + prepared.effects.len();
-        let living = self.schedule.living_effects() + prepared.effects.len();
-        for effect in prepared.effects.drain(..) {
+        let end = begin + armed.effects.len();
+        let living = self.schedule.living_effects() + armed.effects.len();
+        for effect in armed.effects.drain(..) {
             self.path.reserve(effect.path_length());
             self.targets.stack_of(&effect.action).reserve(living);
             self.effects.push(effect);
         }
         self.told.reserve(2 * living);
-        self.schedule.arm(prepared, begin..end, next)
+        self.schedule.arm(armed, begin..end, next)
     }
 
     /// Does what the schedule says, and tells of it.

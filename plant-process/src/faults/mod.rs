@@ -2,7 +2,7 @@
 //!
 //! A fault is an event with one or more effects, each on one target:
 //!
-//! 1. The [`workshop`] makes it, away from the loop, with everything it needs. What it does to its
+//! 1. The [`builder`] makes it, away from the loop, with everything it needs. What it does to its
 //!    target is a [`kind`]; the built-in ones are in [`kinds`], a binary may add its own.
 //! 2. The [`layer`], which the engine calls at every step, takes it.
 //! 3. The `schedule` finds the step at which it takes hold and the one at which it ends.
@@ -11,6 +11,7 @@
 //!    `timing`; by the course of its [`profile`].
 
 mod arrivals;
+pub mod builder;
 mod channel;
 mod effect;
 pub mod kind;
@@ -21,11 +22,10 @@ mod parameters;
 pub mod profile;
 mod schedule;
 mod timing;
-pub mod workshop;
 
+pub use builder::{ArmedFault, FaultBuilder};
 pub use kind::{Fault, FaultKind, FaultKindEntry};
 pub use layer::{Admitted, FaultLayer, SavedFaults};
-pub use workshop::{FaultWorkshop, Prepared};
 
 #[cfg(test)]
 mod tests;

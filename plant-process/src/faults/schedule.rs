@@ -19,8 +19,8 @@ use shared_types::describe::Invalid;
 use shared_types::live::FaultState;
 use shared_types::time::Step;
 
+use super::builder::ArmedFault;
 use super::effect::{Effect, Life};
-use super::workshop::Prepared;
 
 /// A step that never comes.
 const NEVER: u64 = u64::MAX;
@@ -139,13 +139,13 @@ impl Schedule {
     /// step at which it takes hold, if that is known. [`look_ahead`](Self::look_ahead) must follow.
     pub(super) fn arm(
         &mut self,
-        prepared: Prepared,
+        armed: ArmedFault,
         effects: Range<usize>,
         next: Step,
     ) -> Option<Step> {
-        let Prepared {
+        let ArmedFault {
             event, when, until, ..
-        } = prepared;
+        } = armed;
         self.living_effects += effects.len();
         self.changes.reserve(2 * self.living_effects);
         let scheduled = Scheduled {

@@ -85,10 +85,10 @@ fn what_cannot_be_is_refused_by_name() {
         ),
         ("x", moving(&[]), "moves no parameter"),
     ];
-    let workshop = workshop();
+    let builder = builder();
     for (kind, effect, expected) in cases {
         let event = event(1, kind, at(0), &[effect]);
-        let refused = FaultLayer::new(&workshop, &[event]);
+        let refused = FaultLayer::new(&builder, &[event]);
         let refused = refused.map(|_| ()).expect_err(expected).to_string();
         assert!(refused.contains(expected), "{refused}");
     }
@@ -98,9 +98,9 @@ fn what_cannot_be_is_refused_by_name() {
 fn a_condition_on_a_signal_that_is_not_there_is_refused_when_the_signals_are_known() {
     let condition = Trigger::Condition(when("internal.z > 0", 1));
     let event = event(1, "plus", condition, &[on("measured.a_m", 1.0)]);
-    let workshop = workshop();
-    let mut layer = FaultLayer::new(&workshop, &[event]).expect("not known yet");
-    let refused = layer.open(&workshop, &RecordLayout::default());
+    let builder = builder();
+    let mut layer = FaultLayer::new(&builder, &[event]).expect("not known yet");
+    let refused = layer.open(&builder, &RecordLayout::default());
     assert!(
         refused
             .expect_err("unknown")

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::hint::black_box;
 
-use plant_process::faults::{FaultLayer, FaultWorkshop, kinds};
+use plant_process::faults::{FaultBuilder, FaultLayer, kinds};
 use serde_json::Value;
 use shared_types::clock::monotonic_ns;
 use shared_types::describe::Settings;
@@ -86,11 +86,11 @@ fn idle_ns() -> f64 {
     }
     let reference = vec![Field::signal("surface_angle_rad", "rad", "x"); 6];
     let seeded = (Rate::new(10_000.0).expect("legal"), 1);
-    let workshop = FaultWorkshop::new(plant, &reference, &kinds::all(), &parameters, seeded, &[]);
-    let workshop = workshop.expect("every parameter is there");
-    let mut layer = FaultLayer::new(&workshop, &[]).expect("no fault");
+    let builder = FaultBuilder::new(plant, &reference, &kinds::all(), &parameters, seeded, &[]);
+    let builder = builder.expect("every parameter is there");
+    let mut layer = FaultLayer::new(&builder, &[]).expect("no fault");
     layer
-        .open(&workshop, &RecordLayout::default())
+        .open(&builder, &RecordLayout::default())
         .expect("no fault");
     let (sensed, stimulus) = ([0.1; 10], [0.2; 6]);
     let (mut row, mut invalid) = ([0.0; 16], [0; VALIDITY_WORDS]);

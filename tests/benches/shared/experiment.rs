@@ -10,7 +10,7 @@ use controller_process::controller::{Law, LawKind, Row, Start};
 use controller_process::runner::choose;
 use hil_config::plan::{Plan, Stimulus};
 use hil_config::scenario::Scenario;
-use plant_process::faults::{FaultLayer, FaultWorkshop};
+use plant_process::faults::{FaultBuilder, FaultLayer};
 use plant_process::plant::{Model, PlantKind};
 use plant_process::stimulus;
 use shared_types::clock::monotonic_ns;
@@ -85,11 +85,11 @@ impl Experiment {
         let stimuli = &self.plan.stimuli;
         let reference: Vec<_> = stimuli.iter().flat_map(Stimulus::fields).collect();
         let seeded = (rate, self.plan.run.seed);
-        let workshop = FaultWorkshop::new(description, &reference, &[], parameters, seeded, &[]);
-        let workshop = workshop.expect("the plant's parameters");
-        let faults = FaultLayer::new(&workshop, &self.plan.faults);
+        let builder = FaultBuilder::new(description, &reference, &[], parameters, seeded, &[]);
+        let builder = builder.expect("the plant's parameters");
+        let faults = FaultLayer::new(&builder, &self.plan.faults);
         let mut faults = faults.expect("the scenario's faults");
-        let opened = faults.open(&workshop, &RecordLayout::default());
+        let opened = faults.open(&builder, &RecordLayout::default());
         opened.expect("no conditions");
         Rig {
             model: (self.plant.start)(parameters).expect("starts"),

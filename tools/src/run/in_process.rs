@@ -139,7 +139,7 @@ fn take_turns(
     let context = LiveContext::new(kind, &kinds, &plant);
     let engine = Engine::new(kind, &kinds, plant, plant_link, sink);
     let mut engine = engine.map_err(|e| e.to_string())?;
-    let _listening = live::serve(session, context, engine.desk(), engine.workshop())?;
+    let _listening = live::serve(session, context, engine.desk(), engine.builder())?;
     let mut runner = Runner::new(law, controller, controller_link).map_err(|e| e.to_string())?;
     // Both sides run in this thread: the plant's settings are those of both.
     let report = settings.apply();

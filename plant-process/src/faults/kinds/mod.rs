@@ -7,7 +7,7 @@
 //! 5. [`link`] acts on messages: loss, delay, jitter, duplication, reordering, corruption;
 //! 6. [`timing`] acts on time: late, skip.
 //!
-//! The workshop starts them by name, the layer calls them; they know neither. `docs/faults.md` is
+//! The fault builder starts them by name, the layer calls them; they know neither. `docs/faults.md` is
 //! their reference for users.
 
 pub mod hold;

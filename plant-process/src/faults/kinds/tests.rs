@@ -32,7 +32,7 @@ fn entry(kind: &str) -> FaultKindEntry {
     found.unwrap_or_else(|| panic!("no kind `{kind}`"))
 }
 
-/// A fault as the workshop starts it: what may be left out has its default.
+/// A fault as the fault builder starts it: what may be left out has its default.
 fn try_start(kind: &str, given: Parameters<'_>, list: &[f64]) -> Result<Box<dyn Fault>, Invalid> {
     let entry = entry(kind);
     let mut parameters = Settings::default();

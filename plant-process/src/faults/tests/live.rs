@@ -9,22 +9,22 @@ use shared_types::time::Step;
 use super::kinds::COUNTED;
 use super::rig::*;
 use crate::faults::layer::columns;
-use crate::faults::{Admitted, Prepared};
+use crate::faults::{Admitted, ArmedFault};
 
 const A: &str = "measured.a_m";
 
 impl Rig {
-    fn prepare(&self, event: FaultEvent) -> Box<Prepared> {
-        let prepared = self.workshop.prepare(event, &columns(&self.layout));
-        Box::new(prepared.expect("a fault that can be"))
+    fn prepare(&self, event: FaultEvent) -> Box<ArmedFault> {
+        let armed = self.builder.build(event, &columns(&self.layout));
+        Box::new(armed.expect("a fault that can be"))
     }
 
     fn admit(&mut self, events: Vec<FaultEvent>) -> Result<Vec<Admitted>, String> {
-        let prepared = events
+        let armed = events
             .into_iter()
             .map(|event| self.prepare(event))
             .collect();
-        self.layer.admit(prepared, Step(self.next))
+        self.layer.admit(armed, Step(self.next))
     }
 }
 

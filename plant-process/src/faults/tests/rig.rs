@@ -10,7 +10,7 @@ use shared_types::table::{Field, Table};
 use shared_types::time::{Rate, Step};
 
 use super::kinds;
-use crate::faults::{FaultLayer, FaultWorkshop};
+use crate::faults::{FaultBuilder, FaultLayer};
 
 shared_types::table! {
     /// What the plant can be told.
@@ -29,7 +29,7 @@ pub(super) fn signals(names: &[(&str, &str)]) -> Vec<Field> {
     names.iter().map(signal).collect()
 }
 
-pub(super) fn workshop() -> FaultWorkshop {
+pub(super) fn builder() -> FaultBuilder {
     let plant = PlantDescription {
         name: "plant".into(),
         summary: "A plant.".into(),
@@ -40,7 +40,7 @@ pub(super) fn workshop() -> FaultWorkshop {
         faults: Vec::new(),
         saves: false,
     };
-    FaultWorkshop::new(
+    FaultBuilder::new(
         &plant,
         &signals(&[("r_m", "m")]),
         &kinds::all(),
@@ -162,7 +162,7 @@ pub(super) struct Passed {
 
 /// A layer with what the engine does around it.
 pub(super) struct Rig {
-    pub(super) workshop: FaultWorkshop,
+    pub(super) builder: FaultBuilder,
     pub(super) layout: RecordLayout,
     pub(super) layer: FaultLayer,
     pub(super) next: u64,
@@ -176,7 +176,7 @@ pub(super) struct Rig {
 
 impl Rig {
     pub(super) fn new(events: &[FaultEvent]) -> Self {
-        let workshop = workshop();
+        let builder = builder();
         let layout = RecordLayout {
             measured: signals(&[("a_m", "m"), ("b_m", "m")]),
             reference: signals(&[("r_m", "m")]),
@@ -187,10 +187,10 @@ impl Rig {
                 .collect(),
             ..RecordLayout::default()
         };
-        let mut layer = FaultLayer::new(&workshop, events).expect("faults that can be");
-        layer.open(&workshop, &layout).expect("signals that are");
+        let mut layer = FaultLayer::new(&builder, events).expect("faults that can be");
+        layer.open(&builder, &layout).expect("signals that are");
         Self {
-            workshop,
+            builder,
             layout,
             layer,
             next: 0,

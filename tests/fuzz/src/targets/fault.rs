@@ -12,7 +12,7 @@ use hil_config::live_faults::{FaultContext, check_faults};
 use hil_config::plan::{FaultEvent, Trigger};
 use hil_config::problem::ProblemKind;
 use hil_config::show::fault_toml;
-use plant_process::faults::{FaultWorkshop, kinds};
+use plant_process::faults::{FaultBuilder, kinds};
 use shared_types::describe::PlantDescription;
 use shared_types::live::Possible;
 use shared_types::record::FaultAccepted;
@@ -117,7 +117,7 @@ fn requested(toml: &str) {
     };
     assert!(!events.is_empty());
     let plan = small_plan();
-    let workshop = FaultWorkshop::new(
+    let builder = FaultBuilder::new(
         plant(),
         &reference(),
         &kinds::all(),
@@ -125,7 +125,7 @@ fn requested(toml: &str) {
         (plan.run.rate, plan.run.seed),
         &[],
     );
-    let workshop = workshop.expect("the parameters are those of the plant");
+    let builder = builder.expect("the parameters are those of the plant");
     let columns = Columns::of(plant(), &plan.stimuli, &[]);
     for event in events {
         let accepted = FaultAccepted {
@@ -136,7 +136,7 @@ fn requested(toml: &str) {
         let kept = LiveFault::try_from(&accepted).expect("what was written can be read");
         assert_eq!(format!("{:?}", kept.event), format!("{event:?}"));
         // What the pieces mean together, the kind may still refuse; by name, and never by its end.
-        if let Err(invalid) = workshop.prepare(event.clone(), &columns) {
+        if let Err(invalid) = builder.build(event.clone(), &columns) {
             assert!(!invalid.0.is_empty());
         }
         shown(event);

@@ -1,4 +1,4 @@
-//! The workshop: turns a checked fault event into one that can act, away from the loop.
+//! The fault builder: turns a checked fault event into one that can act, away from the loop.
 //!
 //! Used at the start for a scenario's faults and by the service thread for live ones. Everything
 //! that a fault needs is found, started and allocated here.
@@ -18,8 +18,8 @@ use super::effect::{Action, Direction, Effect, Side};
 use super::kind::{AnySetup, FaultKindEntry};
 use super::profile;
 
-/// What faults are made of.
-pub struct FaultWorkshop {
+/// Builder of faults for one plant.
+pub struct FaultBuilder {
     pub(super) parameters: Vec<Field>,
     pub(super) healthy: Vec<f64>,
     measured: Vec<Field>,
@@ -32,14 +32,14 @@ pub struct FaultWorkshop {
 }
 
 /// A fault event that is ready to act.
-pub struct Prepared {
+pub struct ArmedFault {
     pub(super) event: FaultEvent,
     pub(super) effects: Vec<Effect>,
     pub(super) when: Option<Watch>,
     pub(super) until: Option<Watch>,
 }
 
-impl Prepared {
+impl ArmedFault {
     /// The event as it was asked for.
     #[must_use]
     pub const fn event(&self) -> &FaultEvent {
@@ -47,8 +47,8 @@ impl Prepared {
     }
 }
 
-impl FaultWorkshop {
-    /// A workshop for a plant with these reference signals, healthy parameters and kinds of faults.
+impl FaultBuilder {
+    /// A builder for a plant with these reference signals, healthy parameters and kinds of faults.
     ///
     /// # Errors
     /// If a parameter of the plant has no value.
@@ -89,11 +89,11 @@ impl FaultWorkshop {
         self.commands.len()
     }
 
-    /// Prepares an event; `columns` are those of a record, which conditions need.
+    /// Builds the fault of an event; `columns` are those of a record, which conditions need.
     ///
     /// # Errors
     /// If it names something that there is not, or its parameters do not go together.
-    pub fn prepare(&self, event: FaultEvent, columns: &Columns) -> Result<Prepared, Invalid> {
+    pub fn build(&self, event: FaultEvent, columns: &Columns) -> Result<ArmedFault, Invalid> {
         let watch = |condition: Option<&Condition>| {
             let watch = condition.map(|condition| Watch::new(condition, &self.derived, columns));
             watch.transpose().map_err(|e| Invalid(e.to_string()))
@@ -102,7 +102,7 @@ impl FaultWorkshop {
             Trigger::Condition(condition) => Some(condition),
             _ => None,
         };
-        Ok(Prepared {
+        Ok(ArmedFault {
             effects: self.effects(&event)?,
             when: watch(when)?,
             until: watch(event.end.condition.as_ref())?,
@@ -124,14 +124,14 @@ impl FaultWorkshop {
         number: u32,
         effect: &FaultEffect,
     ) -> Result<Effect, Invalid> {
-        let made = match &effect.action {
+        let built = match &effect.action {
             FaultAction::Move { moves, .. } => self.moves(moves)?,
             FaultAction::Kind { parameters, list } => {
                 self.kind(&event.kind, &effect.target, parameters, list)?
             }
         };
         let course = profile::canonical(&effect.profile);
-        let canonical = match made.canonical.as_str() {
+        let canonical = match built.canonical.as_str() {
             "" => course,
             action => format!("{action} {course}"),
         };
@@ -141,20 +141,20 @@ impl FaultWorkshop {
             step: 0,
             kind: event.kind.clone(),
             target: effect.target.clone(),
-            parameter: made.parameter,
+            parameter: built.parameter,
             canonical,
-            wall_only: made.wall_only,
+            wall_only: built.wall_only,
         };
         Ok(Effect::new(
             taken,
-            made.unit,
-            made.action,
+            built.unit,
+            built.action,
             effect,
             &event.end,
         ))
     }
 
-    fn moves(&self, moves: &[Move]) -> Result<Made, Invalid> {
+    fn moves(&self, moves: &[Move]) -> Result<BuiltAction, Invalid> {
         let found = (moves.iter())
             .map(|given| Ok((self.parameter(&given.parameter)?, given.operation, given.by)))
             .collect::<Result<Vec<_>, Invalid>>()?;
@@ -169,7 +169,7 @@ impl FaultWorkshop {
             };
             format!("{operation}={:016x}", given.by.to_bits())
         });
-        Ok(Made {
+        Ok(BuiltAction {
             parameter: names.join(","),
             canonical: canonical.collect::<Vec<_>>().join(" "),
             unit: self.parameters[first].unit.clone(),
@@ -190,7 +190,7 @@ impl FaultWorkshop {
         target: &str,
         parameters: &Settings,
         list: &[f64],
-    ) -> Result<Made, Invalid> {
+    ) -> Result<BuiltAction, Invalid> {
         let entry = (self.kinds.iter()).find(|entry| entry.description.kind == kind);
         let entry = entry.ok_or_else(|| Invalid(format!("there is no fault `{kind}`")))?;
         let place = self.place(entry.description.acts_on, target)?;
@@ -208,7 +208,7 @@ impl FaultWorkshop {
             Place::Answer => Action::Skip(fault, 0),
             Place::Side(side) => Action::Busy(side, fault, 0),
         };
-        Ok(Made {
+        Ok(BuiltAction {
             parameter: target.strip_prefix("parameter.").unwrap_or(target).into(),
             canonical: canonical(&entry.description, parameters, list),
             unit,
@@ -270,7 +270,7 @@ enum Place {
 }
 
 /// An action and what is told of it.
-struct Made {
+struct BuiltAction {
     action: Action,
     parameter: String,
     canonical: String,
