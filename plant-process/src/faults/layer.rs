@@ -24,9 +24,9 @@ use shared_types::time::{Rate, Step};
 
 use super::builder::{ArmedFault, FaultBuilder};
 use super::effect::{Action, Direction, Effect, SavedEffect};
-use super::lane::{Lane, SavedLane};
 use super::parameters::{Parameters, SavedParameters};
 use super::schedule::{Change, SavedEvent, Schedule, waits_for};
+use super::signal_path::{SavedPath, SignalPath};
 use super::timing::Timing;
 
 /// Ended faults that are let go of for each that is taken.
@@ -54,8 +54,8 @@ pub struct SavedFaults {
     /// In the order in which their events were armed.
     effects: Vec<SavedEffect>,
     parameters: SavedParameters,
-    sample: SavedLane,
-    command: SavedLane,
+    sample: SavedPath,
+    command: SavedPath,
     timing: Vec<usize>,
 }
 
@@ -70,8 +70,8 @@ impl SavedFaults {
 /// What effects act on, each with those that do.
 struct Targets {
     parameters: Parameters,
-    sample: Lane,
-    command: Lane,
+    sample: SignalPath,
+    command: SignalPath,
     timing: Timing,
 }
 
@@ -105,8 +105,8 @@ impl FaultLayer {
             effects: Vec::new(),
             targets: Targets {
                 parameters: Parameters::new(&builder.parameters, &builder.healthy),
-                sample: Lane::new(builder.sample_width(), FrameKind::Sample),
-                command: Lane::new(builder.commands(), FrameKind::Command),
+                sample: SignalPath::new(builder.sample_width(), FrameKind::Sample),
+                command: SignalPath::new(builder.commands(), FrameKind::Command),
                 timing: Timing::default(),
             },
             told: VecDeque::new(),
@@ -211,9 +211,9 @@ impl FaultLayer {
         measured.copy_from_slice(sensed);
         reference.copy_from_slice(stimulus);
         *invalid = [0; VALIDITY_WORDS];
-        let (lane, effects, rate) = (&mut self.targets.sample, &mut self.effects, self.rate);
-        lane.strike(effects, step, rate, (row, invalid));
-        lane.carry(effects, step, rate, (row, invalid), 0)
+        let (path, effects, rate) = (&mut self.targets.sample, &mut self.effects, self.rate);
+        path.apply_signal_faults(effects, step, rate, (row, invalid));
+        path.apply_link_faults(effects, step, rate, (row, invalid), 0)
     }
 
     /// What the controller is told to do with its time, and how long the plant is to be busy, in ns.
@@ -241,9 +241,10 @@ impl FaultLayer {
         applied.copy_from_slice(command);
         let (effects, rate) = (&mut self.effects, self.rate);
         self.targets.timing.answered(effects, header);
-        let lane = &mut self.targets.command;
-        let age_steps = lane.carry(effects, step, rate, (applied, invalid), header.age_steps);
-        lane.strike(effects, step, rate, (applied, invalid));
+        let path = &mut self.targets.command;
+        let age_steps =
+            path.apply_link_faults(effects, step, rate, (applied, invalid), header.age_steps);
+        path.apply_signal_faults(effects, step, rate, (applied, invalid));
         self.schedule.count(effects, step);
         age_steps
     }

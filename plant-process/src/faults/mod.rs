@@ -7,7 +7,7 @@
 //! 2. The [`layer`], which the engine calls at every step, takes it.
 //! 3. The `schedule` finds the step at which it takes hold and the one at which it ends.
 //! 4. Between them each `effect` acts where its target is: on the plant's `parameters`, on the
-//!    signals or the link of a `lane` (whose `channel` is the medium, with its `arrivals`), or on the
+//!    signals or the link of a `path` (whose `channel` is the medium, with its `arrivals`), or on the
 //!    `timing`; by the course of its [`profile`].
 
 mod arrivals;
@@ -16,11 +16,11 @@ mod channel;
 mod effect;
 pub mod kind;
 pub mod kinds;
-mod lane;
 pub mod layer;
 mod parameters;
 pub mod profile;
 mod schedule;
+mod signal_path;
 mod timing;
 
 pub use builder::{ArmedFault, FaultBuilder};

@@ -110,7 +110,7 @@ impl Parameters {
         self.before.copy_from_slice(&self.present);
         self.present.copy_from_slice(&self.healthy);
         for &effect in &self.stack {
-            strike(
+            apply(
                 &mut effects[effect],
                 &self.fields,
                 &mut self.present,
@@ -123,7 +123,7 @@ impl Parameters {
 }
 
 /// Lets an effect act. The size of one that moves several parameters is that of the first.
-fn strike(effect: &mut Effect, fields: &[Field], row: &mut [f64], step: Step, rate: Rate) {
+fn apply(effect: &mut Effect, fields: &[Field], row: &mut [f64], step: Step, rate: Rate) {
     let at = effect.moment(step, rate);
     let (mut acted, mut change) = (false, 0.0);
     match &mut effect.action {

@@ -2,7 +2,7 @@
 //! cross.
 //!
 //! Called by the layer at every step, in the order in which a row takes the way: a sample's signals
-//! are struck before it is sent, a command's after it has come. Without faults a lane only remembers
+//! are struck before it is sent, a command's after it has come. Without faults a path only remembers
 //! the row, which is what a later fault falls back on.
 
 use serde::{Deserialize, Serialize};
@@ -21,7 +21,7 @@ const VALID: [u64; VALIDITY_WORDS] = [0; VALIDITY_WORDS];
 pub(super) type Row<'a> = (&'a mut [f64], &'a mut [u64; VALIDITY_WORDS]);
 
 /// One direction.
-pub(super) struct Lane {
+pub(super) struct SignalPath {
     /// Effects that act on signals, in the order in which they took hold.
     signals: Vec<usize>,
     /// Effects that act on the link, likewise.
@@ -33,14 +33,14 @@ pub(super) struct Lane {
 
 /// The state of a direction.
 #[derive(Debug, Serialize, Deserialize)]
-pub(super) struct SavedLane {
+pub(super) struct SavedPath {
     signals: Vec<usize>,
     link: Vec<usize>,
     kept: Vec<f64>,
     channel: SavedChannel,
 }
 
-impl Lane {
+impl SignalPath {
     /// A direction with so many signals in frames of this kind.
     pub(super) fn new(width: usize, kind: FrameKind) -> Self {
         Self {
@@ -52,8 +52,8 @@ impl Lane {
     }
 
     /// Its state.
-    pub(super) fn save(&self) -> SavedLane {
-        SavedLane {
+    pub(super) fn save(&self) -> SavedPath {
+        SavedPath {
             signals: self.signals.clone(),
             link: self.link.clone(),
             kept: self.kept.clone(),
@@ -62,7 +62,7 @@ impl Lane {
     }
 
     /// Puts a state back.
-    pub(super) fn restore(&mut self, saved: SavedLane) -> Result<(), Invalid> {
+    pub(super) fn restore(&mut self, saved: SavedPath) -> Result<(), Invalid> {
         if saved.kept.len() != self.kept.len() {
             return Err(Invalid("its signals are not those of this plant".into()));
         }
@@ -108,7 +108,7 @@ impl Lane {
 
     /// Lets the faults of the signals act. An invalid signal keeps the value it had when it was
     /// valid last, whatever becomes of it on its way.
-    pub(super) fn strike(
+    pub(super) fn apply_signal_faults(
         &mut self,
         effects: &mut [Effect],
         step: Step,
@@ -123,13 +123,13 @@ impl Lane {
             }
         }
         for &effect in &self.signals {
-            strike(&mut effects[effect], step, rate, (row, invalid), &self.kept);
+            apply(&mut effects[effect], step, rate, (row, invalid), &self.kept);
         }
         self.kept.copy_from_slice(row);
     }
 
     /// Carries a row of this age to the receiver; gives the age of what that one has then.
-    pub(super) fn carry(
+    pub(super) fn apply_link_faults(
         &mut self,
         effects: &mut [Effect],
         step: Step,
@@ -175,7 +175,7 @@ fn is_invalid(invalid: &[u64; VALIDITY_WORDS], index: usize) -> bool {
 }
 
 /// Lets a fault act on one signal.
-fn strike(effect: &mut Effect, step: Step, rate: Rate, (row, invalid): Row<'_>, kept: &[f64]) {
+fn apply(effect: &mut Effect, step: Step, rate: Rate, (row, invalid): Row<'_>, kept: &[f64]) {
     let at = effect.moment(step, rate);
     let Action::Signal(_, index, fault) = &mut effect.action else {
         return;
