@@ -21,16 +21,16 @@ use shared_types::time::Step;
 use shared_types::wait::WaitLimit;
 
 use crate::checkpoint::SavedPlant;
-use crate::desk::Desk;
 use crate::faults::{FaultBuilder, FaultKindEntry, FaultLayer};
 use crate::guard::Guard;
 use crate::job::Job;
 use crate::plant::{Model, PlantKind};
+use crate::request_queue::RequestQueue;
 use crate::rows::Rows;
 use commands::Commands;
-use orders::Held;
 use publisher::Publisher;
 use release::SentSample;
+use requests::Held;
 use succession::Handover;
 
 /// A step that no run reaches.
@@ -63,7 +63,7 @@ pub struct Engine<L, S> {
     plant: Plant,
     job: Job,
     pacer: Option<Pacer>,
-    desk: Arc<Desk>,
+    queue: Arc<RequestQueue>,
     held: Option<Held>,
     rows: Rows,
     /// The last step was measured and the final record is to be written.
@@ -154,7 +154,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             .on_loss(job.run.on_controller_loss),
             plant,
             pacer: None,
-            desk: Arc::new(Desk::new(hold_at)),
+            queue: Arc::new(RequestQueue::new(hold_at)),
             held: None,
             rows: Rows::default(),
             ending: None,
@@ -231,8 +231,8 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
 
     /// Where requests to this run are put.
     #[must_use]
-    pub fn desk(&self) -> Arc<Desk> {
-        Arc::clone(&self.desk)
+    pub fn queue(&self) -> Arc<RequestQueue> {
+        Arc::clone(&self.queue)
     }
 
     /// Builder of faults for this run.
@@ -282,9 +282,9 @@ mod commands;
 mod ending;
 mod exchange;
 mod greeting;
-mod orders;
 mod publisher;
 mod release;
+mod requests;
 mod succession;
 
 #[cfg(test)]

@@ -14,7 +14,6 @@
 //! calls [`program::run`]. Nothing here knows a control law.
 
 mod checkpoint;
-pub mod desk;
 pub mod engine;
 pub mod faults;
 pub mod guard;
@@ -25,5 +24,6 @@ pub mod models;
 pub mod plant;
 pub mod program;
 pub mod repeat;
+pub mod request_queue;
 pub mod rows;
 pub mod stimulus;

@@ -1,8 +1,8 @@
 //! The service: answers requests from other terminals while the plant runs.
 //!
 //! A thread of its own listens on the session's socket, checks what is asked against the plant as a
-//! scenario is checked, prepares faults with all the space they need, and puts orders on the
-//! [`desk`](crate::desk). It never touches the loop's state and the loop never waits for it.
+//! scenario is checked, prepares faults with all the space they need, and puts requests into the
+//! [`request_queue`](crate::request_queue). It never touches the loop's state and the loop never waits for it.
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError};
@@ -16,13 +16,13 @@ use shared_types::record::RecordLayout;
 use shared_types::session::SessionInfo;
 use shared_types::time::{Rate, Step};
 
-use crate::desk::{Desk, Order};
 use crate::faults::layer::columns;
 use crate::faults::{FaultBuilder, FaultKindEntry};
 use crate::job::Job;
 use crate::plant::PlantKind;
+use crate::request_queue::{LoopRequest, RequestQueue};
 
-/// How long the loop may take to look at the desk: it does so before each step.
+/// How long the loop may take to look at the queue: it does so before each step.
 const LOOP_LIMIT: Duration = Duration::from_secs(5);
 /// How often the service looks for the loop's answer.
 const LOOK: Duration = Duration::from_micros(200);
@@ -83,12 +83,12 @@ impl LiveContext {
 pub fn serve(
     session: &SessionInfo,
     context: LiveContext,
-    desk: Arc<Desk>,
+    queue: Arc<RequestQueue>,
     builder: Arc<FaultBuilder>,
 ) -> Result<Listening, String> {
     let mut service = Service {
         context,
-        desk,
+        queue,
         builder,
     };
     live::listen(session, SOCKET, move |client| {
@@ -102,7 +102,7 @@ pub fn serve(
 
 struct Service {
     context: LiveContext,
-    desk: Arc<Desk>,
+    queue: Arc<RequestQueue>,
     builder: Arc<FaultBuilder>,
 }
 
@@ -117,8 +117,8 @@ impl Service {
             Request::Inject { toml } => return self.inject(&toml),
             Request::Clear { id } => self.clear(id),
             Request::Active => self.show(),
-            Request::Pause => self.order(Order::Pause).map(|()| self.status()),
-            Request::Resume => self.order(Order::Resume).map(|()| self.status()),
+            Request::Pause => self.request(LoopRequest::Pause).map(|()| self.status()),
+            Request::Resume => self.request(LoopRequest::Resume).map(|()| self.status()),
             Request::Advance { steps } => self.advance(steps),
         };
         answered.unwrap_or_else(refused)
@@ -135,7 +135,7 @@ impl Service {
     }
 
     fn status(&self) -> Response {
-        Response::Status(self.desk.status(self.context.rate, self.context.steps))
+        Response::Status(self.queue.status(self.context.rate, self.context.steps))
     }
 
     fn inject(&mut self, toml: &str) -> Response {
@@ -170,7 +170,7 @@ impl Service {
             Ok(armed) => armed,
             Err(invalid) => return refused(Refusal::new(invalid.to_string())),
         };
-        match self.order(|answer| Order::Admit(armed, answer)) {
+        match self.request(|answer| LoopRequest::Admit(armed, answer)) {
             Ok(Ok(admitted)) => {
                 self.context.note(&events);
                 let rate = self.context.rate;
@@ -224,7 +224,7 @@ impl Service {
     }
 
     fn clear(&self, id: Option<u32>) -> Result<Response, Unanswered> {
-        let (ids, step) = self.order(|answer| Order::Clear(id, answer))?;
+        let (ids, step) = self.request(|answer| LoopRequest::Clear(id, answer))?;
         if let (Some(id), true) = (id, ids.is_empty()) {
             return Err(Refusal {
                 expected: Some("the number of a fault that waits or acts".into()),
@@ -235,8 +235,8 @@ impl Service {
     }
 
     fn show(&self) -> Result<Response, Unanswered> {
-        let faults = self.order(Order::Show)?;
-        let status = self.desk.status(self.context.rate, self.context.steps);
+        let faults = self.request(LoopRequest::Show)?;
+        let status = self.queue.status(self.context.rate, self.context.steps);
         Ok(Response::Active { status, faults })
     }
 
@@ -245,13 +245,13 @@ impl Service {
         if steps == 0 {
             return Err(Refusal::new("0 steps are none; at least 1"));
         }
-        let until = self.order(|answer| Order::Advance(steps, answer))?;
+        let until = self.request(|answer| LoopRequest::Advance(steps, answer))?;
         let until = until.map_err(Refusal::new)?;
         let since = Instant::now();
         loop {
-            let status = self.desk.status(self.context.rate, self.context.steps);
+            let status = self.queue.status(self.context.rate, self.context.steps);
             let there = status.paused && Step(status.step) >= until;
-            if there || self.desk.is_closed() || since.elapsed() > LOOP_LIMIT {
+            if there || self.queue.is_closed() || since.elapsed() > LOOP_LIMIT {
                 return Ok(Response::Status(status));
             }
             std::thread::sleep(LOOK);
@@ -262,10 +262,10 @@ impl Service {
     fn layout(&self) -> Result<&RecordLayout, Unanswered> {
         let since = Instant::now();
         loop {
-            if let Some(layout) = self.desk.layout() {
+            if let Some(layout) = self.queue.layout() {
                 return Ok(layout);
             }
-            if self.desk.is_closed() || since.elapsed() > LOOP_LIMIT {
+            if self.queue.is_closed() || since.elapsed() > LOOP_LIMIT {
                 return Err(Refusal::new(
                     "the run has not begun: plant and controller are not connected",
                 ));
@@ -275,12 +275,12 @@ impl Service {
     }
 
     /// Has the loop do something.
-    fn order<T>(
+    fn request<T>(
         &self,
-        order: impl FnOnce(std::sync::mpsc::Sender<T>) -> Order,
+        request: impl FnOnce(std::sync::mpsc::Sender<T>) -> LoopRequest,
     ) -> Result<T, Unanswered> {
         self.layout()?;
-        wait(&self.desk.order(order))
+        wait(&self.queue.push(request))
     }
 }
 

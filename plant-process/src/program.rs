@@ -106,7 +106,7 @@ impl Program for PlantProgram {
         let context = LiveContext::new(self.kind(&job)?, &self.faults, &job);
         let engine = Engine::new(self.kind(&job)?, &self.faults, job, link, sink);
         let mut engine = engine.map_err(|e| e.to_string())?;
-        let _listening = live::serve(session, context, engine.desk(), engine.builder())?;
+        let _listening = live::serve(session, context, engine.queue(), engine.builder())?;
         // Threads that there are by now keep ordinary scheduling.
         let report = settings.apply();
         let told = session.write_file(realtime::PLANT_FILE, &report);
@@ -133,7 +133,7 @@ pub fn drive<L: Link, S: RecordSink>(
     mut waiter: Waiter,
     supervision: &Supervision,
 ) -> Result<(), LinkError> {
-    let desk = engine.desk();
+    let queue = engine.queue();
     let mut announced = 0;
     loop {
         if supervision.wants_stop() {
@@ -150,7 +150,7 @@ pub fn drive<L: Link, S: RecordSink>(
             Progress::Over => return Ok(()),
             Progress::Until(target_ns) => {
                 waiter.until_ns(target_ns, || {
-                    supervision.wants_stop() || desk.wants_attention()
+                    supervision.wants_stop() || queue.wants_attention()
                 });
                 waiter.done();
             }

@@ -54,7 +54,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         outcome: Outcome,
         reason: Option<String>,
     ) -> Result<(), LinkError> {
-        self.desk.close();
+        self.queue.close();
         self.side.on(&PlantEvent::Stop); // whatever it was in, it is over now
         // Room or not: nothing comes after it that could be lost.
         let published = self.publisher.flush(&self.rows.record);

@@ -52,7 +52,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             incoming: welcome.command.len(),
         })?;
         self.publisher.sink.open(&layout)?;
-        self.desk.opened(&layout);
+        self.queue.opened(&layout);
         let opened = self.plant.faults.open(&self.plant.builder, &layout);
         self.rows = Rows::new(layout, &welcome);
         let opened = opened.and_then(|()| self.restore());

@@ -63,7 +63,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                 return Ok(Progress::Over);
             }
         }
-        if !self.desk.is_open_for(step) && self.attend(step)? {
+        if !self.queue.is_open_for(step) && self.attend(step)? {
             return Ok(Progress::Held);
         }
         if !self.publisher.sink.has_room()? {

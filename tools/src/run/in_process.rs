@@ -139,7 +139,7 @@ fn take_turns(
     let context = LiveContext::new(kind, &kinds, &plant);
     let engine = Engine::new(kind, &kinds, plant, plant_link, sink);
     let mut engine = engine.map_err(|e| e.to_string())?;
-    let _listening = live::serve(session, context, engine.desk(), engine.builder())?;
+    let _listening = live::serve(session, context, engine.queue(), engine.builder())?;
     let mut runner = Runner::new(law, controller, controller_link).map_err(|e| e.to_string())?;
     // Both sides run in this thread: the plant's settings are those of both.
     let report = settings.apply();
@@ -159,7 +159,7 @@ fn turns<S: RecordSink>(
     mut waiter: Waiter,
     supervision: &Supervision,
 ) -> Result<(), LinkError> {
-    let desk = engine.desk();
+    let queue = engine.queue();
     runner.begin()?;
     loop {
         if supervision.wants_stop() {
@@ -172,7 +172,7 @@ fn turns<S: RecordSink>(
             engine::Progress::Busy => waiter.done(),
             engine::Progress::Until(target_ns) => {
                 waiter.until_ns(target_ns, || {
-                    supervision.wants_stop() || desk.wants_attention()
+                    supervision.wants_stop() || queue.wants_attention()
                 });
                 waiter.done();
             }

@@ -1,8 +1,8 @@
-//! The desk between the loop and the outside: requests wait here until the loop has a moment.
+//! Requests from outside, which wait here until the loop has a moment.
 //!
-//! The service thread of [`live`](crate::live) puts orders on it; the engine looks at one number
-//! before each step, the gate, and comes to the desk only when the step has reached
-//! it. The loop never waits for the desk, and the desk never touches the loop's state.
+//! The service thread of [`live`](crate::live) puts requests into it; the engine looks at one number
+//! before each step, the gate, and looks into the queue only when the step has reached
+//! it. The loop never waits for the queue, and the queue never touches the loop's state.
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -16,7 +16,7 @@ use shared_types::time::Step;
 use crate::faults::{Admitted, ArmedFault};
 
 /// What the loop is asked to do.
-pub enum Order {
+pub enum LoopRequest {
     /// Take these faults, all or none.
     Admit(Vec<Box<ArmedFault>>, Sender<Result<Vec<Admitted>, String>>),
     /// End one fault or all; answered with those that ended and the first step without them.
@@ -31,26 +31,26 @@ pub enum Order {
     Advance(u64, Sender<Result<Step, String>>),
 }
 
-/// The desk. Shared between the loop and the service thread.
-pub struct Desk {
-    /// The loop may begin any step below this without looking at the desk.
+/// Queue of requests. Shared between the loop and the service thread.
+pub struct RequestQueue {
+    /// The loop may begin any step below this without looking into the queue.
     gate: AtomicU64,
     /// The next step.
     step: AtomicU64,
     held: AtomicBool,
     closed: AtomicBool,
     layout: OnceLock<RecordLayout>,
-    orders: Mutex<Orders>,
+    requests: Mutex<Waiting>,
 }
 
-struct Orders {
-    waiting: VecDeque<Order>,
+struct Waiting {
+    waiting: VecDeque<LoopRequest>,
     /// The step before which the run is held.
     hold_at: Step,
 }
 
-impl Desk {
-    /// A desk of a run that is to be held before a step; [`Step`] of `u64::MAX` for never.
+impl RequestQueue {
+    /// Makes the queue of a run that is to be held before a step; [`Step`] of `u64::MAX` for never.
     #[must_use]
     pub fn new(hold_at: Step) -> Self {
         Self {
@@ -59,30 +59,30 @@ impl Desk {
             held: AtomicBool::new(false),
             closed: AtomicBool::new(false),
             layout: OnceLock::new(),
-            orders: Mutex::new(Orders {
+            requests: Mutex::new(Waiting {
                 waiting: VecDeque::new(),
                 hold_at,
             }),
         }
     }
 
-    /// For the loop: whether a step may begin without looking at the desk.
+    /// For the loop: whether a step may begin without looking into the queue.
     #[must_use]
     pub fn is_open_for(&self, step: Step) -> bool {
         self.step.store(step.0, Ordering::Relaxed);
         step.0 < self.gate.load(Ordering::Acquire)
     }
 
-    /// For the loop: takes one order, if there is one and the desk is free. `None` also moves the
+    /// For the loop: takes one request, if there is one and the queue is free. `None` also moves the
     /// gate to where the run is to be held.
     #[must_use]
-    pub fn next_order(&self) -> Option<Order> {
-        let mut orders = self.orders.try_lock().ok()?;
-        let order = orders.waiting.pop_front();
-        if order.is_none() {
-            self.gate.store(orders.hold_at.0, Ordering::Release);
+    pub fn next_request(&self) -> Option<LoopRequest> {
+        let mut requests = self.requests.try_lock().ok()?;
+        let request = requests.waiting.pop_front();
+        if request.is_none() {
+            self.gate.store(requests.hold_at.0, Ordering::Release);
         }
-        order
+        request
     }
 
     /// For the loop: holds the run before a step from now on.
@@ -103,7 +103,7 @@ impl Desk {
         let _ = self.layout.set(layout.clone()); // a second controller has the same layout
     }
 
-    /// For the loop: the run is over, nobody takes orders any more.
+    /// For the loop: the run is over, nobody takes requests any more.
     pub fn close(&self) {
         self.closed.store(true, Ordering::Release);
         self.lock().waiting.clear();
@@ -121,7 +121,7 @@ impl Desk {
         self.closed.load(Ordering::Acquire)
     }
 
-    /// Whether an order waits for the loop.
+    /// Whether a request waits for the loop.
     #[must_use]
     pub fn wants_attention(&self) -> bool {
         self.gate.load(Ordering::Acquire) == 0
@@ -139,20 +139,20 @@ impl Desk {
         }
     }
 
-    /// Puts an order on the desk and gives where its answer will come.
-    pub fn order<T>(&self, order: impl FnOnce(Sender<T>) -> Order) -> Receiver<T> {
+    /// Puts a request into the queue and gives where its answer will come.
+    pub fn push<T>(&self, request: impl FnOnce(Sender<T>) -> LoopRequest) -> Receiver<T> {
         let (answer, answered) = channel();
-        let mut orders = self.lock();
+        let mut requests = self.lock();
         if !self.is_closed() {
-            orders.waiting.push_back(order(answer));
+            requests.waiting.push_back(request(answer));
             self.gate.store(0, Ordering::Release);
         }
         answered
     }
 
-    fn lock(&self) -> std::sync::MutexGuard<'_, Orders> {
+    fn lock(&self) -> std::sync::MutexGuard<'_, Waiting> {
         // Nothing is left half done under this lock, so that a panic elsewhere does not matter.
-        self.orders.lock().unwrap_or_else(PoisonError::into_inner)
+        self.requests.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -161,27 +161,27 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_open_gate_needs_no_look_and_an_order_closes_it() {
-        let desk = Desk::new(Step(u64::MAX));
-        assert!(desk.is_open_for(Step(7)) && desk.next_order().is_none());
-        let answered = desk.order(Order::Pause);
-        assert!(!desk.is_open_for(Step(8)) && desk.wants_attention());
-        let Some(Order::Pause(answer)) = desk.next_order() else {
-            panic!("the order waits");
+    fn an_open_gate_needs_no_look_and_a_request_closes_it() {
+        let queue = RequestQueue::new(Step(u64::MAX));
+        assert!(queue.is_open_for(Step(7)) && queue.next_request().is_none());
+        let answered = queue.push(LoopRequest::Pause);
+        assert!(!queue.is_open_for(Step(8)) && queue.wants_attention());
+        let Some(LoopRequest::Pause(answer)) = queue.next_request() else {
+            panic!("the request waits");
         };
-        desk.hold_at(Step(8));
+        queue.hold_at(Step(8));
         answer.send(()).expect("somebody waits");
-        assert!(desk.next_order().is_none() && desk.holds(Step(8)));
-        assert!(!desk.wants_attention() && !desk.is_open_for(Step(8)));
+        assert!(queue.next_request().is_none() && queue.holds(Step(8)));
+        assert!(!queue.wants_attention() && !queue.is_open_for(Step(8)));
         assert!(answered.recv().is_ok());
     }
 
     #[test]
-    fn a_closed_desk_answers_nobody() {
-        let desk = Desk::new(Step(u64::MAX));
-        let before = desk.order(Order::Pause);
-        desk.close();
-        let after = desk.order(Order::Pause);
+    fn a_closed_queue_answers_nobody() {
+        let queue = RequestQueue::new(Step(u64::MAX));
+        let before = queue.push(LoopRequest::Pause);
+        queue.close();
+        let after = queue.push(LoopRequest::Pause);
         assert!(before.recv().is_err() && after.recv().is_err());
     }
 }

@@ -8,7 +8,7 @@ use shared_types::stream::RecordSink;
 use shared_types::time::Step;
 
 use super::{Engine, NEVER};
-use crate::desk::Order;
+use crate::request_queue::LoopRequest;
 
 /// Hold of a run, in ns of the monotonic clock.
 #[derive(Clone, Copy)]
@@ -20,14 +20,14 @@ pub(super) struct Held {
 }
 
 impl<L: Link, S: RecordSink> Engine<L, S> {
-    /// Serves what waits at the desk before a step; true if the run is held there.
+    /// Serves what waits in the queue before a step; true if the run is held there.
     pub(super) fn attend(&mut self, step: Step) -> Result<bool, LinkError> {
         while self.publisher.sink.has_room()?
-            && let Some(order) = self.desk.next_order()
+            && let Some(request) = self.queue.next_request()
         {
-            self.serve(order, step)?;
+            self.serve(request, step)?;
         }
-        if !self.desk.holds(step) {
+        if !self.queue.holds(step) {
             if let Some(held) = self.held.take() {
                 let held_ns = monotonic_ns() - held.since_ns;
                 self.commands.heard_ns += held_ns;
@@ -58,11 +58,11 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         patience_ns.min(OFTEN_NS)
     }
 
-    fn serve(&mut self, order: Order, step: Step) -> Result<(), LinkError> {
-        let (desk, faults) = (&self.desk, &mut self.plant.faults);
+    fn serve(&mut self, request: LoopRequest, step: Step) -> Result<(), LinkError> {
+        let (queue, faults) = (&self.queue, &mut self.plant.faults);
         // Whoever asked may have gone away; what was asked is done all the same.
-        match order {
-            Order::Admit(armed, answer) => {
+        match request {
+            LoopRequest::Admit(armed, answer) => {
                 let events: Vec<_> = (armed.iter().map(|fault| fault.event().clone())).collect();
                 let admitted = if step.0 < self.job.run.steps {
                     faults.admit(armed, step)
@@ -80,24 +80,24 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                 }
                 let _ = answer.send(admitted);
             }
-            Order::Clear(id, answer) => {
+            LoopRequest::Clear(id, answer) => {
                 let _ = answer.send((faults.clear(id, step), step));
             }
-            Order::Show(answer) => {
+            LoopRequest::Show(answer) => {
                 let _ = answer.send(faults.states());
             }
-            Order::Pause(answer) => {
-                desk.hold_at(step);
+            LoopRequest::Pause(answer) => {
+                queue.hold_at(step);
                 let _ = answer.send(());
             }
-            Order::Resume(answer) => {
-                desk.hold_at(NEVER);
+            LoopRequest::Resume(answer) => {
+                queue.hold_at(NEVER);
                 let _ = answer.send(());
             }
-            Order::Advance(steps, answer) => {
+            LoopRequest::Advance(steps, answer) => {
                 let until = Step(step.0.saturating_add(steps));
                 let _ = answer.send(if self.held.is_some() {
-                    desk.hold_at(until);
+                    queue.hold_at(until);
                     Ok(until)
                 } else {
                     Err("the run is not paused; `hil pause` first".into())
