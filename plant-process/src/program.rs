@@ -16,7 +16,7 @@ use shared_types::realtime;
 use shared_types::record::Outcome;
 use shared_types::session::SessionInfo;
 use shared_types::stream::iceoryx::IceoryxSink;
-use shared_types::stream::{Owed, RecordSink};
+use shared_types::stream::{Backpressure, RecordSink};
 use shared_types::supervision::Supervision;
 use shared_types::wait::{WaitLimit, Waiter};
 
@@ -97,12 +97,12 @@ impl Program for PlantProgram {
         let job: Job = program::read_job(&session.folder.join(JOB_FILE))?;
         let (limit, settings) = (WaitLimit::from_seconds(job.wait_limit_s), job.realtime);
         let link = IceoryxLink::create(session).map_err(|e| e.to_string())?;
-        let owed = match (job.observed, job.run.clock) {
-            (false, _) => Owed::Nothing,
-            (true, Clock::Realtime) => Owed::Start,
-            (true, Clock::Lockstep | Clock::Paced { .. }) => Owed::Everything,
+        let backpressure = match (job.observed, job.run.clock) {
+            (false, _) => Backpressure::None,
+            (true, Clock::Realtime) => Backpressure::AtStart,
+            (true, Clock::Lockstep | Clock::Paced { .. }) => Backpressure::Always,
         };
-        let sink = IceoryxSink::create(session, owed).map_err(|e| e.to_string())?;
+        let sink = IceoryxSink::create(session, backpressure).map_err(|e| e.to_string())?;
         let context = LiveContext::new(self.kind(&job)?, &self.faults, &job);
         let engine = Engine::new(self.kind(&job)?, &self.faults, job, link, sink);
         let mut engine = engine.map_err(|e| e.to_string())?;

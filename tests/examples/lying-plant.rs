@@ -23,7 +23,7 @@ use shared_types::record::{
 };
 use shared_types::session::SessionInfo;
 use shared_types::stream::iceoryx::IceoryxSink;
-use shared_types::stream::{Owed, RecordSink};
+use shared_types::stream::{Backpressure, RecordSink};
 use shared_types::supervision::Supervision;
 use shared_types::table;
 use shared_types::table::Empty;
@@ -292,7 +292,7 @@ impl Program for Liar {
     fn serve(&self, session: &SessionInfo, supervision: &Supervision) -> Result<u8, String> {
         let mut job: Job = program::read_job(&session.folder.join(JOB_FILE))?;
         let lie = std::mem::take(&mut job.plant.model);
-        let sink = IceoryxSink::create(session, Owed::Everything).map_err(|e| e.to_string())?;
+        let sink = IceoryxSink::create(session, Backpressure::Always).map_err(|e| e.to_string())?;
         let sink = LyingSink {
             sink,
             held: None,

@@ -17,7 +17,7 @@ use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{Link, in_process};
 use shared_types::session::Session;
 use shared_types::stream::iceoryx::{IceoryxSink, IceoryxSource};
-use shared_types::stream::{self, Item, Owed, RecordSink, RecordSource};
+use shared_types::stream::{self, Backpressure, Item, RecordSink, RecordSource};
 
 use crate::support::harness::Rig;
 use crate::support::mcap_reader::Recording;
@@ -295,7 +295,7 @@ fn over_shared_memory_the_loan_of_a_record_is_the_only_allocation_of_a_step() {
     let info = session.info();
     let plant = IceoryxLink::create(info).expect("a link");
     let controller = IceoryxLink::open(info, 1).expect("a link");
-    let sink = IceoryxSink::create(info, Owed::Everything).expect("a stream");
+    let sink = IceoryxSink::create(info, Backpressure::Always).expect("a stream");
     let source = IceoryxSource::open(info, true).expect("a stream");
     let allocations = allocations_in(2000, info.id, (plant, controller), (sink, source));
     assert_eq!(allocations, 2000);

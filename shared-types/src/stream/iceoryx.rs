@@ -9,7 +9,7 @@ use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::PortFactory as _;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
-use super::{Assembler, Item, ItemKind, Owed, RecordSink, RecordSource, send_in_parts};
+use super::{Assembler, Backpressure, Item, ItemKind, RecordSink, RecordSource, send_in_parts};
 use crate::link::LinkError;
 use crate::link::iceoryx::{Ipc, absent, node, received, subscribe, transport};
 use crate::record::{Event, RecordLayout};
@@ -87,7 +87,7 @@ pub struct IceoryxSink {
     words: usize,
     sent: u64,
     credited: u64,
-    owed: Owed,
+    backpressure: Backpressure,
     _node: Node<Ipc>,
 }
 
@@ -96,7 +96,7 @@ impl IceoryxSink {
     ///
     /// # Errors
     /// If shared memory cannot be used.
-    pub fn create(session: &SessionInfo, owed: Owed) -> Result<Self, LinkError> {
+    pub fn create(session: &SessionInfo, backpressure: Backpressure) -> Result<Self, LinkError> {
         let node = node(session, "records")?;
         // The credit's subscriber stands before the service that observers look for: their first
         // credit, sent as soon as they attach, would otherwise find nobody and be lost.
@@ -111,7 +111,7 @@ impl IceoryxSink {
             words: 1,
             sent: 0,
             credited: 0,
-            owed,
+            backpressure,
             _node: node,
         })
     }
@@ -163,21 +163,22 @@ impl RecordSink for IceoryxSink {
         // Credit is the number of the next item that the observer awaits: 0 means that it is not
         // attached, 1 that it is and has seen nothing.
         let under_way = |sink: &Self| sink.sent + 1 - sink.credited;
-        let is_free = match self.owed {
-            Owed::Nothing => true,
-            Owed::Start => self.credited > 0,
-            Owed::Everything => self.credited > 0 && under_way(self) < LOOK_AT,
+        let is_free = match self.backpressure {
+            Backpressure::None => true,
+            Backpressure::AtStart => self.credited > 0,
+            Backpressure::Always => self.credited > 0 && under_way(self) < LOOK_AT,
         };
         if is_free {
             return Ok(true);
         }
         self.hear_credit()?;
         Ok(self.credited > 0
-            && (self.owed == Owed::Start || under_way(self) < BUFFER as u64 - RESERVE))
+            && (self.backpressure == Backpressure::AtStart
+                || under_way(self) < BUFFER as u64 - RESERVE))
     }
 
     fn sent_and_taken(&mut self) -> Result<(u64, u64), LinkError> {
-        if self.owed == Owed::Nothing {
+        if self.backpressure == Backpressure::None {
             return Ok((0, 0));
         }
         self.hear_credit()?;

@@ -37,16 +37,16 @@ impl ItemKind {
     }
 }
 
-/// What the plant owes a recorder.
+/// Waits of the plant for its recorder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Owed {
-    /// Nothing; nobody has to be there.
-    Nothing,
-    /// To begin when the recorder is there. Records that it is too slow for are lost, and it sees
-    /// how many.
-    Start,
-    /// Every record: the plant waits rather than lose one.
-    Everything,
+pub enum Backpressure {
+    /// None; nobody has to be there.
+    None,
+    /// Only until the recorder is there. Records that it is too slow for are lost, and it sees the
+    /// number.
+    AtStart,
+    /// At every step: the plant waits rather than lose a record.
+    Always,
 }
 
 /// The plant's end.

@@ -38,7 +38,8 @@ fn drained(source: &mut dyn RecordSource) -> Vec<String> {
 #[test]
 fn without_credit_the_plant_waits_and_nothing_is_lost() {
     let session = Session::create(None).expect("a session");
-    let mut sink = iceoryx::IceoryxSink::create(session.info(), Owed::Everything).expect("creates");
+    let mut sink =
+        iceoryx::IceoryxSink::create(session.info(), Backpressure::Always).expect("creates");
     sink.open(&layout()).expect("opens");
     assert!(!sink.has_room().expect("asks"), "no observer yet");
     let mut source = iceoryx::IceoryxSource::open(session.info(), true).expect("opens");
@@ -67,7 +68,8 @@ fn without_credit_the_plant_waits_and_nothing_is_lost() {
 #[test]
 fn an_observer_without_credit_sees_its_losses() {
     let session = Session::create(None).expect("a session");
-    let mut sink = iceoryx::IceoryxSink::create(session.info(), Owed::Nothing).expect("creates");
+    let mut sink =
+        iceoryx::IceoryxSink::create(session.info(), Backpressure::None).expect("creates");
     sink.open(&layout()).expect("opens");
     let mut source = iceoryx::IceoryxSource::open(session.info(), false).expect("opens");
     drained(&mut source);
@@ -102,7 +104,7 @@ fn made_unusable(segments: &[std::path::PathBuf]) {
 fn a_stream_whose_memory_cannot_be_mapped_fails_by_name_and_is_not_taken_for_silent() {
     let session = Session::create(None).expect("a session");
     let info = session.info();
-    let mut sink = iceoryx::IceoryxSink::create(info, Owed::Everything).expect("creates");
+    let mut sink = iceoryx::IceoryxSink::create(info, Backpressure::Always).expect("creates");
     let mut source = iceoryx::IceoryxSource::open(info, true).expect("opens");
     let before = info.segments();
     sink.open(&layout()).expect("opens");
@@ -166,7 +168,8 @@ fn an_event_without_end_is_given_up() {
 #[test]
 fn a_service_whose_maker_died_half_way_keeps_nobody_once_it_is_removed() {
     let session = Session::create(None).expect("a session");
-    let _sink = iceoryx::IceoryxSink::create(session.info(), Owed::Everything).expect("creates");
+    let _sink =
+        iceoryx::IceoryxSink::create(session.info(), Backpressure::Always).expect("creates");
     // As after a death between the making of a segment and its size.
     let dynamic = |path: &PathBuf| path.extension().is_some_and(|kind| kind == "dynamic");
     let segments: Vec<PathBuf> = session

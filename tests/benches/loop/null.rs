@@ -25,7 +25,7 @@ use shared_types::pacer::OverrunPolicy;
 use shared_types::record::{Event, RecordLayout};
 use shared_types::session::{Session, SessionInfo};
 use shared_types::stream::iceoryx::{IceoryxSink, IceoryxSource};
-use shared_types::stream::{Owed, RecordSink, RecordSource};
+use shared_types::stream::{Backpressure, RecordSink, RecordSource};
 use shared_types::supervision::Supervision;
 use shared_types::table::Field;
 use shared_types::time::{Interval, Rate};
@@ -267,7 +267,7 @@ pub(crate) fn watched(names: &Names, size: usize, observers: usize) -> Figures {
     (session.add_controller(1, controller.id())).expect("noted");
 
     let mut taken_ns = Vec::with_capacity(steps as usize + 1);
-    let stream = (observers > 0).then(|| IceoryxSink::create(info, Owed::Nothing));
+    let stream = (observers > 0).then(|| IceoryxSink::create(info, Backpressure::None));
     let sink = RoundTrips {
         layout: RecordLayout::default(),
         taken_ns: &mut taken_ns,

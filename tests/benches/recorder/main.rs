@@ -24,7 +24,7 @@ use serde_json::json;
 use shared_types::digest::Digest;
 use shared_types::session::Session;
 use shared_types::stream::iceoryx::{IceoryxSink, IceoryxSource};
-use shared_types::stream::{Owed, RecordSink, RecordSource, in_process};
+use shared_types::stream::{Backpressure, RecordSink, RecordSource, in_process};
 use shared_types::time::Step;
 use shared_types::zerocopy::IntoBytes;
 use tempfile::TempDir;
@@ -154,7 +154,7 @@ fn compare() {
 
 fn drain_iceoryx_ns(tape: &Tape) -> f64 {
     let session = Session::create(None).expect("a session");
-    let mut sink = IceoryxSink::create(session.info(), Owed::Everything).expect("a stream");
+    let mut sink = IceoryxSink::create(session.info(), Backpressure::Always).expect("a stream");
     let mut source = IceoryxSource::open(session.info(), true).expect("a stream");
     drain_ns(tape, &mut sink, &mut source)
 }
