@@ -14,7 +14,7 @@ use shared_types::hello::{Control, Hello, Welcome};
 use shared_types::layout::SignalKind;
 use shared_types::link::{FrameSpec, Link, LinkError};
 use shared_types::lockstep::{Abort, ControllerAction, ControllerEvent, ControllerSide};
-use shared_types::surroundings::Lookout;
+use shared_types::surroundings::ThreadSampler;
 use shared_types::table::Field;
 use shared_types::time::Step;
 
@@ -85,7 +85,7 @@ struct Bound {
     /// The step of the last answer, and which were answered before it.
     last: Option<Step>,
     answered: Answered,
-    lookout: Lookout,
+    sampler: ThreadSampler,
     /// When the last answer was sent; before the first, when this was made.
     sent_ns: u64,
 }
@@ -307,7 +307,7 @@ impl<'a, L: Link> Runner<'a, L> {
             late: vec![0.0; welcome.command.len()],
             last: None,
             answered: Answered::default(),
-            lookout: Lookout::default(),
+            sampler: ThreadSampler::default(),
             sent_ns: monotonic_ns(),
         };
         if let Some(saved) = self.saved.clone() {
@@ -409,7 +409,7 @@ impl Bound {
     fn look(&mut self, answered_ns: u64) -> u64 {
         let cycle_ns = answered_ns - self.sent_ns;
         self.sent_ns = answered_ns;
-        self.lookout.after(cycle_ns)
+        self.sampler.after(cycle_ns)
     }
 
     /// Takes a sample and what its header says about timing.

@@ -15,7 +15,7 @@ use shared_types::lockstep::{AbortCode, PlantAction, PlantEvent, PlantSide};
 use shared_types::pacer::Pacer;
 use shared_types::record::{Outcome, RunEnd, Timing};
 use shared_types::stream::RecordSink;
-use shared_types::surroundings::Lookout;
+use shared_types::surroundings::ThreadSampler;
 use shared_types::table::Field;
 use shared_types::time::Step;
 use shared_types::wait::WaitLimit;
@@ -69,7 +69,7 @@ pub struct Engine<L, S> {
     /// The last step was measured and the final record is to be written.
     ending: Option<Step>,
     timing: Timing,
-    lookout: Lookout,
+    sampler: ThreadSampler,
     sample: SentSample,
     commands: Commands,
     handover: Handover,
@@ -159,7 +159,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             rows: Rows::default(),
             ending: None,
             timing: Timing::default(),
-            lookout: Lookout::default(),
+            sampler: ThreadSampler::default(),
             sample: SentSample::default(),
             commands: Commands::default(),
             handover: Handover::default(),

@@ -19,7 +19,7 @@ const COUNT: u64 = (1 << COUNT_BITS) - 1;
 
 /// What was found at one look. The counts begin anew after 2^24.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Surroundings {
+pub struct ThreadStatistics {
     /// The core that the thread ran on.
     pub core: u16,
     /// Context switches of the thread so far, its own and those forced on it.
@@ -28,7 +28,7 @@ pub struct Surroundings {
     pub faults: u32,
 }
 
-impl Surroundings {
+impl ThreadStatistics {
     /// Looks at the calling thread.
     #[must_use]
     pub fn look() -> Self {
@@ -79,14 +79,14 @@ impl Surroundings {
 
 /// Decides when to look.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Lookout {
+pub struct ThreadSampler {
     /// Mean of the steps' time, in ns times [`MEAN_OF`].
     mean: u64,
     steps: u32,
     last: u64,
 }
 
-impl Lookout {
+impl ThreadSampler {
     /// After a step that took so long: what was found last, as one word.
     #[must_use]
     pub fn after(&mut self, took_ns: u64) -> u64 {
@@ -104,7 +104,7 @@ impl Lookout {
             self.mean + counted_ns - mean_ns
         };
         if is_unusual || self.steps == 0 {
-            self.last = Surroundings::look().to_wire();
+            self.last = ThreadStatistics::look().to_wire();
             self.steps = EVERY_STEPS;
         }
         self.steps -= 1;
@@ -118,13 +118,13 @@ mod tests {
 
     #[test]
     fn surroundings_survive_the_wire_and_counts_begin_anew() {
-        let before = Surroundings {
+        let before = ThreadStatistics {
             core: 511,
             switches: (1 << 24) - 1,
             faults: 7,
         };
-        assert_eq!(Surroundings::from_wire(before.to_wire()), before);
-        let after = Surroundings {
+        assert_eq!(ThreadStatistics::from_wire(before.to_wire()), before);
+        let after = ThreadStatistics {
             core: 3,
             switches: 4,
             faults: 9,
@@ -134,19 +134,19 @@ mod tests {
 
     #[test]
     fn a_look_sees_a_thread_sleep() {
-        let before = Surroundings::look();
+        let before = ThreadStatistics::look();
         std::thread::sleep(std::time::Duration::from_millis(1));
-        assert!(Surroundings::look().since(before).0 >= 1);
+        assert!(ThreadStatistics::look().since(before).0 >= 1);
     }
 
     #[test]
     fn it_looks_after_an_unusual_step_and_every_so_often() {
-        let mut lookout = Lookout::default();
+        let mut sampler = ThreadSampler::default();
         let mut looks = |took_ns, steps: u32| {
             (0..steps)
                 .filter(|_| {
-                    lookout.last = u64::MAX; // no look gives this
-                    lookout.after(took_ns) != u64::MAX
+                    sampler.last = u64::MAX; // no look gives this
+                    sampler.after(took_ns) != u64::MAX
                 })
                 .count()
         };

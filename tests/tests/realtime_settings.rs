@@ -7,7 +7,7 @@
 use std::process::Command;
 
 use serde_json::Value;
-use shared_types::surroundings::Surroundings;
+use shared_types::surroundings::ThreadStatistics;
 
 use crate::support::harness::{Rig, Run, until};
 use crate::support::mcap_reader::Recording;
@@ -104,7 +104,7 @@ fn each_process_runs_on_its_core() {
             // The last record has no command, and so nothing of the controller.
             if word != 0 {
                 assert_eq!(
-                    u32::from(Surroundings::from_wire(word).core),
+                    u32::from(ThreadStatistics::from_wire(word).core),
                     core,
                     "{column}"
                 );
@@ -216,10 +216,10 @@ fn assert_refused(run: &Run, name: &str, left: Value, why: &str) {
 fn faults(run: &Run, side: &str) -> u32 {
     let recording = Recording::open(&run.recording());
     let place = recording.place(&format!("{side}_surroundings"));
-    let looks: Vec<Surroundings> = (recording.records())
+    let looks: Vec<ThreadStatistics> = (recording.records())
         .map(|record| record.words[place])
         .filter(|word| *word != 0)
-        .map(Surroundings::from_wire)
+        .map(ThreadStatistics::from_wire)
         .collect();
     let (first, last) = (looks[0], looks[looks.len() - 1]);
     last.since(first).1

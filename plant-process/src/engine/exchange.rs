@@ -196,7 +196,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             late_ns: self.sample.late_ns,
             held_steps: u64::from(*held_steps),
             answered: header.directive,
-            plant_surroundings: self.lookout.after(took_ns),
+            plant_surroundings: self.sampler.after(took_ns),
             controller_surroundings: header.surroundings,
             directive: self.sample.directive,
         };

@@ -10,7 +10,7 @@ use rustix::mm::{MlockAllFlags, mlockall};
 use rustix::process::{Resource, getrlimit};
 use rustix::thread::{CapabilitySet, capabilities};
 
-use crate::surroundings::Surroundings;
+use crate::surroundings::ThreadStatistics;
 
 /// How deep the stack of the loop's thread is touched; a step needs far less.
 const STACK: usize = 256 << 10;
@@ -58,9 +58,9 @@ pub(super) fn is_locked() -> bool {
 /// Whether the calling thread can touch new memory without a page fault.
 pub(super) fn is_at_hand() -> bool {
     let mut probe: Vec<u8> = Vec::with_capacity(PROBE);
-    let before = Surroundings::look();
+    let before = ThreadStatistics::look();
     probe.resize(PROBE, 1);
     black_box(&probe);
-    let (_, faults) = Surroundings::look().since(before);
+    let (_, faults) = ThreadStatistics::look().since(before);
     faults == 0
 }

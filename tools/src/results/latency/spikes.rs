@@ -1,13 +1,13 @@
 //! The ten worst steps, and what happened to both threads around them.
 //!
 //! Plant and controller look at their own threads after an unusual step and every so often
-//! ([`Surroundings`]); a record carries what each found last. Two looks, before and after a spike,
+//! ([`ThreadStatistics`]); a record carries what each found last. Two looks, before and after a spike,
 //! show what happened in between, which may be more than the spike. A spike that both threads did not
 //! notice had its cause outside of them: an interrupt, firmware, a hypervisor.
 
 use serde::Serialize;
 use shared_types::record::Timing;
-use shared_types::surroundings::Surroundings;
+use shared_types::surroundings::ThreadStatistics;
 
 use crate::terminal::duration::shown_ns;
 
@@ -47,7 +47,7 @@ pub struct Since {
 }
 
 impl Since {
-    fn between(before: Surroundings, after: Surroundings) -> Self {
+    fn between(before: ThreadStatistics, after: ThreadStatistics) -> Self {
         let (switches, faults) = after.since(before);
         Self {
             from_core: before.core,
@@ -156,8 +156,8 @@ impl Spikes {
         {
             let spike = &mut self.worst[open.place];
             spike.controller_thread = Some(Since::between(
-                Surroundings::from_wire(open.before.controller),
-                Surroundings::from_wire(timing.controller_surroundings),
+                ThreadStatistics::from_wire(open.before.controller),
+                ThreadStatistics::from_wire(timing.controller_surroundings),
             ));
         }
         if timing.round_trip_ns > self.least_ns {
@@ -169,8 +169,8 @@ impl Spikes {
     fn keep(&mut self, step: u64, timing: &Timing) {
         let seen = |before: u64, after: u64| {
             Since::between(
-                Surroundings::from_wire(before),
-                Surroundings::from_wire(after),
+                ThreadStatistics::from_wire(before),
+                ThreadStatistics::from_wire(after),
             )
         };
         // Another controller is another thread: the two have nothing to compare.
@@ -208,7 +208,7 @@ mod tests {
     use super::*;
 
     fn word(core: u16, switches: u32, faults: u32) -> u64 {
-        Surroundings {
+        ThreadStatistics {
             core,
             switches,
             faults,
