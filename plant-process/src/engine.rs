@@ -28,10 +28,10 @@ use crate::plant::{Model, PlantKind};
 use crate::request_queue::RequestQueue;
 use crate::rows::Rows;
 use commands::Commands;
+use handover::Handover;
 use publisher::Publisher;
 use release::SentSample;
 use requests::Held;
-use succession::Handover;
 
 /// A step that no run reaches.
 const NEVER: Step = Step(u64::MAX);
@@ -282,10 +282,10 @@ mod commands;
 mod ending;
 mod exchange;
 mod greeting;
+mod handover;
 mod publisher;
 mod release;
 mod requests;
-mod succession;
 
 #[cfg(test)]
 mod chatter;

@@ -7,7 +7,8 @@
 use std::path::{Path, PathBuf};
 
 use shared_types::frame::{FrameError, Header, MAX_SIGNALS, Seal};
-use shared_types::link::{FrameSpec, Link, LinkError, Peer, Rejected};
+use shared_types::ignored::Ignored;
+use shared_types::link::{FrameSpec, Link, LinkError, Peer};
 use shared_types::table::canonical;
 use shared_types::zerocopy::{FromBytes, IntoBytes};
 
@@ -27,7 +28,7 @@ pub struct UnixSocketLink {
     frames: Option<Frames>,
     /// Those opened last, if others are in use.
     next: Option<Frames>,
-    rejected: Rejected,
+    rejected: Ignored,
 }
 
 struct Frames {
@@ -60,7 +61,7 @@ impl UnixSocketLink {
             control: socket(folder, side, "control", epoch)?,
             frames: None,
             next: None,
-            rejected: Rejected::default(),
+            rejected: Ignored::default(),
         })
     }
 }
@@ -145,13 +146,13 @@ impl Link for UnixSocketLink {
         match opened(&message, frames.seal, values) {
             Ok(header) => Ok(Some(header)),
             Err(error) => {
-                self.rejected.add(error);
+                self.rejected.count(error);
                 Ok(None)
             }
         }
     }
 
-    fn rejected(&self) -> Rejected {
+    fn rejected(&self) -> Ignored {
         self.rejected
     }
 }

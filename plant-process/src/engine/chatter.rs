@@ -245,8 +245,8 @@ fn messages_that_agree_on_nothing_do_not_put_off_the_limit_of_hello() {
 }
 
 #[test]
-fn one_that_is_announced_and_chats_does_not_put_off_the_limit_of_the_one_in_office() {
-    // Were the candidate's limit the only one, the one in office would be called late no sooner.
+fn one_that_is_announced_and_chats_does_not_put_off_the_limit_of_the_one_active() {
+    // Were the candidate's limit the only one, the active one would be called late no sooner.
     let parrot = Parrot::new(3, Repeats::Hello);
     let (mut engine, _source) = engine(job_of(9, OnLoss::Abort, Clock::Lockstep), parrot);
     while engine.is_greeting() || engine.side.at() < Step(3) || engine.side.unreleased().is_some() {

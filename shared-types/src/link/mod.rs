@@ -20,7 +20,7 @@ use crate::ignored::Ignored;
 /// 3. Frames flow. A newer frame replaces an older one that was not received: the link holds the
 ///    latest state, not a queue.
 /// 4. The plant may [`expect`](Link::expect) another controller: control messages are its from then
-///    on, while the frames of the one in office go on until the plant calls
+///    on, while the frames of the active one go on until the plant calls
 ///    [`take_over`](Link::take_over).
 pub trait Link {
     /// Sends a control message.

@@ -1,7 +1,7 @@
 //! Peers that say whatever they like for as long as they like: none can keep a run from its end.
 //!
 //! Each machine is driven as its process drives it. At every poll the other side says nothing, or
-//! anything at all: any frame of any step within reach, any control message, in office or announced.
+//! anything at all: any frame of any step within reach, any control message, active or announced.
 //! A wait is over after a few polls, and begins anew only when the [`Standing`] moves. From the start
 //! every state that can be reached is visited, and none may ever come again: where it did, the other
 //! side could lead the run round in a circle for ever.

@@ -408,9 +408,9 @@ impl World {
     fn moves(&self) -> (Vec<Move>, Vec<Move>) {
         let (mut moves, mut at_last) = (Vec::new(), Vec::new());
         let plant_works = !self.plant_is_over();
-        let in_office = self.crew.get(self.used.wrapping_sub(1) as usize);
-        let unread = in_office.and_then(|m| m.command).filter(|c| c.is_new);
-        // Also while nobody is in office: the dead one's last word may still be there.
+        let active = self.crew.get(self.used.wrapping_sub(1) as usize);
+        let unread = active.and_then(|m| m.command).filter(|c| c.is_new);
+        // Also while no controller is active: the dead one's last word may still be there.
         let frames_flow = !self.plant.is_greeting();
         if plant_works {
             if self.plant.unreleased().is_some() {

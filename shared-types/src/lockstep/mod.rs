@@ -19,7 +19,7 @@
 //!
 //! A controller that is lost may be replaced while the run goes on ([`OnLoss`]): each has an epoch of
 //! its own, a number that every frame carries, so that nothing of the old one is ever taken for the
-//! new one's. Another is greeted beside the one in office, which goes on until it is ready.
+//! new one's. Another is greeted beside the active one, which goes on until it is ready.
 //!
 //! Against the clock the plant does not wait for a command beyond its deadline: it goes on with the
 //! newest one that it has, and a controller that comes late finds a later sample.

@@ -26,7 +26,7 @@ pub enum PlantEvent<'a> {
     /// No command for this step comes in time: it missed its deadline, against the clock, or there
     /// is no controller.
     Missed,
-    /// The bounded wait for the controller in office, so many ms long, is over.
+    /// The bounded wait for the active controller, so many ms long, is over.
     Deadline(u64),
     /// The same for the one that was announced.
     CandidateLate(u64),
@@ -52,7 +52,7 @@ pub enum PlantAction {
     /// Send a refusal with this reason to the controller that was announced; the run goes on
     /// without it.
     Dismiss(Abort),
-    /// The controller that was announced is in office: tell the old one, use the new frames, and send
+    /// The controller that was announced is active: tell the old one, use the new frames, and send
     /// the sample of this step once more if there is one.
     TakeOver(Option<Step>),
     /// Send the sample of this step.
@@ -213,7 +213,7 @@ impl PlantSide {
         self.needs_another() && !self.against_clock
     }
 
-    /// The epoch of the controller in office, or of the last one that was.
+    /// The epoch of the active controller, or of the last one that was.
     #[must_use]
     pub const fn epoch(&self) -> u32 {
         match self.controller {
@@ -221,7 +221,7 @@ impl PlantSide {
         }
     }
 
-    /// The epoch of a controller that was announced and is not in office yet.
+    /// The epoch of a controller that was announced and is not active yet.
     #[must_use]
     pub fn candidate(&self) -> Option<u32> {
         self.candidate.map(Candidate::epoch)
@@ -233,7 +233,7 @@ impl PlantSide {
         self.ignored
     }
 
-    /// How far it has come with the controller in office.
+    /// How far it has come with the active controller.
     #[must_use]
     pub const fn standing(&self) -> Standing {
         Standing([
@@ -496,7 +496,7 @@ impl PlantSide {
         })
     }
 
-    /// The controller in office is of no more use.
+    /// The active controller is of no more use.
     fn lose(&mut self, why: Abort) -> PlantAction {
         let Controller::Active(epoch) = self.controller else {
             return PlantAction::Nothing;

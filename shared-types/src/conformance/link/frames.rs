@@ -171,7 +171,7 @@ pub fn frames_are_whole_while_both_ends_work<F: Fixture>() {
             newest = header.step;
             assert_eq!(got, [newest as f64; 512], "step {newest}");
         }
-        assert_eq!(controller.rejected().count, 0);
+        assert_eq!(controller.rejected().total(), 0);
     });
     frame::<F>(&mut plant, &mut [0.0]);
     for step in 1..=LAST {
@@ -218,9 +218,9 @@ fn rejects<F: Fixture>(end: &mut F::Link, reason: FrameError) {
     let mut got = [7.0; 2];
     let rejected = awaited::<F, _>("refusal", || {
         assert_eq!(end.receive(&mut got), Ok(None));
-        Some(end.rejected()).filter(|rejected| rejected.count > 0)
+        Some(end.rejected()).filter(|rejected| !rejected.is_empty())
     });
-    assert_eq!((rejected.count, rejected.last), (1, Some(reason)));
+    assert_eq!((rejected.total(), rejected.of(reason.into())), (1, 1));
     assert_eq!(got, [7.0; 2], "a refused frame leaves the buffer alone");
 }
 

@@ -7,7 +7,8 @@ use std::time::Duration;
 use super::{Iceoryx, InProcess};
 use crate::conformance::link::{Fixture, Opener, sentences};
 use crate::frame::{FrameKind, Header, MAX_SIGNALS, VALIDITY_WORDS};
-use crate::link::{FrameSpec, Link, LinkError, Peer, Rejected};
+use crate::ignored::Ignored;
+use crate::link::{FrameSpec, Link, LinkError, Peer};
 use crate::time::Step;
 
 flaws! {
@@ -186,7 +187,7 @@ impl<L: Link, const FLAW: usize> Link for BrokenLink<L, FLAW> {
 
     fn receive(&mut self, values: &mut [f64]) -> Result<Option<Header>, LinkError> {
         self.wire.waits[1 - self.side].set(false);
-        let before = self.link.rejected().count;
+        let before = self.link.rejected().total();
         let mut header = match self.link.receive(values) {
             Err(LinkError::NotOpen) if Self::has(Flaw::IsAlwaysOpen) => return Ok(None),
             received => received?,
@@ -195,7 +196,7 @@ impl<L: Link, const FLAW: usize> Link for BrokenLink<L, FLAW> {
             if Self::has(Flaw::Repeats) {
                 return Ok(self.incoming.take().map(|(header, _)| header));
             }
-            if Self::has(Flaw::DeliversRefused) && self.link.rejected().count > before {
+            if Self::has(Flaw::DeliversRefused) && self.link.rejected().total() > before {
                 return Ok(Some(Header::new(FrameKind::Sample, Step(0))));
             }
             if Self::has(Flaw::FailsAtDeath) && self.wire.has_death.get() {
@@ -224,7 +225,7 @@ impl<L: Link, const FLAW: usize> Link for BrokenLink<L, FLAW> {
         Ok(header)
     }
 
-    fn rejected(&self) -> Rejected {
+    fn rejected(&self) -> Ignored {
         self.link.rejected()
     }
 }

@@ -73,15 +73,15 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         self.side.is_greeting()
     }
 
-    /// The controller that is gone and was not known to be: the one in office, or the one announced.
+    /// The controller that is gone and was not known to be: the active one, or the one announced.
     #[must_use]
     pub fn news(&self, gone: Gone) -> Option<u32> {
         if !gone.any() {
             return None;
         }
-        let in_office = self.side.epoch();
-        if (gone.is(in_office) || gone.is_everybody()) && !self.side.is_alone() {
-            return Some(in_office);
+        let active = self.side.epoch();
+        if (gone.is(active) || gone.is_everybody()) && !self.side.is_alone() {
+            return Some(active);
         }
         self.side.candidate().filter(|epoch| gone.is(*epoch))
     }
@@ -146,7 +146,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     }
 
     /// Hears the controller that was announced; true if that changed anything for the run, as it takes
-    /// over or was the last hope. Else the one in office goes on, and has no more time for it.
+    /// over or was the last hope. Else the active one goes on, and has no more time for it.
     pub(super) fn attend_candidate(&mut self) -> Result<bool, LinkError> {
         let limit = self.wait_limit();
         if monotonic_ns() - self.handover.since_ns >= limit.ns() {
@@ -179,7 +179,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         Ok(self.side.standing() != standing)
     }
 
-    /// The one that was announced is in office; before it the run was alone, and waited, or neither.
+    /// The one that was announced is active; before it the run was alone, and waited, or neither.
     fn take_over(
         &mut self,
         unanswered: Option<Step>,
@@ -189,7 +189,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             return Ok(()); // there is one whenever the protocol says so
         };
         if !was_alone {
-            self.dismiss_in_office(AbortCode::Replaced)?;
+            self.dismiss_active(AbortCode::Replaced)?;
         }
         self.link.take_over();
         self.rows.rebind(&welcome);
@@ -208,11 +208,11 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         Ok(())
     }
 
-    /// The controller in office is of no more use: the run goes on as the policy says.
+    /// The active controller is of no more use: the run goes on as the policy says.
     pub(super) fn lose(&mut self, why: &Abort) -> Result<(), LinkError> {
         let (at, policy) = (self.side.at(), self.job.run.on_controller_loss);
         // It may only be stopped, and wake up again.
-        self.dismiss_in_office(why.code())?;
+        self.dismiss_active(why.code())?;
         if policy == OnLoss::SafeCommand {
             let invalid = self.rows.fill_frame(&self.job.plant.safe_command);
             self.commands.newest = Command::new(Header {
@@ -230,7 +230,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         Ok(())
     }
 
-    fn dismiss_in_office(&mut self, code: AbortCode) -> Result<(), LinkError> {
+    fn dismiss_active(&mut self, code: AbortCode) -> Result<(), LinkError> {
         let header = Header {
             directive: code as u64,
             ..Header::new(FrameKind::Abort, self.side.at())
