@@ -1,7 +1,7 @@
 //! The medium of one direction of the link, as faults make it: what was sent, and what the receiver
 //! has of it.
 //!
-//! Used by the [`path`](super::signal_path) of that direction. While no fault of the link acts, what is sent
+//! Used by the [signal path](super::signal_path) of that direction. While no fault of the link acts, what is sent
 //! is what is received, and the channel only takes note of it. The frames of the lockstep never pass
 //! through it: it decides what content they carry.
 

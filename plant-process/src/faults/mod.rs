@@ -7,7 +7,7 @@
 //! 2. The [`layer`], which the engine calls at every step, takes it.
 //! 3. The `schedule` finds the step at which it takes hold and the one at which it ends.
 //! 4. Between them each `effect` acts where its target is: on the plant's `parameters`, on the
-//!    signals or the link of a `path` (whose `channel` is the medium, with its `arrivals`), or on the
+//!    signals or the link of a `signal_path` (whose `channel` is the medium, with its `arrivals`), or on the
 //!    `timing`; by the course of its [`profile`].
 
 mod arrivals;

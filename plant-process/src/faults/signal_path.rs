@@ -2,7 +2,7 @@
 //! cross.
 //!
 //! Called by the layer at every step, in the order in which a row takes the way: a sample's signals
-//! are struck before it is sent, a command's after it has come. Without faults a path only remembers
+//! meet their faults before it is sent, a command's after it has come. Without faults a path only remembers
 //! the row, which is what a later fault falls back on.
 
 use serde::{Deserialize, Serialize};
