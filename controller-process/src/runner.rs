@@ -105,12 +105,11 @@ struct Made {
 /// # Errors
 /// If there is none.
 pub fn choose<'a>(laws: &'a [LawKind], law: &str, plant: &str) -> Result<&'a LawKind, Invalid> {
-    let suits = |description: &LawDescription| {
-        description.name == law
-            && (description.plants.is_empty()
-                || description.plants.iter().any(|name| name == plant))
+    let is_it = |law_kind: &&LawKind| {
+        let description = &law_kind.description;
+        description.name == law && description.suits(plant)
     };
-    let found = laws.iter().find(|kind| suits(&kind.description));
+    let found = laws.iter().find(is_it);
     found.ok_or_else(|| {
         Invalid(format!(
             "this binary has no law `{law}` for plant `{plant}`"

@@ -38,7 +38,6 @@ use crate::source::{Place, Sources};
 use faults::{Ground, Origin};
 use run::Grid;
 
-pub(crate) use controller::law_for;
 pub(crate) use faults::{groups, unit_of};
 
 /// The run that faults are asked for.

@@ -4,15 +4,15 @@
 //! can be out of range, unknown or unbound any more.
 
 mod analysis;
-mod columns;
 mod plot;
+mod records;
 mod requirement;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
-use shared_types::describe::{LawDescription, Operation, Settings};
+use shared_types::describe::{Operation, Settings};
 use shared_types::lockstep::OnLoss;
 use shared_types::pacer::OverrunPolicy;
 use shared_types::realtime;
@@ -59,18 +59,6 @@ pub struct Plan {
     pub plots: Vec<Plot>,
     /// Programs of its own.
     pub programs: Programs,
-}
-
-impl Plan {
-    /// Finds the law of the plan among these: of its name, and made for its plant.
-    #[must_use]
-    pub fn law_among<'d>(&self, laws: &'d [LawDescription]) -> Option<&'d LawDescription> {
-        let model = &self.plant.model;
-        laws.iter().find(|law| {
-            let is_for_plant = law.plants.is_empty() || law.plants.contains(model);
-            law.name == self.controller.law && is_for_plant
-        })
-    }
 }
 
 /// The programs that a scenario names, as absolute paths; a side without one has the program beside

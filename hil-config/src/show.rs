@@ -15,7 +15,6 @@ use shared_types::describe::{FaultKindDescription, LawDescription, PlantDescript
 use shared_types::table::Field;
 use shared_types::time::{Rate, Step};
 
-use crate::check::law_for;
 use crate::keys::SCHEMA;
 use crate::plan::{
     Clock, ControllerPlan, ControllerProgram, FaultEvent, Metric, Plan, PlantPlan, Realtime, Run,
@@ -102,14 +101,10 @@ fn write(
     laws: &[LawDescription],
     kinds: &[FaultKindDescription],
 ) -> Written {
-    let model = &plan.plant.model;
-    let plant = plants
-        .iter()
-        .find(|plant| plant.name == *model)
-        .ok_or_else(|| undescribed(format!("plant `{model}`")))?;
-    let name = &plan.controller.law;
-    let law =
-        law_for(laws, name, Some(model)).ok_or_else(|| undescribed(format!("law `{name}`")))?;
+    let plant = (plan.plant_among(plants))
+        .ok_or_else(|| undescribed(format!("plant `{}`", plan.plant.model)))?;
+    let law = (plan.law_among(laws))
+        .ok_or_else(|| undescribed(format!("law `{}`", plan.controller.law)))?;
 
     writeln!(text, "schema = {SCHEMA}")?;
     writeln!(text, "name = {}", string(&plan.name))?;

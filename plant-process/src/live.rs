@@ -8,6 +8,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::{Duration, Instant};
 
+use hil_config::expression::Columns;
 use hil_config::live_faults::{FaultContext, check_faults};
 use hil_config::plan::{FaultEvent, Stimulus};
 use shared_types::describe::{FaultKindDescription, PlantDescription, Settings};
@@ -16,7 +17,6 @@ use shared_types::record::RecordLayout;
 use shared_types::session::SessionInfo;
 use shared_types::time::{Rate, Step};
 
-use crate::faults::layer::columns;
 use crate::faults::{FaultBuilder, FaultKindEntry};
 use crate::job::Job;
 use crate::plant::PlantKind;
@@ -157,7 +157,7 @@ impl Service {
             );
             return refused(Refusal::new(message));
         }
-        let columns = columns(layout);
+        let columns = Columns::from(layout);
         if events.is_empty() || events.len() > MOST_FAULTS {
             let count = events.len();
             let message = format!("{count} faults in one request; 1 to {MOST_FAULTS} are taken");

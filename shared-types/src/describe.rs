@@ -319,6 +319,18 @@ pub struct LawDescription {
 }
 
 impl LawDescription {
+    /// Tells whether the law is made for a plant of this name.
+    #[must_use]
+    pub fn suits(&self, plant: &str) -> bool {
+        self.plants.is_empty() || self.plants.iter().any(|name| name == plant)
+    }
+
+    /// Lists the commands of its frames under a plant, in order.
+    #[must_use]
+    pub fn sent_commands<'d>(&'d self, plant: &'d PlantDescription) -> &'d [Field] {
+        self.commands.as_deref().unwrap_or(&plant.commands)
+    }
+
     /// Whether a scenario could mean either of the two.
     fn is_for_one_with(&self, other: &Self) -> bool {
         let is_shared = self.plants.iter().any(|plant| other.plants.contains(plant));

@@ -47,7 +47,7 @@ mod tests {
             let mut names: Vec<&str> = laws
                 .iter()
                 .map(|law| &law.description)
-                .filter(|law| law.plants.is_empty() || law.plants.iter().any(|p| p == plant))
+                .filter(|law| law.suits(plant))
                 .map(|law| law.name.as_str())
                 .collect();
             let count = names.len();

@@ -16,7 +16,7 @@ use crate::reader::{Reader, Section};
 
 /// The law of a name for a plant. Laws for different plants may share a name; if none fits the
 /// plant, any of that name.
-pub(crate) fn law_for<'d>(
+fn law_for<'d>(
     laws: &'d [LawDescription],
     name: &str,
     plant: Option<&str>,
@@ -26,7 +26,7 @@ pub(crate) fn law_for<'d>(
 }
 
 fn fits(law: &LawDescription, plant: Option<&str>) -> bool {
-    law.plants.is_empty() || plant.is_none_or(|plant| law.plants.iter().any(|name| name == plant))
+    plant.is_none_or(|plant| law.suits(plant))
 }
 
 /// The description of the law that is asked for.

@@ -5,7 +5,8 @@
 
 use std::collections::HashMap;
 
-use shared_types::table::{Field, nearest, unit_of_name};
+use shared_types::record::RecordLayout;
+use shared_types::table::{nearest, unit_of_name};
 
 /// What a signal is, and the first part of its name in expressions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -75,6 +76,19 @@ pub struct Columns {
     places: HashMap<String, usize>,
 }
 
+impl From<&RecordLayout> for Columns {
+    /// Names the signals of a record, in order.
+    fn from(layout: &RecordLayout) -> Self {
+        let mut columns = Self::default();
+        for (group, fields) in Group::ALL.into_iter().zip(layout.groups()) {
+            for field in fields {
+                columns.push_with_unit(group, &field.name, &field.unit);
+            }
+        }
+        columns
+    }
+}
+
 impl Columns {
     /// Columns whose names are whole already.
     pub(crate) fn named(names: Vec<String>) -> Self {
@@ -102,13 +116,6 @@ impl Columns {
             _ => format!("{}.{name}", group.prefix()),
         };
         self.add(name, if unit == "1" { "" } else { unit });
-    }
-
-    /// Adds the columns of a table.
-    pub fn push_fields(&mut self, group: Group, fields: &[Field]) {
-        for field in fields {
-            self.push_with_unit(group, &field.name, &field.unit);
-        }
     }
 
     /// Number of columns.

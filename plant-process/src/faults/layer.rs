@@ -12,7 +12,7 @@
 
 use std::collections::VecDeque;
 
-use hil_config::expression::{Columns, Group};
+use hil_config::expression::Columns;
 use hil_config::plan::FaultEvent;
 use serde::{Deserialize, Serialize};
 use shared_types::describe::Invalid;
@@ -166,7 +166,7 @@ impl FaultLayer {
     /// # Errors
     /// If a condition names a signal that there is not.
     pub fn open(&mut self, builder: &FaultBuilder, layout: &RecordLayout) -> Result<(), Invalid> {
-        let columns = columns(layout);
+        let columns = Columns::from(layout);
         for event in std::mem::take(&mut self.scenario) {
             let armed = builder.build(event, &columns)?;
             self.arm(armed, Step(0));
@@ -437,14 +437,4 @@ fn restore_effects(effects: &mut [Effect], saved: &[SavedEffect]) -> Result<(), 
     }
     let mut pairs = effects.iter_mut().zip(saved);
     pairs.try_for_each(|(effect, saved)| effect.restore(saved))
-}
-
-/// The columns of a record.
-#[must_use]
-pub fn columns(layout: &RecordLayout) -> Columns {
-    let mut columns = Columns::default();
-    for (group, fields) in Group::ALL.into_iter().zip(layout.groups()) {
-        columns.push_fields(group, fields);
-    }
-    columns
 }

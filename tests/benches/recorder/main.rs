@@ -18,7 +18,7 @@ use std::sync::Arc;
 use std::sync::mpsc;
 
 use hil_config::evaluation::Evaluation;
-use hil_config::expression::{Columns, Group};
+use hil_config::expression::Columns;
 use rustix::time::{ClockId, clock_gettime};
 use serde_json::json;
 use shared_types::digest::Digest;
@@ -202,10 +202,7 @@ fn sums_ns(tape: &Tape) -> f64 {
 }
 
 fn metrics_ns(tape: &Tape) -> f64 {
-    let mut columns = Columns::default();
-    for (group, fields) in Group::ALL.into_iter().zip(tape.layout.groups()) {
-        columns.push_fields(group, fields);
-    }
+    let columns = Columns::from(&tape.layout);
     let mut evaluation = Evaluation::new(&tape.plan, &columns).expect("the scenario's metrics");
     let begun_ns = cpu_ns();
     for words in tape.records() {

@@ -22,7 +22,7 @@ use std::path::Path;
 use hil_config::plan::{Clock, Plan};
 use serde::{Deserialize, Serialize};
 use shared_types::checkpoint::Side;
-use shared_types::describe::{LawDescription, PROTOCOL, PlantDescription};
+use shared_types::describe::PROTOCOL;
 use shared_types::number::{exact, exact_in};
 use shared_types::session::SessionInfo;
 use shared_types::time::Step;
@@ -139,16 +139,16 @@ pub(crate) fn refuse_unsaveable(plan: &Plan, binaries: &Binaries) -> Result<(), 
             "{what} cannot save its state, so there can be no checkpoint; it needs `{needs}`, see docs/checkpoints.md"
         )))
     };
-    if !plant_of(plan, binaries).is_some_and(|plant| plant.saves) {
+    let (plants, laws, kinds) = binaries.described();
+    if !plan.plant_among(plants).is_some_and(|plant| plant.saves) {
         return cannot(format!("plant `{}`", plan.plant.model), "Plant::state");
     }
-    if !law_of(plan, binaries).is_some_and(|law| law.saves) {
+    if !plan.law_among(laws).is_some_and(|law| law.saves) {
         return cannot(
             format!("law `{}`", plan.controller.law),
             "Controller::state",
         );
     }
-    let (_, _, kinds) = binaries.described();
     for event in &plan.faults {
         let kind = kinds.iter().find(|kind| kind.kind == event.kind);
         if kind.is_some_and(|kind| !kind.saves) {
@@ -156,18 +156,6 @@ pub(crate) fn refuse_unsaveable(plan: &Plan, binaries: &Binaries) -> Result<(), 
         }
     }
     Ok(())
-}
-
-/// The plant of a plan.
-fn plant_of<'a>(plan: &Plan, binaries: &'a Binaries) -> Option<&'a PlantDescription> {
-    let (plants, ..) = binaries.described();
-    plants.iter().find(|plant| plant.name == plan.plant.model)
-}
-
-/// The law of a plan.
-pub(crate) fn law_of<'a>(plan: &Plan, binaries: &'a Binaries) -> Option<&'a LawDescription> {
-    let (_, laws, _) = binaries.described();
-    plan.law_among(laws)
 }
 
 /// Puts the states that both sides left in the session's folder beside the recording. `digests` are

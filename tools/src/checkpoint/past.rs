@@ -11,12 +11,11 @@ use hil_config::plan::{FaultEvent, Plan};
 use hil_config::scenario::Scenario;
 use shared_types::checkpoint::{Checkpoints, Resume, Side};
 use shared_types::describe::PROTOCOL;
-use shared_types::layout::{SignalKind, SignalTable};
 use shared_types::record::{Event, RecordLayout};
 use shared_types::time::Step;
 
 use super::branch::{self, Branch};
-use super::{Checkpoint, FILE, SCHEMA, SavedSide, hash, law_of, plant_of};
+use super::{Checkpoint, FILE, SCHEMA, SavedSide, hash};
 use crate::arguments::run::Changes;
 use crate::files::folder::refuse_odd;
 use crate::programs::binaries::named::{Recorded, refuse_set};
@@ -164,15 +163,15 @@ impl Past {
         }
     }
 
-    /// The records before it, in a run of this plan; `None` if the binaries have no such plant or law.
+    /// The records before it, which have this layout.
     #[must_use]
-    pub fn records(&self, plan: &Plan, binaries: &Binaries) -> Option<PastRecords> {
-        Some(PastRecords {
+    pub fn records(&self, layout: RecordLayout) -> PastRecords {
+        PastRecords {
             recording: self.recording.clone(),
             count: self.checkpoint.recording.records,
             digest: self.checkpoint.recording.digest.clone(),
-            layout: layout(plan, binaries)?,
-        })
+            layout,
+        }
     }
 }
 
@@ -300,15 +299,4 @@ fn past(recording: &Path, checkpoint: &Checkpoint) -> Result<(String, FaultLog),
             "{shown} was changed: the first {wanted} records have digest {found}, {digest} was recorded"
         ))
     }
-}
-
-/// What the records of a plan hold, by what both binaries say of themselves; `None` if they have no such
-/// plant or law.
-pub(crate) fn layout(plan: &Plan, binaries: &Binaries) -> Option<RecordLayout> {
-    let (plant, law) = (plant_of(plan, binaries)?, law_of(plan, binaries)?);
-    let reference = plan.stimuli.iter().flat_map(|stimulus| stimulus.fields());
-    let commands = law.commands.as_ref().unwrap_or(&plant.commands);
-    let command =
-        SignalTable::of(SignalKind::Command, commands).and(SignalKind::Internal, &law.internals);
-    Some(RecordLayout::of(plant, reference.collect(), &command))
 }

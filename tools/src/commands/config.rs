@@ -31,8 +31,8 @@ pub fn config(arguments: &ConfigArguments) -> Result<Exit, Failure> {
 "
                 .to_owned()
             } else {
-                let (plants, laws, _) = binaries.described();
-                let largest = size::largest(&plan, plants, laws, &Choice::default());
+                let layout = binaries.record_layout(&plan)?;
+                let largest = size::largest(&layout, steps, &Choice::default());
                 let largest = size::shown(largest.map_err(Failure::usage)?);
                 format!(
                     "{name}: {model} under {law}, {steps} steps in {seconds} s; the recording takes up to {largest} before compression

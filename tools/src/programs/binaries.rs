@@ -9,7 +9,7 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ExitStatus};
 
-use hil_config::plan::{ControllerProgram, Programs};
+use hil_config::plan::{ControllerProgram, Plan, Programs};
 use hil_config::scenario::Advice;
 use rustix::fs::{Access, access};
 use rustix::process::{Pid, Signal, WaitId, WaitIdOptions, kill_process_group, waitid};
@@ -17,6 +17,7 @@ use serde_json::Value;
 use shared_types::describe::{
     Description, FaultKindDescription, LawDescription, PROTOCOL, PlantDescription,
 };
+use shared_types::record::RecordLayout;
 use shared_types::text;
 
 use asking::ask;
@@ -149,6 +150,17 @@ impl Binaries {
             &self.controller.description.laws,
             &plant.faults,
         )
+    }
+
+    /// Describes the records of a run of a plan that was checked against these.
+    ///
+    /// # Errors
+    /// If there is no such plant or law.
+    pub(crate) fn record_layout(&self, plan: &Plan) -> Result<RecordLayout, Failure> {
+        let (plants, laws, _) = self.described();
+        let both = plan.plant_among(plants).zip(plan.law_among(laws));
+        both.map(|(plant, law)| plan.record_layout(plant, law))
+            .ok_or_else(|| Failure::infrastructure("a binary lost its plant or law"))
     }
 }
 

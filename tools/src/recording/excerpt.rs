@@ -79,6 +79,15 @@ impl Choice {
     }
 }
 
+/// Lists the signals of a record as recordings name them, in order.
+pub(super) fn names(layout: &RecordLayout) -> Vec<String> {
+    let name = |group: &str, field: &Field| format!("{group}.{}", field.name.replace('.', "_"));
+    let groups = GROUPS.iter().zip(layout.groups());
+    groups
+        .flat_map(|(group, fields)| fields.iter().map(move |field| name(group, field)))
+        .collect()
+}
+
 /// The rows being chosen.
 pub(super) struct Excerpt {
     form: Form,
@@ -135,11 +144,7 @@ impl Bits {
 impl Form {
     fn new(layout: &RecordLayout, choice: &Choice) -> Result<Self, String> {
         let groups = layout.groups();
-        let name = |group: &str, field: &Field| format!("{group}.{}", field.name.replace('.', "_"));
-        let names: Vec<String> = (GROUPS.iter().zip(groups))
-            .flat_map(|(group, fields)| fields.iter().map(move |field| name(group, field)))
-            .collect();
-        let kept = choice.kept(&names)?;
+        let kept = choice.kept(&names(layout))?;
         let mut places = Vec::new();
         let mut kept_of: [Vec<Field>; GROUPS.len()] = Default::default();
         let mut starts = [0; GROUPS.len()];

@@ -12,9 +12,9 @@ use crate::recording::reader::RunReader;
 /// The commands of a command frame, in order, as a recording names them: those of the law, of which the
 /// plant may take only some and in another order.
 pub(crate) fn sent_commands(plant: &PlantDescription, law: &LawDescription) -> Vec<String> {
-    let sent = law.commands.as_ref().unwrap_or(&plant.commands);
     let name = |name: &str| format!("command.{}", name.replace('.', "_"));
-    sent.iter().map(|field| name(&field.name)).collect()
+    let sent = law.sent_commands(plant).iter();
+    sent.map(|field| name(&field.name)).collect()
 }
 
 /// The word from which the bit of a recorded signal is counted, and the bit; `None` of a signal that is
@@ -50,11 +50,8 @@ pub(crate) fn of(reader: &RunReader, plan: &Plan) -> Validity {
     let sent = || {
         let plant: Description = reader.enclosed("plant-description.json").ok()?;
         let controller: Description = reader.enclosed("controller-description.json").ok()?;
-        let is_it = |plant: &&PlantDescription| plant.name == plan.plant.model;
-        let (plant, law) = (
-            plant.plants.iter().find(is_it)?,
-            plan.law_among(&controller.laws)?,
-        );
+        let plant = plan.plant_among(&plant.plants)?;
+        let law = plan.law_among(&controller.laws)?;
         Some(sent_commands(plant, law))
     };
     let sent = sent();

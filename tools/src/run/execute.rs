@@ -18,7 +18,7 @@ use super::{in_process, processes, realtime};
 use crate::arguments::run::{LinkKind, RunOptions};
 use crate::checkpoint;
 use crate::checkpoint::branch::Branch;
-use crate::checkpoint::past::{self, Past, PastRecords};
+use crate::checkpoint::past::{Past, PastRecords};
 use crate::doctor;
 use crate::files::reserve::Reserve;
 use crate::files::{folder, part_file};
@@ -217,7 +217,8 @@ pub(crate) fn execute(
         )));
     }
     let choice = options.choice.choice(options)?;
-    tell_size(&plan, &binaries, options, &choice, is_one_of_many)?;
+    let layout = binaries.record_layout(&plan)?;
+    tell_size(&plan, &layout, options, &choice, is_one_of_many)?;
     let effective = scenario::show(&plan, &binaries)?;
 
     let mut session = Session::create(options.session.as_deref()).map_err(|error| match error {
@@ -225,7 +226,7 @@ pub(crate) fn execute(
         other => Failure::infrastructure(other),
     })?;
     let info = session.info().clone();
-    let law = checkpoint::law_of(&plan, &binaries).cloned();
+    let law = plan.law_among(binaries.described().1).cloned();
     let (mut plant, mut controller) = jobs(&plan, law, &info, options);
     plant.checkpoints.steps.clone_from(&steps);
     controller.checkpoints.steps.clone_from(&steps);
@@ -247,7 +248,7 @@ pub(crate) fn execute(
             plant.faults.extend(from.live_faults());
             plant.checkpoints = from.resume(Side::Plant, &plant.checkpoints);
             controller.checkpoints = from.resume(Side::Controller, &controller.checkpoints);
-            past = from.records(&plan, &binaries);
+            past = Some(from.records(layout.clone()));
             resumed = Some(from.resumed(branch));
         }
     }
@@ -287,8 +288,6 @@ pub(crate) fn execute(
         },
         session: info.clone(),
     });
-    let layout = past::layout(&plan, &binaries);
-    let layout = layout.ok_or_else(|| Failure::infrastructure("a binary lost its plant or law"))?;
     let prepared = Prepared {
         layout,
         plan,
@@ -372,13 +371,12 @@ pub(crate) fn execute(
 /// Tells how large the recording can get, where a person watches or the disk may not have room.
 fn tell_size(
     plan: &Plan,
-    binaries: &Binaries,
+    layout: &RecordLayout,
     options: &RunOptions,
     choice: &Choice,
     is_one_of_many: bool,
 ) -> Result<(), Failure> {
-    let (plants, laws, _) = binaries.described();
-    let largest = size::largest(plan, plants, laws, choice).map_err(Failure::usage)?;
+    let largest = size::largest(layout, plan.run.steps, choice).map_err(Failure::usage)?;
     if options.no_record {
         return Ok(());
     }

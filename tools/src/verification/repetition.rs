@@ -199,7 +199,7 @@ impl RecordedRun {
             &self.controller.laws,
             &self.plant.faults,
         );
-        let plant = (plants.iter().find(|plant| plant.name == plan.plant.model))
+        let plant = (plan.plant_among(plants))
             .ok_or_else(|| Failure::usage("the recording does not describe its plant"))?;
         let mut text = format!(
             "# Repeats session `{}` of {}, with what was done to it while it ran.\n",

@@ -2,20 +2,20 @@
 
 use std::sync::atomic::Ordering;
 
+use hil_config::expression::Columns;
 use hil_config::plan::{FaultAction, FaultEvent, FaultSource, Trigger};
 use shared_types::describe::{Operation, Settings};
 use shared_types::time::Step;
 
 use super::kinds::COUNTED;
 use super::rig::*;
-use crate::faults::layer::columns;
 use crate::faults::{Admitted, ArmedFault};
 
 const A: &str = "measured.a_m";
 
 impl Rig {
     fn prepare(&self, event: FaultEvent) -> Box<ArmedFault> {
-        let armed = self.builder.build(event, &columns(&self.layout));
+        let armed = self.builder.build(event, &Columns::from(&self.layout));
         Box::new(armed.expect("a fault that can be"))
     }
 

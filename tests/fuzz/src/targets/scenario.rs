@@ -45,12 +45,7 @@ fn taken(plan: &Plan, mut numbers: OddNumbers) {
     let again = again.unwrap_or_else(|problems| panic!("{problems}\n{shown}"));
     assert_eq!(format!("{plan:?}"), format!("{again:?}"), "{shown}");
 
-    let model = &plan.plant.model;
-    let plant = rig.plants.iter().find(|plant| plant.name == *model);
-    let law = rig.laws.iter().find(|law| {
-        let suits = law.plants.is_empty() || law.plants.contains(model);
-        law.name == plan.controller.law && suits
-    });
+    let (plant, law) = (plan.plant_among(&rig.plants), plan.law_among(&rig.laws));
     let (Some(plant), Some(law)) = (plant, law) else {
         panic!("a plan of an unknown plant or law");
     };

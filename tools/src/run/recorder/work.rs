@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 use std::sync::{Arc, PoisonError};
 
 use hil_config::evaluation::Evaluation;
-use hil_config::expression::{Columns, Group};
+use hil_config::expression::Columns;
 use hil_config::plan::{Clock, Plan};
 use shared_types::clock::monotonic_ns;
 use shared_types::digest::Digest;
@@ -130,11 +130,7 @@ impl Work {
     }
 
     pub(super) fn open(&mut self, layout: RecordLayout) {
-        let mut columns = Columns::default();
-        for (group, fields) in Group::ALL.into_iter().zip(layout.groups()) {
-            columns.push_fields(group, fields);
-        }
-        match Evaluation::new(&self.plan, &columns) {
+        match Evaluation::new(&self.plan, &Columns::from(&layout)) {
             Ok(evaluation) => self.evaluation = Some(evaluation),
             Err(error) => self.fail(format!("cannot evaluate the scenario: {error}")),
         }

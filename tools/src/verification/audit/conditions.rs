@@ -124,9 +124,7 @@ fn delayed(plan: &Plan, binaries: &Binaries, wall_time_s: f64) -> Condition {
         noise: false,
     };
     let (plants, laws, kinds) = binaries.described();
-    let plant = plants.iter().find(|plant| plant.name == plan.plant.model);
-    let law = laws.iter().find(|law| law.name == plan.controller.law);
-    let (Some(plant), Some(law)) = (plant, law) else {
+    let (Some(plant), Some(law)) = (plan.plant_among(plants), plan.law_among(laws)) else {
         condition.skipped = Some("the binaries do not describe themselves".into());
         return condition;
     };

@@ -5,7 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
-use hil_config::plan::{Plan, Stimulus};
+use hil_config::plan::Plan;
 use hil_config::scenario::Advice;
 use shared_types::describe::{Description, LawDescription, PlantDescription};
 use shared_types::table::Field;
@@ -75,15 +75,14 @@ impl Original {
             .map_err(|error| Failure::usage(format!("{}: its scenario: {error}", run.display())))?;
         let origin = format!("the scenario of {}", run.display());
         let plan = checked(&scenario, origin.as_ref(), &plants, &controller)?;
-        let plant = (plants.plants.iter()).find(|plant| plant.name == plan.plant.model);
-        let law = plan.law_among(&controller.laws);
-        let (Some(plant), Some(law)) = (plant.cloned(), law) else {
+        let plant = plan.plant_among(&plants.plants).cloned();
+        let (Some(plant), Some(law)) = (plant, plan.law_among(&controller.laws)) else {
             return Err(Failure::usage(format!(
                 "{} does not describe its plant and its law",
                 run.display()
             )));
         };
-        let reference: Vec<Field> = plan.stimuli.iter().flat_map(Stimulus::fields).collect();
+        let reference = plan.reference();
         let places = Places::of(reader, &plant, &reference, law)
             .map_err(|what| Failure::usage(format!("{}: {what}", run.display())))?;
         Ok(Self {
@@ -142,7 +141,7 @@ impl Places {
                 })?);
             }
         }
-        let commands = law.commands.as_deref().unwrap_or(&plant.commands);
+        let commands = law.sent_commands(plant);
         let sent: Vec<String> = (commands
             .iter()
             .map(|field| format!("command.{}", field.name)))

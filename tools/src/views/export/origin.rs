@@ -31,14 +31,9 @@ impl Origin {
         let (text, plant, controller) = read().map_err(|error| error.to_string())?;
         let plan = checked(text, reader.path(), &plant, &controller);
         let plan = plan.map_err(|failure| failure.to_string())?;
-        let mut plants = plant.plants.into_iter();
-        let mut laws = controller.laws.into_iter();
         // A scenario is checked only if both are there.
-        let plant = plants.find(|plant| plant.name == plan.plant.model);
-        let law = laws.find(|law| {
-            let suits = law.plants.is_empty() || law.plants.contains(&plan.plant.model);
-            law.name == plan.controller.law && suits
-        });
+        let plant = plan.plant_among(&plant.plants).cloned();
+        let law = plan.law_among(&controller.laws).cloned();
         let (Some(plant), Some(law)) = (plant, law) else {
             return Err("the recording does not describe its plant and law".into());
         };

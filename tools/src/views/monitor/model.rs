@@ -122,10 +122,8 @@ impl Model {
     /// # Errors
     /// If those that are to be drawn are not among them.
     pub fn attach(&mut self, layout: &RecordLayout) -> Result<(), Failure> {
-        let mut columns = Columns::default();
         self.columns.clear();
         for (group, fields) in Group::ALL.into_iter().zip(layout.groups()) {
-            columns.push_fields(group, fields);
             self.columns.extend(fields.iter().map(|field| Column {
                 group,
                 name: field.name.clone(),
@@ -150,7 +148,7 @@ impl Model {
             plan.metrics.clear();
             plan.analyses.clear();
             plan.requirements.clear();
-            let evaluation = Evaluation::new(&plan, &columns);
+            let evaluation = Evaluation::new(&plan, &Columns::from(layout));
             self.derived = Some(evaluation.map_err(Failure::infrastructure)?);
         }
         self.traces = drawn

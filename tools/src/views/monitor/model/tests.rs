@@ -1,4 +1,5 @@
 use hil_config::scenario::Scenario;
+use shared_types::describe::PlantDescription;
 use shared_types::live::Possible;
 use shared_types::record::{FaultTaken, RunEnd, Timing};
 
@@ -30,43 +31,25 @@ pub(crate) fn plan() -> Plan {
 
 /// What its plant says that it can suffer.
 pub(crate) fn possible(plan: &Plan) -> Possible {
-    let plants = plant_process::models::all();
-    let plant = plants
-        .iter()
-        .find(|plant| plant.description.name == plan.plant.model);
     Possible {
         rate: plan.run.rate,
-        plant: plant.expect("built in").description.clone(),
-        reference: plan.stimuli.iter().flat_map(|one| one.fields()).collect(),
+        plant: plant(plan),
+        reference: plan.reference(),
         kinds: possible_kinds(),
     }
 }
 
+fn plant(plan: &Plan) -> PlantDescription {
+    let plants = plant_process::models::all().into_iter();
+    let plants: Vec<_> = plants.map(|kind| kind.description).collect();
+    plan.plant_among(&plants).expect("built in").clone()
+}
+
 /// The layout of its records.
 pub(crate) fn layout(plan: &Plan) -> RecordLayout {
-    let plants = plant_process::models::all();
-    let plant = plants
-        .iter()
-        .find(|plant| plant.description.name == plan.plant.model);
-    let plant = &plant.expect("built in").description;
-    let laws = controller_process::laws::all();
-    let law = laws
-        .iter()
-        .find(|law| law.description.name == plan.controller.law);
-    let internal = law.expect("built in").description.internals.clone();
-    RecordLayout {
-        truth: plant.truth.clone(),
-        measured: plant.measured.clone(),
-        reference: plan.stimuli.iter().flat_map(|one| one.fields()).collect(),
-        command: plant.commands.clone(),
-        command_signals: plant.commands.len() + internal.len(),
-        command_places: (0..plant.commands.len()).collect(),
-        internal,
-        parameter: (plant.parameters.iter())
-            .filter(|field| field.faultable)
-            .cloned()
-            .collect(),
-    }
+    let laws = controller_process::laws::all().into_iter();
+    let laws: Vec<_> = laws.map(|kind| kind.description).collect();
+    plan.record_layout(&plant(plan), plan.law_among(&laws).expect("built in"))
 }
 
 /// A model that is attached to a session of the scenario.

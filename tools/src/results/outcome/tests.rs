@@ -1,7 +1,6 @@
 //! What is believed of a recording that tells its own end.
 
-use shared_types::layout::{SignalKind, SignalTable};
-use shared_types::record::{RecordLayout, RunEnd};
+use shared_types::record::RunEnd;
 
 use super::*;
 use crate::programs::rig::{SCENARIO, described, plan};
@@ -12,9 +11,7 @@ use crate::recording::writer::Enclosure;
 fn of_records(records: u64) -> Account {
     let [plant, controller] = described();
     let plan = plan();
-    let reference = plan.stimuli.iter().flat_map(|stimulus| stimulus.fields());
-    let command = SignalTable::of(SignalKind::Command, &plant.plants[0].commands);
-    let layout = RecordLayout::of(&plant.plants[0], reference.collect(), &command);
+    let layout = plan.record_layout(&plant.plants[0], &controller.laws[0]);
     let epoch = layout.values_start() + layout.values() + 1;
     let mut contents: Vec<Content> = (0..records)
         .map(|step| {

@@ -1,0 +1,49 @@
+//! The records of a run by its plan: the descriptions that the plan is for, and the signals that follow.
+
+use shared_types::describe::{LawDescription, PlantDescription};
+use shared_types::layout::{SignalKind, SignalTable};
+use shared_types::record::RecordLayout;
+use shared_types::table::Field;
+
+use super::{Plan, Stimulus};
+use crate::expression::Columns;
+
+impl Plan {
+    /// Finds the plant of the plan among these.
+    #[must_use]
+    pub fn plant_among<'d>(&self, plants: &'d [PlantDescription]) -> Option<&'d PlantDescription> {
+        plants.iter().find(|plant| plant.name == self.plant.model)
+    }
+
+    /// Finds the law of the plan among these: of its name, and made for its plant.
+    #[must_use]
+    pub fn law_among<'d>(&self, laws: &'d [LawDescription]) -> Option<&'d LawDescription> {
+        let is_it =
+            |law: &&LawDescription| law.name == self.controller.law && law.suits(&self.plant.model);
+        laws.iter().find(is_it)
+    }
+
+    /// Lists the reference signals, in order.
+    #[must_use]
+    pub fn reference(&self) -> Vec<Field> {
+        self.stimuli.iter().flat_map(Stimulus::fields).collect()
+    }
+
+    /// Describes the records of a run of its plant under its law.
+    #[must_use]
+    pub fn record_layout(&self, plant: &PlantDescription, law: &LawDescription) -> RecordLayout {
+        let command = SignalTable::of(SignalKind::Command, law.sent_commands(plant))
+            .and(SignalKind::Internal, &law.internals);
+        RecordLayout::of(plant, self.reference(), &command)
+    }
+}
+
+impl Columns {
+    /// Names the columns of a record of this plant and stimuli and a law that shows these internals.
+    #[must_use]
+    pub fn of(plant: &PlantDescription, stimuli: &[Stimulus], internals: &[Field]) -> Self {
+        let reference = stimuli.iter().flat_map(Stimulus::fields).collect();
+        let internals = SignalTable::of(SignalKind::Internal, internals);
+        Self::from(&RecordLayout::of(plant, reference, &internals))
+    }
+}
