@@ -7,7 +7,7 @@
 use serde::{Deserialize, Serialize};
 use shared_types::checkpoint::{Saves, Side};
 use shared_types::clock::monotonic_ns;
-use shared_types::describe::{Invalid, LawDescription, PROTOCOL};
+use shared_types::describe::{Invalid, PROTOCOL};
 use shared_types::directive::{Answered, Directive};
 use shared_types::frame::{FrameKind, Header};
 use shared_types::hello::{Control, Hello, Welcome};

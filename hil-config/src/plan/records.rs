@@ -29,6 +29,17 @@ impl Plan {
         self.stimuli.iter().flat_map(Stimulus::fields).collect()
     }
 
+    /// Leaves out everything but what its signals are made of.
+    #[must_use]
+    pub fn without_judgement(self) -> Self {
+        Self {
+            metrics: Vec::new(),
+            analyses: Vec::new(),
+            requirements: Vec::new(),
+            ..self
+        }
+    }
+
     /// Describes the records of a run of its plant under its law.
     #[must_use]
     pub fn record_layout(&self, plant: &PlantDescription, law: &LawDescription) -> RecordLayout {

@@ -11,7 +11,7 @@ use hil_config::plan::{FaultEvent, Plan};
 use hil_config::scenario::Scenario;
 use shared_types::checkpoint::{Checkpoints, Resume, Side};
 use shared_types::describe::PROTOCOL;
-use shared_types::record::{Event, RecordLayout};
+use shared_types::record::RecordLayout;
 use shared_types::time::Step;
 
 use super::branch::{self, Branch};
@@ -22,7 +22,7 @@ use crate::programs::binaries::named::{Recorded, refuse_set};
 use crate::programs::binaries::{Binaries, Binary};
 use crate::programs::scenario;
 use crate::recording::reader::{ReadError, RunReader};
-use crate::results::faults::{FaultLog, LiveFault};
+use crate::results::faults::FaultLog;
 use crate::results::resumed::Resumed;
 use crate::terminal::exit::Failure;
 
@@ -277,18 +277,8 @@ fn past(recording: &Path, checkpoint: &Checkpoint) -> Result<(String, FaultLog),
             ));
         }
         for event in reader.events() {
-            match event {
-                Event::Accepted(accepted) => {
-                    let live = LiveFault::try_from(accepted);
-                    let id = accepted.id;
-                    log.accepted
-                        .push(live.map_err(|error| format!("{shown}: fault {id}: {error}"))?);
-                }
-                Event::Fault(taken) => log.taken.push(taken.clone()),
-                Event::FaultEnded(ended) => log.ended.push(ended.clone()),
-                // A run with checkpoints keeps its controller.
-                Event::Controller(_) | Event::End(_) => {}
-            }
+            log.take(event)
+                .map_err(|error| format!("{shown}: {error}"))?;
         }
     }
     let found = reader.digest();

@@ -1,6 +1,6 @@
 //! `hil recover`: a whole recording of one that broke off.
 //!
-//! 1. `account` reads it as far as it goes.
+//! 1. [`RecordedOutcome`] reads it as far as it goes.
 //! 2. What is whole is left alone. Of anything else every record up to the tear is copied to a new file,
 //!    with indexes, sums and the result of a run that ended there. New sums make nothing true: the new
 //!    file says what no sum of the old one vouched for.
@@ -26,7 +26,7 @@ use crate::recording::compression::Compression;
 use crate::recording::copy::Copy;
 use crate::recording::reader::Unvouched;
 use crate::recording::reader::content::{Content, End};
-use crate::results::account::Account;
+use crate::results::outcome::RecordedOutcome;
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::interruption::Interruption;
 use crate::terminal::output;
@@ -80,40 +80,40 @@ pub fn recover(arguments: &RecoverArguments) -> Result<Exit, Failure> {
 }
 
 fn recovered(run: &Path, output: Option<&Path>) -> Result<Recovered, Failure> {
-    let account = Account::of(run, None).map_err(Failure::usage)?;
-    let path = account.reader.path().to_owned();
+    let outcome = RecordedOutcome::of(run, None).map_err(Failure::usage)?;
+    let path = outcome.reader.path().to_owned();
     let shown = path.display();
-    let (end, bytes) = account.reader.end();
-    let (state, whole_bytes) = match (&account.damage, end) {
-        (Some(_), _) => (State::Damaged, account.reader.place()),
+    let (end, bytes) = outcome.reader.end();
+    let (state, whole_bytes) = match (&outcome.damage, end) {
+        (Some(_), _) => (State::Damaged, outcome.reader.place()),
         (None, Some(End::Torn(at))) => (State::BrokenOff, at),
         (None, _) => (State::Whole, bytes),
     };
     refuse_live(&path)?;
-    let records = account.recorded.written;
-    let unvouched = account.reader.unvouched();
+    let records = outcome.recorded.written;
+    let unvouched = outcome.reader.unvouched();
     let mut reason = None;
     let mut file = None;
     if state != State::Whole {
-        if account.messages == 0 {
+        if outcome.messages == 0 {
             return Err(Failure::usage(format!(
                 "nothing can be had of {shown}: it {}",
-                match &account.damage {
+                match &outcome.damage {
                     Some(damage) => format!("has no record before its damage: {damage}"),
                     None => "broke off before its first record".to_owned(),
                 }
             )));
         }
-        if let (Some(damage), None) = (&account.damage, output) {
+        if let (Some(damage), None) = (&outcome.damage, output) {
             return Err(Failure::usage(format!(
                 "{damage}; what comes after that would be lost, so {shown} is not replaced"
             )));
         }
         // What a check sum says is wrong anywhere: a value may be.
-        if !account.has_result() || state == State::Damaged {
+        if !outcome.has_result() || state == State::Damaged {
             let doubt = unvouched.as_ref();
             let doubt = doubt.map_or_else(String::new, |doubt| format!("; {}", doubt.told));
-            reason = Some(match &account.damage {
+            reason = Some(match &outcome.damage {
                 Some(damage) => format!("recovered: {damage}{doubt}"),
                 None => {
                     format!("recovered: the recording broke off after {records} records{doubt}")
@@ -127,7 +127,7 @@ fn recovered(run: &Path, output: Option<&Path>) -> Result<Recovered, Failure> {
         };
         let interruption = Interruption::listen()?;
         let copied = copy(
-            &account,
+            &outcome,
             &to,
             output.is_none(),
             reason.as_deref(),
@@ -148,9 +148,9 @@ fn recovered(run: &Path, output: Option<&Path>) -> Result<Recovered, Failure> {
         })?;
         file = Some(output.unwrap_or(&path).display().to_string());
     }
-    let digest = account.recorded.digest.clone();
+    let digest = outcome.recorded.digest.clone();
     let summary = match (output, run.is_dir()) {
-        (None, true) => summarise(account, run, reason.as_deref())?,
+        (None, true) => summarise(outcome, run, reason.as_deref())?,
         _ => None,
     };
     Ok(Recovered {
@@ -197,19 +197,19 @@ fn refuse_live(path: &Path) -> Result<(), Failure> {
 
 /// Writes the messages of a recording, as many as could be read, to a new file.
 fn copy(
-    account: &Account,
+    outcome: &RecordedOutcome,
     to: &Path,
     may_replace: bool,
     reason: Option<&str>,
     unvouched: Option<&Unvouched>,
     interruption: &Interruption,
 ) -> io::Result<()> {
-    let original = File::open(account.reader.path())?;
+    let original = File::open(outcome.reader.path())?;
     let part = PartFile::beside(to)?;
     part.file()
         .set_permissions(original.metadata()?.permissions())?;
     let mut copy = Copy::into(part.file().try_clone()?, unvouched)?;
-    if account.damage.is_some() {
+    if outcome.damage.is_some() {
         copy.doubt();
     }
     let mut content = Content::of(original)?;
@@ -219,7 +219,7 @@ fn copy(
         let Ok(record) = content.record(opcode) else {
             break; // read so far before
         };
-        if messages == account.messages && matches!(record, Record::Message { .. }) {
+        if messages == outcome.messages && matches!(record, Record::Message { .. }) {
             break;
         }
         let compression = match content.compression() {
@@ -232,16 +232,16 @@ fn copy(
             return Err(io::ErrorKind::Interrupted.into());
         }
     }
-    if messages != account.messages {
+    if messages != outcome.messages {
         return Err(io::Error::other("it changed while it was read"));
     }
-    copy.finish(account.result(reason.unwrap_or_default()))?;
+    copy.finish(outcome.result(reason.unwrap_or_default()))?;
     part.complete(to, may_replace)
 }
 
 /// Writes the summary of a run that has none.
 fn summarise(
-    account: Account,
+    outcome: RecordedOutcome,
     folder: &Path,
     reason: Option<&str>,
 ) -> Result<Option<PathBuf>, Failure> {
@@ -249,7 +249,7 @@ fn summarise(
     if path.exists() {
         return Ok(None);
     }
-    match account.summary(reason) {
+    match outcome.summary(reason) {
         Ok(summary) => {
             let json = serde_json::to_string_pretty(&summary).map_err(Failure::infrastructure)?;
             part_file::write_text(&path, &json)?;

@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 use hil_config::plan::{FaultEvent, FaultSource, Trigger};
 use serde::Serialize;
 use shared_types::number::short_in;
-use shared_types::record::{FaultAccepted, FaultEffectSize, FaultEnded, FaultTaken};
+use shared_types::record::{Event, FaultAccepted, FaultEffectSize, FaultEnded, FaultTaken};
 use shared_types::time::{Rate, Step};
 
 /// The events of a run that are about faults.
@@ -85,6 +85,25 @@ struct Effect {
 }
 
 impl FaultLog {
+    /// Takes an event, if it is about faults.
+    ///
+    /// # Errors
+    /// If the event of a live fault cannot be understood, which is then left out.
+    pub(crate) fn take(&mut self, event: &Event) -> Result<(), String> {
+        match event {
+            Event::Accepted(accepted) => {
+                let live = LiveFault::try_from(accepted);
+                let live = live.map_err(|error| format!("fault {}: {error}", accepted.id))?;
+                self.accepted.push(live);
+            }
+            Event::Fault(taken) => self.taken.push(taken.clone()),
+            Event::FaultEnded(ended) => self.ended.push(ended.clone()),
+            Event::End(end) => self.sizes = Some(end.effects.clone()),
+            Event::Controller(_) => {}
+        }
+        Ok(())
+    }
+
     /// Every fault of the run: those of the scenario, then the live ones.
     #[must_use]
     pub fn faults(&self, scenario: &[FaultEvent], rate: Rate) -> Vec<Fault> {

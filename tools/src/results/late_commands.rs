@@ -11,9 +11,9 @@ use shared_types::time::Step;
 
 use crate::recording::reader::RunReader;
 
-/// Collects from one record after another.
+/// Steps of a run that missed their command, collected from one record after another.
 #[derive(Debug)]
-pub(crate) struct Collector {
+pub(crate) struct LateCommands {
     /// Where a record has the words.
     held_steps: usize,
     answered: usize,
@@ -22,8 +22,8 @@ pub(crate) struct Collector {
     missed: BTreeMap<u64, Missed>,
 }
 
-impl Collector {
-    /// A collector for the records of a run; `None` if they do not tell, as those of older versions.
+impl LateCommands {
+    /// Begins with the records of a run; `None` if they do not tell, as those of older versions.
     pub(crate) fn of(reader: &RunReader) -> Option<Self> {
         let place = |name| {
             let mut columns = reader.columns().iter();
@@ -84,7 +84,7 @@ mod tests {
 
     /// Steps as they were met: the step of the command, and the answers before it.
     fn collected(steps: &[(u64, Answered)]) -> Vec<(u64, u32, bool)> {
-        let mut collector = Collector::new(0, 1);
+        let mut collector = LateCommands::new(0, 1);
         for (step, (command, answered)) in (0..).zip(steps) {
             collector.take(step, &[step - command, answered.to_wire()]);
         }

@@ -11,7 +11,7 @@ use crate::recording::reader::tests::{Content, layout, record, recorded, taken};
 use crate::recording::reader::{RECORDING, RunReader, digest_of_first};
 use crate::recording::writer::{Enclosure, Provenance, Recording};
 use crate::verification::compare::compare;
-use crate::verification::repetition::RecordedRun;
+use crate::verification::repetition::RecordedScenario;
 
 /// A file of each compression, of some chunks.
 fn files() -> Vec<(Compression, Vec<u8>)> {
@@ -52,7 +52,7 @@ fn files() -> Vec<(Compression, Vec<u8>)> {
 fn read(path: &Path) -> bool {
     // Whatever they say, they must say it.
     let _ = compare(path, path, &[], &Tolerances::default());
-    let _ = RecordedRun::read(path).and_then(|run| run.scenario());
+    let _ = RecordedScenario::read(path).and_then(|run| run.scenario());
     let _ = recorded::case(path, 0);
     let _ = digest_of_first(path, 3);
     let Ok(mut reader) = RunReader::open(path) else {

@@ -12,8 +12,8 @@ use shared_types::record::Outcome;
 
 use crate::arguments::recordings::JudgeArguments;
 use crate::recording::reader::ReadError;
-use crate::results::account::Account;
 use crate::results::handover::Laws;
+use crate::results::outcome::RecordedOutcome;
 use crate::results::requirements::{self, Requirement};
 use crate::results::summary::{Metric, write_metrics};
 use crate::terminal::exit::{Exit, Failure};
@@ -61,17 +61,17 @@ pub fn judge(arguments: &JudgeArguments) -> Result<Exit, Failure> {
 /// If the run cannot be read, or the scenario does not fit it.
 pub fn judged(run: &Path, by: Option<&Path>) -> Result<(Judgement, Plan), Failure> {
     let refused = |error: ReadError| Failure::usage(error);
-    let account = Account::of(run, by).map_err(refused)?;
-    account.reader.refuse_excerpt().map_err(refused)?;
-    let (outcome, reason) = account.outcome(None);
-    let Account {
+    let found = RecordedOutcome::of(run, by).map_err(refused)?;
+    found.reader.refuse_excerpt().map_err(refused)?;
+    let (outcome, reason) = found.outcome(None);
+    let RecordedOutcome {
         reader,
         recorded,
         damage,
-        plan,
+        run: recorded_run,
         ..
-    } = account;
-    let plan = plan?;
+    } = found;
+    let plan = recorded_run?.plan;
     if let Some(damage) = damage {
         return Err(refused(damage));
     }

@@ -9,10 +9,9 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use hil_config::plan::{Clock, Condition, FaultEnd, FaultEvent, Plan, Realtime, Trigger};
+use hil_config::plan::{Clock, Condition, FaultEnd, FaultEvent, Realtime, Trigger};
 use hil_config::show;
 use plant_process::repeat::Missed;
-use shared_types::describe::Description;
 use shared_types::record::{Change, ControllerChange, Event, FaultEnded, FaultTaken};
 use shared_types::time::{Rate, Step};
 
@@ -22,16 +21,15 @@ use crate::programs::binaries::named::Recorded;
 use crate::programs::checked::checked;
 use crate::recording::reader::{ReadError, RunReader};
 use crate::results::faults::{FaultLog, LiveFault};
-use crate::results::late_commands::Collector;
+use crate::results::late_commands::LateCommands;
+use crate::results::recorded_run::RecordedRun;
 use crate::results::resumed::CHANGED_FAULTS;
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::output;
 
-/// A recorded run, read to its end.
-pub struct RecordedRun {
-    plant: Description,
-    controller: Description,
-    plan: Plan,
+/// A recorded run as a scenario that repeats it, read to its end.
+pub struct RecordedScenario {
+    recorded: RecordedRun,
     log: FaultLog,
     session: String,
     started: String,
@@ -54,7 +52,7 @@ pub struct RecordedRun {
 /// # Errors
 /// If the run cannot be read, or the scenario not be written.
 pub fn scenario_from(arguments: &ScenarioFromArguments) -> Result<Exit, Failure> {
-    let recorded = RecordedRun::read(&arguments.run)?;
+    let recorded = RecordedScenario::read(&arguments.run)?;
     let text = recorded.scenario()?;
     if !recorded.missed.is_empty() {
         tell!(
@@ -83,7 +81,7 @@ fn refuse_succession(run: &Path, change: &ControllerChange) -> Result<(), Failur
     )))
 }
 
-impl RecordedRun {
+impl RecordedScenario {
     /// Reads a run: its folder, or its recording.
     ///
     /// # Errors
@@ -100,18 +98,11 @@ impl RecordedRun {
                 "{run} went on from a checkpoint with other sizes of fault {faults}, which had begun: no scenario repeats that; `hil run --from {from}` with the same --set does"
             )));
         }
-        let plant: Description = reader.enclosed("plant-description.json").map_err(refused)?;
-        let controller: Description = reader
-            .enclosed("controller-description.json")
-            .map_err(refused)?;
-        let text = reader
-            .enclosure("scenario.toml")
-            .map_err(refused)?
-            .to_owned();
-        let plan = checked(&text, run, &plant, &controller)?;
+        let recorded = RecordedRun::of(&reader, run)?;
+        let plan = &recorded.plan;
         let mut log = FaultLog::default();
         let mut outcome = None;
-        let mut missed = Collector::of(&reader);
+        let mut missed = LateCommands::of(&reader);
         loop {
             let goes_on = reader.advance().map_err(refused)?;
             if let Some(missed) = &mut missed
@@ -122,20 +113,11 @@ impl RecordedRun {
             }
             for event in reader.events() {
                 match event {
-                    Event::Accepted(accepted) => {
-                        log.accepted
-                            .push(LiveFault::try_from(accepted).map_err(|error| {
-                                Failure::usage(format!(
-                                    "{}: fault {}: {error}",
-                                    run.display(),
-                                    accepted.id
-                                ))
-                            })?)
-                    }
-                    Event::Fault(taken) => log.taken.push(taken.clone()),
-                    Event::FaultEnded(ended) => log.ended.push(ended.clone()),
                     Event::Controller(change) => refuse_succession(run, change)?,
                     Event::End(end) => outcome = Some(end.outcome.name().to_owned()),
+                    event => log
+                        .take(event)
+                        .map_err(|error| Failure::usage(format!("{}: {error}", run.display())))?,
                 }
             }
             if !goes_on {
@@ -153,7 +135,6 @@ impl RecordedRun {
         }
         let fact = |name| reader.fact(name).map(str::to_owned);
         Ok(Self {
-            plan,
             log,
             session: fact("session").unwrap_or_default(),
             started: fact("started_utc").unwrap_or_default(),
@@ -165,23 +146,22 @@ impl RecordedRun {
                 .unwrap_or(0),
             digest: reader.digest(),
             outcome,
-            missed: missed.map(Collector::missed).unwrap_or_default(),
-            plant,
-            controller,
+            missed: missed.map(LateCommands::missed).unwrap_or_default(),
+            recorded,
         })
     }
 
     /// Whether its controller could be late.
     #[must_use]
     pub fn is_against_clock(&self) -> bool {
-        self.plan.run.clock == Clock::Realtime
+        self.recorded.plan.run.clock == Clock::Realtime
     }
 
     /// The same without what it asked of its machine: times are not repeated, and another machine
     /// may not have those cores.
     #[must_use]
     pub fn for_any_machine(mut self) -> Self {
-        self.plan.realtime = Realtime::default();
+        self.recorded.plan.realtime = Realtime::default();
         self
     }
 
@@ -190,17 +170,18 @@ impl RecordedRun {
     /// # Errors
     /// If the result would be no scenario for the plant and the controller of the run.
     pub fn scenario(&self) -> Result<String, Failure> {
-        let rate = self.plan.run.rate;
-        let mut plan = self.plan.clone();
+        let RecordedRun {
+            plant_program,
+            controller_program,
+            plant,
+            ..
+        } = &self.recorded;
+        let mut plan = self.recorded.plan.clone();
+        let rate = plan.run.rate;
         plan.programs = self.programs.programs();
         let gone = without_cleared(&mut plan.faults, &self.log);
-        let (plants, laws, kinds) = (
-            &self.plant.plants,
-            &self.controller.laws,
-            &self.plant.faults,
-        );
-        let plant = (plan.plant_among(plants))
-            .ok_or_else(|| Failure::usage("the recording does not describe its plant"))?;
+        let (plants, laws) = (&plant_program.plants, &controller_program.laws);
+        let kinds = &plant_program.faults;
         let mut text = format!(
             "# Repeats session `{}` of {}, with what was done to it while it ran.\n",
             comment(&self.session),
@@ -246,8 +227,8 @@ impl RecordedRun {
         checked(
             &text,
             Path::new("the scenario of the run"),
-            &self.plant,
-            &self.controller,
+            plant_program,
+            controller_program,
         )?;
         Ok(text)
     }

@@ -15,7 +15,7 @@ use crate::run::{self, Basis, Repeated, Setup};
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::output;
 use crate::verification::compare::{self, Difference};
-use crate::verification::repetition::RecordedRun;
+use crate::verification::repetition::RecordedScenario;
 
 /// Runs the command.
 ///
@@ -23,7 +23,7 @@ use crate::verification::repetition::RecordedRun;
 /// If the run cannot be read or repeated.
 pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
     let options = &arguments.options;
-    let recorded = RecordedRun::read(&arguments.run)?.for_any_machine();
+    let recorded = RecordedScenario::read(&arguments.run)?.for_any_machine();
     let shown = arguments.run.display();
     if recorded.lost > 0 {
         let lost = recorded.lost;

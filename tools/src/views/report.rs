@@ -173,10 +173,10 @@ fn made(arguments: &ReportArguments) -> Result<(String, Written, Option<Failure>
     };
     let text = page::page(&runs, &plots, &data)?;
     let bytes = text.len();
-    let read = runs.iter().filter(|run| run.account.damage.is_none());
-    let caveats = read.filter_map(|run| run.account.reader.caveat());
+    let read = runs.iter().filter(|run| run.outcome.damage.is_none());
+    let caveats = read.filter_map(|run| run.outcome.reader.caveat());
     caveats.for_each(|caveat| tell!("note: {caveat}"));
-    let damages = runs.iter().filter_map(|run| run.account.damage.as_ref());
+    let damages = runs.iter().filter_map(|run| run.outcome.damage.as_ref());
     let damages: Vec<String> = damages.map(ToString::to_string).collect();
     let damage = (!damages.is_empty()).then(|| Failure::usage(damages.join("\nerror: ")));
     Ok((text, Written { bytes, ..written }, damage))

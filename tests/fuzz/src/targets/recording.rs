@@ -14,7 +14,7 @@ use tools::recording::reader::{RECORDING, RunReader};
 use tools::terminal::interruption::Interruption;
 use tools::verification::compare::{Verdict, compare};
 use tools::verification::judge::judged;
-use tools::verification::repetition::RecordedRun;
+use tools::verification::repetition::RecordedScenario;
 use tools::views::export;
 
 use super::assert_told;
@@ -66,7 +66,7 @@ fn commands(path: &Path, folder: &Path) {
     }
     let _ = judged(path, None);
     let _ = recorded::case(path, 0);
-    if let Ok(recorded) = RecordedRun::read(path) {
+    if let Ok(recorded) = RecordedScenario::read(path) {
         let _ = recorded.scenario();
     }
     for format in [ExportFormat::Csv, ExportFormat::Parquet] {

@@ -1,6 +1,6 @@
 //! What is believed of a recording that tells its own end.
 
-use shared_types::record::RunEnd;
+use shared_types::record::{Event, RunEnd};
 
 use super::*;
 use crate::programs::rig::{SCENARIO, described, plan};
@@ -8,7 +8,7 @@ use crate::recording::reader::tests::{Content, recorded};
 use crate::recording::writer::Enclosure;
 
 /// A recording of so many records whose plant says that it completed all 1000 steps.
-fn of_records(records: u64) -> Account {
+fn of_records(records: u64) -> RecordedOutcome {
     let [plant, controller] = described();
     let plan = plan();
     let layout = plan.record_layout(&plant.plants[0], &controller.laws[0]);
@@ -35,11 +35,11 @@ fn of_records(records: u64) -> Account {
         media_type: "text/plain",
         text,
     });
-    let name = format!("account-{records}");
+    let name = format!("outcome-{records}");
     let folder = recorded(&name, &layout, &contents, enclosures.into(), true);
-    let account = Account::of(&folder, None).expect("a recording");
+    let outcome = RecordedOutcome::of(&folder, None).expect("a recording");
     std::fs::remove_dir_all(folder).expect("it is there");
-    account
+    outcome
 }
 
 #[test]

@@ -3,7 +3,6 @@
 //! Used by `hil recover`. Where binaries were and what the recorder ran with is not recorded; programs
 //! have their names then, and what nobody knows is not made up.
 
-use hil_config::plan::Plan;
 use shared_types::describe::Description;
 use shared_types::realtime::{Granted, Report};
 
@@ -11,6 +10,7 @@ use super::{Origin, Program, Summary};
 use crate::recording::reader::{RECORDING, RunReader};
 use crate::results::ended::Ended;
 use crate::results::handover::Laws;
+use crate::results::recorded_run::RecordedRun;
 use crate::results::settings::{Realtime, Recorder};
 
 /// Levels of evidence, as facts have them.
@@ -19,21 +19,20 @@ const EVIDENCE: [&str; 4] = ["in-process", "sil", "pil", "hil"];
 impl Summary {
     /// The summary of a run by what its recording says.
     #[must_use]
-    pub(crate) fn of_recording(plan: &Plan, reader: &RunReader, ended: &Ended) -> Self {
+    pub(crate) fn of_recording(run: &RecordedRun, reader: &RunReader, ended: &Ended) -> Self {
+        let plan = &run.plan;
         let fact = |name| reader.fact(name).unwrap_or_default();
         let evidence = fact("evidence");
         let evidence = EVIDENCE.into_iter().find(|level| *level == evidence);
-        let program = |description, hash| Program {
-            binary: reader
-                .enclosed::<Description>(description)
-                .map_or_else(|_| String::new(), |described| described.program),
+        let program = |described: &Description, hash| Program {
+            binary: described.program.clone(),
             blake3: fact(hash).to_owned(),
         };
         let origin = Origin {
             session: fact("session").to_owned(),
             evidence: evidence.unwrap_or_default(),
-            plant: program("plant-description.json", "plant_blake3"),
-            controller: program("controller-description.json", "controller_blake3"),
+            plant: program(&run.plant_program, "plant_blake3"),
+            controller: program(&run.controller_program, "controller_blake3"),
         };
         let report = |name| -> Option<Report> { serde_json::from_str(reader.fact(name)?).ok() };
         let plant = report("realtime_plant");

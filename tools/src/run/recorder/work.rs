@@ -4,12 +4,10 @@ use std::collections::BTreeMap;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, PoisonError};
 
-use hil_config::evaluation::Evaluation;
-use hil_config::expression::Columns;
 use hil_config::plan::{Clock, Plan};
 use shared_types::clock::monotonic_ns;
 use shared_types::digest::Digest;
-use shared_types::record::{Event, Outcome, RecordLayout, Validity};
+use shared_types::record::{Event, Outcome, RecordLayout};
 use shared_types::stream::{Item, RecordSource};
 use shared_types::time::Step;
 
@@ -18,9 +16,9 @@ use crate::checkpoint::past::PastRecords;
 use crate::recording::clean::clean;
 use crate::recording::reader::{ReadError, RunReader};
 use crate::recording::writer::{Part, Recording};
+use crate::results::collector::Collector;
 use crate::results::ending;
-use crate::results::faults::LiveFault;
-use crate::results::latency::legs::Latency;
+use crate::results::evaluation::RecordEvaluation;
 use crate::results::recorded::Recorded;
 use crate::run::realtime;
 use crate::run::recorder::{NAP, RecordingPlan, Shared};
@@ -33,18 +31,11 @@ pub(super) struct Work {
     /// After how many records the digest is wanted besides.
     marks: Vec<u64>,
     shared: Arc<Shared>,
-    /// The records that come are those of this run, not those that it goes on from.
-    is_live: bool,
     pub(super) layout: RecordLayout,
-    validity: Validity,
     heard: Heard,
     recording: Option<Recording>,
-    evaluation: Option<Evaluation>,
     digest: Digest,
-    latency: Latency,
-    first_ns: Option<u64>,
-    last_ns: u64,
-    recorded: Recorded,
+    collector: Collector,
 }
 
 impl Work {
@@ -54,42 +45,34 @@ impl Work {
         marks: Vec<u64>,
         shared: Arc<Shared>,
     ) -> Self {
-        let latency = Latency::default();
-        let recorded = Recorded::begun(latency.summary());
         Self {
+            collector: Collector::new(plan.run.steps, None),
             plan,
             recording_plan,
             marks,
             shared,
-            is_live: true,
             layout: RecordLayout::default(),
-            validity: Validity::default(),
             heard: Heard::default(),
             recording: None,
-            evaluation: None,
             digest: Digest::default(),
-            latency,
-            first_ns: None,
-            last_ns: 0,
-            recorded,
         }
     }
 
     /// Takes the records that the run goes on from, with what happened between them.
     pub(super) fn recall(&mut self, past: &PastRecords) {
         self.open(past.layout.clone());
-        self.is_live = false;
+        self.collector.is_past = true;
         let from = past.recording.display();
         if let Err(error) = self.recall_records(past) {
             self.fail(format!("cannot go on from {from}: {error}"));
-        } else if self.recorded.records != past.count || self.digest.clone().finish() != past.digest
+        } else if self.collector.recorded.records != past.count
+            || self.digest.clone().finish() != past.digest
         {
             self.fail(format!(
                 "cannot go on from {from}: it changed since it was looked at"
             ));
         }
-        self.is_live = true;
-        self.recorded.past_records = self.recorded.records;
+        self.collector.is_past = false;
     }
 
     fn recall_records(&mut self, past: &PastRecords) -> Result<(), ReadError> {
@@ -112,7 +95,7 @@ impl Work {
             Some(plan) => realtime::facts(&plan.session).collect(),
             None => BTreeMap::new(),
         };
-        if self.recorded.records == 0 {
+        if self.collector.recorded.records == 0 {
             if let Some(plan) = &mut self.recording_plan {
                 plan.provenance.facts.extend(facts);
             }
@@ -130,8 +113,8 @@ impl Work {
     }
 
     pub(super) fn open(&mut self, layout: RecordLayout) {
-        match Evaluation::new(&self.plan, &Columns::from(&layout)) {
-            Ok(evaluation) => self.evaluation = Some(evaluation),
+        match RecordEvaluation::of_layout(&self.plan, &layout) {
+            Ok(evaluation) => self.collector.evaluation = Some(evaluation),
             Err(error) => self.fail(format!("cannot evaluate the scenario: {error}")),
         }
         if let Some(plan) = &self.recording_plan {
@@ -152,14 +135,13 @@ impl Work {
                 }
             }
         }
-        self.validity = layout.validity();
         self.layout = layout;
     }
 
     /// Takes items until the plant said how the run ended, or its stream is dry after its death.
     pub(super) fn drain(&mut self, source: &mut impl RecordSource) {
         let mut error = None;
-        while self.recorded.end.is_none() {
+        while self.collector.recorded.end.is_none() {
             // Asked before the last look: what was published until then must be in it.
             let finishing = self.shared.finish.load(Ordering::Acquire);
             match source.drain(&mut |item| self.take(item)) {
@@ -179,36 +161,25 @@ impl Work {
     }
 
     fn take(&mut self, item: Item<'_>) {
-        if self.recorded.end.is_some() {
+        if self.collector.recorded.end.is_some() {
             return self.refuse("the record stream went on after the end of the run".into());
         }
         match item {
             Item::Record(_) if self.heard.is_broken() => {}
             Item::Record(words) if words.len() == self.layout.words() => {
                 let view = self.layout.view(words);
-                let heard = self.heard.record(&self.plan, &view, self.recorded.lost);
+                let heard = self
+                    .heard
+                    .record(&self.plan, &view, self.collector.recorded.lost);
                 if let Err(error) = heard {
                     return self.refuse(error);
                 }
-                if view.step < self.plan.run.steps
-                    && let Some(answers) = &mut self.recorded.answers
-                {
-                    answers.take(&view.timing);
-                }
                 self.digest.record(view.hashed);
-                if let Some(evaluation) = &mut self.evaluation {
-                    evaluation.observe(Step(view.step), view.values, self.validity.invalid(words));
-                }
-                if self.is_live {
-                    self.latency.take(view.step, &view.timing);
-                    self.first_ns.get_or_insert(view.timing.published_ns);
-                    self.last_ns = view.timing.published_ns;
-                }
-                self.recorded.records += 1;
-                let records = self.recorded.records;
-                if self.marks.contains(&records) && self.recorded.lost == 0 {
+                self.collector.record(words, &view.timing);
+                let recorded = &mut self.collector.recorded;
+                if self.marks.contains(&recorded.records) && recorded.lost == 0 {
                     let digest = self.digest.clone().finish();
-                    self.recorded.partial_digests.insert(records, digest);
+                    recorded.partial_digests.insert(recorded.records, digest);
                 }
                 (self.shared.next_step).store(self.heard.next_step(), Ordering::Relaxed);
                 let written = match &mut self.recording {
@@ -225,7 +196,9 @@ impl Work {
             }
             Item::Event(event) => {
                 let event = clean(event);
-                let heard = self.heard.event(&self.plan, &event, &self.recorded);
+                let heard = self
+                    .heard
+                    .event(&self.plan, &event, &self.collector.recorded);
                 if let Err(error) = heard {
                     return self.refuse(error);
                 }
@@ -238,7 +211,7 @@ impl Work {
                 self.note(written);
             }
             Item::Lost(count) => {
-                self.recorded.lost = self.recorded.lost.saturating_add(count);
+                self.collector.recorded.lost = self.collector.recorded.lost.saturating_add(count);
                 if self.plan.run.clock != Clock::Realtime {
                     let next = self.heard.next_step();
                     self.refuse(format!(
@@ -252,48 +225,30 @@ impl Work {
 
     /// Keeps what the summary needs of an event; the step that it is about, if it is about one.
     fn note_event(&mut self, event: &Event) -> Option<u64> {
-        let faults = &mut self.recorded.faults;
+        if let Err(error) = self.collector.event(event) {
+            self.fail(format!("the record stream is broken: {error}"));
+        }
         match event {
-            Event::Accepted(accepted) => {
-                match LiveFault::try_from(accepted) {
-                    Ok(live) => faults.accepted.push(live),
-                    Err(error) => {
-                        let id = accepted.id;
-                        self.fail(format!("the record stream is broken: fault {id}: {error}"));
-                    }
-                }
-                Some(accepted.step)
-            }
+            Event::Accepted(accepted) => Some(accepted.step),
             Event::Fault(taken) => {
                 self.digest.fault(taken);
-                if let Some(evaluation) = &mut self.evaluation {
-                    evaluation.fault(taken.id, Step(taken.step));
-                }
-                faults.taken.push(taken.clone());
                 Some(taken.step)
             }
-            Event::FaultEnded(ended) => {
-                faults.ended.push(ended.clone());
-                Some(ended.step)
-            }
+            Event::FaultEnded(ended) => Some(ended.step),
             Event::Controller(change) => {
-                self.recorded.changes.push(change.clone());
                 let changes = self.shared.changes.lock();
                 (changes.unwrap_or_else(PoisonError::into_inner)).push(change.clone());
                 Some(change.step)
             }
-            Event::End(end) => {
-                faults.sizes = Some(end.effects.clone());
-                self.recorded.end = Some(end.clone());
-                None
-            }
+            Event::End(_) => None,
         }
     }
 
     pub(super) fn keep_up(&mut self) {
         self.write_facts();
-        let evaluation = self.evaluation.as_ref();
-        (self.shared.board).answer(|| evaluation.map(standing::of).unwrap_or_default());
+        let evaluation = self.collector.evaluation.as_ref();
+        let standings = || evaluation.map(|one| standing::of(one.so_far()));
+        (self.shared.board).answer(|| standings().unwrap_or_default());
         if let Some(recording) = &mut self.recording {
             let kept = recording.keep_up();
             self.note(kept);
@@ -320,7 +275,7 @@ impl Work {
         let step = self.shared.next_step.load(Ordering::Relaxed);
         let reason = format!("cannot write {path} before step {step}: {}", causes(&error));
         let left = self.end(recording, Outcome::Failed, Some(&reason)).1;
-        self.recorded.cut_short = Some(reason.clone());
+        self.collector.recorded.cut_short = Some(reason.clone());
         self.fail(format!("{reason}; {left}"));
     }
 
@@ -332,14 +287,14 @@ impl Work {
         reason: Option<&str>,
     ) -> (std::io::Result<()>, String) {
         let mut closed = recording.close();
-        self.recorded.written = recording.safe();
+        self.collector.recorded.written = recording.safe();
         let mut result = self.result(outcome, reason);
         if closed.is_err() {
             // The records that it has are fewer than those that the digest covers.
             result.insert("records".into(), recording.safe().to_string());
             result.insert("digest".into(), String::new());
         }
-        let (path, kept) = (self.path(), self.recorded.written);
+        let (path, kept) = (self.path(), self.collector.recorded.written);
         let left = match recording.end(result) {
             Ok(()) => format!("it has {kept} records"),
             Err(error) => {
@@ -359,15 +314,15 @@ impl Work {
 
     /// The digest of the records so far; `None` if one was lost.
     fn digest(&self) -> Option<String> {
-        let is_there = self.recorded.lost == 0 && self.recorded.records > 0;
+        let is_there = self.collector.recorded.lost == 0 && self.collector.recorded.records > 0;
         is_there.then(|| self.digest.clone().finish())
     }
 
     /// What a recording says after the run.
     fn result(&self, outcome: Outcome, reason: Option<&str>) -> BTreeMap<String, String> {
         let facts = [
-            ("records", self.recorded.records.to_string()),
-            ("lost", self.recorded.lost.to_string()),
+            ("records", self.collector.recorded.records.to_string()),
+            ("lost", self.collector.recorded.lost.to_string()),
             ("digest", self.digest().unwrap_or_default()),
             ("outcome", outcome.name().to_owned()),
             ("reason", reason.unwrap_or_default().to_owned()),
@@ -383,35 +338,30 @@ impl Work {
     }
 
     pub(super) fn fail(&mut self, error: String) {
-        self.recorded.error.get_or_insert(error);
+        self.collector.recorded.error.get_or_insert(error);
         self.shared.failed.store(true, Ordering::Release);
     }
 
     pub(super) fn finish(mut self) -> Recorded {
         self.write_facts();
-        self.recorded.latency = self.latency.summary();
-        if let Some(evaluation) = &self.evaluation {
-            self.recorded.metrics = evaluation.results();
-            self.recorded.requirements = evaluation.requirements();
-        }
-        if let Some(first_ns) = self.first_ns {
-            self.recorded.wall_time_s = self.last_ns.saturating_sub(first_ns) as f64 / 1e9;
-        }
-        if self.recorded.error.is_none()
-            && let Some(what) = ending::contradiction(&self.plan, &self.recorded)
+        self.collector.conclude();
+        if self.collector.recorded.error.is_none()
+            && let Some(what) = ending::contradiction(&self.plan, &self.collector.recorded)
         {
             self.fail(what);
         }
-        if let (None, 1.., Some(end)) =
-            (&self.recorded.error, self.recorded.lost, &self.recorded.end)
-            && end.outcome == Outcome::Completed
+        if let (None, 1.., Some(end)) = (
+            &self.collector.recorded.error,
+            self.collector.recorded.lost,
+            &self.collector.recorded.end,
+        ) && end.outcome == Outcome::Completed
         {
             // Items were counted, of which some were events; and there is a record after the last step.
-            self.recorded.lost = end.steps + 1 - self.recorded.records;
+            self.collector.recorded.lost = end.steps + 1 - self.collector.recorded.records;
         }
-        self.recorded.digest = self.digest();
+        self.collector.recorded.digest = self.digest();
         if let Some(recording) = self.recording.take() {
-            let Recorded { end, error, .. } = &self.recorded;
+            let Recorded { end, error, .. } = &self.collector.recorded;
             let (outcome, reason) = match (error.clone(), end.clone()) {
                 (Some(error), _) => (Outcome::Failed, Some(error)),
                 (None, Some(end)) => (end.outcome, end.reason),
@@ -421,11 +371,11 @@ impl Work {
                 let (path, causes) = (self.path(), causes(&error));
                 let reason = format!("cannot finish {path}: {causes}");
                 let error = format!("{reason}; {left}");
-                self.recorded.cut_short = Some(reason);
-                self.recorded.error.get_or_insert(error);
+                self.collector.recorded.cut_short = Some(reason);
+                self.collector.recorded.error.get_or_insert(error);
             }
         }
-        self.recorded
+        self.collector.recorded
     }
 }
 

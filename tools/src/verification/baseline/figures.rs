@@ -5,16 +5,10 @@
 
 use std::path::Path;
 
-use hil_config::evaluation::Evaluation;
-use hil_config::expression::{Columns, Group};
-use shared_types::describe::Description;
-use shared_types::record::{Event, GROUPS, Validity};
-use shared_types::time::Step;
 use toml_edit::{DocumentMut, Item};
 
-use crate::programs::checked::checked;
 use crate::recording::reader::{Column, RunReader};
-use crate::recording::validity;
+use crate::results::recorded_run::RecordedRun;
 use crate::terminal::exit::Failure;
 
 /// What there is to say of a run.
@@ -106,21 +100,21 @@ impl Figures {
     pub(super) fn of(run: &Path) -> Result<Self, Failure> {
         let mut reader = RunReader::open(run).map_err(Failure::usage)?;
         reader.refuse_excerpt().map_err(Failure::usage)?;
-        let (mut evaluation, validity) = evaluation(&reader, run)?;
+        let recorded = RecordedRun::of(&reader, run)?;
+        let evaluation = recorded.evaluation(&reader, &recorded.plan);
+        let mut evaluation = evaluation
+            .map_err(|error| Failure::usage(format!("{}: its scenario: {error}", run.display())))?;
         let hashed = reader.hashed_words();
         let signals: Vec<usize> = (reader.columns().iter().enumerate())
             .filter(|(_, column)| column.is_signal())
             .map(|(place, _)| place)
             .collect();
-        let mut row = vec![f64::NAN; signals.len()];
         let kept = signals.iter().filter(|place| **place < hashed).count();
         let mut running = vec![Running::NONE; kept];
         let mut next = 0;
         while reader.advance().map_err(Failure::usage)? {
             for event in reader.events() {
-                if let Event::Fault(taken) = event {
-                    evaluation.fault(taken.id, Step(taken.step));
-                }
+                evaluation.event(event);
             }
             let (step, words) = (reader.step(), reader.words());
             if step != next {
@@ -130,12 +124,9 @@ impl Figures {
                 )));
             }
             next += 1;
-            for (value, place) in row.iter_mut().zip(&signals) {
-                *value = f64::from_bits(words[*place]);
-            }
-            evaluation.observe(Step(step), &row, validity.invalid(words));
-            for (running, value) in running.iter_mut().zip(&row) {
-                running.take(*value);
+            evaluation.record(words);
+            for (running, place) in running.iter_mut().zip(&signals) {
+                running.take(f64::from_bits(words[*place]));
             }
         }
         if let Some(torn) = reader.caveat() {
@@ -160,7 +151,7 @@ impl Figures {
             hil_version: fact("hil_version"),
             plant_blake3: fact("plant_blake3"),
             controller_blake3: fact("controller_blake3"),
-            metrics: (evaluation.results().into_iter())
+            metrics: (evaluation.so_far().results().into_iter())
                 .map(|metric| Metric {
                     name: {
                         let [start_s, end_s] = metric.window_s;
@@ -195,30 +186,6 @@ fn scenario_hash(text: &str) -> String {
     });
     let text = without_programs.as_deref().unwrap_or(text);
     blake3::hash(text.as_bytes()).to_hex().to_string()
-}
-
-/// The metrics of the run's own scenario, over the columns of its records, and which of these a record
-/// marks as invalid.
-fn evaluation(reader: &RunReader, run: &Path) -> Result<(Evaluation, Validity), Failure> {
-    let described = |name| {
-        let described = reader.enclosed::<Description>(name);
-        described.map_err(Failure::usage)
-    };
-    let plant = described("plant-description.json")?;
-    let controller = described("controller-description.json")?;
-    let text = reader.enclosure("scenario.toml").map_err(Failure::usage)?;
-    let plan = checked(text, run, &plant, &controller)?;
-    let mut columns = Columns::default();
-    for column in reader.columns() {
-        if let Some((group, name)) = column.name.split_once('.')
-            && let Some(place) = GROUPS.iter().position(|known| *known == group)
-        {
-            columns.push(Group::ALL[place], name);
-        }
-    }
-    let evaluation = Evaluation::new(&plan, &columns)
-        .map_err(|error| Failure::usage(format!("{}: its scenario: {error}", run.display())))?;
-    Ok((evaluation, validity::of(reader, &plan)))
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-use hil_config::plan::{FaultAction, FaultEffect, FaultSource, Profile};
+use hil_config::plan::{FaultAction, FaultEffect, FaultSource, Plan, Profile};
 use shared_types::describe::Settings;
 use shared_types::record::{FaultAccepted, Outcome, RunEnd};
 
@@ -118,8 +118,20 @@ const fn ended(id: u32, effect: u32, step: u64, cleared: bool) -> Event {
     })
 }
 
+/// The plan of a scenario for the programs of a run.
+fn again(run: &RecordedScenario, text: &str) -> Plan {
+    let programs = &run.recorded;
+    let plan = checked(
+        text,
+        Path::new("x"),
+        &programs.plant_program,
+        &programs.controller_program,
+    );
+    plan.expect("a plan")
+}
+
 /// A recorded run of the scenario in which these things happened.
-fn run(name: &str, events: Vec<Event>) -> Result<RecordedRun, Failure> {
+fn run(name: &str, events: Vec<Event>) -> Result<RecordedScenario, Failure> {
     let [plant, controller] = described();
     let enclose = |name, text| Enclosure {
         name,
@@ -136,7 +148,7 @@ fn run(name: &str, events: Vec<Event>) -> Result<RecordedRun, Failure> {
     let mut contents = vec![Content::Record(record(0, 0.0, 0.0))];
     contents.extend(events.into_iter().chain([end]).map(Content::Event));
     let folder = recorded(name, &layout(), &contents, enclosures, true);
-    let run = RecordedRun::read(&folder);
+    let run = RecordedScenario::read(&folder);
     std::fs::remove_dir_all(folder).expect("removed");
     run
 }
@@ -185,7 +197,7 @@ fn live_faults_become_faults_at_the_steps_at_which_they_took_hold() {
     ] {
         assert!(text.contains(comment), "no {comment} in {text}");
     }
-    let plan = checked(&text, Path::new("x"), &run.plant, &run.controller).expect("a plan");
+    let plan = again(&run, &text);
     let step = |step: u64| Trigger::Step {
         step: Step(step),
         at_s: step as f64 / 1000.0,
@@ -230,7 +242,7 @@ fn an_effect_that_was_cleared_before_its_skew_is_left_out() {
     ];
     let run = run("skew", events).expect("a run");
     let text = run.scenario().expect("a scenario");
-    let plan = checked(&text, Path::new("x"), &run.plant, &run.controller).expect("a plan");
+    let plan = again(&run, &text);
     let last = plan.faults.last().expect("the live one");
     assert_eq!((last.effects.len(), last.end.step), (1, Some(Step(8))));
 }
@@ -239,8 +251,8 @@ fn an_effect_that_was_cleared_before_its_skew_is_left_out() {
 fn a_run_that_nothing_was_done_to_repeats_as_its_scenario() {
     let run = run("plain", vec![]).expect("a run");
     let text = run.scenario().expect("a scenario");
-    let plan = checked(&text, Path::new("x"), &run.plant, &run.controller).expect("a plan");
-    assert_eq!(plan, run.plan);
+    let plan = again(&run, &text);
+    assert_eq!(plan, run.recorded.plan);
     assert_eq!(
         (run.records, run.outcome.as_deref()),
         (1, Some("completed"))

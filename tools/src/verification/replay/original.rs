@@ -14,6 +14,7 @@ use crate::programs::binaries::Binary;
 use crate::programs::checked::{checked, checked_with};
 use crate::programs::scenario::kept;
 use crate::recording::reader::RunReader;
+use crate::results::recorded_run::RecordedRun;
 use crate::terminal::exit::Failure;
 
 /// A recorded run, opened.
@@ -26,7 +27,7 @@ pub(super) struct Original {
     /// Hash of the controller's binary.
     pub(super) blake3: Option<String>,
     pub(super) places: Places,
-    plants: Description,
+    plant_program: Description,
     scenario: String,
 }
 
@@ -65,25 +66,24 @@ impl Original {
     /// # Errors
     /// If it lacks something that a replay needs.
     pub(super) fn of(reader: &RunReader, run: &Path) -> Result<Self, Failure> {
-        let plants: Description =
-            (reader.enclosed("plant-description.json")).map_err(Failure::usage)?;
-        let controller: Description =
-            (reader.enclosed("controller-description.json")).map_err(Failure::usage)?;
-        let text = reader.enclosure("scenario.toml").map_err(Failure::usage)?;
-        let scenario = kept(text)
-            .map(|scenario| scenario.to_string())
-            .map_err(|error| Failure::usage(format!("{}: its scenario: {error}", run.display())))?;
+        let mut scenario = String::new();
         let origin = format!("the scenario of {}", run.display());
-        let plan = checked(&scenario, origin.as_ref(), &plants, &controller)?;
-        let plant = plan.plant_among(&plants.plants).cloned();
-        let (Some(plant), Some(law)) = (plant, plan.law_among(&controller.laws)) else {
-            return Err(Failure::usage(format!(
-                "{} does not describe its plant and its law",
-                run.display()
-            )));
-        };
+        let recorded = RecordedRun::planned(reader, |text, plant, controller| {
+            let kept = kept(text).map_err(|error| {
+                Failure::usage(format!("{}: its scenario: {error}", run.display()))
+            })?;
+            scenario = kept.to_string();
+            checked(&scenario, origin.as_ref(), plant, controller)
+        })?;
+        let RecordedRun {
+            plant_program,
+            plant,
+            law,
+            plan,
+            ..
+        } = recorded;
         let reference = plan.reference();
-        let places = Places::of(reader, &plant, &reference, law)
+        let places = Places::of(reader, &plant, &reference, &law)
             .map_err(|what| Failure::usage(format!("{}: {what}", run.display())))?;
         Ok(Self {
             run: run.to_owned(),
@@ -92,7 +92,7 @@ impl Original {
             plant,
             reference,
             places,
-            plants,
+            plant_program,
             scenario,
         })
     }
@@ -112,7 +112,7 @@ impl Original {
             advice,
             &self.scenario,
             origin.as_ref(),
-            &self.plants,
+            &self.plant_program,
             &controller.description,
         )
     }

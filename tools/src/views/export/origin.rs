@@ -1,82 +1,45 @@
-//! What travels in a recording and tells more of its signals than their names: the scenario and
-//! what plant and controller said of themselves.
+//! Facts of a recording that tell more of its signals than their names: what its scenario derives of them,
+//! and where the table comes from.
 
 use std::collections::BTreeMap;
 
-use hil_config::expression::Columns;
-use hil_config::plan::{self, Plan};
-use shared_types::describe::{Description, LawDescription, PlantDescription};
+use hil_config::plan;
 
 use super::table::Column;
-use crate::programs::checked::checked;
 use crate::recording::reader::RunReader;
-use crate::recording::validity;
-use crate::results::evaluation::RecordedEvaluation;
+use crate::results::evaluation::RecordEvaluation;
+use crate::results::recorded_run::RecordedRun;
+use crate::terminal::exit::Failure;
 
-/// The scenario of a run with its plant and its law.
-pub(super) struct Origin {
-    plan: Plan,
-    plant: PlantDescription,
-    law: LawDescription,
+/// The run of a recording; the error says why it is not known.
+pub(super) fn recorded_run(reader: &RunReader) -> Result<RecordedRun, String> {
+    let told = |failure: Failure| failure.to_string().trim_start_matches("error: ").to_owned();
+    RecordedRun::of(reader, reader.path()).map_err(told)
 }
 
-impl Origin {
-    /// Takes them from a recording; the error says why that cannot be.
-    pub(super) fn of(reader: &RunReader) -> Result<Self, String> {
-        let read = || -> Result<_, crate::recording::reader::ReadError> {
-            let plant: Description = reader.enclosed("plant-description.json")?;
-            let controller: Description = reader.enclosed("controller-description.json")?;
-            Ok((reader.enclosure("scenario.toml")?, plant, controller))
-        };
-        let (text, plant, controller) = read().map_err(|error| error.to_string())?;
-        let plan = checked(text, reader.path(), &plant, &controller);
-        let plan = plan.map_err(|failure| failure.to_string())?;
-        // A scenario is checked only if both are there.
-        let plant = plan.plant_among(&plant.plants).cloned();
-        let law = plan.law_among(&controller.laws).cloned();
-        let (Some(plant), Some(law)) = (plant, law) else {
-            return Err("the recording does not describe its plant and law".into());
-        };
-        Ok(Self { plan, plant, law })
+/// The derived signals of a run's scenario, in its order.
+pub(super) fn derived(run: RecordedRun, reader: &RunReader) -> Result<Derived, String> {
+    let recorded = reader.columns().iter().filter(|column| column.is_signal());
+    if recorded.count() != run.plan.record_layout(&run.plant, &run.law).values() {
+        return Err("its signals are not those of its scenario".into());
     }
-
-    /// The commands of a command frame, in order, as the recording names them.
-    pub(super) fn sent_commands(&self) -> Vec<String> {
-        validity::sent_commands(&self.plant, &self.law)
-    }
-
-    /// The derived signals of the scenario, in its order.
-    pub(super) fn derived(mut self, reader: &RunReader) -> Result<Derived, String> {
-        let columns = Columns::of(&self.plant, &self.plan.stimuli, &self.law.internals);
-        let recorded = reader.columns();
-        let first = recorded.iter().position(|column| column.is_signal());
-        let signals = recorded.iter().filter(|column| column.is_signal()).count();
-        // They stand side by side, in the order of the columns.
-        let (Some(first), true) = (first, signals == columns.len()) else {
-            return Err("its signals are not those of its scenario".into());
-        };
-        self.plan.metrics.clear();
-        self.plan.analyses.clear();
-        self.plan.requirements.clear();
-        let evaluation =
-            RecordedEvaluation::new(reader, &self.plan, &columns, first..first + signals);
-        Ok(Derived {
-            evaluation: evaluation.map_err(|error| error.to_string())?,
-            signals: self.plan.derived,
-        })
-    }
+    let plan = run.plan.clone().without_judgement();
+    Ok(Derived {
+        evaluation: run.evaluation(reader, &plan)?,
+        signals: plan.derived,
+    })
 }
 
 /// The derived signals of a run, computed again from its records.
 pub(super) struct Derived {
     pub(super) signals: Vec<plan::Derived>,
-    evaluation: RecordedEvaluation,
+    evaluation: RecordEvaluation,
 }
 
 impl Derived {
     /// Their values at the step of a record.
     pub(super) fn of(&mut self, record: &[u64]) -> &[f64] {
-        self.evaluation.observe(record)
+        self.evaluation.record(record)
     }
 }
 

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use glob::Pattern;
 use shared_types::time::Step;
 
-use super::origin::{Derived, Origin};
+use super::origin::{self, Derived};
 use super::table::{Cell, Column, Kind};
 use crate::recording::reader::RunReader;
 use crate::recording::validity;
@@ -75,9 +75,9 @@ impl Offer {
                 Source::Number(word),
             );
         }
-        let derived = Origin::of(reader).and_then(|origin| {
-            offer.sent_commands = Some(origin.sent_commands());
-            origin.derived(reader)
+        let derived = origin::recorded_run(reader).and_then(|run| {
+            offer.sent_commands = Some(run.sent_commands());
+            origin::derived(run, reader)
         });
         match derived {
             Ok(derived) => {

@@ -144,10 +144,7 @@ impl Model {
         drawn.sort_unstable();
         drawn.dedup();
         if drawn.iter().any(|signal| *signal >= recorded) {
-            let mut plan = self.plan.clone();
-            plan.metrics.clear();
-            plan.analyses.clear();
-            plan.requirements.clear();
+            let plan = self.plan.clone().without_judgement();
             let evaluation = Evaluation::new(&plan, &Columns::from(layout));
             self.derived = Some(evaluation.map_err(Failure::infrastructure)?);
         }

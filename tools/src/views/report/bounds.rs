@@ -41,7 +41,7 @@ pub(super) enum Other {
 /// The comparisons of a run's requirements, and the signals that must be computed to show them.
 pub(super) fn bounds(number: usize, run: &Run) -> (Vec<Bound>, Vec<plan::Derived>) {
     let (mut bounds, mut extra) = (Vec::new(), Vec::new());
-    for requirement in run.plan.iter().flat_map(|plan| &plan.requirements) {
+    for requirement in run.plan().iter().flat_map(|plan| &plan.requirements) {
         let mut side = |side: &Expression| match side.plain_signal() {
             Some((signal, magnitude)) => Side {
                 signal: signal.to_owned(),

@@ -108,7 +108,7 @@ impl RunData {
             from_s: span.from_s,
             until_s: span.until_s,
         });
-        let changes = run.account.recorded.changes.iter().filter_map(|change| {
+        let changes = run.outcome.recorded.changes.iter().filter_map(|change| {
             let epoch = change.epoch;
             let from_s = run.rate.seconds(Step(change.step));
             let label = match &change.change {
@@ -123,12 +123,12 @@ impl RunData {
                 until_s,
             })
         });
-        let spikes = run.account.recorded.latency.spikes.iter();
+        let spikes = run.outcome.recorded.latency.spikes.iter();
         let spikes = spikes.map(|spike| SpikeData {
             at_s: run.rate.seconds(Step(spike.step)),
             ns: spike.round_trip_ns,
         });
-        let histograms = run.account.latency.histograms().into_iter();
+        let histograms = run.outcome.latency.histograms().into_iter();
         let histograms = histograms
             .filter(|(_, times)| !times.is_empty())
             .map(|(leg, times)| HistogramData::new(leg, times));

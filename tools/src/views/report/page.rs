@@ -91,7 +91,7 @@ fn title(runs: &[Run]) -> String {
 
 fn description(runs: &[Run]) -> String {
     let mut texts: Vec<&str> = Vec::new();
-    for plan in runs.iter().filter_map(|run| run.plan.as_ref()) {
+    for plan in runs.iter().filter_map(Run::plan) {
         if !plan.description.is_empty() && !texts.contains(&plan.description.as_str()) {
             texts.push(&plan.description);
         }

@@ -162,7 +162,7 @@ impl Choice<'_> {
         let runs = self.ground.runs;
         for plot in runs
             .iter()
-            .flat_map(|run| &run.plan)
+            .filter_map(Run::plan)
             .flat_map(|plan| &plan.plots)
         {
             // Runs of other scenarios may well show it too.
@@ -227,7 +227,7 @@ impl Choice<'_> {
     /// Signals by what they are.
     fn of_groups(&mut self) {
         let derived = self.names(|name| {
-            let plans = self.ground.runs.iter().flat_map(|run| &run.plan);
+            let plans = self.ground.runs.iter().filter_map(Run::plan);
             plans
                 .flat_map(|plan| &plan.derived)
                 .any(|one| one.name == name)

@@ -15,10 +15,11 @@ use shared_types::time::{Rate, Step};
 use super::envelope::Envelope;
 use super::grid::Grid;
 use crate::recording::reader::{ReadError, RunReader};
-use crate::results::account::Account;
-use crate::results::evaluation::{self, RecordedEvaluation};
+use crate::results::evaluation::RecordEvaluation;
 use crate::results::handover::Laws;
 use crate::results::latency::spikes::KEPT;
+use crate::results::outcome::RecordedOutcome;
+use crate::results::recorded_run::RecordedRun;
 use crate::results::requirements::{self, Requirement};
 use crate::results::summary::{Metric, Missed};
 use crate::terminal::exit::Failure;
@@ -37,9 +38,9 @@ pub(super) struct Run {
     /// What tells it from the others of the report.
     pub(super) label: String,
     pub(super) path: PathBuf,
-    pub(super) account: Account,
-    /// Its scenario; `None` if that cannot be understood.
-    pub(super) plan: Option<Plan>,
+    pub(super) outcome: RecordedOutcome,
+    /// The run by its scenario; `None` if that cannot be understood.
+    recorded_run: Option<RecordedRun>,
     pub(super) rate: Rate,
     pub(super) last: Step,
     pub(super) reason: Option<String>,
@@ -72,23 +73,24 @@ impl Run {
     /// # Errors
     /// If it cannot be read.
     pub(super) fn of(path: &Path, by: Option<&Path>) -> Result<Self, Failure> {
-        let mut account = Account::of(path, by).map_err(Failure::usage)?;
-        if account.recorded.written == 0 {
-            let shown = account.reader.path().display().to_string();
+        let mut found = RecordedOutcome::of(path, by).map_err(Failure::usage)?;
+        if found.recorded.written == 0 {
+            let shown = found.reader.path().display().to_string();
             return Err(Failure::usage(format!("{shown} has no record to show")));
         }
-        let rate = account.reader.rate().map_err(Failure::usage)?;
+        let rate = found.reader.rate().map_err(Failure::usage)?;
         let mut notes = Vec::new();
-        if let Some(damage) = &account.damage {
+        if let Some(damage) = &found.damage {
             notes.push(format!("damaged: {damage}"));
-        } else if let Some(torn) = account.reader.caveat() {
+        } else if let Some(torn) = found.reader.caveat() {
             notes.push(torn);
         }
-        let broke_off = (!account.has_result() && account.recorded.end.is_none())
+        let broke_off = (!found.has_result() && found.recorded.end.is_none())
             .then_some("the recording breaks off");
-        let (outcome, reason) = account.outcome(broke_off);
-        let plan = match std::mem::replace(&mut account.plan, Err(Failure::usage("taken"))) {
-            Ok(plan) => Some(plan),
+        let (outcome, reason) = found.outcome(broke_off);
+        let recorded_run = std::mem::replace(&mut found.run, Err(Failure::usage("taken")));
+        let recorded_run = match recorded_run {
+            Ok(run) => Some(run),
             Err(failure) if by.is_some() => return Err(failure),
             Err(failure) => {
                 notes.push(format!(
@@ -97,7 +99,7 @@ impl Run {
                 None
             }
         };
-        let recorded = &account.recorded;
+        let recorded = &found.recorded;
         let mut requirements: Vec<Requirement> = (recorded.requirements.iter())
             .map(Requirement::from)
             .collect();
@@ -105,7 +107,7 @@ impl Run {
             Outcome::Completed => requirements::verdict(&requirements).to_owned(),
             _ => "aborted".to_owned(),
         };
-        if let Some(kept) = account.reader.fact(crate::recording::reader::EXCERPT) {
+        if let Some(kept) = found.reader.fact(crate::recording::reader::EXCERPT) {
             let told = summary_beside(path);
             notes.push(format!(
                 "an excerpt: {kept}; {}",
@@ -115,28 +117,28 @@ impl Run {
                 }
             ));
             (verdict, requirements) = told.unwrap_or(("not judged".into(), Vec::new()));
-        } else if plan.is_none() {
+        } else if recorded_run.is_none() {
             verdict = "not judged".into();
         }
-        let written = account.reader.result("digest").unwrap_or_default();
+        let written = found.reader.result("digest").unwrap_or_default();
         let is_other = (recorded.digest.as_deref())
             .is_some_and(|found| !written.is_empty() && found != written);
         if is_other {
             notes.push("the digest of its records is not the recorded one: some of what is shown is not what was recorded".into());
         }
-        if (is_other || account.damage.is_some()) && verdict == "pass" {
+        if (is_other || found.damage.is_some()) && verdict == "pass" {
             verdict = "not judged".into();
         }
-        notes.extend(account.recorded.end.iter().flat_map(Missed::of_end));
-        let spans = spans(&account, rate);
-        let laws = plan.as_ref().map(|plan| plan.controller.law.as_str());
-        let fact = |name: &str| account.reader.fact(name).map(Into::into);
+        notes.extend(found.recorded.end.iter().flat_map(Missed::of_end));
+        let spans = spans(&found, rate);
+        let laws = (recorded_run.as_ref()).map(|run| run.plan.controller.law.as_str());
+        let fact = |name: &str| found.reader.fact(name).map(Into::into);
         let laws = laws.map_or_else(Laws::default, |law| Laws::of(law, &recorded.changes, fact));
         Ok(Self {
             label: String::new(),
             path: path.to_owned(),
             rate,
-            last: Step(account.reader.step()),
+            last: Step(found.reader.step()),
             reason,
             verdict,
             requirements,
@@ -145,14 +147,19 @@ impl Run {
             told_laws: laws.told(rate),
             laws,
             notes,
-            plan,
-            account,
+            recorded_run,
+            outcome: found,
         })
+    }
+
+    /// Its scenario; `None` if that cannot be understood.
+    pub(super) fn plan(&self) -> Option<&Plan> {
+        self.recorded_run.as_ref().map(|run| &run.plan)
     }
 
     /// A fact that was written down before the run.
     pub(super) fn fact(&self, name: &str) -> &str {
-        self.account.reader.fact(name).unwrap_or_default()
+        self.outcome.reader.fact(name).unwrap_or_default()
     }
 
     /// Its law, or all with the time from which each ran; empty if the scenario cannot be understood.
@@ -171,12 +178,12 @@ impl Run {
         let spans = self.spans.iter();
         let faults = spans.flat_map(|span| std::iter::once(span.from_s).chain(span.until_s));
         let changes = self
-            .account
+            .outcome
             .recorded
             .changes
             .iter()
             .map(|change| change.step);
-        let spikes = self.account.recorded.latency.spikes.iter();
+        let spikes = self.outcome.recorded.latency.spikes.iter();
         let steps = changes.chain(spikes.take(KEPT / 3).map(|spike| spike.step));
         let margins = self.requirements.iter().filter_map(|one| one.at_s);
         let times = faults.chain(margins).map(ns);
@@ -190,7 +197,7 @@ impl Run {
         Reading {
             path: &self.path,
             rate: self.rate,
-            plan: self.plan.as_ref(),
+            run: self.recorded_run.as_ref(),
             extra,
         }
     }
@@ -200,7 +207,7 @@ impl Run {
 pub(super) struct Reading<'a> {
     path: &'a Path,
     rate: Rate,
-    plan: Option<&'a Plan>,
+    run: Option<&'a RecordedRun>,
     /// Signals to be computed besides those of the scenario.
     extra: &'a [plan::Derived],
 }
@@ -247,7 +254,7 @@ impl Reading<'_> {
                 }
             }
             if let Some((_, evaluation)) = &mut derived {
-                for (envelope, value) in computed.iter_mut().zip(evaluation.observe(words)) {
+                for (envelope, value) in computed.iter_mut().zip(evaluation.record(words)) {
                     envelope.take(bucket, *value);
                 }
             }
@@ -258,25 +265,18 @@ impl Reading<'_> {
 
     /// Its derived signals and the extra ones, and what computes them; `None` of an excerpt, which lacks
     /// what they are made of.
-    fn derived(&self, reader: &RunReader) -> Option<(Vec<plan::Derived>, RecordedEvaluation)> {
-        let plan = self.plan.filter(|_| !reader.is_excerpt())?;
-        let plant = reader.enclosed("plant-description.json").ok()?;
-        let (columns, words) = evaluation::columns(reader, &plant).ok()?;
+    fn derived(&self, reader: &RunReader) -> Option<(Vec<plan::Derived>, RecordEvaluation)> {
+        let run = self.run.filter(|_| !reader.is_excerpt())?;
+        let (columns, _) = run.columns(reader).ok()?;
+        let mut plan = run.plan.clone().without_judgement();
         let is_known = |name: &str| {
             columns.index_of(name).is_some() || plan.derived.iter().any(|one| one.name == name)
         };
         let can_be = |one: &&plan::Derived| one.expression.signals().all(is_known);
-        let mut signals = plan.derived.clone();
-        signals.extend(self.extra.iter().filter(can_be).cloned());
-        let plan = Plan {
-            derived: signals.clone(),
-            metrics: Vec::new(),
-            analyses: Vec::new(),
-            requirements: Vec::new(),
-            ..plan.clone()
-        };
-        let evaluation = RecordedEvaluation::new(reader, &plan, &columns, words).ok()?;
-        Some((signals, evaluation))
+        let extra: Vec<_> = self.extra.iter().filter(can_be).cloned().collect();
+        plan.derived.extend(extra);
+        let evaluation = run.evaluation(reader, &plan).ok()?;
+        Some((plan.derived, evaluation))
     }
 }
 
@@ -325,8 +325,8 @@ impl Signals {
 }
 
 /// When faults acted: one span for each event, from its first effect to the end of its last.
-fn spans(account: &Account, rate: Rate) -> Vec<Span> {
-    let faults = &account.recorded.faults;
+fn spans(outcome: &RecordedOutcome, rate: Rate) -> Vec<Span> {
+    let faults = &outcome.recorded.faults;
     let mut ends: BTreeMap<(u32, u32), u64> = BTreeMap::new();
     for ended in &faults.ended {
         ends.insert((ended.id, ended.effect), ended.step);

@@ -45,8 +45,8 @@ pub(super) fn runs(runs: &[Run]) -> Markup {
                         td { (badge(&run.verdict)) @if let Some(reason) = &run.reason { br; (reason) } }
                         td { (run.fact("scenario")) }
                         td { (run.law()) }
-                        td { (run.plan.as_ref().map_or("", |plan| plan.run.clock.name())) }
-                        td.n { (run.account.recorded.records) " records, " (seconds(run.end_s())) " s" }
+                        td { (run.plan().map_or("", |plan| plan.run.clock.name())) }
+                        td.n { (run.outcome.recorded.records) " records, " (seconds(run.end_s())) " s" }
                         td.n { (speed(run)) }
                         td { abbr title=(meaning(run.fact("evidence"))) { (run.fact("evidence")) } }
                         td { (digest(run)) }
@@ -59,7 +59,7 @@ pub(super) fn runs(runs: &[Run]) -> Markup {
 }
 
 fn speed(run: &Run) -> String {
-    let wall_s = run.account.recorded.wall_time_s;
+    let wall_s = run.outcome.recorded.wall_time_s;
     match wall_s > 0.0 {
         true => format!("{:.1}x real time", run.end_s() / wall_s),
         false => "-".into(),
@@ -68,13 +68,13 @@ fn speed(run: &Run) -> String {
 
 /// The digest, recomputed from the records, against the one that the recorder wrote.
 fn digest(run: &Run) -> Markup {
-    let recorded = run.account.reader.result("digest").unwrap_or_default();
-    let found = run.account.recorded.digest.as_deref();
+    let recorded = run.outcome.reader.result("digest").unwrap_or_default();
+    let found = run.outcome.recorded.digest.as_deref();
     html! {
         @match found {
             Some(found) => {
                 code title=(found) { (found.get(..12).unwrap_or(found)) }
-                @if run.account.reader.is_excerpt() { " as recorded" }
+                @if run.outcome.reader.is_excerpt() { " as recorded" }
                 @else if recorded == found { " recomputed: equal" }
                 @else if recorded.is_empty() { " of what is there" }
                 @else { " " strong { "NOT the recorded one" } }
@@ -138,7 +138,7 @@ pub(super) fn metrics(runs: &[Run]) -> Markup {
     let has_published = runs
         .iter()
         .any(|run| rows.iter().any(|row| published(run, row).is_some()));
-    let notes: BTreeSet<&str> = (runs.iter().flat_map(|run| &run.plan))
+    let notes: BTreeSet<&str> = (runs.iter().filter_map(Run::plan))
         .flat_map(|plan| &plan.metrics)
         .filter_map(|metric| metric.published_note.as_deref())
         .collect();
@@ -176,7 +176,7 @@ fn is_same(a: &Metric, b: &Metric) -> bool {
 
 /// What others published of a metric's window for the law that answered it.
 fn published<'a>(run: &'a Run, metric: &Metric) -> Option<&'a Published> {
-    let (published, _) = of_law(run.plan.as_ref()?, &run.laws, metric)?;
+    let (published, _) = of_law(run.plan()?, &run.laws, metric)?;
     Some(published)
 }
 
@@ -184,8 +184,8 @@ fn published<'a>(run: &'a Run, metric: &Metric) -> Option<&'a Published> {
 pub(super) fn events(runs: &[Run]) -> Markup {
     html! {
         @for (number, run) in runs.iter().enumerate() {
-            @let faults = run.plan.as_ref().map_or_else(Vec::new, |plan| run.account.recorded.faults.faults(&plan.faults, run.rate));
-            @let changes = &run.account.recorded.changes;
+            @let faults = run.plan().map_or_else(Vec::new, |plan| run.outcome.recorded.faults.faults(&plan.faults, run.rate));
+            @let changes = &run.outcome.recorded.changes;
             h3 { (swatch(number)) (run.label) }
             @if faults.is_empty() && changes.is_empty() && run.spans.is_empty() { p { "No fault." } }
             ul {
@@ -220,7 +220,7 @@ pub(super) fn latency(runs: &[Run]) -> Markup {
                 @for name in ["p50", "p90", "p99", "p99.9", "p99.99", "max", "count"] { th.n { (name) } }
             } }
             tbody { @for (number, run) in runs.iter().enumerate() {
-                @let legs = run.account.recorded.latency.legs;
+                @let legs = run.outcome.recorded.latency.legs;
                 @let all = [("round trip", Some(legs.round_trip)), ("controller", Some(legs.controller)), ("exchange", Some(legs.exchange)), ("plant", Some(legs.plant)), ("late by", legs.release)];
                 @for (leg, times) in all { @if let Some(times) = times.filter(|times| times.count > 0) { tr {
                     th scope="row" { (swatch(number)) (run.label) }
@@ -230,7 +230,7 @@ pub(super) fn latency(runs: &[Run]) -> Markup {
             } }
         } }
         @for (number, run) in runs.iter().enumerate() {
-            @if let Some(graded) = &run.account.recorded.latency.grade {
+            @if let Some(graded) = &run.outcome.recorded.latency.grade {
                 p { (swatch(number)) (run.label) ": " (graded.grade.words()) ", by the limits that users of machine control live by." }
             }
         }
@@ -259,7 +259,7 @@ pub(super) fn spikes(runs: &[Run]) -> Markup {
         div.scroll tabindex="0" { table {
             thead { tr { th { "run" } th.n { "step" } th.n { "time" } th.n { "round trip" } th.n { "controller" } th { "meanwhile" } } }
             tbody { @for (number, run) in runs.iter().enumerate() {
-                @for spike in &run.account.recorded.latency.spikes { tr {
+                @for spike in &run.outcome.recorded.latency.spikes { tr {
                     th scope="row" { (swatch(number)) (run.label) }
                     td.n { (spike.step) }
                     td.n { (seconds(run.rate.seconds(Step(spike.step)))) " s" }
@@ -277,7 +277,7 @@ pub(super) fn provenance(runs: &[Run]) -> Markup {
     const HOST: [&str; 4] = ["host", "kernel", "machine", "cores"];
     html! {
         @for (number, run) in runs.iter().enumerate() {
-            @let facts: BTreeMap<&str, &str> = run.account.reader.facts().collect();
+            @let facts: BTreeMap<&str, &str> = run.outcome.reader.facts().collect();
             @let is_of = |group: &str, name: &str| match group {
                 "Doctor" => name.starts_with("doctor_"),
                 "Real-time settings" => name.starts_with("realtime_"),
@@ -286,7 +286,7 @@ pub(super) fn provenance(runs: &[Run]) -> Markup {
             };
             h3 { (swatch(number)) (run.label) }
             p { "Evidence level " strong { (run.fact("evidence")) } ": " (meaning(run.fact("evidence"))) "." }
-            p { code { (run.account.reader.path().display()) } }
+            p { code { (run.outcome.reader.path().display()) } }
             @for group in ["Run", "Host", "Doctor", "Real-time settings"] {
                 @let chosen: Vec<_> = facts.iter().filter(|(name, _)| is_of(group, name)).collect();
                 @if !chosen.is_empty() { details open[group == "Run" || group == "Host"] {
@@ -298,7 +298,7 @@ pub(super) fn provenance(runs: &[Run]) -> Markup {
                     } } }
                 } }
             }
-            @if let Ok(scenario) = run.account.reader.enclosure("scenario.toml") {
+            @if let Ok(scenario) = run.outcome.reader.enclosure("scenario.toml") {
                 details { summary { "Configuration: the effective scenario" } pre { code { (scenario) } } }
             }
         }

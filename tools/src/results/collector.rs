@@ -1,0 +1,87 @@
+//! The one pass over the records and events of a run: fed by the recorder while the run goes on and by
+//! [`RecordedOutcome`](super::outcome::RecordedOutcome) from a recording, so that both come to the same
+//! facts. Believes what it is given: the recorder checks items before, and digests are made elsewhere.
+
+use shared_types::record::{Event, Timing};
+
+use crate::results::evaluation::RecordEvaluation;
+use crate::results::latency::legs::Latency;
+use crate::results::recorded::Recorded;
+
+/// The facts of a run in the making.
+pub(crate) struct Collector {
+    /// Steps of the run; none if its scenario cannot be understood.
+    steps: u64,
+    pub(crate) evaluation: Option<RecordEvaluation>,
+    pub(crate) latency: Latency,
+    /// Times at which the first and the last record were published.
+    published_ns: Option<(u64, u64)>,
+    /// Records that come are those that the run goes on from: they took no time of this run.
+    pub(crate) is_past: bool,
+    pub(crate) recorded: Recorded,
+}
+
+impl Collector {
+    /// Begins with a run of so many steps.
+    pub(crate) fn new(steps: u64, evaluation: Option<RecordEvaluation>) -> Self {
+        let latency = Latency::default();
+        Self {
+            steps,
+            evaluation,
+            recorded: Recorded::begun(latency.summary()),
+            latency,
+            published_ns: None,
+            is_past: false,
+        }
+    }
+
+    /// Takes a record.
+    pub(crate) fn record(&mut self, words: &[u64], timing: &Timing) {
+        let step = words[0];
+        let recorded = &mut self.recorded;
+        recorded.records += 1;
+        if step < self.steps
+            && let Some(answers) = &mut recorded.answers
+        {
+            answers.take(timing);
+        }
+        if let Some(evaluation) = &mut self.evaluation {
+            evaluation.record(words);
+        }
+        if self.is_past {
+            recorded.past_records += 1;
+            return;
+        }
+        self.latency.take(step, timing);
+        let (first_ns, _) = self.published_ns.unwrap_or((timing.published_ns, 0));
+        self.published_ns = Some((first_ns, timing.published_ns));
+    }
+
+    /// Takes an event.
+    ///
+    /// # Errors
+    /// If the event of a live fault cannot be understood, which is then left out.
+    pub(crate) fn event(&mut self, event: &Event) -> Result<(), String> {
+        if let Some(evaluation) = &mut self.evaluation {
+            evaluation.event(event);
+        }
+        match event {
+            Event::Controller(change) => self.recorded.changes.push(change.clone()),
+            Event::End(end) => self.recorded.end = Some(end.clone()),
+            Event::Accepted(_) | Event::Fault(_) | Event::FaultEnded(_) => {}
+        }
+        self.recorded.faults.take(event)
+    }
+
+    /// Fills in the figures of all that was taken.
+    pub(crate) fn conclude(&mut self) {
+        let recorded = &mut self.recorded;
+        recorded.latency = self.latency.summary();
+        if let Some(evaluation) = &self.evaluation {
+            recorded.metrics = evaluation.so_far().results();
+            recorded.requirements = evaluation.so_far().requirements();
+        }
+        let (first_ns, last_ns) = self.published_ns.unwrap_or_default();
+        recorded.wall_time_s = last_ns.saturating_sub(first_ns) as f64 / 1e9;
+    }
+}
