@@ -449,6 +449,26 @@ pub fn nearest<'a>(wanted: &str, known: impl IntoIterator<Item = &'a str>) -> Ve
     scored.into_iter().take(3).map(|(_, name)| name).collect()
 }
 
+/// Writes names as text: `` `a`, `b` ``.
+#[must_use]
+pub fn listed<S: AsRef<str>>(names: &[S]) -> String {
+    let names: Vec<String> = names
+        .iter()
+        .map(|name| format!("`{}`", name.as_ref()))
+        .collect();
+    names.join(", ")
+}
+
+/// Writes the names closest to an unknown one, to be put behind what is said of it; empty if none is close.
+#[must_use]
+pub fn near<'a>(name: &str, names: impl IntoIterator<Item = &'a str>) -> String {
+    let near = nearest(name, names);
+    match near.is_empty() {
+        true => String::new(),
+        false => format!("; nearest: {}", listed(&near)),
+    }
+}
+
 /// A table's row inside something that serde writes.
 pub mod row {
     use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};

@@ -12,15 +12,17 @@ use crate::support::programs::workspace;
 
 /// Package and what it may depend on, when it is built and when it is tested. What moves to a target,
 /// the controller, knows neither simulator nor scenario.
-const ARROWS: [(&str, &[&str], &[&str]); 6] = [
+const ARROWS: [(&str, &[&str], &[&str]); 7] = [
     ("shared-types", &[], &[]),
     ("hil-config", &["shared-types"], &[]),
     ("plant-process", &["shared-types", "hil-config"], &[]),
     ("controller-process", &["shared-types"], &[]),
+    ("hil-recording", &["shared-types"], &[]),
     (
         "tools",
         &[
             "shared-types",
+            "hil-recording",
             "hil-config",
             "plant-process",
             "controller-process",
@@ -36,6 +38,7 @@ const ARROWS: [(&str, &[&str], &[&str]); 6] = [
             "plant-process",
             "controller-process",
             "tools",
+            "hil-recording",
         ],
     ),
 ];
@@ -68,7 +71,7 @@ fn list(value: &Value) -> &[Value] {
 }
 
 #[test]
-fn there_are_six_packages() {
+fn there_are_seven_packages() {
     let found: BTreeSet<String> = packages()
         .iter()
         .map(|package| text(&package["name"]).to_owned())

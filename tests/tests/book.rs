@@ -99,6 +99,8 @@ fn every_line_of_rust_in_the_book_is_one_of_an_example_or_is_built() {
         "own-controller/src/main.rs",
         "own-fault/src/main.rs",
         "unix-socket-link/tests/conformance.rs",
+        "../tools/recording/examples/extremes.rs",
+        "../tools/recording/examples/fall.rs",
     ]
     .map(example)
     .concat();

@@ -4,15 +4,15 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use hil_recording::compression::Compression;
+use hil_recording::reader::RunReader;
+use hil_recording::writer::{Enclosure, Provenance, Recording};
 use rustix::process::Signal;
 use serde_json::Value;
 use shared_types::random::RandomStream;
 use shared_types::record::RecordLayout;
 use shared_types::session::SessionInfo;
 use shared_types::table::Field;
-use tools::recording::compression::Compression;
-use tools::recording::reader::RunReader;
-use tools::recording::writer::{Enclosure, Provenance, Recording};
 
 use crate::every_fault;
 use crate::support::harness::{Rig, Run, until};

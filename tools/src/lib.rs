@@ -16,8 +16,7 @@
 //! | [`results`] | the end of a run, its verdicts and figures, its summary |
 //! | [`programs`] | plant and controller programs, and the scenario checked against them |
 //! | [`arguments`] | the command line as it is typed |
-//! | [`recording`] | the recording of a run, written and read |
-//! | [`files`] | whole files, the folder of a run, room on the disk |
+//! | [`files`] | whole files, the folder of a run |
 //! | [`terminal`] | exit codes, output, progress, interruption, times and names |
 //!
 //! A run, from the command line to the summary:
@@ -27,13 +26,15 @@
 //! 2. [`programs`] finds plant and controller and asks them what they are; the scenario is checked against that.
 //! 3. [`run`] prepares session and folder, starts both sides and watches over them.
 //! 4. Its [recorder](run::recorder) drains the record stream on a thread of its own: digest, metrics,
-//!    requirements, latency, [`recording`]. The end of the run and its requirements make the exit code.
+//!    requirements, latency, [recording](hil_recording). The end of the run and its requirements make the exit code.
 //! 5. [`results::summary`] says how it went, to a person and to a machine.
 //!
 //! A subcommand is added in three rooms: its arguments, its variant of `Command` and its group of
 //! the help in [`arguments`]; its work in the room that owns it or else in [`commands`]; its line
 //! in [`commands::execute`]. Then `HIL_WRITE_BOOK=1 cargo test -p tests book::references` writes
 //! the reference of the book.
+//!
+//! Recordings are the work of a package of their own, [`hil_recording`], in `tools/recording`.
 //!
 //! The loop is the work of other packages. Three parts run on it: the idle plant and law of
 //! [`benchmark`], the [replay](verification::replay) in the plant's place, and [`run`] where it
@@ -50,7 +51,6 @@ pub mod commands;
 pub mod doctor;
 pub mod files;
 pub mod programs;
-pub mod recording;
 pub mod results;
 pub mod run;
 pub mod session;

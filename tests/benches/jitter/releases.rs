@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
+use hil_recording::reader::{RECORDING, RunReader};
 use serde_json::Value;
 use tempfile::TempDir;
-use tools::recording::reader::{RECORDING, RunReader};
 
 use crate::measure::median;
 use crate::programs::Programs;

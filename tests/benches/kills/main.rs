@@ -18,11 +18,11 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
+use hil_recording::reader::{RECORDING, ReadError, RunReader};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::{Value, json};
 use shared_types::process::ProcessId;
 use tempfile::TempDir;
-use tools::recording::reader::{RECORDING, ReadError, RunReader};
 
 use programs::Programs;
 use rig::{Running, comes, left, scenario};

@@ -19,6 +19,9 @@ use std::sync::mpsc;
 
 use hil_config::evaluation::Evaluation;
 use hil_config::expression::Columns;
+use hil_recording::compression::Compression;
+use hil_recording::excerpt::Choice;
+use hil_recording::writer::{Provenance, Recording};
 use rustix::time::{ClockId, clock_gettime};
 use serde_json::json;
 use shared_types::digest::Digest;
@@ -28,9 +31,6 @@ use shared_types::stream::{Backpressure, RecordSink, RecordSource, in_process};
 use shared_types::time::Step;
 use shared_types::zerocopy::IntoBytes;
 use tempfile::TempDir;
-use tools::recording::compression::Compression;
-use tools::recording::excerpt::Choice;
-use tools::recording::writer::{Provenance, Recording};
 use tools::results::latency::legs::Latency;
 use tools::run::recorder::{Recorder, RecordingPlan};
 

@@ -4,11 +4,11 @@ use std::path::Path;
 
 use hil_config::plan::Plan;
 use hil_config::scenario::Scenario;
+use hil_recording::reader::RunReader;
 use shared_types::link::LinkError;
 use shared_types::record::{Event, RecordLayout};
 use shared_types::stream::{Item, RecordSource};
 use shared_types::table::Field;
-use tools::recording::reader::RunReader;
 
 use crate::cpu_ns;
 

@@ -8,6 +8,8 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
+use hil_recording::compression::Compression;
+use hil_recording::writer::{Enclosure, Provenance, Recording};
 use shared_types::describe::{Description, PROTOCOL};
 use shared_types::frame::{Frame, FrameKind, Header, Seal};
 use shared_types::hello::{Control, Hello, Offer, agree};
@@ -15,8 +17,6 @@ use shared_types::record::{Event, FaultTaken, Outcome, RecordLayout, RunEnd, Tim
 use shared_types::table::Field;
 use shared_types::time::{Rate, Step};
 use shared_types::zerocopy::IntoBytes;
-use tools::recording::compression::Compression;
-use tools::recording::writer::{Enclosure, Provenance, Recording};
 
 use super::targets::{rig, session};
 use crate::support::programs::workspace;

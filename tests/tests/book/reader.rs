@@ -49,7 +49,7 @@ const CARGO: &str = r#"#!/usr/bin/env bash
 set -euo pipefail
 words=("$@")
 folder=$PWD
-into=
+into= example= after=$#
 count=$#
 for ((i = 0; i < count; i++)); do
     case "${words[i]}" in
@@ -59,6 +59,8 @@ for ((i = 0; i < count; i++)); do
             into=${words[i + 1]}
             unset 'words[i]' 'words[i + 1]'
             ((++i)) ;;
+        --example) example=${words[i + 1]} ;;
+        --) after=$((i + 1)) ;;
         --bench) [ -e "tests/benches/${words[i + 1]}" ] || grep -q "name = \"${words[i + 1]}\"" tests/Cargo.toml ;;
     esac
 done
@@ -70,6 +72,7 @@ case "$1" in
         mkdir -p "$into"
         ln -sfn "$OUTSIDE/debug" "$into/release" ;;
     test | bench) [ "$PWD" -ef "$CLONE" ] ;;
+    run) exec "$PROGRAMS/examples/$example" "${@:after + 1}" ;;
     *) exec "$CARGO" "$@" ;;
 esac
 "#;

@@ -1,12 +1,29 @@
 //! The flags of `hil run` that say what of a run is recorded.
 
 use clap::Args;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use hil_recording::compression::Compression;
+use hil_recording::excerpt::Choice;
 use shared_types::number::exact_in;
 
 use super::run::RunOptions;
-use crate::recording::excerpt::Choice;
 use crate::terminal::duration::seconds;
 use crate::terminal::exit::Failure;
+
+/// Reads the compression of a recording.
+pub(super) fn compression() -> impl TypedValueParser<Value = Compression> {
+    let value = |name, told| PossibleValue::new(name).help(told);
+    let values = [
+        value("none", "None"),
+        value("lz4", "Fast"),
+        value("zstd", "Small"),
+    ];
+    PossibleValuesParser::new(values).map(|name| match name.as_str() {
+        "none" => Compression::None,
+        "zstd" => Compression::Zstd,
+        _ => Compression::Lz4,
+    })
+}
 
 /// What of a run is recorded. Digest, metrics and requirements always come from all of it.
 #[derive(Clone, Debug, Default, Args)]

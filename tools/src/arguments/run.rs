@@ -3,13 +3,13 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
+use hil_recording::compression::Compression;
 use shared_types::number::exact;
 
 use super::BinaryArguments;
 use super::checkpoint::{CheckpointArguments, FromArguments};
 use super::realtime::RealtimeArguments;
-use super::recording::ChoiceArguments;
-use crate::recording::compression::Compression;
+use super::recording::{ChoiceArguments, compression};
 use crate::terminal::duration::seconds;
 use crate::terminal::exit::Failure;
 
@@ -93,7 +93,7 @@ pub struct RunOptions {
     #[arg(long)]
     pub no_record: bool,
     /// Compression of run.mcap
-    #[arg(long, value_enum, default_value_t = Compression::Lz4, value_name = "HOW")]
+    #[arg(long, value_parser = compression(), default_value = "lz4", value_name = "HOW")]
     pub compression: Compression,
     /// What of it
     #[command(flatten)]

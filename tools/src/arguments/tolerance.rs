@@ -7,7 +7,7 @@ use std::str::FromStr;
 
 use shared_types::number::exact;
 
-use crate::terminal::names::near;
+use shared_types::table::near;
 
 /// One `--tolerance`, as it is typed: `X` for every signal, or `SIGNAL=X`.
 #[derive(Clone, Debug, PartialEq)]

@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
+use hil_recording::reader::RunReader;
+
 use super::measurement::{Case, Looped, Sides};
-use crate::recording::reader::RunReader;
 use crate::results::latency::places::TimingPlaces;
 use crate::terminal::exit::Failure;
 
@@ -15,7 +16,7 @@ pub fn case(run: &Path, warm_up: u64) -> Result<Case, Failure> {
     let mut reader = RunReader::open(run).map_err(Failure::usage)?;
     reader.refuse_excerpt().map_err(Failure::usage)?;
     let places = TimingPlaces::of(&reader);
-    if !(reader.columns().iter()).any(|column| column.name == "round_trip_ns") {
+    if reader.place("round_trip_ns").is_none() {
         return Err(Failure::usage(format!(
             "{} does not say how long its steps took",
             run.display()

@@ -20,6 +20,7 @@ use std::fs;
 use std::path::Path;
 
 use hil_config::plan::{Clock, Plan};
+use hil_recording::reader::RECORDING;
 use serde::{Deserialize, Serialize};
 use shared_types::checkpoint::Side;
 use shared_types::describe::PROTOCOL;
@@ -30,7 +31,6 @@ use shared_types::time::Step;
 use crate::arguments::run::RunOptions;
 use crate::files::part_file::PartFolder;
 use crate::programs::binaries::Binaries;
-use crate::recording::reader::RECORDING;
 use crate::results::resumed::Made;
 use crate::terminal::exit::Failure;
 

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 
 use hil_config::plan::{FaultEvent, Plan};
 use hil_config::scenario::Scenario;
+use hil_recording::reader::{ReadError, RunReader};
 use shared_types::checkpoint::{Checkpoints, Resume, Side};
 use shared_types::describe::PROTOCOL;
 use shared_types::record::RecordLayout;
@@ -21,7 +22,6 @@ use crate::files::folder::refuse_odd;
 use crate::programs::binaries::named::{Recorded, refuse_set};
 use crate::programs::binaries::{Binaries, Binary};
 use crate::programs::scenario;
-use crate::recording::reader::{ReadError, RunReader};
 use crate::results::faults::FaultLog;
 use crate::results::resumed::Resumed;
 use crate::terminal::exit::Failure;

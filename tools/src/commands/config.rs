@@ -1,13 +1,13 @@
 //! `hil config`: check a scenario, show it complete, print its schema.
 
 use hil_config::plan::Plan;
+use hil_recording::excerpt::Choice;
+use hil_recording::size;
 
 use crate::arguments::config::{ConfigAction, ConfigArguments, ScenarioArguments};
 use crate::programs::binaries::named::Named;
 use crate::programs::binaries::{Binaries, Choices};
 use crate::programs::scenario::{Finder, show};
-use crate::recording::excerpt::Choice;
-use crate::recording::size;
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::interruption::Interruption;
 use crate::terminal::output;

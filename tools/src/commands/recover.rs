@@ -14,7 +14,8 @@ use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use mcap::records::Record;
+use hil_recording::copy::Rescue;
+use hil_recording::reader::{End, Unvouched};
 use rustix::fs::{FlockOperation, flock};
 use rustix::io::Errno;
 use serde::Serialize;
@@ -22,10 +23,6 @@ use shared_types::session;
 
 use crate::arguments::recover::RecoverArguments;
 use crate::files::part_file::{self, PartFile};
-use crate::recording::compression::Compression;
-use crate::recording::copy::Copy;
-use crate::recording::reader::Unvouched;
-use crate::recording::reader::content::{Content, End};
 use crate::results::outcome::RecordedOutcome;
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::interruption::Interruption;
@@ -85,7 +82,7 @@ fn recovered(run: &Path, output: Option<&Path>) -> Result<Recovered, Failure> {
     let shown = path.display();
     let (end, bytes) = outcome.reader.end();
     let (state, whole_bytes) = match (&outcome.damage, end) {
-        (Some(_), _) => (State::Damaged, outcome.reader.place()),
+        (Some(_), _) => (State::Damaged, outcome.reader.position()),
         (None, Some(End::Torn(at))) => (State::BrokenOff, at),
         (None, _) => (State::Whole, bytes),
     };
@@ -208,34 +205,13 @@ fn copy(
     let part = PartFile::beside(to)?;
     part.file()
         .set_permissions(original.metadata()?.permissions())?;
-    let mut copy = Copy::into(part.file().try_clone()?, unvouched)?;
-    if outcome.damage.is_some() {
-        copy.doubt();
-    }
-    let mut content = Content::of(original)?;
-    content.be_patient();
-    let mut messages = 0;
-    while let Ok(Some(opcode)) = content.advance() {
-        let Ok(record) = content.record(opcode) else {
-            break; // read so far before
-        };
-        if messages == outcome.messages && matches!(record, Record::Message { .. }) {
-            break;
-        }
-        let compression = match content.compression() {
-            "lz4" => Compression::Lz4,
-            "zstd" => Compression::Zstd,
-            _ => Compression::None,
-        };
-        messages += u64::from(copy.take(record, compression)?);
-        if interruption.came() {
-            return Err(io::ErrorKind::Interrupted.into());
-        }
-    }
-    if messages != outcome.messages {
-        return Err(io::Error::other("it changed while it was read"));
-    }
-    copy.finish(outcome.result(reason.unwrap_or_default()))?;
+    let rescue = Rescue {
+        messages: outcome.messages,
+        is_doubtful: outcome.damage.is_some(),
+        unvouched,
+        result: outcome.result(reason.unwrap_or_default()),
+    };
+    rescue.copy(original, part.file().try_clone()?, || !interruption.came())?;
     part.complete(to, may_replace)
 }
 

@@ -1,7 +1,6 @@
-//! Files that appear whole or not at all, wherever they go, the folder of a run and the room on its disk.
-//! Knows nothing of what is in them.
+//! Files that appear whole or not at all, wherever they go, and the folder of a run. Knows nothing of what is
+//! in them.
 
 pub(crate) mod destination;
 pub(crate) mod folder;
 pub(crate) mod part_file;
-pub(crate) mod reserve;

@@ -9,7 +9,7 @@ use plant_process::repeat::Missed;
 use shared_types::directive::Answered;
 use shared_types::time::Step;
 
-use crate::recording::reader::RunReader;
+use hil_recording::reader::RunReader;
 
 /// Steps of a run that missed their command, collected from one record after another.
 #[derive(Debug)]
@@ -25,11 +25,8 @@ pub(crate) struct LateCommands {
 impl LateCommands {
     /// Begins with the records of a run; `None` if they do not tell, as those of older versions.
     pub(crate) fn of(reader: &RunReader) -> Option<Self> {
-        let place = |name| {
-            let mut columns = reader.columns().iter();
-            columns.position(|column| column.name == name)
-        };
-        Some(Self::new(place("held_steps")?, place("answered")?))
+        let places = (reader.place("held_steps")?, reader.place("answered")?);
+        Some(Self::new(places.0, places.1))
     }
 
     const fn new(held_steps: usize, answered: usize) -> Self {

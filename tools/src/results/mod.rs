@@ -17,3 +17,7 @@ pub mod requirements;
 pub mod resumed;
 pub mod settings;
 pub mod summary;
+
+#[cfg(test)]
+#[path = "../../recording/tests/shared/fixture.rs"]
+pub(crate) mod fixture;

@@ -7,9 +7,9 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use hil_recording::reader::{ReadError, RunReader};
 use shared_types::record::Outcome;
 
-use crate::recording::reader::{ReadError, RunReader};
 use crate::results::collector::Collector;
 use crate::results::ended::Ended;
 use crate::results::ending;

@@ -10,14 +10,13 @@ use std::path::Path;
 use hil_config::expression::{Columns, Group};
 use hil_config::plan::Plan;
 use hil_config::scenario::read_regular;
+use hil_recording::reader::RunReader;
 use shared_types::describe::{Description, LawDescription, PlantDescription};
 use shared_types::number::exact_in;
 use shared_types::record::Validity;
 use shared_types::table::Field;
 
 use crate::programs::checked::checked;
-use crate::recording::reader::RunReader;
-use crate::recording::validity;
 use crate::results::evaluation::RecordEvaluation;
 use crate::terminal::exit::Failure;
 
@@ -151,7 +150,7 @@ impl RecordedRun {
         let sent = self.sent_commands();
         let signals = reader.columns().iter().filter(|column| column.is_signal());
         Validity::new((0..).zip(signals).filter_map(|(number, column)| {
-            let (word, bit) = validity::place(reader, &sent, &column.name)?;
+            let (word, bit) = reader.invalid_bit(&column.name, &sent)?;
             Some((word, bit, number))
         }))
     }

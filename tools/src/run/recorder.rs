@@ -13,14 +13,14 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use hil_config::plan::Plan;
+use hil_recording::compression::Compression;
+use hil_recording::excerpt::Choice;
+use hil_recording::writer::Provenance;
 use shared_types::record::{ControllerChange, RecordLayout};
 use shared_types::session::SessionInfo;
 use shared_types::stream::RecordSource;
 
 use crate::checkpoint::past::PastRecords;
-use crate::recording::compression::Compression;
-use crate::recording::excerpt::Choice;
-use crate::recording::writer::Provenance;
 use crate::results::recorded::Recorded;
 use crate::session::standing::Board;
 use crate::terminal::exit::Failure;

@@ -8,12 +8,11 @@ use std::time::{Duration, Instant};
 
 use shared_types::live::{self, LiveError, Refusal, Request, Response};
 use shared_types::session::{self, SessionInfo};
-use shared_types::table::nearest;
+use shared_types::table::{listed, nearest};
 
 use crate::arguments::SessionChoice;
 use crate::session::observer::Notice;
 use crate::terminal::exit::Failure;
-use crate::terminal::names::listed;
 use crate::terminal::output;
 
 /// How long a plant may take to answer: longer than it waits for its own loop.

@@ -7,6 +7,7 @@
 use std::time::Duration;
 
 use hil_config::plan::Plan;
+use hil_recording::clean::clean;
 use serde::{Deserialize, Serialize};
 use shared_types::describe::Description;
 use shared_types::link::LinkError;
@@ -17,7 +18,6 @@ use shared_types::stream::{Item, RecordSource};
 
 use crate::programs::binaries::Binaries;
 use crate::programs::checked::checked;
-use crate::recording::clean::clean;
 use crate::terminal::exit::Failure;
 
 /// File of the session's folder that tells what is run.

@@ -10,5 +10,4 @@ pub mod advice;
 pub mod duration;
 pub mod exit;
 pub mod interruption;
-pub mod names;
 pub mod progress;

@@ -16,12 +16,12 @@ use shared_types::number::{exact, exact_in};
 
 use crate::arguments::recordings::CompareArguments;
 use crate::arguments::tolerance::Tolerances;
-use crate::recording::reader::{ReadError, RunReader};
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::output;
 use crate::verification::baseline;
 pub use deviation::SignalDifference;
 pub(crate) use deviation::{Deviation, is_near, share, write_table};
+use hil_recording::reader::{ReadError, RunReader};
 use work::{Row, Work};
 
 /// Two runs, compared.

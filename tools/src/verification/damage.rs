@@ -4,12 +4,13 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use hil_recording::compression::Compression;
+use hil_recording::reader::{RECORDING, RunReader, digest_of_first};
+use hil_recording::writer::{Enclosure, Provenance, Recording};
+
 use crate::arguments::tolerance::Tolerances;
 use crate::benchmark::recorded;
-use crate::recording::compression::Compression;
-use crate::recording::reader::tests::{Content, layout, record, recorded, taken};
-use crate::recording::reader::{RECORDING, RunReader, digest_of_first};
-use crate::recording::writer::{Enclosure, Provenance, Recording};
+use crate::results::fixture::{Content, layout, record, recorded, taken};
 use crate::verification::compare::compare;
 use crate::verification::repetition::RecordedScenario;
 

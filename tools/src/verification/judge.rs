@@ -7,11 +7,11 @@
 use std::path::Path;
 
 use hil_config::plan::Plan;
+use hil_recording::reader::ReadError;
 use serde::Serialize;
 use shared_types::record::Outcome;
 
 use crate::arguments::recordings::JudgeArguments;
-use crate::recording::reader::ReadError;
 use crate::results::handover::Laws;
 use crate::results::outcome::RecordedOutcome;
 use crate::results::requirements::{self, Requirement};

@@ -11,6 +11,7 @@ use std::path::Path;
 
 use hil_config::plan::{Clock, Condition, FaultEnd, FaultEvent, Realtime, Trigger};
 use hil_config::show;
+use hil_recording::reader::{ReadError, RunReader};
 use plant_process::repeat::Missed;
 use shared_types::record::{Change, ControllerChange, Event, FaultEnded, FaultTaken};
 use shared_types::time::{Rate, Step};
@@ -19,7 +20,6 @@ use crate::arguments::recordings::ScenarioFromArguments;
 use crate::files::part_file;
 use crate::programs::binaries::named::Recorded;
 use crate::programs::checked::checked;
-use crate::recording::reader::{ReadError, RunReader};
 use crate::results::faults::{FaultLog, LiveFault};
 use crate::results::late_commands::LateCommands;
 use crate::results::recorded_run::RecordedRun;

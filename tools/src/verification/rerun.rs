@@ -3,6 +3,7 @@
 
 use hil_config::plan::Clock;
 use hil_config::scenario::Scenario;
+use hil_recording::reader;
 use serde_json::json;
 
 use crate::arguments::run::{ClockKind, RerunArguments};
@@ -10,7 +11,6 @@ use crate::arguments::tolerance::Tolerances;
 use crate::programs::binaries::Choices;
 use crate::programs::binaries::named::{Named, refuse_set};
 use crate::programs::scenario;
-use crate::recording::reader;
 use crate::run::{self, Basis, Repeated, Setup};
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::output;

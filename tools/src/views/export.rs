@@ -14,13 +14,13 @@ use std::fmt::Write as _;
 use std::io::{ErrorKind, IsTerminal};
 use std::path::Path;
 
+use hil_recording::reader::RunReader;
 use serde::Serialize;
 use shared_types::number::{exact, unit_shown};
 use shared_types::time::{Rate, Step};
 
 use crate::arguments::export::{ExportArguments, ExportFormat};
 use crate::files::destination::Destination;
-use crate::recording::reader::RunReader;
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::interruption::Interruption;
 use crate::terminal::output;

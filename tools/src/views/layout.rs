@@ -11,9 +11,10 @@ use std::collections::BTreeMap;
 use std::io::Write as _;
 use std::path::Path;
 
+use hil_recording::reader::{ReadError, RunReader};
+
 use crate::arguments::layout::{LayoutArguments, Viewer};
 use crate::files::destination::Destination;
-use crate::recording::reader::{ReadError, RunReader};
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::output;
 use crate::views::export::not_written;

@@ -26,12 +26,12 @@ use std::time::Duration;
 
 use glob::Pattern;
 use serde::Serialize;
+use shared_types::table::near;
 
 use crate::arguments::report::ReportArguments;
 use crate::files::destination::Destination;
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::interruption::Interruption;
-use crate::terminal::names::near;
 use crate::terminal::output;
 use crate::views::export::not_written;
 use bounds::bounds;

@@ -6,11 +6,11 @@ use std::cell::RefCell;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use hil_recording::reader::{RECORDING, RunReader};
 use tempfile::TempDir;
 use tools::arguments::export::{ExportArguments, ExportFormat};
 use tools::arguments::tolerance::Tolerances;
 use tools::benchmark::recorded;
-use tools::recording::reader::{RECORDING, RunReader};
 use tools::terminal::interruption::Interruption;
 use tools::verification::compare::{Verdict, compare};
 use tools::verification::judge::judged;

@@ -4,9 +4,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use hil_recording::compression::Compression;
+use hil_recording::reader::{RECORDING, RunReader};
+
 use super::tests::{COMPRESSIONS, Original, messages};
 use super::*;
-use crate::recording::reader::{RECORDING, RunReader};
 
 /// Flips of a test in packed bytes, for each compression; as many as asked for of the one that is ignored.
 const FLIPS: usize = 60;

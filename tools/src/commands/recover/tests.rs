@@ -3,13 +3,15 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+use hil_recording::reader::{RECORDING, RunReader};
+use hil_recording::writer::{Provenance, Recording};
 use shared_types::record::Event;
 use tempfile::TempDir;
 
+use hil_recording::compression::Compression;
+
 use super::*;
-use crate::recording::reader::tests::{layout, record, taken};
-use crate::recording::reader::{RECORDING, RunReader};
-use crate::recording::writer::{Provenance, Recording};
+use crate::results::fixture::{layout, record, taken};
 
 const RECORDS: u64 = 60;
 pub(super) const COMPRESSIONS: [Compression; 3] =

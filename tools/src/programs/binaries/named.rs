@@ -11,9 +11,9 @@ use std::path::{Path, PathBuf};
 
 use hil_config::plan::{ControllerProgram, Programs};
 use hil_config::scenario::{Scenario, read_regular};
+use hil_recording::reader::RunReader;
 
 use super::{beside, seal, trusted};
-use crate::recording::reader::RunReader;
 use crate::terminal::exit::Failure;
 
 /// A side, and how its program is named.

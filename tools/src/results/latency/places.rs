@@ -3,7 +3,7 @@
 use shared_types::record::Timing;
 use shared_types::zerocopy::{FromBytes, IntoBytes};
 
-use crate::recording::reader::RunReader;
+use hil_recording::reader::RunReader;
 
 /// Where the words of a recording's records say how long steps took.
 pub(crate) struct TimingPlaces([Option<usize>; Timing::WORDS]);
@@ -11,8 +11,7 @@ pub(crate) struct TimingPlaces([Option<usize>; Timing::WORDS]);
 impl TimingPlaces {
     /// By name: an older recording has fewer words, which are then 0.
     pub(crate) fn of(reader: &RunReader) -> Self {
-        let place = |name: &str| (reader.columns().iter()).position(|column| column.name == name);
-        Self(Timing::NAMES.map(place))
+        Self(Timing::NAMES.map(|name| reader.place(name)))
     }
 
     /// Whether records say whose command they have, and how old it is.

@@ -1,11 +1,11 @@
 //! What is believed of a recording that tells its own end.
 
+use hil_recording::writer::Enclosure;
 use shared_types::record::{Event, RunEnd};
 
 use super::*;
 use crate::programs::rig::{SCENARIO, described, plan};
-use crate::recording::reader::tests::{Content, recorded};
-use crate::recording::writer::Enclosure;
+use crate::results::fixture::{Content, recorded};
 
 /// A recording of so many records whose plant says that it completed all 1000 steps.
 fn of_records(records: u64) -> RecordedOutcome {

@@ -3,11 +3,11 @@
 //! Used by `hil recover`. Where binaries were and what the recorder ran with is not recorded; programs
 //! have their names then, and what nobody knows is not made up.
 
+use hil_recording::reader::{RECORDING, RunReader};
 use shared_types::describe::Description;
 use shared_types::realtime::{Granted, Report};
 
 use super::{Origin, Program, Summary};
-use crate::recording::reader::{RECORDING, RunReader};
 use crate::results::ended::Ended;
 use crate::results::handover::Laws;
 use crate::results::recorded_run::RecordedRun;

@@ -9,7 +9,7 @@ use shared_types::time::Step;
 
 use super::*;
 use crate::programs::rig::plan;
-use crate::recording::reader::tests::{layout, record};
+use crate::results::fixture::{layout, record};
 use crate::results::recorded::Recorded;
 
 /// A stream of so many records whose plant is dead: a few come with each look.

@@ -5,6 +5,9 @@ use std::sync::atomic::Ordering;
 use std::sync::{Arc, PoisonError};
 
 use hil_config::plan::{Clock, Plan};
+use hil_recording::clean::clean;
+use hil_recording::reader::{ReadError, RunReader};
+use hil_recording::writer::{Part, Recording};
 use shared_types::clock::monotonic_ns;
 use shared_types::digest::Digest;
 use shared_types::record::{Event, Outcome, RecordLayout};
@@ -13,9 +16,6 @@ use shared_types::time::Step;
 
 use super::heard::Heard;
 use crate::checkpoint::past::PastRecords;
-use crate::recording::clean::clean;
-use crate::recording::reader::{ReadError, RunReader};
-use crate::recording::writer::{Part, Recording};
 use crate::results::collector::Collector;
 use crate::results::ending;
 use crate::results::evaluation::RecordEvaluation;

@@ -12,7 +12,7 @@ use shared_types::describe::{
 };
 use shared_types::live::{Possible, Refusal};
 use shared_types::session;
-use shared_types::table::{Field, nearest};
+use shared_types::table::{Field, listed, nearest};
 
 use crate::arguments::inject::InjectArguments;
 use crate::programs::binaries::Binary;
@@ -20,7 +20,6 @@ use crate::programs::binaries::named::Named;
 use crate::session::live::{self, Unmet};
 use crate::terminal::exit::Failure;
 use crate::terminal::interruption::Interruption;
-use crate::terminal::names::listed;
 use text::{in_full, in_short};
 
 /// What one plant can suffer.

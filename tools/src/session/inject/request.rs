@@ -11,10 +11,9 @@ use shared_types::describe::{
 };
 use shared_types::live::{Possible, Refusal};
 use shared_types::number::counted;
-use shared_types::table::{Field, nearest};
+use shared_types::table::{Field, listed, nearest};
 
 use crate::arguments::inject::{InjectArguments, nearest_options};
-use crate::terminal::names::listed;
 use text::{float, head, profile, rows, string, values};
 
 /// A kind of fault as the command line needs it.

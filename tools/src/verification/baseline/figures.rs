@@ -5,9 +5,9 @@
 
 use std::path::Path;
 
+use hil_recording::reader::{Column, RunReader};
 use toml_edit::{DocumentMut, Item};
 
-use crate::recording::reader::{Column, RunReader};
 use crate::results::recorded_run::RecordedRun;
 use crate::terminal::exit::Failure;
 

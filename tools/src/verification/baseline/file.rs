@@ -23,13 +23,13 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 use shared_types::number::exact;
+use shared_types::table::near;
 use toml_edit::{DocumentMut, InlineTable, Item, Table, TableLike, Value};
 
 use super::figures::{Figures, STATISTICS};
 use crate::files::folder;
 use crate::files::part_file::{self, PartFile};
 use crate::terminal::exit::Failure;
-use crate::terminal::names::near;
 
 /// Version of the file.
 const SCHEMA: i64 = 1;
@@ -341,7 +341,7 @@ fn float(value: f64) -> Value {
 /// Keeps a run's recording beside the file, whole or not at all.
 fn keep(run: &Path, kept: &Path) -> Result<(), Failure> {
     let recording = if run.is_dir() {
-        run.join(crate::recording::reader::RECORDING)
+        run.join(hil_recording::reader::RECORDING)
     } else {
         run.to_owned()
     };

@@ -3,7 +3,7 @@ use std::path::PathBuf;
 use shared_types::table::Field;
 
 use super::*;
-use crate::recording::reader::tests::{Content, layout, record, recorded, taken};
+use crate::results::fixture::{Content, layout, record, recorded, taken};
 
 /// A run of four records; `change` may spoil one.
 fn run(name: &str, change: impl Fn(u64, &mut Vec<u64>)) -> PathBuf {

@@ -2,8 +2,10 @@
 
 use std::path::Path;
 
+use hil_recording::reader::{Column, RunReader};
 use serde_json::Value;
 use shared_types::record::Event;
+use shared_types::table::near;
 use shared_types::time::{Rate, Step};
 
 use super::{
@@ -11,8 +13,6 @@ use super::{
     number,
 };
 use crate::arguments::tolerance::Tolerances;
-use crate::recording::reader::{Column, RunReader};
-use crate::terminal::names::near;
 
 /// A comparison going on.
 pub(super) struct Work {
@@ -96,15 +96,9 @@ impl Work {
     ) -> Result<Self, CompareError> {
         let is_selected = !signals.is_empty();
         let is_excerpt = a.is_excerpt() || b.is_excerpt();
-        let place = |reader: &RunReader, name: &str| {
-            reader
-                .columns()
-                .iter()
-                .position(|column| column.name == name)
-        };
         let only = |one: &RunReader, other: &RunReader| -> Vec<String> {
             let own = one.columns().iter().filter(|column| column.is_signal());
-            let own = own.filter(|column| place(other, &column.name).is_none());
+            let own = own.filter(|column| other.place(&column.name).is_none());
             own.map(|column| column.name.clone()).collect()
         };
         for name in signals {
@@ -125,7 +119,7 @@ impl Work {
             .iter()
             .enumerate()
             .filter_map(|(index, column)| {
-                let in_b = place(b, &column.name)?;
+                let in_b = b.place(&column.name)?;
                 // Clocks are never the same; what is left out of the digest is looked at if asked for.
                 let counts = if is_selected {
                     signals.contains(&column.name)

@@ -1,12 +1,12 @@
 use hil_config::plan::{FaultAction, FaultEffect, FaultSource, Plan, Profile};
+use hil_recording::writer::Enclosure;
 use shared_types::describe::Settings;
 use shared_types::record::{FaultAccepted, Outcome, RunEnd};
 
 use super::*;
 use crate::programs::checked::checked;
 use crate::programs::rig::described;
-use crate::recording::reader::tests::{Content, layout, record, recorded};
-use crate::recording::writer::Enclosure;
+use crate::results::fixture::{Content, layout, record, recorded};
 
 const SCENARIO: &str = r#"
 schema = 1

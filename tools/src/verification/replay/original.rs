@@ -7,13 +7,13 @@ use std::path::{Path, PathBuf};
 
 use hil_config::plan::Plan;
 use hil_config::scenario::Advice;
+use hil_recording::reader::RunReader;
 use shared_types::describe::{Description, LawDescription, PlantDescription};
 use shared_types::table::Field;
 
 use crate::programs::binaries::Binary;
 use crate::programs::checked::{checked, checked_with};
 use crate::programs::scenario::kept;
-use crate::recording::reader::RunReader;
 use crate::results::recorded_run::RecordedRun;
 use crate::terminal::exit::Failure;
 
@@ -126,7 +126,7 @@ impl Places {
         law: &LawDescription,
     ) -> Result<Self, String> {
         let columns = reader.columns();
-        let place = |name: &str| columns.iter().position(|column| column.name == name);
+        let place = |name: &str| reader.place(name);
         let bits = |group: &str| -> Vec<usize> {
             let words = (0..).map_while(|number| place(&format!("{group}[{number}]")));
             words.collect()

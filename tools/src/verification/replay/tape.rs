@@ -8,13 +8,13 @@ use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::thread::JoinHandle;
 
 use hil_config::plan::Clock;
+use hil_recording::reader::{ReadError, RunReader};
 use shared_types::directive::{Answered, Directive};
 use shared_types::frame::VALIDITY_WORDS;
 use shared_types::record::{Change, ControllerChange, Event, FaultTaken};
 use shared_types::time::Step;
 
 use super::original::Places;
-use crate::recording::reader::{ReadError, RunReader};
 
 /// Samples in a batch: some hundred kilobytes.
 const BATCH: usize = 1024;

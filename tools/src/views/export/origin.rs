@@ -4,9 +4,9 @@
 use std::collections::BTreeMap;
 
 use hil_config::plan;
+use hil_recording::reader::RunReader;
 
 use super::table::Column;
-use crate::recording::reader::RunReader;
 use crate::results::evaluation::RecordEvaluation;
 use crate::results::recorded_run::RecordedRun;
 use crate::terminal::exit::Failure;

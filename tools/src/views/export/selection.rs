@@ -3,14 +3,13 @@
 use std::collections::BTreeSet;
 
 use glob::Pattern;
+use hil_recording::reader::RunReader;
+use shared_types::table::near;
 use shared_types::time::Step;
 
 use super::origin::{self, Derived};
 use super::table::{Cell, Column, Kind};
-use crate::recording::reader::RunReader;
-use crate::recording::validity;
 use crate::terminal::exit::Failure;
-use crate::terminal::names::near;
 
 /// The columns of a table.
 pub(super) struct Selection {
@@ -180,7 +179,7 @@ impl Offer {
             }
             sent => sent.as_deref().unwrap_or_default(),
         };
-        let place = validity::place(reader, sent, name);
+        let place = reader.invalid_bit(name, sent);
         Ok(place.map(|(first, bit)| Source::Invalid {
             word: first + bit / 64,
             bit: bit % 64,

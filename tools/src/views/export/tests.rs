@@ -3,12 +3,12 @@ use std::path::PathBuf;
 use ::parquet::file::reader::{FileReader, SerializedFileReader};
 use ::parquet::record::Field as Value;
 use clap::Parser;
+use hil_recording::reader::RECORDING;
 use tempfile::TempDir;
 
 use super::*;
 use crate::arguments::{Command, CommandLine};
-use crate::recording::reader::RECORDING;
-use crate::recording::reader::tests::{Content, layout, record, recorded};
+use crate::results::fixture::{Content, layout, record, recorded};
 
 const STEPS: u64 = 50;
 
@@ -207,7 +207,7 @@ fn parquet_holds_the_same_bits_and_says_where_they_come_from() {
         told("units"),
         r#"{"measured.x_m":"m","time_s":"s","truth.x_m":"m"}"#
     );
-    let digest = crate::recording::reader::digest_of_first(&run, u64::MAX).expect("read");
+    let digest = hil_recording::reader::digest_of_first(&run, u64::MAX).expect("read");
     assert_eq!(told("hil.digest"), digest);
     assert_eq!(
         (told("hil.rate_hz"), told("hil.whole")),

@@ -5,7 +5,7 @@
 
 use shared_types::number::unit_shown;
 
-use crate::recording::reader::Column;
+use hil_recording::reader::Column;
 
 /// Most plots on a page; further ones go to the next.
 const PLOTS: usize = 8;

@@ -5,9 +5,9 @@
 
 use glob::Pattern;
 use hil_config::expression::Group;
+use shared_types::table::near;
 
 use crate::terminal::exit::Failure;
-use crate::terminal::names::near;
 
 /// Most signals in one plot.
 const TOGETHER: usize = 4;

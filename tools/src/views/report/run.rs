@@ -8,13 +8,13 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use hil_config::plan::{self, Plan};
+use hil_recording::reader::{ReadError, RunReader};
 use serde_json::Value;
 use shared_types::record::Outcome;
 use shared_types::time::{Rate, Step};
 
 use super::envelope::Envelope;
 use super::grid::Grid;
-use crate::recording::reader::{ReadError, RunReader};
 use crate::results::evaluation::RecordEvaluation;
 use crate::results::handover::Laws;
 use crate::results::latency::spikes::KEPT;
@@ -107,7 +107,7 @@ impl Run {
             Outcome::Completed => requirements::verdict(&requirements).to_owned(),
             _ => "aborted".to_owned(),
         };
-        if let Some(kept) = found.reader.fact(crate::recording::reader::EXCERPT) {
+        if let Some(kept) = found.reader.fact(hil_recording::reader::EXCERPT) {
             let told = summary_beside(path);
             notes.push(format!(
                 "an excerpt: {kept}; {}",

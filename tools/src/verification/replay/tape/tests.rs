@@ -3,7 +3,7 @@ use std::path::PathBuf;
 use shared_types::record::{Outcome, RunEnd};
 
 use super::*;
-use crate::recording::reader::tests::{Content, layout, record, recorded};
+use crate::results::fixture::{Content, layout, record, recorded};
 use crate::verification::replay::original::AnswerPlace;
 
 /// Words of a small run's record, by the order of its layout.
@@ -273,7 +273,7 @@ fn a_run_that_ended_early_or_was_cut_off_says_how_far_it_goes() {
     assert_eq!((rows.len(), length.expect("read")), (3, whole(3)));
 
     let cut = run("tape-cut", 20_000, |_, _| ());
-    let path = cut.join(crate::recording::reader::RECORDING);
+    let path = cut.join(hil_recording::reader::RECORDING);
     let bytes = std::fs::read(&path).expect("read");
     std::fs::write(&path, &bytes[..bytes.len() / 2]).expect("written");
     let (rows, length) = played(&cut, 20_000, places(), Clock::Lockstep);

@@ -3,12 +3,12 @@
 //!
 //! Text messages are JSON with an `op`, binary ones begin with a byte that says what they are.
 
+use hil_recording::schema;
 use serde_json::{Value, json};
 use shared_types::record::RecordLayout;
 use shared_types::session::SessionInfo;
 
 use super::outlet::Data;
-use crate::recording::schema;
 
 /// Channel of the records.
 pub const RECORDS: u64 = 1;

@@ -9,13 +9,13 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use hil_recording::event;
+use hil_recording::schema::ENCAPSULATION;
 use shared_types::record::{Event, RecordLayout};
 use shared_types::time::{Rate, Step};
 use shared_types::zerocopy::IntoBytes;
 
 use super::message::{self, EVENTS, RECORDS};
-use crate::recording::event;
-use crate::recording::schema::ENCAPSULATION;
 use crate::session::observer::Seen;
 use crate::views::monitor::watch::Audience;
 

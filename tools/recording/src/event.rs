@@ -14,7 +14,7 @@ const EARLIER: &str = "json";
 ///
 /// # Errors
 /// If the event has no form in JSON.
-pub(crate) fn message(event: &Event) -> serde_json::Result<Vec<u8>> {
+pub fn message(event: &Event) -> serde_json::Result<Vec<u8>> {
     let facts = serde_json::to_value(event)?;
     let mut message = ENCAPSULATION.to_vec();
     text(&mut message, &serde_json::to_string(event)?);

@@ -15,7 +15,7 @@ use mcap::records::{ChunkHeader, Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
 use super::form;
-use crate::recording::{mark, unpack};
+use crate::{mark, unpack};
 
 /// Longest record of a file, packed or not: a size beyond that is damage.
 const LONGEST_RECORD: usize = 1 << 28;
@@ -27,7 +27,7 @@ const NOT_AS_LONG: &str = "a chunk that is not as long as it says";
 
 /// How a file ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum End {
+pub enum End {
     /// As its writer finished it.
     Whole,
     /// Its writer was killed, or a copy was cut: whole up to this byte.

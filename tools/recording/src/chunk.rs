@@ -12,7 +12,7 @@ use shared_types::zerocopy::IntoBytes;
 
 use super::lz4::Encoder;
 use super::schema::ENCAPSULATION;
-use crate::recording::compression::Compression;
+use crate::compression::Compression;
 
 /// Bytes of a message in front of its content.
 const HEAD_BYTES: usize = 31;

@@ -20,11 +20,11 @@ use shared_types::record::{
 use shared_types::time::{Rate, Step};
 
 use super::chunk::Chunk;
-use super::excerpt::{Choice, Excerpt};
+use super::excerpt::{Choice, Excerpt, Head};
 use super::mcap_file::McapFile;
 use super::{event, schema};
-use crate::files::reserve::Reserve;
-use crate::recording::compression::Compression;
+use crate::compression::Compression;
+use crate::reserve::Reserve;
 
 /// Longest time that a chunk stays open.
 const CHUNK_TIME: Duration = Duration::from_millis(100);
@@ -58,24 +58,6 @@ pub struct Provenance {
     pub facts: BTreeMap<String, String>,
     /// Files.
     pub enclosures: Vec<Enclosure>,
-}
-
-/// What stands before the words of a record.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Head {
-    pub(super) step: u64,
-    pub(super) time_ns: u64,
-    pub(super) published_ns: u64,
-}
-
-impl Head {
-    pub(super) fn of(view: &RecordView<'_>) -> Self {
-        Self {
-            step: view.step,
-            time_ns: view.timing.time_ns,
-            published_ns: view.timing.published_ns,
-        }
-    }
 }
 
 /// A part of a run.

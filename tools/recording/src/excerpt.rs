@@ -11,11 +11,8 @@ use std::ops::Range;
 use glob::Pattern;
 use shared_types::number::exact_in;
 use shared_types::record::{GROUPS, RecordLayout, RecordView, Timing};
-use shared_types::table::Field;
+use shared_types::table::{Field, near};
 use shared_types::time::{Rate, Step};
-
-use super::writer::Head;
-use crate::terminal::names::near;
 
 /// What is to be kept.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -86,6 +83,24 @@ pub(super) fn names(layout: &RecordLayout) -> Vec<String> {
     groups
         .flat_map(|(group, fields)| fields.iter().map(move |field| name(group, field)))
         .collect()
+}
+
+/// What stands before the words of a record.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Head {
+    pub(super) step: u64,
+    pub(super) time_ns: u64,
+    pub(super) published_ns: u64,
+}
+
+impl Head {
+    pub(super) fn of(view: &RecordView<'_>) -> Self {
+        Self {
+            step: view.step,
+            time_ns: view.timing.time_ns,
+            published_ns: view.timing.published_ns,
+        }
+    }
 }
 
 /// The rows being chosen.

@@ -8,6 +8,7 @@
 pub(crate) mod content;
 mod form;
 mod schema;
+mod validity;
 mod vouched;
 
 use std::collections::BTreeMap;
@@ -21,12 +22,13 @@ use shared_types::record::Event;
 use shared_types::text;
 use shared_types::time::Rate;
 
-use crate::files::part_file;
-use crate::recording::clean::clean;
-use crate::recording::{event, mark};
-use content::{Content, ContentError, End};
+use crate::clean::clean;
+use crate::{event, mark, part_file};
+pub use content::End;
+use content::{Content, ContentError};
 pub use schema::Column;
-pub(crate) use vouched::{UNVOUCHED, Unvouched, VOUCHED};
+pub(crate) use vouched::VOUCHED;
+pub use vouched::{UNVOUCHED, Unvouched};
 
 /// Name of the recording in the folder of a run.
 pub const RECORDING: &str = "run.mcap";
@@ -214,7 +216,7 @@ impl RunReader {
 
     /// The same for who wants what comes after a change of bits too: that is an error at the end then.
     #[must_use]
-    pub(crate) fn patient(mut self) -> Self {
+    pub fn patient(mut self) -> Self {
         self.content.be_patient();
         self
     }
@@ -236,6 +238,12 @@ impl RunReader {
     #[must_use]
     pub fn columns(&self) -> &[Column] {
         &self.columns
+    }
+
+    /// Finds a word of a record by its name.
+    #[must_use]
+    pub fn place(&self, name: &str) -> Option<usize> {
+        self.columns.iter().position(|column| column.name == name)
     }
 
     /// How many of them the digest covers, from the first.
@@ -390,12 +398,14 @@ impl RunReader {
     }
 
     /// How the file ends, and how many bytes it has; known at the end.
-    pub(crate) fn end(&self) -> (Option<End>, u64) {
+    #[must_use]
+    pub fn end(&self) -> (Option<End>, u64) {
         (self.content.end(), self.content.length())
     }
 
-    /// Where in the file it is.
-    pub(crate) const fn place(&self) -> u64 {
+    /// Place in the file: bytes before what comes next outside of chunks.
+    #[must_use]
+    pub const fn position(&self) -> u64 {
         self.content.position()
     }
 
@@ -505,4 +515,4 @@ pub fn digest_of_first(run: &Path, records: u64) -> Result<String, ReadError> {
 }
 
 #[cfg(test)]
-pub(crate) mod tests;
+mod tests;

@@ -1,7 +1,7 @@
 //! A mark: a record that vouches for every byte of the file before it.
 //!
 //! Written by [`McapFile`](super::mcap_file::McapFile) before the first chunk and behind each, checked by
-//! the [content](crate::recording::reader::content) of a file. The format has a sum for the content of a chunk
+//! the [content](crate::reader::content) of a file. The format has a sum for the content of a chunk
 //! and one at the end of the file; a file that broke off would have none for what stands between its
 //! chunks: facts, names, units, places. Opcodes from 0x80 on are the format's room for other programs'
 //! records, and its readers pass them over.

@@ -14,23 +14,24 @@ pub(crate) const RULER: &str =
     "================================================================================";
 
 /// CDR, little-endian, no options.
-pub(crate) const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
+pub const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
 /// Topic of the records.
-pub(crate) const RECORD_TOPIC: &str = "/record";
+pub const RECORD_TOPIC: &str = "/record";
 /// How records and events are written.
-pub(crate) const ENCODING: &str = "cdr";
+pub const ENCODING: &str = "cdr";
 /// In what their schemas are written.
-pub(crate) const LANGUAGE: &str = "ros2msg";
+pub const LANGUAGE: &str = "ros2msg";
 /// Name of a record's schema.
-pub(crate) const RECORD_NAME: &str = "hil_msgs/msg/Record";
+pub const RECORD_NAME: &str = "hil_msgs/msg/Record";
 /// Topic of the events.
-pub(crate) const EVENT_TOPIC: &str = "/events";
+pub const EVENT_TOPIC: &str = "/events";
 /// Name of an event's schema.
-pub(crate) const EVENT_NAME: &str = "hil_msgs/msg/Event";
+pub const EVENT_NAME: &str = "hil_msgs/msg/Event";
 
 /// The schema of a record: a message of words with one nested message for each group of signals.
 /// An empty group has no message, because an empty message takes a byte in CDR.
-pub(crate) fn record(layout: &RecordLayout) -> String {
+#[must_use]
+pub fn record(layout: &RecordLayout) -> String {
     let (sample, command) = (
         layout.sample_validity_words(),
         layout.command_validity_words(),
@@ -114,7 +115,8 @@ fn packed(name: &str) -> Option<&'static str> {
 }
 
 /// The schema of an event: all of it as JSON, and what has one value also as a field of its own.
-pub(crate) fn event() -> String {
+#[must_use]
+pub fn event() -> String {
     let mut text = String::from("string json # All facts of the event, as JSON.\n");
     text += "# What the JSON has of these; 0, false or empty without it.\n";
     for (kind, name, told) in FACTS {

@@ -11,17 +11,18 @@ use rustix::fs::{FallocateFlags, fallocate};
 
 /// Room in the file system of a folder.
 #[derive(Debug, Default)]
-pub(crate) struct Reserve(Option<File>);
+pub struct Reserve(Option<File>);
 
 impl Reserve {
     /// Keeps so many bytes. Where that cannot be, there is none: the run may need no more than there is.
-    pub(crate) fn of(folder: &Path, bytes: u64) -> Self {
+    #[must_use]
+    pub fn of(folder: &Path, bytes: u64) -> Self {
         let file = tempfile::tempfile_in(folder).ok();
         Self(file.filter(|file| fallocate(file, FallocateFlags::empty(), 0, bytes).is_ok()))
     }
 
     /// Gives the room back.
-    pub(crate) fn release(&mut self) {
+    pub fn release(&mut self) {
         self.0 = None;
     }
 }

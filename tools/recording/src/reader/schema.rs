@@ -28,7 +28,7 @@ impl Column {
 /// for each word, messages of `float64`, and messages that are one word, taken apart for other
 /// programs.
 pub(super) fn columns_of(schema: &str) -> Option<Vec<Column>> {
-    let mut parts = schema.split(crate::recording::schema::RULER);
+    let mut parts = schema.split(crate::schema::RULER);
     let top = parts.next()?;
     let mut messages = BTreeMap::new();
     for part in parts {

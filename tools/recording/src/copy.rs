@@ -16,11 +16,61 @@ use super::event;
 use super::mcap_file::McapFile;
 use super::schema::ENCAPSULATION;
 use super::writer::{CHANNELS, CHUNK_BYTES, FACTS, RESULT};
-use crate::recording::compression::Compression;
-use crate::recording::reader::{EVENTS, RECORDS, UNVOUCHED, Unvouched, VOUCHED};
+use crate::compression::Compression;
+use crate::reader::content::Content;
+use crate::reader::{EVENTS, RECORDS, UNVOUCHED, Unvouched, VOUCHED};
+
+/// A copy of a recording, as far as it could be read.
+#[derive(Debug)]
+pub struct Rescue<'a> {
+    /// Messages that could be read.
+    pub messages: u64,
+    /// The other file is damaged somewhere: what it says of its end is not taken over, so that nothing of
+    /// it can pass for the run.
+    pub is_doubtful: bool,
+    /// What no check sum of the other file vouches for.
+    pub unvouched: Option<&'a Unvouched>,
+    /// The result of the run, if the other file has none.
+    pub result: BTreeMap<String, String>,
+}
+
+impl Rescue<'_> {
+    /// Copies the messages of a file into an empty one, as long as `goes_on` says so.
+    ///
+    /// # Errors
+    /// If a file cannot be read or written, the original has fewer messages now, or it does not go on
+    /// ([`io::ErrorKind::Interrupted`]).
+    pub fn copy(self, original: File, into: File, goes_on: impl Fn() -> bool) -> io::Result<()> {
+        let mut copy = Copy::into(into, &self)?;
+        let mut content = Content::of(original)?;
+        content.be_patient();
+        let mut messages = 0;
+        while let Ok(Some(opcode)) = content.advance() {
+            let Ok(record) = content.record(opcode) else {
+                break; // read so far before
+            };
+            if messages == self.messages && matches!(record, Record::Message { .. }) {
+                break;
+            }
+            let compression = match content.compression() {
+                "lz4" => Compression::Lz4,
+                "zstd" => Compression::Zstd,
+                _ => Compression::None,
+            };
+            messages += u64::from(copy.take(record, compression)?);
+            if !goes_on() {
+                return Err(io::ErrorKind::Interrupted.into());
+            }
+        }
+        if messages != self.messages {
+            return Err(io::Error::other("it changed while it was read"));
+        }
+        copy.finish(self.result)
+    }
+}
 
 /// A recording being written.
-pub(crate) struct Copy {
+struct Copy {
     file: McapFile,
     chunk: Option<Chunk>,
     /// New numbers of schemas.
@@ -34,14 +84,11 @@ pub(crate) struct Copy {
 }
 
 impl Copy {
-    /// Begins to write into an empty file, with what no check sum of the other file vouches for.
-    ///
-    /// # Errors
-    /// If it cannot be written.
-    pub(crate) fn into(file: File, unvouched: Option<&Unvouched>) -> io::Result<Self> {
+    /// Begins to write into an empty file.
+    fn into(file: File, rescue: &Rescue<'_>) -> io::Result<Self> {
         let library = concat!("hil ", env!("CARGO_PKG_VERSION"));
         let mut file = McapFile::create(file, "ros2", library)?;
-        if let Some(unvouched) = unvouched {
+        if let Some(unvouched) = rescue.unvouched {
             // At its begin: it is still there if this file breaks off too.
             let facts = [
                 (VOUCHED, unvouched.records.to_string()),
@@ -60,26 +107,13 @@ impl Copy {
             channels: BTreeMap::new(),
             words: Vec::new(),
             result: None,
-            is_doubtful: false,
+            is_doubtful: rescue.is_doubtful,
         })
-    }
-
-    /// The other file is damaged somewhere: what it says of its end is not taken over, so that nothing of
-    /// it can pass for the run.
-    pub(crate) const fn doubt(&mut self) {
-        self.is_doubtful = true;
     }
 
     /// Takes a record of the other file, which packs its messages in this way. Whether it is a message
     /// of a run.
-    ///
-    /// # Errors
-    /// If the file cannot be written.
-    pub(crate) fn take(
-        &mut self,
-        record: Record<'_>,
-        compression: Compression,
-    ) -> io::Result<bool> {
+    fn take(&mut self, record: Record<'_>, compression: Compression) -> io::Result<bool> {
         match record {
             // The summary of a file repeats what it describes.
             Record::Schema { header, .. } if self.schemas.contains_key(&header.id) => {}
@@ -160,10 +194,7 @@ impl Copy {
     }
 
     /// Ends the file: with the result of the other file if it had one, else with this.
-    ///
-    /// # Errors
-    /// If it cannot be written.
-    pub(crate) fn finish(mut self, result: BTreeMap<String, String>) -> io::Result<()> {
+    fn finish(mut self, result: BTreeMap<String, String>) -> io::Result<()> {
         if let Some(chunk) = &mut self.chunk {
             self.file.chunk(chunk)?;
         }

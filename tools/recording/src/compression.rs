@@ -1,9 +1,7 @@
 //! The compression of a recording.
 
-use clap::ValueEnum;
-
 /// Compression of a recording.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Compression {
     /// None.
     None,

@@ -7,8 +7,9 @@ use shared_types::text::printable;
 /// Most characters of a text of the plant.
 const LONGEST_TEXT: usize = 1 << 16;
 
-/// An event whose texts do nothing to a terminal, and are not longer than one can read.
-pub(crate) fn clean(mut event: Event) -> Event {
+/// Makes the texts of an event do nothing to a terminal, and no longer than one can read.
+#[must_use]
+pub fn clean(mut event: Event) -> Event {
     let shown = |text: &mut String| {
         if text.len() > LONGEST_TEXT || printable(text) != *text {
             *text = printable(text).chars().take(LONGEST_TEXT).collect();

@@ -3,17 +3,19 @@
 use super::RunReader;
 use super::content::End;
 
-/// The facts that say how many records check sums vouched for when the file was recovered, and what they
-/// did not vouch for; only if that is not all.
+/// The fact that says how many records check sums vouched for when the file was recovered; only if that is
+/// not all.
 pub(crate) const VOUCHED: &str = "vouched_records";
-pub(crate) const UNVOUCHED: &str = "unvouched";
+/// The fact that says what they did not vouch for then.
+pub const UNVOUCHED: &str = "unvouched";
 
 /// What no check sum vouches for.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Unvouched {
+pub struct Unvouched {
     /// Records before it.
-    pub(crate) records: u64,
-    pub(crate) told: String,
+    pub records: u64,
+    /// What nobody vouches for, as a person reads it.
+    pub told: String,
 }
 
 impl RunReader {
@@ -33,7 +35,8 @@ impl RunReader {
     }
 
     /// What no check sum vouches for, now or when it was recovered; known at the end, or at the damage.
-    pub(crate) fn unvouched(&self) -> Option<Unvouched> {
+    #[must_use]
+    pub fn unvouched(&self) -> Option<Unvouched> {
         let before = || {
             Some(Unvouched {
                 records: self.fact(VOUCHED)?.parse().ok()?,

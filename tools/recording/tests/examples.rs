@@ -1,0 +1,20 @@
+//! The examples of this package do what they say.
+
+#[path = "../examples/extremes.rs"]
+mod extremes;
+#[path = "../examples/fall.rs"]
+mod fall;
+
+#[test]
+fn the_recording_that_one_example_writes_is_read_by_the_other() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("fall.mcap");
+    fall::fall(&path).expect("written");
+    let signals = extremes::signals(&path).expect("read");
+    assert_eq!(signals, "truth.height_m [m]\n");
+    let found = extremes::extremes(&path, "truth.height_m").expect("read");
+    // After a second: 10 m - 9.81 m / 2.
+    assert_eq!(found.as_deref(), Some("5.095 to 10 in 101 records\n"));
+    let none = extremes::extremes(&path, "truth.depth_m").expect("read");
+    assert_eq!(none, None);
+}

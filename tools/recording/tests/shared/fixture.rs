@@ -1,0 +1,82 @@
+//! Small recordings for the unit tests of this package and of `tools`.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use hil_recording::compression::Compression;
+use hil_recording::reader::RECORDING;
+use hil_recording::writer::{Enclosure, Provenance, Recording};
+use shared_types::record::{Event, FaultTaken, RecordLayout, Timing};
+use shared_types::table::Field;
+
+/// Signals of a small run: `truth.x_m`, `measured.x_m`, `command.u_n`, and what they bring.
+pub(crate) fn layout() -> RecordLayout {
+    RecordLayout {
+        truth: vec![Field::signal("x_m", "m", "Place.")],
+        measured: vec![Field::signal("x_m", "m", "Place [as seen].")],
+        command: vec![Field::signal("u_n", "N", "Force.")],
+        command_signals: 1,
+        parameter: vec![Field::signal("mass_kg", "kg", "Mass.")],
+        ..RecordLayout::default()
+    }
+}
+
+/// A record: step, both validity words, then truth, measured, command, applied, sensed and
+/// parameter, then timing.
+pub(crate) fn record(step: u64, truth: f64, command: f64) -> Vec<u64> {
+    let values = [truth, truth, command, command, truth, 1.0].map(f64::to_bits);
+    let mut timing = [0; Timing::WORDS];
+    (timing[0], timing[1], timing[4]) = (step.wrapping_mul(1000), 1, 77);
+    [&[step, 0, 0][..], &values, &timing].concat()
+}
+
+pub(crate) fn taken(step: u64) -> Event {
+    Event::Fault(FaultTaken {
+        id: 1,
+        effect: 0,
+        step,
+        kind: "bias".into(),
+        target: "measured.x_m".into(),
+        parameter: "x_m".into(),
+        canonical: "bias=0 step".into(),
+        wall_only: false,
+    })
+}
+
+/// What is in a recording, in order.
+pub(crate) enum Content {
+    Record(Vec<u64>),
+    Event(Event),
+}
+
+/// Writes a recording into a new folder and returns that. `finish`: as after a whole run.
+pub(crate) fn recorded(
+    name: &str,
+    layout: &RecordLayout,
+    contents: &[Content],
+    enclosures: Vec<Enclosure>,
+    finish: bool,
+) -> PathBuf {
+    let folder = std::env::temp_dir().join(format!("hil-{name}-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("a folder");
+    let provenance = Provenance {
+        facts: BTreeMap::from([("rate_hz".into(), "1000".into())]),
+        enclosures,
+    };
+    let path = folder.join(RECORDING);
+    let mut recording =
+        Recording::create(&path, Compression::Lz4, layout, &provenance, None).expect("created");
+    for content in contents {
+        match content {
+            Content::Record(words) => recording
+                .record(words, &layout.view(words))
+                .expect("written"),
+            Content::Event(event) => recording.event(event, None, 0).expect("written"),
+        }
+    }
+    if finish {
+        let result = BTreeMap::from([("outcome".into(), "completed".into())]);
+        recording.finish(result).expect("finished");
+    }
+    folder
+}
