@@ -28,7 +28,6 @@ use shared_types::number::{exact, exact_in};
 use shared_types::session::SessionInfo;
 use shared_types::time::Step;
 
-use crate::arguments::run::RunOptions;
 use crate::files::part_file::PartFolder;
 use crate::programs::binaries::Binaries;
 use crate::results::resumed::Made;
@@ -89,10 +88,10 @@ struct SavedPast {
 ///
 /// # Errors
 /// If there is nothing to save there, or it could not be gone on from.
-pub(crate) fn steps(options: &RunOptions, plan: &Plan, first: Step) -> Result<Vec<Step>, Failure> {
+pub(crate) fn steps(at_s: &[f64], plan: &Plan, first: Step) -> Result<Vec<Step>, Failure> {
     let rate = plan.run.rate;
     let mut steps = Vec::new();
-    for &at_s in &options.checkpoints.checkpoint_at {
+    for &at_s in at_s {
         let step = rate.step_at_or_after(at_s);
         let (first_s, end_s) = (rate.seconds(first), rate.seconds(Step(plan.run.steps)));
         if step <= first {
@@ -113,15 +112,7 @@ pub(crate) fn steps(options: &RunOptions, plan: &Plan, first: Step) -> Result<Ve
     }
     steps.sort_unstable();
     steps.dedup();
-    if steps.is_empty() {
-        return Ok(steps);
-    }
-    if options.no_record {
-        return Err(Failure::usage(
-            "--checkpoint-at needs the recording of what was before; leave out --no-record",
-        ));
-    }
-    if plan.run.clock == Clock::Realtime {
+    if !steps.is_empty() && plan.run.clock == Clock::Realtime {
         return Err(Failure::usage(
             "--checkpoint-at: in real time the state depends on what came too late; use --clock lockstep or paced",
         ));

@@ -13,7 +13,7 @@ use shared_types::record::{Change, ControllerChange};
 use shared_types::session::Session;
 use shared_types::supervision::{EXPECT, MOST_EPOCHS, PEER_GONE};
 
-use super::processes::Side;
+use super::side::Side;
 use crate::programs::binaries::Binary;
 use crate::results::ended::Started;
 use crate::run::swap::{Swapped, Wanted};

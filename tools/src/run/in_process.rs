@@ -15,11 +15,10 @@ use shared_types::stream::{self, RecordSink};
 use shared_types::supervision::Supervision;
 use shared_types::wait::{WaitLimit, Waiter};
 
-use super::processes::refuse_other_layout;
+use super::attach::refuse_other_layout;
+use super::prepare::Prepared;
 use super::realtime::Watched;
 use crate::results::ended::Ended;
-use crate::run::Prepared;
-use crate::run::recorder::Recorder;
 use crate::terminal::exit::Failure;
 
 /// A sink that tells the recorder the layout when the stream opens.
@@ -47,19 +46,15 @@ impl RecordSink for TellingSink {
     }
 }
 
-pub(super) fn run(
-    prepared: &Prepared,
-    session: &SessionInfo,
-    realtime: &mut Watched,
-) -> Result<Ended, Failure> {
+/// Runs both sides in turns to the end of the run.
+///
+/// # Errors
+/// If a side cannot begin, or the recorder broke.
+pub(super) fn run(prepared: &Prepared, realtime: &mut Watched) -> Result<Ended, Failure> {
     let (sink, source) = stream::in_process::pair();
     let (tell, told) = std::sync::mpsc::channel();
-    let (plan, recording) = (prepared.plan.clone(), prepared.recording.clone());
-    let marks = prepared.marks.clone();
-    let core = realtime.recorder_core();
     let described = prepared.layout.clone();
-    let recorder = Recorder::start(plan, recording, marks, prepared.past.clone(), move || {
-        core.apply();
+    let recorder = prepared.recorder(realtime.recorder_core(), move || {
         let mut source = Some(source);
         move || {
             let Ok(said) = told.try_recv() else {
@@ -73,13 +68,12 @@ pub(super) fn run(
     let supervision = Supervision::new();
 
     let (plant, controller) = (prepared.plant.clone(), prepared.controller.clone());
-    let (theirs, name) = (supervision.clone(), session.name.clone());
-    let session = session.clone();
+    let (theirs, session) = (supervision.clone(), prepared.session.clone());
     let sides = std::thread::spawn(move || {
         let sink = TellingSink { sink, tell };
         take_turns(&session, plant, controller, sink, &theirs)
     });
-    let mut progress = prepared.progress(&name);
+    let mut progress = prepared.progress();
     while !sides.is_finished() {
         if prepared.interruption.came() {
             supervision.stop("interrupted");

@@ -1,15 +1,27 @@
 //! A run from checked scenario to summary: its processes or its one thread, the recorder, the real-time settings,
 //! the controllers that come and go. Decides nothing about several runs, and compares nothing.
+//!
+//! 1. [`settings`] is the checked form of what was typed.
+//! 2. [`execute`](execute()) calls `prepare`: refusals, session, folder, [jobs], [provenance].
+//! 3. `processes` or `in_process` runs both sides, with the [recorder] attached to their stream.
+//! 4. `conclude` makes checkpoints, summary and exit code of what came of it.
 
+mod attach;
+mod conclude;
 mod controllers;
 mod execute;
 mod in_process;
+mod jobs;
 mod log;
 pub(crate) mod open_files;
+mod prepare;
 pub(crate) mod processes;
+mod provenance;
 pub(crate) mod realtime;
 pub mod recorder;
+pub(crate) mod settings;
+pub(crate) mod side;
 pub mod swap;
+mod termination;
 
-use execute::Prepared;
-pub(crate) use execute::{Basis, Ran, Repeated, Setup, begin, execute, refuse_in_process};
+pub(crate) use execute::{Environment, Origin, Repeated, RunResult, begin, execute};

@@ -13,11 +13,12 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::arguments::run::{LinkKind, RunArguments, RunOptions};
+use crate::arguments::run::{LinkKind, RunArguments};
 use crate::arguments::tolerance::Tolerances;
-use crate::files::part_file;
+use hil_recording::part_file;
 use crate::programs::scenario::Finder;
-use crate::run::{self, Basis, Ran, Setup};
+use crate::run::settings::Settings;
+use crate::run::{self, Environment, Origin, RunResult};
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::output;
 use crate::verification::compare::{self, Difference};
@@ -49,7 +50,7 @@ struct Repetition {
 /// If a run could not be started, or results not be written.
 pub(crate) fn audit(arguments: &RunArguments) -> Result<Exit, Failure> {
     let options = &arguments.options;
-    let interruption = run::begin(options)?;
+    let (settings, interruption) = run::begin(options)?;
     let [scenario] = &arguments.scenarios[..] else {
         return Err(Failure::usage("--audit takes one scenario"));
     };
@@ -60,18 +61,18 @@ pub(crate) fn audit(arguments: &RunArguments) -> Result<Exit, Failure> {
     }
     let mut finder = Finder::new(&options.binaries, &interruption);
     let (plan, binaries) = finder.read(scenario, &options.changes, options.json)?;
-    let setup = Setup::new(options, binaries, &interruption)?;
-    refuse(&plan, options)?;
+    let environment = Environment::new(&settings, binaries, &interruption)?;
+    refuse(&plan, &settings)?;
 
-    let reference = run::execute(plan.clone(), setup.clone(), options, Basis::Scenario)?;
+    let reference = run::execute(plan.clone(), environment.clone(), Origin::Scenario)?;
     let is_over = matches!(reference.exit, Exit::Pass | Exit::Failed);
     let (Some(digest), Some(recording), true) = (&reference.digest, &reference.recording, is_over)
     else {
-        tell(&reference, options, &[], Exit::Infrastructure)?;
+        tell(&reference, options.json, &[], Exit::Infrastructure)?;
         return Ok(reference.exit);
     };
     let folder = recording.parent().unwrap_or(Path::new("."));
-    let conditions = Conditions::new(&plan, &setup.binaries, reference.wall_time_s);
+    let conditions = Conditions::new(&plan, &environment.binaries, reference.wall_time_s);
     let count = conditions.all().len();
     let mut repetitions = Vec::new();
     for (number, condition) in (1..).zip(conditions.all()) {
@@ -83,7 +84,7 @@ pub(crate) fn audit(arguments: &RunArguments) -> Result<Exit, Failure> {
             }
             None => {
                 let kept = folder.join(format!("audit-{number}"));
-                let again = repeat(condition, setup.clone(), options, &kept)?;
+                let again = repeat(condition, environment.clone(), &kept)?;
                 if !matches!(again.exit, Exit::Pass | Exit::Failed) || again.digest.is_none() {
                     output::tell(&again.table);
                     let told = format!("the audit ended while it ran {}", condition.told);
@@ -104,20 +105,20 @@ pub(crate) fn audit(arguments: &RunArguments) -> Result<Exit, Failure> {
     } else {
         reference.exit
     };
-    tell(&reference, options, &repetitions, exit)?;
+    tell(&reference, options.json, &repetitions, exit)?;
     reference.written?;
     Ok(exit)
 }
 
 /// Refuses what leaves nothing to find out.
-fn refuse(plan: &Plan, options: &RunOptions) -> Result<(), Failure> {
-    let why = if options.no_record {
+fn refuse(plan: &Plan, settings: &Settings) -> Result<(), Failure> {
+    let why = if settings.recording.is_none() {
         "--audit needs the recordings to name what differs; leave out --no-record"
-    } else if options.link == LinkKind::InProcess {
+    } else if settings.link == LinkKind::InProcess {
         "--audit changes how two processes are scheduled, and --link in-process has one; leave it out"
-    } else if options.pause_at.is_some() {
+    } else if settings.pause_at_s.is_some() {
         "--audit runs by itself; leave out --pause-at"
-    } else if !options.checkpoints.checkpoint_at.is_empty() {
+    } else if !settings.checkpoints_at_s.is_empty() {
         "--audit keeps nothing to go on from; leave out --checkpoint-at"
     } else if plan.run.clock == Clock::Realtime {
         "in real time a run depends on what comes too late; audit it with --clock lockstep"
@@ -130,17 +131,13 @@ fn refuse(plan: &Plan, options: &RunOptions) -> Result<(), Failure> {
 /// Runs the scenario once more under a condition.
 fn repeat(
     condition: &Condition,
-    setup: Setup,
-    options: &RunOptions,
+    mut environment: Environment,
     folder: &Path,
-) -> Result<Ran, Failure> {
-    let options = RunOptions {
-        out: Some(folder.to_owned()),
-        session: None,
-        ..options.clone()
-    };
+) -> Result<RunResult, Failure> {
+    environment.settings.out = Some(folder.to_owned());
+    environment.settings.session = None;
     let noise = condition.noise.then(Noise::begin);
-    let ran = run::execute(condition.plan.clone(), setup, &options, Basis::Scenario);
+    let ran = run::execute(condition.plan.clone(), environment, Origin::Scenario);
     drop(noise);
     ran
 }
@@ -148,7 +145,7 @@ fn repeat(
 /// Looks whether a repetition has the digest, and keeps it only if not.
 fn compared(
     condition: &Condition,
-    again: &Ran,
+    again: &RunResult,
     digest: &str,
     recording: &Path,
     folder: &Path,
@@ -193,8 +190,8 @@ impl Repetition {
 
 /// Prints the summary of the run with the outcome of the audit, and adds that to `summary.json`.
 fn tell(
-    reference: &Ran,
-    options: &RunOptions,
+    reference: &RunResult,
+    json: bool,
     repetitions: &[Repetition],
     exit: Exit,
 ) -> Result<(), Failure> {
@@ -206,12 +203,12 @@ fn tell(
             else { "pass" },
         "repetitions": repetitions,
     });
-    let json = format!("{summary:#}\n");
+    let text = format!("{summary:#}\n");
     if let Some(folder) = reference.recording.as_ref().and_then(|path| path.parent()) {
-        part_file::write_text(&folder.join("summary.json"), &json)?;
+        part_file::write_text(&folder.join("summary.json"), &text)?;
     }
-    output::write(&if options.json {
-        json
+    output::write(&if json {
+        text
     } else {
         format!("{}{}", reference.table, told(repetitions))
     })

@@ -11,7 +11,7 @@ use crate::arguments::tolerance::Tolerances;
 use crate::programs::binaries::Choices;
 use crate::programs::binaries::named::{Named, refuse_set};
 use crate::programs::scenario;
-use crate::run::{self, Basis, Repeated, Setup};
+use crate::run::{self, Environment, Origin, Repeated};
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::output;
 use crate::verification::compare::{self, Difference};
@@ -55,12 +55,14 @@ pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
         ));
     }
     refuse_set(&options.changes.set, |role| role.flag)?;
-    let interruption = run::begin(options)?;
+    let (settings, interruption) = run::begin(options)?;
     let choices = Choices::of(&options.binaries, &Named::Recorded(&recorded.programs))?;
-    let setup = Setup::new(options, choices.find(&interruption)?, &interruption)?;
-    setup.binaries.tell();
-    let binaries = [&setup.binaries.plant, &setup.binaries.controller];
-    for (binary, before) in binaries.into_iter().zip(&recorded.programs.blake3) {
+    let binaries = choices.find(&interruption)?;
+    let environment = Environment::new(&settings, binaries, &interruption)?;
+    let binaries = &environment.binaries;
+    binaries.tell();
+    let both = [&binaries.plant, &binaries.controller];
+    for (binary, before) in both.into_iter().zip(&recorded.programs.blake3) {
         if before
             .as_ref()
             .is_some_and(|before| *before != binary.blake3)
@@ -74,7 +76,7 @@ pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
     }
     let text = recorded.scenario()?;
     let scenario = Scenario::parse(&text, format!("the scenario of {shown}"));
-    let check = || scenario::check(scenario, &options.changes, &setup.binaries, options.json);
+    let check = || scenario::check(scenario, &options.changes, binaries, options.json);
     let mut plan = interruption.at_once(check)??;
     if options.changes.clock.is_none() && plan.run.clock == Clock::Realtime {
         plan.run.clock = Clock::Lockstep;
@@ -83,7 +85,7 @@ pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
         records,
         missed: recorded.missed,
     };
-    let ran = run::execute(plan, setup, options, Basis::Repeated(repeated))?;
+    let ran = run::execute(plan, environment, Origin::Repeated(repeated))?;
     let found = if is_whole {
         &ran.digest
     } else {

@@ -15,15 +15,16 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use hil_config::plan::{Clock, Plan};
 use serde_json::json;
 
-use crate::arguments::run::{RunArguments, RunOptions};
+use crate::arguments::run::RunArguments;
 use crate::arguments::tolerance::Tolerances;
 use crate::checkpoint::past::{self, Past};
-use crate::files::part_file;
+use hil_recording::part_file;
 use crate::programs::binaries::Choices;
 use crate::programs::binaries::named::Named;
 use crate::programs::scenario::Finder;
 use crate::results::summary::Summary;
-use crate::run::{self, Basis, Ran, Setup};
+use crate::run::settings::Settings;
+use crate::run::{self, Environment, Origin, RunResult};
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::interruption::Interruption;
 use crate::terminal::output;
@@ -32,7 +33,7 @@ use crate::verification::compare;
 /// One run that is wanted.
 struct Case {
     plan: Plan,
-    setup: Setup,
+    environment: Environment,
     /// What it is called in tables and folders: the scenario, and its number if there are more.
     label: String,
     /// The law that runs.
@@ -77,7 +78,7 @@ impl Row {
         }
     }
 
-    fn of(case: &Case, ran: Ran) -> Self {
+    fn of(case: &Case, ran: RunResult) -> Self {
         Self {
             label: case.label.clone(),
             law: case.law.clone(),
@@ -124,35 +125,35 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
     for path in reports.into_iter().flatten() {
         refuse_unwritable(path)?;
     }
-    let interruption = run::begin(options)?;
+    let (settings, interruption) = run::begin(options)?;
     let mut cases = Vec::new();
-    let mut basis = Basis::Scenario;
+    let mut origin = Origin::Scenario;
     if let Some(from) = &arguments.from.from {
         refuse_several(arguments)?;
         let recorded = interruption.at_once(|| past::recorded(from))??;
         let choices = Choices::of(&options.binaries, &Named::Recorded(&recorded))?;
         let binaries = choices.find(&interruption)?;
         binaries.tell();
-        let setup = Setup::new(options, binaries, &interruption)?;
+        let environment = Environment::new(&settings, binaries, &interruption)?;
         let (past, (plan, branch)) = interruption.at_once(|| {
-            let past = Past::open(from, &setup.binaries)?;
-            let planned = past.plan(&options.changes, &setup.binaries, options.json)?;
+            let past = Past::open(from, &environment.binaries)?;
+            let planned = past.plan(&options.changes, &environment.binaries, options.json)?;
             Ok::<_, Failure>((past, planned))
         })??;
-        basis = Basis::Checkpoint(Box::new(past), branch);
+        origin = Origin::Checkpoint(Box::new(past), branch);
         cases.push(Case {
             label: plan.name.clone(),
             law: plan.controller.law.clone(),
             origin: from.display().to_string(),
             first: 0,
             plan,
-            setup,
+            environment,
         });
     } else {
-        cases = self::cases(arguments, &interruption)?;
+        cases = self::cases(arguments, &settings, &interruption)?;
     }
     let rows = if let [case] = &cases[..] {
-        let ran = run::execute(case.plan.clone(), case.setup.clone(), options, basis)?;
+        let ran = run::execute(case.plan.clone(), case.environment.clone(), origin)?;
         let told = output::write(&if options.json {
             format!("{}\n", ran.summary)
         } else {
@@ -168,8 +169,8 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
         return Ok(row.exit);
     } else {
         let jobs = jobs(arguments, &cases)?;
-        refuse(options)?;
-        all(&cases, options, jobs)
+        refuse(&settings)?;
+        all(&cases, jobs)
     };
     let told = output::write(&if options.json {
         let runs: Result<Vec<serde_json::Value>, _> = rows.iter().map(json_of).collect();
@@ -190,7 +191,11 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
 }
 
 /// Checks all scenarios and puts the runs in order: the first of each, then the second, and so on.
-fn cases(arguments: &RunArguments, interruption: &Interruption) -> Result<Vec<Case>, Failure> {
+fn cases(
+    arguments: &RunArguments,
+    settings: &Settings,
+    interruption: &Interruption,
+) -> Result<Vec<Case>, Failure> {
     let options = &arguments.options;
     let mut plans = Vec::new();
     let mut problems = Vec::new();
@@ -198,7 +203,7 @@ fn cases(arguments: &RunArguments, interruption: &Interruption) -> Result<Vec<Ca
     for scenario in &arguments.scenarios {
         match finder.read(scenario, &options.changes, options.json) {
             Ok((plan, binaries)) => {
-                plans.push((plan, Setup::new(options, binaries, interruption)?))
+                plans.push((plan, Environment::new(settings, binaries, interruption)?))
             }
             Err(Failure::Usage(problem)) => problems.push(problem),
             Err(other) => return Err(other),
@@ -209,13 +214,13 @@ fn cases(arguments: &RunArguments, interruption: &Interruption) -> Result<Vec<Ca
     }
     let mut cases: Vec<Case> = Vec::new();
     for _ in 0..arguments.repeat {
-        for (first, (plan, setup)) in plans.iter().enumerate() {
+        for (first, (plan, environment)) in plans.iter().enumerate() {
             let earlier = cases.iter().filter(|case| case.plan.name == plan.name);
             let number = earlier.count() + 1;
             let same = (plans.iter().filter(|(other, _)| other.name == plan.name)).count();
             cases.push(Case {
                 plan: plan.clone(),
-                setup: setup.clone(),
+                environment: environment.clone(),
                 label: if same > 1 || arguments.repeat > 1 {
                     format!("{}-{number}", plan.name)
                 } else {
@@ -257,8 +262,8 @@ fn refuse_several(arguments: &RunArguments) -> Result<(), Failure> {
 }
 
 /// Refuses what can be meant for one run only.
-fn refuse(options: &RunOptions) -> Result<(), Failure> {
-    if options.pause_at.is_some() {
+fn refuse(settings: &Settings) -> Result<(), Failure> {
+    if settings.pause_at_s.is_some() {
         return Err(Failure::usage(
             "--pause-at is for a single run; several run by themselves",
         ));
@@ -282,7 +287,7 @@ fn refuse_unwritable(path: &Path) -> Result<(), Failure> {
 }
 
 /// Runs every case, so many at a time; rows in the order of the cases.
-fn all(cases: &[Case], options: &RunOptions, jobs: usize) -> Vec<Row> {
+fn all(cases: &[Case], jobs: usize) -> Vec<Row> {
     let next = AtomicUsize::new(0);
     let rows: Mutex<Vec<Option<Row>>> = Mutex::new(cases.iter().map(|_| None).collect());
     let work = || {
@@ -290,7 +295,7 @@ fn all(cases: &[Case], options: &RunOptions, jobs: usize) -> Vec<Row> {
             let index = next.fetch_add(1, Ordering::Relaxed);
             cases.get(index).map(|case| (index, case))
         } {
-            let row = one(case, index, options);
+            let row = one(case, index);
             let mut rows = rows
                 .lock()
                 .unwrap_or_else(std::sync::PoisonError::into_inner);
@@ -309,21 +314,16 @@ fn all(cases: &[Case], options: &RunOptions, jobs: usize) -> Vec<Row> {
 }
 
 /// One of several runs.
-fn one(case: &Case, index: usize, options: &RunOptions) -> Row {
-    let setup = Setup {
-        is_one_of_many: true,
-        ..case.setup.clone()
-    };
-    if setup.interruption.came() {
+fn one(case: &Case, index: usize) -> Row {
+    let mut environment = case.environment.clone();
+    if environment.interruption.came() {
         return Row::not_run(case, Exit::Interrupted, "interrupted".into());
     }
-    let number = index + 1;
-    let options = RunOptions {
-        out: (options.out.as_ref()).map(|folder| folder.join(&case.label)),
-        session: (options.session.as_ref()).map(|name| format!("{name}-{number}")),
-        ..options.clone()
-    };
-    match run::execute(case.plan.clone(), setup, &options, Basis::Scenario) {
+    let (number, settings) = (index + 1, &mut environment.settings);
+    settings.is_one_of_many = true;
+    settings.out = (settings.out.take()).map(|folder| folder.join(&case.label));
+    settings.session = (settings.session.take()).map(|name| format!("{name}-{number}"));
+    match run::execute(case.plan.clone(), environment, Origin::Scenario) {
         Ok(ran) => Row::of(case, ran),
         Err(failure) => Row::not_run(case, failure.exit(), failure.to_string()),
     }

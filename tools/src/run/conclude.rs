@@ -1,0 +1,89 @@
+//! Conclusion of a run: its outcome, its checkpoints, its summary and its exit code.
+
+use shared_types::record::Outcome;
+use shared_types::session::Session;
+
+use super::execute::RunResult;
+use super::prepare::Prepared;
+use crate::arguments::run::LinkKind;
+use crate::checkpoint;
+use hil_recording::part_file;
+use hil_recording::reader::RECORDING;
+use crate::results::ended::Ended;
+use crate::results::requirements;
+use crate::results::settings::Realtime;
+use crate::results::summary::Summary;
+use crate::terminal::advice;
+use crate::terminal::exit::{Exit, Failure};
+
+/// Ends the session of a run and writes its summary.
+///
+/// # Errors
+/// If the summary cannot be made; one that cannot be written is part of the result.
+pub(super) fn conclude(
+    mut prepared: Prepared,
+    session: Session,
+    realtime: Realtime,
+    mut ended: Ended,
+) -> Result<RunResult, Failure> {
+    let has_joined = prepared.settings.link == LinkKind::InProcess || realtime.controller.is_some();
+    if ended.outcome == Outcome::Completed && !has_joined {
+        ended.outcome = Outcome::Failed;
+        let what = "the plant says that it completed the run, and no controller came to its link";
+        ended.reason = Some(what.into());
+    }
+    if ended.outcome == Outcome::Failed {
+        let reason = ended.reason.take().unwrap_or_default();
+        ended.reason = Some(advice::behind(&reason));
+    }
+    let collected = match &ended.recorded.error {
+        None => checkpoint::collect(
+            &prepared.checkpoints,
+            &prepared.plan,
+            (&prepared.binaries, &prepared.session),
+            (&prepared.folder, &prepared.effective),
+            &ended.recorded.partial_digests,
+        ),
+        Some(_) => Ok(Vec::new()),
+    };
+    drop(session);
+    let (checkpoints, collected) = match collected {
+        Ok(made) => (made, Ok(())),
+        Err(failure) => (Vec::new(), Err(failure)),
+    };
+
+    let folder = prepared.folder;
+    // A run may end before there is anything to record.
+    let is_recorded = prepared.recording.is_some() && folder.join(RECORDING).exists();
+    let recorded_to = is_recorded.then_some(RECORDING);
+    let summary = Summary::new(
+        &prepared.plan,
+        &prepared.binaries,
+        &prepared.session,
+        prepared.settings.evidence(),
+        recorded_to,
+        realtime,
+        &ended,
+    )
+    .with_checkpoints(prepared.resumed, checkpoints);
+    let json = serde_json::to_string_pretty(&summary).map_err(Failure::infrastructure)?;
+    prepared.reserve.release();
+    Ok(RunResult {
+        exit: match ended.outcome {
+            _ if ended.recorded.error.is_some() => Exit::Infrastructure,
+            Outcome::Completed => requirements::exit(&summary.requirements),
+            Outcome::Diverged => Exit::Failed,
+            Outcome::Stopped if prepared.interruption.came() => Exit::Interrupted,
+            Outcome::Stopped | Outcome::Failed => Exit::Infrastructure,
+        },
+        wall_time_s: ended.recorded.wall_time_s,
+        digest: ended.recorded.digest,
+        partial_digests: ended.recorded.partial_digests,
+        recording: recorded_to.map(|name| folder.join(name)),
+        table: summary.table(&prepared.plan, &folder),
+        written: part_file::write_text(&folder.join("summary.json"), &json).and(collected),
+        summary: json,
+        summarised: summary,
+        folder,
+    })
+}

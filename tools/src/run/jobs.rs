@@ -1,0 +1,89 @@
+//! Jobs of a run: the part of the plan that each side gets, put into the session's folder and looked at by
+//! both programs before anything is started.
+
+use controller_process::job::JOB_FILE as CONTROLLER_FILE;
+use hil_config::plan::{Clock, Plan};
+use plant_process::job::JOB_FILE as PLANT_FILE;
+use shared_types::checkpoint::Checkpoints;
+use shared_types::describe::PROTOCOL;
+use shared_types::session::{SessionError, SessionInfo};
+use shared_types::time::Step;
+
+use super::settings::Settings;
+use crate::programs::binaries::Binaries;
+use crate::terminal::exit::Failure;
+use crate::terminal::interruption::Interruption;
+
+/// Makes the job of each side, which saves its state before these steps.
+pub(super) fn of(
+    plan: &Plan,
+    binaries: &Binaries,
+    session: &SessionInfo,
+    settings: &Settings,
+    steps: &[Step],
+) -> (plant_process::job::Job, controller_process::job::Job) {
+    let wait_limit_s = settings.wait_limit_s;
+    // Between two samples of a paced run the controller waits for the clock, not for the plant.
+    let between_s = match plan.run.clock {
+        Clock::Lockstep => 0.0,
+        Clock::Paced { factor } => plan.run.rate.period_s() / factor,
+        Clock::Realtime => plan.run.rate.period_s(),
+    };
+    let plant = plant_process::job::Job {
+        protocol: PROTOCOL,
+        session: session.id,
+        run: plan.run,
+        plant: plan.plant.clone(),
+        stimuli: plan.stimuli.clone(),
+        faults: plan.faults.clone(),
+        derived: (plan.derived.iter())
+            .map(|derived| (derived.name.clone(), derived.expression.to_string()))
+            .collect(),
+        missed: Vec::new(),
+        law: plan.law_among(binaries.described().1).cloned(),
+        pause_at_s: settings.pause_at_s,
+        observed: true,
+        checkpoints: Checkpoints {
+            steps: steps.to_vec(),
+            folder: session.folder.clone(),
+            resume: None,
+        },
+        realtime: plan.realtime.plant(),
+        wait_limit_s,
+    };
+    let controller = controller_process::job::Job {
+        protocol: PROTOCOL,
+        session: session.id,
+        epoch: 1,
+        plant: plan.plant.model.clone(),
+        law: plan.controller.law.clone(),
+        parameters: plan.controller.parameters.clone(),
+        model: plan.controller.model.clone(),
+        rate: plan.run.rate,
+        rate_divisor: plan.controller.rate_divisor,
+        command_delay_steps: plan.controller.command_delay_steps,
+        checkpoints: plant.checkpoints.clone(),
+        realtime: plan.realtime.controller(),
+        wait_limit_s: wait_limit_s + between_s,
+    };
+    (plant, controller)
+}
+
+/// Puts the jobs into the session's folder and has both programs look at theirs.
+///
+/// # Errors
+/// What a program has against its job.
+pub(super) fn check(
+    binaries: &Binaries,
+    session: &SessionInfo,
+    plant: &plant_process::job::Job,
+    controller: &controller_process::job::Job,
+    interruption: &Interruption,
+) -> Result<(), Failure> {
+    let failed = |error: SessionError| Failure::infrastructure(error);
+    session.write_file(PLANT_FILE, plant).map_err(failed)?;
+    (session.write_file(CONTROLLER_FILE, controller)).map_err(failed)?;
+    let folder = &session.folder;
+    (binaries.plant).check(&folder.join(PLANT_FILE), interruption)?;
+    (binaries.controller).check(&folder.join(CONTROLLER_FILE), interruption)
+}

@@ -1,0 +1,97 @@
+//! Provenance of a run, as its recording has it: scenario, programs, machine, and what else it came from.
+
+use std::collections::BTreeMap;
+
+use hil_config::plan::Plan;
+use shared_types::describe::{Description, PROTOCOL};
+use shared_types::session::SessionInfo;
+
+use super::settings::Settings;
+use crate::doctor;
+use crate::programs::binaries::{Binaries, seal};
+use hil_recording::reader::EXCERPT;
+use hil_recording::writer::{Enclosure, Provenance};
+
+/// Collects what the recording says of its run.
+pub(super) fn of(
+    plan: &Plan,
+    session: &SessionInfo,
+    binaries: &Binaries,
+    settings: &Settings,
+    effective: &str,
+) -> Provenance {
+    let mut facts = BTreeMap::new();
+    let mut fact = |name: &str, value: String| facts.insert(name.to_owned(), value);
+    fact("scenario", plan.name.clone());
+    fact("session", session.name.clone());
+    fact("session_id", format!("{:016x}", session.id));
+    fact("evidence", settings.evidence().into());
+    fact("seed", plan.run.seed.to_string());
+    fact("rate_hz", plan.run.rate.hz().to_string());
+    fact("steps", plan.run.steps.to_string());
+    fact("protocol", PROTOCOL.to_string());
+    fact("hil_version", env!("CARGO_PKG_VERSION").into());
+    fact("hil_commit", env!("HIL_COMMIT").into());
+    fact("plant_blake3", binaries.plant.blake3.clone());
+    fact("controller_blake3", binaries.controller.blake3.clone());
+    let named = [
+        ("plant_binary", &binaries.plant),
+        ("controller_binary", &binaries.controller),
+    ];
+    let named = (named.into_iter()).filter_map(|(name, one)| Some((name, one.named()?.to_str()?)));
+    let named: Vec<_> = named.collect();
+    for (name, path) in &named {
+        fact(name, (*path).into());
+    }
+    let host = rustix::system::uname();
+    fact("host", host.nodename().to_string_lossy().into_owned());
+    let kernel = format!(
+        "{} {}",
+        host.release().to_string_lossy(),
+        host.version().to_string_lossy()
+    );
+    fact("kernel", kernel);
+    fact("machine", host.machine().to_string_lossy().into_owned());
+    let cores = std::thread::available_parallelism().map_or(0, std::num::NonZero::get);
+    fact("cores", cores.to_string());
+    for (name, finding) in doctor::facts() {
+        fact(&name, finding);
+    }
+    let started = humantime::format_rfc3339_millis(std::time::SystemTime::now());
+    fact("started_utc", started.to_string());
+    if !named.is_empty()
+        && let Err(why) = seal::seal(&mut facts)
+    {
+        tell!(
+            "note: the recording cannot be marked as this user's ({why}): `hil rerun` will ask for its programs"
+        );
+    }
+    if let Some(recording) = settings
+        .recording
+        .as_ref()
+        .filter(|one| !one.choice.is_all())
+    {
+        facts.insert(EXCERPT.into(), recording.choice.told());
+    }
+    let json = |value: &Description| serde_json::to_string_pretty(value).unwrap_or_default();
+    let enclosure = |name, media_type, text| Enclosure {
+        name,
+        media_type,
+        text,
+    };
+    let (plant, controller) = (&binaries.plant, &binaries.controller);
+    let enclosures = vec![
+        enclosure("scenario.toml", "application/toml", effective.into()),
+        enclosure(
+            "plant-description.json",
+            "application/json",
+            json(&plant.description),
+        ),
+        enclosure(
+            "controller-description.json",
+            "application/json",
+            json(&controller.description),
+        ),
+    ];
+    Provenance { facts, enclosures }
+}

@@ -1,0 +1,107 @@
+//! Settings of a run: the meaning of what was typed, checked as far as no scenario is needed for it.
+//!
+//! Made once by each command that runs scenarios; a suite gives each of its runs a folder and a session
+//! of its own. Knows no plan and starts nothing.
+
+use std::path::PathBuf;
+
+use crate::arguments::run::{LinkKind, RunOptions};
+use crate::programs::binaries::Binary;
+use hil_recording::compression::Compression;
+use hil_recording::excerpt::Choice;
+use crate::terminal::exit::Failure;
+
+/// Checked settings of a run, whatever its scenario.
+#[derive(Clone, Debug)]
+pub(crate) struct Settings {
+    /// Connection of plant and controller.
+    pub(crate) link: LinkKind,
+    /// Folder of the run; `None` for a new one below `runs`.
+    pub(crate) out: Option<PathBuf>,
+    /// Name of the session; `None` for a random one.
+    pub(crate) session: Option<String>,
+    /// Form of the recording; `None` if none is written.
+    pub(crate) recording: Option<RecordingSettings>,
+    /// Longest silence of a living process in s.
+    pub(crate) wait_limit_s: f64,
+    /// Time at which the run is held.
+    pub(crate) pause_at_s: Option<f64>,
+    /// Times before which the state of both sides is saved.
+    pub(crate) checkpoints_at_s: Vec<f64>,
+    /// Several runs share the terminal.
+    pub(crate) is_one_of_many: bool,
+}
+
+/// Form of a recording.
+#[derive(Clone, Debug)]
+pub(crate) struct RecordingSettings {
+    pub(crate) compression: Compression,
+    /// Part of the run that is kept.
+    pub(crate) choice: Choice,
+}
+
+impl Settings {
+    /// Checks what was typed.
+    ///
+    /// # Errors
+    /// If a value is out of its range, or options do not go together.
+    pub(crate) fn of(options: &RunOptions) -> Result<Self, Failure> {
+        if options.wait_limit.is_nan() || options.wait_limit <= 0.0 {
+            return Err(Failure::usage(
+                "--wait-limit takes a number above 0, or inf",
+            ));
+        }
+        let given = &options.binaries;
+        let is_given = given.plant_bin.is_some() || given.controller_bin.is_some();
+        if options.link == LinkKind::InProcess && is_given {
+            return Err(Failure::usage(
+                "--link in-process runs what is built into hil; --plant-bin and --controller-bin need processes",
+            ));
+        }
+        let checkpoints_at_s = options.checkpoints.checkpoint_at.clone();
+        if options.no_record && !checkpoints_at_s.is_empty() {
+            return Err(Failure::usage(
+                "--checkpoint-at needs the recording of what was before; leave out --no-record",
+            ));
+        }
+        let choice = options.choice.choice(options)?;
+        Ok(Self {
+            link: options.link,
+            out: options.out.clone(),
+            session: options.session.clone(),
+            recording: (!options.no_record).then_some(RecordingSettings {
+                compression: options.compression,
+                choice,
+            }),
+            wait_limit_s: options.wait_limit,
+            pause_at_s: options.pause_at,
+            checkpoints_at_s,
+            is_one_of_many: false,
+        })
+    }
+
+    /// Names the kind of evidence that a run gives, as its recording and its summary have it.
+    pub(crate) const fn evidence(&self) -> &'static str {
+        match self.link {
+            LinkKind::Iceoryx2 => "sil",
+            LinkKind::InProcess => "in-process",
+        }
+    }
+}
+
+/// Refuses programs that were named where none is started.
+///
+/// # Errors
+/// If there is one.
+pub(crate) fn refuse_in_process(link: LinkKind, binaries: &[&Binary]) -> Result<(), Failure> {
+    let named = binaries.iter().find(|binary| binary.named().is_some());
+    match named {
+        Some(Binary { path, by, .. }) if link == LinkKind::InProcess => {
+            Err(Failure::usage(format!(
+                "--link in-process runs what is built into hil; {} ({by}) needs a process",
+                path.display()
+            )))
+        }
+        _ => Ok(()),
+    }
+}
