@@ -54,6 +54,8 @@ pub struct Runner<'a, L> {
     kind: &'a LawKind,
     job: Job,
     hello: Hello,
+    /// The law until it is bound, if it has commands of its own.
+    started: Option<Box<dyn Law>>,
     bound: Option<Bound>,
     saves: Saves,
     /// What the run goes on from, if it does.
@@ -138,7 +140,6 @@ impl<'a, L: Link> Runner<'a, L> {
             Some(resume) => Some(resume.read(&law.name)?),
             None => None,
         };
-        // Started once more when the plant's commands are known; here only to refuse early.
         let mut started = start(kind, &job, law.commands.as_deref().unwrap_or_default())?;
         if let Some(saved) = &saved {
             started.restore(&saved.law)?;
@@ -160,6 +161,8 @@ impl<'a, L: Link> Runner<'a, L> {
             saved,
             job,
             hello,
+            // One that takes the commands of any plant is started anew when they are known.
+            started: law.commands.as_ref().map(|_| started),
             bound: None,
             end: None,
         })
@@ -262,7 +265,7 @@ impl<'a, L: Link> Runner<'a, L> {
         Ok(self.side.standing() != before)
     }
 
-    fn bind(&self, welcome: &Welcome) -> Result<Bound, String> {
+    fn bind(&mut self, welcome: &Welcome) -> Result<Bound, String> {
         if welcome.rate != self.job.rate {
             let (theirs, ours) = (welcome.rate.hz(), self.job.rate.hz());
             return Err(format!(
@@ -283,8 +286,12 @@ impl<'a, L: Link> Runner<'a, L> {
                 .map_err(|unbound| unbound.join("; "))
         };
         let commands = welcome.command.fields(SignalKind::Command);
+        let started = match self.started.take() {
+            Some(started) => started,
+            None => start(self.kind, &self.job, &commands).map_err(|e| e.to_string())?,
+        };
         let mut bound = Bound {
-            law: start(self.kind, &self.job, &commands).map_err(|e| e.to_string())?,
+            law: started,
             measured_places: places(SignalKind::Measured, &law.measured)?,
             reference_places: places(SignalKind::Reference, &law.reference)?,
             sample: vec![0.0; welcome.sample.len()],

@@ -319,3 +319,21 @@ fn the_law_that_suits_the_plant_is_chosen() {
     assert!(choose(&laws, "witness", "c").is_err());
     assert!(choose(&[law(&[])], "witness", "c").is_ok());
 }
+
+#[test]
+fn a_law_with_commands_of_its_own_is_started_once() {
+    use std::sync::atomic::{AtomicU32, Ordering};
+    static STARTS: AtomicU32 = AtomicU32::new(0);
+    let counted = LawKind {
+        start: |setup| {
+            STARTS.fetch_add(1, Ordering::Relaxed);
+            (kind().start)(setup)
+        },
+        ..kind()
+    };
+    let (mut plant, link) = pair();
+    let mut runner = Runner::new(&counted, job(1, 0), link).expect("fits");
+    greet(&mut runner, &mut plant, 10.0);
+    assert!(runner.bound.is_some());
+    assert_eq!(STARTS.load(Ordering::Relaxed), 1);
+}
