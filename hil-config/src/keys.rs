@@ -15,10 +15,10 @@ use shared_types::time::Rate;
 
 use faults::FAULT;
 pub(crate) use faults::{EFFECT, PROFILE, PROFILES, REQUEST, TARGET, TRIGGERS};
-pub(crate) use metrics::{METRIC, METRICS};
-use plots::PLOT;
+pub(crate) use metrics::{EXPRESSION, METRIC, METRICS, PUBLISHED};
+pub(crate) use plots::PLOT;
 pub(crate) use realtime::REALTIME;
-use requirements::REQUIREMENT;
+pub(crate) use requirements::REQUIREMENT;
 pub(crate) use stimuli::{STIMULUS, WAVEFORMS};
 
 /// Version of the scenario format that is understood.
@@ -325,14 +325,14 @@ pub(crate) const CONTROLLER: &[Key] = &[
 pub(crate) const DERIVED: &[Key] = &[
     Key::new("name", TEXT, "Name, its unit at the end.").required(),
     Key::new(
+        "unit",
+        TEXT,
+        "Unit. Default: the unit that the name's ending stands for, else 1.",
+    ),
+    Key::new(
         "expression",
         TEXT,
         "Its value at a step, from signals (truth.x, measured.x, reference.x, command.x, applied.x, internal.x, sensed.x, stimulus.x, parameter.x) and earlier derived ones.",
     )
     .required(),
-    Key::new(
-        "unit",
-        TEXT,
-        "Unit. Default: the unit that the name's ending stands for, else 1.",
-    ),
 ];

@@ -314,11 +314,11 @@ pub enum Waveform {
         end_hz: f64,
         /// d in s, above 0.
         duration_s: f64,
+        /// Offset.
+        offset: f64,
         /// How the frequency goes from f0 to f1.
         #[serde(default, skip_serializing_if = "Sweep::is_linear")]
         sweep: Sweep,
-        /// Offset.
-        offset: f64,
     },
     /// Straight lines between points, constant before the first and after the last.
     Table {

@@ -2,6 +2,7 @@
 //!
 //! Behind `hil config show` and the `scenario.toml` of every run. The text can be run, and checks
 //! to the plan that it was made from. Needs the descriptions that the plan was checked against.
+//! Keys come in the order of the tables in `keys`, and one that has no value here is an error at once.
 
 mod analyses;
 mod faults;
@@ -9,16 +10,16 @@ mod plots;
 mod requirements;
 
 use std::fmt::{self, Write};
-use std::path::Path;
 
+use serde::Serialize;
+use serde_json::Value;
 use shared_types::describe::{FaultKindDescription, LawDescription, PlantDescription, Settings};
 use shared_types::table::Field;
 use shared_types::time::{Rate, Step};
 
-use crate::keys::SCHEMA;
+use crate::keys::{self, Key, Kind, SCHEMA};
 use crate::plan::{
-    Clock, ControllerPlan, ControllerProgram, FaultEvent, Metric, Plan, PlantPlan, Realtime, Run,
-    Stimulus, Sweep, Waveform,
+    Clock, ControllerProgram, Derived, FaultEvent, Metric, Plan, Realtime, Run, Stimulus,
 };
 use crate::quantity::{Quantity, toml_float};
 
@@ -106,102 +107,114 @@ fn write(
     let law = (plan.law_among(laws))
         .ok_or_else(|| undescribed(format!("law `{}`", plan.controller.law)))?;
 
-    writeln!(text, "schema = {SCHEMA}")?;
-    writeln!(text, "name = {}", string(&plan.name))?;
-    if !plan.description.is_empty() {
-        writeln!(text, "description = {}", string(&plan.description))?;
-    }
-    run(text, &plan.run)?;
-    realtime(text, &plan.realtime)?;
-    let programs = &plan.programs;
-    plant_tables(text, &plan.plant, plant, programs.plant.as_deref())?;
-    let program = programs.controller.as_ref();
-    controller(text, &plan.controller, law, plan.run.rate, program)?;
-    for one in &plan.stimuli {
-        stimulus(text, one)?;
-    }
-    let look = faults::Look {
-        plant,
-        kinds,
-        rate: plan.run.rate,
-        others: &plan.faults,
-    };
-    for event in &plan.faults {
-        look.event(text, event)?;
-    }
-    for derived in &plan.derived {
-        writeln!(text, "\n[[derived]]")?;
-        writeln!(text, "name = {}", string(&derived.name))?;
-        writeln!(text, "unit = {}", string(&derived.unit))?;
-        writeln!(
-            text,
-            "expression = {}",
-            string(&derived.expression.to_string())
-        )?;
-    }
-    for one in &plan.metrics {
-        metric(text, one)?;
-    }
-    for analysis in &plan.analyses {
-        analyses::analysis(text, analysis, plan)?;
-    }
-    for one in &plan.requirements {
-        requirements::requirement(text, one)?;
-    }
-    for one in &plan.plots {
-        plots::plot(text, one)?;
+    for key in keys::SCENARIO {
+        match key.name {
+            "schema" => writeln!(text, "schema = {SCHEMA}")?,
+            "name" => writeln!(text, "name = {}", string(&plan.name))?,
+            "description" if plan.description.is_empty() => {}
+            "description" => writeln!(text, "description = {}", string(&plan.description))?,
+            "run" => {
+                run(text, &plan.run)?;
+                realtime(text, &plan.realtime)?;
+            }
+            "realtime" => {} // beside the run
+            "plant" => plant_tables(text, plan, plant)?,
+            "controller" => controller(text, plan, law)?,
+            "stimuli" => each(text, &plan.stimuli, stimulus)?,
+            "faults" => {
+                let look = faults::Look {
+                    plant,
+                    kinds,
+                    rate: plan.run.rate,
+                    others: &plan.faults,
+                };
+                each(text, &plan.faults, |text, event| look.event(text, event))?;
+            }
+            "derived" => each(text, &plan.derived, derived)?,
+            "metrics" => {
+                each(text, &plan.metrics, metric)?;
+                each(text, &plan.analyses, |text, one| {
+                    analyses::analysis(text, one, plan)
+                })?;
+            }
+            "requirements" => each(text, &plan.requirements, requirements::requirement)?,
+            "plots" => each(text, &plan.plots, plots::plot)?,
+            other => forgotten(other),
+        }
     }
     Ok(())
 }
 
-fn run(text: &mut String, run: &Run) -> Written {
-    let duration_s = toml_float(run.rate.seconds(Step(run.steps)));
-    writeln!(text, "\n[run]")?;
-    writeln!(text, "duration_s = {duration_s} # {} steps", run.steps)?;
-    writeln!(text, "rate_hz = {}", toml_float(run.rate.hz()))?;
-    writeln!(text, "seed = {}", run.seed)?;
-    writeln!(text, "clock = \"{}\"", run.clock.name())?;
-    if let Clock::Paced { factor } = run.clock {
-        writeln!(text, "pace = {}", toml_float(factor))?;
+fn each<T>(text: &mut String, all: &[T], write: impl Fn(&mut String, &T) -> Written) -> Written {
+    all.iter().try_for_each(|one| write(text, one))
+}
+
+/// Writes the keys of a table that take a value, in their order; `value` knows each of them and leaves out
+/// those that mean the same without.
+fn section(text: &mut String, keys: &[Key], value: impl Fn(&str) -> Option<String>) -> Written {
+    let is_table =
+        |key: &&Key| matches!(key.kind, Kind::Section(_) | Kind::List(_) | Kind::Described);
+    for key in keys.iter().filter(|key| !is_table(key)) {
+        if let Some(value) = value(key.name) {
+            writeln!(text, "{} = {value}", key.name)?;
+        }
     }
-    writeln!(text, "overrun = \"{}\"", run.overrun.name())?;
-    writeln!(text, "deadline = {}", toml_float(run.deadline))?;
-    let on_loss = run.on_controller_loss.name();
-    writeln!(text, "on_controller_loss = \"{on_loss}\"")?;
     Ok(())
+}
+
+/// Ends at a key of the tables that nobody taught this module: the first scenario that is shown tells.
+fn forgotten(key: &str) -> ! {
+    unreachable!("the value of the key `{key}` is not known here")
+}
+
+fn run(text: &mut String, run: &Run) -> Written {
+    writeln!(text, "\n[run]")?;
+    section(text, keys::RUN, |key| {
+        Some(match key {
+            "duration_s" => {
+                let duration_s = toml_float(run.rate.seconds(Step(run.steps)));
+                format!("{duration_s} # {} steps", run.steps)
+            }
+            "rate_hz" => toml_float(run.rate.hz()),
+            "seed" => run.seed.to_string(),
+            "clock" => string(run.clock.name()),
+            "pace" => match run.clock {
+                Clock::Paced { factor } => toml_float(factor),
+                Clock::Lockstep | Clock::Realtime => return None,
+            },
+            "overrun" => string(run.overrun.name()),
+            "deadline" => toml_float(run.deadline),
+            "on_controller_loss" => string(run.on_controller_loss.name()),
+            other => forgotten(other),
+        })
+    })
 }
 
 fn realtime(text: &mut String, realtime: &Realtime) -> Written {
     writeln!(text, "\n[realtime]")?;
-    for (key, value) in [
-        ("plant_core", realtime.plant_core),
-        ("controller_core", realtime.controller_core),
-        ("recorder_core", realtime.recorder_core),
-        ("dma_latency_us", realtime.dma_latency_us),
-    ] {
-        if let Some(value) = value {
-            writeln!(text, "{key} = {value}")?;
-        }
-    }
-    writeln!(text, "priority = {}", realtime.priority)?;
-    writeln!(text, "lock_memory = {}", realtime.lock_memory)?;
-    writeln!(text, "prefault = {}", realtime.prefault)?;
-    writeln!(text, "wait = \"{}\"", realtime.wait.name())?;
-    Ok(())
+    let number = |value: Option<u32>| value.map(|value| value.to_string());
+    section(text, keys::REALTIME, |key| match key {
+        "plant_core" => number(realtime.plant_core),
+        "controller_core" => number(realtime.controller_core),
+        "recorder_core" => number(realtime.recorder_core),
+        "dma_latency_us" => number(realtime.dma_latency_us),
+        "priority" => number(Some(realtime.priority)),
+        "lock_memory" => Some(realtime.lock_memory.to_string()),
+        "prefault" => Some(realtime.prefault.to_string()),
+        "wait" => Some(string(realtime.wait.name())),
+        other => forgotten(other),
+    })
 }
 
-fn plant_tables(
-    text: &mut String,
-    plan: &PlantPlan,
-    plant: &PlantDescription,
-    program: Option<&Path>,
-) -> Written {
+fn plant_tables(text: &mut String, plan: &Plan, plant: &PlantDescription) -> Written {
+    let (program, plan) = (&plan.programs.plant, &plan.plant);
     writeln!(text, "\n[plant] # {}", comment(&plant.summary))?;
-    writeln!(text, "model = {}", string(&plan.model))?;
-    if let Some(program) = program.and_then(|program| program.to_str()) {
-        writeln!(text, "program = {}", string(program))?;
-    }
-    writeln!(text, "substeps = {}", plan.substeps)?;
+    section(text, keys::PLANT, |key| match key {
+        "model" => Some(string(&plan.model)),
+        "program" => program.as_ref()?.to_str().map(string),
+        "substeps" => Some(plan.substeps.to_string()),
+        other => forgotten(other),
+    })?;
     settings(
         text,
         "plant.parameters",
@@ -212,40 +225,35 @@ fn plant_tables(
         writeln!(text, "\n[plant.limits]")?;
     }
     for limit in &plan.limits {
-        let (min, max) = (toml_float(limit.min), toml_float(limit.max));
-        writeln!(text, "{} = [{min}, {max}]", key(&limit.signal))?;
+        writeln!(
+            text,
+            "{} = {}",
+            key(&limit.signal),
+            list(&[limit.min, limit.max])
+        )?;
     }
     let safe = &plan.safe_command;
     settings(text, "plant.safe_command", safe, &plant.commands)
 }
 
-fn controller(
-    text: &mut String,
-    plan: &ControllerPlan,
-    law: &LawDescription,
-    rate: Rate,
-    program: Option<&ControllerProgram>,
-) -> Written {
+fn controller(text: &mut String, plan: &Plan, law: &LawDescription) -> Written {
+    let (rate, program, plan) = (plan.run.rate, &plan.programs.controller, &plan.controller);
     writeln!(text, "\n[controller] # {}", comment(&law.summary))?;
-    writeln!(text, "law = {}", string(&plan.law))?;
-    match program {
-        None => {}
-        Some(ControllerProgram::One(file)) => {
-            if let Some(file) = file.to_str() {
-                writeln!(text, "program = {}", string(file))?;
+    section(text, keys::CONTROLLER, |name| match name {
+        "law" => Some(string(&plan.law)),
+        "program" => match program.as_ref()? {
+            ControllerProgram::One(file) => file.to_str().map(string),
+            ControllerProgram::ByMachine(files) => {
+                let named = files.iter().filter_map(|(machine, file)| {
+                    Some(format!("{} = {}", key(machine), string(file.to_str()?)))
+                });
+                Some(inline(named))
             }
-        }
-        Some(ControllerProgram::ByMachine(files)) => {
-            let named =
-                (files.iter()).filter_map(|(machine, file)| Some((machine, file.to_str()?)));
-            for (machine, file) in named {
-                writeln!(text, "program.{} = {}", key(machine), string(file))?;
-            }
-        }
-    }
-    let rate_hz = toml_float(rate.hz() / f64::from(plan.rate_divisor));
-    writeln!(text, "rate_hz = {rate_hz}")?;
-    writeln!(text, "command_delay_steps = {}", plan.command_delay_steps)?;
+        },
+        "rate_hz" => Some(toml_float(rate.hz() / f64::from(plan.rate_divisor))),
+        "command_delay_steps" => Some(plan.command_delay_steps.to_string()),
+        other => forgotten(other),
+    })?;
     let table = format!("controller.{}", key(&plan.law));
     settings(text, &table, &plan.parameters, &law.parameters)?;
     settings(text, "controller.model", &plan.model, &law.model)
@@ -284,119 +292,78 @@ fn stimulus(text: &mut String, stimulus: &Stimulus) -> Written {
     writeln!(text, "\n[[stimuli]]")?;
     writeln!(text, "target = {}", string(&stimulus.target))?;
     writeln!(text, "unit = {}", string(&stimulus.unit))?;
-    let (kind, numbers) = match stimulus.waveform {
-        Waveform::Paper {
-            amplitude,
-            frequency_hz,
-            onset_per_s3,
-        } => (
-            "paper",
-            vec![
-                ("amplitude", amplitude),
-                ("frequency_hz", frequency_hz),
-                ("onset_per_s3", onset_per_s3),
-            ],
-        ),
-        Waveform::Step {
-            at_s,
-            before,
-            after,
-        } => (
-            "step",
-            vec![("at_s", at_s), ("before", before), ("after", after)],
-        ),
-        Waveform::Ramp {
-            at_s,
-            duration_s,
-            start,
-            end,
-        } => (
-            "ramp",
-            vec![
-                ("at_s", at_s),
-                ("duration_s", duration_s),
-                ("start", start),
-                ("end", end),
-            ],
-        ),
-        Waveform::Sine {
-            amplitude,
-            frequency_hz,
-            phase_rad,
-            offset,
-        } => (
-            "sine",
-            vec![
-                ("amplitude", amplitude),
-                ("frequency_hz", frequency_hz),
-                ("phase_rad", phase_rad),
-                ("offset", offset),
-            ],
-        ),
-        Waveform::Chirp {
-            amplitude,
-            start_hz,
-            end_hz,
-            duration_s,
-            sweep: _,
-            offset,
-        } => (
-            "chirp",
-            vec![
-                ("amplitude", amplitude),
-                ("start_hz", start_hz),
-                ("end_hz", end_hz),
-                ("duration_s", duration_s),
-                ("offset", offset),
-            ],
-        ),
-        Waveform::Table { .. } => ("table", Vec::new()),
-    };
-    writeln!(text, "kind = \"{kind}\"")?;
-    for (name, value) in numbers {
-        writeln!(text, "{name} = {}", toml_float(value))?;
-    }
-    if let Waveform::Chirp { sweep, .. } = stimulus.waveform
-        && sweep != Sweep::Linear
-    {
-        writeln!(text, "sweep = \"{}\"", sweep.name())?;
-    }
-    // The points themselves, so that the text does not depend on another file.
-    if let Waveform::Table { time_s, values } = &stimulus.waveform {
-        writeln!(text, "time_s = {}", list(time_s))?;
-        writeln!(text, "values = {}", list(values))?;
+    for entry in entries(&stimulus.waveform) {
+        writeln!(text, "{entry}")?;
     }
     Ok(())
+}
+
+fn derived(text: &mut String, derived: &Derived) -> Written {
+    writeln!(text, "\n[[derived]]")?;
+    section(text, keys::DERIVED, |key| {
+        Some(match key {
+            "name" => string(&derived.name),
+            "unit" => string(&derived.unit),
+            "expression" => string(&derived.expression.to_string()),
+            other => forgotten(other),
+        })
+    })
 }
 
 fn metric(text: &mut String, metric: &Metric) -> Written {
     writeln!(text, "\n[[metrics]]")?;
     writeln!(text, "name = {}", string(&metric.name))?;
-    writeln!(text, "unit = {}", string(&metric.unit))?;
-    writeln!(
-        text,
-        "expression = {}",
-        string(&metric.expression.to_string())
-    )?;
-    if !metric.windows.is_empty() {
-        let windows: Vec<String> = metric
-            .windows
-            .iter()
-            .map(|window| list(&[window.start_s, window.end_s]))
-            .collect();
-        writeln!(text, "windows_s = [{}]", windows.join(", "))?;
-    }
-    if let Some(note) = &metric.published_note {
-        writeln!(text, "published_note = {}", string(note))?;
-    }
-    for published in &metric.published {
+    section(text, keys::EXPRESSION, |key| match key {
+        "unit" => Some(string(&metric.unit)),
+        "expression" => Some(string(&metric.expression.to_string())),
+        "windows_s" => {
+            let windows = metric.windows.iter();
+            let windows = windows.map(|window| list(&[window.start_s, window.end_s]));
+            let windows: Vec<String> = windows.collect();
+            (!windows.is_empty()).then(|| format!("[{}]", windows.join(", ")))
+        }
+        "published_note" => metric.published_note.as_deref().map(string),
+        other => forgotten(other),
+    })?;
+    each(text, &metric.published, |text, published| {
         writeln!(text, "[[metrics.published]]")?;
-        writeln!(text, "law = {}", string(&published.law))?;
-        writeln!(text, "window_s = {}", list(&published.window_s))?;
-        writeln!(text, "value = {}", toml_float(published.value))?;
-        writeln!(text, "source = {}", string(&published.source))?;
+        section(text, keys::PUBLISHED, |key| {
+            Some(match key {
+                "law" => string(&published.law),
+                "window_s" => list(&published.window_s),
+                "value" => toml_float(published.value),
+                "source" => string(&published.source),
+                other => forgotten(other),
+            })
+        })
+    })
+}
+
+/// Writes the values of a waveform or profile as `key = value`, its kind first. The points of a table are
+/// among them, so that the text does not depend on another file.
+fn entries(course: &impl Serialize) -> Vec<String> {
+    // Plain numbers and words can always be written.
+    let value = serde_json::to_value(course).unwrap_or_default();
+    let entries = value.as_object().into_iter().flatten();
+    let entries = entries.map(|(name, value)| format!("{name} = {}", toml_value(value)));
+    entries.collect()
+}
+
+fn toml_value(value: &Value) -> String {
+    match value {
+        Value::Array(values) => {
+            let values: Vec<String> = values.iter().map(toml_value).collect();
+            format!("[{}]", values.join(", "))
+        }
+        Value::String(text) => string(text),
+        value => toml_float(value.as_f64().unwrap_or(f64::NAN)),
     }
-    Ok(())
+}
+
+/// An inline table.
+fn inline(entries: impl IntoIterator<Item = String>) -> String {
+    let entries: Vec<String> = entries.into_iter().collect();
+    format!("{{ {} }}", entries.join(", "))
 }
 
 fn list(values: &[f64]) -> String {

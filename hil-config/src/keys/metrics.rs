@@ -81,12 +81,12 @@ pub(crate) const METRICS: &[MetricKind] = &[
         name: "frequency-response",
         text: "How a signal follows a chirp: low_frequency_gain, bandwidth_hz at -3 dB, peak_gain over the low-frequency gain and peak_frequency_hz, phase_lag_90_frequency_hz.",
         keys: &[
-            Key::new("output", TEXT, "The signal that follows, an expression.").required(),
             Key::new(
                 "input",
                 TEXT,
                 "The signal that is followed, an expression. Default: the chirp as the controller gets it.",
             ),
+            Key::new("output", TEXT, "The signal that follows, an expression.").required(),
             Key::new(
                 "stimulus",
                 TEXT,
@@ -130,18 +130,18 @@ pub(crate) const METRICS: &[MetricKind] = &[
 ];
 
 /// A metric of kind `expression`.
-const EXPRESSION: &[Key] = &[
+pub(crate) const EXPRESSION: &[Key] = &[
+    Key::new(
+        "unit",
+        TEXT,
+        "Unit. Default: that of the expression, whose integrals are over time, else the unit that the name's ending stands for, else 1.",
+    ),
     Key::new(
         "expression",
         TEXT,
         "Reductions of signals over a window (max_abs, max, min, mean, rms, initial, final, integral) and arithmetic of them.",
     )
     .required(),
-    Key::new(
-        "unit",
-        TEXT,
-        "Unit. Default: that of the expression, whose integrals are over time, else the unit that the name's ending stands for, else 1.",
-    ),
     Key::new(
         "windows_s",
         Kind::Pairs,
@@ -160,7 +160,7 @@ const EXPRESSION: &[Key] = &[
 ];
 
 /// `published` of a metric.
-const PUBLISHED: &[Key] = &[
+pub(crate) const PUBLISHED: &[Key] = &[
     Key::new("law", TEXT, "The law that it was found with.").required(),
     Key::new(
         "window_s",

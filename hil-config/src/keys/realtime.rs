@@ -33,6 +33,15 @@ pub(crate) const REALTIME: &[Key] = &[
         "The only core that the recorder may run on. Default: any.",
     ),
     Key::new(
+        "dma_latency_us",
+        Kind::Integer {
+            min: 0,
+            max: MAX_LATENCY_US,
+            default: None,
+        },
+        "Longest time in us that a core may need to wake up during the run; 0 keeps all cores awake. Default: as the system has it.",
+    ),
+    Key::new(
         "priority",
         integer(0, MAX_PRIORITY, 0),
         "SCHED_FIFO priority of the loops of plant and controller; 0: ordinary scheduling.",
@@ -46,15 +55,6 @@ pub(crate) const REALTIME: &[Key] = &[
         "prefault",
         Kind::Boolean { default: false },
         "Fetch all memory of plant and controller before step 0, by locking it.",
-    ),
-    Key::new(
-        "dma_latency_us",
-        Kind::Integer {
-            min: 0,
-            max: MAX_LATENCY_US,
-            default: None,
-        },
-        "Longest time in us that a core may need to wake up during the run; 0 keeps all cores awake. Default: as the system has it.",
     ),
     Key::new(
         "wait",

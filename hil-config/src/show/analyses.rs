@@ -4,8 +4,9 @@ use std::fmt::Write;
 
 use shared_types::time::Step;
 
-use super::{Written, string, toml_float};
+use super::{Written, forgotten, section, string, toml_float};
 use crate::expression::Expression;
+use crate::keys::METRICS;
 use crate::plan::{Analysis, AnalysisKind, Plan};
 
 pub(super) fn analysis(text: &mut String, analysis: &Analysis, plan: &Plan) -> Written {
@@ -13,40 +14,36 @@ pub(super) fn analysis(text: &mut String, analysis: &Analysis, plan: &Plan) -> W
     writeln!(text, "\n[[metrics]]")?;
     writeln!(text, "name = {}", string(&analysis.name))?;
     writeln!(text, "kind = \"{}\"", analysis.kind.name())?;
-    let expression = |text: &mut String, key: &str, expression: &Expression| {
-        writeln!(text, "{key} = {}", string(&expression.to_string()))
-    };
+    let of_kind = METRICS
+        .iter()
+        .find(|kind| kind.name == analysis.kind.name());
+    let keys = of_kind.map_or(&[][..], |kind| kind.keys);
+    let shown = |expression: &Expression| Some(string(&expression.to_string()));
     match &analysis.kind {
-        AnalysisKind::StepResponse(plan) => {
-            expression(text, "signal", &plan.signal)?;
-            writeln!(text, "unit = {}", string(&plan.unit))?;
-            writeln!(text, "stimulus = {}", string(&plan.stimulus))?;
-            writeln!(text, "initial = {}", toml_float(plan.initial))?;
-            writeln!(text, "wanted = {}", toml_float(plan.wanted))?;
-            writeln!(text, "band = {}", toml_float(plan.band))?;
-            let until_s = toml_float(rate.seconds(plan.last));
-            writeln!(text, "until_s = {until_s}")?;
-        }
-        AnalysisKind::FrequencyResponse(plan) => {
-            expression(text, "input", &plan.input)?;
-            expression(text, "output", &plan.output)?;
-            writeln!(text, "stimulus = {}", string(&plan.stimulus))?;
-        }
-        AnalysisKind::Detection(plan) => {
-            expression(text, "alarm", &plan.alarm)?;
-            let held_s = toml_float(rate.seconds(Step(plan.records - 1)));
-            writeln!(text, "held_s = {held_s}")?;
-            if let Some(fault) = plan.fault {
-                writeln!(text, "fault = {fault}")?;
-            }
-            if let Some(recovered) = &plan.recovered {
-                expression(text, "recovered", recovered)?;
-            }
-            if let Some((effect, unit)) = &plan.effect {
-                expression(text, "effect", effect)?;
-                writeln!(text, "unit = {}", string(unit))?;
-            }
-        }
+        AnalysisKind::StepResponse(plan) => section(text, keys, |key| match key {
+            "signal" => shown(&plan.signal),
+            "unit" => Some(string(&plan.unit)),
+            "stimulus" => Some(string(&plan.stimulus)),
+            "initial" => Some(toml_float(plan.initial)),
+            "wanted" => Some(toml_float(plan.wanted)),
+            "band" => Some(toml_float(plan.band)),
+            "until_s" => Some(toml_float(rate.seconds(plan.last))),
+            other => forgotten(other),
+        }),
+        AnalysisKind::FrequencyResponse(plan) => section(text, keys, |key| match key {
+            "input" => shown(&plan.input),
+            "output" => shown(&plan.output),
+            "stimulus" => Some(string(&plan.stimulus)),
+            other => forgotten(other),
+        }),
+        AnalysisKind::Detection(plan) => section(text, keys, |key| match key {
+            "alarm" => shown(&plan.alarm),
+            "held_s" => Some(toml_float(rate.seconds(Step(plan.records - 1)))),
+            "fault" => plan.fault.map(|fault| fault.to_string()),
+            "recovered" => shown(plan.recovered.as_ref()?),
+            "effect" => shown(&plan.effect.as_ref()?.0),
+            "unit" => Some(string(&plan.effect.as_ref()?.1)),
+            other => forgotten(other),
+        }),
     }
-    Ok(())
 }

@@ -10,7 +10,9 @@ use shared_types::describe::{
 use shared_types::table::Field;
 use shared_types::time::{Rate, Step};
 
-use super::{Failure, ShowError, Written, comment, key, list, string, undescribed};
+use super::{
+    Failure, ShowError, Written, comment, entries, inline, key, list, string, undescribed,
+};
 use crate::check::unit_of;
 use crate::plan::{Condition, FaultAction, FaultEffect, FaultEnd, FaultEvent, Profile, Trigger};
 use crate::quantity::toml_float;
@@ -171,7 +173,7 @@ impl<'a> Look<'a> {
             }
         }
         if effect.profile != Profile::Step {
-            writeln!(text, "profile = {}", profile(&effect.profile))?;
+            writeln!(text, "profile = {}", inline(entries(&effect.profile)))?;
         }
         Ok(())
     }
@@ -206,7 +208,7 @@ fn moves(
             let (name, unit) = (key(&speed.name), &speed.unit);
             writeln!(text, "{name} = {} # {unit}", toml_float(*speed_per_s))?;
         }
-        (_, asked) => writeln!(text, "profile = {}", profile(asked))?,
+        (_, asked) => writeln!(text, "profile = {}", inline(entries(asked)))?,
     }
     Ok(())
 }
@@ -220,44 +222,4 @@ fn settings(text: &mut String, values: &Settings, fields: &[Field]) -> Written {
         writeln!(text, "{name} = {} # {unit}", toml_float(value))?;
     }
     Ok(())
-}
-
-/// A profile as an inline table.
-fn profile(profile: &Profile) -> String {
-    let (kind, numbers) = match profile {
-        Profile::Step => ("step", vec![]),
-        Profile::Ramp { duration_s } => ("ramp", vec![("duration_s", toml_float(*duration_s))]),
-        Profile::Exponential { speed_per_s } => (
-            "exponential",
-            vec![("speed_per_s", toml_float(*speed_per_s))],
-        ),
-        Profile::Pulse { duration_s } => ("pulse", vec![("duration_s", toml_float(*duration_s))]),
-        Profile::Intermittent { period_s, duty } => (
-            "intermittent",
-            vec![
-                ("period_s", toml_float(*period_s)),
-                ("duty", toml_float(*duty)),
-            ],
-        ),
-        Profile::Sine {
-            frequency_hz,
-            phase_rad,
-        } => (
-            "sine",
-            vec![
-                ("frequency_hz", toml_float(*frequency_hz)),
-                ("phase_rad", toml_float(*phase_rad)),
-            ],
-        ),
-        // The points themselves, so that the text does not depend on another file.
-        Profile::Table { time_s, values } => (
-            "table",
-            vec![("time_s", list(time_s)), ("values", list(values))],
-        ),
-    };
-    let mut text = format!("{{ kind = \"{kind}\"");
-    for (name, value) in numbers {
-        text += &format!(", {name} = {value}");
-    }
-    text + " }"
 }

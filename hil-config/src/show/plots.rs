@@ -2,23 +2,20 @@
 
 use std::fmt::Write;
 
-use super::{Written, list, string};
+use super::{Written, forgotten, list, section, string};
+use crate::keys::PLOT;
 use crate::plan::{Plot, Scale};
 
 pub(super) fn plot(text: &mut String, plot: &Plot) -> Written {
     writeln!(text, "\n[[plots]]")?;
-    writeln!(text, "title = {}", string(&plot.title))?;
-    writeln!(text, "signals = {}", strings(&plot.signals))?;
-    if !plot.laws.is_empty() {
-        writeln!(text, "laws = {}", strings(&plot.laws))?;
-    }
-    if plot.scale != Scale::Linear {
-        writeln!(text, "scale = \"{}\"", plot.scale.name())?;
-    }
-    if !plot.lines.is_empty() {
-        writeln!(text, "lines = {}", list(&plot.lines))?;
-    }
-    Ok(())
+    section(text, PLOT, |key| match key {
+        "title" => Some(string(&plot.title)),
+        "signals" => Some(strings(&plot.signals)),
+        "laws" => (!plot.laws.is_empty()).then(|| strings(&plot.laws)),
+        "scale" => (plot.scale != Scale::Linear).then(|| string(plot.scale.name())),
+        "lines" => (!plot.lines.is_empty()).then(|| list(&plot.lines)),
+        other => forgotten(other),
+    })
 }
 
 fn strings(texts: &[String]) -> String {

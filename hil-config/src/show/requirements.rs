@@ -2,20 +2,18 @@
 
 use std::fmt::Write;
 
-use super::{Written, string};
+use super::{Written, forgotten, section, string};
+use crate::keys::REQUIREMENT;
 use crate::plan::Requirement;
 
 pub(super) fn requirement(text: &mut String, requirement: &Requirement) -> Written {
     writeln!(text, "\n[[requirements]]")?;
-    writeln!(text, "name = {}", string(&requirement.name))?;
-    writeln!(
-        text,
-        "formula = {}",
-        string(&requirement.formula.to_string())
-    )?;
-    if !requirement.description.is_empty() {
-        writeln!(text, "description = {}", string(&requirement.description))?;
-    }
-    writeln!(text, "unit = {}", string(&requirement.unit))?;
-    Ok(())
+    let description = &requirement.description;
+    section(text, REQUIREMENT, |key| match key {
+        "name" => Some(string(&requirement.name)),
+        "formula" => Some(string(&requirement.formula.to_string())),
+        "description" => (!description.is_empty()).then(|| string(description)),
+        "unit" => Some(string(&requirement.unit)),
+        other => forgotten(other),
+    })
 }

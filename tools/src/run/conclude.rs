@@ -7,7 +7,7 @@ use super::execute::RunResult;
 use super::prepare::Prepared;
 use crate::arguments::run::LinkKind;
 use crate::checkpoint;
-use hil_recording::part_file;
+use crate::files::part_file;
 use hil_recording::reader::RECORDING;
 use crate::results::ended::Ended;
 use crate::results::requirements;

@@ -15,7 +15,7 @@ use serde::Serialize;
 
 use crate::arguments::run::{LinkKind, RunArguments};
 use crate::arguments::tolerance::Tolerances;
-use hil_recording::part_file;
+use crate::files::part_file;
 use crate::programs::scenario::Finder;
 use crate::run::settings::Settings;
 use crate::run::{self, Environment, Origin, RunResult};

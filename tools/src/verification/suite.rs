@@ -18,7 +18,7 @@ use serde_json::json;
 use crate::arguments::run::RunArguments;
 use crate::arguments::tolerance::Tolerances;
 use crate::checkpoint::past::{self, Past};
-use hil_recording::part_file;
+use crate::files::part_file;
 use crate::programs::binaries::Choices;
 use crate::programs::binaries::named::Named;
 use crate::programs::scenario::Finder;
