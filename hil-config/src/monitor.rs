@@ -40,6 +40,18 @@ pub enum Verdict {
     Undecided,
 }
 
+impl Verdict {
+    /// Gives its word in files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Pass => "pass",
+            Self::Fail => "fail",
+            Self::Undecided => "undecided",
+        }
+    }
+}
+
 /// Signals, rate and end of the run that formulas are bound to.
 #[derive(Clone, Debug)]
 pub struct Ground<'a> {

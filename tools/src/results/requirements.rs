@@ -5,10 +5,10 @@
 
 use std::fmt::Write as _;
 
-use hil_config::monitor::Verdict;
 use hil_config::requirements::RequirementValue;
 use serde::Serialize;
 use shared_types::number::{short, unit_shown};
+use shared_types::record::Outcome;
 
 use crate::terminal::exit::Exit;
 
@@ -33,11 +33,7 @@ impl From<&RequirementValue> for Requirement {
         Self {
             name: value.name.clone(),
             formula: value.formula.clone(),
-            verdict: match value.verdict {
-                Verdict::Pass => "pass",
-                Verdict::Fail => "fail",
-                Verdict::Undecided => "undecided",
-            },
+            verdict: value.verdict.name(),
             robustness: value.robustness.filter(|size| size.is_finite()),
             unit: value.unit.clone(),
             at_s: value.at_s,
@@ -46,18 +42,21 @@ impl From<&RequirementValue> for Requirement {
     }
 }
 
-/// The verdict of a run that ended by itself: one requirement that does not hold is enough.
-pub(crate) fn verdict(requirements: &[Requirement]) -> &'static str {
-    if requirements.iter().all(|one| one.verdict == "pass") {
+/// Gives the verdict of a run: `aborted` unless it was completed, else one requirement that does not hold
+/// is enough for `fail`.
+pub(crate) fn verdict(outcome: Outcome, requirements: &[Requirement]) -> &'static str {
+    if outcome != Outcome::Completed {
+        "aborted"
+    } else if requirements.iter().all(|one| one.verdict == "pass") {
         "pass"
     } else {
         "fail"
     }
 }
 
-/// Its exit code.
-pub(crate) fn exit(requirements: &[Requirement]) -> Exit {
-    match verdict(requirements) {
+/// Gives the exit code of a verdict.
+pub(crate) fn exit(verdict: &str) -> Exit {
+    match verdict {
         "pass" => Exit::Pass,
         _ => Exit::Failed,
     }

@@ -241,11 +241,9 @@ impl Summary {
             scenario: plan.name.clone(),
             session: origin.session,
             evidence: origin.evidence,
-            verdict: match ended.outcome {
-                Outcome::Completed if recorded.error.is_none() => {
-                    requirements::verdict(&requirements)
-                }
-                _ => "aborted",
+            verdict: match recorded.error {
+                None => requirements::verdict(ended.outcome, &requirements),
+                Some(_) => requirements::verdict(Outcome::Failed, &requirements),
             },
             reason: ended.reason.clone(),
             clock: plan.run.clock.name(),

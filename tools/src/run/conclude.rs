@@ -71,8 +71,7 @@ pub(super) fn conclude(
     Ok(RunResult {
         exit: match ended.outcome {
             _ if ended.recorded.error.is_some() => Exit::Infrastructure,
-            Outcome::Completed => requirements::exit(&summary.requirements),
-            Outcome::Diverged => Exit::Failed,
+            Outcome::Completed | Outcome::Diverged => requirements::exit(summary.verdict),
             Outcome::Stopped if prepared.interruption.came() => Exit::Interrupted,
             Outcome::Stopped | Outcome::Failed => Exit::Infrastructure,
         },

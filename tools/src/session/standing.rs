@@ -10,7 +10,6 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use hil_config::evaluation::Evaluation;
-use hil_config::monitor::Verdict;
 use serde::{Deserialize, Serialize};
 use shared_types::live::{self, Listening, LiveError, Refusal};
 use shared_types::session::SessionInfo;
@@ -51,12 +50,7 @@ pub fn of(evaluation: &Evaluation) -> Vec<Standing> {
     (values.zip(evaluation.bounds()))
         .map(|(value, [at_least, at_most])| Standing {
             name: value.name,
-            verdict: match value.verdict {
-                Verdict::Pass => "pass",
-                Verdict::Fail => "fail",
-                Verdict::Undecided => "undecided",
-            }
-            .into(),
+            verdict: value.verdict.name().into(),
             robustness: value.robustness.and_then(finite),
             at_least: finite(at_least),
             at_most: finite(at_most),

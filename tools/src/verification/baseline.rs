@@ -85,10 +85,7 @@ pub fn command(arguments: &CompareArguments, name: &str) -> Result<Exit, Failure
     let baseline = file.find(name)?;
     let judgement = judge(&arguments.a, name, baseline, &file)?;
     tell(arguments.json, &judgement, Judgement::told)?;
-    Ok(match judgement.verdict {
-        Verdict::Same | Verdict::WithinTolerance => Exit::Pass,
-        Verdict::Different => Exit::Failed,
-    })
+    Ok(judgement.verdict.exit())
 }
 
 fn tell<T: Serialize>(json: bool, result: &T, told: impl Fn(&T) -> String) -> Result<(), Failure> {

@@ -53,6 +53,16 @@ pub enum Verdict {
     Different,
 }
 
+impl Verdict {
+    /// Gives its exit code.
+    pub(crate) const fn exit(self) -> Exit {
+        match self {
+            Self::Same | Self::WithinTolerance => Exit::Pass,
+            Self::Different => Exit::Failed,
+        }
+    }
+}
+
 #[derive(Clone, Debug, PartialEq, Serialize)]
 struct Side {
     run: String,
@@ -142,10 +152,7 @@ pub fn command(arguments: &CompareArguments) -> Result<Exit, Failure> {
     } else {
         comparison.told()
     })?;
-    Ok(match comparison.verdict {
-        Verdict::Same | Verdict::WithinTolerance => Exit::Pass,
-        Verdict::Different => Exit::Failed,
-    })
+    Ok(comparison.verdict.exit())
 }
 
 /// Compares two runs; of all signals, or of those that are named.

@@ -9,7 +9,6 @@ use std::path::Path;
 use hil_config::plan::Plan;
 use hil_recording::reader::ReadError;
 use serde::Serialize;
-use shared_types::record::Outcome;
 
 use crate::arguments::recordings::JudgeArguments;
 use crate::results::handover::Laws;
@@ -49,10 +48,7 @@ pub fn judge(arguments: &JudgeArguments) -> Result<Exit, Failure> {
     } else {
         judgement.told(&plan)
     })?;
-    Ok(match judgement.verdict {
-        "pass" => Exit::Pass,
-        _ => Exit::Failed,
-    })
+    Ok(requirements::exit(judgement.verdict))
 }
 
 /// Judges a run by its own scenario or by another; also the plan that it was judged by.
@@ -83,10 +79,7 @@ pub fn judged(run: &Path, by: Option<&Path>) -> Result<(Judgement, Plan), Failur
     let requirements: Vec<Requirement> = (recorded.requirements.iter())
         .map(Requirement::from)
         .collect();
-    let verdict = match outcome {
-        Outcome::Completed => requirements::verdict(&requirements),
-        _ => "aborted",
-    };
+    let verdict = requirements::verdict(outcome, &requirements);
     let judgement = Judgement {
         run: run.display().to_string(),
         scenario: plan.name.clone(),

@@ -10,7 +10,6 @@ use std::path::{Path, PathBuf};
 use hil_config::plan::{self, Plan};
 use hil_recording::reader::{ReadError, RunReader};
 use serde_json::Value;
-use shared_types::record::Outcome;
 use shared_types::time::{Rate, Step};
 
 use super::envelope::Envelope;
@@ -103,10 +102,7 @@ impl Run {
         let mut requirements: Vec<Requirement> = (recorded.requirements.iter())
             .map(Requirement::from)
             .collect();
-        let mut verdict = match outcome {
-            Outcome::Completed => requirements::verdict(&requirements).to_owned(),
-            _ => "aborted".to_owned(),
-        };
+        let mut verdict = requirements::verdict(outcome, &requirements).to_owned();
         if let Some(kept) = found.reader.fact(hil_recording::reader::EXCERPT) {
             let told = summary_beside(path);
             notes.push(format!(
