@@ -15,7 +15,7 @@ use crate::arguments::{Command, CommandLine, completions};
 use crate::session::{clock, inject};
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::output;
-use crate::verification::{audit, compare, judge, repetition, replay, rerun, suite};
+use crate::verification::{compare, judge, repetition, replay, rerun, suite};
 use crate::views::{export, layout, monitor, report};
 use crate::{benchmark, doctor};
 
@@ -33,13 +33,7 @@ pub fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
         let _ = session::sweep(); // who creates a session hears of what is wrong
     }
     match &command_line.command {
-        Command::Run(arguments) => {
-            if arguments.audit {
-                audit::audit(arguments)
-            } else {
-                suite::run(arguments)
-            }
-        }
+        Command::Run(arguments) => suite::run(arguments),
         Command::Inject(arguments) => inject::inject(arguments),
         Command::Pause(arguments) => clock::clock(&arguments.session, &Request::Pause),
         Command::Resume(arguments) => clock::clock(&arguments.session, &Request::Resume),

@@ -75,14 +75,12 @@ pub(super) fn conclude(
             Outcome::Stopped if prepared.interruption.came() => Exit::Interrupted,
             Outcome::Stopped | Outcome::Failed => Exit::Infrastructure,
         },
-        wall_time_s: ended.recorded.wall_time_s,
-        digest: ended.recorded.digest,
         partial_digests: ended.recorded.partial_digests,
         recording: recorded_to.map(|name| folder.join(name)),
         table: summary.table(&prepared.plan, &folder),
         written: part_file::write_text(&folder.join("summary.json"), &json).and(collected),
-        summary: json,
-        summarised: summary,
+        summary,
+        json,
         folder,
     })
 }

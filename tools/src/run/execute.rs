@@ -60,19 +60,16 @@ pub(crate) struct Repeated {
 /// Result of a run.
 pub(crate) struct RunResult {
     pub(crate) exit: Exit,
-    pub(crate) digest: Option<String>,
     /// Digests after the first records, by their number, as far as they were asked for and there
     /// were so many.
     pub(crate) partial_digests: BTreeMap<u64, String>,
     /// Its recording, if there is one.
     pub(crate) recording: Option<PathBuf>,
-    /// Time from the first to the last record, in s.
-    pub(crate) wall_time_s: f64,
     /// Its folder.
     pub(crate) folder: PathBuf,
-    pub(crate) summarised: Summary,
+    pub(crate) summary: Summary,
     /// The summary as a machine reads it.
-    pub(crate) summary: String,
+    pub(crate) json: String,
     /// The summary as a person reads it.
     pub(crate) table: String,
     /// Failure to write the summary. To be told after the summary: neither a full disk nor a broken

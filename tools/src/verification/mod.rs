@@ -2,7 +2,6 @@
 //! more, compared with baselines, and put together as suites and audits; a single `hil run` is a suite
 //! of one. Scenarios are run by [`run`](crate::run); no plot is made here.
 
-pub(crate) mod audit;
 pub mod baseline;
 pub mod compare;
 #[cfg(test)]

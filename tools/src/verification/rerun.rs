@@ -87,7 +87,7 @@ pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
     };
     let ran = run::execute(plan, environment, Origin::Repeated(repeated))?;
     let found = if is_whole {
-        &ran.digest
+        &ran.summary.digest
     } else {
         &ran.partial_digests.get(&records).cloned()
     };
@@ -104,7 +104,7 @@ pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
     };
     let told = if options.json {
         let summary: serde_json::Value =
-            serde_json::from_str(&ran.summary).map_err(Failure::infrastructure)?;
+            serde_json::from_str(&ran.json).map_err(Failure::infrastructure)?;
         let result = json!({
             "same": is_same,
             "records": records,

@@ -1,181 +1,103 @@
-//! `hil run`: one scenario or several, once or repeatedly, from the command line to the verdicts.
+//! `hil run`: one scenario or several, once, repeatedly or under the conditions of an audit, from the
+//! command line to the verdicts.
 //!
 //! Every run has a session, a folder and processes of its own; so many of them go on at a time as
 //! there are cores for. All scenarios are checked before the first run starts. What repeats a
 //! scenario must have its digest: that is a verdict too.
 
+mod audit;
+mod case;
 mod junit;
 mod markdown;
+mod noise;
+mod running;
 mod table;
 
-use std::path::{Path, PathBuf};
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::path::Path;
 
-use hil_config::plan::{Clock, Plan};
+use hil_config::plan::Clock;
 use serde_json::json;
 
 use crate::arguments::run::RunArguments;
-use crate::arguments::tolerance::Tolerances;
 use crate::checkpoint::past::{self, Past};
 use crate::files::part_file;
 use crate::programs::binaries::Choices;
 use crate::programs::binaries::named::Named;
 use crate::programs::scenario::Finder;
-use crate::results::summary::Summary;
 use crate::run::settings::Settings;
-use crate::run::{self, Environment, Origin, RunResult};
+use crate::run::{self, Environment, Origin};
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::interruption::Interruption;
 use crate::terminal::output;
-use crate::verification::compare;
-
-/// One run that is wanted.
-struct Case {
-    plan: Plan,
-    environment: Environment,
-    /// What it is called in tables and folders: the scenario, and its number if there are more.
-    label: String,
-    /// The law that runs.
-    law: String,
-    /// Where its scenario comes from.
-    origin: String,
-    /// The first case of the same scenario.
-    first: usize,
-}
-
-/// One run as it came out.
-struct Row {
-    label: String,
-    law: String,
-    /// Where its scenario comes from.
-    origin: String,
-    exit: Exit,
-    /// What is wrong with it that its summary does not say.
-    failure: Option<String>,
-    /// Nothing if it was never started.
-    ran: Option<Kept>,
-}
-
-/// What is kept of a run that was started.
-struct Kept {
-    summary: Summary,
-    /// The summary as a machine reads it.
-    json: String,
-    folder: PathBuf,
-    recording: Option<PathBuf>,
-}
-
-impl Row {
-    fn not_run(case: &Case, exit: Exit, failure: String) -> Self {
-        Self {
-            label: case.label.clone(),
-            law: case.law.clone(),
-            origin: case.origin.clone(),
-            exit,
-            failure: Some(failure),
-            ran: None,
-        }
-    }
-
-    fn of(case: &Case, ran: RunResult) -> Self {
-        Self {
-            label: case.label.clone(),
-            law: case.law.clone(),
-            origin: case.origin.clone(),
-            exit: match ran.written {
-                Ok(()) => ran.exit,
-                Err(_) => Exit::Infrastructure,
-            },
-            failure: ran.written.err().map(|error| error.to_string()),
-            ran: Some(Kept {
-                summary: ran.summarised,
-                json: ran.summary,
-                folder: ran.folder,
-                recording: ran.recording,
-            }),
-        }
-    }
-
-    /// In one word.
-    fn verdict(&self) -> &'static str {
-        match (self.exit, &self.ran) {
-            (Exit::Pass, _) => "pass",
-            (Exit::Failed, _) => "fail",
-            (_, Some(_)) => "aborted",
-            (_, None) => "not run",
-        }
-    }
-
-    /// Why it is no pass, beside the requirements that failed.
-    fn reasons(&self) -> impl Iterator<Item = &str> {
-        let summary = self.ran.as_ref().map(|ran| &ran.summary);
-        let reason = summary.and_then(|summary| summary.reason.as_deref());
-        reason.into_iter().chain(self.failure.as_deref())
-    }
-}
+use case::{Case, Row};
 
 /// Runs the command.
 ///
 /// # Errors
 /// If nothing could be started, or results not be written.
 pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
-    let options = &arguments.options;
+    if arguments.audit {
+        audit::refuse_arguments(arguments)?;
+    }
     let reports = [&arguments.junit, &arguments.markdown];
     for path in reports.into_iter().flatten() {
         refuse_unwritable(path)?;
     }
-    let (settings, interruption) = run::begin(options)?;
-    let mut cases = Vec::new();
-    let mut origin = Origin::Scenario;
+    let (settings, interruption) = run::begin(&arguments.options)?;
     if let Some(from) = &arguments.from.from {
-        refuse_several(arguments)?;
-        let recorded = interruption.at_once(|| past::recorded(from))??;
-        let choices = Choices::of(&options.binaries, &Named::Recorded(&recorded))?;
-        let binaries = choices.find(&interruption)?;
-        binaries.tell();
-        let environment = Environment::new(&settings, binaries, &interruption)?;
-        let (past, (plan, branch)) = interruption.at_once(|| {
-            let past = Past::open(from, &environment.binaries)?;
-            let planned = past.plan(&options.changes, &environment.binaries, options.json)?;
-            Ok::<_, Failure>((past, planned))
-        })??;
-        origin = Origin::Checkpoint(Box::new(past), branch);
-        cases.push(Case {
-            label: plan.name.clone(),
-            law: plan.controller.law.clone(),
-            origin: from.display().to_string(),
-            first: 0,
-            plan,
-            environment,
-        });
-    } else {
-        cases = self::cases(arguments, &settings, &interruption)?;
+        let (case, origin) = resumed(arguments, from, &settings, &interruption)?;
+        return single(arguments, &case, origin);
     }
-    let rows = if let [case] = &cases[..] {
-        let ran = run::execute(case.plan.clone(), case.environment.clone(), origin)?;
-        let told = output::write(&if options.json {
-            format!("{}\n", ran.summary)
+    let cases = cases(arguments, &settings, &interruption)?;
+    match &cases[..] {
+        [case] if arguments.audit => audit::audit(case, arguments.options.json),
+        [case] => single(arguments, case, Origin::Scenario),
+        _ => several(arguments, cases),
+    }
+}
+
+/// Runs one case, with the summary of its run as the result.
+fn single(arguments: &RunArguments, case: &Case, origin: Origin) -> Result<Exit, Failure> {
+    let row = case.row(Some(Ok(case.run(origin)?)));
+    let told = row.ran.as_ref().map_or(Ok(()), |ran| {
+        output::write(&if arguments.options.json {
+            format!("{}\n", ran.json)
         } else {
             ran.table.clone()
-        });
-        let row = Row::of(case, ran);
-        if let Some(failure) = &row.failure {
-            output::tell(&failure.to_string());
+        })
+    });
+    if let Some(failure) = &row.failure {
+        output::tell(&failure.to_string());
+    }
+    let written = write_reports(arguments, std::slice::from_ref(&row));
+    told?;
+    written?;
+    Ok(row.exit)
+}
+
+/// Runs several cases, with one table of verdicts.
+fn several(arguments: &RunArguments, mut cases: Vec<Case>) -> Result<Exit, Failure> {
+    let jobs = jobs(arguments, &cases)?;
+    for (number, case) in (1..).zip(&mut cases) {
+        let settings = &mut case.environment.settings;
+        if settings.pause_at_s.is_some() {
+            return Err(Failure::usage(
+                "--pause-at is for a single run; several run by themselves",
+            ));
         }
-        let written = write_reports(arguments, std::slice::from_ref(&row));
-        told?;
-        written?;
-        return Ok(row.exit);
-    } else {
-        let jobs = jobs(arguments, &cases)?;
-        refuse(&settings)?;
-        all(&cases, jobs)
+        settings.is_one_of_many = true;
+        settings.out = (settings.out.take()).map(|folder| folder.join(&case.label));
+        settings.session = (settings.session.take()).map(|name| format!("{name}-{number}"));
+    }
+    let rows = match running::all(&cases, Vec::new(), jobs, &Progress { all: cases.len() }) {
+        Ok(rows) => rows,
+        Err(early) => return early,
     };
-    let told = output::write(&if options.json {
+    let worst = worst(&rows);
+    let told = output::write(&if arguments.options.json {
         let runs: Result<Vec<serde_json::Value>, _> = rows.iter().map(json_of).collect();
         let runs = runs.map_err(Failure::infrastructure)?;
-        let verdict = match worst(&rows) {
+        let verdict = match worst {
             Exit::Pass => "pass",
             Exit::Failed => "fail",
             _ => "aborted",
@@ -187,7 +109,51 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
     });
     write_reports(arguments, &rows)?;
     told?;
-    Ok(worst(&rows))
+    Ok(worst)
+}
+
+/// Progress of several runs on standard error.
+struct Progress {
+    all: usize,
+}
+
+impl running::Listener for Progress {
+    fn begins(&self, _number: usize, _case: &Case) {}
+
+    fn ended(&self, done: usize, row: &mut Row) -> Result<(), Result<Exit, Failure>> {
+        let reason = row.reasons().into_iter().next();
+        let reason = reason.map_or_else(String::new, |reason| format!(": {reason}"));
+        let (all, label, verdict) = (self.all, &row.label, row.verdict());
+        output::tell(&format!("[{done}/{all}] {label}: {verdict}{reason}"));
+        Ok(())
+    }
+}
+
+/// Finds the checkpoint that a run goes on from, and what goes on.
+fn resumed(
+    arguments: &RunArguments,
+    from: &Path,
+    settings: &Settings,
+    interruption: &Interruption,
+) -> Result<(Case, Origin), Failure> {
+    if arguments.repeat > 1 {
+        return Err(Failure::usage(
+            "--repeat is for scenarios; --from goes on once",
+        ));
+    }
+    let options = &arguments.options;
+    let recorded = interruption.at_once(|| past::recorded(from))??;
+    let choices = Choices::of(&options.binaries, &Named::Recorded(&recorded))?;
+    let binaries = choices.find(interruption)?;
+    binaries.tell();
+    let environment = Environment::new(settings, binaries, interruption)?;
+    let (past, (plan, branch)) = interruption.at_once(|| {
+        let past = Past::open(from, &environment.binaries)?;
+        let planned = past.plan(&options.changes, &environment.binaries, options.json)?;
+        Ok::<_, Failure>((past, planned))
+    })??;
+    let case = Case::new(plan, environment, from.display().to_string());
+    Ok((case, Origin::Checkpoint(Box::new(past), branch)))
 }
 
 /// Checks all scenarios and puts the runs in order: the first of each, then the second, and so on.
@@ -215,21 +181,14 @@ fn cases(
     let mut cases: Vec<Case> = Vec::new();
     for _ in 0..arguments.repeat {
         for (first, (plan, environment)) in plans.iter().enumerate() {
-            let earlier = cases.iter().filter(|case| case.plan.name == plan.name);
-            let number = earlier.count() + 1;
+            let origin = arguments.scenarios[first].display().to_string();
+            let mut case = Case::new(plan.clone(), environment.clone(), origin);
             let same = (plans.iter().filter(|(other, _)| other.name == plan.name)).count();
-            cases.push(Case {
-                plan: plan.clone(),
-                environment: environment.clone(),
-                label: if same > 1 || arguments.repeat > 1 {
-                    format!("{}-{number}", plan.name)
-                } else {
-                    plan.name.clone()
-                },
-                law: plan.controller.law.clone(),
-                origin: arguments.scenarios[first].display().to_string(),
-                first,
-            });
+            if same > 1 || arguments.repeat > 1 {
+                let earlier = cases.iter().filter(|case| case.plan.name == plan.name);
+                case.label = format!("{}-{}", plan.name, earlier.count() + 1);
+            }
+            cases.push(Case { first, ..case });
         }
     }
     Ok(cases)
@@ -251,26 +210,6 @@ fn jobs(arguments: &RunArguments, cases: &[Case]) -> Result<usize, Failure> {
     }
 }
 
-/// Refuses what cannot go with a checkpoint.
-fn refuse_several(arguments: &RunArguments) -> Result<(), Failure> {
-    if arguments.repeat > 1 {
-        return Err(Failure::usage(
-            "--repeat is for scenarios; --from goes on once",
-        ));
-    }
-    Ok(())
-}
-
-/// Refuses what can be meant for one run only.
-fn refuse(settings: &Settings) -> Result<(), Failure> {
-    if settings.pause_at_s.is_some() {
-        return Err(Failure::usage(
-            "--pause-at is for a single run; several run by themselves",
-        ));
-    }
-    Ok(())
-}
-
 /// Refuses a file whose folder is not there, before hours of runs.
 fn refuse_unwritable(path: &Path) -> Result<(), Failure> {
     let folder = path.parent().filter(|folder| *folder != Path::new(""));
@@ -284,103 +223,6 @@ fn refuse_unwritable(path: &Path) -> Result<(), Failure> {
     } else {
         format!("cannot write {shown}: there is no such folder")
     }))
-}
-
-/// Runs every case, so many at a time; rows in the order of the cases.
-fn all(cases: &[Case], jobs: usize) -> Vec<Row> {
-    let next = AtomicUsize::new(0);
-    let rows: Mutex<Vec<Option<Row>>> = Mutex::new(cases.iter().map(|_| None).collect());
-    let work = || {
-        while let Some((index, case)) = {
-            let index = next.fetch_add(1, Ordering::Relaxed);
-            cases.get(index).map(|case| (index, case))
-        } {
-            let row = one(case, index);
-            let mut rows = rows
-                .lock()
-                .unwrap_or_else(std::sync::PoisonError::into_inner);
-            rows[index] = Some(row);
-            tell(&mut rows, cases, index);
-        }
-    };
-    std::thread::scope(|scope| {
-        for _ in 0..jobs {
-            scope.spawn(work);
-        }
-    });
-    let rows = rows.into_inner();
-    let rows = rows.unwrap_or_else(std::sync::PoisonError::into_inner);
-    rows.into_iter().flatten().collect()
-}
-
-/// One of several runs.
-fn one(case: &Case, index: usize) -> Row {
-    let mut environment = case.environment.clone();
-    if environment.interruption.came() {
-        return Row::not_run(case, Exit::Interrupted, "interrupted".into());
-    }
-    let (number, settings) = (index + 1, &mut environment.settings);
-    settings.is_one_of_many = true;
-    settings.out = (settings.out.take()).map(|folder| folder.join(&case.label));
-    settings.session = (settings.session.take()).map(|name| format!("{name}-{number}"));
-    match run::execute(case.plan.clone(), environment, Origin::Scenario) {
-        Ok(ran) => Row::of(case, ran),
-        Err(failure) => Row::not_run(case, failure.exit(), failure.to_string()),
-    }
-}
-
-/// Compares the digest of a run that has just ended with that of the first of its scenario, whichever
-/// of them came later, and tells how it went.
-fn tell(rows: &mut [Option<Row>], cases: &[Case], index: usize) {
-    let first = cases[index].first;
-    let (done, all) = (rows.iter().flatten().count(), cases.len());
-    let compared: Vec<usize> = if index == first {
-        (first + 1..cases.len())
-            .filter(|other| cases[*other].first == first)
-            .collect()
-    } else {
-        vec![index]
-    };
-    for other in compared {
-        if cases[other].plan.run.clock == Clock::Realtime {
-            continue; // depends on what comes too late
-        }
-        let found = match (&rows[first], &rows[other]) {
-            (Some(a), Some(b)) => another_digest(a, b),
-            _ => None,
-        };
-        if let (Some(found), Some(row)) = (found, &mut rows[other]) {
-            row.failure = Some(found);
-            row.exit = Exit::Failed;
-        }
-    }
-    let Some(row) = &rows[index] else { return };
-    let reason: String = row
-        .reasons()
-        .take(1)
-        .map(|told| format!(": {told}"))
-        .collect();
-    output::tell(&format!(
-        "[{done}/{all}] {}: {}{reason}",
-        row.label,
-        row.verdict()
-    ));
-}
-
-/// What is to say if two runs that ended by themselves differ.
-fn another_digest(first: &Row, other: &Row) -> Option<String> {
-    let (a, b) = (first.ran.as_ref()?, other.ran.as_ref()?);
-    let is_over = |row: &Row| matches!(row.exit, Exit::Pass | Exit::Failed);
-    let differ = is_over(first) && is_over(other) && a.summary.digest != b.summary.digest;
-    if !differ {
-        return None;
-    }
-    let difference = (a.recording.as_ref().zip(b.recording.as_ref()))
-        .and_then(|(a, b)| compare::compare(a, b, &[], &Tolerances::default()).ok());
-    let difference = (difference.as_ref())
-        .and_then(compare::Comparison::first_difference)
-        .map_or_else(String::new, |found| format!(": {found}"));
-    Some(format!("another digest than {}{difference}", first.label))
 }
 
 /// The exit code that stands for all: a run that could not end says more than one that failed.
@@ -404,7 +246,9 @@ fn json_of(row: &Row) -> serde_json::Result<serde_json::Value> {
     };
     value["label"] = json!(row.label);
     value["verdict"] = json!(row.verdict());
-    value["failure"] = json!(row.failure);
+    let failure = row.failure.as_ref().map(ToString::to_string);
+    let disagreement = row.disagreement.as_ref().map(ToString::to_string);
+    value["failure"] = json!(failure.or(disagreement));
     value["origin"] = json!(row.origin);
     let folder = row.ran.as_ref().map(|ran| ran.folder.display().to_string());
     value["folder"] = json!(folder);

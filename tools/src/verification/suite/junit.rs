@@ -6,7 +6,7 @@ use std::time::Duration;
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
 use shared_types::number::short_in;
 
-use super::Row;
+use super::case::Row;
 use crate::results::requirements::Requirement;
 use crate::terminal::exit::{Exit, Failure};
 
@@ -50,16 +50,15 @@ fn status_of(row: &Row) -> TestCaseStatus {
     let kind = match row.exit {
         Exit::Pass => return TestCaseStatus::success(),
         // Its requirements say so themselves.
-        Exit::Failed if is_missed && row.reasons().next().is_none() => {
+        Exit::Failed if is_missed && row.reasons().is_empty() => {
             return TestCaseStatus::success();
         }
         Exit::Failed => NonSuccessKind::Failure,
         _ => NonSuccessKind::Error,
     };
     let mut status = TestCaseStatus::non_success(kind);
-    let reasons: Vec<&str> = row.reasons().collect();
     status
-        .set_message(reasons.join("; "))
+        .set_message(row.reasons().join("; "))
         .set_type(row.verdict());
     status
 }
@@ -108,7 +107,9 @@ mod tests {
             law: "pid".into(),
             origin: "a.toml".into(),
             exit,
+            skipped: None,
             failure: None,
+            disagreement: None,
             ran: None,
         };
         let requirement = |verdict| Requirement {

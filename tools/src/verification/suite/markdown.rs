@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use shared_types::number::short_in;
 
-use super::Row;
+use super::case::Row;
 
 pub(super) fn of(rows: &[Row]) -> String {
     let mut text = String::new();
@@ -30,14 +30,14 @@ fn write(text: &mut String, rows: &[Row]) -> std::fmt::Result {
         });
         let digest = summary.and_then(|summary| summary.digest.as_deref());
         let digest = digest.map_or_else(String::new, |digest| format!("`{}`", &digest[..8]));
-        let why: Vec<String> = row.reasons().map(cell).collect();
+        let why = cell(&row.reasons().join("; "));
         writeln!(
             text,
             "| {} | {} | **{}** | {met} | {digest} | {} |",
             cell(&row.label),
             cell(&row.law),
             row.verdict(),
-            why.join("; ")
+            why
         )?;
     }
     for row in rows {

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use shared_types::number::short_in;
 
-use super::Row;
+use super::case::Row;
 
 pub(super) fn of(rows: &[Row]) -> String {
     let mut text = String::new();

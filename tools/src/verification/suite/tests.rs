@@ -8,7 +8,9 @@ fn row(label: &str, exit: Exit, failure: &str) -> Row {
         law: "pid".into(),
         origin: "a.toml".into(),
         exit,
-        failure: (!failure.is_empty()).then(|| failure.into()),
+        skipped: None,
+        failure: (!failure.is_empty()).then(|| Failure::Usage(failure.into())),
+        disagreement: None,
         ran: None,
     }
 }

@@ -7,7 +7,7 @@ use hil_config::plan::{Clock, Plan};
 use rustix::thread::{CpuSet, sched_getaffinity};
 use shared_types::time::Step;
 
-use crate::programs::binaries::Binaries;
+use crate::verification::suite::case::{Case, Row};
 
 /// The delays of a repetition add up to about so many times what the run took, at least to
 /// [`DELAYS_S`].
@@ -18,73 +18,68 @@ const LONGEST_DELAY_US: f64 = 200.0;
 /// A repetition at another speed takes so many times as long.
 const SLOWER: f64 = 2.0;
 
-/// The scenario under a condition.
-pub(super) struct Condition {
-    /// What it is, for people.
-    pub(super) told: String,
-    /// Why this machine or plant cannot have it.
-    pub(super) skipped: Option<String>,
-    pub(super) plan: Plan,
-    /// Whether the cores are busy meanwhile.
-    pub(super) noise: bool,
+/// Makes the cases of an audit from that of its reference; none if that did not end by itself, recorded
+/// and with a digest.
+pub(super) fn cases(reference: &Case, row: &Row) -> Vec<Case> {
+    let ran = row
+        .ran
+        .as_ref()
+        .filter(|ran| row.is_over() && ran.recording.is_some() && ran.summary.digest.is_some());
+    let Some(ran) = ran else {
+        return Vec::new();
+    };
+    let mut cases = under_conditions(reference, ran.summary.wall_time_s);
+    for (number, case) in (1..).zip(&mut cases) {
+        let settings = &mut case.environment.settings;
+        settings.out = Some(ran.folder.join(format!("audit-{number}")));
+        settings.session = None;
+    }
+    cases
 }
 
-/// The conditions of an audit.
-pub(super) struct Conditions(Vec<Condition>);
-
-impl Conditions {
-    /// For a plan that took so long in s.
-    pub(super) fn new(plan: &Plan, binaries: &Binaries, wall_time_s: f64) -> Self {
-        let condition = |told: &str, change: &dyn Fn(&mut Plan)| {
-            let mut plan = plan.clone();
-            change(&mut plan);
-            Condition {
-                told: told.into(),
-                skipped: None,
-                plan,
-                noise: false,
-            }
-        };
-        let mut all = vec![condition("the same again", &|_| {})];
-        all.push(match plan.run.clock {
-            Clock::Paced { .. } => condition("as fast as both sides can", &|plan| {
-                plan.run.clock = Clock::Lockstep;
-            }),
-            Clock::Lockstep | Clock::Realtime => {
-                let factor = pace(plan, wall_time_s);
-                let told = format!("paced at {factor:.1} times real time");
-                condition(&told, &|plan| plan.run.clock = Clock::Paced { factor })
-            }
-        });
-        let cores = cores();
-        let on = |plant: u32, controller: u32| {
-            move |plan: &mut Plan| {
-                plan.realtime.plant_core = Some(plant);
-                plan.realtime.controller_core = Some(controller);
-                plan.realtime.recorder_core = None;
-            }
-        };
-        all.push(condition(
-            "both processes on one core",
-            &on(cores[0], cores[0]),
-        ));
-        let last = *cores.last().unwrap_or(&cores[0]);
-        let mut apart = condition("each process on a core of its own", &on(last, cores[0]));
-        if cores.len() < 2 {
-            apart.skipped = Some("there is one core only".into());
+/// Puts a case that took so long in s under each condition.
+fn under_conditions(reference: &Case, wall_time_s: f64) -> Vec<Case> {
+    let plan = &reference.plan;
+    let condition = |label: &str, change: &dyn Fn(&mut Plan)| {
+        let mut case = reference.clone();
+        case.label = label.into();
+        change(&mut case.plan);
+        case
+    };
+    let speed = match plan.run.clock {
+        Clock::Paced { .. } => condition("as fast as both sides can", &|plan| {
+            plan.run.clock = Clock::Lockstep;
+        }),
+        Clock::Lockstep | Clock::Realtime => {
+            let factor = pace(plan, wall_time_s);
+            let label = format!("paced at {factor:.1} times real time");
+            condition(&label, &|plan| plan.run.clock = Clock::Paced { factor })
         }
-        all.push(apart);
-        all.push(Condition {
+    };
+    let cores = cores();
+    let on = |plant: u32, controller: u32| {
+        move |plan: &mut Plan| {
+            plan.realtime.plant_core = Some(plant);
+            plan.realtime.controller_core = Some(controller);
+            plan.realtime.recorder_core = None;
+        }
+    };
+    let last = *cores.last().unwrap_or(&cores[0]);
+    let mut apart = condition("each process on a core of its own", &on(last, cores[0]));
+    if cores.len() < 2 {
+        apart.skipped = Some("there is one core only".into());
+    }
+    vec![
+        condition("the same again", &|_| {}),
+        speed,
+        condition("both processes on one core", &on(cores[0], cores[0])),
+        apart,
+        Case {
             noise: true,
             ..condition("busy cores", &|_| {})
-        });
-        all.push(delayed(plan, binaries, wall_time_s));
-        Self(all)
-    }
-
-    pub(super) fn all(&self) -> &[Condition] {
-        &self.0
-    }
+        },
+        delayed(reference, wall_time_s),
+    ]
 }
 
 /// A pace that makes the sides wait for the clock.
@@ -100,7 +95,8 @@ fn pace(plan: &Plan, wall_time_s: f64) -> f64 {
 }
 
 /// Both sides take their time at random, which costs time and must change nothing else.
-fn delayed(plan: &Plan, binaries: &Binaries, wall_time_s: f64) -> Condition {
+fn delayed(reference: &Case, wall_time_s: f64) -> Case {
+    let plan = &reference.plan;
     let total_s = if DELAYS * wall_time_s > DELAYS_S {
         DELAYS * wall_time_s
     } else {
@@ -117,13 +113,11 @@ fn delayed(plan: &Plan, binaries: &Binaries, wall_time_s: f64) -> Condition {
         effect("plant"),
         effect("controller")
     );
-    let mut condition = Condition {
-        told: format!("both sides late by up to {spread_us:.1} us at random"),
-        skipped: None,
-        plan: plan.clone(),
-        noise: false,
+    let mut condition = Case {
+        label: format!("both sides late by up to {spread_us:.1} us at random"),
+        ..reference.clone()
     };
-    let (plants, laws, kinds) = binaries.described();
+    let (plants, laws, kinds) = reference.environment.binaries.described();
     let (Some(plant), Some(law)) = (plan.plant_among(plants), plan.law_among(laws)) else {
         condition.skipped = Some("the binaries do not describe themselves".into());
         return condition;

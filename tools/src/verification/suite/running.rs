@@ -1,0 +1,84 @@
+//! Cases run, some at a time, each compared with the first of its scenario as soon as both are there.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+use super::case::{Case, Row};
+use crate::run::Origin;
+use crate::terminal::exit::{Exit, Failure};
+
+/// Listener to the runs of a suite, called by the threads that run them.
+pub(super) trait Listener: Sync {
+    /// Hears that a case begins.
+    fn begins(&self, number: usize, case: &Case);
+
+    /// Hears that a case has ended, which makes `done` of them.
+    ///
+    /// # Errors
+    /// The end of the command, if no other case is to begin.
+    fn ended(&self, done: usize, row: &mut Row) -> Result<(), Result<Exit, Failure>>;
+}
+
+/// Runs the cases that have no row yet, `jobs` at a time; gives the rows in the order of the cases.
+///
+/// # Errors
+/// The end of the command, if the listener wants it.
+pub(super) fn all(
+    cases: &[Case],
+    done: Vec<Row>,
+    jobs: usize,
+    listener: &dyn Listener,
+) -> Result<Vec<Row>, Result<Exit, Failure>> {
+    let next = AtomicUsize::new(done.len());
+    let missing = cases.len() - done.len();
+    let mut rows: Vec<Option<Row>> = done.into_iter().map(Some).collect();
+    rows.extend((0..missing).map(|_| None));
+    let state = Mutex::new((rows, Ok(())));
+    let work = || {
+        loop {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            let Some(case) = cases.get(index) else { return };
+            listener.begins(index, case);
+            let is_wanted = case.skipped.is_none();
+            let row = case.row(is_wanted.then(|| case.run(Origin::Scenario)));
+            let mut state = state.lock().unwrap_or_else(PoisonError::into_inner);
+            let (rows, end) = &mut *state;
+            rows[index] = Some(row);
+            compare(rows, cases, index);
+            let done = rows.iter().flatten().count();
+            let heard = rows[index].as_mut().map(|row| listener.ended(done, row));
+            if let (Some(Err(early)), true) = (heard, end.is_ok()) {
+                next.store(cases.len(), Ordering::Relaxed);
+                *end = Err(early);
+            }
+        }
+    };
+    std::thread::scope(|scope| {
+        for _ in 0..jobs {
+            scope.spawn(work);
+        }
+    });
+    let (rows, end) = state.into_inner().unwrap_or_else(PoisonError::into_inner);
+    end.map(|()| rows.into_iter().flatten().collect())
+}
+
+/// Compares a run that has just ended with the first of its scenario, or all that ended before with it if
+/// it is the first.
+fn compare(rows: &mut [Option<Row>], cases: &[Case], index: usize) {
+    let first = cases[index].first;
+    let (before, others) = rows.split_at_mut(first + 1);
+    let Some(reference) = &before[first] else {
+        return;
+    };
+    for (number, row) in (first + 1..).zip(others) {
+        let case = &cases[number];
+        let is_new = index == first || index == number;
+        if let Some(row) = row
+            && is_new
+            && case.first == first
+            && case.repeats()
+        {
+            row.compare(reference);
+        }
+    }
+}
