@@ -45,12 +45,7 @@ pub fn latency(arguments: &LatencyArguments) -> Result<Exit, Failure> {
     if let Some(csv) = &arguments.csv {
         part_file::write_text(csv, &report::csv(&cases))?;
     }
-    output::write(&if arguments.json {
-        let json = serde_json::to_string_pretty(&report).map_err(Failure::infrastructure)?;
-        format!("{json}\n")
-    } else {
-        report.text(&cases)
-    })?;
+    output::result(arguments.json, &report, || report.text(&cases))?;
     Ok(Exit::Pass)
 }
 

@@ -67,12 +67,7 @@ enum State {
 /// If nothing can be had of the recording, it is being written, or the new one cannot be written.
 pub fn recover(arguments: &RecoverArguments) -> Result<Exit, Failure> {
     let recovered = recovered(&arguments.run, arguments.output.as_deref())?;
-    output::write(&if arguments.json {
-        let json = serde_json::to_string_pretty(&recovered).map_err(Failure::infrastructure)?;
-        json + "\n"
-    } else {
-        recovered.told()
-    })?;
+    output::result(arguments.json, &recovered, || recovered.told())?;
     Ok(Exit::Pass)
 }
 

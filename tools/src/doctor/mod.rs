@@ -83,8 +83,7 @@ pub fn doctor(arguments: &DoctorArguments) -> Result<Exit, Failure> {
     }
     report.verdict = Verdict::of(&report.checks);
     if arguments.json {
-        let json = serde_json::to_string_pretty(&report).map_err(Failure::infrastructure)?;
-        output::write(&format!("{json}\n"))?;
+        output::write(&output::pretty(&report)?)?;
     } else {
         output::write_coloured(&report.text(colours()))?;
     }

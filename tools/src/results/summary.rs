@@ -27,6 +27,7 @@ use crate::results::requirements::{self, Requirement};
 use crate::results::resumed::{Made, Resumed};
 use crate::results::settings::Realtime;
 use crate::terminal::duration::shown_ns;
+use crate::terminal::output;
 
 /// Version of the summary.
 const SCHEMA: u32 = 1;
@@ -307,10 +308,7 @@ impl Summary {
     /// The summary as a person reads it.
     #[must_use]
     pub fn table(&self, plan: &Plan, run_dir: &Path) -> String {
-        let mut text = String::new();
-        // Writing to a string cannot fail.
-        let _ = self.write_table(&mut text, plan, run_dir);
-        text
+        output::text(|text| self.write_table(text, plan, run_dir))
     }
 
     fn write_table(&self, text: &mut String, plan: &Plan, run_dir: &Path) -> std::fmt::Result {

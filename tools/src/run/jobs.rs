@@ -6,6 +6,7 @@ use hil_config::plan::{Clock, Plan};
 use plant_process::job::JOB_FILE as PLANT_FILE;
 use shared_types::checkpoint::Checkpoints;
 use shared_types::describe::PROTOCOL;
+use shared_types::realtime;
 use shared_types::session::{SessionError, SessionInfo};
 use shared_types::time::Step;
 
@@ -52,6 +53,20 @@ pub(super) fn of(
         wait_limit_s,
     };
     let controller = controller_process::job::Job {
+        checkpoints: plant.checkpoints.clone(),
+        realtime: plan.realtime.controller(),
+        ..controller(plan, session, wait_limit_s + between_s)
+    };
+    (plant, controller)
+}
+
+/// Makes the job of a controller that saves nothing and asks nothing of its machine.
+pub(crate) fn controller(
+    plan: &Plan,
+    session: &SessionInfo,
+    wait_limit_s: f64,
+) -> controller_process::job::Job {
+    controller_process::job::Job {
         protocol: PROTOCOL,
         session: session.id,
         epoch: 1,
@@ -62,11 +77,10 @@ pub(super) fn of(
         rate: plan.run.rate,
         rate_divisor: plan.controller.rate_divisor,
         command_delay_steps: plan.controller.command_delay_steps,
-        checkpoints: plant.checkpoints.clone(),
-        realtime: plan.realtime.controller(),
-        wait_limit_s: wait_limit_s + between_s,
-    };
-    (plant, controller)
+        checkpoints: Checkpoints::default(),
+        realtime: realtime::Settings::default(),
+        wait_limit_s,
+    }
 }
 
 /// Puts the jobs into the session's folder and has both programs look at theirs.

@@ -11,7 +11,7 @@ mod conclude;
 mod controllers;
 mod execute;
 mod in_process;
-mod jobs;
+pub(crate) mod jobs;
 mod log;
 pub(crate) mod open_files;
 mod prepare;

@@ -1,8 +1,10 @@
 //! Standard output: results, and what it means when nobody takes them.
 
+use std::fmt;
 use std::io::{ErrorKind, IsTerminal, Write};
 
-use shared_types::text;
+use serde::Serialize;
+use shared_types::text::printable;
 
 use crate::terminal::exit::Failure;
 
@@ -14,7 +16,7 @@ macro_rules! tell {
 
 /// Writes a line to standard error, which may be gone, as a terminal that was closed.
 pub fn tell(line: &str) {
-    let _ = writeln!(std::io::stderr(), "{}", text::printable(line));
+    let _ = writeln!(std::io::stderr(), "{}", printable(line));
 }
 
 /// Writes text to standard output, without what a terminal obeys. A reader that went away wanted no
@@ -23,7 +25,7 @@ pub fn tell(line: &str) {
 /// # Errors
 /// If the text cannot be written for any other reason.
 pub fn write(text: &str) -> Result<(), Failure> {
-    write_coloured(&text::printable(text))
+    write_coloured(&printable(text))
 }
 
 /// Like [`write()`], with colours; nothing of the text may be of others.
@@ -38,6 +40,34 @@ pub fn write_coloured(text: &str) -> Result<(), Failure> {
         )),
         _ => Ok(()),
     }
+}
+
+/// Writes a result as JSON for a machine, or in words for a person.
+///
+/// # Errors
+/// As of [`write()`].
+pub(crate) fn result(
+    json: bool,
+    result: &impl Serialize,
+    told: impl FnOnce() -> String,
+) -> Result<(), Failure> {
+    write(&if json { pretty(result)? } else { told() })
+}
+
+/// Gives a result as indented JSON.
+///
+/// # Errors
+/// If it has no form in JSON.
+pub(crate) fn pretty(result: &impl Serialize) -> Result<String, Failure> {
+    let json = serde_json::to_string_pretty(result).map_err(Failure::infrastructure)?;
+    Ok(json + "\n")
+}
+
+/// Collects what is written into a string, which cannot fail.
+pub(crate) fn text(write: impl FnOnce(&mut String) -> fmt::Result) -> String {
+    let mut text = String::new();
+    let _ = write(&mut text);
+    text
 }
 
 /// Tells whether a person reads standard error as it comes.

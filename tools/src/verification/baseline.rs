@@ -84,16 +84,8 @@ pub fn command(arguments: &CompareArguments, name: &str) -> Result<Exit, Failure
     }
     let baseline = file.find(name)?;
     let judgement = judge(&arguments.a, name, baseline, &file)?;
-    tell(arguments.json, &judgement, Judgement::told)?;
+    output::result(arguments.json, &judgement, || judgement.told())?;
     Ok(judgement.verdict.exit())
-}
-
-fn tell<T: Serialize>(json: bool, result: &T, told: impl Fn(&T) -> String) -> Result<(), Failure> {
-    output::write(&if json {
-        serde_json::to_string_pretty(result).map_err(Failure::infrastructure)? + "\n"
-    } else {
-        told(result)
-    })
 }
 
 fn judge(
@@ -203,7 +195,7 @@ fn update(
         figures: changes,
     };
     let is_changed = !told.identity.is_empty() || !told.figures.is_empty();
-    tell(arguments.json, &told, Update::told)?;
+    output::result(arguments.json, &told, || told.told())?;
     if arguments.dry_run {
         return Ok(if is_changed { Exit::Failed } else { Exit::Pass });
     }
@@ -213,10 +205,7 @@ fn update(
 
 impl Judgement {
     fn told(&self) -> String {
-        let mut text = String::new();
-        // Writing to a string cannot fail.
-        let _ = self.write(&mut text);
-        text
+        output::text(|text| self.write(text))
     }
 
     fn write(&self, text: &mut String) -> std::fmt::Result {
@@ -241,10 +230,7 @@ impl Judgement {
 
 impl Update {
     fn told(&self) -> String {
-        let mut text = String::new();
-        // Writing to a string cannot fail.
-        let _ = self.write(&mut text);
-        text
+        output::text(|text| self.write(text))
     }
 
     fn write(&self, text: &mut String) -> std::fmt::Result {

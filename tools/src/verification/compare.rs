@@ -146,12 +146,7 @@ pub fn command(arguments: &CompareArguments) -> Result<Exit, Failure> {
     let tolerances = Tolerances::typed(&arguments.tolerance);
     let comparison = compare(&arguments.a, b, &arguments.signal, &tolerances)?;
     comparison.refuse_nothing()?;
-    output::write(&if arguments.json {
-        let json = serde_json::to_string_pretty(&comparison).map_err(Failure::infrastructure)?;
-        json + "\n"
-    } else {
-        comparison.told()
-    })?;
+    output::result(arguments.json, &comparison, || comparison.told())?;
     Ok(comparison.verdict.exit())
 }
 
@@ -243,10 +238,7 @@ impl Comparison {
     /// The comparison as a person reads it.
     #[must_use]
     pub fn told(&self) -> String {
-        let mut text = String::new();
-        // Writing to a string cannot fail.
-        let _ = self.write(&mut text);
-        text
+        output::text(|text| self.write(text))
     }
 
     fn write(&self, text: &mut String) -> std::fmt::Result {

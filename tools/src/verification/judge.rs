@@ -42,11 +42,8 @@ pub struct Judgement {
 /// If the run cannot be read, or the scenario does not fit it.
 pub fn judge(arguments: &JudgeArguments) -> Result<Exit, Failure> {
     let (judgement, plan) = judged(&arguments.run, arguments.requirements.as_deref())?;
-    output::write(&if arguments.json {
-        let json = serde_json::to_string_pretty(&judgement).map_err(Failure::infrastructure)?;
-        json + "\n"
-    } else {
-        judgement.told(&plan)
+    output::result(arguments.json, &judgement, || {
+        output::text(|text| judgement.write(text, &plan))
     })?;
     Ok(requirements::exit(judgement.verdict))
 }
@@ -97,14 +94,7 @@ pub fn judged(run: &Path, by: Option<&Path>) -> Result<(Judgement, Plan), Failur
 }
 
 impl Judgement {
-    /// The judgement as a person reads it.
-    fn told(&self, plan: &Plan) -> String {
-        let mut text = String::new();
-        // Writing to a string cannot fail.
-        let _ = self.write(&mut text, plan);
-        text
-    }
-
+    /// Writes the judgement as a person reads it.
     fn write(&self, text: &mut String, plan: &Plan) -> std::fmt::Result {
         use std::fmt::Write as _;
         let (scenario, verdict, run) = (&self.scenario, self.verdict, &self.run);

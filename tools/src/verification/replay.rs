@@ -26,13 +26,11 @@ use controller_process::runner::{Runner, choose};
 use hil_config::plan::Plan;
 use hil_recording::reader::{RunReader, UNVOUCHED};
 use serde_json::json;
-use shared_types::checkpoint::Checkpoints;
 use shared_types::describe::{LawDescription, PROTOCOL};
 use shared_types::hello::{Hello, agree};
 use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::in_process::{self, InProcessLink};
 use shared_types::lockstep::{ControllerEvent, PlantEvent};
-use shared_types::realtime::Settings;
 use shared_types::session::{Session, SessionError, SessionInfo};
 use shared_types::supervision::Supervision;
 use shared_types::wait::{WaitLimit, Waiter};
@@ -42,6 +40,7 @@ use crate::arguments::run::LinkKind;
 use crate::arguments::tolerance::Tolerances;
 use crate::programs::binaries::Binary;
 use crate::programs::binaries::named::{Named, Recorded};
+use crate::run::jobs;
 use crate::run::processes::LOOK;
 use crate::run::settings::refuse_in_process;
 use crate::run::side::{GRACE, Side};
@@ -115,12 +114,7 @@ pub fn replay(arguments: &ReplayArguments) -> Result<Exit, Failure> {
         }
         report => report?,
     };
-    output::write(&if arguments.json {
-        let json = serde_json::to_string_pretty(&report).map_err(Failure::infrastructure)?;
-        json + "\n"
-    } else {
-        report.told()
-    })?;
+    output::result(arguments.json, &report, || report.told())?;
     Ok(report.exit())
 }
 
@@ -147,28 +141,9 @@ impl Prepared {
         Ok(())
     }
 
-    fn job(&self, session: &SessionInfo) -> Job {
-        let plan = &self.plan;
-        Job {
-            protocol: PROTOCOL,
-            session: session.id,
-            epoch: 1,
-            plant: plan.plant.model.clone(),
-            law: plan.controller.law.clone(),
-            parameters: plan.controller.parameters.clone(),
-            model: plan.controller.model.clone(),
-            rate: plan.run.rate,
-            rate_divisor: plan.controller.rate_divisor,
-            command_delay_steps: plan.controller.command_delay_steps,
-            checkpoints: Checkpoints::default(),
-            realtime: Settings::default(),
-            wait_limit_s: self.wait_limit_s,
-        }
-    }
-
     fn run(self, mut session: Session, reader: RunReader) -> Result<Report, Failure> {
         let info = session.info().clone();
-        let job = self.job(&info);
+        let job = jobs::controller(&self.plan, &info, self.wait_limit_s);
         info.write_file(JOB_FILE, &job)
             .map_err(Failure::infrastructure)?;
         self.controller

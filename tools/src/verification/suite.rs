@@ -89,7 +89,15 @@ fn several(arguments: &RunArguments, mut cases: Vec<Case>) -> Result<Exit, Failu
         settings.out = (settings.out.take()).map(|folder| folder.join(&case.label));
         settings.session = (settings.session.take()).map(|name| format!("{name}-{number}"));
     }
-    let rows = match running::all(&cases, Vec::new(), jobs, &Progress { all: cases.len() }) {
+    let all = cases.len();
+    let ended = |done: usize, row: &mut Row| {
+        let reason = row.reasons().into_iter().next();
+        let reason = reason.map_or_else(String::new, |reason| format!(": {reason}"));
+        let (label, verdict) = (&row.label, row.verdict());
+        tell!("[{done}/{all}] {label}: {verdict}{reason}");
+        Ok(())
+    };
+    let rows = match running::all(&cases, Vec::new(), jobs, &|_, _| {}, &ended) {
         Ok(rows) => rows,
         Err(early) => return early,
     };
@@ -110,23 +118,6 @@ fn several(arguments: &RunArguments, mut cases: Vec<Case>) -> Result<Exit, Failu
     write_reports(arguments, &rows)?;
     told?;
     Ok(worst)
-}
-
-/// Progress of several runs on standard error.
-struct Progress {
-    all: usize,
-}
-
-impl running::Listener for Progress {
-    fn begins(&self, _number: usize, _case: &Case) {}
-
-    fn ended(&self, done: usize, row: &mut Row) -> Result<(), Result<Exit, Failure>> {
-        let reason = row.reasons().into_iter().next();
-        let reason = reason.map_or_else(String::new, |reason| format!(": {reason}"));
-        let (all, label, verdict) = (self.all, &row.label, row.verdict());
-        output::tell(&format!("[{done}/{all}] {label}: {verdict}{reason}"));
-        Ok(())
-    }
 }
 
 /// Finds the checkpoint that a run goes on from, and what goes on.

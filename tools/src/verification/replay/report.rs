@@ -13,6 +13,7 @@ use super::original::Original;
 use super::tape::Length;
 use crate::programs::binaries::Binary;
 use crate::terminal::exit::Exit;
+use crate::terminal::output;
 use crate::verification::compare::{SignalDifference, Verdict, number, write_table};
 
 /// A replay, judged.
@@ -131,10 +132,7 @@ impl Report {
             only_in_recording: comparison.only_recorded.clone(),
             only_in_controller: comparison.only_replayed.clone(),
             table: comparison.first().map_or_else(String::new, |first| {
-                let mut text = String::new();
-                // Writing to a string cannot fail.
-                let _ = write_around(&mut text, first, &around, &sample);
-                text
+                output::text(|text| write_around(text, first, &around, &sample))
             }),
             first_difference: comparison
                 .first()
@@ -157,10 +155,7 @@ impl Report {
 
     /// The report as a person reads it.
     pub(super) fn told(&self) -> String {
-        let mut text = String::new();
-        // Writing to a string cannot fail.
-        let _ = self.write(&mut text);
-        text
+        output::text(|text| self.write(text))
     }
 
     fn write(&self, text: &mut String) -> fmt::Result {

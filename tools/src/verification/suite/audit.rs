@@ -13,7 +13,7 @@ use hil_config::plan::Clock;
 use serde::Serialize;
 
 use super::case::{Case, Row};
-use super::running::{self, Listener};
+use super::running::{self, Early};
 use crate::arguments::run::{LinkKind, RunArguments};
 use crate::files::part_file;
 use crate::run::{Origin, RunResult};
@@ -78,15 +78,15 @@ pub(super) fn audit(case: &Case, json: bool) -> Result<Exit, Failure> {
     let cases = conditions::cases(case, &reference);
     let mut rows = vec![reference];
     if !cases.is_empty() {
+        let count = cases.len();
+        let begins = |number: usize, case: &Case| {
+            tell!("audit {number} of {count}: {}", case.label);
+            if let Some(why) = &case.skipped {
+                tell!("  skipped: {why}");
+            }
+        };
         let cases = [slice::from_ref(case), &cases].concat();
-        rows = match running::all(
-            &cases,
-            rows,
-            1,
-            &Progress {
-                all: cases.len() - 1,
-            },
-        ) {
+        rows = match running::all(&cases, rows, 1, &begins, &|_, row| ended(row)) {
             Ok(rows) => rows,
             Err(early) => return early,
         };
@@ -128,42 +128,27 @@ fn refuse(case: &Case) -> Result<(), Failure> {
     Err(Failure::usage(why))
 }
 
-/// Progress of an audit on standard error; keeps the folders of runs that differ, and no others.
-struct Progress {
-    all: usize,
-}
-
-impl Listener for Progress {
-    fn begins(&self, number: usize, case: &Case) {
-        tell!("audit {number} of {}: {}", self.all, case.label);
-        if let Some(why) = &case.skipped {
-            tell!("  skipped: {why}");
-        }
+/// Tells how a repetition came out, and keeps the folder of one that differs.
+fn ended(row: &mut Row) -> Result<(), Early> {
+    let Some(ran) = &row.ran else {
+        let failure = row.failure.take();
+        return failure.map_or(Ok(()), |failure| Err(Err(failure)));
+    };
+    let kept = ran.folder.display();
+    if !row.is_over() || row.digest().is_none() {
+        output::tell(&ran.table);
+        let told = format!("the audit ended while it ran {}", row.label);
+        tell!("{told}; what it left is in {kept}");
+        return Err(Ok(row.exit));
     }
-
-    fn ended(&self, _: usize, row: &mut Row) -> Result<(), Result<Exit, Failure>> {
-        let Some(ran) = &row.ran else {
-            return row
-                .failure
-                .take()
-                .map_or(Ok(()), |failure| Err(Err(failure)));
-        };
-        let kept = ran.folder.display();
-        if !row.is_over() || row.digest().is_none() {
-            output::tell(&ran.table);
-            let told = format!("the audit ended while it ran {}", row.label);
-            tell!("{told}; what it left is in {kept}");
-            return Err(Ok(row.exit));
-        }
-        if row.disagreement.is_some() {
-            tell!("  another digest");
-            return Ok(());
-        }
-        std::fs::remove_dir_all(&ran.folder).map_err(|error| {
-            let told = format!("cannot remove {kept}: {error}");
-            Err(Failure::infrastructure(told))
-        })
+    if row.disagreement.is_some() {
+        tell!("  another digest");
+        return Ok(());
     }
+    std::fs::remove_dir_all(&ran.folder).map_err(|error| {
+        let told = format!("cannot remove {kept}: {error}");
+        Err(Failure::infrastructure(told))
+    })
 }
 
 /// Prints the summary of the run with the outcome of the audit, and adds that to `summary.json`.

@@ -7,28 +7,21 @@ use super::case::{Case, Row};
 use crate::run::Origin;
 use crate::terminal::exit::{Exit, Failure};
 
-/// Listener to the runs of a suite, called by the threads that run them.
-pub(super) trait Listener: Sync {
-    /// Hears that a case begins.
-    fn begins(&self, number: usize, case: &Case);
-
-    /// Hears that a case has ended, which makes `done` of them.
-    ///
-    /// # Errors
-    /// The end of the command, if no other case is to begin.
-    fn ended(&self, done: usize, row: &mut Row) -> Result<(), Result<Exit, Failure>>;
-}
+/// End of a command before all its cases ran.
+pub(super) type Early = Result<Exit, Failure>;
 
 /// Runs the cases that have no row yet, `jobs` at a time; gives the rows in the order of the cases.
+/// `begins` hears of each with its number, `ended` how many are done and the newest row.
 ///
 /// # Errors
-/// The end of the command, if the listener wants it.
+/// That of `ended`, after which no other case begins.
 pub(super) fn all(
     cases: &[Case],
     done: Vec<Row>,
     jobs: usize,
-    listener: &dyn Listener,
-) -> Result<Vec<Row>, Result<Exit, Failure>> {
+    begins: &(dyn Fn(usize, &Case) + Sync),
+    ended: &(dyn Fn(usize, &mut Row) -> Result<(), Early> + Sync),
+) -> Result<Vec<Row>, Early> {
     let next = AtomicUsize::new(done.len());
     let missing = cases.len() - done.len();
     let mut rows: Vec<Option<Row>> = done.into_iter().map(Some).collect();
@@ -38,7 +31,7 @@ pub(super) fn all(
         loop {
             let index = next.fetch_add(1, Ordering::Relaxed);
             let Some(case) = cases.get(index) else { return };
-            listener.begins(index, case);
+            begins(index, case);
             let is_wanted = case.skipped.is_none();
             let row = case.row(is_wanted.then(|| case.run(Origin::Scenario)));
             let mut state = state.lock().unwrap_or_else(PoisonError::into_inner);
@@ -46,7 +39,7 @@ pub(super) fn all(
             rows[index] = Some(row);
             compare(rows, cases, index);
             let done = rows.iter().flatten().count();
-            let heard = rows[index].as_mut().map(|row| listener.ended(done, row));
+            let heard = rows[index].as_mut().map(|row| ended(done, row));
             if let (Some(Err(early)), true) = (heard, end.is_ok()) {
                 next.store(cases.len(), Ordering::Relaxed);
                 *end = Err(early);

@@ -5,12 +5,10 @@ use std::fmt::Write;
 use shared_types::number::short_in;
 
 use super::case::Row;
+use crate::terminal::output;
 
 pub(super) fn of(rows: &[Row]) -> String {
-    let mut text = String::new();
-    // Writing to a string cannot fail.
-    let _ = write(&mut text, rows);
-    text
+    output::text(|text| write(text, rows))
 }
 
 fn write(text: &mut String, rows: &[Row]) -> std::fmt::Result {
