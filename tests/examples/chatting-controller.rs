@@ -7,6 +7,9 @@
 //! | `contradicts` | sends another answer to the same sample |
 //! | `greets` | says hello, from the beginning, and hears nothing |
 
+#[path = "../shared/position_and_force.rs"]
+mod position_and_force;
+
 use std::path::Path;
 use std::process::ExitCode;
 
@@ -23,30 +26,15 @@ use shared_types::program::{COMPLETED, Program, read_job};
 use shared_types::realtime;
 use shared_types::session::SessionInfo;
 use shared_types::supervision::Supervision;
-use shared_types::table;
 use shared_types::table::Empty;
 use shared_types::wait::{WaitLimit, Waiter};
+
+use position_and_force::{Force, Position};
 
 /// Samples that are answered.
 const ANSWERED: u64 = 100;
 /// The command.
 const FORCE_N: f64 = 0.5;
-
-table! {
-    /// What the teaching plant measures.
-    struct Position {
-        /// Position.
-        position_m: "m",
-    }
-}
-
-table! {
-    /// What it takes.
-    struct Force {
-        /// Force.
-        force_n: "N",
-    }
-}
 
 struct Steady;
 

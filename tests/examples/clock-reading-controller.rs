@@ -4,29 +4,17 @@
 //! Each makes a mistake that people make: a derivative over the time of the wall clock, a number of
 //! workers after the number of cores, and, to show that neither comes from this program, none.
 
+#[path = "../shared/position_and_force.rs"]
+mod position_and_force;
+
 use std::process::ExitCode;
 use std::time::Instant;
 
 use controller_process::controller::{Controller, LawKind, Sample, Setup};
 use shared_types::describe::Invalid;
-use shared_types::table;
 use shared_types::table::Empty;
 
-table! {
-    /// What the teaching plant measures.
-    struct Position {
-        /// Position.
-        position_m: "m",
-    }
-}
-
-table! {
-    /// What the teaching plant takes.
-    struct Force {
-        /// Force.
-        force_n: "N",
-    }
-}
+use position_and_force::{Force, Position};
 
 /// A spring to the middle and a damper.
 fn force(position_m: f64, velocity_mps: f64) -> Force {

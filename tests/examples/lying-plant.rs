@@ -3,6 +3,9 @@
 //!
 //! The run itself is that of every plant; what it says in the record stream is not.
 
+#[path = "../shared/position_and_force.rs"]
+mod position_and_force;
+
 use std::path::Path;
 use std::process::ExitCode;
 
@@ -25,31 +28,16 @@ use shared_types::session::SessionInfo;
 use shared_types::stream::iceoryx::IceoryxSink;
 use shared_types::stream::{Backpressure, RecordSink};
 use shared_types::supervision::Supervision;
-use shared_types::table;
 use shared_types::table::Empty;
 use shared_types::time::{Interval, Step};
 use shared_types::wait::{WaitLimit, Waiter};
+
+use position_and_force::{Force, Position};
 
 /// The step of the record that a lie is about.
 const WHEN: u64 = 500;
 /// What is said of a fault that there is none of.
 const MADE_UP: u32 = 7;
-
-table! {
-    /// What is true, and measured.
-    struct Position {
-        /// Position, which never changes.
-        position_m: "m",
-    }
-}
-
-table! {
-    /// What it takes, to no effect.
-    struct Force {
-        /// Force.
-        force_n: "N",
-    }
-}
 
 /// A plant that does nothing.
 struct Still;

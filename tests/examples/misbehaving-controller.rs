@@ -1,6 +1,9 @@
 //! A controller process with one law for each way to spoil a run. Not a program of the workspace: the
 //! tests of failures give it to `hil run --controller-bin`.
 
+#[path = "../shared/position_and_force.rs"]
+mod position_and_force;
+
 use std::io::Write;
 use std::process::{Command, ExitCode, Stdio};
 use std::sync::Once;
@@ -10,32 +13,18 @@ use shared_types::describe::{Invalid, LawDescription};
 use shared_types::table;
 use shared_types::table::Empty;
 
+use position_and_force::{Force, Position};
+
 /// The sample at which a law misbehaves.
 const WHEN: u64 = 100;
 /// What every law commands before.
 const BEFORE_N: f64 = 0.5;
 
 table! {
-    /// What every plant of these tests measures.
-    struct Position {
-        /// Position.
-        position_m: "m",
-    }
-}
-
-table! {
     /// What no plant measures.
     struct Missing {
         /// Phase of the moon.
         positron_m: "m",
-    }
-}
-
-table! {
-    /// What the teaching plant takes.
-    struct Force {
-        /// Force.
-        force_n: "N",
     }
 }
 

@@ -1,32 +1,20 @@
 //! A plant process with one plant for each way to spoil a run. Not a program of the workspace: the tests
 //! of failures give it to `hil run --plant-bin`.
 
+#[path = "../shared/position_and_force.rs"]
+mod position_and_force;
+
 use std::process::ExitCode;
 
 use plant_process::plant::{Plant, PlantKind};
 use shared_types::describe::Invalid;
-use shared_types::table;
 use shared_types::table::Empty;
 use shared_types::time::Interval;
 
+use position_and_force::{Force, Position};
+
 /// The step at which a plant misbehaves.
 const WHEN: u64 = 100;
-
-table! {
-    /// What is true of every plant here, and measured.
-    struct Position {
-        /// Position, which never changes.
-        position_m: "m",
-    }
-}
-
-table! {
-    /// What they take, to no effect.
-    struct Force {
-        /// Force.
-        force_n: "N",
-    }
-}
 
 macro_rules! plant {
     ($plant:ident, $name:literal, $deed:expr) => {

@@ -1,6 +1,8 @@
 //! What goes wrong while a run is under way: who, what and which step are named, the exit code tells
 //! the sort, the recording up to there can be read, and nothing is left.
 
+mod remains;
+
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -15,6 +17,7 @@ use crate::support::programs::{misbehaving_controller, misbehaving_plant, progra
 const LONG: &str = "scenarios/severe-leakage.toml --set run.duration_s=100";
 
 const PLANT: usize = 0;
+
 const CONTROLLER: usize = 1;
 
 /// An aborted run: exit code, reason, and a readable recording without a gap.
@@ -203,55 +206,6 @@ fn what_a_side_mutters_does_nothing_to_a_terminal() {
 }
 
 #[test]
-fn a_log_without_end_keeps_its_beginning_and_its_end() {
-    let rig = Rig::new();
-    let run = misbehaves(&rig, "chatters").says(&["the first line", "the law said enough"]);
-    let log = std::fs::read(run.folder.join("controller.log")).expect("a log");
-    // 64 MiB were written; the last look is at what is complete.
-    assert!(log.len() <= 8 << 20, "{} bytes", log.len());
-    let log = String::from_utf8_lossy(&log);
-    assert!(log.starts_with("the first line\nxxxx"));
-    assert!(log.contains("the law said enough") && log.contains("bytes out here"));
-    assert!(run.stderr.len() < 100_000, "{} bytes", run.stderr.len());
-    Aborted::of(run, 3, &["controller", "step 100", "panicked"]);
-}
-
-#[test]
-fn what_a_side_leaves_running_ends_with_the_run() {
-    let rig = Rig::new();
-    // A bystander that looks alike, but was not started by the run.
-    let bystander = std::process::Command::new("sleep").arg("1000").spawn();
-    let mut bystander = bystander.expect("it can be run");
-    // The rig looks for every process that names its session.
-    misbehaves(&rig, "forks").expect(0);
-    let run = misbehaves(&rig, "forks-and-dies");
-    assert_eq!(bystander.try_wait().expect("our child"), None);
-    bystander.kill().expect("our child");
-    bystander.wait().expect("our child");
-    Aborted::of(run, 3, &["step 100", "controller was killed by SIGABRT"]);
-}
-
-#[test]
-fn what_escaped_from_a_killed_hil_ends_with_the_next() {
-    let rig = Rig::alone();
-    let scenario = misbehaviour(&rig, "forks");
-    let controller = misbehaving_controller();
-    let (scenario, controller) = (scenario.display(), controller.display());
-    let running = rig.start(&format!(
-        "{scenario} --controller-bin {controller} --set run.duration_s=1000 --clock paced"
-    ));
-    until("somebody is left by the controller", || {
-        rig.processes()
-            .iter()
-            .filter(|line| line.contains("while"))
-            .count()
-            >= 2
-    });
-    running.kill();
-    rig.hil(&["sessions", "--clean"]).expect(0);
-}
-
-#[test]
 fn an_answer_without_end_is_refused() {
     let rig = Rig::new();
     let scenario = "scenarios/spring-mass.toml";
@@ -270,24 +224,6 @@ fn an_answer_without_end_is_refused() {
     let loud = rig.script("loud", &text);
     rig.run(&format!("{scenario} --controller-bin {}", loud.display()))
         .expect(0);
-}
-
-#[test]
-fn what_a_description_leaves_running_is_ended() {
-    let rig = Rig::new();
-    let own = program("controller-process");
-    // One that holds the answer's pipe open, in a session of its own; its arguments name this test.
-    let text = format!(
-        "#!/bin/sh\nsetsid sh -c 'while :; do sleep 1000; done' {} &\nexec {} \"$@\"\n",
-        rig.path("left").display(),
-        own.display()
-    );
-    let leaving = rig.script("leaving", &text);
-    let run = rig.run(&format!(
-        "scenarios/spring-mass.toml --controller-bin {}",
-        leaving.display()
-    ));
-    run.expect(0);
 }
 
 #[test]
@@ -436,97 +372,4 @@ fn a_limit_of_the_scenario_ends_the_run_at_the_first_step_beyond_it() {
     assert!(position_m(last) > 0.005);
     assert!(before.iter().all(|record| position_m(record) <= 0.005));
     assert_eq!(last.step(), aborted.step());
-}
-
-#[test]
-fn ctrl_c_ends_both_processes_and_finishes_the_recording() {
-    for signal in [Signal::INT, Signal::TERM] {
-        let rig = Rig::new();
-        let running = rig.start(LONG);
-        let children = running.children();
-        running.signal(signal);
-        let run = running.finish();
-        assert!(children.iter().all(|child| !child.is_alive()));
-        let aborted = Aborted::of(run, 130, &["interrupted"]);
-        let end = aborted.recording.events.last().expect("an end");
-        assert_eq!(
-            (&end["event"], &end["outcome"]),
-            (&"end".into(), &"stopped".into())
-        );
-    }
-}
-
-#[test]
-fn ctrl_c_ends_a_run_in_one_process_too() {
-    let rig = Rig::new();
-    let running = rig.start(&format!("{LONG} --link in-process"));
-    running.wait_for_records();
-    running.signal(Signal::INT);
-    Aborted::of(running.finish(), 130, &["interrupted"]);
-}
-
-#[test]
-fn without_hil_both_processes_end_and_the_next_hil_cleans_up() {
-    let rig = Rig::alone();
-    let running = rig.start(LONG);
-    let children = running.children();
-    running.kill();
-    until("both processes end by themselves", || {
-        children.iter().all(|child| !child.is_alive())
-    });
-    assert!(
-        rig.session_folder().exists(),
-        "nobody was there to remove it"
-    );
-    let records: Vec<_> = Recording::open(&rig.path("run0/run.mcap"))
-        .records()
-        .collect();
-    assert!(records.len() > 100, "{} records survive", records.len());
-
-    let swept = rig.hil(&["sessions", "--clean"]).expect(0);
-    assert!(swept.stdout.contains(rig.session()), "{}", swept.stdout);
-}
-
-#[test]
-fn the_next_run_cleans_up_after_everything_was_killed() {
-    let rig = Rig::alone();
-    let running = rig.start(LONG);
-    let children = running.children();
-    running.kill();
-    children.iter().for_each(|child| child.kill());
-    let run = rig.run("scenarios/spring-mass.toml --set run.duration_s=5");
-    run.expect(0);
-}
-
-#[test]
-fn a_stopped_process_does_not_outlive_hil_for_long() {
-    let rig = Rig::alone();
-    let running = rig.start(LONG);
-    let [plant, controller] = running.children();
-    send(plant.pid, Signal::STOP);
-    until("the plant is stopped", || plant.is_stopped());
-    running.kill();
-    until("the controller ends by itself", || !controller.is_alive());
-    // The kernel may have ended it already: its process group lost the last parent that cared.
-    rig.hil(&["sessions", "--clean"]).expect(0);
-    assert!(!plant.is_alive());
-}
-
-#[test]
-fn sessions_lists_what_runs_and_clean_leaves_it_alone() {
-    let rig = Rig::alone();
-    let running = rig.start(LONG);
-    let children = running.children();
-    for arguments in [&["sessions"][..], &["sessions", "--clean"]] {
-        let mut hil = std::process::Command::new(program("hil"));
-        let output = hil.args(arguments).output().expect("hil can be run");
-        let said = String::from_utf8_lossy(&output.stdout);
-        assert!(
-            output.status.success() && said.contains(rig.session()),
-            "{said}"
-        );
-    }
-    assert!(children.iter().all(|child| child.is_alive()));
-    running.signal(Signal::INT);
-    running.finish().expect(130);
 }

@@ -1,0 +1,291 @@
+//! Runs in which everything moves: faults that wait, act or are under way go on across any step.
+
+use shared_types::random::RandomStream;
+
+use super::assert_goes_on;
+use crate::support::harness::Rig;
+
+pub(super) const MOVING: &str = r#"
+schema = 1
+name = "moving"
+[run]
+duration_s = 1.0
+rate_hz = 1000
+seed = 7
+[plant]
+model = "spring-mass"
+[[stimuli]]
+target = "position_m"
+kind = "sine"
+amplitude = 0.01
+frequency_hz = 2
+"#;
+
+/// What makes it moving: keys of the controller and faults.
+const CASES: [(&str, &str, &str); 13] = [
+    ("a slow law", "rate_hz = 500", ""),
+    ("a late command", "command_delay_steps = 1", ""),
+    (
+        "a slow law and a late command",
+        "rate_hz = 200\ncommand_delay_steps = 1",
+        "",
+    ),
+    (
+        "conditions that must hold for a while",
+        "",
+        r#"
+        [[faults]]
+        kind = "stuck"
+        when = "truth.position_m > 0.003"
+        for_s = 0.05
+        until = "truth.velocity_mps < 0"
+        until_for_s = 0.07
+        [[faults.effects]]
+        target = "measured.velocity_mps"
+        "#,
+    ),
+    (
+        "one that follows another, and effects with a skew",
+        "",
+        r#"
+        [[faults]]
+        name = "first"
+        kind = "bias"
+        at_s = 0.2
+        [[faults.effects]]
+        target = "measured.position_m"
+        bias = 1e-3
+        [[faults.effects]]
+        target = "command.force_n"
+        bias = 0.1
+        skew_s = 0.3
+        [[faults]]
+        kind = "scale"
+        after = "first"
+        delay_s = 0.25
+        duration_s = 0.2
+        [[faults.effects]]
+        target = "reference.position_m"
+        factor = 1.5
+        profile = { kind = "ramp", duration_s = 0.1 }
+        "#,
+    ),
+    (
+        "faults that end after they acted often enough",
+        "",
+        r#"
+        [[faults]]
+        kind = "spike"
+        at_s = 0.1
+        occurrences = 3
+        [[faults.effects]]
+        target = "measured.position_m"
+        amplitude = 0.01
+        period_s = 0.2
+        width_s = 0.05
+        [[faults]]
+        kind = "message-loss"
+        at_s = 0.1
+        occurrences = 100
+        [[faults.effects]]
+        target = "link.sample"
+        probability = 0.3
+        "#,
+    ),
+    (
+        "messages under way in both directions",
+        "",
+        r#"
+        [[faults]]
+        kind = "message-delay"
+        at_s = 0.1
+        [[faults.effects]]
+        target = "link.sample"
+        steps = 30
+        profile = { kind = "sine", frequency_hz = 3 }
+        [[faults]]
+        kind = "dropout"
+        at_s = 0.1
+        [[faults.effects]]
+        target = "measured.velocity_mps"
+        profile = { kind = "intermittent", period_s = 0.01, duty = 0.5 }
+        [[faults]]
+        kind = "message-jitter"
+        at_s = 0.2
+        [[faults.effects]]
+        target = "link.sample"
+        steps = 20
+        [[faults]]
+        kind = "message-reordering"
+        at_s = 0.15
+        [[faults.effects]]
+        target = "link.command"
+        probability = 0.5
+        [[faults]]
+        kind = "message-duplication"
+        at_s = 0.25
+        [[faults.effects]]
+        target = "link.command"
+        probability = 0.5
+        lag_steps = 25
+        [[faults]]
+        kind = "message-corruption"
+        at_s = 0.3
+        [[faults.effects]]
+        target = "link.command"
+        probability = 0.2
+        bits = 3
+        "#,
+    ),
+    (
+        "a medium that was late and is not any more",
+        "",
+        r#"
+        [[faults]]
+        kind = "message-delay"
+        at_s = 0.1
+        duration_s = 0.15
+        [[faults.effects]]
+        target = "link.sample"
+        steps = 60
+        [[faults]]
+        kind = "message-loss"
+        at_s = 0.12
+        duration_s = 0.3
+        [[faults.effects]]
+        target = "link.sample"
+        pattern = [0, 1, 1]
+        "#,
+    ),
+    (
+        "a controller that misses steps and takes its time",
+        "command_delay_steps = 1",
+        r#"
+        [[faults]]
+        kind = "skip"
+        at_s = 0.1
+        [[faults.effects]]
+        target = "controller"
+        steps = 23
+        burst = 2
+        period_steps = 60
+        [[faults]]
+        kind = "late"
+        at_s = 0.2
+        [[faults.effects]]
+        target = "controller"
+        busy_us = 1
+        spread_us = 3
+        "#,
+    ),
+    (
+        "numbers that stand still, come late and come back",
+        "",
+        r#"
+        [[faults]]
+        kind = "stuck"
+        at_s = 0.1
+        [[faults.effects]]
+        target = "measured.position_m"
+        profile = { kind = "intermittent", period_s = 0.2, duty = 0.6 }
+        [[faults]]
+        kind = "delay"
+        at_s = 0.15
+        [[faults.effects]]
+        target = "measured.velocity_mps"
+        steps = 90
+        [[faults]]
+        kind = "dropout"
+        at_s = 0.2
+        [[faults.effects]]
+        target = "command.force_n"
+        profile = { kind = "intermittent", period_s = 0.3, duty = 0.5 }
+        "#,
+    ),
+    (
+        "signals that are not valid",
+        "",
+        r#"
+        [[faults]]
+        kind = "dropout"
+        at_s = 0.1
+        [[faults.effects]]
+        target = "measured.position_m"
+        profile = { kind = "intermittent", period_s = 0.16, duty = 0.5 }
+        "#,
+    ),
+    (
+        "noise, twice on one signal",
+        "",
+        r#"
+        [[faults]]
+        kind = "noise"
+        at_s = 0.1
+        [[faults.effects]]
+        target = "measured.position_m"
+        standard_deviation = 1e-4
+        [[faults.effects]]
+        target = "measured.position_m"
+        standard_deviation = 1e-5
+        "#,
+    ),
+    (
+        "parameters that move and heal",
+        "",
+        r#"
+        [[faults]]
+        kind = "stiffness-loss"
+        at_s = 0.1
+        duration_s = 0.5
+        [[faults.effects]]
+        factor = 0.5
+        profile = { kind = "ramp", duration_s = 0.3 }
+        [[faults]]
+        kind = "noise"
+        at_s = 0.3
+        [[faults.effects]]
+        target = "parameter.disturbance_n"
+        standard_deviation = 0.1
+        "#,
+    ),
+];
+
+/// The scenario of a case.
+fn moving(controller: &str, faults: &str) -> String {
+    format!("{MOVING}\n[controller]\nlaw = \"pid\"\n{controller}\n{faults}")
+}
+
+#[test]
+fn whatever_waits_acts_and_is_under_way_goes_on() {
+    let rig = Rig::new();
+    for (about, controller, faults) in CASES {
+        let path = rig.write("moving.toml", &moving(controller, faults));
+        let times_s = [0.1, 0.101, 0.157, 0.208, 0.26, 0.333, 0.471, 0.62, 0.803];
+        assert_goes_on(&rig, &path.display().to_string(), &times_s, about);
+    }
+}
+
+#[test]
+fn any_step_can_be_gone_on_from() {
+    let rig = Rig::new();
+    let all: String = CASES.iter().map(|(.., faults)| *faults).collect();
+    let path = rig.write(
+        "moving.toml",
+        &moving("rate_hz = 500\ncommand_delay_steps = 1", &all),
+    );
+    let mut random = RandomStream::new(1, "checkpoints");
+    let times_s: Vec<f64> = (0..30).map(|_| 1e-3 + 0.998 * random.uniform()).collect();
+    let mut steps: Vec<u64> = times_s
+        .iter()
+        .map(|at_s| (at_s * 1e3).ceil() as u64)
+        .collect();
+    steps.sort_unstable();
+    steps.dedup();
+    let times_s: Vec<f64> = steps.iter().map(|step| *step as f64 / 1e3).collect();
+    assert_goes_on(
+        &rig,
+        &path.display().to_string(),
+        &times_s,
+        "all faults at once",
+    );
+}
