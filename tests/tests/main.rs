@@ -31,6 +31,7 @@
 //! | [`named_programs`] | programs that scenarios and recordings name, and what is not run |
 //! | [`paper`] | the paper's experiment against its checked figures |
 //! | [`paths`] | names of files that are no UTF-8 |
+//! | [`plots`] | plots of one run in report, monitor and layout |
 //! | [`recording`] | what a recording holds, read without the recorder's code |
 //! | [`recover`] | what is left after a death, on a full disk and of a damaged file |
 //! | [`report`] | pages of runs, against the recording and in a browser |
@@ -89,6 +90,7 @@ mod mutations;
 mod named_programs;
 mod paper;
 mod paths;
+mod plots;
 #[path = "../shared/pseudo_terminal.rs"]
 mod pseudo_terminal;
 mod realtime_settings;

@@ -6,7 +6,7 @@
 //! | Room | What lives there |
 //! |---|---|
 //! | [`commands`] | verbs without a room of their own, and which verb goes where |
-//! | [`views`] | monitor, report, export, layout |
+//! | [`views`] | monitor, report, export, layout, and the chooser of their plots |
 //! | [`verification`] | compare, baselines, judge, replay, rerun, audit, suite: is it the same, is it right? |
 //! | [`benchmark`] | what `hil latency` measures |
 //! | [`run`] | one run: processes, recorder, real-time settings, handover |

@@ -1,7 +1,7 @@
 //! `hil layout`: what Foxglove or PlotJuggler is to plot of a run.
 //!
-//! [`pages`] decides what belongs together, from names and units alone; one module for each program
-//! writes that in its form. Records are read for their ranges only, by who needs them.
+//! [`pages`] are made of the plots that every view of the run has; one module for each program writes
+//! them in its form. Records are read for their ranges only, by who needs them.
 
 mod foxglove;
 pub mod pages;
@@ -11,10 +11,12 @@ use std::collections::BTreeMap;
 use std::io::Write as _;
 use std::path::Path;
 
-use hil_recording::reader::{ReadError, RunReader};
+use hil_config::plan::Plan;
 
 use crate::arguments::layout::{LayoutArguments, Viewer};
 use crate::files::destination::Destination;
+use hil_recording::reader::{ReadError, RunReader};
+use crate::results::evaluation;
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::output;
 use crate::views::export::not_written;
@@ -30,7 +32,8 @@ pub fn layout(arguments: &LayoutArguments) -> Result<Exit, Failure> {
     let mut reader = RunReader::open(&arguments.run)
         .map_err(Failure::usage)?
         .without_digest();
-    let pages = pages::of(reader.columns());
+    let plan = plan(&reader, &arguments.run);
+    let pages = pages::of(reader.columns(), plan.as_ref());
     if pages.is_empty() {
         let run = reader.path().display();
         return Err(Failure::usage(format!("{run} holds nothing to plot")));
@@ -62,6 +65,12 @@ pub fn layout(arguments: &LayoutArguments) -> Result<Exit, Failure> {
     let (shown, pages) = (path.display(), pages.len());
     output::write(&format!("{shown}: {plots} plots on {pages} pages\n"))?;
     Ok(Exit::Pass)
+}
+
+/// The scenario of a run; without it names and units still give a layout.
+fn plan(reader: &RunReader, run: &Path) -> Option<Plan> {
+    let plant = reader.enclosed("plant-description.json").ok()?;
+    evaluation::plan(reader, &plant, run, None).ok()
 }
 
 /// The least and the greatest value of each signal that has one, up to where a recording breaks off.

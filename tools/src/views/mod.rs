@@ -5,4 +5,5 @@
 pub mod export;
 pub mod layout;
 pub mod monitor;
+pub mod plots;
 pub mod report;

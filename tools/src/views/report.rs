@@ -9,7 +9,6 @@
 //! whatever a recording says is escaped. Nothing here judges: requirements come from the same code as in
 //! the run.
 
-mod bounds;
 mod data;
 mod envelope;
 mod grid;
@@ -34,9 +33,9 @@ use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::interruption::Interruption;
 use crate::terminal::output;
 use crate::views::export::not_written;
-use bounds::bounds;
+use crate::views::plots::bounds::bounds;
 use grid::Grid;
-use plots::{Ground, plots};
+use plots::plots;
 use run::{Run, Signals};
 
 /// How often a signal is looked for.
@@ -140,9 +139,10 @@ fn made(arguments: &ReportArguments) -> Result<(String, Written, Option<Failure>
     let mut runs = side_by_side(&arguments.runs, |path| Run::of(path, by))?;
     label::label(&mut runs);
     let (mut all_bounds, mut extra) = (Vec::new(), Vec::new());
-    for (number, run) in runs.iter().enumerate() {
-        let (bounds, computed) = bounds(number, run);
-        all_bounds.extend(bounds);
+    for run in &runs {
+        let compared = run.plan.as_ref().map(|plan| bounds(plan, run.end_s()));
+        let (bounds, computed) = compared.unwrap_or_default();
+        all_bounds.push(bounds);
         extra.push(computed);
     }
     let grid = grid(&runs);
@@ -153,13 +153,7 @@ fn made(arguments: &ReportArguments) -> Result<(String, Written, Option<Failure>
         reading.signals(&grid).map_err(Failure::usage)
     })?;
     refuse_unknown(&asked, &signals)?;
-    let plots = plots(&Ground {
-        runs: &runs,
-        signals: &signals,
-        bounds: &all_bounds,
-        grid: &grid,
-        asked: &asked,
-    });
+    let plots = plots(&runs, &signals, all_bounds, &grid, &asked);
     let data = data::Data::new(&runs, &signals, &grid, &plots);
     let written = Written {
         file: String::new(),

@@ -5,8 +5,10 @@ use serde_json::{Map, Value, json};
 use shared_types::number::unit_shown;
 
 use super::Ranges;
-use super::pages::{self, Page, Plot};
+use super::pages::Page;
 use crate::terminal::exit::Failure;
+use crate::views::plots::Plot;
+use crate::views::plots::signal::labels;
 
 const TABS: &str = "Tab!hil";
 const EVENTS: &str = "StateTransitions!events";
@@ -76,7 +78,7 @@ fn tree(ids: &[String], direction: &str) -> Value {
 }
 
 fn config(plot: &Plot, ranges: &Ranges) -> Value {
-    let labels = pages::labels(plot);
+    let labels = labels(plot);
     // Columns are named as the fields of the messages are reached.
     let path = |(curve, label): (&String, &String)| {
         json!({
@@ -90,7 +92,7 @@ fn config(plot: &Plot, ranges: &Ranges) -> Value {
     let mut config = json!({
         "foxglovePanelTitle": plot.title,
         "lichtblickPanelTitle": plot.title,
-        "paths": plot.curves.iter().zip(&labels).map(path).collect::<Vec<_>>(),
+        "paths": plot.signals.iter().zip(&labels).map(path).collect::<Vec<_>>(),
         "xAxisVal": "timestamp",
         "xAxisLabel": "s",
         "yAxisLabel": unit_shown(&plot.unit),
@@ -113,7 +115,7 @@ fn config(plot: &Plot, ranges: &Ranges) -> Value {
 /// Ends of a vertical axis that must be told: those of small values. Round, so that a similar run fits.
 fn bounds(plot: &Plot, ranges: &Ranges) -> Option<[f64; 2]> {
     let (mut least, mut greatest) = (0.0, 0.0);
-    for [low, high] in plot.curves.iter().filter_map(|curve| ranges.get(curve)) {
+    for [low, high] in plot.signals.iter().filter_map(|curve| ranges.get(curve)) {
         least = if *low < least { *low } else { least };
         greatest = if *high > greatest { *high } else { greatest };
     }
@@ -142,7 +144,7 @@ mod tests {
     #[test]
     fn small_values_get_round_ends_of_their_axis_and_others_none() {
         let plot = Plot {
-            curves: vec!["truth.a".into(), "truth.b".into()],
+            signals: vec!["truth.a".into(), "truth.b".into()],
             ..Plot::default()
         };
         let ends = |a: [f64; 2], b: [f64; 2]| {

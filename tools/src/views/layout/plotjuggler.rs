@@ -1,13 +1,15 @@
 //! Pages as a layout of PlotJuggler 3: a tab for each page, two plots in a row. A tracking error is
 //! computed by PlotJuggler itself.
 
+use std::collections::BTreeSet;
 use std::io;
 
 use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, BytesText, Event};
 use shared_types::number::unit_shown;
 
-use super::pages::{Page, Plot};
+use super::pages::Page;
+use crate::views::plots::Plot;
 
 type Xml = Writer<Vec<u8>>;
 
@@ -103,7 +105,7 @@ fn area(xml: &mut Xml, plot: &Plot) -> io::Result<()> {
         let element = xml.create_element("plot").with_attributes(style);
         element.write_inner_content(|xml| {
             empty(xml, "limitY", &[])?;
-            for (curve, colour) in plot.curves.iter().zip(COLOURS.iter().cycle()) {
+            for (curve, colour) in plot.signals.iter().zip(COLOURS.iter().cycle()) {
                 empty(xml, "curve", &[("name", &series(curve)), ("color", colour)])?;
             }
             Ok(())
@@ -113,18 +115,28 @@ fn area(xml: &mut Xml, plot: &Plot) -> io::Result<()> {
     Ok(())
 }
 
-/// A plot and, if it has one, that of its error, which it would be too large to show.
+/// A plot and, if it is of a reference and the signal that follows, that of their difference, which it
+/// would be too large to show.
 fn with_error(plot: &Plot) -> Vec<Plot> {
-    let error = plot.wanted.is_some().then(|| Plot {
-        title: format!("error of {}", plot.title),
+    let error = tracked(plot).map(|name| Plot {
+        title: format!("error of {name}"),
         unit: plot.unit.clone(),
-        curves: vec![format!("error.{}", plot.title)],
-        wanted: None,
+        signals: vec![format!("error.{name}")],
+        ..Plot::default()
     });
     [Some(plot.clone()), error].into_iter().flatten().collect()
 }
 
-/// What PlotJuggler calls a column, or an error.
+/// The name that the two signals of a plot share, a reference and the one that follows it.
+fn tracked(plot: &Plot) -> Option<&str> {
+    let [reference, follower] = &plot.signals[..] else {
+        return None;
+    };
+    let name = reference.strip_prefix("reference.")?;
+    (follower.split_once('.')?.1 == name).then_some(name)
+}
+
+/// The name of a column, or of an error, in PlotJuggler.
 fn series(curve: &str) -> String {
     let root = if curve.starts_with("error.") {
         ""
@@ -136,19 +148,21 @@ fn series(curve: &str) -> String {
 
 fn errors(xml: &mut Xml, pages: &[Page]) -> io::Result<()> {
     let plots = pages.iter().flat_map(|page| &page.plots);
-    let wanted = plots.filter_map(|plot| Some((plot, plot.wanted.as_ref()?)));
+    let mut seen = BTreeSet::new();
+    let tracking = plots.filter_map(|plot| Some((plot, tracked(plot)?)));
+    let tracking = tracking.filter(|(_, name)| seen.insert(*name));
     let equations = xml.create_element("customMathEquations");
     equations.write_inner_content(|xml| {
-        for (plot, [reference, became]) in wanted {
-            let name = series(&format!("error.{}", plot.title));
+        for (plot, name) in tracking {
+            let name = series(&format!("error.{name}"));
             let snippet = [("name", &*name), ("language", "lua")];
             let element = xml.create_element("snippet").with_attributes(snippet);
             element.write_inner_content(|xml| {
                 text_of(xml, "global", "")?;
                 text_of(xml, "function", "return value - v1")?;
-                text_of(xml, "linked_source", &series(became))?;
+                text_of(xml, "linked_source", &series(&plot.signals[1]))?;
                 let sources = xml.create_element("additional_sources");
-                sources.write_inner_content(|xml| text_of(xml, "v1", &series(reference)))?;
+                sources.write_inner_content(|xml| text_of(xml, "v1", &series(&plot.signals[0])))?;
                 Ok(())
             })?;
         }

@@ -14,10 +14,12 @@ use shared_types::time::{Rate, Step};
 
 use super::history::History;
 use super::pace::Pace;
-use super::plots::{Column, Plot, chosen};
+use super::plots::{Plot, chosen};
+use hil_recording::reader::Column;
 use crate::session::observer::Seen;
 use crate::session::standing::Standing;
 use crate::terminal::exit::Failure;
+use crate::views::plots::bounds::bounds;
 
 /// How the watched run ended.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -125,27 +127,32 @@ impl Model {
         self.columns.clear();
         for (group, fields) in Group::ALL.into_iter().zip(layout.groups()) {
             self.columns.extend(fields.iter().map(|field| Column {
-                group,
-                name: field.name.clone(),
+                name: format!("{}.{}", group.prefix(), field.name),
                 unit: field.unit.clone(),
             }));
         }
         self.validity = layout.validity();
         let recorded = self.columns.len();
-        (self.columns).extend(self.plan.derived.iter().map(|derived| Column {
-            group: Group::Derived,
-            name: derived.name.clone(),
-            unit: derived.unit.clone(),
-        }));
-        self.plots = chosen(&self.columns, &self.patterns)?;
+        // Patterns know nothing of what requirements compute.
+        let mut plan = self.plan.clone();
+        let (bounds, computed) = bounds(&plan, self.seconds(plan.run.steps));
+        if self.patterns.is_empty() {
+            plan.derived.extend(computed);
+        }
+        self.columns
+            .extend(plan.derived.iter().map(|derived| Column {
+                name: derived.name.clone(),
+                unit: derived.unit.clone(),
+            }));
+        self.plots = chosen(&self.columns, &self.plan, bounds, &self.patterns)?;
         let mut drawn: Vec<usize> = (self.plots.iter())
             .flat_map(|plot| plot.signals.iter().copied())
             .collect();
         drawn.sort_unstable();
         drawn.dedup();
         if drawn.iter().any(|signal| *signal >= recorded) {
-            let plan = self.plan.clone().without_judgement();
-            let evaluation = Evaluation::new(&plan, &Columns::from(layout));
+            let evaluation =
+                Evaluation::new(&plan.without_judgement(), &Columns::from(layout));
             self.derived = Some(evaluation.map_err(Failure::infrastructure)?);
         }
         self.traces = drawn
@@ -373,7 +380,7 @@ impl Model {
 
     /// Every signal that is drawn, by name, with its newest value.
     pub fn values(&self) -> impl Iterator<Item = (String, f64)> + '_ {
-        let named = |trace: &Trace| (self.columns[trace.column].full_name(), trace.value);
+        let named = |trace: &Trace| (self.columns[trace.column].name.clone(), trace.value);
         self.traces.iter().map(named)
     }
 

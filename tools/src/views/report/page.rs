@@ -140,6 +140,7 @@ fn jumps(runs: &[Run]) -> Vec<&Span> {
 fn sections(plots: &[Plot]) -> Markup {
     let mut last = "";
     let headed = plots.iter().enumerate().map(|(number, plot)| {
+        let plot = &plot.chosen;
         let heading = (plot.section != last).then_some(plot.section);
         last = plot.section;
         (number, heading, plot)

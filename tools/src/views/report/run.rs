@@ -23,12 +23,14 @@ use crate::results::requirements::{self, Requirement};
 use crate::results::summary::{Metric, Missed};
 use crate::terminal::exit::Failure;
 
-/// Words of measured time that are worth a plot.
-const TIMES: [&str; 5] = [
+/// Words of measured time and age that are worth a plot.
+const TIMES: [&str; 7] = [
     "round_trip_ns",
     "controller_ns",
     "plant_ns",
     "late_ns",
+    "sample_age_steps",
+    "command_age_steps",
     "held_steps",
 ];
 
@@ -222,7 +224,7 @@ impl Reading<'_> {
             if column.is_signal() || is_time {
                 let unit = match (is_time, column.name.as_str()) {
                     (false, _) => column.unit.as_str(),
-                    (true, "held_steps") => "steps",
+                    (true, name) if name.ends_with("_steps") => "steps",
                     (true, _) => "ns",
                 };
                 signals.push(&column.name, unit, grid);
@@ -244,7 +246,7 @@ impl Reading<'_> {
                 let word = words[*place];
                 match is_time {
                     false => envelope.take(bucket, f64::from_bits(word)),
-                    // 0 is no time: nothing was exchanged or due.
+                    // 0 is no time and no age: nothing was exchanged or due.
                     true if word > 0 => envelope.take(bucket, word as f64),
                     true => {}
                 }
@@ -310,13 +312,6 @@ impl Signals {
         self.iter()
             .find(|one| one.0 == name)
             .map(|(.., envelope)| envelope)
-    }
-
-    /// The unit of a signal.
-    pub(super) fn unit(&self, name: &str) -> Option<&str> {
-        self.iter()
-            .find(|one| one.0 == name)
-            .map(|(_, unit, _)| unit)
     }
 }
 

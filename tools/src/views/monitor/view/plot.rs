@@ -21,6 +21,8 @@ use crate::views::monitor::plots::Plot;
 const SCALE: u16 = 11;
 /// From this width on there is one.
 const WITH_SCALE: u16 = 50;
+/// Least width of a title that is cut.
+const LEAST_TITLE: usize = 12;
 /// Colours of a plot's signals, readable on light and on dark.
 const COLOURS: [Color; 4] = [Color::Reset, Color::Cyan, Color::Magenta, Color::Green];
 
@@ -115,9 +117,6 @@ fn title_line<'a>(
     all: Option<Range>,
 ) -> Line<'a> {
     let mut parts = vec![];
-    if !plot.title.is_empty() {
-        parts.push(bold(plot.title.as_str()));
-    }
     for (at, (label, &signal)) in plot.labels.iter().zip(&plot.signals).enumerate() {
         let is_last = at + 1 == plot.signals.len();
         let unit = if is_last { plot.unit.as_str() } else { "" };
@@ -133,6 +132,20 @@ fn title_line<'a>(
         format!("{}/{}", number + 1, model.plots().len()),
         Modifier::DIM,
     ));
+    // Values are worth more than the end of a long title.
+    let values = fitting(width, parts.clone()).width() + 2;
+    let room = usize::from(width).saturating_sub(values);
+    let title = match plot.title.chars().count() {
+        length if length <= room => plot.title.clone(),
+        _ if room < LEAST_TITLE => String::new(),
+        _ => plot
+            .title
+            .chars()
+            .take(room - 2)
+            .chain("..".chars())
+            .collect(),
+    };
+    parts.insert(0, bold(title));
     fitting(width, parts)
 }
 

@@ -103,7 +103,7 @@ fn nothing_essential_is_cut_at_any_size() {
             "3 pass",
             "1 active",
             "q quit",
-            "surface_angle_rad",
+            "tracking_error",
         ] {
             assert!(
                 text.contains(essential),
@@ -252,7 +252,7 @@ fn a_question_a_pause_and_the_end_are_told() {
 fn a_signal_that_does_not_move_is_a_line_with_its_value() {
     let plan = plan();
     let layout = layout(&plan);
-    let mut model = attached(plan, &[]);
+    let mut model = attached(plan, &["truth.surface_angle_rad"]);
     let next = f64::from_bits(0.25_f64.to_bits() + 1);
     for step in 60_000..70_000 {
         feed(

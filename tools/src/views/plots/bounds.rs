@@ -1,37 +1,40 @@
-//! What requirements compare, as far as a plot can show it: a signal against a level or another signal.
+//! Comparisons of requirements, as far as a plot can show them: a signal against a level or another signal.
 
 use hil_config::expression::Expression;
-use hil_config::plan;
+use hil_config::plan::{Derived, Plan};
 
-use super::run::{Run, Signals};
+use super::signal::recorded_name;
 
-/// One comparison of a requirement of a run.
+/// One comparison of a requirement.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Bound {
-    pub(super) run: usize,
-    pub(super) requirement: String,
-    pub(super) side: Side,
+pub struct Bound {
+    /// Name of the requirement.
+    pub requirement: String,
+    /// First signal.
+    pub side: Side,
     /// `<`, `<=`, `>`, `>=`, `==` or `!=`, as it stands between the side and the other.
     relation: &'static str,
-    pub(super) other: Other,
-    /// Whether the requirement turns the margin of the comparison round; `None` if it does both.
+    /// Level or second signal.
+    pub other: Other,
+    /// Sign of the comparison's margin in that of the requirement, `true` for the opposite one; `None`
+    /// for both.
     is_turned: Option<bool>,
     /// First and last time in s at which it may count.
-    pub(super) window_s: [f64; 2],
+    pub window_s: [f64; 2],
 }
 
 /// A signal that is compared.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Side {
-    /// A name that the run's signals have.
-    pub(super) signal: String,
-    /// Whether its magnitude is compared.
-    pub(super) magnitude: bool,
+pub struct Side {
+    /// Recorded, derived or computed signal.
+    pub signal: String,
+    /// Comparison of its magnitude.
+    pub magnitude: bool,
 }
 
-/// What a signal is compared with.
+/// Right side of a comparison.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Other {
+pub enum Other {
     /// A number.
     Level(f64),
     /// Another signal.
@@ -39,28 +42,31 @@ pub(super) enum Other {
 }
 
 /// The comparisons of a run's requirements, and the signals that must be computed to show them.
-pub(super) fn bounds(number: usize, run: &Run) -> (Vec<Bound>, Vec<plan::Derived>) {
-    let (mut bounds, mut extra) = (Vec::new(), Vec::new());
-    for requirement in run.plan().iter().flat_map(|plan| &plan.requirements) {
+#[must_use]
+pub fn bounds(plan: &Plan, end_s: f64) -> (Vec<Bound>, Vec<Derived>) {
+    let (mut bounds, mut extra) = (Vec::new(), Vec::<Derived>::new());
+    for requirement in &plan.requirements {
         let mut side = |side: &Expression| match side.plain_signal() {
             Some((signal, magnitude)) => Side {
-                signal: signal.to_owned(),
+                signal: recorded_name(signal),
                 magnitude,
             },
             None => {
                 let text = side.to_string().trim().to_owned();
-                extra.push(plan::Derived {
-                    name: text.clone(),
-                    unit: requirement.unit.clone(),
-                    expression: side.clone(),
-                });
+                if extra.iter().all(|one| one.name != text) {
+                    extra.push(Derived {
+                        name: text.clone(),
+                        unit: requirement.unit.clone(),
+                        expression: side.clone(),
+                    });
+                }
                 Side {
                     signal: text,
                     magnitude: false,
                 }
             }
         };
-        for compared in requirement.formula.comparisons(run.end_s()) {
+        for compared in requirement.formula.comparisons(end_s) {
             let (left, right) = (compared.left, compared.right);
             let relation = compared.relation;
             let (side, relation, other) = match (left.constant(), right.constant()) {
@@ -69,7 +75,6 @@ pub(super) fn bounds(number: usize, run: &Run) -> (Vec<Bound>, Vec<plan::Derived
                 (None, None) => (side(left), relation, Other::Signal(side(right))),
             };
             bounds.push(Bound {
-                run: number,
                 requirement: requirement.name.clone(),
                 side,
                 relation,
@@ -94,35 +99,23 @@ fn mirrored(relation: &'static str) -> &'static str {
 }
 
 impl Side {
-    /// The least and the greatest value of its signal in a bucket; empty if it has none.
-    fn ends<'a>(&'a self, signals: &'a Signals, bucket: usize) -> impl Iterator<Item = f64> + 'a {
-        let envelope = signals.get(&self.signal).into_iter();
-        envelope.flat_map(move |envelope| envelope.ends(bucket))
-    }
-
-    /// What of a value is compared.
+    /// The compared part of a value.
     fn compared(&self, value: f64) -> f64 {
         if self.magnitude { value.abs() } else { value }
     }
 }
 
 impl Bound {
-    /// The value of its signal in a bucket and what it is compared with, if their margin is that of the
-    /// whole requirement: this comparison decides.
-    pub(super) fn decisive(
-        &self,
-        margin: f64,
-        signals: &Signals,
-        bucket: usize,
-    ) -> Option<[f64; 2]> {
-        let pairs = self.side.ends(signals, bucket).flat_map(|value| {
-            let levels: Vec<f64> = match &self.other {
-                Other::Level(level) => vec![*level],
-                Other::Signal(other) => other.ends(signals, bucket).collect(),
-            };
-            levels.into_iter().map(move |level| [value, level])
-        });
-        let [value, level] = pairs.into_iter().find(|pair| self.decides(*pair, margin))?;
+    /// The value of its signal and of the other side, if their margin is that of the whole requirement:
+    /// this comparison decides. `values` gives those that a signal may have had then.
+    pub fn decisive(&self, margin: f64, values: impl Fn(&str) -> Vec<f64>) -> Option<[f64; 2]> {
+        let levels = match &self.other {
+            Other::Level(level) => vec![*level],
+            Other::Signal(other) => values(&other.signal),
+        };
+        let own = values(&self.side.signal).into_iter();
+        let mut pairs = own.flat_map(|value| levels.iter().map(move |level| [value, *level]));
+        let [value, level] = pairs.find(|pair| self.decides(*pair, margin))?;
         // That of a negative value's magnitude stands below zero.
         let is_mirrored =
             self.side.magnitude && value < 0.0 && matches!(self.other, Other::Level(_));

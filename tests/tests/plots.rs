@@ -1,0 +1,107 @@
+//! Plots of one run in its report, its monitor and its layouts: the same, in the same order.
+
+use std::process::Command;
+
+use serde_json::Value;
+
+use crate::report::page::Page;
+use crate::support::harness::{Rig, until};
+use crate::support::programs::{program, workspace};
+use crate::support::terminal::Terminal;
+
+/// Titles of the plots on a screen of a monitor, each of which stands before the number of its plot.
+fn titles_on_screen(text: &str) -> Vec<String> {
+    let numbered = text.lines().filter_map(|line| {
+        let (rest, number) = line.trim_end().rsplit_once("  ")?;
+        let (number, all) = number.split_once('/')?;
+        let is_number = number.parse::<u32>().is_ok() && all.parse::<u32>().is_ok();
+        is_number.then(|| rest.split("  ").next().unwrap_or_default().to_owned())
+    });
+    numbered.collect()
+}
+
+/// Titles of the panels of a layout for Foxglove, with those of their pages.
+fn titles_of_layout(layout: &Value) -> Vec<(String, String)> {
+    fn panels(tree: &Value, found: &mut Vec<String>) {
+        match tree.as_str() {
+            Some(id) => found.push(id.to_owned()),
+            None => {
+                panels(&tree["first"], found);
+                panels(&tree["second"], found);
+            }
+        }
+    }
+    let configs = &layout["configById"];
+    let mut titles = Vec::new();
+    for tab in configs["Tab!hil"]["tabs"].as_array().expect("tabs") {
+        let mut ids = Vec::new();
+        panels(&tab["layout"], &mut ids);
+        let page = tab["title"].as_str().expect("text");
+        for id in ids {
+            let title = configs[&id]["foxglovePanelTitle"].as_str().expect("text");
+            titles.push((page.to_owned(), title.to_owned()));
+        }
+    }
+    titles
+}
+
+#[test]
+fn report_monitor_and_layout_show_the_same_plots_in_the_same_order() {
+    let rig = Rig::new();
+    let session = ["--session", rig.session()];
+    let run = rig.start(
+        "scenarios/severe-leakage.toml --set run.duration_s=8 --set requirements=[] --set metrics=[] --pause-at 7.5 --wait-limit 60",
+    );
+    let mut hil = Command::new(program("hil"));
+    hil.current_dir(workspace()).arg("monitor").args(session);
+    let mut terminal = Terminal::start(hil, (250, 200));
+    terminal.until_it_shows("PAUSED");
+    let mut watched = Vec::new();
+    until("every plot is on the screen", || {
+        let text = terminal.text();
+        watched = titles_on_screen(&text);
+        let last = format!("{0}/{0}", watched.len());
+        watched.len() > 1 && text.lines().any(|line| line.trim_end().ends_with(&last))
+    });
+    terminal.press("q");
+    terminal.wait();
+    rig.beside(&["resume", "--session", rig.session()])
+        .expect(0);
+    let run = run.finish().expect(0);
+
+    let page = Page::of(&rig, &[&run], &[]);
+    let text = |value: &Value| value.as_str().expect("text").to_owned();
+    let reported: Vec<String> = page
+        .plots()
+        .iter()
+        .map(|plot| text(&plot["title"]))
+        .collect();
+    assert_eq!(watched, reported[..watched.len()], "the first ones");
+
+    let folder = run.folder.to_str().expect("text");
+    let layout = rig.hil(&["layout", folder, "foxglove"]).expect(0).stdout;
+    let layout = titles_of_layout(&serde_json::from_str(&layout).expect("JSON"));
+    let laid_out: Vec<&String> = layout.iter().map(|(_, title)| title).collect();
+    let in_both: Vec<&String> = reported
+        .iter()
+        .filter(|one| laid_out.contains(one))
+        .collect();
+    let of_report = |title: &&&String| reported.contains(title);
+    let in_layout: Vec<&String> = laid_out.iter().filter(of_report).copied().collect();
+    assert_eq!(in_layout, in_both);
+    // Derived signals are not recorded.
+    let only_reported: Vec<&String> = reported
+        .iter()
+        .filter(|one| !laid_out.contains(one))
+        .collect();
+    assert_eq!(only_reported, ["Figure 3: position tracking error"]);
+    // No sensor of this run lies, and the report knows it.
+    for (page, title) in &layout {
+        assert!(
+            page == "Interface" || reported.contains(title),
+            "{page}: {title}"
+        );
+    }
+    let moved = "parameter.actuator*_leakage_coefficient_m3ps_per_sqrt_pa".to_owned();
+    assert!(in_both.contains(&&moved), "{in_both:?}");
+}
