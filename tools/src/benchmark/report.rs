@@ -21,6 +21,7 @@ use crate::results::latency::legs::LatencySummary;
 use crate::results::latency::percentiles::Percentiles;
 use crate::results::latency::spikes::Spike;
 use crate::terminal::duration::shown_ns;
+use crate::terminal::table::{Table, left, right};
 
 /// Version of the report.
 const SCHEMA: u32 = 1;
@@ -136,8 +137,8 @@ impl Figures {
         }
     }
 
-    fn write(&self, text: &mut String) -> fmt::Result {
-        writeln!(text, "{}", self.released())?;
+    fn write(&self, table: &mut Table) {
+        table.line(self.released());
         let rows = [
             ("  round trip", Some(self.round_trip_ns)),
             ("    to the law", self.sample_ns),
@@ -149,26 +150,22 @@ impl Figures {
         ];
         for (name, figures) in rows {
             if let Some(figures) = figures {
-                row(text, name, &figures)?;
+                row(table, name, &figures);
             }
         }
         if let (Some(raw), Some(bare)) = (self.ratio_p50, self.ratio_bare_p50) {
-            writeln!(
-                text,
+            table.line(format!(
                 "  p50 of the round trip: {raw:.2} times raw, {bare:.2} times bare"
-            )?;
+            ));
         }
         if let Some(step_ns) = self.step_ns {
-            writeln!(
-                text,
-                "  a whole step: {} on average",
-                shown_ns(step_ns as u64)
-            )?;
+            let step = shown_ns(step_ns as u64);
+            table.line(format!("  a whole step: {step} on average"));
         }
-        match &self.grade {
-            Some(graded) => writeln!(text, "  {graded}"),
-            None => writeln!(text, "  no step was answered"),
-        }
+        table.line(match &self.grade {
+            Some(graded) => format!("  {graded}"),
+            None => "  no step was answered".into(),
+        });
     }
 }
 
@@ -187,7 +184,7 @@ fn write_wrapped(text: &mut String, words: &str, indent: usize) -> fmt::Result {
 }
 
 /// A line of the table.
-fn row(text: &mut String, name: &str, figures: &Percentiles) -> fmt::Result {
+fn row(table: &mut Table, name: &str, figures: &Percentiles) {
     let Percentiles {
         p50,
         p90,
@@ -197,11 +194,9 @@ fn row(text: &mut String, name: &str, figures: &Percentiles) -> fmt::Result {
         max,
         count,
     } = *figures;
-    write!(text, "{name:<18}")?;
-    for ns in [p50, p90, p99, p999, p9999, max] {
-        write!(text, " {:>7}", shown_ns(ns))?;
-    }
-    writeln!(text, " {count:>9}")
+    let times = [p50, p90, p99, p999, p9999, max].map(shown_ns);
+    let cells = [name.to_owned()].into_iter().chain(times);
+    table.cells(cells.chain([count.to_string()]));
 }
 
 impl Report {
@@ -268,14 +263,18 @@ impl Report {
                 writeln!(text, "{check}: {found}")?;
             }
         }
+        let mut columns = [right(7).close(); 8];
+        (columns[0], columns[7]) = (left(18), right(9).close());
+        let mut table = Table::new(0, columns);
         let mut signals = None;
         for figures in &self.cases {
             if signals != Some(figures.signals) {
                 signals = Some(figures.signals);
-                Self::write_heading(text, figures)?;
+                Self::write_heading(&mut table, figures);
             }
-            figures.write(text)?;
+            figures.write(&mut table);
         }
+        write!(text, "{table}")?;
         let (figures, case) = (&self.headline, &cases[self.headline_case]);
         let (count, released) = (figures.signals, figures.released());
         writeln!(text, "\nround trip of {count} signals, {released}")?;
@@ -304,24 +303,22 @@ impl Report {
         Ok(())
     }
 
-    /// The payload and what the machine allows for it.
-    fn write_heading(text: &mut String, figures: &Figures) -> fmt::Result {
+    /// The payload, and the limits of the machine for it.
+    fn write_heading(table: &mut Table, figures: &Figures) {
         let heading = format!("{} signals", figures.signals);
-        write!(text, "\n{heading:<18}")?;
-        for name in ["p50", "p90", "p99", "p99.9", "p99.99", "max"] {
-            write!(text, " {name:>7}")?;
-        }
-        writeln!(text, " {:>9}", "count")?;
+        table.line("");
+        table.row(&[
+            &heading, &"p50", &"p90", &"p99", &"p99.9", &"p99.99", &"max", &"count",
+        ]);
         let limits = [
             ("raw shared memory", &figures.raw_limit_ns),
             ("bare iceoryx2", &figures.bare_exchange_ns),
         ];
         for (name, figures) in limits {
             if let Some(figures) = figures {
-                row(text, name, figures)?;
+                row(table, name, figures);
             }
         }
-        Ok(())
     }
 }
 

@@ -9,6 +9,7 @@ use crate::arguments::config::SessionsArguments;
 use crate::session::observer::Notice;
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::output;
+use crate::terminal::table::{Table, left, right};
 
 /// Runs the command.
 ///
@@ -28,8 +29,10 @@ pub fn sessions(arguments: &SessionsArguments) -> Result<Exit, Failure> {
     }
     if live.is_empty() {
         text += "no session is running\n";
-    } else {
-        text += &row("SESSION", "PROCESS", "SCENARIO", "AGE", "RUN");
+    }
+    let mut table = Table::new(0, [left(24), right(8), left(20), right(10), left(0)]);
+    if !live.is_empty() {
+        table.row(&[&"SESSION", &"PROCESS", &"SCENARIO", &"AGE", &"RUN"]);
     }
     for session in live {
         let scenario = Notice::read(&session).and_then(|notice| notice.scenario_name());
@@ -37,13 +40,8 @@ pub fn sessions(arguments: &SessionsArguments) -> Result<Exit, Failure> {
         let age = age.map(|age| humantime::format_duration(age).to_string());
         let run = (session.run_dir.as_ref()).map(|path| path.display().to_string());
         let [scenario, age, run] = [scenario, age, run].map(|one| one.unwrap_or("-".into()));
-        let process = session.owner.pid.to_string();
-        text += &row(&session.name, &process, &scenario, &age, &run);
+        table.row(&[&session.name, &session.owner.pid, &scenario, &age, &run]);
     }
-    output::write(&text)?;
+    output::write(&format!("{text}{table}"))?;
     Ok(Exit::Pass)
-}
-
-fn row(session: &str, process: &str, scenario: &str, age: &str, run: &str) -> String {
-    format!("{session:<24}  {process:>8}  {scenario:<20}  {age:>10}  {run}\n")
 }

@@ -7,6 +7,7 @@ use serde_json::Value;
 
 use super::finding::{Finding, Grade};
 use crate::terminal::duration::shown_ns;
+use crate::terminal::table::{Table, left, right};
 
 /// All findings and what follows from them.
 #[derive(Clone, Debug, Serialize)]
@@ -64,9 +65,8 @@ impl Report {
         } else {
             text += "; nothing measured";
         }
-        let width = self.checks.iter().map(|f| f.check.len()).max();
-        let width = width.unwrap_or_default().max("CHECK".len());
-        let _ = write!(text, "\n\n{:<7}  {:<width$}  FOUND\n", "GRADE", "CHECK");
+        let mut table = Table::new(0, [left(7), left(0), left(0)]);
+        table.row(&[&"GRADE", &"CHECK", &"FOUND"]);
         for finding in &self.checks {
             let Finding {
                 check,
@@ -76,22 +76,20 @@ impl Report {
                 mend,
                 ..
             } = finding;
-            let word = format!("{:<7}", grade.word());
-            let word = if colours {
-                coloured(*grade, &word)
-            } else {
-                word
+            let word = match colours {
+                true => coloured(*grade, grade.word()),
+                false => grade.word().to_owned(),
             };
-            let _ = writeln!(text, "{word}  {check:<width$}  {found}");
+            table.row(&[&word, check, found]);
             if *grade == Grade::Good {
                 continue;
             }
-            let indent = 7 + 2 + width + 2;
-            let _ = writeln!(text, "{:indent$}{why}", "");
+            table.row(&[&"", &"", why]);
             if let Some(mend) = mend {
-                let _ = writeln!(text, "{:indent$}$ {mend}", "");
+                table.row(&[&"", &"", &format!("$ {mend}")]);
             }
         }
+        text += &format!("\n\n{table}");
         if let Some(table) = self.gaps() {
             text += "\n";
             text += &table;
@@ -126,9 +124,13 @@ impl Report {
         let gaps = self.checks.iter().filter(|finding| finding.check == "gaps");
         let gaps = gaps.filter_map(measured).next()?;
         let from = numbers(&gaps["classes_from_ns"]);
-        let mut rows = vec![vec!["HOLES FROM".to_owned()]];
-        rows[0].extend(from.iter().map(|ns| shown_ns(*ns)));
-        rows[0].extend(["LOST", "LONGEST", "SWITCHES"].map(str::to_owned));
+        let mut columns = vec![right(0); from.len() + 4];
+        columns[0] = left(0);
+        let mut table = Table::new(0, columns);
+        let mut heading = vec!["HOLES FROM".to_owned()];
+        heading.extend(from.iter().map(|ns| shown_ns(*ns)));
+        heading.extend(["LOST", "LONGEST", "SWITCHES"].map(str::to_owned));
+        table.cells(heading);
         for core in gaps["cores"].as_array()? {
             let ns = |name: &str| core[name].as_u64().unwrap_or_default();
             let mut row = vec![format!("core {}", core["core"])];
@@ -141,35 +143,15 @@ impl Report {
                     .as_u64()
                     .map_or("?".into(), |n| n.to_string()),
             );
-            rows.push(row);
+            table.cells(row);
         }
-        Some(aligned(&rows))
+        Some(table.to_string())
     }
 }
 
 fn numbers(list: &Value) -> Vec<u64> {
     let list = list.as_array().map(Vec::as_slice).unwrap_or_default();
     list.iter().filter_map(Value::as_u64).collect()
-}
-
-/// Rows with their columns below each other, numbers to the right.
-fn aligned(rows: &[Vec<String>]) -> String {
-    let width = |column: usize| {
-        let cells = rows.iter().filter_map(|row| row.get(column));
-        cells.map(String::len).max().unwrap_or_default()
-    };
-    let mut text = String::new();
-    for row in rows {
-        for (column, cell) in row.iter().enumerate() {
-            let width = width(column);
-            let _ = match column {
-                0 => write!(text, "{cell:<width$}"),
-                _ => write!(text, "  {cell:>width$}"),
-            };
-        }
-        text += "\n";
-    }
-    text
 }
 
 fn list(cores: &[u32]) -> String {

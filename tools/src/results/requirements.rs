@@ -11,6 +11,7 @@ use shared_types::number::{short, unit_shown};
 use shared_types::record::Outcome;
 
 use crate::terminal::exit::Exit;
+use crate::terminal::table::{Table, left, right};
 
 /// How a requirement came out.
 #[derive(Clone, Debug, Serialize)]
@@ -64,18 +65,23 @@ pub(crate) fn exit(verdict: &str) -> Exit {
 
 /// Writes the table of requirements, and the formulas of those that do not hold.
 pub(crate) fn write(text: &mut String, requirements: &[Requirement]) -> std::fmt::Result {
-    let Some(width) = requirements.iter().map(|one| one.name.len()).max() else {
+    if requirements.is_empty() {
         return Ok(());
-    };
-    let width = if width < 11 { 11 } else { width };
+    }
     if !text.ends_with("\n\n") {
         writeln!(text)?;
     }
-    writeln!(
-        text,
-        "  {:<width$}  {:<9}  {:>11} {:<5}  {:>9}  {:>11}",
-        "requirement", "verdict", "robustness", "", "at [s]", "decided [s]"
-    )?;
+    let unit = left(5).close();
+    let columns = [left(0), left(9), right(11), unit, right(9), right(0)];
+    let mut table = Table::new(2, columns);
+    table.row(&[
+        &"requirement",
+        &"verdict",
+        &"robustness",
+        &"",
+        &"at [s]",
+        &"decided [s]",
+    ]);
     for one in requirements {
         let verdict = match one.verdict {
             "fail" => "FAIL",
@@ -83,15 +89,19 @@ pub(crate) fn write(text: &mut String, requirements: &[Requirement]) -> std::fmt
         };
         let robustness = one.robustness.map_or_else(|| "-".into(), short);
         let time = |time_s: Option<f64>| time_s.map_or_else(|| "-".into(), |s| s.to_string());
-        let (name, unit) = (&one.name, unit_shown(&one.unit));
         let (at_s, decided_at_s) = (time(one.at_s), time(one.decided_at_s));
-        writeln!(
-            text,
-            "  {name:<width$}  {verdict:<9}  {robustness:>11} {unit:<5}  {at_s:>9}  {decided_at_s:>11}"
-        )?;
+        let unit = unit_shown(&one.unit);
+        table.row(&[
+            &one.name,
+            &verdict,
+            &robustness,
+            &unit,
+            &at_s,
+            &decided_at_s,
+        ]);
         if one.verdict != "pass" {
-            writeln!(text, "    {}", one.formula)?;
+            table.line(format!("    {}", one.formula));
         }
     }
-    writeln!(text)
+    writeln!(text, "{table}")
 }

@@ -28,6 +28,7 @@ use crate::results::resumed::{Made, Resumed};
 use crate::results::settings::Realtime;
 use crate::terminal::duration::shown_ns;
 use crate::terminal::output;
+use crate::terminal::table::{Table, left, right};
 
 /// Version of the summary.
 const SCHEMA: u32 = 1;
@@ -413,41 +414,32 @@ pub(crate) fn write_metrics(
     if metrics.is_empty() || steps == 0 {
         return Ok(());
     }
-    let width = metrics.iter().map(|metric| metric.name.len()).max();
-    let width = width.unwrap_or(0);
     let published: Vec<_> = (metrics.iter())
         .map(|metric| of_law(plan, laws, metric))
         .collect();
     let any = published.iter().any(Option::is_some);
-    let column = if any { "  published" } else { "" };
-    writeln!(
-        text,
-        "\n  {:<width$}  {:>10}  {:>11}{column}",
-        "metric", "window [s]", "value"
-    )?;
+    let column = if any { "published" } else { "" };
+    let columns = [left(0), right(10), right(11), left(4).close()];
+    let mut table = Table::new(2, [&columns[..], &[right(9), left(0).close()]].concat());
+    table.row(&[&"metric", &"window [s]", &"value", &"", &column]);
     let mut notes = Vec::new();
     for (metric, published) in metrics.iter().zip(published) {
         let [start_s, end_s] = metric.window_s;
         let window = format!("{start_s} to {end_s}");
-        let name = &metric.name;
         let (value, unit) = match metric.value {
             Some(value) => (short(value), unit_shown(&metric.unit)),
             None => ("-".into(), ""),
         };
-        write!(text, "  {name:<width$}  {window:>10}  {value:>11} {unit}")?;
-        if let Some((published, note)) = published {
-            let gap = 4_usize.saturating_sub(unit.len());
-            write!(
-                text,
-                "{:gap$}{:>11} ({})",
-                "",
-                short(published.value),
-                published.source
-            )?;
-            notes.extend(note);
-        }
-        writeln!(text)?;
+        let [figure, source] = match published {
+            Some((published, note)) => {
+                notes.extend(note);
+                [short(published.value), format!("({})", published.source)]
+            }
+            None => Default::default(),
+        };
+        table.row(&[&metric.name, &window, &value, &unit, &figure, &source]);
     }
+    write!(text, "\n{table}")?;
     if steps < plan.run.steps {
         writeln!(
             text,

@@ -11,3 +11,4 @@ pub mod duration;
 pub mod exit;
 pub mod interruption;
 pub mod progress;
+pub mod table;

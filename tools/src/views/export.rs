@@ -10,7 +10,6 @@ mod parquet;
 mod selection;
 mod table;
 
-use std::fmt::Write as _;
 use std::io::{ErrorKind, IsTerminal};
 use std::path::Path;
 
@@ -146,17 +145,12 @@ fn listing(signals: &[Column], as_json: bool) -> Result<String, Failure> {
         let json = serde_json::to_string_pretty(&Listing { signals });
         return Ok(json.map_err(Failure::infrastructure)? + "\n");
     }
-    let width = signals.iter().map(|signal| signal.name.len());
-    let width = width.max().unwrap_or(0);
-    let mut text = String::new();
+    use crate::terminal::table::{Table, left};
+    let mut table = Table::new(0, [left(0); 2]);
     for Column { name, unit, .. } in signals {
-        // Writing to a string cannot fail.
-        let _ = match unit_shown(unit) {
-            "" => writeln!(text, "{name}"),
-            unit => writeln!(text, "{name:<width$}  {unit}"),
-        };
+        table.row(&[&name, &unit_shown(unit)]);
     }
-    Ok(text)
+    Ok(table.to_string())
 }
 
 fn cannot_write(path: Option<&Path>, error: &std::io::Error) -> Failure {

@@ -10,6 +10,7 @@ use shared_types::number::{exact, unit_shown};
 
 use super::figures::{Figures, STATISTICS};
 use super::file::Baseline;
+use crate::terminal::table::{Table, left, right};
 use crate::verification::compare::{is_near, share};
 
 /// A text of a baseline that is another in the run.
@@ -171,24 +172,24 @@ pub(super) fn write_changes(text: &mut String, changes: &[Change]) -> std::fmt::
     if changes.is_empty() {
         return Ok(());
     }
-    let widths = changes.iter().map(|change| change.name.len());
-    let width = widths.max().unwrap_or(0).max(6);
-    writeln!(
-        text,
-        "\n  {:<width$}  {:>24}    {:>24}  {:>12}",
-        "figure", "baseline", "run", "of tolerance"
-    )?;
+    let close = left(0).close();
+    let columns = [
+        left(0),
+        right(24),
+        close,
+        right(24).close(),
+        right(0),
+        close,
+    ];
+    let mut table = Table::new(2, columns);
+    table.row(&[&"figure", &"baseline", &"  ", &"run", &"of tolerance"]);
     for change in changes {
         let value = |value: Option<f64>| value.map_or_else(|| "-".into(), exact);
         let (baseline, run) = (value(change.baseline), value(change.run));
         let difference = change.baseline.zip(change.run).map(|(a, b)| (a - b).abs());
         let share = difference.map_or_else(|| "-".into(), |size| share(size, change.tolerance));
-        let (name, unit) = (&change.name, &change.unit);
-        writeln!(
-            text,
-            "  {name:<width$}  {baseline:>24} -> {run:>24}  {share:>12} {}",
-            unit_shown(unit)
-        )?;
+        let unit = unit_shown(&change.unit);
+        table.row(&[&change.name, &baseline, &"->", &run, &share, &unit]);
     }
-    Ok(())
+    write!(text, "\n{table}")
 }

@@ -6,6 +6,8 @@
 use serde::Serialize;
 use shared_types::number::{short, unit_shown};
 
+use crate::terminal::table::{Table, left, right};
+
 /// A deviation in the making.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Deviation {
@@ -123,51 +125,49 @@ pub(crate) fn write_table(
     signals: &[SignalDifference],
     heading: &str,
 ) -> std::fmt::Result {
-    let widths = signals.iter().map(|signal| signal.name.len());
-    let width = widths.max().unwrap_or(0).max(6);
     let any_tolerance = signals.iter().any(|signal| signal.tolerance > 0.0);
-    write!(
-        text,
-        "\n  {:<width$}  {heading:>12}  {:>9}  {:>12}  {:>9}  {:>9}",
-        "signal", "at step", "rms", "first", "steps"
-    )?;
-    writeln!(
-        text,
-        "{}",
-        if any_tolerance {
-            "  of tolerance  beyond from"
-        } else {
-            ""
-        }
-    )?;
+    let widths = [12, 9, 12, 9, 9, 12, 11];
+    let widths = &widths[..if any_tolerance { 7 } else { 5 }];
+    let numbers = widths.iter().map(|width| right(*width));
+    let columns: Vec<_> = [left(0)]
+        .into_iter()
+        .chain(numbers)
+        .chain([left(0)])
+        .collect();
+    let mut table = Table::new(2, columns);
+    let headings = [
+        "signal",
+        heading,
+        "at step",
+        "rms",
+        "first",
+        "steps",
+        "of tolerance",
+        "beyond from",
+    ];
+    table.cells(headings.into_iter().take(1 + widths.len()).map(Into::into));
     let step = |step: Option<u64>| step.map_or_else(|| "-".into(), |step| step.to_string());
     for signal in signals {
-        let (name, unit) = (&signal.name, &signal.unit);
-        let (max, rms) = (signal.max_abs_difference, signal.rms_difference);
-        let (at, first) = (step(signal.at_step), step(signal.first_step));
-        let count = signal.differing_steps;
-        write!(
-            text,
-            "  {name:<width$}  {:>12}  {at:>9}  {:>12}  {first:>9}  {count:>9}",
+        let max = signal.max_abs_difference;
+        let mut cells = vec![
+            signal.name.clone(),
             short(max),
-            short(rms)
-        )?;
+            step(signal.at_step),
+            short(signal.rms_difference),
+            step(signal.first_step),
+            signal.differing_steps.to_string(),
+        ];
         if any_tolerance {
-            let share = share(max, signal.tolerance);
-            write!(
-                text,
-                "  {share:>12}  {:>11}",
-                step(signal.first_beyond_step)
-            )?;
+            cells.extend([share(max, signal.tolerance), step(signal.first_beyond_step)]);
         }
-        write!(text, "  {}", unit_shown(unit))?;
-        if signal.incomparable_steps > 0 {
-            let steps = signal.incomparable_steps;
-            write!(text, ", not both numbers at {steps} steps")?;
-        }
-        writeln!(text)?;
+        let unit = unit_shown(&signal.unit);
+        cells.push(match signal.incomparable_steps {
+            0 => unit.to_owned(),
+            steps => format!("{unit}, not both numbers at {steps} steps"),
+        });
+        table.cells(cells);
     }
-    Ok(())
+    write!(text, "\n{table}")
 }
 
 /// A difference as a share of what is allowed.

@@ -14,6 +14,7 @@ use super::tape::Length;
 use crate::programs::binaries::Binary;
 use crate::terminal::exit::Exit;
 use crate::terminal::output;
+use crate::terminal::table::{Table, left, right};
 use crate::verification::compare::{SignalDifference, Verdict, number, write_table};
 
 /// A replay, judged.
@@ -257,34 +258,33 @@ fn write_around(
     if !first.also.is_empty() {
         writeln!(text, "  at the same step also: {}", first.also.join(", "))?;
     }
-    let widths = sample.iter().map(String::len);
-    let width = widths.max().unwrap_or(0).max(first.signal.len() + 9);
-    write!(text, "\n  {:<width$}", "step")?;
-    for near in around {
-        let mark = if near.step == first.step { ">" } else { "" };
-        write!(text, "  {:>13}", format!("{mark}{}", near.step))?;
-    }
-    writeln!(text)?;
-    let mut line = |name: &str, value: &dyn Fn(&Near) -> Option<f64>| {
-        write!(text, "  {name:<width$}")?;
-        for near in around {
-            match value(near) {
-                Some(value) => write!(text, "  {:>13}", short(value))?,
-                None => write!(text, "  {:>13}", "-")?,
-            }
-        }
-        writeln!(text)
+    let mut columns = vec![right(13); 1 + around.len()];
+    columns[0] = left(0);
+    let mut table = Table::new(2, columns);
+    let mut line = |name: &str, value: &dyn Fn(&Near) -> Option<String>| {
+        let values = around
+            .iter()
+            .map(|near| value(near).unwrap_or_else(|| "-".into()));
+        table.cells([name.to_owned()].into_iter().chain(values));
     };
+    line("step", &|near| {
+        let mark = if near.step == first.step { ">" } else { "" };
+        Some(format!("{mark}{}", near.step))
+    });
     let name = &first.signal;
-    line(&format!("{name} recorded"), &|near| near.recorded)?;
-    line(&format!("{name} replayed"), &|near| Some(near.replayed))?;
+    line(&format!("{name} recorded"), &|near| {
+        near.recorded.map(short)
+    });
+    line(&format!("{name} replayed"), &|near| {
+        Some(short(near.replayed))
+    });
     line("difference", &|near| {
-        near.recorded.map(|was| near.replayed - was)
-    })?;
+        near.recorded.map(|was| short(near.replayed - was))
+    });
     for (index, name) in sample.iter().enumerate() {
-        line(name, &|near| Some(near.sample[index]))?;
+        line(name, &|near| Some(short(near.sample[index])));
     }
-    Ok(())
+    write!(text, "\n{table}")
 }
 
 impl Original {

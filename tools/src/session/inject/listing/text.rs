@@ -6,12 +6,12 @@ use shared_types::number::{exact, unit_shown};
 use shared_types::table::Field;
 
 use super::{Entry, Listing};
+use crate::terminal::table::{Table, left};
 
 /// A line for each kind.
 pub(super) fn in_short(listings: &[Listing]) -> String {
-    let mut text = String::new();
-    let entries = listings.iter().flat_map(|listing| &listing.faults);
-    let width = entries.map(|entry| entry.kind.len()).max().unwrap_or(0);
+    let mut table = Table::new(2, [left(0); 2]);
+    let line = |table: &mut Table, entry: &Entry| table.row(&[&entry.kind, &entry.summary]);
     // What several plants share is told once, after all that is their own.
     let mut shared: Vec<&Entry> = Vec::new();
     for listing in listings {
@@ -24,11 +24,9 @@ pub(super) fn in_short(listings: &[Listing]) -> String {
             .iter()
             .partition(|entry| entry.class == "plant");
         if !own.is_empty() {
-            // Writing to a string cannot fail.
-            let _ = writeln!(text, "plant {}{of_session}", listing.plant);
+            table.line(format!("plant {}{of_session}", listing.plant));
         }
-        own.into_iter()
-            .for_each(|entry| line(&mut text, entry, width));
+        own.into_iter().for_each(|entry| line(&mut table, entry));
         for entry in others {
             if shared.iter().all(|told| told.kind != entry.kind) {
                 shared.push(entry);
@@ -41,17 +39,12 @@ pub(super) fn in_short(listings: &[Listing]) -> String {
             .filter(|entry| entry.class == class)
             .peekable();
         if of_class.peek().is_some() {
-            let _ = writeln!(text, "{class}");
+            table.line(class);
         }
-        of_class.for_each(|entry| line(&mut text, entry, width));
+        of_class.for_each(|entry| line(&mut table, entry));
     }
-    text += "keys, ranges and targets of one: hil inject --list --kind KIND\n";
-    text
-}
-
-fn line(text: &mut String, entry: &Entry, width: usize) {
-    // Writing to a string cannot fail.
-    let _ = writeln!(text, "  {:<width$}  {}", entry.kind, entry.summary);
+    table.line("keys, ranges and targets of one: hil inject --list --kind KIND");
+    table.to_string()
 }
 
 /// Everything about each kind.
@@ -70,12 +63,7 @@ fn write_entry(text: &mut String, entry: &Entry, plant: &str) -> std::fmt::Resul
     writeln!(text, "{} (plant {plant})", entry.kind)?;
     writeln!(text, "  {}", entry.summary)?;
     writeln!(text, "  {}", entry.equation)?;
-    let width = entry
-        .parameters
-        .iter()
-        .map(|field| field.name.len())
-        .max()
-        .unwrap_or(0);
+    let mut table = Table::new(2, [left(0); 2]);
     for field in &entry.parameters {
         let unit = match field.unit.as_str() {
             "target" => "the target's unit",
@@ -88,14 +76,11 @@ fn write_entry(text: &mut String, entry: &Entry, plant: &str) -> std::fmt::Resul
         let default = field.default.map_or(String::new(), |value| {
             format!(", {} if not given", exact(value))
         });
-        let name = &field.name;
-        writeln!(
-            text,
-            "  --{name:<width$}  {unit}{}{default}. {}",
-            range(field),
-            field.description
-        )?;
+        let (name, range) = (format!("--{}", field.name), range(field));
+        let told = format!("{unit}{range}{default}. {}", field.description);
+        table.row(&[&name, &told]);
     }
+    write!(text, "{table}")?;
     if let Some(list) = &entry.list {
         let row = vec!["NUMBER"; list.columns].join(":");
         writeln!(
