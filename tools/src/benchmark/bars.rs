@@ -6,7 +6,7 @@ use hdrhistogram::Histogram;
 
 use crate::terminal::duration::shown_ns;
 
-/// Where the classes of a decade begin, in hundredths: the preferred numbers R10 of ISO 3.
+/// Beginnings of a decade's classes, in hundredths: the preferred numbers R10 of ISO 3.
 const CLASSES: [u64; 10] = [100, 125, 160, 200, 250, 315, 400, 500, 630, 800];
 /// Length of the longest bar.
 const LONGEST: usize = 44;

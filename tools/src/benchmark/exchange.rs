@@ -48,7 +48,7 @@ impl End for Blackboard {
     }
 }
 
-/// How often there and back.
+/// Numbers of round trips.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Trips {
     /// Before those that count.

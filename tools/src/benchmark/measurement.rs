@@ -37,7 +37,7 @@ const WARM_UP: u64 = 20_000;
 /// The most of them when they are paced, in s.
 const WARM_UP_S: f64 = 2.0;
 
-/// What was measured of one payload at one rate.
+/// Measurement of one payload at one rate.
 #[derive(Clone, Debug)]
 pub struct Case {
     /// Signals in a sample.
@@ -48,11 +48,11 @@ pub struct Case {
     pub warm_up: u64,
     /// The loop.
     pub looped: Looped,
-    /// What the machine allows for that payload; `None` of a recorded run.
+    /// Limits of the machine for that payload; `None` of a recorded run.
     pub limits: Option<Limits>,
 }
 
-/// What was measured of the loop.
+/// Measurement of the loop.
 #[derive(Clone, Debug, Default)]
 pub struct Looped {
     /// Legs and worst steps.
@@ -61,11 +61,11 @@ pub struct Looped {
     pub ways: Option<Ways>,
     /// When the first and the last step had its command.
     pub span_ns: Option<(u64, u64)>,
-    /// What both sides ran with; `None` of a recorded run.
+    /// Real-time settings of both sides; `None` of a recorded run.
     pub sides: Option<Sides>,
 }
 
-/// What both sides ran with, as asked for and as granted.
+/// Real-time settings of both sides, as asked for and as granted.
 #[derive(Clone, Debug, Serialize)]
 pub struct Sides {
     /// The plant's loop.
@@ -167,7 +167,7 @@ pub fn matrix(arguments: &LatencyArguments) -> Result<Vec<Case>, Failure> {
     Ok(cases)
 }
 
-/// What is measured, in order: each payload at each rate, with its number of steps.
+/// Lists the measurements in order: each payload at each rate, with its number of steps.
 fn plans(arguments: &LatencyArguments) -> Result<Vec<(usize, Option<Rate>, Trips)>, Failure> {
     let mut plans = Vec::new();
     for &signals in &arguments.signals {
@@ -207,7 +207,7 @@ fn session() -> Result<Session, Failure> {
     Session::create(None).map_err(|error: SessionError| Failure::infrastructure(error))
 }
 
-/// What all measurements have in common.
+/// State that all measurements share.
 struct Bench {
     realtime: Realtime,
     interruption: Interruption,
@@ -330,7 +330,7 @@ impl Bench {
 struct Meter<'a> {
     looped: &'a mut Looped,
     warm_up: u64,
-    /// Where a record has its timing and the time at which the law was called.
+    /// Places of the timing and of the law's call in a record.
     timing_place: usize,
     called_place: usize,
     interruption: &'a Interruption,

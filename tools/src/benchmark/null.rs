@@ -18,7 +18,7 @@ use shared_types::time::{Interval, Rate};
 
 /// Name of plant and law.
 const NAME: &str = "null";
-/// What the law shows: when it was called, in ns of the monotonic clock.
+/// Internal of the law: the time of its call, in ns of the monotonic clock.
 const CALLED: &str = "called_ns";
 
 struct NullPlant;
@@ -94,7 +94,7 @@ pub fn law(signals: usize) -> LawKind {
     }
 }
 
-/// Where a record has the time at which the law was called.
+/// Finds the time of the law's call in a record.
 #[must_use]
 pub fn called_place(layout: &RecordLayout) -> usize {
     let before = [&layout.truth, &layout.measured, &layout.reference];

@@ -26,9 +26,9 @@ use crate::programs::binaries::{end_group, reap};
 use crate::run::open_files;
 use crate::terminal::exit::{Exit, Failure};
 
-/// How long a peer that lives may keep the other side waiting.
+/// Limit of one side's wait for a peer that lives.
 pub(super) const WAIT_LIMIT_S: f64 = 5.0;
-/// How long it may take to end once its work is over.
+/// Limit for the end of a peer once its work is over.
 const GRACE: Duration = Duration::from_secs(2);
 
 /// The other process, as the one that measures sees it.

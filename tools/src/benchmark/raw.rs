@@ -32,7 +32,7 @@ impl Cell {
 pub struct Raw {
     outgoing: Arc<Cell>,
     incoming: Arc<Cell>,
-    /// What came last.
+    /// Last payload.
     payload: Box<[u64]>,
     last: u64,
 }

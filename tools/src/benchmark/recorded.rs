@@ -49,7 +49,7 @@ pub fn case(run: &Path, warm_up: u64) -> Result<Case, Failure> {
     })
 }
 
-/// What both sides ran with, as they reported it.
+/// Reads the real-time settings that both sides reported.
 fn sides(reader: &RunReader) -> Option<Sides> {
     let report = |name| serde_json::from_str(reader.fact(name)?).ok();
     Some(Sides {

@@ -38,16 +38,16 @@ pub struct Report {
     schema: u32,
     /// The recorded run; null if this was measured now.
     run: Option<String>,
-    /// How both sides wait; null if a recording does not say.
+    /// Wait strategy of both sides; null if a recording does not say.
     wait: Option<WaitStrategy>,
     /// The cores that both sides may run on; null if a recording does not say, as its sides could
     /// run on any.
     cores: Option<Vec<usize>>,
-    /// How the kernel schedules the plant's side.
+    /// Scheduling class of the plant's side.
     class: Option<String>,
     /// Everything that was asked of the system for both sides, and what it granted.
     realtime: Option<Sides>,
-    /// What `hil doctor` reads of the machine, without measuring.
+    /// Facts that `hil doctor` reads of the machine, without measuring.
     machine: BTreeMap<String, String>,
     #[serde(flatten)]
     headline: Figures,
@@ -339,7 +339,7 @@ fn cores(sides: &Sides, ran_here: bool) -> Option<Vec<usize>> {
     Some((0..CpuSet::MAX_CPU).filter(may_run_on).collect())
 }
 
-/// How the kernel schedules a side.
+/// Names the scheduling class of a side.
 fn class(report: &realtime::Report) -> String {
     match report.priority.granted {
         0 => "ordinary".into(),
@@ -347,7 +347,7 @@ fn class(report: &realtime::Report) -> String {
     }
 }
 
-/// What was asked for one side and not granted.
+/// Lists the settings that were asked for one side and not granted.
 fn refusals(side: &str, report: &realtime::Report) -> Vec<String> {
     let told = |what: &str, reason: Option<&str>| {
         reason.map(|reason| format!("{side}'s {what} was not granted: {reason}"))

@@ -1,4 +1,4 @@
-//! What else goes on in the machine: other work, other sessions.
+//! Other activity of the machine: work and sessions.
 
 use shared_types::session::SessionError;
 
@@ -12,7 +12,7 @@ const SESSIONS: Check = Check::new(
     "other sessions take the cores, dead ones keep shared memory",
 );
 
-/// How much other work there was in the last minute.
+/// Judges the load of the last minute.
 #[must_use]
 pub fn load(tree: &dyn Tree, cores: &Cores) -> Finding {
     let text = match tree.read("proc/loadavg") {
@@ -36,7 +36,7 @@ pub fn load(tree: &dyn Tree, cores: &Cores) -> Finding {
     }
 }
 
-/// Whether other sessions run, or have left something: their names.
+/// Judges other sessions, running or dead, by their names.
 #[must_use]
 pub fn sessions(live: Result<Vec<String>, SessionError>, dead: &[String]) -> Finding {
     let live = match live {

@@ -1,4 +1,4 @@
-//! How arguments get onto the kernel's command line, which no two boot loaders do alike.
+//! Arguments on the kernel's command line, which every boot loader sets in another way.
 
 use super::tree::Tree;
 

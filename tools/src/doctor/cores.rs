@@ -13,7 +13,7 @@ const COUNT: Check = Check::new(
 );
 const SMT: Check = Check::new("smt", "threads of one core take each other's time");
 
-/// Where the online cores are listed.
+/// List of the online cores.
 const ONLINE: &str = "sys/devices/system/cpu/online";
 
 /// A set of cores, written as the kernel does: `0-3,8`.
@@ -36,31 +36,31 @@ impl CoreList {
         self.0.iter().copied()
     }
 
-    /// How many.
+    /// Returns the number of cores.
     #[must_use]
     pub fn len(&self) -> usize {
         self.0.len()
     }
 
-    /// Whether there are none.
+    /// Reports an empty list.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// Whether a core is one of them.
+    /// Reports a core of the list.
     #[must_use]
     pub fn contains(&self, core: u32) -> bool {
         self.0.contains(&core)
     }
 
-    /// Whether all of another's are among them.
+    /// Reports a list whose cores are all in this one.
     #[must_use]
     pub fn covers(&self, other: &Self) -> bool {
         self.0.is_superset(&other.0)
     }
 
-    /// Whether some are another's too.
+    /// Reports a list that has a core in common with this one.
     #[must_use]
     pub fn meets(&self, other: &Self) -> bool {
         !self.0.is_disjoint(&other.0)
@@ -184,7 +184,7 @@ fn siblings(tree: &dyn Tree, core: u32) -> Result<CoreList, Unread> {
     tree.read(&path).map(|text| CoreList::parse(&text))
 }
 
-/// Whether there are enough cores for both sides to spin.
+/// Judges the number of cores: both sides spin.
 #[must_use]
 pub fn count(cores: &Cores) -> Finding {
     let Cores {
@@ -205,7 +205,7 @@ pub fn count(cores: &Cores) -> Finding {
     }
 }
 
-/// Whether the chosen cores share physical cores with each other or with others.
+/// Judges the physical cores that the chosen cores share with each other or with others.
 #[must_use]
 pub fn smt(tree: &dyn Tree, cores: &Cores) -> Finding {
     let mut shared = CoreList::default();

@@ -1,21 +1,21 @@
-//! What a check found, how good that is, and what mends it.
+//! Findings of checks: grade, text, and the command that mends.
 
 use serde::Serialize;
 use serde_json::Value;
 
 use super::tree::Unread;
 
-/// How well something suits claims about timing.
+/// Fitness of something for claims about timing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Grade {
-    /// As it should be.
+    /// Fit for limits and medians.
     Good,
     /// Medians can be claimed, limits with care.
     Fair,
-    /// What is measured on this machine says more about this than about the program.
+    /// Measurements on this machine say more about this than about the program.
     Poor,
-    /// It could not be found out.
+    /// Not found out.
     Unknown,
 }
 
@@ -39,14 +39,14 @@ pub struct Check {
     why: &'static str,
 }
 
-/// What a look at it showed.
+/// Result of a check.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Finding {
     /// The check's name, of which there is one in a report.
     pub check: &'static str,
-    /// How good it is.
+    /// Fitness.
     pub grade: Grade,
-    /// What was found, in a few words.
+    /// Observation in a few words.
     pub found: String,
     /// Why it matters.
     pub why: &'static str,
@@ -63,7 +63,7 @@ impl Check {
         Self { name, why }
     }
 
-    /// It was graded.
+    /// Makes a finding of any grade.
     #[must_use]
     pub fn graded(self, grade: Grade, found: impl Into<String>) -> Finding {
         Finding {
@@ -76,25 +76,25 @@ impl Check {
         }
     }
 
-    /// It is as it should be.
+    /// Makes a good finding.
     #[must_use]
     pub fn good(self, found: impl Into<String>) -> Finding {
         self.graded(Grade::Good, found)
     }
 
-    /// It is fair.
+    /// Makes a fair finding.
     #[must_use]
     pub fn fair(self, found: impl Into<String>) -> Finding {
         self.graded(Grade::Fair, found)
     }
 
-    /// It is poor.
+    /// Makes a poor finding.
     #[must_use]
     pub fn poor(self, found: impl Into<String>) -> Finding {
         self.graded(Grade::Poor, found)
     }
 
-    /// It could not be found out.
+    /// Not found out.
     #[must_use]
     pub fn unknown(self, found: impl Into<String>) -> Finding {
         self.graded(Grade::Unknown, found)

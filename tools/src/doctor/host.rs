@@ -10,7 +10,7 @@ const VIRTUALISATION: Check = Check::new(
     "a host may stop the whole machine at any time: the longest delays are its own",
 );
 
-/// What hypervisors write where a maker's name belongs.
+/// Names of makers that stand for hypervisors.
 const MAKERS: [&str; 13] = [
     "QEMU",
     "KVM",
@@ -30,7 +30,7 @@ const MAKERS: [&str; 13] = [
 /// Most of a core's time that a host may take before nothing measured means much.
 const STOLEN_PERCENT: f64 = 1.0;
 
-/// Whether this is a virtual machine, and how much of the chosen cores' time its host took.
+/// Judges virtualisation, and the share of the chosen cores' time that a host took.
 #[must_use]
 pub fn virtualisation(tree: &dyn Tree, cores: &Cores, interval: &Interval) -> Finding {
     let Some(virtual_machine) = is_virtual(tree) else {
@@ -53,7 +53,7 @@ pub fn virtualisation(tree: &dyn Tree, cores: &Cores, interval: &Interval) -> Fi
     }
 }
 
-/// Whether there is a hypervisor; none if nothing tells.
+/// Reports a hypervisor; `None` if nothing tells.
 fn is_virtual(tree: &dyn Tree) -> Option<bool> {
     let cpuinfo = tree.read("proc/cpuinfo").unwrap_or_default();
     if let Some(present) = hypervisor_flag(&cpuinfo) {

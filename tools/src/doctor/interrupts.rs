@@ -1,4 +1,4 @@
-//! What the kernel counts: interrupts of devices, and time that a host took.
+//! Counts of the kernel: interrupts of devices, and time that a host took.
 
 use super::cores::{CoreList, Cores};
 use super::finding::{Check, Finding, Grade};
@@ -15,7 +15,7 @@ const MOST_INTERRUPTS_HZ: f64 = 1000.0;
 /// From how many on an interrupt is worth moving.
 const FEW_INTERRUPTS_HZ: f64 = 1.0;
 
-/// What the kernel had counted at some time.
+/// Counts of the kernel at some time.
 #[derive(Clone, Debug)]
 pub struct Snapshot {
     interrupts: Result<String, Unread>,
@@ -83,7 +83,7 @@ impl Interval {
         }
     }
 
-    /// Which time it is, in words.
+    /// Describes the interval in words.
     #[must_use]
     pub fn told(&self) -> String {
         match (&self.earlier, self.seconds()) {
@@ -97,7 +97,7 @@ impl Interval {
         Ok(self.later.uptime_s()? - earlier)
     }
 
-    /// How much of these cores' time a host took, in percent.
+    /// Computes the share of these cores' time that a host took, in percent.
     ///
     /// # Errors
     /// If the kernel does not tell.

@@ -15,7 +15,7 @@ const QUOTA: Check = Check::new(
     "a control group with a quota is stopped when it is used up",
 );
 
-/// Whether the scheduler keeps other work and its tick away from the chosen cores.
+/// Judges the isolation of the chosen cores from other work and from the scheduler's tick.
 #[must_use]
 pub fn isolation(tree: &dyn Tree, cores: &Cores) -> Finding {
     let list = |path: &str| tree.read(path).map(|text| CoreList::parse(&text));
@@ -59,7 +59,7 @@ struct Quota {
     period_us: u64,
 }
 
-/// Whether a control group above this process limits its processor time.
+/// Judges the limits of processor time in the control groups above this process.
 #[must_use]
 pub fn quota(tree: &dyn Tree) -> Finding {
     let groups = match tree.read("proc/self/cgroup") {

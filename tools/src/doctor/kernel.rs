@@ -13,7 +13,7 @@ const CLOCK_SOURCE: Check = Check::new(
     "a clock outside the processor is slow to read and coarse",
 );
 
-/// How a kernel was built to be interrupted, from `/proc/version`.
+/// Preemption that a kernel was built with, from `/proc/version`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Build {
     RealTime,
@@ -39,7 +39,7 @@ impl Build {
 /// The kernel and when it lets itself be interrupted.
 #[must_use]
 pub fn preemption(tree: &dyn Tree) -> Finding {
-    /// Where a dynamic kernel tells and takes its mode.
+    /// File in which a dynamic kernel shows and takes its mode.
     const MODE: &str = "sys/kernel/debug/sched/preempt";
     let version = match tree.read("proc/version") {
         Ok(version) => version,
@@ -114,7 +114,7 @@ fn real_time_kernel(tree: &dyn Tree) -> Option<String> {
     Some(format!("{command} # then reboot"))
 }
 
-/// Which clock the kernel reads.
+/// Judges the clock that the kernel reads.
 #[must_use]
 pub fn clock_source(tree: &dyn Tree) -> Finding {
     const FOLDER: &str = "sys/devices/system/clocksource/clocksource0";

@@ -26,7 +26,7 @@ const AMPLE_BYTES: u64 = 512 * MIB;
 /// Room for a session of some fifty signals, which takes half of it.
 const ENOUGH_BYTES: u64 = 64 * MIB;
 
-/// Whether the kernel makes huge pages without being asked to.
+/// Judges huge pages that the kernel makes unasked.
 #[must_use]
 pub fn huge_pages(tree: &dyn Tree) -> Finding {
     const FILE: &str = "sys/kernel/mm/transparent_hugepage/enabled";
@@ -47,7 +47,7 @@ pub fn huge_pages(tree: &dyn Tree) -> Finding {
     }
 }
 
-/// Whether memory may be, or is, swapped out.
+/// Judges memory that may be, or is, swapped out.
 #[must_use]
 pub fn swap(tree: &dyn Tree) -> Finding {
     let text = match tree.read("proc/swaps") {
@@ -76,7 +76,7 @@ pub fn swap(tree: &dyn Tree) -> Finding {
     }
 }
 
-/// Whether `/dev/shm` is memory with room in it, for this user. `found` is what the file system tells.
+/// Judges `/dev/shm`: memory with room in it, for this user. `found` comes from the file system.
 #[must_use]
 pub fn shared_memory(tree: &dyn Tree, found: Option<SharedMemory>) -> Finding {
     let mounts = match tree.read("proc/self/mounts") {
@@ -103,7 +103,7 @@ pub fn shared_memory(tree: &dyn Tree, found: Option<SharedMemory>) -> Finding {
     }
 }
 
-/// Whether a run may use it, and finds room.
+/// Judges rights and room for a run.
 fn room(shared: SharedMemory) -> Finding {
     if shared.is_read_only {
         let mend = "sudo mount -o remount,rw /dev/shm";

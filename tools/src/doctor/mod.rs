@@ -161,12 +161,12 @@ fn sessions() -> Finding {
     }
 }
 
-/// Whether a person at a terminal wants colours.
+/// Reports a terminal whose user wants colours.
 fn colours() -> bool {
     std::io::stdout().is_terminal() && std::env::var_os("NO_COLOR").is_none()
 }
 
-/// What the measurements have in common.
+/// Settings that all measurements share.
 struct Measurement<'a> {
     cores: &'a Cores,
     seconds: f64,

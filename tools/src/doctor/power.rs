@@ -1,4 +1,4 @@
-//! What saves power at the cost of time: changing clock rates and deep sleep.
+//! Power saving at the cost of time: changing clock rates and deep sleep.
 
 use super::boot;
 use super::cores::Cores;
@@ -15,7 +15,7 @@ const IDLE_STATES: Check = Check::new(
     "a core that sleeps deeply takes long to wake up",
 );
 
-/// Who sets the clock rate of the chosen cores.
+/// Judges the governor of the chosen cores' clock rate.
 #[must_use]
 pub fn governor(tree: &dyn Tree, cores: &Cores) -> Finding {
     let folder = |core: u32| format!("sys/devices/system/cpu/cpu{core}/cpufreq");
@@ -70,7 +70,7 @@ struct IdleState {
     disable: String,
 }
 
-/// How long the chosen cores may take to wake up from the deepest state they may enter.
+/// Judges the time that the chosen cores take to leave the deepest state they may enter.
 #[must_use]
 pub fn idle_states(tree: &dyn Tree, cores: &Cores) -> Finding {
     let command_line = tree.read("proc/cmdline").unwrap_or_default();

@@ -1,4 +1,4 @@
-//! What the doctor says, to a person and to a machine.
+//! Report of the doctor, for a person and for a machine.
 
 use std::fmt::Write;
 
@@ -14,7 +14,7 @@ use crate::terminal::table::{Table, left, right};
 pub struct Report {
     /// Version of this form.
     pub schema: u32,
-    /// Whether timing claims can be made on this machine: none of the grades is poor.
+    /// Fitness for timing claims: no grade is poor.
     pub verdict: Verdict,
     /// The cores that were judged.
     pub cores: Vec<u32>,
@@ -22,24 +22,24 @@ pub struct Report {
     pub online_cores: String,
     /// At which scheduling class it was measured; none if it was not.
     pub class: Option<String>,
-    /// How long each measurement took; none if nothing was measured.
+    /// Duration of each measurement; `None` if nothing was measured.
     pub seconds: Option<f64>,
     /// The findings.
     pub checks: Vec<Finding>,
 }
 
-/// Whether a machine is fit for timing claims.
+/// Fitness of a machine for timing claims.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Verdict {
-    /// It is.
+    /// Fit.
     Fit,
-    /// It is not.
+    /// Unfit.
     Unfit,
 }
 
 impl Verdict {
-    /// What follows from findings.
+    /// Concludes from findings.
     #[must_use]
     pub fn of(findings: &[Finding]) -> Self {
         let poor = |finding: &Finding| finding.grade == Grade::Poor;

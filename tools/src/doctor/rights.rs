@@ -1,4 +1,4 @@
-//! What this user may ask of the kernel: real-time priority and locked memory.
+//! Rights of this user: real-time priority and locked memory.
 
 use super::finding::{Check, Finding};
 use super::tree::Tree;
@@ -21,7 +21,7 @@ const IPC_LOCK: u32 = 14;
 pub const LIMITS: &str = "printf '%s - rtprio 98\\n%s - memlock unlimited\\n' \"$USER\" \"$USER\" | \
     sudo tee /etc/security/limits.d/95-hil.conf # then log in again";
 
-/// Whether this user may run at real-time priority.
+/// Judges the right to real-time priority.
 #[must_use]
 pub fn priority(tree: &dyn Tree) -> Finding {
     if has_capability(tree, SYS_NICE) {
@@ -34,7 +34,7 @@ pub fn priority(tree: &dyn Tree) -> Finding {
     }
 }
 
-/// How much memory this user may lock.
+/// Judges the amount of memory that this user may lock.
 #[must_use]
 pub fn locked_memory(tree: &dyn Tree) -> Finding {
     if has_capability(tree, IPC_LOCK) {
@@ -59,7 +59,7 @@ fn soft_limit(tree: &dyn Tree, name: &str) -> Result<String, String> {
         .ok_or_else(|| format!("/proc/self/limits has no `{name}`"))
 }
 
-/// Whether this process has a capability that counts for the whole machine.
+/// Reports a capability of this process that counts for the whole machine.
 fn has_capability(tree: &dyn Tree, number: u32) -> bool {
     // Within a user namespace of its own a process has all of them, and none counts outside.
     let whole_machine = tree.read("proc/self/uid_map").is_ok_and(|map| {

@@ -1,4 +1,4 @@
-//! Where the checks read: `/proc`, `/sys` and a few files more, below one root.
+//! Files that the checks read: `/proc`, `/sys` and a few more, below one root.
 //!
 //! The checks take a [`Tree`], so that tests give them the files of any machine. Nothing is written.
 
@@ -16,7 +16,7 @@ pub trait Tree {
     /// The names in a folder, sorted; none if it is not there.
     fn names(&self, folder: &str) -> Vec<String>;
 
-    /// Whether there is such a file or folder.
+    /// Reports a file or folder that exists.
     fn has(&self, path: &str) -> bool;
 }
 
@@ -24,7 +24,7 @@ pub trait Tree {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("/{path} cannot be read: {reason}")]
 pub struct Unread {
-    /// Which one.
+    /// Path of the file.
     pub path: String,
     /// Why.
     pub reason: String,

@@ -1,4 +1,4 @@
-//! Where a table or a page goes: a file that appears whole or not at all, a device, or standard output.
+//! Destination of a table or a page: a file that appears whole or not at all, a device, or standard output.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, ErrorKind, Write};
@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use crate::files::part_file::PartFile;
 use crate::terminal::exit::Failure;
 
-/// What is written to.
+/// File that is written to.
 pub(crate) struct Destination {
     file: BufWriter<File>,
     /// `None`: every byte is out at once, as on a pipe.

@@ -25,7 +25,7 @@ pub fn clock(choice: &SessionChoice, request: &Request) -> Result<Exit, Failure>
     Ok(Exit::Pass)
 }
 
-/// Where a run is, as a person reads it.
+/// Describes the position of a run for a person.
 #[must_use]
 pub fn told(status: &Status) -> String {
     let Status {

@@ -75,7 +75,7 @@ fn answer(arguments: &InjectArguments, session: &SessionInfo) -> Result<Response
     })
 }
 
-/// What faults a session can take.
+/// Asks a session for the faults that it can take.
 pub(crate) fn possible(session: &SessionInfo) -> Result<Possible, Unmet> {
     match live::ask(session, &Request::Possible)? {
         Response::Possible(possible) => Ok(*possible),

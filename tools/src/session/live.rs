@@ -15,17 +15,17 @@ use crate::session::observer::Notice;
 use crate::terminal::exit::Failure;
 use crate::terminal::output;
 
-/// How long a plant may take to answer: longer than it waits for its own loop.
+/// Limit for the plant's answer: longer than it waits for its own loop.
 const ANSWER_LIMIT: Duration = Duration::from_secs(20);
-/// How long a session that lives may take to start listening.
+/// Limit for a live session to start listening.
 const START_LIMIT: Duration = Duration::from_secs(2);
-/// How often it is looked whether it listens.
+/// Interval between two looks for its socket.
 const LOOK: Duration = Duration::from_millis(10);
 
 /// Why a request could not be made or was not met.
 #[derive(Debug)]
 pub enum Unmet {
-    /// It was wrong: by what is known here, or by the plant's word. Nothing was changed.
+    /// The request was wrong, by a check here or by the plant's word. Nothing was changed.
     Refused(Vec<Refusal>),
     /// The machine or a process is in the way.
     Failed(Failure),

@@ -31,16 +31,16 @@ const NAPS: [Duration; 2] = [Duration::from_millis(4), Duration::from_millis(32)
 /// with fewer than an eighth less often.
 const MANY: usize = BUFFER / 8;
 
-/// What a session tells those who watch it.
+/// Notice of a session for its observers.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Notice {
     /// Both sides run in one process, whose records nobody else can see.
     pub is_in_process: bool,
     /// The complete scenario.
     pub scenario: String,
-    /// What the plant says of itself.
+    /// Description of the plant.
     pub plant: Description,
-    /// What the controller says of itself.
+    /// Description of the controller.
     pub controller: Description,
 }
 
@@ -76,7 +76,7 @@ impl Notice {
         Some(scenario.get("name")?.as_str()?.to_owned())
     }
 
-    /// How long ago it was written; `None` if it is not there, or the clock was set back.
+    /// Computes the age of the notice; `None` if it is missing, or the clock was set back.
     pub(crate) fn age(session: &SessionInfo) -> Option<Duration> {
         let written = std::fs::metadata(session.folder.join(FILE))
             .ok()?
@@ -103,14 +103,14 @@ pub fn admit(session: &SessionInfo, layout: &RecordLayout) -> Result<(), Session
     session.write_file(ADMITTED, layout)
 }
 
-/// What is seen of a run.
+/// Observation of a run.
 #[derive(Debug)]
 pub enum Seen<'a> {
     /// A record, and its words.
     Record(RecordView<'a>, &'a [u64]),
     /// Something happened.
     Event(Event),
-    /// So many records and events were lost before the next one.
+    /// Number of records and events that were lost before the next one.
     Lost(u64),
     /// Something could not be read, and why.
     Broken(String),
@@ -161,7 +161,7 @@ impl Observer {
         Ok(Some(observer))
     }
 
-    /// Which signals a record holds.
+    /// Returns the layout of the records.
     #[must_use]
     pub const fn layout(&self) -> &RecordLayout {
         &self.layout
@@ -209,7 +209,7 @@ impl Observer {
         Ok(taken)
     }
 
-    /// How long to sleep until the next look: by how much there was at the last ones.
+    /// Computes the sleep until the next look from the yield of the last ones.
     #[must_use]
     pub const fn nap(&self) -> Duration {
         if self.has_more {

@@ -1,4 +1,4 @@
-//! Where the requirements of a running session stand, for those who watch it.
+//! State of the requirements of a running session, for observers.
 //!
 //! The `hil` that runs a session listens on a socket of its own. Asked, it has the recorder, which
 //! judges every record from step 0 on, say what came of each requirement so far: one who joined late
@@ -18,12 +18,12 @@ use crate::terminal::exit::Failure;
 
 /// Name of the socket in the session's folder.
 const SOCKET: &str = "standing";
-/// How long the recorder may take to answer.
+/// Limit for the recorder's answer.
 const ANSWER_LIMIT: Duration = Duration::from_secs(1);
-/// How long whoever asks waits for that.
+/// Limit of the asking side's wait.
 const ASK_LIMIT: Duration = Duration::from_secs(2);
 
-/// Where a requirement stands.
+/// State of a requirement.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Standing {
     /// Its name.
@@ -32,9 +32,9 @@ pub struct Standing {
     pub verdict: String,
     /// The margin in `unit`, once everything that the formula looks at has come.
     pub robustness: Option<f64>,
-    /// What the margin will not be below.
+    /// Lower bound of the margin.
     pub at_least: Option<f64>,
-    /// What the margin will not be above: of an `always`, the least margin so far.
+    /// Upper bound of the margin: of an `always`, the least margin so far.
     pub at_most: Option<f64>,
     /// Unit of the margin.
     pub unit: String,
@@ -60,7 +60,7 @@ pub fn of(evaluation: &Evaluation) -> Vec<Standing> {
         .collect()
 }
 
-/// Where questions wait for the recorder.
+/// Queue of questions to the recorder.
 #[derive(Debug, Default)]
 pub struct Board {
     is_asked: AtomicBool,
@@ -90,11 +90,11 @@ impl Board {
     }
 }
 
-/// What is asked.
+/// Question.
 #[derive(Debug, Serialize, Deserialize)]
 struct Request {}
 
-/// What is answered; `None` if the recorder is busy or has ended.
+/// Answer; `None` if the recorder is busy or has ended.
 #[derive(Debug, Serialize, Deserialize)]
 struct Response {
     standings: Option<Vec<Standing>>,

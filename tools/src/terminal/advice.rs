@@ -1,4 +1,4 @@
-//! What to do about what the operating system refused.
+//! Advice on refusals of the operating system.
 //!
 //! Its errors come from everywhere, also as text: from logs of both sides, recordings and answers of
 //! sessions. All of them have the number that Rust puts behind them, and by that they are known here, in
@@ -7,7 +7,7 @@
 use rustix::io::Errno;
 use shared_types::shared_memory::{self, FOLDER};
 
-/// What to do about the first refusal of the system in a text, if it does not say so itself.
+/// Advises on the first refusal of the system in a text, unless the text has advice already.
 pub fn on(told: &str) -> Option<String> {
     let (before, number) = told.split_once("(os error ")?;
     let number: i32 = number.split_once(')')?.0.parse().ok()?;

@@ -19,7 +19,7 @@ use signal_hook::low_level::pipe;
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::output;
 
-/// Whether a signal ends the process at once.
+/// A signal ends the process at once.
 static AT_ONCE: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 
 /// Makes Ctrl-C the end of this process, with its exit code, until a command listens.
@@ -38,7 +38,7 @@ fn end_on(signal: i32) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Whether the user wants the command to end.
+/// Wish of the user that the command ends.
 #[derive(Clone, Debug, Default)]
 pub struct Interruption(Arc<AtomicBool>);
 
@@ -61,7 +61,7 @@ impl Interruption {
         Ok(Self(flag))
     }
 
-    /// Whether a signal came.
+    /// Reports a signal that came.
     #[must_use]
     pub fn came(&self) -> bool {
         self.0.load(Ordering::Acquire)

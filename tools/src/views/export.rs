@@ -135,7 +135,7 @@ fn format(asked: Option<ExportFormat>, path: Option<&Path>) -> Result<ExportForm
     })
 }
 
-/// What can be exported, as a person or a machine reads it.
+/// Writes the list of signals for a person or a machine.
 fn listing(signals: &[Column], as_json: bool) -> Result<String, Failure> {
     if as_json {
         #[derive(Serialize)]
@@ -165,7 +165,7 @@ fn cannot_write(path: Option<&Path>, error: &std::io::Error) -> Failure {
     Failure::infrastructure(format!("cannot write {what}: {error}{hint}"))
 }
 
-/// Which steps are exported.
+/// Choice of the exported steps.
 struct Picking {
     rate: Rate,
     from_s: f64,
@@ -188,7 +188,7 @@ impl Picking {
     }
 }
 
-/// What was exported.
+/// Counts of an export.
 #[derive(Debug, Default, Serialize)]
 struct Exported {
     file: Option<String>,
@@ -204,7 +204,7 @@ struct Exported {
     scenario: Option<String>,
     /// Of the whole recording as far as it goes, whatever was chosen of it.
     digest: String,
-    /// Whether the recording was finished.
+    /// The recording was finished.
     whole: bool,
 }
 
@@ -313,7 +313,7 @@ impl Work {
     }
 }
 
-/// What it means that nothing more can be written.
+/// Tells a reader that went away, which is no failure, from any other write error.
 fn unless_gone(path: Option<&Path>, error: &std::io::Error) -> Result<Option<Exported>, Failure> {
     match error.kind() {
         ErrorKind::BrokenPipe => Ok(None),

@@ -48,11 +48,11 @@ use display::{Abilities, Display};
 use model::Model;
 use watch::{Audience, Watch};
 
-/// How often it is looked for a session.
+/// Interval between two looks for a session.
 const LOOK: Duration = Duration::from_millis(20);
-/// How long a session may take to say what it runs.
+/// Limit for a session to publish its scenario.
 const START_LIMIT: Duration = Duration::from_secs(20);
-/// How long figures are gathered for one line.
+/// Time over which the figures of one line are gathered.
 const GATHER: Duration = Duration::from_millis(600);
 
 /// The model, of which one thread at a time has a hold.
@@ -116,11 +116,11 @@ pub fn monitor(arguments: &MonitorArguments) -> Result<Exit, Failure> {
     Ok(Exit::Pass)
 }
 
-/// What serves the session to others, as long as it is kept.
+/// Server of the session to others; dropping it ends the service.
 struct Served {
-    /// Where, as a person reads it.
+    /// Address, as a person reads it.
     told: String,
-    /// What takes what is seen, until the watch has it.
+    /// Consumer of the observed records, until the watch takes it.
     audience: Option<Box<dyn Audience>>,
     _server: Box<dyn Any>,
 }
@@ -191,7 +191,7 @@ fn find(arguments: &MonitorArguments, interruption: &Interruption) -> Result<Ses
     }
 }
 
-/// What the session says of itself.
+/// Waits for the notice of a session.
 fn notice(session: &SessionInfo, interruption: &Interruption) -> Result<Notice, Failure> {
     let name = &session.name;
     let since = Instant::now();

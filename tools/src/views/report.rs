@@ -38,12 +38,12 @@ use grid::Grid;
 use plots::plots;
 use run::{Run, Signals};
 
-/// How often a signal is looked for.
+/// Interval between two looks for a signal.
 const LOOK: Duration = Duration::from_millis(5);
 /// Most runs of one report: more colours are not told apart.
 const MOST_RUNS: usize = 8;
 
-/// What was written.
+/// Summary of the written page.
 #[derive(Debug, Serialize)]
 struct Written {
     file: String,

@@ -27,19 +27,19 @@ pub const CLASSES_NS: [u64; 5] = [5_000, GOOD_NS, FAIR_NS, UNFIT_NS, 5_000_000];
 /// The holes on one core.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Gaps {
-    /// Which core.
+    /// Number of the core.
     pub core: u32,
-    /// How long it was watched.
+    /// Time of observation.
     pub watched_ns: u64,
-    /// How long a reading of the clock takes without a hole, on average.
+    /// Mean duration of a reading of the clock without a hole.
     pub reading_ns: f64,
     /// Time in holes.
     pub lost_ns: u64,
     /// The longest hole.
     pub longest_ns: u64,
-    /// How many holes are of each class; see [`CLASSES_NS`].
+    /// Number of holes in each class; see [`CLASSES_NS`].
     pub holes: [u64; CLASSES_NS.len()],
-    /// How often the kernel gave the core to another thread meanwhile, if it tells.
+    /// Number of switches to other threads meanwhile, if the kernel tells.
     pub switches: Option<u64>,
 }
 

@@ -36,7 +36,7 @@ pub const fn jitter_grade(longest_ns: u64) -> Grade {
     }
 }
 
-/// What the grade leaves unsaid.
+/// Returns the remark that the grade leaves out.
 const fn remark(longest_ns: u64) -> &'static str {
     if longest_ns > UNFIT_NS {
         ": unfit for real time"
@@ -109,7 +109,7 @@ impl Drop for ExactTimers {
     }
 }
 
-/// How the kernel schedules a thread.
+/// Scheduling class of a thread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Class {
     policy: u32,
@@ -141,7 +141,7 @@ impl Class {
         Some(Self { policy, priority })
     }
 
-    /// Whether it comes before all ordinary work.
+    /// Reports a class that comes before all ordinary work.
     #[must_use]
     pub const fn is_real_time(self) -> bool {
         matches!(self.policy, 1 | 2 | 6)

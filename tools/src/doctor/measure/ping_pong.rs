@@ -25,9 +25,9 @@ const CHECK: Check = Check::new(
 const WARM_UP: u64 = 1_000;
 /// Polls between two looks at the clock while an answer is late.
 const POLLS: u32 = 1_024;
-/// How long an answer may take before it is given up: the partner may have lost its core for a while.
+/// Limit for an answer: the partner may have lost its core for a while.
 const GIVE_UP_NS: u64 = 5_000_000_000;
-/// What ends the partner.
+/// Number that ends the partner.
 const END: u64 = u64::MAX;
 
 /// Median under which the cores share a cache.

@@ -1,4 +1,4 @@
-//! How late a sleeping thread wakes up: at 1 kHz, by absolute deadlines, with and without other work.
+//! Lateness of a sleeping thread: at 1 kHz, by absolute deadlines, with and without other work.
 
 use std::io;
 use std::sync::Arc;
@@ -33,7 +33,7 @@ pub const IDLE: Check = Check::new(
 /// Wake-ups while every core works.
 pub const LOADED: Check = Check::new("wake_up_loaded", "a busy machine must not make a step late");
 
-/// How late wake-ups were.
+/// Lateness of wake-ups.
 #[derive(Clone, Debug)]
 pub struct WakeUps {
     lateness_ns: Histogram<u64>,

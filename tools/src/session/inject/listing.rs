@@ -22,7 +22,7 @@ use crate::terminal::exit::Failure;
 use crate::terminal::interruption::Interruption;
 use text::{in_full, in_short};
 
-/// What one plant can suffer.
+/// Faults that one plant offers.
 #[derive(Debug, Serialize)]
 struct Listing {
     /// The session that was asked; null: a binary was.

@@ -24,7 +24,7 @@ struct Kind<'a> {
     list: Option<&'a ListDescription>,
 }
 
-/// How an effect of a kind says what it acts on.
+/// Form in which an effect of a kind names its target.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum TargetKey<'a> {
     /// By the number of a part of the plant, `actuator = 1`.
@@ -35,7 +35,7 @@ enum TargetKey<'a> {
     Plant,
 }
 
-/// What a key of the command line means.
+/// Meaning of a key of the command line.
 #[derive(Clone, Copy)]
 enum Key<'a> {
     Selector,
@@ -43,7 +43,7 @@ enum Key<'a> {
     List(&'a ListDescription),
 }
 
-/// What was typed, sorted by what it means.
+/// Typed words, sorted by meaning.
 #[derive(Default)]
 struct Sorted<'a> {
     targets: Vec<String>,
@@ -270,7 +270,7 @@ impl<'a> Kind<'a> {
         }
     }
 
-    /// Whether a word that stands where the values begin is a target, of which the kind has but one.
+    /// Reports a word at the begin of the values that is a target of a kind with only one.
     fn is_other_target(&self, word: &str) -> bool {
         let has_one = matches!(self.target, TargetKey::Name(Some(_)) | TargetKey::Plant);
         let names = ["plant", "controller"];

@@ -1,4 +1,4 @@
-//! What the plant refuses, in the words of the command line.
+//! Refusals of the plant, in the words of the command line.
 //!
 //! The plant checks a fault as it would a scenario's and names the keys of its text, such as
 //! `faults[0].effects[0].bias`, which nobody typed.

@@ -43,7 +43,7 @@ impl Derived {
     }
 }
 
-/// Where a table comes from and the units of its columns, for the metadata of a file.
+/// Returns the origin of a table and the units of its columns, for the metadata of a file.
 pub(super) fn metadata(reader: &RunReader, columns: &[Column]) -> Vec<(String, String)> {
     let with_unit = columns.iter().filter(|column| !column.unit.is_empty());
     let units: BTreeMap<&str, &str> = with_unit

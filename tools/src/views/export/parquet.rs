@@ -22,7 +22,7 @@ const GROUP_CELLS: usize = 1 << 22;
 /// A table being written.
 pub(super) struct Parquet<W: Write + Send> {
     file: SerializedFileWriter<W>,
-    /// What is not written yet.
+    /// Columns that are not written yet.
     columns: Vec<Cells>,
     rows: usize,
     group_rows: usize,

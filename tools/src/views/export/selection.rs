@@ -1,4 +1,4 @@
-//! Which columns a table gets, and where in a record each of them stands.
+//! Columns of a table, and the place of each in a record.
 
 use std::collections::BTreeSet;
 
@@ -22,7 +22,7 @@ pub(super) struct Selection {
     last: Option<u64>,
 }
 
-/// Where the cells of a column come from.
+/// Source of a column's cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Source {
     Step,
@@ -33,7 +33,7 @@ enum Source {
     Count(usize),
     /// A measured time, 0 where there was nothing to be measured.
     Measured(usize),
-    /// What an exchange of sample and command has, which the last record of a run is without.
+    /// Word of an exchange of sample and command, which the last record of a run lacks.
     Exchanged(usize),
     /// A derived signal, by its number.
     Derived(usize),
@@ -44,7 +44,7 @@ enum Source {
     },
 }
 
-/// What a recording has to offer.
+/// Columns that a recording offers.
 pub(super) struct Offer {
     /// Signals, then derived ones, then counts.
     pub(super) columns: Vec<Column>,
@@ -167,7 +167,7 @@ impl Offer {
         Failure::usage(message + "\n  `hil export RUN --list` shows all")
     }
 
-    /// Where the bit stands that marks a signal as invalid; `None` if it never is.
+    /// Finds the bit that marks a signal as invalid; `None` if there is none.
     fn invalid(&self, reader: &RunReader, name: &str) -> Result<Option<Source>, Failure> {
         let is_answer = name.starts_with("command.") || name.starts_with("internal.");
         let sent = match &self.sent_commands {

@@ -20,7 +20,7 @@ pub(super) struct Column {
     pub(super) is_optional: bool,
 }
 
-/// What the cells of a column are.
+/// Type of a column's cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Kind {
@@ -28,7 +28,7 @@ pub(super) enum Kind {
     Number,
     /// Steps, nanoseconds, bits.
     Count,
-    /// Whether something holds.
+    /// True or false.
     Flag,
 }
 

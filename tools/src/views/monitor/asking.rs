@@ -14,13 +14,13 @@ use super::SharedModel;
 use crate::session::live::{Unmet, refused_text};
 use crate::session::{clock, inject, standing};
 
-/// How often it is asked where the run is, which costs the loop nothing.
+/// Interval between two requests for the run's status, which cost the loop nothing.
 const STATUS: Duration = Duration::from_millis(250);
-/// How often it is asked which faults there are.
+/// Interval between two requests for the faults.
 const FAULTS: Duration = Duration::from_secs(1);
-/// How long an answer to a regular question is worth waiting for.
+/// Limit for the answer to a regular request.
 const SHORT_LIMIT: Duration = Duration::from_secs(2);
-/// How long a plant may take to answer a person: longer than it waits for its own loop.
+/// Limit for the answer to a person: longer than the plant waits for its own loop.
 const LIMIT: Duration = Duration::from_secs(20);
 
 /// The thread as its owner sees it.

@@ -1,4 +1,4 @@
-//! What a person chose to see, and what the keys do.
+//! Choices of the person at the monitor, and the effects of keys.
 //!
 //! Fed with keys by the [screen](super::screen), read by the [view](super::view). Asks nobody: a key
 //! that asks something of the session is returned as an [`Action`].
@@ -15,10 +15,10 @@ const WINDOWS_S: [f64; 17] = [
     0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0, 120.0, 300.0, 600.0, 1800.0,
     3600.0,
 ];
-/// How many steps `S` goes on.
+/// Number of steps that `S` executes.
 const MANY_STEPS: u64 = 100;
 
-/// What a terminal can show.
+/// Abilities of a terminal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Abilities {
     /// Characters beyond ASCII.
@@ -47,15 +47,15 @@ impl Abilities {
     }
 }
 
-/// What is to be confirmed.
+/// Action to be confirmed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Question {
-    /// As a person reads it.
+    /// Text for the person.
     pub text: String,
     request: Request,
 }
 
-/// What a key asks for.
+/// Request of a key.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Action {
     /// Nothing of the session.
@@ -68,10 +68,10 @@ pub enum Action {
     Ask(Request),
 }
 
-/// What a person chose.
+/// Choices of the person.
 #[derive(Clone, Debug)]
 pub struct Display {
-    /// What the terminal can show.
+    /// Abilities of the terminal.
     pub abilities: Abilities,
     /// Width of the time axis in s.
     pub window_s: f64,
@@ -79,9 +79,9 @@ pub struct Display {
     pub first_plot: usize,
     /// The help is shown.
     pub helps: bool,
-    /// What is to be confirmed.
+    /// Action to be confirmed.
     pub question: Option<Question>,
-    /// What the session last answered.
+    /// Last answer of the session.
     pub answer: Option<String>,
     /// Faults that keys put in.
     pub prepared: Vec<Prepared>,

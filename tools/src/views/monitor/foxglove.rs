@@ -28,19 +28,19 @@ use crate::terminal::exit::Failure;
 use message::{Asked, asked};
 use outlet::{Data, Hub, Outlet};
 
-/// What is spoken, in all its names.
+/// Names of the protocol.
 const SUBPROTOCOLS: [&str; 2] = ["foxglove.websocket.v1", "foxglove.sdk.v1"];
 /// Most clients at a time.
 const CLIENTS: usize = 8;
 /// Records that wait for a client.
 const WAITING: usize = 512;
-/// How long a client may take to say who it is.
+/// Limit for the handshake of a client.
 const HANDSHAKE_LIMIT: Duration = Duration::from_secs(5);
-/// How long a client is given to take what is left for it at the end.
+/// Limit for a client to take the rest at the end.
 const END_LIMIT: Duration = Duration::from_secs(2);
-/// How often a client is listened to.
+/// Interval between two looks for messages of a client.
 const LISTEN: Duration = Duration::from_millis(20);
-/// How often a client is told that it is too slow.
+/// Interval between two warnings to a slow client.
 const TELL: Duration = Duration::from_secs(1);
 /// Longest that a client may say.
 const LONGEST: usize = 64 << 10;
@@ -81,13 +81,13 @@ impl Serving {
         Ok(Self { hub, address })
     }
 
-    /// Where it serves.
+    /// Returns the address of the server.
     #[must_use]
     pub const fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// What takes what the monitor sees, at most so many records a second.
+    /// Returns the consumer of the monitor's records, limited to `rate` records a second.
     #[must_use]
     pub fn outlet(&self, plan: &Plan, records_per_s: f64) -> Outlet {
         Outlet::new(Arc::clone(&self.hub), plan.run.rate, records_per_s)

@@ -1,4 +1,4 @@
-//! What a signal did: the least and the greatest value in every stretch of time, near and far.
+//! History of a signal: the least and the greatest value in every stretch of time, near and far.
 //!
 //! Fed with every value by the [model](super::model), read column by column by the
 //! [view](super::view). However many values a column stands for, their extremes are in it: no spike is
@@ -51,7 +51,7 @@ impl Range {
 /// A stretch of a level.
 #[derive(Clone, Copy)]
 struct Bin {
-    /// Which of its level, from step 0.
+    /// Number in its level, from step 0.
     number: u64,
     range: Range,
 }

@@ -1,4 +1,4 @@
-//! What the terminal tells the view: keys, and its new size.
+//! Input of the view: keys, and the new size of the terminal.
 //!
 //! It is read on a thread of its own, because crossterm never stops looking for keys in a terminal that
 //! is gone. Whether it is gone, the loop of the view looks itself.
@@ -47,7 +47,7 @@ impl Keys {
     }
 }
 
-/// Whether nobody is at the other end of the terminal any more.
+/// Reports a terminal whose other end is closed.
 #[must_use]
 pub fn terminal_is_gone() -> bool {
     let input = io::stdin();

@@ -6,7 +6,7 @@ use shared_types::record::Outcome;
 use super::model::{Ending, Judged, Model};
 use crate::terminal::duration::shown_ns;
 
-/// How the session ended, with where its run is.
+/// Describes the end of the session, with the folder of its run.
 #[must_use]
 pub fn ended(model: &Model, ending: &Ending) -> String {
     let mut text = format!("{} ended: ", model.plan().name);
@@ -42,7 +42,7 @@ const fn told(outcome: Outcome) -> &'static str {
     }
 }
 
-/// Where the session is.
+/// Describes the state of the session in one line.
 #[must_use]
 pub fn text(model: &Model, now_ns: u64) -> String {
     if let Some(ending) = model.ending() {

@@ -1,4 +1,4 @@
-//! What is known of the watched session: fed by its records, its events and the answers of its plant.
+//! State of the watched session, fed by its records, its events and the answers of its plant.
 //!
 //! Drawn by the [view](super::view), told in one line by the [line](super::line). Knows no terminal and
 //! asks nobody.
@@ -21,7 +21,7 @@ use crate::session::standing::Standing;
 use crate::terminal::exit::Failure;
 use crate::views::plots::bounds::bounds;
 
-/// How the watched run ended.
+/// End of the watched run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Ending {
     /// Its last word in the record stream.
@@ -36,11 +36,11 @@ pub struct Ending {
     pub is_gone: bool,
     /// `hil` is gone and wrote no summary, as when it was killed.
     pub is_abandoned: bool,
-    /// What it recorded until then is there to be recovered.
+    /// A recording is left that can be recovered.
     pub is_recoverable: bool,
 }
 
-/// What is known of the requirements.
+/// State of the requirements.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Judged {
     /// Nobody was asked yet.
@@ -48,7 +48,7 @@ pub enum Judged {
     Unknown,
     /// `hil` gave no answer.
     Silent,
-    /// What it said.
+    /// Answer of `hil`.
     Known(Vec<Standing>),
 }
 
@@ -64,7 +64,7 @@ struct Trace {
 pub struct Model {
     /// Name of the session.
     pub session: String,
-    /// Where its run is written, if it is.
+    /// Folder of the run, if it is recorded.
     pub run_dir: Option<PathBuf>,
     plan: Plan,
     /// The law that answers now.
@@ -230,12 +230,12 @@ impl Model {
         }
     }
 
-    /// Where the plant says it is.
+    /// Takes the status that the plant reports.
     pub fn hear_status(&mut self, status: Status) {
         self.status = Some(status);
     }
 
-    /// Which faults the plant says there are.
+    /// Takes the faults that the plant reports.
     pub fn hear_faults(&mut self, faults: Vec<FaultState>) {
         self.faults = faults;
     }
@@ -317,13 +317,13 @@ impl Model {
         self.joined.filter(|step| *step > 0)
     }
 
-    /// Whether the plant says that the run is held.
+    /// Reports a run that the plant holds.
     #[must_use]
     pub fn is_paused(&self) -> bool {
         self.status.as_ref().is_some_and(|status| status.paused)
     }
 
-    /// How the run ended, if it did.
+    /// Returns the end of the run, if it has ended.
     #[must_use]
     pub const fn ending(&self) -> Option<&Ending> {
         self.ending.as_ref()
@@ -356,7 +356,7 @@ impl Model {
         &self.pace
     }
 
-    /// What is drawn.
+    /// Returns the plots.
     #[must_use]
     pub fn plots(&self) -> &[Plot] {
         &self.plots
@@ -368,7 +368,7 @@ impl Model {
         self.trace(signal).map_or(f64::NAN, |trace| trace.value)
     }
 
-    /// What a signal that is drawn did.
+    /// Returns the history of a signal that is drawn.
     #[must_use]
     pub fn history(&self, signal: usize) -> Option<&History> {
         self.trace(signal).map(|trace| &trace.history)

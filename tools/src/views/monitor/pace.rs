@@ -1,4 +1,4 @@
-//! How fast a run goes and how long its exchanges take, over the last seconds.
+//! Speed of a run and times of its exchanges, over the last seconds.
 //!
 //! Fed with the timing of every record by the [model](super::model). Uses the clock of the records
 //! alone, so that a burst that arrives late is not taken for speed.
@@ -10,11 +10,11 @@ use shared_types::record::Timing;
 
 use crate::results::latency::percentiles::Percentiles;
 
-/// How far back the speed looks, in ns.
+/// Time over which the speed is computed, in ns.
 const SPEED_NS: u64 = 2_000_000_000;
-/// How often a moment is kept for that.
+/// Interval between two kept moments.
 const KEPT_NS: u64 = 50_000_000;
-/// How many seconds the percentiles look back.
+/// Time over which the percentiles are computed, in s.
 pub const SECONDS: u64 = 5;
 /// Longest latency that is told apart: a minute.
 const LONGEST_NS: u64 = 60_000_000_000;

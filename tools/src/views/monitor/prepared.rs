@@ -22,15 +22,15 @@ use crate::terminal::exit::Failure;
 
 /// Most that there are keys for.
 const MOST: usize = 9;
-/// How long a session may take until it can be asked what is possible.
+/// Limit for a session to say which faults are possible.
 const START_LIMIT: Duration = Duration::from_secs(20);
-/// How often it is looked whether it can.
+/// Interval between two attempts.
 const LOOK: Duration = Duration::from_millis(10);
 
 /// A fault that is ready to be put in.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Prepared {
-    /// What was typed.
+    /// Typed words.
     pub words: String,
     /// The request's text.
     pub toml: String,

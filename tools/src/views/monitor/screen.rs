@@ -14,7 +14,7 @@ use super::{SharedModel, view};
 use crate::terminal::exit::Failure;
 use crate::terminal::interruption::Interruption;
 
-/// How often a picture is drawn, if no key asks for one.
+/// Interval between two pictures, if no key asks for one.
 const PICTURE: Duration = Duration::from_millis(100);
 
 /// Shows the session until somebody leaves.

@@ -17,7 +17,7 @@ use ratatui::crossterm::terminal::{
     EnterAlternateScreen, LeaveAlternateScreen, disable_raw_mode, enable_raw_mode,
 };
 
-/// Whether the terminal is the view's.
+/// The view has the terminal.
 static TAKEN: AtomicBool = AtomicBool::new(false);
 
 /// The terminal in the view's hands. Dropping it gives it back.
@@ -52,7 +52,7 @@ impl Screen {
         }
     }
 
-    /// What is drawn on.
+    /// Returns the terminal to draw on.
     pub fn terminal(&mut self) -> &mut Terminal<CrosstermBackend<Stdout>> {
         &mut self.terminal
     }

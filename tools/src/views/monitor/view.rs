@@ -201,7 +201,7 @@ fn bold<'a>(text: impl Into<std::borrow::Cow<'a, str>>) -> Span<'a> {
     Span::styled(text, Modifier::BOLD)
 }
 
-/// How a word that decides something looks.
+/// Returns the style of a word that decides something.
 fn emphasis(abilities: Abilities, word: &str) -> Style {
     let style = Style::new().add_modifier(Modifier::BOLD);
     let colour = match word {

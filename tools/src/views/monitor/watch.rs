@@ -17,14 +17,14 @@ use super::{SharedModel, line};
 use crate::session::observer::{Observer, Seen};
 use crate::terminal::exit::Failure;
 
-/// How often it is looked whether the session begins.
+/// Interval between two looks for the begin of the session.
 const BEGIN: Duration = Duration::from_millis(20);
-/// How often it is looked whether the session is still there when nothing comes.
+/// Interval between two looks for the session while nothing comes.
 const LOOK: Duration = Duration::from_millis(200);
-/// How long a session may take to go after its last word, and its summary to come after that.
+/// Limit for the end of a session after its last record, and for its summary after that.
 const END_LIMIT: Duration = Duration::from_secs(20);
 
-/// Who gets what is seen besides the model; called by the watching thread, which it must not hold up.
+/// A second consumer of the observed records; called on the observer thread, must not block.
 pub trait Audience: Send {
     /// The signals are known.
     fn attach(&mut self, layout: &RecordLayout);
@@ -79,13 +79,13 @@ impl Watch {
         let _ = self.first.recv(); // an error is told by `failure`
     }
 
-    /// What keeps it from watching, if anything does.
+    /// Returns the failure that keeps it from watching, if there is one.
     #[must_use]
     pub fn failure(&self) -> Option<Failure> {
         self.failures.try_recv().ok()
     }
 
-    /// Whether there is nothing more to come.
+    /// Reports the end of the records.
     #[must_use]
     pub fn has_ended(&self) -> bool {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)

@@ -1,4 +1,4 @@
-//! What the script of a report draws: signals over the grid, plots, faults and histograms, as JSON.
+//! Data for the script of a report: signals over the grid, plots, faults and histograms, as JSON.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -18,7 +18,7 @@ use crate::benchmark::bars::classes;
 /// All of it.
 #[derive(Debug, Serialize)]
 pub(super) struct Data {
-    /// Where each bucket begins in s, little-endian double precision.
+    /// Beginnings of the buckets in s, little-endian double precision.
     grid: String,
     /// When the longest run ends, in s.
     end_s: f64,
@@ -31,7 +31,7 @@ struct RunData {
     label: String,
     period_s: f64,
     faults: Vec<SpanData>,
-    /// Where another controller took over, or none was there any more.
+    /// Handovers and losses of controllers.
     changes: Vec<SpanData>,
     signals: BTreeMap<String, SignalData>,
     spikes: Vec<SpikeData>,
@@ -61,7 +61,7 @@ struct SpikeData {
 #[derive(Debug, Serialize)]
 struct HistogramData {
     leg: &'static str,
-    /// Where classes begin, and where the last one ends.
+    /// Lower ends of the classes, and the upper end of the last one.
     from_ns: Vec<u64>,
     count: Vec<u64>,
 }

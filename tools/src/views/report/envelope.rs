@@ -7,7 +7,7 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
 
-/// What half the range of single precision is: beyond it, and below its inverse, values are written in double.
+/// Half the range of single precision: beyond it, and below its inverse, values are written in double.
 const SINGLE: f64 = 1e37;
 /// Values that differ by less than this part of themselves are written in double, too.
 const FINE: f64 = 1e-4;
@@ -23,19 +23,19 @@ pub(super) struct Envelope {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub(super) enum Written {
-    /// It has one value wherever it exists.
+    /// One value wherever the signal exists.
     Constant {
         /// The value.
         value: f64,
     },
-    /// It is another signal's.
+    /// Envelope of another signal.
     Same {
-        /// That signal's name.
+        /// Name of the other signal.
         same: String,
     },
-    /// It has these, little-endian.
+    /// Values, little-endian.
     Values {
-        /// Whether they are in double precision and not in single.
+        /// Double precision instead of single.
         is_double: bool,
         /// The least of each bucket.
         least: String,
@@ -74,7 +74,7 @@ impl Envelope {
         ends.into_iter().filter(|value| !value.is_nan())
     }
 
-    /// Whether there is a value at all.
+    /// Reports any value at all.
     pub(super) fn exists(&self) -> bool {
         self.least.iter().any(|value| !value.is_nan())
     }
@@ -87,7 +87,7 @@ impl Envelope {
             .then_some(first)
     }
 
-    /// Whether it looks the same as another.
+    /// Reports an envelope that looks the same.
     pub(super) fn is_same(&self, other: &Self) -> bool {
         let are_same = |a: &[f64], b: &[f64]| {
             let bits = a.iter().zip(b).map(|(a, b)| (a.to_bits(), b.to_bits()));
@@ -96,7 +96,7 @@ impl Envelope {
         are_same(&self.least, &other.least) && are_same(&self.greatest, &other.greatest)
     }
 
-    /// Whether single precision would show something else.
+    /// Reports values that single precision would show otherwise.
     fn is_double(&self) -> bool {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         for value in self
@@ -120,7 +120,7 @@ impl Envelope {
         high - low < FINE * size
     }
 
-    /// As the page reads it.
+    /// Returns the form that the page reads.
     pub(super) fn written(&self) -> Written {
         if let Some(value) = self.constant() {
             return Written::Constant { value };

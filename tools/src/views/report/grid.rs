@@ -71,7 +71,7 @@ impl Grid {
         bucket
     }
 
-    /// Where each bucket begins, in s.
+    /// Beginnings of the buckets, in s.
     pub(super) fn starts_s(&self) -> Vec<f64> {
         self.edges_ns.iter().map(|ns| *ns as f64 / 1e9).collect()
     }

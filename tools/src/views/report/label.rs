@@ -1,4 +1,4 @@
-//! What the runs of a report are called: the shortest that tells each from the others.
+//! Labels of a report's runs: for each the shortest that tells it from the others.
 //!
 //! The law, else scenario and law; runs that share these by the settings in which they differ, as
 //! `--set` has them, and then by their programs. Only what nothing tells apart is numbered.
@@ -13,7 +13,7 @@ use super::run::Run;
 /// Most settings in a label.
 const MOST: usize = 3;
 
-/// What can tell a run from another.
+/// Facts that can tell a run from another.
 #[derive(Clone, Debug, Default)]
 struct Facts {
     law: String,

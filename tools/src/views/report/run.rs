@@ -34,9 +34,9 @@ const TIMES: [&str; 7] = [
     "held_steps",
 ];
 
-/// What came of a run.
+/// Result of a run.
 pub(super) struct Run {
-    /// What tells it from the others of the report.
+    /// Text that tells the run from the others of the report.
     pub(super) label: String,
     pub(super) path: PathBuf,
     pub(super) outcome: RecordedOutcome,
@@ -54,7 +54,7 @@ pub(super) struct Run {
     pub(super) laws: Laws,
     /// The same as a person reads it.
     told_laws: String,
-    /// What a reader should know before anything else.
+    /// Warnings for the reader, before anything else.
     pub(super) notes: Vec<String>,
 }
 
@@ -190,7 +190,7 @@ impl Run {
             .collect()
     }
 
-    /// What reads its signals.
+    /// Returns the reading of the run's signals.
     pub(super) fn reading<'a>(&'a self, extra: &'a [plan::Derived]) -> Reading<'a> {
         Reading {
             path: &self.path,
@@ -201,7 +201,7 @@ impl Run {
     }
 }
 
-/// What the signals of a run are read with.
+/// Inputs for reading the signals of a run.
 pub(super) struct Reading<'a> {
     path: &'a Path,
     rate: Rate,

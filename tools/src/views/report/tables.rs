@@ -13,7 +13,7 @@ use crate::results::requirements::Requirement;
 use crate::results::summary::{Metric, of_law};
 use crate::terminal::duration::shown_ns;
 
-/// What levels of evidence mean.
+/// Meanings of the levels of evidence.
 const EVIDENCE: [(&str, &str); 4] = [
     (
         "in-process",
@@ -30,7 +30,7 @@ const EVIDENCE: [(&str, &str); 4] = [
     ),
 ];
 
-/// Who ran, how it ended, how fast.
+/// Writes the table of runs: programs, end and speed.
 pub(super) fn runs(runs: &[Run]) -> Markup {
     html! {
         div.scroll tabindex="0" { table {
@@ -174,13 +174,13 @@ fn is_same(a: &Metric, b: &Metric) -> bool {
     a.name == b.name && a.window_s == b.window_s
 }
 
-/// What others published of a metric's window for the law that answered it.
+/// Returns the published value of a metric's window for the law that answered it.
 fn published<'a>(run: &'a Run, metric: &Metric) -> Option<&'a Published> {
     let (published, _) = of_law(run.plan()?, &run.laws, metric)?;
     Some(published)
 }
 
-/// What became of faults and controllers.
+/// Writes the tables of faults and controllers.
 pub(super) fn events(runs: &[Run]) -> Markup {
     html! {
         @for (number, run) in runs.iter().enumerate() {

@@ -6,7 +6,7 @@ use super::*;
 use crate::arguments::{Command, CommandLine};
 use crate::programs::rig;
 
-/// What is possible for the rig.
+/// The faults that the rig offers.
 pub(crate) fn possible() -> Possible {
     let plant = rig::plant();
     Possible {

@@ -14,10 +14,10 @@ use super::outlet::Data;
 pub const RECORDS: u64 = 1;
 /// Channel of the events.
 pub const EVENTS: u64 = 2;
-/// What the first byte of a message with data is.
+/// First byte of a message with data.
 const MESSAGE_DATA: u8 = 1;
 
-/// What a client asks for.
+/// Request of a client.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Asked {
     /// Subscriptions by number, each of a channel.
@@ -28,7 +28,7 @@ pub enum Asked {
     Other(String),
 }
 
-/// What a client said.
+/// Parses a message of a client.
 #[must_use]
 pub fn asked(text: &str) -> Asked {
     let said: Value = serde_json::from_str(text).unwrap_or_default();
@@ -48,13 +48,13 @@ pub fn asked(text: &str) -> Asked {
     }
 }
 
-/// Whether there is such a channel.
+/// Reports a channel that exists.
 #[must_use]
 pub const fn is_channel(channel: u64) -> bool {
     matches!(channel, RECORDS | EVENTS)
 }
 
-/// Who serves; the first message to every client.
+/// Names the server: the first message to every client.
 #[must_use]
 pub fn server_info(session: &SessionInfo, scenario: &str) -> String {
     json!({

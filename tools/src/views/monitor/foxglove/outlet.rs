@@ -19,7 +19,7 @@ use super::message::{self, EVENTS, RECORDS};
 use crate::session::observer::Seen;
 use crate::views::monitor::watch::Audience;
 
-/// How often it is looked whether the clients were told.
+/// Interval between two looks for clients that have taken everything.
 const LOOK: Duration = Duration::from_millis(10);
 
 /// A message for those who subscribed to its channel.
@@ -29,7 +29,7 @@ pub struct Data {
     pub channel: u64,
     /// Simulated time.
     pub time_ns: u64,
-    /// As it stands in a recording.
+    /// Bytes of the message, as in a recording.
     pub payload: Vec<u8>,
 }
 
@@ -39,7 +39,7 @@ struct Queue {
     missed: Arc<AtomicU64>,
 }
 
-/// What all clients share.
+/// State that all clients share.
 pub struct Hub {
     server_info: String,
     channels: OnceLock<String>,
@@ -160,7 +160,7 @@ impl Outlet {
         }
     }
 
-    /// Whether a record of this moment is one of those that are picked.
+    /// Decides by its time whether a record is sent.
     fn picks(&mut self, published_ns: u64) -> bool {
         let now_ns = published_ns as f64;
         if now_ns < self.next_ns {

@@ -29,7 +29,7 @@ pub(crate) fn plan() -> Plan {
     plan_of(include_str!("../../../../../scenarios/severe-leakage.toml"))
 }
 
-/// What its plant says that it can suffer.
+/// The faults that the scenario's plant offers.
 pub(crate) fn possible(plan: &Plan) -> Possible {
     Possible {
         rate: plan.run.rate,

@@ -149,12 +149,12 @@ fn title_line<'a>(
     fitting(width, parts)
 }
 
-/// How the scale beside a plot says its range.
+/// Form in which the scale beside a plot gives its range.
 #[derive(Clone, Debug, PartialEq)]
 enum Scale {
     /// One value; what differs by the last bits alone is the same.
     Flat(f64),
-    /// So near to one value that five digits are the same at both ends: how far from it they are.
+    /// Middle and distance of two ends that agree in five digits.
     Around(f64, f64),
     /// The least and the greatest value.
     Ends(f64, f64),
