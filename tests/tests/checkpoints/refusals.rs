@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::moving::MOVING;
-use super::{SCENARIO, assert_same, checkpoint, go_on, made};
+use super::{SCENARIO, assert_same, go_on, made};
 use crate::support::harness::{Rig, until};
 use crate::support::programs::{example, program_of_tests};
 
