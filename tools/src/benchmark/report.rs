@@ -307,8 +307,8 @@ impl Report {
     fn write_heading(table: &mut Table, figures: &Figures) {
         let heading = format!("{} signals", figures.signals);
         table.line("");
-        table.row(&[
-            &heading, &"p50", &"p90", &"p99", &"p99.9", &"p99.99", &"max", &"count",
+        table.cells([
+            &heading, "p50", "p90", "p99", "p99.9", "p99.99", "max", "count",
         ]);
         let limits = [
             ("raw shared memory", &figures.raw_limit_ns),

@@ -32,7 +32,7 @@ pub fn sessions(arguments: &SessionsArguments) -> Result<Exit, Failure> {
     }
     let mut table = Table::new(0, [left(24), right(8), left(20), right(10), left(0)]);
     if !live.is_empty() {
-        table.row(&[&"SESSION", &"PROCESS", &"SCENARIO", &"AGE", &"RUN"]);
+        table.cells(["SESSION", "PROCESS", "SCENARIO", "AGE", "RUN"]);
     }
     for session in live {
         let scenario = Notice::read(&session).and_then(|notice| notice.scenario_name());

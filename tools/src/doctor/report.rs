@@ -66,7 +66,7 @@ impl Report {
             text += "; nothing measured";
         }
         let mut table = Table::new(0, [left(7), left(0), left(0)]);
-        table.row(&[&"GRADE", &"CHECK", &"FOUND"]);
+        table.cells(["GRADE", "CHECK", "FOUND"]);
         for finding in &self.checks {
             let Finding {
                 check,

@@ -74,13 +74,13 @@ pub(crate) fn write(text: &mut String, requirements: &[Requirement]) -> std::fmt
     let unit = left(5).close();
     let columns = [left(0), left(9), right(11), unit, right(9), right(0)];
     let mut table = Table::new(2, columns);
-    table.row(&[
-        &"requirement",
-        &"verdict",
-        &"robustness",
-        &"",
-        &"at [s]",
-        &"decided [s]",
+    table.cells([
+        "requirement",
+        "verdict",
+        "robustness",
+        "",
+        "at [s]",
+        "decided [s]",
     ]);
     for one in requirements {
         let verdict = match one.verdict {

@@ -421,7 +421,7 @@ pub(crate) fn write_metrics(
     let column = if any { "published" } else { "" };
     let columns = [left(0), right(10), right(11), left(4).close()];
     let mut table = Table::new(2, [&columns[..], &[right(9), left(0).close()]].concat());
-    table.row(&[&"metric", &"window [s]", &"value", &"", &column]);
+    table.cells(["metric", "window [s]", "value", "", column]);
     let mut notes = Vec::new();
     for (metric, published) in metrics.iter().zip(published) {
         let [start_s, end_s] = metric.window_s;

@@ -64,14 +64,15 @@ impl Table {
         }
     }
 
-    /// Adds a row, the heading as well; columns at its end may be missing.
+    /// Adds a row; columns at its end may be missing.
     pub fn row(&mut self, cells: &[&dyn Display]) {
         self.cells(cells.iter().map(ToString::to_string));
     }
 
-    /// Adds a row of as many cells as there are.
-    pub fn cells(&mut self, cells: impl IntoIterator<Item = String>) {
-        self.rows.push(Row::Cells(cells.into_iter().collect()));
+    /// Adds a row of texts, as a heading.
+    pub fn cells(&mut self, cells: impl IntoIterator<Item = impl Into<String>>) {
+        let cells = cells.into_iter().map(Into::into);
+        self.rows.push(Row::Cells(cells.collect()));
     }
 
     /// Adds a line that belongs to the row above and to no column.

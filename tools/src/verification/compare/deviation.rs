@@ -145,7 +145,7 @@ pub(crate) fn write_table(
         "of tolerance",
         "beyond from",
     ];
-    table.cells(headings.into_iter().take(1 + widths.len()).map(Into::into));
+    table.cells(headings.into_iter().take(1 + widths.len()));
     let step = |step: Option<u64>| step.map_or_else(|| "-".into(), |step| step.to_string());
     for signal in signals {
         let max = signal.max_abs_difference;
