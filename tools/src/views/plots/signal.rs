@@ -252,8 +252,8 @@ mod tests {
             ),
             (
                 "Pa",
-                &["truth.pump1_pressure2_pa", "truth.pump2_pressure1_pa"],
-                "truth.pump*_pressure*_pa",
+                &["truth.actuator1_pressure2_pa", "truth.actuator2_pressure1_pa"],
+                "truth.actuator*_pressure*_pa",
                 "1 2|2 1",
             ),
             (
