@@ -458,8 +458,8 @@ pub struct RunEnd {
     /// Frames that failed a check: of the controller, and those that a fault corrupted.
     pub rejected_frames: u64,
     /// Messages and frames of controllers that were passed over.
-    #[serde(default, skip_serializing_if = "Ignored::is_empty")]
-    pub ignored: Ignored,
+    #[serde(default, skip_serializing_if = "nothing_was_ignored")]
+    pub ignored: Box<Ignored>,
     /// What became of each effect of each fault, also of those that never took hold.
     pub effects: Vec<FaultEffectSize>,
     /// Steps that were due before the step before them was done; none in lockstep.
@@ -468,6 +468,10 @@ pub struct RunEnd {
     /// Steps whose command missed its deadline, or did in the run that was repeated.
     #[serde(default)]
     pub missed_commands: Streaks,
+}
+
+fn nothing_was_ignored(ignored: &Ignored) -> bool {
+    ignored.is_empty()
 }
 
 impl RunEnd {
@@ -479,7 +483,7 @@ impl RunEnd {
             outcome,
             reason: None,
             rejected_frames: 0,
-            ignored: Ignored::default(),
+            ignored: Box::default(),
             effects: Vec::new(),
             overruns: Streaks::default(),
             missed_commands: Streaks::default(),

@@ -64,7 +64,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             outcome,
             reason,
             rejected_frames: rejected.total() + self.plant.faults.rejected(),
-            ignored: self.side.ignored() + rejected,
+            ignored: Box::new(self.side.ignored() + rejected),
             effects: self.plant.faults.effects(),
             overruns: (self.pacer)
                 .map(|pacer| pacer.overruns())

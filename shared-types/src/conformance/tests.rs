@@ -7,7 +7,7 @@ use super::{Sentence, WATCHDOG, link, stream};
 use crate::link::iceoryx::IceoryxLink;
 use crate::link::in_process::{self, InProcessLink};
 use crate::session::Session;
-use crate::stream::Owed;
+use crate::stream::Backpressure;
 use crate::stream::iceoryx::{IceoryxSink, IceoryxSource};
 use crate::stream::in_process::{InProcessSink, InProcessSource, pair};
 
@@ -94,7 +94,7 @@ impl stream::Fixture for Iceoryx {
 
     fn connect(&mut self) -> (IceoryxSink, impl FnOnce() -> IceoryxSource + Send + 'static) {
         let info = self.0.info().clone();
-        let sink = IceoryxSink::create(&info, Owed::Everything).expect("creates");
+        let sink = IceoryxSink::create(&info, Backpressure::Always).expect("creates");
         (sink, move || {
             IceoryxSource::open(&info, true).expect("opens")
         })

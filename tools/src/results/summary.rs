@@ -283,7 +283,7 @@ impl Summary {
                 unvouched: None,
             },
             rejected_frames: end.map_or(0, |end| end.rejected_frames),
-            ignored: end.map(|end| end.ignored).unwrap_or_default(),
+            ignored: end.map(|end| *end.ignored).unwrap_or_default(),
             controller: origin.controller,
             controllers: tenures(&ended.controllers, &recorded.changes, plan.run.rate),
             plant: origin.plant,

@@ -8,13 +8,13 @@ use super::prepare::Prepared;
 use crate::arguments::run::LinkKind;
 use crate::checkpoint;
 use crate::files::part_file;
-use hil_recording::reader::RECORDING;
 use crate::results::ended::Ended;
 use crate::results::requirements;
 use crate::results::settings::Realtime;
 use crate::results::summary::Summary;
 use crate::terminal::advice;
 use crate::terminal::exit::{Exit, Failure};
+use hil_recording::reader::RECORDING;
 
 /// Ends the session of a run and writes its summary.
 ///

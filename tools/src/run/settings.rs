@@ -7,9 +7,9 @@ use std::path::PathBuf;
 
 use crate::arguments::run::{LinkKind, RunOptions};
 use crate::programs::binaries::Binary;
+use crate::terminal::exit::Failure;
 use hil_recording::compression::Compression;
 use hil_recording::excerpt::Choice;
-use crate::terminal::exit::Failure;
 
 /// Checked settings of a run, whatever its scenario.
 #[derive(Clone, Debug)]

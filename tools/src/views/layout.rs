@@ -15,11 +15,11 @@ use hil_config::plan::Plan;
 
 use crate::arguments::layout::{LayoutArguments, Viewer};
 use crate::files::destination::Destination;
-use hil_recording::reader::{ReadError, RunReader};
-use crate::results::evaluation;
+use crate::results::recorded_run::RecordedRun;
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::output;
 use crate::views::export::not_written;
+use hil_recording::reader::{ReadError, RunReader};
 
 /// The least and the greatest value of signals, by name.
 type Ranges = BTreeMap<String, [f64; 2]>;
@@ -69,8 +69,7 @@ pub fn layout(arguments: &LayoutArguments) -> Result<Exit, Failure> {
 
 /// The scenario of a run; without it names and units still give a layout.
 fn plan(reader: &RunReader, run: &Path) -> Option<Plan> {
-    let plant = reader.enclosed("plant-description.json").ok()?;
-    evaluation::plan(reader, &plant, run, None).ok()
+    RecordedRun::of(reader, run).ok().map(|run| run.plan)
 }
 
 /// The least and the greatest value of each signal that has one, up to where a recording breaks off.

@@ -11,8 +11,8 @@ use glob::Pattern;
 use hil_config::plan::{FaultAction, Plan, Scale};
 use serde::Serialize;
 
-use hil_recording::reader::Column;
 use bounds::{Bound, Other};
+use hil_recording::reader::Column;
 use signal::{Signal, recorded_name, title};
 
 /// Most signals of a plot that nobody asked for, of one run and of several.

@@ -140,7 +140,7 @@ fn made(arguments: &ReportArguments) -> Result<(String, Written, Option<Failure>
     label::label(&mut runs);
     let (mut all_bounds, mut extra) = (Vec::new(), Vec::new());
     for run in &runs {
-        let compared = run.plan.as_ref().map(|plan| bounds(plan, run.end_s()));
+        let compared = run.plan().map(|plan| bounds(plan, run.end_s()));
         let (bounds, computed) = compared.unwrap_or_default();
         all_bounds.push(bounds);
         extra.push(computed);

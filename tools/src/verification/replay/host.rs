@@ -155,7 +155,7 @@ impl<L: Link> Host<L> {
         let action = match Control::from_bytes(&bytes) {
             Ok(Control::Hello(hello)) => self.side.on(&PlantEvent::Hello(&hello, &offer)),
             Ok(Control::Ready { epoch }) => self.side.on(&PlantEvent::Ready(epoch)),
-            Ok(Control::Welcome(_) | Control::Refusal { .. }) | Err(_) => PlantAction::Ignore,
+            Ok(Control::Welcome(_) | Control::Refusal { .. }) | Err(_) => PlantAction::Nothing,
         };
         match action {
             PlantAction::Welcome(welcome) => self.welcome(*welcome)?,

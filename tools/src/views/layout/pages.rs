@@ -6,9 +6,9 @@
 use hil_config::plan::Plan;
 use shared_types::time::Step;
 
-use hil_recording::reader::Column;
 use crate::views::plots::bounds::bounds;
 use crate::views::plots::{Choice, Plot, Subject, choose};
+use hil_recording::reader::Column;
 
 /// Most plots on a page; further ones go to the next.
 const PLOTS: usize = 8;

@@ -15,11 +15,11 @@ use shared_types::time::{Rate, Step};
 use super::history::History;
 use super::pace::Pace;
 use super::plots::{Plot, chosen};
-use hil_recording::reader::Column;
 use crate::session::observer::Seen;
 use crate::session::standing::Standing;
 use crate::terminal::exit::Failure;
 use crate::views::plots::bounds::bounds;
+use hil_recording::reader::Column;
 
 /// End of the watched run.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -151,8 +151,7 @@ impl Model {
         drawn.sort_unstable();
         drawn.dedup();
         if drawn.iter().any(|signal| *signal >= recorded) {
-            let evaluation =
-                Evaluation::new(&plan.without_judgement(), &Columns::from(layout));
+            let evaluation = Evaluation::new(&plan.without_judgement(), &Columns::from(layout));
             self.derived = Some(evaluation.map_err(Failure::infrastructure)?);
         }
         self.traces = drawn

@@ -4,12 +4,12 @@
 use glob::Pattern;
 use hil_config::plan::Plan;
 
-use hil_recording::reader::Column;
 use crate::terminal::exit::Failure;
-use shared_types::table::near;
 use crate::views::plots::bounds::Bound;
 use crate::views::plots::signal::{labels, recorded_name};
 use crate::views::plots::{self, Choice, Subject, by_unit, choose};
+use hil_recording::reader::Column;
+use shared_types::table::near;
 
 /// Most signals that are kept at all: each costs time at every record.
 const MOST: usize = 32;

@@ -252,7 +252,10 @@ mod tests {
             ),
             (
                 "Pa",
-                &["truth.actuator1_pressure2_pa", "truth.actuator2_pressure1_pa"],
+                &[
+                    "truth.actuator1_pressure2_pa",
+                    "truth.actuator2_pressure1_pa",
+                ],
                 "truth.actuator*_pressure*_pa",
                 "1 2|2 1",
             ),

@@ -5,9 +5,9 @@ use serde::Serialize;
 
 use super::grid::Grid;
 use super::run::{Run, Signals};
-use hil_recording::reader::Column;
 use crate::views::plots::bounds::Bound;
 use crate::views::plots::{self, Choice, Subject, Values};
+use hil_recording::reader::Column;
 
 /// A plot of a report.
 #[derive(Clone, Debug, Serialize)]
@@ -46,7 +46,7 @@ pub(super) fn plots(
     }
     let subjects: Vec<Subject<'_>> = (runs.iter().zip(bounds))
         .map(|(run, bounds)| Subject {
-            plan: run.plan.as_ref(),
+            plan: run.plan(),
             laws: run.laws.names().collect(),
             bounds,
         })
