@@ -80,6 +80,7 @@ impl Guard {
 ///
 /// # Errors
 /// That value's signal.
+#[inline]
 pub fn first_bad(fields: &[Field], row: &[f64]) -> Result<(), OutOfRange> {
     let bad = (fields.iter().zip(row))
         .find(|(field, value)| !(value.is_finite() && field.admits(**value)));

@@ -28,6 +28,7 @@ impl Directive {
 
     /// What a word in a header says.
     #[must_use]
+    #[inline]
     pub const fn from_wire(word: u64) -> Self {
         Self {
             busy_ns: word as u32,
@@ -60,6 +61,7 @@ impl Answered {
 
     /// What a word in a header says.
     #[must_use]
+    #[inline]
     pub const fn from_wire(word: u64) -> Self {
         Self {
             last_steps: word as u32,

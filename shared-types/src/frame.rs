@@ -37,6 +37,7 @@ pub enum FrameKind {
 impl FrameKind {
     /// The kind of a number on the wire.
     #[must_use]
+    #[inline]
     pub const fn from_wire(number: u16) -> Option<Self> {
         Some(match number {
             1 => Self::Sample,
@@ -95,6 +96,7 @@ pub struct Header {
 impl Header {
     /// A header of a kind at a step, all else zero.
     #[must_use]
+    #[inline]
     pub const fn new(kind: FrameKind, step: Step) -> Self {
         Self {
             session: 0,
@@ -117,12 +119,14 @@ impl Header {
 
     /// The kind, if it is one.
     #[must_use]
+    #[inline]
     pub const fn kind(&self) -> Option<FrameKind> {
         FrameKind::from_wire(self.kind)
     }
 
     /// Whether signal `index` is valid.
     #[must_use]
+    #[inline]
     pub const fn is_valid(&self, index: usize) -> bool {
         self.invalid[index / 64] >> (index % 64) & 1 == 0
     }
@@ -186,6 +190,7 @@ impl Seal {
     ///
     /// # Errors
     /// What is wrong with it.
+    #[inline]
     pub fn check(&self, header: &Header, count: usize) -> Result<(), FrameError> {
         let kind = header.kind().ok_or(FrameError::Kind)?;
         if header.session != self.session {

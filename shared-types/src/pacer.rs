@@ -170,6 +170,7 @@ impl Pacer {
     ///
     /// # Errors
     /// If it is one and the run is to end for it.
+    #[inline]
     pub fn release_ns(&mut self, step: Step, now_ns: u64) -> Result<u64, Overrun> {
         let Some(grid) = self.grid else {
             return Ok(0);
@@ -195,12 +196,14 @@ impl Pacer {
 
     /// When a step is due; 0 in lockstep.
     #[must_use]
+    #[inline]
     pub fn due_ns(&self, step: Step) -> u64 {
         self.grid.map_or(0, |grid| grid.due_ns(self.rate, step))
     }
 
     /// The end of a share of a step's period; in lockstep never.
     #[must_use]
+    #[inline]
     pub fn deadline_ns(&self, step: Step, share: f64) -> u64 {
         let Some(grid) = self.grid else {
             return u64::MAX;

@@ -215,12 +215,14 @@ impl RecordLayout {
 
     /// Number of signals.
     #[must_use]
+    #[inline]
     pub fn values(&self) -> usize {
         self.groups().iter().map(|group| group.len()).sum()
     }
 
     /// Where the signals begin.
     #[must_use]
+    #[inline]
     pub fn values_start(&self) -> usize {
         1 + self.sample_validity_words() + self.command_validity_words()
     }
@@ -250,6 +252,7 @@ impl RecordLayout {
 
     /// Words that the digest covers, from the first.
     #[must_use]
+    #[inline]
     pub fn hashed_words(&self) -> usize {
         let hashed = &self.groups()[..HASHED_GROUPS];
         self.values_start() + hashed.iter().map(|group| group.len()).sum::<usize>()
@@ -257,6 +260,7 @@ impl RecordLayout {
 
     /// Words of a record.
     #[must_use]
+    #[inline]
     pub fn words(&self) -> usize {
         self.values_start() + self.values() + Timing::WORDS
     }
@@ -266,6 +270,7 @@ impl RecordLayout {
     /// # Panics
     /// If it does not have [`RecordLayout::words`] words.
     #[must_use]
+    #[inline]
     pub fn view<'a>(&self, words: &'a [u64]) -> RecordView<'a> {
         let (content, timing) = words.split_at(self.values_start() + self.values());
         let (head, values) = content.split_at(self.values_start());

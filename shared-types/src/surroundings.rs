@@ -58,6 +58,7 @@ impl ThreadStatistics {
 
     /// What a word says.
     #[must_use]
+    #[inline]
     pub const fn from_wire(word: u64) -> Self {
         Self {
             core: (word >> (2 * COUNT_BITS)) as u16,

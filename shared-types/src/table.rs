@@ -58,6 +58,7 @@ impl Field {
 
     /// Whether a value is a number inside the range. Infinity is legal where the range says so.
     #[must_use]
+    #[inline]
     pub fn admits(&self, value: f64) -> bool {
         (self.min..=self.max).contains(&value)
     }
@@ -370,6 +371,7 @@ crate::table! {
 
 /// The one form of every number that enters a frame or a record: one NaN, no negative zero.
 #[must_use]
+#[inline]
 pub fn canonical(value: f64) -> f64 {
     if value.is_nan() {
         f64::NAN

@@ -62,6 +62,7 @@ impl Rate {
 
     /// The simulated time of a step in seconds, `step / rate_hz`.
     #[must_use]
+    #[inline]
     pub fn seconds(self, step: Step) -> f64 {
         step.0 as f64 / self.hz
     }
@@ -69,6 +70,7 @@ impl Rate {
     /// The simulated time of a step in nanoseconds, rounded to the nearest; at most what 64 bits hold,
     /// 584 years.
     #[must_use]
+    #[inline]
     pub fn nanoseconds(self, step: Step) -> u64 {
         // Whole seconds and the rest apart: 2^40 steps of a microsecond leave a double's 53 bits.
         let whole = (self.seconds(step)) as u64;

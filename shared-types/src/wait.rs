@@ -150,11 +150,13 @@ impl Waiter {
     }
 
     /// The same thing is still awaited, with the whole limit before it.
+    #[inline]
     pub fn renew(&mut self) {
         self.limited_ns = monotonic_ns();
     }
 
     /// What was awaited came; the next wait begins.
+    #[inline]
     pub fn done(&mut self) {
         self.polls = 0;
         self.since_ns = 0;

@@ -501,6 +501,7 @@ impl Link for IceoryxLink {
         }
     }
 
+    #[inline]
     fn send(&mut self, header: &Header, values: &[f64]) -> Result<(), LinkError> {
         let frames = self.frames.as_mut().ok_or(LinkError::NotOpen)?;
         frames.sequence += 1;
@@ -512,6 +513,7 @@ impl Link for IceoryxLink {
         Ok(())
     }
 
+    #[inline]
     fn receive(&mut self, values: &mut [f64]) -> Result<Option<Header>, LinkError> {
         let frames = self.frames.as_mut().ok_or(LinkError::NotOpen)?;
         match frames.incoming.receive(values, frames.seal) {

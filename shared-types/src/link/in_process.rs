@@ -103,6 +103,7 @@ impl Link for InProcessLink {
         }
     }
 
+    #[inline]
     fn send(&mut self, header: &Header, values: &[f64]) -> Result<(), LinkError> {
         let seal = self.seal.ok_or(LinkError::NotOpen)?;
         self.sequence += 1;
@@ -120,6 +121,7 @@ impl Link for InProcessLink {
         Ok(())
     }
 
+    #[inline]
     fn receive(&mut self, values: &mut [f64]) -> Result<Option<Header>, LinkError> {
         let seal = self.seal.ok_or(LinkError::NotOpen)?;
         let mut mailbox = self.incoming.borrow_mut();

@@ -71,6 +71,7 @@ pub enum AbortCode {
 impl AbortCode {
     /// The code of a number on the wire; unknown ones are [`AbortCode::Other`].
     #[must_use]
+    #[inline]
     pub const fn from_wire(number: u64) -> Self {
         match number {
             1 => Self::Stopped,

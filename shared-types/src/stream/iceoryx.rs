@@ -116,6 +116,7 @@ impl IceoryxSink {
         })
     }
 
+    #[inline]
     fn send(&mut self, kind: ItemKind, bytes: usize, words: &[u64]) -> Result<(), LinkError> {
         let publisher = self.publisher.as_ref().ok_or(LinkError::NotOpen)?;
         let mut item =
@@ -159,6 +160,7 @@ impl RecordSink for IceoryxSink {
         })
     }
 
+    #[inline]
     fn has_room(&mut self) -> Result<bool, LinkError> {
         // Credit is the number of the next item that the observer awaits: 0 means that it is not
         // attached, 1 that it is and has seen nothing.
@@ -185,6 +187,7 @@ impl RecordSink for IceoryxSink {
         Ok((self.sent, self.credited.saturating_sub(1)))
     }
 
+    #[inline]
     fn record(&mut self, words: &[u64]) -> Result<(), LinkError> {
         self.send(ItemKind::Record, 8 * words.len(), words)
     }

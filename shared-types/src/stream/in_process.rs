@@ -38,6 +38,7 @@ pub struct InProcessSink {
 }
 
 impl InProcessSink {
+    #[inline]
     fn send(&mut self, kind: ItemKind, bytes: usize, words: &[u64]) -> Result<(), LinkError> {
         let full = || LinkError::Transport {
             service: "record ring".into(),
@@ -60,10 +61,12 @@ impl RecordSink for InProcessSink {
         Ok(())
     }
 
+    #[inline]
     fn has_room(&mut self) -> Result<bool, LinkError> {
         Ok(self.ring.slots() >= RESERVE_ITEMS * (HEAD_WORDS + self.words))
     }
 
+    #[inline]
     fn record(&mut self, words: &[u64]) -> Result<(), LinkError> {
         self.send(ItemKind::Record, 8 * words.len(), words)
     }
