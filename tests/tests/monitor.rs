@@ -6,7 +6,7 @@ use std::process::Command;
 
 use rustix::process::Signal;
 use serde_json::Value;
-use tools::views::monitor::terminal::Screen;
+use tools::testing::Screen;
 
 use crate::pseudo_terminal::open_terminal;
 use crate::support::harness::{Rig, Run, send, until};

@@ -21,7 +21,7 @@
 //!
 //! A run, from the command line to the summary:
 //!
-//! 1. [`arguments`] is what was typed, and [`commands::execute`] finds the verb's room; for `hil run`
+//! 1. [`arguments`] is what was typed, and `commands::execute` finds the verb's room; for `hil run`
 //!    it is [`verification`], where one scenario is a suite of one.
 //! 2. [`programs`] finds plant and controller and asks them what they are; the scenario is checked against that.
 //! 3. [`run`] prepares session and folder, starts both sides and watches over them.
@@ -31,7 +31,7 @@
 //!
 //! A subcommand is added in three rooms: its arguments, its variant of `Command` and its group of
 //! the help in [`arguments`]; its work in the room that owns it or else in [`commands`]; its line
-//! in [`commands::execute`]. Then `HIL_WRITE_BOOK=1 cargo test -p tests book::references` writes
+//! in `commands::execute`. Then `HIL_WRITE_BOOK=1 cargo test -p tests book::references` writes
 //! the reference of the book.
 //!
 //! Recordings are the work of a package of their own, [`hil_recording`], in `tools/recording`.
@@ -40,19 +40,50 @@
 //! [`benchmark`], the [replay](verification::replay) in the plant's place, and [`run`] where it
 //! turns both sides in one thread.
 
+#![expect(
+    rustdoc::private_intra_doc_links,
+    reason = "the map leads into rooms that are closed to other packages"
+)]
+
 // First, because its macro `tell!` is used everywhere.
 #[macro_use]
-pub mod terminal;
+mod terminal;
 
-pub mod arguments;
-pub mod benchmark;
-pub mod checkpoint;
-pub mod commands;
-pub mod doctor;
-pub mod files;
-pub mod programs;
-pub mod results;
-pub mod run;
-pub mod session;
-pub mod verification;
-pub mod views;
+mod arguments;
+mod benchmark;
+mod checkpoint;
+mod commands;
+mod doctor;
+mod files;
+mod programs;
+mod results;
+mod run;
+mod session;
+mod verification;
+mod views;
+
+pub use commands::main;
+
+/// Parts that tests, benchmarks and fuzz targets of this workspace use. Nothing else of `tools` is public, so
+/// that the compiler sees what nobody uses.
+pub mod testing {
+    pub use crate::arguments::export::{ExportArguments, ExportFormat};
+    pub use crate::arguments::inject::arrange;
+    pub use crate::arguments::tolerance::Tolerances;
+    pub use crate::arguments::{Command, CommandLine};
+    pub use crate::benchmark::exchange::{End, Trips, follow, lead};
+    pub use crate::benchmark::{raw, recorded};
+    pub use crate::checkpoint::Checkpoint;
+    pub use crate::doctor::measure::gaps;
+    pub use crate::results::faults::LiveFault;
+    pub use crate::results::latency::grade::UNFIT_NS;
+    pub use crate::results::latency::legs::Latency;
+    pub use crate::run::recorder::{Recorder, RecordingPlan};
+    pub use crate::session::inject;
+    pub use crate::terminal::interruption::Interruption;
+    pub use crate::verification::compare::{Verdict, compare};
+    pub use crate::verification::judge::judged;
+    pub use crate::verification::repetition::RecordedScenario;
+    pub use crate::views::export;
+    pub use crate::views::monitor::terminal::Screen;
+}

@@ -38,8 +38,7 @@ mod programs;
 mod releases;
 
 use serde_json::{Value, json};
-use tools::doctor::measure::gaps;
-use tools::results::latency::grade::UNFIT_NS;
+use tools::testing::{UNFIT_NS, gaps};
 
 use self::cyclictest::Cyclictest;
 use self::effort::{rounds, shortened};

@@ -31,8 +31,7 @@ use shared_types::stream::{Backpressure, RecordSink, RecordSource, in_process};
 use shared_types::time::Step;
 use shared_types::zerocopy::IntoBytes;
 use tempfile::TempDir;
-use tools::results::latency::legs::Latency;
-use tools::run::recorder::{Recorder, RecordingPlan};
+use tools::testing::{Latency, Recorder, RecordingPlan};
 
 use tape::{Replay, Tape};
 

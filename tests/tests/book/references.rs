@@ -9,7 +9,7 @@ use serde_json::Value;
 use shared_types::describe::{ActsOn, FaultDescription, ProfileDescription};
 use shared_types::number::exact as number;
 use shared_types::table::Field;
-use tools::arguments::CommandLine;
+use tools::testing::CommandLine;
 
 use crate::support::programs::{demanded, workspace};
 

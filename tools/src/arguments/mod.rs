@@ -3,24 +3,24 @@
 //!
 //! One file for each group of commands, and here the parts that they share.
 
-pub mod checkpoint;
-pub mod clock;
-pub mod config;
-pub mod doctor;
-pub mod export;
-pub mod inject;
-pub mod latency;
-pub mod layout;
-pub mod monitor;
-pub mod realtime;
-pub mod recording;
-pub mod recordings;
-pub mod recover;
-pub mod replay;
-pub mod report;
-pub mod run;
-pub mod swap;
-pub mod tolerance;
+pub(crate) mod checkpoint;
+pub(crate) mod clock;
+pub(crate) mod config;
+pub(crate) mod doctor;
+pub(crate) mod export;
+pub(crate) mod inject;
+pub(crate) mod latency;
+pub(crate) mod layout;
+pub(crate) mod monitor;
+pub(crate) mod realtime;
+pub(crate) mod recording;
+pub(crate) mod recordings;
+pub(crate) mod recover;
+pub(crate) mod replay;
+pub(crate) mod report;
+pub(crate) mod run;
+pub(crate) mod swap;
+pub(crate) mod tolerance;
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -174,7 +174,7 @@ impl CommandLine {
 
 /// The command line, with its subcommands in groups.
 #[must_use]
-pub fn command() -> clap::Command {
+pub(crate) fn command() -> clap::Command {
     let mut command = CommandLine::command();
     command.build();
     let heading = Style::new().bold().underline();
@@ -266,7 +266,7 @@ pub struct SessionChoice {
 
 /// The completions for a shell.
 #[must_use]
-pub fn completions(shell: Shell) -> String {
+pub(crate) fn completions(shell: Shell) -> String {
     let mut text = Vec::new();
     clap_complete::generate(shell, &mut command(), "hil", &mut text);
     String::from_utf8_lossy(&text).into_owned()

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 /// Its examples.
-pub const EXAMPLES: &str = "\
+pub(crate) const EXAMPLES: &str = "\
 Every whole record up to where the file broke off is kept. The new file takes
 the place of the old one when it is whole on the disk, not before. A file that is
 whole is left alone. A folder without summary.json gets one. A file that is damaged

@@ -7,7 +7,7 @@ use clap::{Args, Subcommand};
 use super::SessionChoice;
 
 /// Examples of `hil controller swap`.
-pub const EXAMPLES: &str = "\
+pub(crate) const EXAMPLES: &str = "\
 Examples:
   hil controller swap --bin ./target/release/my-controller
   hil controller swap --set controller.law=pid

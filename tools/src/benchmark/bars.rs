@@ -41,7 +41,7 @@ pub(crate) fn classes(times_ns: &Histogram<u64>) -> Vec<((u64, u64), u64)> {
 
 /// The histogram, a line for each class; `...` where there are empty ones between.
 #[must_use]
-pub fn bars(times_ns: &Histogram<u64>) -> String {
+pub(crate) fn bars(times_ns: &Histogram<u64>) -> String {
     let classes = classes(times_ns);
     let most = classes.iter().map(|(_, count)| *count).max().unwrap_or(1);
     let mut text = String::new();

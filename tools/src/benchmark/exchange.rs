@@ -16,7 +16,7 @@ const SMALLEST: usize = 16;
 
 /// Words of the frame that so many signals cross in: the next size class.
 #[must_use]
-pub fn frame_words(signals: usize) -> usize {
+pub(crate) fn frame_words(signals: usize) -> usize {
     HEADER_WORDS + signals.next_power_of_two().max(SMALLEST)
 }
 

@@ -124,7 +124,7 @@ impl Looped {
 ///
 /// # Errors
 /// If a core is not there, or a measurement did not come to its end.
-pub fn matrix(arguments: &LatencyArguments) -> Result<Vec<Case>, Failure> {
+pub(crate) fn matrix(arguments: &LatencyArguments) -> Result<Vec<Case>, Failure> {
     let plans = plans(arguments)?;
     let realtime = arguments.sides.realtime();
     realtime::check(&realtime, LinkKind::Iceoryx2)?;

@@ -11,14 +11,14 @@
 //!
 //! `hil latency RUN` makes the same report of a [`recorded`] run.
 
-pub mod bars;
-pub mod exchange;
-pub mod measurement;
-pub mod null;
-pub mod peer;
+pub(crate) mod bars;
+pub(crate) mod exchange;
+pub(crate) mod measurement;
+pub(crate) mod null;
+pub(crate) mod peer;
 pub mod raw;
 pub mod recorded;
-pub mod report;
+pub(crate) mod report;
 
 use std::path::Path;
 
@@ -33,7 +33,7 @@ use report::Report;
 ///
 /// # Errors
 /// If nothing could be measured, the run not be read or the results not be written.
-pub fn latency(arguments: &LatencyArguments) -> Result<Exit, Failure> {
+pub(crate) fn latency(arguments: &LatencyArguments) -> Result<Exit, Failure> {
     if let Some(csv) = &arguments.csv {
         check_folder_of(csv)?;
     }

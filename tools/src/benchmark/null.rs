@@ -47,7 +47,7 @@ impl Law for NullLaw {
 
 /// Signals in the frame that answers a sample: half as many, one of them the time.
 #[must_use]
-pub fn answered_with(signals: usize) -> usize {
+pub(crate) fn answered_with(signals: usize) -> usize {
     (signals / 2).max(2)
 }
 
@@ -58,7 +58,7 @@ fn fields(stem: &str, count: usize) -> Vec<Field> {
 
 /// The plant, with so many measured signals.
 #[must_use]
-pub fn plant(signals: usize) -> PlantKind {
+pub(crate) fn plant(signals: usize) -> PlantKind {
     PlantKind {
         description: PlantDescription {
             name: NAME.into(),
@@ -76,7 +76,7 @@ pub fn plant(signals: usize) -> PlantKind {
 
 /// The law for that plant.
 #[must_use]
-pub fn law(signals: usize) -> LawKind {
+pub(crate) fn law(signals: usize) -> LawKind {
     LawKind {
         description: LawDescription {
             name: NAME.into(),
@@ -96,7 +96,7 @@ pub fn law(signals: usize) -> LawKind {
 
 /// Finds the time of the law's call in a record.
 #[must_use]
-pub fn called_place(layout: &RecordLayout) -> usize {
+pub(crate) fn called_place(layout: &RecordLayout) -> usize {
     let before = [&layout.truth, &layout.measured, &layout.reference];
     let before: usize = before.into_iter().map(Vec::len).sum();
     layout.values_start() + before + 2 * layout.command.len()
@@ -104,7 +104,7 @@ pub fn called_place(layout: &RecordLayout) -> usize {
 
 /// Both sides' jobs: so many steps at the monotonic clock's pace, or as fast as both can.
 #[must_use]
-pub fn jobs(
+pub(crate) fn jobs(
     session: &SessionInfo,
     rate: Option<Rate>,
     steps: u64,

@@ -119,7 +119,7 @@ impl Drop for Peer {
 ///
 /// # Errors
 /// If the measurement ended early.
-pub fn peer(arguments: &LatencyPeerArguments) -> Result<Exit, Failure> {
+pub(crate) fn peer(arguments: &LatencyPeerArguments) -> Result<Exit, Failure> {
     let supervision = Supervision::from_stdin();
     let session = SessionInfo::read(&arguments.session).map_err(Failure::usage)?;
     let done = match arguments.work {

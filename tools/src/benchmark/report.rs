@@ -34,7 +34,7 @@ const HEADLINE_SIGNALS: usize = 32;
 
 /// Every case, and one that stands for all.
 #[derive(Debug, Serialize)]
-pub struct Report {
+pub(crate) struct Report {
     schema: u32,
     /// The recorded run; null if this was measured now.
     run: Option<String>,
@@ -202,7 +202,7 @@ fn row(table: &mut Table, name: &str, figures: &Percentiles) {
 impl Report {
     /// The report of some cases, of which there is at least one.
     #[must_use]
-    pub fn new(cases: &[Case], run: Option<&Path>) -> Self {
+    pub(crate) fn new(cases: &[Case], run: Option<&Path>) -> Self {
         let figures: Vec<Figures> = cases.iter().map(Figures::of).collect();
         let stands_for_all =
             |figures: &Figures| figures.signals == HEADLINE_SIGNALS && figures.rate_hz.is_none();
@@ -225,7 +225,7 @@ impl Report {
 
     /// The report as a person reads it.
     #[must_use]
-    pub fn text(&self, cases: &[Case]) -> String {
+    pub(crate) fn text(&self, cases: &[Case]) -> String {
         let mut text = String::new();
         let _ = self.write(&mut text, cases); // writing to a string cannot fail
         text
@@ -364,7 +364,7 @@ fn refusals(side: &str, report: &realtime::Report) -> Vec<String> {
 
 /// Every histogram of every case, a row for each time that occurred: `from_ns <= t < to_ns`.
 #[must_use]
-pub fn csv(cases: &[Case]) -> String {
+pub(crate) fn csv(cases: &[Case]) -> String {
     let mut text = String::from("signals,rate_hz,leg,from_ns,to_ns,count\n");
     let mut limits_of = None;
     for case in cases {

@@ -15,7 +15,7 @@ use crate::results::faults::FaultLog;
 
 /// How a run that goes on from a checkpoint differs from the one that made it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Branch {
+pub(crate) struct Branch {
     /// Numbers of the faults that had begun and go on with other sizes: no scenario repeats such a
     /// run from its begin.
     pub changed_faults: Vec<u32>,
@@ -25,7 +25,12 @@ pub struct Branch {
 ///
 /// # Errors
 /// Everything that contradicts the past.
-pub fn check(then: &Plan, now: &Plan, step: Step, log: &FaultLog) -> Result<Branch, Vec<String>> {
+pub(crate) fn check(
+    then: &Plan,
+    now: &Plan,
+    step: Step,
+    log: &FaultLog,
+) -> Result<Branch, Vec<String>> {
     let mut check = Check {
         step,
         rate: then.run.rate,

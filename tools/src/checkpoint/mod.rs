@@ -12,8 +12,8 @@
 //! `hil run --from` reads it with [`Past`](past::Past), which believes nothing that it has not
 //! checked; [`branch`] says what of the scenario may be another from there on.
 
-pub mod branch;
-pub mod past;
+pub(crate) mod branch;
+pub(crate) mod past;
 
 use std::collections::BTreeMap;
 use std::fs;

@@ -28,7 +28,7 @@ use crate::terminal::exit::Failure;
 
 /// What a run goes on from.
 #[derive(Clone, Debug)]
-pub struct Past {
+pub(crate) struct Past {
     /// The checkpoint's folder.
     folder: PathBuf,
     checkpoint: Checkpoint,
@@ -57,7 +57,7 @@ impl Past {
     ///
     /// # Errors
     /// If it is none, is damaged, or was made by others.
-    pub fn open(folder: &Path, binaries: &Binaries) -> Result<Self, Failure> {
+    pub(crate) fn open(folder: &Path, binaries: &Binaries) -> Result<Self, Failure> {
         let folder = std::path::absolute(folder).map_err(Failure::usage)?;
         refuse_odd(&folder)?;
         let checkpoint = read(&folder)?;
@@ -89,7 +89,7 @@ impl Past {
     ///
     /// # Errors
     /// Everything that is wrong with it, or contradicts the past.
-    pub fn plan(
+    pub(crate) fn plan(
         &self,
         changes: &Changes,
         binaries: &Binaries,
@@ -125,7 +125,7 @@ impl Past {
 
     /// The first step that is exchanged.
     #[must_use]
-    pub const fn first(&self) -> Step {
+    pub(crate) const fn first(&self) -> Step {
         Step(self.checkpoint.step)
     }
 
@@ -143,13 +143,13 @@ impl Past {
     }
 
     /// Faults from command lines that were accepted before the step, in that order.
-    pub fn live_faults(&self) -> impl Iterator<Item = FaultEvent> {
+    pub(crate) fn live_faults(&self) -> impl Iterator<Item = FaultEvent> {
         self.log.accepted.iter().map(|live| live.event.clone())
     }
 
     /// What a side's job says of checkpoints.
     #[must_use]
-    pub fn resume(&self, side: Side, others: &Checkpoints) -> Checkpoints {
+    pub(crate) fn resume(&self, side: Side, others: &Checkpoints) -> Checkpoints {
         let saved = match side {
             Side::Plant => &self.checkpoint.plant,
             Side::Controller => &self.checkpoint.controller,
@@ -165,7 +165,7 @@ impl Past {
 
     /// The records before it, which have this layout.
     #[must_use]
-    pub fn records(&self, layout: RecordLayout) -> PastRecords {
+    pub(crate) fn records(&self, layout: RecordLayout) -> PastRecords {
         PastRecords {
             recording: self.recording.clone(),
             count: self.checkpoint.recording.records,

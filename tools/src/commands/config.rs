@@ -16,7 +16,7 @@ use crate::terminal::output;
 ///
 /// # Errors
 /// What is wrong with the scenario or the binaries.
-pub fn config(arguments: &ConfigArguments) -> Result<Exit, Failure> {
+pub(crate) fn config(arguments: &ConfigArguments) -> Result<Exit, Failure> {
     match &arguments.action {
         ConfigAction::Check(scenario) => {
             let (plan, binaries, _) = checked(scenario)?;

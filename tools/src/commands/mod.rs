@@ -1,10 +1,12 @@
 //! The one place that sends each verb to its room, and the verbs that belong to no other: config,
 //! controller swap, recover, sessions. Nothing here is used by another room.
 
-pub mod config;
-pub mod recover;
-pub mod sessions;
-pub mod swap;
+pub(crate) mod config;
+pub(crate) mod recover;
+pub(crate) mod sessions;
+pub(crate) mod swap;
+
+use std::process::ExitCode;
 
 use shared_types::live::Request;
 use shared_types::session;
@@ -14,16 +16,33 @@ use crate::arguments::swap::ControllerAction;
 use crate::arguments::{Command, CommandLine, completions};
 use crate::session::{clock, inject};
 use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::output;
+use crate::terminal::{advice, interruption, output};
 use crate::verification::{compare, judge, repetition, replay, rerun, suite};
 use crate::views::{export, layout, monitor, report};
 use crate::{benchmark, doctor};
 
-/// Does what the command line says.
+/// Does what the command line of this process says, and tells why if that cannot be done.
+#[must_use]
+pub fn main() -> ExitCode {
+    let command_line = CommandLine::of_process();
+    match interruption::end_at_once().and_then(|()| execute(&command_line)) {
+        Ok(exit) => exit.into(),
+        Err(failure) => {
+            let told = failure.to_string();
+            output::tell(&told);
+            if let Some(advice) = advice::on(&told) {
+                output::tell(&format!("  = help: {advice}"));
+            }
+            failure.exit().into()
+        }
+    }
+}
+
+/// Does what a command line says.
 ///
 /// # Errors
 /// Everything that keeps it from that, with its exit code.
-pub fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
+fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
     // What a dead one left, every command removes; `sessions` tells of it. The peer of a measurement
     // is part of a live one.
     if !matches!(

@@ -65,7 +65,7 @@ enum State {
 ///
 /// # Errors
 /// If nothing can be had of the recording, it is being written, or the new one cannot be written.
-pub fn recover(arguments: &RecoverArguments) -> Result<Exit, Failure> {
+pub(crate) fn recover(arguments: &RecoverArguments) -> Result<Exit, Failure> {
     let recovered = recovered(&arguments.run, arguments.output.as_deref())?;
     output::result(arguments.json, &recovered, || recovered.told())?;
     Ok(Exit::Pass)

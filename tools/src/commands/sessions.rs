@@ -15,7 +15,7 @@ use crate::terminal::table::{Table, left, right};
 ///
 /// # Errors
 /// If shared memory cannot be looked at or cleaned.
-pub fn sessions(arguments: &SessionsArguments) -> Result<Exit, Failure> {
+pub(crate) fn sessions(arguments: &SessionsArguments) -> Result<Exit, Failure> {
     let removed = session::sweep().map_err(Failure::infrastructure)?;
     let live = session::list().map_err(Failure::infrastructure)?;
     if arguments.json {

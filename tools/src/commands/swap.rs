@@ -20,7 +20,7 @@ const ANSWER_LIMIT: Duration = Duration::from_secs(120);
 ///
 /// # Errors
 /// If there is no session to ask, or it refuses.
-pub fn swap(arguments: &SwapArguments) -> Result<Exit, Failure> {
+pub(crate) fn swap(arguments: &SwapArguments) -> Result<Exit, Failure> {
     let json = arguments.session.json;
     let swapped = ask(arguments).map_err(|unmet| unmet.tell(json))?;
     output::write(&if json {

@@ -14,7 +14,7 @@ const SESSIONS: Check = Check::new(
 
 /// Judges the load of the last minute.
 #[must_use]
-pub fn load(tree: &dyn Tree, cores: &Cores) -> Finding {
+pub(crate) fn load(tree: &dyn Tree, cores: &Cores) -> Finding {
     let text = match tree.read("proc/loadavg") {
         Ok(text) => text,
         Err(unread) => return LOAD.unread(&unread),
@@ -38,7 +38,7 @@ pub fn load(tree: &dyn Tree, cores: &Cores) -> Finding {
 
 /// Judges other sessions, running or dead, by their names.
 #[must_use]
-pub fn sessions(live: Result<Vec<String>, SessionError>, dead: &[String]) -> Finding {
+pub(crate) fn sessions(live: Result<Vec<String>, SessionError>, dead: &[String]) -> Finding {
     let live = match live {
         Ok(live) => live,
         Err(error) => return SESSIONS.unknown(error.to_string()),

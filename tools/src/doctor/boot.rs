@@ -5,7 +5,7 @@ use super::tree::Tree;
 /// The command that adds arguments to the kernel's command line; none if the boot loader is not one
 /// of those known here, as in a virtual machine whose kernel is started from outside.
 #[must_use]
-pub fn add_arguments(tree: &dyn Tree, arguments: &str) -> Option<String> {
+pub(crate) fn add_arguments(tree: &dyn Tree, arguments: &str) -> Option<String> {
     /// The one line of a Raspberry Pi's kernel arguments.
     const FIRMWARE: &str = "boot/firmware/cmdline.txt";
     /// A command must not reboot the machine of someone who pastes it.
@@ -31,7 +31,7 @@ pub fn add_arguments(tree: &dyn Tree, arguments: &str) -> Option<String> {
 
 /// The value of the last `name=value` on the kernel's command line, which is the one that counts.
 #[must_use]
-pub fn argument<'a>(command_line: &'a str, name: &str) -> Option<&'a str> {
+pub(crate) fn argument<'a>(command_line: &'a str, name: &str) -> Option<&'a str> {
     let value = |word: &'a str| word.strip_prefix(name)?.strip_prefix('=');
     command_line.split_ascii_whitespace().rev().find_map(value)
 }

@@ -18,12 +18,12 @@ const ONLINE: &str = "sys/devices/system/cpu/online";
 
 /// A set of cores, written as the kernel does: `0-3,8`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct CoreList(BTreeSet<u32>);
+pub(crate) struct CoreList(BTreeSet<u32>);
 
 impl CoreList {
     /// Reads a list; what is no list, such as `(null)`, holds no cores.
     #[must_use]
-    pub fn parse(text: &str) -> Self {
+    pub(crate) fn parse(text: &str) -> Self {
         let range = |part: &str| {
             let (first, last) = part.split_once('-').unwrap_or((part, part));
             Some(first.trim().parse().ok()?..=last.trim().parse().ok()?)
@@ -32,49 +32,49 @@ impl CoreList {
     }
 
     /// Its cores, in order.
-    pub fn iter(&self) -> impl DoubleEndedIterator<Item = u32> + Clone {
+    pub(crate) fn iter(&self) -> impl DoubleEndedIterator<Item = u32> + Clone {
         self.0.iter().copied()
     }
 
     /// Returns the number of cores.
     #[must_use]
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.0.len()
     }
 
     /// Reports an empty list.
     #[must_use]
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
     /// Reports a core of the list.
     #[must_use]
-    pub fn contains(&self, core: u32) -> bool {
+    pub(crate) fn contains(&self, core: u32) -> bool {
         self.0.contains(&core)
     }
 
     /// Reports a list whose cores are all in this one.
     #[must_use]
-    pub fn covers(&self, other: &Self) -> bool {
+    pub(crate) fn covers(&self, other: &Self) -> bool {
         self.0.is_superset(&other.0)
     }
 
     /// Reports a list that has a core in common with this one.
     #[must_use]
-    pub fn meets(&self, other: &Self) -> bool {
+    pub(crate) fn meets(&self, other: &Self) -> bool {
         !self.0.is_disjoint(&other.0)
     }
 
     /// These without another's.
     #[must_use]
-    pub fn without(&self, other: &Self) -> Self {
+    pub(crate) fn without(&self, other: &Self) -> Self {
         self.0.difference(&other.0).copied().collect()
     }
 
     /// These and another's.
     #[must_use]
-    pub fn with(&self, other: &Self) -> Self {
+    pub(crate) fn with(&self, other: &Self) -> Self {
         self.0.union(&other.0).copied().collect()
     }
 }
@@ -106,7 +106,7 @@ impl Display for CoreList {
 
 /// The cores of a machine, and those that are to be judged.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Cores {
+pub(crate) struct Cores {
     /// All that are online.
     pub online: CoreList,
     /// Those that this process may use.
@@ -121,7 +121,7 @@ impl Cores {
     ///
     /// # Errors
     /// If the cores of this machine are not told, or one that was asked for is not there.
-    pub fn choose(tree: &dyn Tree, asked: Option<[u32; 2]>) -> Result<Self, Failure> {
+    pub(crate) fn choose(tree: &dyn Tree, asked: Option<[u32; 2]>) -> Result<Self, Failure> {
         let online = tree.read(ONLINE).map_err(Failure::infrastructure)?;
         let online = CoreList::parse(&online);
         let allowed = allowed(tree).unwrap_or_else(|_| online.clone());
@@ -145,7 +145,7 @@ impl Cores {
 
     /// Those that are left for everything else.
     #[must_use]
-    pub fn others(&self) -> CoreList {
+    pub(crate) fn others(&self) -> CoreList {
         self.online.without(&self.chosen)
     }
 }
@@ -186,7 +186,7 @@ fn siblings(tree: &dyn Tree, core: u32) -> Result<CoreList, Unread> {
 
 /// Judges the number of cores: both sides spin.
 #[must_use]
-pub fn count(cores: &Cores) -> Finding {
+pub(crate) fn count(cores: &Cores) -> Finding {
     let Cores {
         online, allowed, ..
     } = cores;
@@ -207,7 +207,7 @@ pub fn count(cores: &Cores) -> Finding {
 
 /// Judges the physical cores that the chosen cores share with each other or with others.
 #[must_use]
-pub fn smt(tree: &dyn Tree, cores: &Cores) -> Finding {
+pub(crate) fn smt(tree: &dyn Tree, cores: &Cores) -> Finding {
     let mut shared = CoreList::default();
     let mut together = false;
     for core in cores.chosen.iter() {

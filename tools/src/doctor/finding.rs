@@ -34,7 +34,7 @@ impl Grade {
 
 /// Something to look at.
 #[derive(Clone, Copy, Debug)]
-pub struct Check {
+pub(crate) struct Check {
     name: &'static str,
     why: &'static str,
 }
@@ -59,13 +59,13 @@ pub struct Finding {
 impl Check {
     /// A check by its name and why it matters.
     #[must_use]
-    pub const fn new(name: &'static str, why: &'static str) -> Self {
+    pub(crate) const fn new(name: &'static str, why: &'static str) -> Self {
         Self { name, why }
     }
 
     /// Makes a finding of any grade.
     #[must_use]
-    pub fn graded(self, grade: Grade, found: impl Into<String>) -> Finding {
+    pub(crate) fn graded(self, grade: Grade, found: impl Into<String>) -> Finding {
         Finding {
             check: self.name,
             grade,
@@ -78,31 +78,31 @@ impl Check {
 
     /// Makes a good finding.
     #[must_use]
-    pub fn good(self, found: impl Into<String>) -> Finding {
+    pub(crate) fn good(self, found: impl Into<String>) -> Finding {
         self.graded(Grade::Good, found)
     }
 
     /// Makes a fair finding.
     #[must_use]
-    pub fn fair(self, found: impl Into<String>) -> Finding {
+    pub(crate) fn fair(self, found: impl Into<String>) -> Finding {
         self.graded(Grade::Fair, found)
     }
 
     /// Makes a poor finding.
     #[must_use]
-    pub fn poor(self, found: impl Into<String>) -> Finding {
+    pub(crate) fn poor(self, found: impl Into<String>) -> Finding {
         self.graded(Grade::Poor, found)
     }
 
     /// Not found out.
     #[must_use]
-    pub fn unknown(self, found: impl Into<String>) -> Finding {
+    pub(crate) fn unknown(self, found: impl Into<String>) -> Finding {
         self.graded(Grade::Unknown, found)
     }
 
     /// Its source could not be read.
     #[must_use]
-    pub fn unread(self, unread: &Unread) -> Finding {
+    pub(crate) fn unread(self, unread: &Unread) -> Finding {
         self.unknown(unread.to_string())
     }
 }

@@ -32,7 +32,7 @@ const STOLEN_PERCENT: f64 = 1.0;
 
 /// Judges virtualisation, and the share of the chosen cores' time that a host took.
 #[must_use]
-pub fn virtualisation(tree: &dyn Tree, cores: &Cores, interval: &Interval) -> Finding {
+pub(crate) fn virtualisation(tree: &dyn Tree, cores: &Cores, interval: &Interval) -> Finding {
     let Some(virtual_machine) = is_virtual(tree) else {
         return VIRTUALISATION.unknown("neither processor nor maker's name tell");
     };

@@ -17,7 +17,7 @@ const FEW_INTERRUPTS_HZ: f64 = 1.0;
 
 /// Counts of the kernel at some time.
 #[derive(Clone, Debug)]
-pub struct Snapshot {
+pub(crate) struct Snapshot {
     interrupts: Result<String, Unread>,
     stat: Result<String, Unread>,
     uptime: Result<String, Unread>,
@@ -25,7 +25,7 @@ pub struct Snapshot {
 
 /// The counts between two times.
 #[derive(Clone, Debug)]
-pub struct Interval {
+pub(crate) struct Interval {
     earlier: Option<Snapshot>,
     later: Snapshot,
 }
@@ -41,7 +41,7 @@ struct Line {
 impl Snapshot {
     /// The counts of now.
     #[must_use]
-    pub fn take(tree: &dyn Tree) -> Self {
+    pub(crate) fn take(tree: &dyn Tree) -> Self {
         Self {
             interrupts: tree.read("proc/interrupts"),
             stat: tree.read("proc/stat"),
@@ -67,7 +67,7 @@ impl Snapshot {
 impl Interval {
     /// From one time to a later one.
     #[must_use]
-    pub const fn between(earlier: Snapshot, later: Snapshot) -> Self {
+    pub(crate) const fn between(earlier: Snapshot, later: Snapshot) -> Self {
         Self {
             earlier: Some(earlier),
             later,
@@ -76,7 +76,7 @@ impl Interval {
 
     /// From the start of the machine.
     #[must_use]
-    pub const fn since_boot(later: Snapshot) -> Self {
+    pub(crate) const fn since_boot(later: Snapshot) -> Self {
         Self {
             earlier: None,
             later,
@@ -85,7 +85,7 @@ impl Interval {
 
     /// Describes the interval in words.
     #[must_use]
-    pub fn told(&self) -> String {
+    pub(crate) fn told(&self) -> String {
         match (&self.earlier, self.seconds()) {
             (Some(_), Ok(seconds)) => format!("in {seconds:.1} s"),
             _ => "since boot".into(),
@@ -101,7 +101,7 @@ impl Interval {
     ///
     /// # Errors
     /// If the kernel does not tell.
-    pub fn stolen_percent(&self, cores: &CoreList) -> Result<f64, Unread> {
+    pub(crate) fn stolen_percent(&self, cores: &CoreList) -> Result<f64, Unread> {
         let ticks = |snapshot: &Snapshot| {
             let text = snapshot.stat.as_deref().map_err(Unread::clone)?;
             Ok(stolen_of_all(text, cores))
@@ -187,7 +187,7 @@ fn stolen_of_all(text: &str, cores: &CoreList) -> (u64, u64) {
 
 /// Interrupts of devices on the chosen cores: those that came and those that may come.
 #[must_use]
-pub fn interrupts(tree: &dyn Tree, cores: &Cores, interval: &Interval) -> Finding {
+pub(crate) fn interrupts(tree: &dyn Tree, cores: &Cores, interval: &Interval) -> Finding {
     let rates = match interval.interrupts_hz(&cores.chosen) {
         Ok(rates) => rates,
         Err(unread) => return INTERRUPTS.unread(&unread),

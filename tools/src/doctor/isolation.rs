@@ -17,7 +17,7 @@ const QUOTA: Check = Check::new(
 
 /// Judges the isolation of the chosen cores from other work and from the scheduler's tick.
 #[must_use]
-pub fn isolation(tree: &dyn Tree, cores: &Cores) -> Finding {
+pub(crate) fn isolation(tree: &dyn Tree, cores: &Cores) -> Finding {
     let list = |path: &str| tree.read(path).map(|text| CoreList::parse(&text));
     let from_boot = match list("sys/devices/system/cpu/isolated") {
         Ok(cores) => cores,
@@ -61,7 +61,7 @@ struct Quota {
 
 /// Judges the limits of processor time in the control groups above this process.
 #[must_use]
-pub fn quota(tree: &dyn Tree) -> Finding {
+pub(crate) fn quota(tree: &dyn Tree) -> Finding {
     let groups = match tree.read("proc/self/cgroup") {
         Ok(groups) => groups,
         Err(unread) => return QUOTA.unread(&unread),

@@ -38,7 +38,7 @@ impl Build {
 
 /// The kernel and when it lets itself be interrupted.
 #[must_use]
-pub fn preemption(tree: &dyn Tree) -> Finding {
+pub(crate) fn preemption(tree: &dyn Tree) -> Finding {
     /// File in which a dynamic kernel shows and takes its mode.
     const MODE: &str = "sys/kernel/debug/sched/preempt";
     let version = match tree.read("proc/version") {
@@ -116,7 +116,7 @@ fn real_time_kernel(tree: &dyn Tree) -> Option<String> {
 
 /// Judges the clock that the kernel reads.
 #[must_use]
-pub fn clock_source(tree: &dyn Tree) -> Finding {
+pub(crate) fn clock_source(tree: &dyn Tree) -> Finding {
     const FOLDER: &str = "sys/devices/system/clocksource/clocksource0";
     let current = match tree.read(&format!("{FOLDER}/current_clocksource")) {
         Ok(current) => current,

@@ -28,7 +28,7 @@ const ENOUGH_BYTES: u64 = 64 * MIB;
 
 /// Judges huge pages that the kernel makes unasked.
 #[must_use]
-pub fn huge_pages(tree: &dyn Tree) -> Finding {
+pub(crate) fn huge_pages(tree: &dyn Tree) -> Finding {
     const FILE: &str = "sys/kernel/mm/transparent_hugepage/enabled";
     let text = match tree.read(FILE) {
         Ok(text) => text,
@@ -49,7 +49,7 @@ pub fn huge_pages(tree: &dyn Tree) -> Finding {
 
 /// Judges memory that may be, or is, swapped out.
 #[must_use]
-pub fn swap(tree: &dyn Tree) -> Finding {
+pub(crate) fn swap(tree: &dyn Tree) -> Finding {
     let text = match tree.read("proc/swaps") {
         Ok(text) => text,
         // There is no such file in a kernel that cannot swap.
@@ -78,7 +78,7 @@ pub fn swap(tree: &dyn Tree) -> Finding {
 
 /// Judges `/dev/shm`: memory with room in it, for this user. `found` comes from the file system.
 #[must_use]
-pub fn shared_memory(tree: &dyn Tree, found: Option<SharedMemory>) -> Finding {
+pub(crate) fn shared_memory(tree: &dyn Tree, found: Option<SharedMemory>) -> Finding {
     let mounts = match tree.read("proc/self/mounts") {
         Ok(mounts) => mounts,
         Err(unread) => return SHARED_MEMORY.unread(&unread),

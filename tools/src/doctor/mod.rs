@@ -12,21 +12,21 @@
 //!
 //! `hil run` stores [`facts`] in its recordings.
 
-pub mod activity;
-pub mod boot;
-pub mod cores;
-pub mod finding;
-pub mod host;
-pub mod interrupts;
-pub mod isolation;
-pub mod kernel;
-pub mod measure;
-pub mod memory;
-pub mod power;
-pub mod report;
-pub mod rights;
-pub mod throttling;
-pub mod tree;
+pub(crate) mod activity;
+pub(crate) mod boot;
+pub(crate) mod cores;
+pub(crate) mod finding;
+pub(crate) mod host;
+pub(crate) mod interrupts;
+pub(crate) mod isolation;
+pub(crate) mod kernel;
+pub(crate) mod measure;
+pub(crate) mod memory;
+pub(crate) mod power;
+pub(crate) mod report;
+pub(crate) mod rights;
+pub(crate) mod throttling;
+pub(crate) mod tree;
 
 use std::io::IsTerminal;
 
@@ -47,7 +47,7 @@ use tree::{Root, Tree};
 ///
 /// # Errors
 /// If the chosen cores are not there or may not be used.
-pub fn doctor(arguments: &DoctorArguments) -> Result<Exit, Failure> {
+pub(crate) fn doctor(arguments: &DoctorArguments) -> Result<Exit, Failure> {
     let machine = Root::machine();
     let cores = Cores::choose(&machine, arguments.cores)?;
     let before = Snapshot::take(&machine);
@@ -96,7 +96,7 @@ pub fn doctor(arguments: &DoctorArguments) -> Result<Exit, Failure> {
 /// What a recording keeps of the machine it was made on: each check that reads files, by its name,
 /// with grade and finding. Takes a few milliseconds and measures nothing.
 #[must_use]
-pub fn facts() -> Vec<(String, String)> {
+pub(crate) fn facts() -> Vec<(String, String)> {
     facts_of(&Root::machine())
 }
 

@@ -17,7 +17,7 @@ const IDLE_STATES: Check = Check::new(
 
 /// Judges the governor of the chosen cores' clock rate.
 #[must_use]
-pub fn governor(tree: &dyn Tree, cores: &Cores) -> Finding {
+pub(crate) fn governor(tree: &dyn Tree, cores: &Cores) -> Finding {
     let folder = |core: u32| format!("sys/devices/system/cpu/cpu{core}/cpufreq");
     let mut found = Vec::new();
     let mut grade = Grade::Good;
@@ -72,7 +72,7 @@ struct IdleState {
 
 /// Judges the time that the chosen cores take to leave the deepest state they may enter.
 #[must_use]
-pub fn idle_states(tree: &dyn Tree, cores: &Cores) -> Finding {
+pub(crate) fn idle_states(tree: &dyn Tree, cores: &Cores) -> Finding {
     let command_line = tree.read("proc/cmdline").unwrap_or_default();
     if boot::argument(&command_line, "idle") == Some("poll") {
         return IDLE_STATES.good("idle=poll: the cores never sleep");

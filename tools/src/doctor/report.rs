@@ -11,7 +11,7 @@ use crate::terminal::table::{Table, left, right};
 
 /// All findings and what follows from them.
 #[derive(Clone, Debug, Serialize)]
-pub struct Report {
+pub(crate) struct Report {
     /// Version of this form.
     pub schema: u32,
     /// Fitness for timing claims: no grade is poor.
@@ -31,7 +31,7 @@ pub struct Report {
 /// Fitness of a machine for timing claims.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Verdict {
+pub(crate) enum Verdict {
     /// Fit.
     Fit,
     /// Unfit.
@@ -41,7 +41,7 @@ pub enum Verdict {
 impl Verdict {
     /// Concludes from findings.
     #[must_use]
-    pub fn of(findings: &[Finding]) -> Self {
+    pub(crate) fn of(findings: &[Finding]) -> Self {
         let poor = |finding: &Finding| finding.grade == Grade::Poor;
         if findings.iter().any(poor) {
             Self::Unfit
@@ -54,7 +54,7 @@ impl Verdict {
 impl Report {
     /// The report as a person reads it.
     #[must_use]
-    pub fn text(&self, colours: bool) -> String {
+    pub(crate) fn text(&self, colours: bool) -> String {
         let mut text = format!(
             "judged: cores {} of {}",
             list(&self.cores),

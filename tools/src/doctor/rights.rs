@@ -18,12 +18,12 @@ const SYS_NICE: u32 = 23;
 const IPC_LOCK: u32 = 14;
 
 /// Both limits at once: whoever needs one needs the other.
-pub const LIMITS: &str = "printf '%s - rtprio 98\\n%s - memlock unlimited\\n' \"$USER\" \"$USER\" | \
+pub(crate) const LIMITS: &str = "printf '%s - rtprio 98\\n%s - memlock unlimited\\n' \"$USER\" \"$USER\" | \
     sudo tee /etc/security/limits.d/95-hil.conf # then log in again";
 
 /// Judges the right to real-time priority.
 #[must_use]
-pub fn priority(tree: &dyn Tree) -> Finding {
+pub(crate) fn priority(tree: &dyn Tree) -> Finding {
     if has_capability(tree, SYS_NICE) {
         return PRIORITY.good("any (CAP_SYS_NICE)");
     }
@@ -36,7 +36,7 @@ pub fn priority(tree: &dyn Tree) -> Finding {
 
 /// Judges the amount of memory that this user may lock.
 #[must_use]
-pub fn locked_memory(tree: &dyn Tree) -> Finding {
+pub(crate) fn locked_memory(tree: &dyn Tree) -> Finding {
     if has_capability(tree, IPC_LOCK) {
         return LOCKED_MEMORY.good("any amount (CAP_IPC_LOCK)");
     }

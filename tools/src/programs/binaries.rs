@@ -34,7 +34,7 @@ mod trusted;
 
 /// A binary and its answer to `--describe`.
 #[derive(Clone, Debug)]
-pub struct Binary {
+pub(crate) struct Binary {
     /// Where it is.
     pub path: PathBuf,
     /// What it says of itself.
@@ -69,7 +69,7 @@ impl FileIdentity {
 
 /// Both binaries of a run.
 #[derive(Clone, Debug)]
-pub struct Binaries {
+pub(crate) struct Binaries {
     /// The plant.
     pub plant: Binary,
     /// The controller.
@@ -137,7 +137,7 @@ impl Binaries {
 
     /// What scenarios are checked against: plants, laws and kinds of faults.
     #[must_use]
-    pub fn described(
+    pub(crate) fn described(
         &self,
     ) -> (
         &[PlantDescription],
@@ -314,7 +314,7 @@ impl Binary {
     ///
     /// # Errors
     /// What the binary has against them.
-    pub fn check(&self, job: &Path, interruption: &Interruption) -> Result<(), Failure> {
+    pub(crate) fn check(&self, job: &Path, interruption: &Interruption) -> Result<(), Failure> {
         let arguments = ["--check".as_ref(), job.as_os_str()];
         let output = ask(&self.path, &arguments, interruption)?.map_err(|error| {
             let path = self.path.display();

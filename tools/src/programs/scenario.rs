@@ -22,7 +22,7 @@ const KEPT: [&str; 6] = ["schema", "name", "run", "plant", "controller", "stimul
 ///
 /// # Errors
 /// If the plan does not belong to the binaries.
-pub fn show(plan: &Plan, binaries: &Binaries) -> Result<String, Failure> {
+pub(crate) fn show(plan: &Plan, binaries: &Binaries) -> Result<String, Failure> {
     let (plants, laws, kinds) = binaries.described();
     hil_config::show::show(plan, plants, laws, kinds).map_err(Failure::usage)
 }
@@ -81,7 +81,7 @@ impl<'a> Finder<'a> {
 ///
 /// # Errors
 /// Everything that is wrong with it.
-pub fn check(
+pub(crate) fn check(
     scenario: Result<Scenario, Problems>,
     changes: &Changes,
     binaries: &Binaries,

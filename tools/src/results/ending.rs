@@ -30,7 +30,7 @@ impl Answers {
 
 /// The first thing in the plant's account of its end that cannot be so.
 #[must_use]
-pub fn contradiction(plan: &Plan, recorded: &Recorded) -> Option<String> {
+pub(crate) fn contradiction(plan: &Plan, recorded: &Recorded) -> Option<String> {
     let end = recorded.end.as_ref()?;
     (steps(plan, end))
         .or_else(|| records(plan, end, recorded))

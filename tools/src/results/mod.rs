@@ -3,20 +3,20 @@
 //! recording; starts nothing and watches nothing.
 
 pub(crate) mod collector;
-pub mod ended;
-pub mod ending;
-pub mod evaluation;
-pub mod faults;
+pub(crate) mod ended;
+pub(crate) mod ending;
+pub(crate) mod evaluation;
+pub(crate) mod faults;
 pub(crate) mod handover;
 pub(crate) mod late_commands;
-pub mod latency;
+pub(crate) mod latency;
 pub(crate) mod outcome;
-pub mod recorded;
+pub(crate) mod recorded;
 pub(crate) mod recorded_run;
-pub mod requirements;
-pub mod resumed;
-pub mod settings;
-pub mod summary;
+pub(crate) mod requirements;
+pub(crate) mod resumed;
+pub(crate) mod settings;
+pub(crate) mod summary;
 
 #[cfg(test)]
 #[path = "../../recording/tests/shared/fixture.rs"]

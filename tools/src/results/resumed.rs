@@ -9,7 +9,7 @@ pub(crate) const CHANGED_FAULTS: &str = "changed_faults";
 
 /// A checkpoint as the summary of its run tells it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Made {
+pub(crate) struct Made {
     pub(crate) step: u64,
     pub(crate) time_s: f64,
     /// Its folder, from that of the run.
@@ -19,7 +19,7 @@ pub struct Made {
 impl Made {
     /// As a person reads it.
     #[must_use]
-    pub fn told(&self, run_dir: &Path) -> String {
+    pub(crate) fn told(&self, run_dir: &Path) -> String {
         let (step, time_s) = (self.step, self.time_s);
         let folder = run_dir.join(&self.folder);
         format!(

@@ -35,7 +35,7 @@ const SCHEMA: u32 = 1;
 
 /// How a run went.
 #[derive(Clone, Debug, Serialize)]
-pub struct Summary {
+pub(crate) struct Summary {
     schema: u32,
     pub(crate) scenario: String,
     pub(crate) session: String,
@@ -308,7 +308,7 @@ impl Summary {
 
     /// The summary as a person reads it.
     #[must_use]
-    pub fn table(&self, plan: &Plan, run_dir: &Path) -> String {
+    pub(crate) fn table(&self, plan: &Plan, run_dir: &Path) -> String {
         output::text(|text| self.write_table(text, plan, run_dir))
     }
 

@@ -18,10 +18,10 @@ mod prepare;
 pub(crate) mod processes;
 mod provenance;
 pub(crate) mod realtime;
-pub mod recorder;
+pub(crate) mod recorder;
 pub(crate) mod settings;
 pub(crate) mod side;
-pub mod swap;
+pub(crate) mod swap;
 mod termination;
 
 pub(crate) use execute::{Environment, Origin, Repeated, RunResult, begin, execute};

@@ -11,7 +11,7 @@ use crate::terminal::output;
 ///
 /// # Errors
 /// If there is no session to ask, or it does not answer.
-pub fn clock(choice: &SessionChoice, request: &Request) -> Result<Exit, Failure> {
+pub(crate) fn clock(choice: &SessionChoice, request: &Request) -> Result<Exit, Failure> {
     let answer = live::find(choice).and_then(|session| match live::ask(&session, request)? {
         Response::Status(status) => Ok(status),
         other => Err(live::unexpected(&other)),
@@ -27,7 +27,7 @@ pub fn clock(choice: &SessionChoice, request: &Request) -> Result<Exit, Failure>
 
 /// Describes the position of a run for a person.
 #[must_use]
-pub fn told(status: &Status) -> String {
+pub(crate) fn told(status: &Status) -> String {
     let Status {
         step,
         time_s,

@@ -24,7 +24,7 @@ const LOOK: Duration = Duration::from_millis(10);
 
 /// Why a request could not be made or was not met.
 #[derive(Debug)]
-pub enum Unmet {
+pub(crate) enum Unmet {
     /// The request was wrong, by a check here or by the plant's word. Nothing was changed.
     Refused(Vec<Refusal>),
     /// The machine or a process is in the way.
@@ -46,7 +46,7 @@ impl From<Refusal> for Unmet {
 impl Unmet {
     /// Tells it; with `json`, refusals go to standard output too, for machines.
     #[must_use]
-    pub fn tell(self, json: bool) -> Failure {
+    pub(crate) fn tell(self, json: bool) -> Failure {
         let problems = match self {
             Self::Failed(failure) => return failure,
             Self::Refused(problems) => problems,
@@ -86,7 +86,7 @@ pub(crate) fn refused_text(problems: &[Refusal]) -> String {
 ///
 /// # Errors
 /// If it cannot be written as JSON.
-pub fn to_json(answer: &impl serde::Serialize) -> Result<String, Failure> {
+pub(crate) fn to_json(answer: &impl serde::Serialize) -> Result<String, Failure> {
     let json = serde_json::to_string(answer).map_err(Failure::infrastructure)?;
     Ok(json + "\n")
 }
@@ -95,7 +95,7 @@ pub fn to_json(answer: &impl serde::Serialize) -> Result<String, Failure> {
 ///
 /// # Errors
 /// If there is none, or if it is not clear which.
-pub fn find(choice: &SessionChoice) -> Result<SessionInfo, Unmet> {
+pub(crate) fn find(choice: &SessionChoice) -> Result<SessionInfo, Unmet> {
     choose(
         session::list().map_err(Failure::infrastructure)?,
         choice.session.as_deref(),
@@ -164,7 +164,7 @@ fn told(session: &SessionInfo) -> String {
 ///
 /// # Errors
 /// If it refused, has ended or does not answer.
-pub fn ask(session: &SessionInfo, request: &Request) -> Result<Response, Unmet> {
+pub(crate) fn ask(session: &SessionInfo, request: &Request) -> Result<Response, Unmet> {
     let since = Instant::now();
     loop {
         match live::ask(session, request, ANSWER_LIMIT) {
@@ -204,7 +204,7 @@ fn ended(session: &SessionInfo, error: &LiveError) -> Refusal {
 
 /// An answer that does not belong to what was asked.
 #[must_use]
-pub fn unexpected(response: &Response) -> Unmet {
+pub(crate) fn unexpected(response: &Response) -> Unmet {
     let told = serde_json::to_string(response).unwrap_or_default();
     Failure::infrastructure(format!(
         "the plant gave an answer to something else: {told}"

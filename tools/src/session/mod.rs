@@ -2,8 +2,8 @@
 //! faults, and the margins of its requirements, which the `hil` that runs it answers from here. The
 //! plant decides whether a fault is taken; no run is started or ended here.
 
-pub mod clock;
+pub(crate) mod clock;
 pub mod inject;
-pub mod live;
-pub mod observer;
-pub mod standing;
+pub(crate) mod live;
+pub(crate) mod observer;
+pub(crate) mod standing;

@@ -33,7 +33,7 @@ const MANY: usize = BUFFER / 8;
 
 /// Notice of a session for its observers.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Notice {
+pub(crate) struct Notice {
     /// Both sides run in one process, whose records nobody else can see.
     pub is_in_process: bool,
     /// The complete scenario.
@@ -49,7 +49,7 @@ impl Notice {
     ///
     /// # Errors
     /// If the session's folder cannot be written.
-    pub fn write(
+    pub(crate) fn write(
         session: &SessionInfo,
         scenario: &str,
         binaries: &Binaries,
@@ -66,7 +66,7 @@ impl Notice {
 
     /// Reads it; `None` as long as it is not there.
     #[must_use]
-    pub fn read(session: &SessionInfo) -> Option<Self> {
+    pub(crate) fn read(session: &SessionInfo) -> Option<Self> {
         session.read_file(FILE).ok()
     }
 
@@ -88,7 +88,7 @@ impl Notice {
     ///
     /// # Errors
     /// If it does not suit what plant and controller say of themselves.
-    pub fn plan(&self) -> Result<Plan, Failure> {
+    pub(crate) fn plan(&self) -> Result<Plan, Failure> {
         let origin = "the running scenario".as_ref();
         checked(&self.scenario, origin, &self.plant, &self.controller)
     }
@@ -99,13 +99,13 @@ impl Notice {
 ///
 /// # Errors
 /// If the session's folder cannot be written.
-pub fn admit(session: &SessionInfo, layout: &RecordLayout) -> Result<(), SessionError> {
+pub(crate) fn admit(session: &SessionInfo, layout: &RecordLayout) -> Result<(), SessionError> {
     session.write_file(ADMITTED, layout)
 }
 
 /// Observation of a run.
 #[derive(Debug)]
-pub enum Seen<'a> {
+pub(crate) enum Seen<'a> {
     /// A record, and its words.
     Record(RecordView<'a>, &'a [u64]),
     /// Something happened.
@@ -117,7 +117,7 @@ pub enum Seen<'a> {
 }
 
 /// One who watches a session, until it is dropped.
-pub struct Observer {
+pub(crate) struct Observer {
     session: SessionInfo,
     source: Option<IceoryxSource>,
     layout: RecordLayout,
@@ -132,7 +132,7 @@ impl Observer {
     ///
     /// # Errors
     /// If enough others watch it, or shared memory cannot be used.
-    pub fn attach(session: &SessionInfo) -> Result<Option<Self>, Failure> {
+    pub(crate) fn attach(session: &SessionInfo) -> Result<Option<Self>, Failure> {
         let Ok(layout) = session.read_file(ADMITTED) else {
             return Ok(None);
         };
@@ -163,7 +163,7 @@ impl Observer {
 
     /// Returns the layout of the records.
     #[must_use]
-    pub const fn layout(&self) -> &RecordLayout {
+    pub(crate) const fn layout(&self) -> &RecordLayout {
         &self.layout
     }
 
@@ -171,7 +171,7 @@ impl Observer {
     ///
     /// # Errors
     /// If the stream failed.
-    pub fn look(&mut self, mut take: impl FnMut(Seen<'_>)) -> Result<usize, Failure> {
+    pub(crate) fn look(&mut self, mut take: impl FnMut(Seen<'_>)) -> Result<usize, Failure> {
         let Some(source) = &mut self.source else {
             return Ok(0);
         };
@@ -211,7 +211,7 @@ impl Observer {
 
     /// Computes the sleep until the next look from the yield of the last ones.
     #[must_use]
-    pub const fn nap(&self) -> Duration {
+    pub(crate) const fn nap(&self) -> Duration {
         if self.has_more {
             Duration::ZERO
         } else {

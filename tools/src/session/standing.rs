@@ -44,7 +44,7 @@ pub struct Standing {
 
 /// Every requirement of a run, in the scenario's order.
 #[must_use]
-pub fn of(evaluation: &Evaluation) -> Vec<Standing> {
+pub(crate) fn of(evaluation: &Evaluation) -> Vec<Standing> {
     let finite = |size: f64| size.is_finite().then_some(size);
     let values = evaluation.requirements().into_iter();
     (values.zip(evaluation.bounds()))
@@ -118,7 +118,7 @@ pub(crate) fn listen(session: &SessionInfo, board: Arc<Board>) -> Result<Listeni
 ///
 /// # Errors
 /// If nobody listens, as in a session that is starting, or `hil` is stopped.
-pub fn ask(session: &SessionInfo) -> Result<Option<Vec<Standing>>, LiveError> {
+pub(crate) fn ask(session: &SessionInfo) -> Result<Option<Vec<Standing>>, LiveError> {
     let response: Response = live::ask_at(session, SOCKET, &Request {}, ASK_LIMIT)?;
     Ok(response.standings)
 }

@@ -26,7 +26,7 @@ static AT_ONCE: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 ///
 /// # Errors
 /// If the signal cannot be listened to.
-pub fn end_at_once() -> Result<(), Failure> {
+pub(crate) fn end_at_once() -> Result<(), Failure> {
     AT_ONCE.store(true, Ordering::SeqCst);
     end_on(SIGINT)
 }

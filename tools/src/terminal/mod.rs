@@ -4,11 +4,11 @@
 
 // First, because its macro `tell!` is used everywhere.
 #[macro_use]
-pub mod output;
+pub(crate) mod output;
 
-pub mod advice;
-pub mod duration;
-pub mod exit;
-pub mod interruption;
-pub mod progress;
-pub mod table;
+pub(crate) mod advice;
+pub(crate) mod duration;
+pub(crate) mod exit;
+pub(crate) mod interruption;
+pub(crate) mod progress;
+pub(crate) mod table;

@@ -15,7 +15,7 @@ macro_rules! tell {
 }
 
 /// Writes a line to standard error, which may be gone, as a terminal that was closed.
-pub fn tell(line: &str) {
+pub(crate) fn tell(line: &str) {
     let _ = writeln!(std::io::stderr(), "{}", printable(line));
 }
 
@@ -24,7 +24,7 @@ pub fn tell(line: &str) {
 ///
 /// # Errors
 /// If the text cannot be written for any other reason.
-pub fn write(text: &str) -> Result<(), Failure> {
+pub(crate) fn write(text: &str) -> Result<(), Failure> {
     write_coloured(&printable(text))
 }
 
@@ -32,7 +32,7 @@ pub fn write(text: &str) -> Result<(), Failure> {
 ///
 /// # Errors
 /// As of [`write()`].
-pub fn write_coloured(text: &str) -> Result<(), Failure> {
+pub(crate) fn write_coloured(text: &str) -> Result<(), Failure> {
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Failure::infrastructure(

@@ -8,7 +8,7 @@ use shared_types::time::{Rate, Step};
 use crate::terminal::output;
 
 /// A progress bar, drawn where a person watches.
-pub struct Progress {
+pub(crate) struct Progress {
     bar: ProgressBar,
     rate: Rate,
     pause: Option<Pause>,
@@ -24,7 +24,7 @@ struct Pause {
 impl Progress {
     /// A bar for so many steps; not shown if several share the terminal.
     #[must_use]
-    pub fn new(steps: u64, rate: Rate, shown: bool) -> Self {
+    pub(crate) fn new(steps: u64, rate: Rate, shown: bool) -> Self {
         let bar = ProgressBar::new(steps);
         if !shown || !crate::terminal::output::person_watches() {
             bar.set_draw_target(ProgressDrawTarget::hidden());
@@ -59,7 +59,7 @@ impl Progress {
     }
 
     /// Lets a person know when the run gets to where it is to hold.
-    pub fn announce_pause(&mut self, pause_at_s: f64, session: &str) {
+    pub(crate) fn announce_pause(&mut self, pause_at_s: f64, session: &str) {
         let step = self.rate.step_at_or_after(pause_at_s);
         let time_s = self.rate.seconds(step);
         self.pause = Some(Pause {
@@ -69,12 +69,12 @@ impl Progress {
     }
 
     /// Writes something beside the bar.
-    pub fn tell(&self, text: &str) {
+    pub(crate) fn tell(&self, text: &str) {
         self.bar.suspend(|| output::tell(text));
     }
 
     /// All steps before this one are done.
-    pub fn set(&mut self, next_step: u64) {
+    pub(crate) fn set(&mut self, next_step: u64) {
         self.bar.set_position(next_step);
         if let Some(pause) = self.pause.take_if(|pause| next_step >= pause.step.0) {
             self.tell(&pause.notice);

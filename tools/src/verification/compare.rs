@@ -19,7 +19,7 @@ use crate::arguments::tolerance::Tolerances;
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::output;
 use crate::verification::baseline;
-pub use deviation::SignalDifference;
+pub(crate) use deviation::SignalDifference;
 pub(crate) use deviation::{Deviation, is_near, share, write_table};
 use hil_recording::reader::{ReadError, RunReader};
 use work::{Row, Work};
@@ -134,7 +134,7 @@ impl From<CompareError> for Failure {
 ///
 /// # Errors
 /// If the runs cannot be read or compared.
-pub fn command(arguments: &CompareArguments) -> Result<Exit, Failure> {
+pub(crate) fn command(arguments: &CompareArguments) -> Result<Exit, Failure> {
     if let Some(name) = &arguments.baseline {
         return baseline::command(arguments, name);
     }

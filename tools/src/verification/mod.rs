@@ -2,12 +2,12 @@
 //! more, compared with baselines, and put together as suites and audits; a single `hil run` is a suite
 //! of one. Scenarios are run by [`run`](crate::run); no plot is made here.
 
-pub mod baseline;
-pub mod compare;
+pub(crate) mod baseline;
+pub(crate) mod compare;
 #[cfg(test)]
 mod damage;
-pub mod judge;
-pub mod repetition;
-pub mod replay;
-pub mod rerun;
+pub(crate) mod judge;
+pub(crate) mod repetition;
+pub(crate) mod replay;
+pub(crate) mod rerun;
 pub(crate) mod suite;

@@ -51,7 +51,7 @@ pub struct RecordedScenario {
 ///
 /// # Errors
 /// If the run cannot be read, or the scenario not be written.
-pub fn scenario_from(arguments: &ScenarioFromArguments) -> Result<Exit, Failure> {
+pub(crate) fn scenario_from(arguments: &ScenarioFromArguments) -> Result<Exit, Failure> {
     let recorded = RecordedScenario::read(&arguments.run)?;
     let text = recorded.scenario()?;
     if !recorded.missed.is_empty() {

@@ -21,7 +21,7 @@ use crate::verification::repetition::RecordedScenario;
 ///
 /// # Errors
 /// If the run cannot be read or repeated.
-pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
+pub(crate) fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
     let options = &arguments.options;
     let recorded = RecordedScenario::read(&arguments.run)?.for_any_machine();
     let shown = arguments.run.display();

@@ -4,7 +4,7 @@
 //! them in its form. Records are read for their ranges only, by who needs them.
 
 mod foxglove;
-pub mod pages;
+pub(crate) mod pages;
 mod plotjuggler;
 
 use std::collections::BTreeMap;
@@ -28,7 +28,7 @@ type Ranges = BTreeMap<String, [f64; 2]>;
 ///
 /// # Errors
 /// If the run cannot be read, has no signal, or the file cannot be written.
-pub fn layout(arguments: &LayoutArguments) -> Result<Exit, Failure> {
+pub(crate) fn layout(arguments: &LayoutArguments) -> Result<Exit, Failure> {
     let mut reader = RunReader::open(&arguments.run)
         .map_err(Failure::usage)?
         .without_digest();

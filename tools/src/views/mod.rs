@@ -3,7 +3,7 @@
 //! session through [`session`](crate::session).
 
 pub mod export;
-pub mod layout;
-pub mod monitor;
-pub mod plots;
-pub mod report;
+pub(crate) mod layout;
+pub(crate) mod monitor;
+pub(crate) mod plots;
+pub(crate) mod report;

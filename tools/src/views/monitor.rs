@@ -12,21 +12,21 @@
 //!
 //! Passive: the run has the same digest with and without it, unless a key changes the run.
 
-pub mod asking;
-pub mod display;
+pub(crate) mod asking;
+pub(crate) mod display;
 #[cfg(feature = "foxglove")]
-pub mod foxglove;
-pub mod history;
-pub mod keys;
-pub mod line;
-pub mod model;
-pub mod pace;
-pub mod plots;
-pub mod prepared;
-pub mod screen;
-pub mod terminal;
-pub mod view;
-pub mod watch;
+pub(crate) mod foxglove;
+pub(crate) mod history;
+pub(crate) mod keys;
+pub(crate) mod line;
+pub(crate) mod model;
+pub(crate) mod pace;
+pub(crate) mod plots;
+pub(crate) mod prepared;
+pub(crate) mod screen;
+pub(crate) mod terminal;
+pub(crate) mod view;
+pub(crate) mod watch;
 
 use std::any::Any;
 use std::io::IsTerminal;
@@ -57,11 +57,11 @@ const GATHER: Duration = Duration::from_millis(600);
 
 /// The model, of which one thread at a time has a hold.
 #[derive(Clone)]
-pub struct SharedModel(Arc<Mutex<Model>>);
+pub(crate) struct SharedModel(Arc<Mutex<Model>>);
 
 impl SharedModel {
     /// The model, held still.
-    pub fn lock(&self) -> MutexGuard<'_, Model> {
+    pub(crate) fn lock(&self) -> MutexGuard<'_, Model> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -70,7 +70,7 @@ impl SharedModel {
 ///
 /// # Errors
 /// If there is no session to watch, it cannot be watched, or a prepared fault is none.
-pub fn monitor(arguments: &MonitorArguments) -> Result<Exit, Failure> {
+pub(crate) fn monitor(arguments: &MonitorArguments) -> Result<Exit, Failure> {
     if arguments.foxglove.is_some() && cfg!(not(feature = "foxglove")) {
         return Err(Failure::usage(
             "--foxglove: this hil was built without it; `cargo build --release -p tools --features foxglove` builds one with it",

@@ -4,8 +4,8 @@
 //! less room takes the first plots. Scenario, names and units decide, and no plant is known. Records are
 //! never read: a view that has read them says through [`Values`] which plots have nothing to show.
 
-pub mod bounds;
-pub mod signal;
+pub(crate) mod bounds;
+pub(crate) mod signal;
 
 use glob::Pattern;
 use hil_config::plan::{FaultAction, Plan, Scale};
@@ -42,7 +42,7 @@ const LOOP: [(&str, &str, bool, &[&str]); 3] = [
 
 /// Signals over one time axis.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Plot {
+pub(crate) struct Plot {
     /// Heading of this plot and of those beside it.
     pub section: &'static str,
     /// Heading of its own.
@@ -65,7 +65,7 @@ pub struct Plot {
 
 /// A level that a requirement compares with.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Limit {
+pub(crate) struct Limit {
     level: f64,
     from_s: f64,
     until_s: f64,
@@ -74,7 +74,7 @@ pub struct Limit {
 
 /// A run that the plots are for.
 #[derive(Default)]
-pub struct Subject<'a> {
+pub(crate) struct Subject<'a> {
     /// Scenario, if it is understood.
     pub plan: Option<&'a Plan>,
     /// Laws that the run had.
@@ -86,7 +86,7 @@ pub struct Subject<'a> {
 impl<'a> Subject<'a> {
     /// A run with the law of its scenario, without requirements.
     #[must_use]
-    pub fn of(plan: &'a Plan) -> Self {
+    pub(crate) fn of(plan: &'a Plan) -> Self {
         Self {
             plan: Some(plan),
             laws: vec![&plan.controller.law],
@@ -96,7 +96,7 @@ impl<'a> Subject<'a> {
 }
 
 /// Answers about values, of a view that has read them.
-pub trait Values {
+pub(crate) trait Values {
     /// Reports signals that differ in any run.
     fn differ(&self, a: &str, b: &str) -> bool;
     /// Reports a signal that changes in any run.
@@ -104,7 +104,7 @@ pub trait Values {
 }
 
 /// Everything that a choice of plots depends on.
-pub struct Choice<'a> {
+pub(crate) struct Choice<'a> {
     /// Signals by their recorded names, and derived ones.
     pub columns: &'a [Column],
     /// Runs, at least one.
@@ -117,7 +117,7 @@ pub struct Choice<'a> {
 
 /// Chooses the plots, those of the scenario first, then what decides its verdict.
 #[must_use]
-pub fn choose(choice: &Choice<'_>) -> Vec<Plot> {
+pub(crate) fn choose(choice: &Choice<'_>) -> Vec<Plot> {
     let mut chooser = Chooser {
         choice,
         signals: choice.columns.iter().map(Signal::of).collect(),
@@ -142,7 +142,7 @@ pub fn choose(choice: &Choice<'_>) -> Vec<Plot> {
 
 /// Plots of signals that share a unit, as many to each as can be told apart.
 #[must_use]
-pub fn by_unit(columns: &[Column]) -> Vec<Plot> {
+pub(crate) fn by_unit(columns: &[Column]) -> Vec<Plot> {
     let signals = columns.iter().map(Signal::of).collect();
     chunks("", signals, |one| one.unit, MOST[0])
 }

@@ -58,7 +58,7 @@ struct Written {
 /// # Errors
 /// If a run cannot be read, has no signal that is asked for, or the file cannot be written; with a page
 /// of what there is, if a run is damaged.
-pub fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
+pub(crate) fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
     let path = arguments.output.as_path();
     let is_file = path != Path::new("-");
     if arguments.json && !is_file {

@@ -6,7 +6,7 @@ use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{FrameSpec, Link};
 use shared_types::session::SessionInfo;
 use shared_types::time::Step;
-use tools::benchmark::exchange::End;
+use tools::testing::End;
 
 use super::{COMMANDS, SIGNALS};
 

@@ -18,7 +18,7 @@ use shared_types::checkpoint::Side;
 use shared_types::frame::Frame;
 use shared_types::link::bare::Blackboard;
 use shared_types::session::SessionInfo;
-use tools::benchmark::exchange::End;
+use tools::testing::End;
 
 pub(crate) use peer::{answered, measure};
 pub(crate) use place::Place;

@@ -13,7 +13,7 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 use shared_types::checkpoint::Side;
 use shared_types::link::iceoryx::Ipc;
 use shared_types::session::SessionInfo;
-use tools::benchmark::exchange::End;
+use tools::testing::End;
 
 use super::{COMMAND_BYTES, SAMPLE_BYTES};
 

@@ -8,8 +8,7 @@ use shared_types::checkpoint::Side;
 use shared_types::realtime::pin;
 use shared_types::session::{Session, SessionInfo};
 use shared_types::wait::{WaitLimit, WaitStrategy, Waiter};
-use tools::benchmark::exchange::{End, Trips, follow, lead};
-use tools::benchmark::raw;
+use tools::testing::{End, Trips, follow, lead, raw};
 
 use super::{COMMAND_BYTES, Exchange, Place, Round, SAMPLE_BYTES, Wait, open};
 

@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use shared_types::checkpoint::Side;
 use shared_types::session::SessionInfo;
-use tools::benchmark::exchange::End;
+use tools::testing::End;
 
 use super::peer::WAIT_LIMIT_S;
 use super::{COMMAND_BYTES, Opened, SAMPLE_BYTES, Wait};

@@ -18,10 +18,7 @@ use shared_types::live::Possible;
 use shared_types::record::FaultAccepted;
 use shared_types::table::Field;
 use shared_types::time::Step;
-use tools::arguments::inject::arrange;
-use tools::arguments::{Command, CommandLine};
-use tools::results::faults::LiveFault;
-use tools::session::inject;
+use tools::testing::{Command, CommandLine, LiveFault, arrange, inject};
 
 use super::rig::{rig, small_plan};
 

@@ -8,14 +8,10 @@ use std::path::{Path, PathBuf};
 
 use hil_recording::reader::{RECORDING, RunReader};
 use tempfile::TempDir;
-use tools::arguments::export::{ExportArguments, ExportFormat};
-use tools::arguments::tolerance::Tolerances;
-use tools::benchmark::recorded;
-use tools::terminal::interruption::Interruption;
-use tools::verification::compare::{Verdict, compare};
-use tools::verification::judge::judged;
-use tools::verification::repetition::RecordedScenario;
-use tools::views::export;
+use tools::testing::{
+    ExportArguments, ExportFormat, Interruption, RecordedScenario, Tolerances, Verdict, compare,
+    export, judged, recorded,
+};
 
 use super::assert_told;
 

@@ -20,7 +20,7 @@ use shared_types::session::SessionInfo;
 use shared_types::time::Step;
 use shared_types::{link, realtime, stream};
 use tempfile::TempDir;
-use tools::checkpoint::Checkpoint;
+use tools::testing::Checkpoint;
 
 use super::rig::small_plan;
 

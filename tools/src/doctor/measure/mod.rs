@@ -5,8 +5,8 @@
 //! Nothing here is the project's own link or loop: it is the machine that is measured.
 
 pub mod gaps;
-pub mod ping_pong;
-pub mod wake_up;
+pub(crate) mod ping_pong;
+pub(crate) mod wake_up;
 
 use std::fmt::{self, Display};
 use std::io;
@@ -28,7 +28,7 @@ const DIGITS: u8 = 3;
 
 /// The grade of a longest delay, after the limits that LinuxCNC's users live by.
 #[must_use]
-pub const fn jitter_grade(longest_ns: u64) -> Grade {
+pub(crate) const fn jitter_grade(longest_ns: u64) -> Grade {
     match longest_ns {
         0..GOOD_NS => Grade::Good,
         GOOD_NS..FAIR_NS => Grade::Fair,
@@ -58,7 +58,7 @@ fn shown(figures: &Percentiles) -> String {
 
 /// The calling thread on one core, as long as this lives.
 #[derive(Debug)]
-pub struct Pinned {
+pub(crate) struct Pinned {
     before: CpuSet,
 }
 
@@ -67,7 +67,7 @@ impl Pinned {
     ///
     /// # Errors
     /// If it may not run there.
-    pub fn to(core: u32) -> io::Result<Self> {
+    pub(crate) fn to(core: u32) -> io::Result<Self> {
         let before = sched_getaffinity(None)?;
         let mut one = CpuSet::new();
         if core as usize >= CpuSet::MAX_CPU {

@@ -50,7 +50,7 @@ struct Pair {
 ///
 /// # Errors
 /// If a thread may not run on its core.
-pub fn measure(cores: [u32; 2], seconds: f64) -> io::Result<Histogram<u64>> {
+pub(crate) fn measure(cores: [u32; 2], seconds: f64) -> io::Result<Histogram<u64>> {
     let pair = Pair::default();
     std::thread::scope(|scope| {
         let (ready, is_ready) = mpsc::channel();
@@ -127,7 +127,12 @@ fn answered(pair: &Pair, number: u64) -> bool {
 
 /// The grade of the exchange: by its median, which tells how far apart the cores are.
 #[must_use]
-pub fn finding(trips_ns: &Histogram<u64>, cores: [u32; 2], seconds: f64, class: Class) -> Finding {
+pub(crate) fn finding(
+    trips_ns: &Histogram<u64>,
+    cores: [u32; 2],
+    seconds: f64,
+    class: Class,
+) -> Finding {
     let figures = Percentiles::of(trips_ns);
     let grade = match figures.p50 {
         _ if figures.count == 0 => return CHECK.unknown("no answer came"),
@@ -146,7 +151,7 @@ pub fn finding(trips_ns: &Histogram<u64>, cores: [u32; 2], seconds: f64, class: 
 
 /// There is only one core.
 #[must_use]
-pub fn impossible() -> Finding {
+pub(crate) fn impossible() -> Finding {
     CHECK.unknown("takes two cores")
 }
 

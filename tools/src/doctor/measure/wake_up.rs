@@ -26,16 +26,17 @@ const WARM_UP: u32 = 20;
 const LOAD_WORDS: usize = 1 << 19;
 
 /// Wake-ups of an otherwise idle machine.
-pub const IDLE: Check = Check::new(
+pub(crate) const IDLE: Check = Check::new(
     "wake_up_idle",
     "a paced or real-time step starts as late as its thread wakes up",
 );
 /// Wake-ups while every core works.
-pub const LOADED: Check = Check::new("wake_up_loaded", "a busy machine must not make a step late");
+pub(crate) const LOADED: Check =
+    Check::new("wake_up_loaded", "a busy machine must not make a step late");
 
 /// Lateness of wake-ups.
 #[derive(Clone, Debug)]
-pub struct WakeUps {
+pub(crate) struct WakeUps {
     lateness_ns: Histogram<u64>,
     /// Deadlines that passed during another's delay; each delay counts once.
     missed: u64,
@@ -45,7 +46,7 @@ pub struct WakeUps {
 ///
 /// # Errors
 /// If the thread may not run on that core.
-pub fn measure(core: u32, seconds: f64) -> io::Result<WakeUps> {
+pub(crate) fn measure(core: u32, seconds: f64) -> io::Result<WakeUps> {
     let _pinned = Pinned::to(core)?;
     let _exact = ExactTimers::set()?;
     let mut wake_ups = WakeUps {
@@ -85,7 +86,13 @@ fn sleep_until(due_ns: u64) -> io::Result<()> {
 
 /// The grade of wake-ups: by the latest, as one late step is enough.
 #[must_use]
-pub fn finding(check: Check, wake_ups: &WakeUps, core: u32, seconds: f64, class: Class) -> Finding {
+pub(crate) fn finding(
+    check: Check,
+    wake_ups: &WakeUps,
+    core: u32,
+    seconds: f64,
+    class: Class,
+) -> Finding {
     let figures = Percentiles::of(&wake_ups.lateness_ns);
     if figures.count == 0 {
         return check.unknown(format!("core {core} did not wake up within {seconds} s"));
@@ -104,7 +111,7 @@ pub fn finding(check: Check, wake_ups: &WakeUps, core: u32, seconds: f64, class:
 
 /// Ordinary work on every core, as long as this lives.
 #[derive(Debug)]
-pub struct Load {
+pub(crate) struct Load {
     stop: Arc<AtomicBool>,
     threads: Vec<JoinHandle<Option<Class>>>,
 }
@@ -112,7 +119,7 @@ pub struct Load {
 impl Load {
     /// Starts one thread for each core, which computes and writes to memory without a pause.
     #[must_use]
-    pub fn on(cores: &CoreList) -> Self {
+    pub(crate) fn on(cores: &CoreList) -> Self {
         let stop = Arc::new(AtomicBool::new(false));
         let start = |core| {
             let stop = Arc::clone(&stop);
@@ -133,7 +140,7 @@ impl Load {
     /// Ends the work; whether all of it was ordinary. Work at real-time priority would not let the
     /// measuring thread run, so none is done then.
     #[must_use]
-    pub fn end(self) -> bool {
+    pub(crate) fn end(self) -> bool {
         self.stop.store(true, Ordering::Relaxed);
         let ordinary = |thread: JoinHandle<Option<Class>>| {
             let class = thread.join().ok().flatten();

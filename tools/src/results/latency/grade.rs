@@ -8,9 +8,9 @@ use super::legs::Legs;
 use crate::terminal::duration::shown_ns;
 
 /// Under it, delays are good.
-pub const GOOD_NS: u64 = 20_000;
+pub(crate) const GOOD_NS: u64 = 20_000;
 /// Under it, they are fair.
-pub const FAIR_NS: u64 = 50_000;
+pub(crate) const FAIR_NS: u64 = 50_000;
 /// Over it, nothing of real time can be done on this machine.
 pub const UNFIT_NS: u64 = 500_000;
 

@@ -1,11 +1,11 @@
 //! The latency of a loop: the recorder, or a reader of its recording, puts each step into [`Latency`](legs::Latency); its
 //! [`legs`] become [`percentiles`], the ten worst [`spikes`] and a [`grade`] in the summary.
 
-pub mod grade;
-pub mod legs;
-pub mod percentiles;
+pub(crate) mod grade;
+pub(crate) mod legs;
+pub(crate) mod percentiles;
 pub(crate) mod places;
-pub mod spikes;
+pub(crate) mod spikes;
 
 use hdrhistogram::Histogram;
 

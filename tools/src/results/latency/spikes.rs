@@ -12,7 +12,7 @@ use shared_types::surroundings::ThreadStatistics;
 use crate::terminal::duration::shown_ns;
 
 /// How many are kept.
-pub const KEPT: usize = 10;
+pub(crate) const KEPT: usize = 10;
 
 /// A step that took long.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -113,7 +113,7 @@ impl Spike {
 
 /// The worst steps so far. A step that is none of them costs one comparison.
 #[derive(Clone, Debug, Default)]
-pub struct Spikes {
+pub(crate) struct Spikes {
     /// Longest first.
     worst: Vec<Spike>,
     /// What a round trip must exceed to be one of them.
@@ -150,7 +150,7 @@ struct Open {
 
 impl Spikes {
     /// Takes in the timing of a step that was answered.
-    pub fn take(&mut self, step: u64, timing: &Timing) {
+    pub(crate) fn take(&mut self, step: u64, timing: &Timing) {
         if let Some(open) = self.open.take()
             && open.before.epoch == timing.epoch
         {
@@ -198,7 +198,7 @@ impl Spikes {
 
     /// The worst, the longest first.
     #[must_use]
-    pub fn worst(&self) -> &[Spike] {
+    pub(crate) fn worst(&self) -> &[Spike] {
         &self.worst
     }
 }

@@ -25,7 +25,7 @@ pub(crate) struct Deviation {
 
 /// By how much a signal differs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct SignalDifference {
+pub(crate) struct SignalDifference {
     pub(crate) name: String,
     pub(crate) unit: String,
     pub(crate) max_abs_difference: f64,

@@ -15,7 +15,7 @@ const PLOTS: usize = 8;
 
 /// Plots that are seen together.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Page {
+pub(crate) struct Page {
     /// Section of the plots, with a number from the second page on.
     pub title: String,
     /// Plots in order.
@@ -24,7 +24,7 @@ pub struct Page {
 
 /// The pages of a recording with these columns, of a run of this scenario if it is understood.
 #[must_use]
-pub fn of(columns: &[Column], plan: Option<&Plan>) -> Vec<Page> {
+pub(crate) fn of(columns: &[Column], plan: Option<&Plan>) -> Vec<Page> {
     let subject = plan.map_or_else(Subject::default, |plan| Subject {
         bounds: bounds(plan, plan.run.rate.seconds(Step(plan.run.steps))).0,
         ..Subject::of(plan)

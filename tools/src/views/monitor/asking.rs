@@ -24,7 +24,7 @@ const SHORT_LIMIT: Duration = Duration::from_secs(2);
 const LIMIT: Duration = Duration::from_secs(20);
 
 /// The thread as its owner sees it.
-pub struct Asking {
+pub(crate) struct Asking {
     requests: Sender<Request>,
     answers: Receiver<String>,
 }
@@ -32,7 +32,7 @@ pub struct Asking {
 impl Asking {
     /// Asks a session from now on, until it ends or this is dropped.
     #[must_use]
-    pub fn start(session: SessionInfo, model: SharedModel) -> Self {
+    pub(crate) fn start(session: SessionInfo, model: SharedModel) -> Self {
         let (requests, asked) = channel();
         let (answer, answers) = channel();
         // Not joined: it may be in the middle of a long question when nobody wants the answer any more.
@@ -41,13 +41,13 @@ impl Asking {
     }
 
     /// Asks for something.
-    pub fn ask(&self, request: Request) {
+    pub(crate) fn ask(&self, request: Request) {
         let _ = self.requests.send(request); // a session that ended is told of elsewhere
     }
 
     /// The newest answer to what was asked for, as a person reads it.
     #[must_use]
-    pub fn answer(&self) -> Option<String> {
+    pub(crate) fn answer(&self) -> Option<String> {
         self.answers.try_iter().last()
     }
 }

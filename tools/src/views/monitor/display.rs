@@ -20,7 +20,7 @@ const MANY_STEPS: u64 = 100;
 
 /// Abilities of a terminal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Abilities {
+pub(crate) struct Abilities {
     /// Characters beyond ASCII.
     pub unicode: bool,
     /// Colours are wanted.
@@ -30,7 +30,7 @@ pub struct Abilities {
 impl Abilities {
     /// By the environment: the locale's character set, and `NO_COLOR`.
     #[must_use]
-    pub fn of_environment() -> Self {
+    pub(crate) fn of_environment() -> Self {
         Self::by(|name| env::var(name).ok())
     }
 
@@ -49,7 +49,7 @@ impl Abilities {
 
 /// Action to be confirmed.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Question {
+pub(crate) struct Question {
     /// Text for the person.
     pub text: String,
     request: Request,
@@ -57,7 +57,7 @@ pub struct Question {
 
 /// Request of a key.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Action {
+pub(crate) enum Action {
     /// Nothing of the session.
     Nothing,
     /// To leave.
@@ -70,7 +70,7 @@ pub enum Action {
 
 /// Choices of the person.
 #[derive(Clone, Debug)]
-pub struct Display {
+pub(crate) struct Display {
     /// Abilities of the terminal.
     pub abilities: Abilities,
     /// Width of the time axis in s.
@@ -90,7 +90,7 @@ pub struct Display {
 impl Display {
     /// Before any key.
     #[must_use]
-    pub fn new(abilities: Abilities, window_s: f64, prepared: Vec<Prepared>) -> Self {
+    pub(crate) fn new(abilities: Abilities, window_s: f64, prepared: Vec<Prepared>) -> Self {
         Self {
             abilities,
             window_s,
@@ -103,7 +103,7 @@ impl Display {
     }
 
     /// What a key does. There are so many plots; `ended` is whether the session has ended.
-    pub fn press(&mut self, key: KeyEvent, plots: usize, ended: bool) -> Action {
+    pub(crate) fn press(&mut self, key: KeyEvent, plots: usize, ended: bool) -> Action {
         let is_control = key.modifiers.contains(KeyModifiers::CONTROL);
         if is_control && key.code == KeyCode::Char('c') {
             return Action::Interrupt;

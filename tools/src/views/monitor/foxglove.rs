@@ -7,8 +7,8 @@
 //!
 //! Nobody waits for a client. One that is too slow gets fewer records and is told how many it missed.
 
-pub mod message;
-pub mod outlet;
+pub(crate) mod message;
+pub(crate) mod outlet;
 
 use std::io::ErrorKind;
 use std::net::{SocketAddr, TcpListener, TcpStream};
@@ -48,7 +48,7 @@ const LONGEST: usize = 64 << 10;
 const BUFFERED: usize = 4 << 20;
 
 /// The server, as long as it is kept.
-pub struct Serving {
+pub(crate) struct Serving {
     hub: Arc<Hub>,
     address: SocketAddr,
 }
@@ -58,7 +58,11 @@ impl Serving {
     ///
     /// # Errors
     /// If the address cannot be listened on.
-    pub fn start(address: SocketAddr, session: &SessionInfo, plan: &Plan) -> Result<Self, Failure> {
+    pub(crate) fn start(
+        address: SocketAddr,
+        session: &SessionInfo,
+        plan: &Plan,
+    ) -> Result<Self, Failure> {
         let cannot = |error: std::io::Error| {
             Failure::infrastructure(format!("error: cannot serve at {address}: {error}"))
         };
@@ -83,13 +87,13 @@ impl Serving {
 
     /// Returns the address of the server.
     #[must_use]
-    pub const fn address(&self) -> SocketAddr {
+    pub(crate) const fn address(&self) -> SocketAddr {
         self.address
     }
 
     /// Returns the consumer of the monitor's records, limited to `rate` records a second.
     #[must_use]
-    pub fn outlet(&self, plan: &Plan, records_per_s: f64) -> Outlet {
+    pub(crate) fn outlet(&self, plan: &Plan, records_per_s: f64) -> Outlet {
         Outlet::new(Arc::clone(&self.hub), plan.run.rate, records_per_s)
     }
 }

@@ -13,7 +13,7 @@ const LEVELS: usize = 7;
 
 /// The least and the greatest of some values.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Range {
+pub(crate) struct Range {
     /// The least.
     pub min: f64,
     /// The greatest.
@@ -23,7 +23,7 @@ pub struct Range {
 impl Range {
     /// Of one value.
     #[must_use]
-    pub const fn of(value: f64) -> Self {
+    pub(crate) const fn of(value: f64) -> Self {
         Self {
             min: value,
             max: value,
@@ -32,7 +32,7 @@ impl Range {
 
     /// Of all that two stand for.
     #[must_use]
-    pub const fn and(self, other: Self) -> Self {
+    pub(crate) const fn and(self, other: Self) -> Self {
         Self {
             min: if other.min < self.min {
                 other.min
@@ -60,7 +60,7 @@ struct Bin {
 const NONE: u64 = u64::MAX;
 
 /// The history of a signal.
-pub struct History {
+pub(crate) struct History {
     /// The finest first; in each the bins at their numbers modulo [`BINS`].
     levels: [Vec<Bin>; LEVELS],
     /// The newest bin of each level, which may still grow.
@@ -82,7 +82,7 @@ impl Default for History {
 
 impl History {
     /// Takes the value of a step. Steps must rise; what is no number leaves a gap.
-    pub fn take(&mut self, step: u64, value: f64) {
+    pub(crate) fn take(&mut self, step: u64, value: f64) {
         if !value.is_finite() {
             return;
         }
@@ -110,7 +110,7 @@ impl History {
     /// The extremes in each of some columns of equal width, the last of which ends with step `last`;
     /// `None` where there was no value. `steps` is the width of all columns together.
     #[must_use]
-    pub fn columns(&self, last: u64, steps: u64, columns: usize) -> Vec<Option<Range>> {
+    pub(crate) fn columns(&self, last: u64, steps: u64, columns: usize) -> Vec<Option<Range>> {
         let mut found = vec![None; columns];
         let count = columns as u64;
         if count == 0 || steps == 0 {

@@ -12,14 +12,14 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 
 /// The thread as its owner sees it.
-pub struct Keys {
+pub(crate) struct Keys {
     events: Receiver<io::Result<Event>>,
 }
 
 impl Keys {
     /// Reads the terminal from now on. It must be in raw mode.
     #[must_use]
-    pub fn start() -> Self {
+    pub(crate) fn start() -> Self {
         let (sender, events) = channel();
         // Not joined: nothing wakes it but a key.
         std::thread::spawn(move || {
@@ -38,7 +38,7 @@ impl Keys {
     ///
     /// # Errors
     /// If the terminal cannot be read, or is gone.
-    pub fn next(&self, timeout: Duration) -> io::Result<Option<Event>> {
+    pub(crate) fn next(&self, timeout: Duration) -> io::Result<Option<Event>> {
         match self.events.recv_timeout(timeout) {
             Ok(event) => event.map(Some),
             Err(RecvTimeoutError::Timeout) if !terminal_is_gone() => Ok(None),
@@ -49,7 +49,7 @@ impl Keys {
 
 /// Reports a terminal whose other end is closed.
 #[must_use]
-pub fn terminal_is_gone() -> bool {
+pub(crate) fn terminal_is_gone() -> bool {
     let input = io::stdin();
     let mut looked = [PollFd::new(&input, PollFlags::empty())];
     let found = poll(&mut looked, Some(&Timespec::default()));

@@ -8,7 +8,7 @@ use crate::terminal::duration::shown_ns;
 
 /// Describes the end of the session, with the folder of its run.
 #[must_use]
-pub fn ended(model: &Model, ending: &Ending) -> String {
+pub(crate) fn ended(model: &Model, ending: &Ending) -> String {
     let mut text = format!("{} ended: ", model.plan().name);
     text += &match (&ending.verdict, ending.outcome) {
         (Some(verdict), _) => verdict.clone(),
@@ -44,7 +44,7 @@ const fn told(outcome: Outcome) -> &'static str {
 
 /// Describes the state of the session in one line.
 #[must_use]
-pub fn text(model: &Model, now_ns: u64) -> String {
+pub(crate) fn text(model: &Model, now_ns: u64) -> String {
     if let Some(ending) = model.ending() {
         return ended(model, ending);
     }
@@ -95,7 +95,7 @@ pub fn text(model: &Model, now_ns: u64) -> String {
 
 /// All that is known, for a machine. What is no number is null.
 #[must_use]
-pub fn json(model: &Model, now_ns: u64) -> Value {
+pub(crate) fn json(model: &Model, now_ns: u64) -> Value {
     let signals: Map<String, Value> = (model.values())
         .map(|(name, value)| (name, json!(value)))
         .collect();

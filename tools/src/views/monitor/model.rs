@@ -23,7 +23,7 @@ use hil_recording::reader::Column;
 
 /// End of the watched run.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Ending {
+pub(crate) struct Ending {
     /// Its last word in the record stream.
     pub outcome: Option<Outcome>,
     /// Why, if it did not come to its end.
@@ -42,7 +42,7 @@ pub struct Ending {
 
 /// State of the requirements.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub enum Judged {
+pub(crate) enum Judged {
     /// Nobody was asked yet.
     #[default]
     Unknown,
@@ -61,7 +61,7 @@ struct Trace {
 }
 
 /// The watched session.
-pub struct Model {
+pub(crate) struct Model {
     /// Name of the session.
     pub session: String,
     /// Folder of the run, if it is recorded.
@@ -94,7 +94,12 @@ pub struct Model {
 impl Model {
     /// Of a session before anything was seen of it.
     #[must_use]
-    pub fn new(session: &str, run_dir: Option<PathBuf>, plan: Plan, patterns: &[String]) -> Self {
+    pub(crate) fn new(
+        session: &str,
+        run_dir: Option<PathBuf>,
+        plan: Plan,
+        patterns: &[String],
+    ) -> Self {
         Self {
             session: session.into(),
             run_dir,
@@ -123,7 +128,7 @@ impl Model {
     ///
     /// # Errors
     /// If those that are to be drawn are not among them.
-    pub fn attach(&mut self, layout: &RecordLayout) -> Result<(), Failure> {
+    pub(crate) fn attach(&mut self, layout: &RecordLayout) -> Result<(), Failure> {
         self.columns.clear();
         for (group, fields) in Group::ALL.into_iter().zip(layout.groups()) {
             self.columns.extend(fields.iter().map(|field| Column {
@@ -166,7 +171,7 @@ impl Model {
     }
 
     /// Takes what was seen.
-    pub fn take(&mut self, seen: Seen<'_>) {
+    pub(crate) fn take(&mut self, seen: Seen<'_>) {
         match seen {
             Seen::Record(record, _) => {
                 self.joined.get_or_insert(record.step);
@@ -230,18 +235,18 @@ impl Model {
     }
 
     /// Takes the status that the plant reports.
-    pub fn hear_status(&mut self, status: Status) {
+    pub(crate) fn hear_status(&mut self, status: Status) {
         self.status = Some(status);
     }
 
     /// Takes the faults that the plant reports.
-    pub fn hear_faults(&mut self, faults: Vec<FaultState>) {
+    pub(crate) fn hear_faults(&mut self, faults: Vec<FaultState>) {
         self.faults = faults;
     }
 
     /// What is said of the requirements. A silence does not unsay what was known, and an answer that
     /// comes after the end is older than the summary.
-    pub fn hear_standings(&mut self, standings: Option<Vec<Standing>>) {
+    pub(crate) fn hear_standings(&mut self, standings: Option<Vec<Standing>>) {
         if self.ending.as_ref().is_some_and(|ending| ending.is_gone) {
             return;
         }
@@ -253,7 +258,7 @@ impl Model {
     }
 
     /// The session is no more. `verdict` is that of its summary, if there is one.
-    pub fn end(&mut self, verdict: Option<String>) {
+    pub(crate) fn end(&mut self, verdict: Option<String>) {
         let ending = self.ending.get_or_insert_default();
         ending.is_gone = true;
         ending.verdict = verdict;
@@ -261,7 +266,7 @@ impl Model {
     }
 
     /// The session is no more, and `hil` is gone without a summary; perhaps it has left a recording.
-    pub fn abandon(&mut self, is_recoverable: bool) {
+    pub(crate) fn abandon(&mut self, is_recoverable: bool) {
         self.end(None);
         let ending = self.ending.get_or_insert_default();
         ending.is_abandoned = true;
@@ -270,31 +275,31 @@ impl Model {
 
     /// The law that answers now.
     #[must_use]
-    pub fn law(&self) -> &str {
+    pub(crate) fn law(&self) -> &str {
         &self.law
     }
 
     /// The scenario.
     #[must_use]
-    pub const fn plan(&self) -> &Plan {
+    pub(crate) const fn plan(&self) -> &Plan {
         &self.plan
     }
 
     /// Steps per second.
     #[must_use]
-    pub const fn rate(&self) -> Rate {
+    pub(crate) const fn rate(&self) -> Rate {
         self.plan.run.rate
     }
 
     /// A step's simulated time in s.
     #[must_use]
-    pub fn seconds(&self, step: u64) -> f64 {
+    pub(crate) fn seconds(&self, step: u64) -> f64 {
         self.rate().seconds(Step(step))
     }
 
     /// The newest step that is known of.
     #[must_use]
-    pub fn step(&self) -> Option<u64> {
+    pub(crate) fn step(&self) -> Option<u64> {
         let asked = self.status.as_ref().map(|status| status.step);
         // The last record of a held run is some steps older.
         if self.is_paused() {
@@ -306,31 +311,31 @@ impl Model {
 
     /// The step of the newest record.
     #[must_use]
-    pub const fn seen(&self) -> Option<u64> {
+    pub(crate) const fn seen(&self) -> Option<u64> {
         self.step
     }
 
     /// The first step that was seen, unless it was the run's first.
     #[must_use]
-    pub fn joined_late(&self) -> Option<u64> {
+    pub(crate) fn joined_late(&self) -> Option<u64> {
         self.joined.filter(|step| *step > 0)
     }
 
     /// Reports a run that the plant holds.
     #[must_use]
-    pub fn is_paused(&self) -> bool {
+    pub(crate) fn is_paused(&self) -> bool {
         self.status.as_ref().is_some_and(|status| status.paused)
     }
 
     /// Returns the end of the run, if it has ended.
     #[must_use]
-    pub const fn ending(&self) -> Option<&Ending> {
+    pub(crate) const fn ending(&self) -> Option<&Ending> {
         self.ending.as_ref()
     }
 
     /// `starting`, `running`, `paused` or `ended`.
     #[must_use]
-    pub fn state(&self) -> &'static str {
+    pub(crate) fn state(&self) -> &'static str {
         if self.ending.is_some() {
             "ended"
         } else if self.is_paused() {
@@ -344,32 +349,32 @@ impl Model {
 
     /// Simulated seconds per second.
     #[must_use]
-    pub fn speed(&self, now_ns: u64) -> Option<f64> {
+    pub(crate) fn speed(&self, now_ns: u64) -> Option<f64> {
         let steps_per_s = self.pace.steps_per_s(now_ns)?;
         Some(steps_per_s / self.rate().hz())
     }
 
     /// Speed and round trips.
     #[must_use]
-    pub const fn pace(&self) -> &Pace {
+    pub(crate) const fn pace(&self) -> &Pace {
         &self.pace
     }
 
     /// Returns the plots.
     #[must_use]
-    pub fn plots(&self) -> &[Plot] {
+    pub(crate) fn plots(&self) -> &[Plot] {
         &self.plots
     }
 
     /// The newest value of a signal that is drawn; NaN if there is none.
     #[must_use]
-    pub fn value(&self, signal: usize) -> f64 {
+    pub(crate) fn value(&self, signal: usize) -> f64 {
         self.trace(signal).map_or(f64::NAN, |trace| trace.value)
     }
 
     /// Returns the history of a signal that is drawn.
     #[must_use]
-    pub fn history(&self, signal: usize) -> Option<&History> {
+    pub(crate) fn history(&self, signal: usize) -> Option<&History> {
         self.trace(signal).map(|trace| &trace.history)
     }
 
@@ -378,26 +383,26 @@ impl Model {
     }
 
     /// Every signal that is drawn, by name, with its newest value.
-    pub fn values(&self) -> impl Iterator<Item = (String, f64)> + '_ {
+    pub(crate) fn values(&self) -> impl Iterator<Item = (String, f64)> + '_ {
         let named = |trace: &Trace| (self.columns[trace.column].name.clone(), trace.value);
         self.traces.iter().map(named)
     }
 
     /// The faults of the run.
     #[must_use]
-    pub fn faults(&self) -> &[FaultState] {
+    pub(crate) fn faults(&self) -> &[FaultState] {
         &self.faults
     }
 
     /// The requirements.
     #[must_use]
-    pub const fn judged(&self) -> &Judged {
+    pub(crate) const fn judged(&self) -> &Judged {
         &self.judged
     }
 
     /// The last thing that happened.
     #[must_use]
-    pub fn note(&self) -> Option<&str> {
+    pub(crate) fn note(&self) -> Option<&str> {
         self.note.as_deref()
     }
 }

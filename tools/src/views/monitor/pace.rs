@@ -15,12 +15,12 @@ const SPEED_NS: u64 = 2_000_000_000;
 /// Interval between two kept moments.
 const KEPT_NS: u64 = 50_000_000;
 /// Time over which the percentiles are computed, in s.
-pub const SECONDS: u64 = 5;
+pub(crate) const SECONDS: u64 = 5;
 /// Longest latency that is told apart: a minute.
 const LONGEST_NS: u64 = 60_000_000_000;
 
 /// The newest figures of a run.
-pub struct Pace {
+pub(crate) struct Pace {
     /// Some moments of the last time: when, and the step.
     moments: VecDeque<(u64, u64)>,
     newest: Option<(u64, u64)>,
@@ -44,7 +44,7 @@ impl Default for Pace {
 
 impl Pace {
     /// Takes the timing of a step.
-    pub fn take(&mut self, step: u64, timing: &Timing) {
+    pub(crate) fn take(&mut self, step: u64, timing: &Timing) {
         let now_ns = timing.published_ns;
         self.newest = Some((now_ns, step));
         let last_ns = self.moments.back().map_or(0, |moment| moment.0);
@@ -69,7 +69,7 @@ impl Pace {
 
     /// Steps per second; 0 if the newest step is a second old, `None` before there are two moments.
     #[must_use]
-    pub fn steps_per_s(&self, now_ns: u64) -> Option<f64> {
+    pub(crate) fn steps_per_s(&self, now_ns: u64) -> Option<f64> {
         let (first, newest) = (self.moments.front()?, self.newest?);
         if newest.0 + 1_000_000_000 < now_ns {
             return Some(0.0);
@@ -80,7 +80,7 @@ impl Pace {
 
     /// Percentiles of the round trips of the last seconds in which there were any; `None` without.
     #[must_use]
-    pub fn round_trips(&self) -> Option<Percentiles> {
+    pub(crate) fn round_trips(&self) -> Option<Percentiles> {
         let newest = self.seconds.iter().map(|(second, _)| *second).max()?;
         let mut all = self.seconds[0].1.clone();
         all.reset();

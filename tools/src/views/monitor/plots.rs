@@ -16,7 +16,7 @@ const MOST: usize = 32;
 
 /// Signals that are drawn over each other.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Plot {
+pub(crate) struct Plot {
     /// Heading.
     pub title: String,
     /// Unit of the signals.
@@ -45,7 +45,7 @@ impl Plot {
 ///
 /// # Errors
 /// If a pattern is none, no signal matches it, or too many do.
-pub fn chosen(
+pub(crate) fn chosen(
     columns: &[Column],
     plan: &Plan,
     bounds: Vec<Bound>,

@@ -29,7 +29,7 @@ const LOOK: Duration = Duration::from_millis(10);
 
 /// A fault that is ready to be put in.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Prepared {
+pub(crate) struct Prepared {
     /// Typed words.
     pub words: String,
     /// The request's text.
@@ -40,7 +40,11 @@ pub struct Prepared {
 ///
 /// # Errors
 /// If one is none that the session would take.
-pub fn all(texts: &[String], session: &SessionInfo, plan: &Plan) -> Result<Vec<Prepared>, Unmet> {
+pub(crate) fn all(
+    texts: &[String],
+    session: &SessionInfo,
+    plan: &Plan,
+) -> Result<Vec<Prepared>, Unmet> {
     if texts.is_empty() {
         return Ok(Vec::new());
     }

@@ -21,7 +21,7 @@ const PICTURE: Duration = Duration::from_millis(100);
 ///
 /// # Errors
 /// If the session cannot be watched, the terminal be used, or a signal came.
-pub fn show(
+pub(crate) fn show(
     model: &SharedModel,
     watch: &Watch,
     asking: &Asking,

@@ -25,7 +25,7 @@ const LISTS: u16 = 52;
 const PLOT_ROWS: u16 = 5;
 
 /// Draws everything. `now_ns` is the monotonic clock.
-pub fn draw(frame: &mut Frame<'_>, model: &Model, display: &Display, now_ns: u64) {
+pub(crate) fn draw(frame: &mut Frame<'_>, model: &Model, display: &Display, now_ns: u64) {
     let area = frame.area();
     let head_rows = if area.height >= 9 { 3 } else { 1 };
     let foot = foot_lines(model, display, area.width, area.height);

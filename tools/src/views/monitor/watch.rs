@@ -25,7 +25,7 @@ const LOOK: Duration = Duration::from_millis(200);
 const END_LIMIT: Duration = Duration::from_secs(20);
 
 /// A second consumer of the observed records; called on the observer thread, must not block.
-pub trait Audience: Send {
+pub(crate) trait Audience: Send {
     /// The signals are known.
     fn attach(&mut self, layout: &RecordLayout);
 
@@ -37,7 +37,7 @@ pub trait Audience: Send {
 }
 
 /// The thread as its owner sees it.
-pub struct Watch {
+pub(crate) struct Watch {
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
     failures: Receiver<Failure>,
@@ -47,7 +47,7 @@ pub struct Watch {
 impl Watch {
     /// Watches a session from now on, until this is dropped.
     #[must_use]
-    pub fn start(
+    pub(crate) fn start(
         session: SessionInfo,
         model: SharedModel,
         audience: Option<Box<dyn Audience>>,
@@ -75,19 +75,19 @@ impl Watch {
     }
 
     /// Waits until it was tried for the first time to attach.
-    pub fn wait_for_first(&self) {
+    pub(crate) fn wait_for_first(&self) {
         let _ = self.first.recv(); // an error is told by `failure`
     }
 
     /// Returns the failure that keeps it from watching, if there is one.
     #[must_use]
-    pub fn failure(&self) -> Option<Failure> {
+    pub(crate) fn failure(&self) -> Option<Failure> {
         self.failures.try_recv().ok()
     }
 
     /// Reports the end of the records.
     #[must_use]
-    pub fn has_ended(&self) -> bool {
+    pub(crate) fn has_ended(&self) -> bool {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 }

@@ -7,7 +7,7 @@ use super::signal::recorded_name;
 
 /// One comparison of a requirement.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Bound {
+pub(crate) struct Bound {
     /// Name of the requirement.
     pub requirement: String,
     /// First signal.
@@ -25,7 +25,7 @@ pub struct Bound {
 
 /// A signal that is compared.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Side {
+pub(crate) struct Side {
     /// Recorded, derived or computed signal.
     pub signal: String,
     /// Comparison of its magnitude.
@@ -34,7 +34,7 @@ pub struct Side {
 
 /// Right side of a comparison.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Other {
+pub(crate) enum Other {
     /// A number.
     Level(f64),
     /// Another signal.
@@ -43,7 +43,7 @@ pub enum Other {
 
 /// The comparisons of a run's requirements, and the signals that must be computed to show them.
 #[must_use]
-pub fn bounds(plan: &Plan, end_s: f64) -> (Vec<Bound>, Vec<Derived>) {
+pub(crate) fn bounds(plan: &Plan, end_s: f64) -> (Vec<Bound>, Vec<Derived>) {
     let (mut bounds, mut extra) = (Vec::new(), Vec::<Derived>::new());
     for requirement in &plan.requirements {
         let mut side = |side: &Expression| match side.plain_signal() {
@@ -108,7 +108,11 @@ impl Side {
 impl Bound {
     /// The value of its signal and of the other side, if their margin is that of the whole requirement:
     /// this comparison decides. `values` gives those that a signal may have had then.
-    pub fn decisive(&self, margin: f64, values: impl Fn(&str) -> Vec<f64>) -> Option<[f64; 2]> {
+    pub(crate) fn decisive(
+        &self,
+        margin: f64,
+        values: impl Fn(&str) -> Vec<f64>,
+    ) -> Option<[f64; 2]> {
         let levels = match &self.other {
             Other::Level(level) => vec![*level],
             Other::Signal(other) => values(&other.signal),

@@ -98,7 +98,7 @@ fn apart(column: &str) -> Option<(&str, &str)> {
 
 /// The name of a signal in a recording, where only the group ends with a dot.
 #[must_use]
-pub fn recorded_name(name: &str) -> String {
+pub(crate) fn recorded_name(name: &str) -> String {
     match apart(name) {
         Some((group, name)) => format!("{group}.{}", name.replace('.', "_")),
         None => name.to_owned(),
@@ -134,7 +134,7 @@ pub(super) fn title(signals: &[Signal<'_>]) -> String {
 /// without their unit if they are short; else group and the numbers that the title's `*` stand for, if
 /// that is enough. A single curve that the title names has none.
 #[must_use]
-pub fn labels(plot: &Plot) -> Vec<String> {
+pub(crate) fn labels(plot: &Plot) -> Vec<String> {
     let signals: Vec<Signal<'_>> = (plot.signals.iter())
         .map(|column| Signal::new(column, &plot.unit))
         .collect();

@@ -11,15 +11,15 @@ use shared_types::session::SessionInfo;
 use super::outlet::Data;
 
 /// Channel of the records.
-pub const RECORDS: u64 = 1;
+pub(crate) const RECORDS: u64 = 1;
 /// Channel of the events.
-pub const EVENTS: u64 = 2;
+pub(crate) const EVENTS: u64 = 2;
 /// First byte of a message with data.
 const MESSAGE_DATA: u8 = 1;
 
 /// Request of a client.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Asked {
+pub(crate) enum Asked {
     /// Subscriptions by number, each of a channel.
     Subscribe(Vec<(u32, u64)>),
     /// Subscriptions that it wants no more.
@@ -30,7 +30,7 @@ pub enum Asked {
 
 /// Parses a message of a client.
 #[must_use]
-pub fn asked(text: &str) -> Asked {
+pub(crate) fn asked(text: &str) -> Asked {
     let said: Value = serde_json::from_str(text).unwrap_or_default();
     let list = |key: &str| said[key].as_array().map_or(&[][..], Vec::as_slice);
     let number = |value: &Value| u32::try_from(value.as_u64()?).ok();
@@ -50,13 +50,13 @@ pub fn asked(text: &str) -> Asked {
 
 /// Reports a channel that exists.
 #[must_use]
-pub const fn is_channel(channel: u64) -> bool {
+pub(crate) const fn is_channel(channel: u64) -> bool {
     matches!(channel, RECORDS | EVENTS)
 }
 
 /// Names the server: the first message to every client.
 #[must_use]
-pub fn server_info(session: &SessionInfo, scenario: &str) -> String {
+pub(crate) fn server_info(session: &SessionInfo, scenario: &str) -> String {
     json!({
         "op": "serverInfo",
         "name": format!("hil: {scenario}"),
@@ -69,7 +69,7 @@ pub fn server_info(session: &SessionInfo, scenario: &str) -> String {
 
 /// The channels, with the names, encodings and schemas of a recording.
 #[must_use]
-pub fn advertise(layout: &RecordLayout) -> String {
+pub(crate) fn advertise(layout: &RecordLayout) -> String {
     json!({
         "op": "advertise",
         "channels": [
@@ -96,7 +96,7 @@ pub fn advertise(layout: &RecordLayout) -> String {
 
 /// A record or an event for a subscription, at its simulated time.
 #[must_use]
-pub fn data(subscription: u32, data: &Data) -> Vec<u8> {
+pub(crate) fn data(subscription: u32, data: &Data) -> Vec<u8> {
     let mut message = Vec::with_capacity(13 + data.payload.len());
     message.push(MESSAGE_DATA);
     message.extend(subscription.to_le_bytes());
@@ -118,21 +118,21 @@ fn status(level: Level, message: &str, id: &str) -> String {
 
 /// Something was asked for that is not met.
 #[must_use]
-pub fn refused(what: &str) -> String {
+pub(crate) fn refused(what: &str) -> String {
     let told = format!("{what} is not met: a run can be watched here and not changed");
     status(Level::Warning, &told, "refused")
 }
 
 /// Messages were left out.
 #[must_use]
-pub fn left_out(count: u64) -> String {
+pub(crate) fn left_out(count: u64) -> String {
     let told = format!("{count} messages were left out: this connection is too slow for them");
     status(Level::Warning, &told, "slow")
 }
 
 /// The session is over.
 #[must_use]
-pub fn ended(last_word: &str) -> String {
+pub(crate) fn ended(last_word: &str) -> String {
     status(Level::Info, last_word, "ended")
 }
 

@@ -24,7 +24,7 @@ const LOOK: Duration = Duration::from_millis(10);
 
 /// A message for those who subscribed to its channel.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Data {
+pub(crate) struct Data {
     /// The channel.
     pub channel: u64,
     /// Simulated time.
@@ -40,7 +40,7 @@ struct Queue {
 }
 
 /// State that all clients share.
-pub struct Hub {
+pub(crate) struct Hub {
     server_info: String,
     channels: OnceLock<String>,
     /// `None` when nothing will come any more.
@@ -138,7 +138,7 @@ impl Hub {
 }
 
 /// Picks records and gives them, and every event, to the clients.
-pub struct Outlet {
+pub(crate) struct Outlet {
     hub: Arc<Hub>,
     rate: Rate,
     /// Least time between two records, by the clock of the records.
