@@ -48,10 +48,16 @@ pub(super) fn named_below(sources: &Path) -> Vec<Named> {
 
 /// Reads one file.
 fn named_in(file: &Path, text: &str) -> Vec<Named> {
-    assert!(
-        !text.contains("#[path"),
-        "{file:?} moves a module elsewhere"
-    );
+    // Pieces that tests of several packages share name no module of any of them.
+    let moved = text.split("#[path = \"").skip(1);
+    let moved = moved.filter(|path| {
+        !path
+            .split('"')
+            .next()
+            .unwrap_or_default()
+            .contains("/tests/shared/")
+    });
+    assert_eq!(moved.count(), 0, "{file:?} moves a module elsewhere");
     let code = without_texts(text);
     let words = words(&code);
     // Modules in braces that are open, and the depth that each began at.
