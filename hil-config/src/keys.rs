@@ -207,7 +207,7 @@ pub(crate) const SCENARIO: &[Key] = &[
     Key::new(
         "plots",
         Kind::List(PLOT),
-        "Plots that a report of the run begins with; nothing of the run depends on them.",
+        "Plots that report, monitor and layouts of the run begin with; nothing of the run depends on them.",
     ),
 ];
 

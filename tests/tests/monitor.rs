@@ -74,7 +74,7 @@ fn a_run_has_the_same_digest_watched_by_a_live_a_stopped_and_a_killed_monitor() 
 }
 
 /// The state that a monitor tells of; empty as long as there is none.
-fn json_state(rig: &Rig) -> String {
+pub(crate) fn json_state(rig: &Rig) -> String {
     let told = beside(rig, &["monitor", "--json"]).stdout;
     let told: Value = serde_json::from_str(&told).unwrap_or_default();
     told["state"].as_str().unwrap_or_default().to_owned()

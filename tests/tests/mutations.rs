@@ -45,7 +45,7 @@ const MUTANTS: [(&str, &str, &str); 12] = [
     (
         "plant.rs",
         "self.late(format!(\"confirm the end after {} steps\", self.steps), *ms)",
-        "PlantAction::Ignore",
+        "PlantAction::Nothing",
     ),
     // The end waits for the confirmation of a controller that is lost.
     (

@@ -4,6 +4,7 @@ use std::process::Command;
 
 use serde_json::Value;
 
+use crate::monitor::json_state;
 use crate::report::page::Page;
 use crate::support::harness::{Rig, until};
 use crate::support::programs::{program, workspace};
@@ -55,6 +56,7 @@ fn report_monitor_and_layout_show_the_same_plots_in_the_same_order() {
     let run = rig.start(
         "scenarios/severe-leakage.toml --set run.duration_s=8 --set requirements=[] --set metrics=[] --pause-at 7.5 --wait-limit 60",
     );
+    until("the run is held", || json_state(&rig) == "paused");
     let mut hil = Command::new(program("hil"));
     hil.current_dir(workspace()).arg("monitor").args(session);
     let mut terminal = Terminal::start(hil, TALL);

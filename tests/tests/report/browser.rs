@@ -109,7 +109,8 @@ fn assert_drawn(told: &Value, page: &Page) {
     for figure in figures {
         let ink = figure["ink"].as_array().expect("ink");
         assert!(
-            !ink.is_empty() && ink.iter().all(|ink| ink.as_u64() > Some(20)),
+            // The curve of one run may lie nearly all beneath that of another.
+            !ink.is_empty() && ink.iter().all(|ink| ink.as_u64() > Some(5)),
             "{figure}"
         );
     }
@@ -219,7 +220,7 @@ fn a_spike_of_one_step_is_seen_from_as_far_away_as_one_can_be() {
     let is_it = |figure: &&Value| {
         figure["title"]
             .as_str()
-            .is_some_and(|title| title.starts_with("truth.position_m, measured.position_m"))
+            .is_some_and(|title| title.starts_with("position_m"))
     };
     let figure = figures.iter().find(is_it).expect("the plot");
     // The spike is what the axis ends at, so it reaches the top tenth, at 6.789 of 100 s of what is right
