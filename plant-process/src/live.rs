@@ -22,7 +22,7 @@ use crate::job::Job;
 use crate::plant::PlantKind;
 use crate::request_queue::{LoopRequest, RequestQueue};
 
-/// How long the loop may take to look at the queue: it does so before each step.
+/// Limit for the loop to look at the queue, which it does before each step.
 const LOOP_LIMIT: Duration = Duration::from_secs(5);
 /// How often the service looks for the loop's answer.
 const LOOK: Duration = Duration::from_micros(200);

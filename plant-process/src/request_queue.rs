@@ -121,7 +121,7 @@ impl RequestQueue {
         self.closed.load(Ordering::Acquire)
     }
 
-    /// Whether a request waits for the loop.
+    /// Tells if a request waits for the loop.
     #[must_use]
     pub fn wants_attention(&self) -> bool {
         self.gate.load(Ordering::Acquire) == 0

@@ -50,7 +50,7 @@ pub struct Rows {
     commands: Vec<usize>,
     /// Where the internals begin in `frame`.
     internals: usize,
-    /// What came last from the active controller, taken or not.
+    /// Newest frame of the active controller, taken or not.
     received: Vec<f64>,
     /// For each signal of the frame where it stands in what is received, if it is there; `None` if all
     /// stand where they do in the frame.
@@ -100,7 +100,7 @@ impl Rows {
             (welcome.command != self.table).then(|| self.table.0.iter().map(place).collect());
     }
 
-    /// Where a frame of the active controller is received.
+    /// Buffer that a frame of the active controller is received in.
     pub fn receiver(&mut self) -> &mut [f64] {
         &mut self.received
     }

@@ -73,7 +73,7 @@ pub struct Header {
     /// ([`Directive`](crate::directive::Directive)); in a command which samples were answered before
     /// it ([`Answered`](crate::directive::Answered)); in an abort the reason.
     pub directive: u64,
-    /// What happened to the sender's thread ([`ThreadStatistics`](crate::surroundings::ThreadStatistics)).
+    /// Statistics of the sender's thread ([`ThreadStatistics`](crate::surroundings::ThreadStatistics)).
     pub surroundings: u64,
     /// Which controller of the session: 1 for the first, one more for each that replaces it.
     pub epoch: u32,

@@ -104,7 +104,7 @@ pub struct Timing {
     pub held_steps: u64,
     /// Which samples were answered before that command ([`Answered`](crate::directive::Answered)).
     pub answered: u64,
-    /// What happened to the plant's thread ([`ThreadStatistics`](crate::surroundings::ThreadStatistics)).
+    /// Statistics of the plant's thread ([`ThreadStatistics`](crate::surroundings::ThreadStatistics)).
     pub plant_surroundings: u64,
     /// What happened to the controller's thread.
     pub controller_surroundings: u64,

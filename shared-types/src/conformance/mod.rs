@@ -23,7 +23,7 @@ pub const WATCHDOG: Duration = Duration::from_secs(60);
 pub struct Sentence {
     /// Name of its function.
     pub name: &'static str,
-    /// Its function, which panics where it does not hold.
+    /// Function that panics where the sentence does not hold.
     pub check: fn(),
 }
 

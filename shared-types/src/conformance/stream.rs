@@ -210,7 +210,7 @@ pub fn records_are_whole_while_both_ends_work<F: Fixture>() {
     takes.join().expect("every record came whole");
 }
 
-/// What a plant published before its death arrives; after it nothing comes, which is no error.
+/// Items that a plant published before its death arrive; after them nothing comes, which is no error.
 pub fn a_dead_plant_is_silent_after_its_last_record<F: Fixture>() {
     let mut place = F::new();
     let (mut sink, mut source) = opened(&mut place);

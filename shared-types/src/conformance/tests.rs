@@ -145,7 +145,7 @@ fn assert_broken(sentences: &[Sentence], names: &[&str]) {
 /// Makes a test of each flaw of a `Broken` fixture, which must break these sentences, and one of them all.
 macro_rules! flaws {
     ($($test:ident: $flaw:ident over $fixture:ty => $($sentence:ident),+;)+) => {
-        /// What is wrong with an implementation.
+        /// Flaw of an implementation.
         #[derive(Clone, Copy)]
         enum Flaw {
             None,

@@ -233,7 +233,7 @@ impl PlantSide {
         self.ignored
     }
 
-    /// How far it has come with the active controller.
+    /// Progress with the active controller.
     #[must_use]
     pub const fn standing(&self) -> Standing {
         Standing([

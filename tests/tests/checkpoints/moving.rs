@@ -21,7 +21,7 @@ amplitude = 0.01
 frequency_hz = 2
 "#;
 
-/// What makes it moving: keys of the controller and faults.
+/// Keys of the controller and faults that make it move.
 const CASES: [(&str, &str, &str); 13] = [
     ("a slow law", "rate_hz = 500", ""),
     ("a late command", "command_delay_steps = 1", ""),

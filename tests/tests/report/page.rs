@@ -56,7 +56,7 @@ impl Page {
             .unwrap_or_else(|| panic!("{signals:?} in {titles:?}"))
     }
 
-    /// Where buckets begin, in s.
+    /// Beginnings of the buckets, in s.
     pub(super) fn grid(&self) -> Vec<f64> {
         let bytes = base64(self.data["grid"].as_str().expect("text"));
         bytes

@@ -85,7 +85,7 @@ pub(super) fn names(layout: &RecordLayout) -> Vec<String> {
         .collect()
 }
 
-/// What stands before the words of a record.
+/// Head before the words of a record.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Head {
     pub(super) step: u64,

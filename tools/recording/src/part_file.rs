@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use rustix::fs::{FlockOperation, OFlags, flock};
 use tempfile::{Builder, TempDir, TempPath};
 
-/// What the names of unfinished files begin with.
+/// First part of the names of unfinished files.
 const PREFIX: &str = ".hil-part-";
 
 /// A file that is not there yet. Dropped before it is complete, nothing of it is left.
@@ -44,13 +44,13 @@ impl PartFile {
         }
     }
 
-    /// What is written to.
+    /// Returns the file that is written to.
     #[must_use]
     pub const fn file(&self) -> &File {
         &self.file
     }
 
-    /// All is written: the file gets its name, in place of another if that may be.
+    /// Gives the file, of which all is written, its name, in place of another if that may be.
     ///
     /// # Errors
     /// If a full disk says so only now, or there is a file that may not be replaced.
@@ -65,7 +65,7 @@ impl PartFile {
     }
 }
 
-/// What the system said, without the hidden name that nobody chose.
+/// Removes the hidden name, which nobody chose, from an error of the system.
 fn without_its_name(error: io::Error) -> io::Error {
     let text = error.to_string();
     let said = text.split(" at path ").next().unwrap_or_default();
@@ -102,13 +102,13 @@ impl PartFolder {
         }
     }
 
-    /// What is written to.
+    /// Returns the folder that is written to.
     #[must_use]
     pub fn path(&self) -> &Path {
         self.folder.path()
     }
 
-    /// All is written: the folder gets its name.
+    /// Gives the folder, of which all is written, its name.
     ///
     /// # Errors
     /// If there is one with something in it.

@@ -32,7 +32,7 @@ impl Made {
 /// The checkpoint that a run went on from.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Resumed {
-    /// Its folder.
+    /// Folder of the run.
     pub(crate) checkpoint: String,
     /// The session that made it.
     pub(crate) session: String,

@@ -65,7 +65,7 @@ pub(crate) struct RunResult {
     pub(crate) partial_digests: BTreeMap<u64, String>,
     /// Its recording, if there is one.
     pub(crate) recording: Option<PathBuf>,
-    /// Its folder.
+    /// Folder of the run.
     pub(crate) folder: PathBuf,
     pub(crate) summary: Summary,
     /// The summary as a machine reads it.

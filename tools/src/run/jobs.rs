@@ -86,7 +86,7 @@ pub(crate) fn controller(
 /// Puts the jobs into the session's folder and has both programs look at theirs.
 ///
 /// # Errors
-/// What a program has against its job.
+/// Objection of a program to its job.
 pub(super) fn check(
     binaries: &Binaries,
     session: &SessionInfo,

@@ -45,7 +45,7 @@ pub(super) struct Prepared {
     pub(super) settings: Settings,
     pub(super) interruption: Interruption,
     pub(super) session: SessionInfo,
-    /// Its folder.
+    /// Folder of the run.
     pub(super) folder: PathBuf,
     /// Room on its disk for the summary.
     pub(super) reserve: Reserve,

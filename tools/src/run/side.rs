@@ -22,7 +22,7 @@ const STOPPED_GRACE: Duration = Duration::from_millis(200);
 /// Exit code of a Rust program that panicked.
 const PANIC: i32 = 101;
 
-/// One side of the run.
+/// Side of the run.
 pub(crate) struct Side {
     pub(super) name: &'static str,
     process: Child,
@@ -136,7 +136,7 @@ impl Side {
         })
     }
 
-    /// How it ended, if not in order.
+    /// Describes its end, if that was not in order.
     pub(crate) fn death(&self) -> Option<String> {
         if let Some(state) = self.killed {
             return Some(format!("{} was {state} and had to be killed", self.name));

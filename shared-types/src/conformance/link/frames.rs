@@ -69,7 +69,7 @@ pub fn frames_cross_both_ways<F: Fixture>() {
     }
 }
 
-/// All that a sender fills in arrives as it was.
+/// Every field that a sender fills in arrives as it was.
 pub fn every_field_of_a_header_crosses<F: Fixture>() {
     let mut pair = Pair::<F>::open(100, 1);
     let sent = Header {
@@ -248,7 +248,7 @@ pub fn frames_of_another_run_are_never_delivered<F: Fixture>() {
     }
 }
 
-/// Nobody sends or receives a frame before the layout is agreed.
+/// No frame is sent or received before the layout is agreed.
 pub fn frames_before_opening_are_an_error<F: Fixture>() {
     let mut pair = Pair::<F>::new();
     let header = Header::new(FrameKind::Sample, Step(0));

@@ -85,7 +85,7 @@ impl<F: Fixture, const FLAW: usize> Fixture for Broken<F, FLAW> {
     }
 }
 
-/// One end of a link with a flaw.
+/// End of a link with a flaw.
 struct BrokenLink<L, const FLAW: usize> {
     link: L,
     side: usize,

@@ -14,7 +14,7 @@ pub const UNVOUCHED: &str = "unvouched";
 pub struct Unvouched {
     /// Records before it.
     pub records: u64,
-    /// What nobody vouches for, as a person reads it.
+    /// Names the part that nobody vouches for, for a person.
     pub told: String,
 }
 

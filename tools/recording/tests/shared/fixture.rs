@@ -43,7 +43,7 @@ pub(crate) fn taken(step: u64) -> Event {
     })
 }
 
-/// What is in a recording, in order.
+/// Item of a recording, in order.
 pub(crate) enum Content {
     Record(Vec<u64>),
     Event(Event),

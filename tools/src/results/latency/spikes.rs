@@ -27,7 +27,7 @@ pub struct Spike {
     pub plant_ns: u64,
     /// How late its sample was sent; 0 where nothing is due.
     pub late_ns: u64,
-    /// What happened to the plant's thread since the look before; `None` if there was none.
+    /// Statistics of the plant's thread since the look before; `None` if there was none.
     pub plant_thread: Option<Since>,
     /// What happened to the controller's.
     pub controller_thread: Option<Since>,

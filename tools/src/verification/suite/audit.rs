@@ -21,11 +21,11 @@ use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::output;
 use crate::verification::compare::Difference;
 
-/// What a run that differs may have in it.
+/// Usual causes of a run that differs.
 const HINT: &str = "what can do this: a law or plant that reads a clock, its process number, its environment or its cores; \
 memory that was never written; random numbers without the seed of the run; threads; the order of a hash map";
 
-/// One repetition, as the summary has it.
+/// Repetition, as the summary has it.
 #[derive(Serialize)]
 struct Repetition<'a> {
     condition: &'a str,
@@ -35,7 +35,7 @@ struct Repetition<'a> {
     digest: Option<&'a str>,
     wall_time_s: Option<f64>,
     first_difference: Option<&'a Difference>,
-    /// Where it is kept, if it differs.
+    /// Folder in which it is kept, if it differs.
     run: Option<String>,
 }
 

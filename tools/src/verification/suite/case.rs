@@ -10,7 +10,7 @@ use crate::run::{self, Environment, Origin, RunResult};
 use crate::terminal::exit::{Exit, Failure};
 use crate::verification::compare::{self, Comparison, Difference};
 
-/// One run that is wanted.
+/// Run that is wanted.
 #[derive(Clone)]
 pub(super) struct Case {
     pub(super) plan: Plan,
@@ -28,7 +28,7 @@ pub(super) struct Case {
     pub(super) skipped: Option<String>,
 }
 
-/// One run as it came out.
+/// Run as it came out.
 pub(super) struct Row {
     pub(super) label: String,
     /// The law that ran.

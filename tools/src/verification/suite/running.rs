@@ -14,7 +14,7 @@ pub(super) type Early = Result<Exit, Failure>;
 /// `begins` hears of each with its number, `ended` how many are done and the newest row.
 ///
 /// # Errors
-/// That of `ended`, after which no other case begins.
+/// The early end that `ended` gave, after which no other case begins.
 pub(super) fn all(
     cases: &[Case],
     done: Vec<Row>,

@@ -5,7 +5,7 @@ use hil_config::plan::{Derived, Plan};
 
 use super::signal::recorded_name;
 
-/// One comparison of a requirement.
+/// Comparison of a requirement.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Bound {
     /// Name of the requirement.
