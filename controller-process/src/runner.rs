@@ -242,7 +242,7 @@ impl<'a, L: Link> Runner<'a, L> {
             ControllerAction::OpenFrames(welcome) => match self.bind(&welcome) {
                 Ok(bound) => {
                     self.link.open_frames(&FrameSpec {
-                        seal: welcome.seal(),
+                        identity: welcome.frame_identity(),
                         outgoing: welcome.command.len(),
                         incoming: welcome.sample.len(),
                     })?;

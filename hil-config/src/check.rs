@@ -35,7 +35,7 @@ use crate::problem::{ProblemKind, Problems};
 use crate::reader::{Reader, Section};
 use crate::scenario::Scenario;
 use crate::source::{Place, Sources};
-use faults::{Ground, Origin};
+use faults::{EventContext, Origin};
 use run::Grid;
 
 pub(crate) use faults::{groups, unit_of};
@@ -136,7 +136,7 @@ pub(crate) fn live(toml: &str, context: &FaultContext<'_>) -> Result<Vec<FaultEv
         let unit = signals::told_unit(known, name).unwrap_or_default();
         columns.push_with_unit(Group::Derived, name, &unit);
     }
-    let ground = Ground {
+    let context = EventContext {
         plant: Some(context.plant),
         kinds: context.kinds,
         healthy: Some(context.parameters),
@@ -152,7 +152,7 @@ pub(crate) fn live(toml: &str, context: &FaultContext<'_>) -> Result<Vec<FaultEv
         },
     };
     reader.refuse_unknown(&root, &[]);
-    let events = faults::check(&mut reader, &root, &ground);
+    let events = faults::check(&mut reader, &root, &context);
     if events.is_empty() && reader.problems.is_empty() {
         reader.missing(&root, "faults", "at least one fault event".into());
     }
@@ -207,7 +207,7 @@ fn parts(
     let requirements = requirements::check(reader, root, columns.as_ref(), &derived, grid);
     let reference: Option<Vec<Field>> =
         (stimuli.as_deref()).map(|stimuli| stimuli.iter().flat_map(Stimulus::fields).collect());
-    let ground = Ground {
+    let context = EventContext {
         plant,
         kinds,
         healthy: plant_plan.as_ref().map(|plan| &plan.parameters),
@@ -217,14 +217,14 @@ fn parts(
         origin: Origin::Scenario { folder },
     };
     let problems = reader.problems.len();
-    let faults = faults::check(reader, root, &ground);
-    let ground = analyses::Ground {
+    let faults = faults::check(reader, root, &context);
+    let context = analyses::AnalysisContext {
         columns: columns.as_ref(),
         grid,
         stimuli: stimuli.as_deref(),
         faults: (reader.problems.len() == problems).then_some(&faults),
     };
-    let analyses = analyses::check(reader, &analysed, &ground);
+    let analyses = analyses::check(reader, &analysed, &context);
     let law = law.map(|law| law.name.as_str());
     let plots = plots::check(reader, root, columns.as_ref(), law, laws);
     Some(Plan {

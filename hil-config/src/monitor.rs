@@ -54,7 +54,7 @@ impl Verdict {
 
 /// Signals, rate and end of the run that formulas are bound to.
 #[derive(Clone, Debug)]
-pub struct Ground<'a> {
+pub struct FormulaContext<'a> {
     columns: &'a Columns,
     /// The derived signals that do not exist in the last row, because they use a command.
     without_end: HashSet<&'a str>,
@@ -88,8 +88,8 @@ impl Monitor {
     /// # Errors
     /// If a name is unknown, the formula looks beyond the end of the run, has a window without a
     /// step, or would keep too many steps.
-    pub fn new(formula: &Formula, ground: &Ground<'_>) -> Result<Self, ExpressionError> {
-        let parts = build::parts(formula, ground)?;
+    pub fn new(formula: &Formula, context: &FormulaContext<'_>) -> Result<Self, ExpressionError> {
+        let parts = build::parts(formula, context)?;
         Ok(Self {
             margins: vec![Margin::BOTTOM; parts.len()],
             deciding: deciding(&parts),

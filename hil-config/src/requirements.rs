@@ -7,7 +7,7 @@ use serde::Serialize;
 use shared_types::time::{Rate, Step};
 
 use crate::expression::{Columns, ExpressionError};
-use crate::monitor::{Ground, Monitor, Verdict};
+use crate::monitor::{FormulaContext, Monitor, Verdict};
 use crate::plan::Plan;
 
 /// The requirements of a run.
@@ -53,14 +53,14 @@ pub struct RequirementValue {
 impl Requirements {
     /// The requirements of a plan before the first row, whose columns include the derived signals.
     pub(crate) fn new(plan: &Plan, columns: &Columns) -> Result<Self, ExpressionError> {
-        let ground = Ground::new(columns, &plan.derived, plan.run.rate, plan.run.steps);
+        let context = FormulaContext::new(columns, &plan.derived, plan.run.rate, plan.run.steps);
         let monitors = plan.requirements.iter().map(|requirement| {
             let stated = Stated {
                 name: requirement.name.clone(),
                 formula: requirement.formula.to_string(),
                 unit: requirement.unit.clone(),
             };
-            Ok((stated, Monitor::new(&requirement.formula, &ground)?))
+            Ok((stated, Monitor::new(&requirement.formula, &context)?))
         });
         Ok(Self {
             rate: plan.run.rate,

@@ -176,7 +176,7 @@ pub enum FrameError {
 
 /// What every frame of one direction must carry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Seal {
+pub struct FrameIdentity {
     /// Session.
     pub session: u64,
     /// Layout hash.
@@ -185,7 +185,7 @@ pub struct Seal {
     pub epoch: u32,
 }
 
-impl Seal {
+impl FrameIdentity {
     /// Checks that a header belongs here and carries `count` values if its kind carries any.
     ///
     /// # Errors
@@ -231,12 +231,12 @@ impl<const N: usize> Frame<N> {
     /// # Panics
     /// If there are more than `N` values; the size class is chosen at hello so that they fit.
     #[must_use]
-    pub fn sealed(header: &Header, values: &[f64], seal: Seal) -> Self {
+    pub fn sealed(header: &Header, values: &[f64], identity: FrameIdentity) -> Self {
         let mut frame = Self {
             header: Header {
-                session: seal.session,
-                layout: seal.layout,
-                epoch: seal.epoch,
+                session: identity.session,
+                layout: identity.layout,
+                epoch: identity.epoch,
                 count: values.len() as u16,
                 ..*header
             },
@@ -278,14 +278,14 @@ impl<const N: usize> Frame<N> {
     ///
     /// # Errors
     /// What is wrong with it; `values` are then untouched.
-    pub fn open(&self, seal: Seal, values: &mut [f64]) -> Result<Header, FrameError> {
+    pub fn open(&self, identity: FrameIdentity, values: &mut [f64]) -> Result<Header, FrameError> {
         let header = &self.header;
         let carried = self.values.get(..header.count as usize);
         let carried = carried.ok_or(FrameError::Count)?;
         if header.check_sum != header.sum(carried) {
             return Err(FrameError::Corrupt);
         }
-        seal.check(header, values.len())?;
+        identity.check(header, values.len())?;
         if !carried.is_empty() {
             values.copy_from_slice(carried);
         }
@@ -330,21 +330,21 @@ impl SizeClass {
 mod tests {
     use super::*;
 
-    const SEAL: Seal = Seal {
+    const IDENTITY: FrameIdentity = FrameIdentity {
         session: 7,
         layout: 8,
         epoch: 1,
     };
 
     fn frame(values: &[f64]) -> Frame<16> {
-        Frame::sealed(&Header::new(FrameKind::Sample, Step(3)), values, SEAL)
+        Frame::sealed(&Header::new(FrameKind::Sample, Step(3)), values, IDENTITY)
     }
 
     #[test]
     fn a_frame_opens_to_what_was_sealed() {
         let mut values = [0.0; 3];
         let header = frame(&[1.0, -2.0, 3.5])
-            .open(SEAL, &mut values)
+            .open(IDENTITY, &mut values)
             .expect("opens");
         assert_eq!((values, header.step), ([1.0, -2.0, 3.5], 3));
     }
@@ -357,10 +357,10 @@ mod tests {
             let mut broken = frame;
             broken.flip(bit);
             let mut out = [9.0; 3];
-            assert!(broken.open(SEAL, &mut out).is_err(), "bit {bit}");
+            assert!(broken.open(IDENTITY, &mut out).is_err(), "bit {bit}");
             assert_eq!(out, [9.0; 3], "bit {bit}");
             broken.flip(bit);
-            assert!(broken.open(SEAL, &mut out).is_ok(), "bit {bit}");
+            assert!(broken.open(IDENTITY, &mut out).is_ok(), "bit {bit}");
         }
     }
 
@@ -368,20 +368,38 @@ mod tests {
     fn frames_of_others_are_named_and_refused() {
         let frame = frame(&[1.0]);
         let mut out = [0.0];
-        for (seal, error) in [
-            (Seal { session: 1, ..SEAL }, FrameError::Session),
-            (Seal { epoch: 2, ..SEAL }, FrameError::Epoch),
-            (Seal { layout: 1, ..SEAL }, FrameError::Layout),
+        for (identity, error) in [
+            (
+                FrameIdentity {
+                    session: 1,
+                    ..IDENTITY
+                },
+                FrameError::Session,
+            ),
+            (
+                FrameIdentity {
+                    epoch: 2,
+                    ..IDENTITY
+                },
+                FrameError::Epoch,
+            ),
+            (
+                FrameIdentity {
+                    layout: 1,
+                    ..IDENTITY
+                },
+                FrameError::Layout,
+            ),
         ] {
-            assert_eq!(frame.open(seal, &mut out), Err(error));
+            assert_eq!(frame.open(identity, &mut out), Err(error));
         }
-        assert_eq!(frame.open(SEAL, &mut [0.0; 2]), Err(FrameError::Count));
+        assert_eq!(frame.open(IDENTITY, &mut [0.0; 2]), Err(FrameError::Count));
     }
 
     #[test]
     fn an_untouched_segment_is_not_a_frame() {
         assert_eq!(
-            Frame::<16>::default().open(SEAL, &mut [0.0]),
+            Frame::<16>::default().open(IDENTITY, &mut [0.0]),
             Err(FrameError::Corrupt)
         );
     }
@@ -390,7 +408,7 @@ mod tests {
     fn negative_zero_and_odd_nans_do_not_cross() {
         let mut values = [1.0; 2];
         frame(&[-0.0, f64::from_bits(0xfff8_0000_0000_0001)])
-            .open(SEAL, &mut values)
+            .open(IDENTITY, &mut values)
             .expect("opens");
         assert_eq!(values.map(f64::to_bits), [0, f64::NAN.to_bits()]);
     }

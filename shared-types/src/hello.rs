@@ -7,7 +7,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::describe::{LawDescription, PROTOCOL};
-use crate::frame::{MAX_SIGNALS, Seal};
+use crate::frame::{FrameIdentity, MAX_SIGNALS};
 use crate::layout::{
     SignalKind, SignalTable, Unbound, Unusable, check_fields, check_title, difference, layout_hash,
 };
@@ -101,8 +101,8 @@ pub struct Welcome {
 impl Welcome {
     /// What every frame carries.
     #[must_use]
-    pub const fn seal(&self) -> Seal {
-        Seal {
+    pub const fn frame_identity(&self) -> FrameIdentity {
+        FrameIdentity {
             session: self.session,
             layout: self.layout,
             epoch: self.epoch,

@@ -120,7 +120,7 @@ pub(super) fn greet<L: Link>(runner: &mut Runner<'_, L>, plant: &mut InProcessLi
     };
     let welcome = agree(&hello, &offer).expect("agreed");
     let spec = FrameSpec {
-        seal: welcome.seal(),
+        identity: welcome.frame_identity(),
         outgoing: 2,
         incoming: 4,
     };

@@ -6,7 +6,7 @@
 
 use std::path::{Path, PathBuf};
 
-use shared_types::frame::{FrameError, Header, MAX_SIGNALS, Seal};
+use shared_types::frame::{FrameError, FrameIdentity, Header, MAX_SIGNALS};
 use shared_types::ignored::Ignored;
 use shared_types::link::{FrameSpec, Link, LinkError, Peer};
 use shared_types::table::canonical;
@@ -33,7 +33,7 @@ pub struct UnixSocketLink {
 
 struct Frames {
     socket: Socket,
-    seal: Seal,
+    identity: FrameIdentity,
     sequence: u64,
 }
 
@@ -98,8 +98,8 @@ impl Link for UnixSocketLink {
             return Err(LinkError::TooManySignals(most));
         }
         self.next = Some(Frames {
-            socket: socket(&self.folder, self.side, "frames", spec.seal.epoch)?,
-            seal: spec.seal,
+            socket: socket(&self.folder, self.side, "frames", spec.identity.epoch)?,
+            identity: spec.identity,
             sequence: 0,
         });
         if self.frames.is_none() {
@@ -118,9 +118,9 @@ impl Link for UnixSocketLink {
         let frames = self.frames.as_mut().ok_or(LinkError::NotOpen)?;
         frames.sequence += 1;
         let header = Header {
-            session: frames.seal.session,
-            layout: frames.seal.layout,
-            epoch: frames.seal.epoch,
+            session: frames.identity.session,
+            layout: frames.identity.layout,
+            epoch: frames.identity.epoch,
             sequence: frames.sequence,
             count: values.len() as u16,
             ..*header
@@ -143,7 +143,7 @@ impl Link for UnixSocketLink {
         let Some(message) = newest else {
             return Ok(None);
         };
-        match opened(&message, frames.seal, values) {
+        match opened(&message, frames.identity, values) {
             Ok(header) => Ok(Some(header)),
             Err(error) => {
                 self.rejected.count(error);
@@ -158,9 +158,13 @@ impl Link for UnixSocketLink {
 }
 
 /// Checks a frame and copies its values out.
-fn opened(message: &[u8], seal: Seal, values: &mut [f64]) -> Result<Header, FrameError> {
+fn opened(
+    message: &[u8],
+    identity: FrameIdentity,
+    values: &mut [f64],
+) -> Result<Header, FrameError> {
     let (header, carried) = Header::read_from_prefix(message).map_err(|_| FrameError::Corrupt)?;
-    seal.check(&header, values.len())?;
+    identity.check(&header, values.len())?;
     if carried.len() != 8 * usize::from(header.count) {
         return Err(FrameError::Corrupt);
     }

@@ -18,7 +18,7 @@ use crate::reader::{Reader, Section};
 const SAMPLES_PER_TURN: f64 = 8.0;
 
 /// What analyses stand on; nothing where it is not right itself.
-pub(super) struct Ground<'a> {
+pub(super) struct AnalysisContext<'a> {
     pub(super) columns: Option<&'a Columns>,
     pub(super) grid: Option<Grid>,
     pub(super) stimuli: Option<&'a [Stimulus]>,
@@ -29,16 +29,16 @@ pub(super) struct Ground<'a> {
 pub(super) fn check(
     reader: &mut Reader,
     analysed: &[Analysed<'_>],
-    ground: &Ground<'_>,
+    context: &AnalysisContext<'_>,
 ) -> Vec<Analysis> {
     let one = |analysed: &Analysed<'_>| {
         let section = &analysed.section;
         let kind = match analysed.kind {
-            "step-response" => AnalysisKind::StepResponse(ground.step_response(reader, section)?),
+            "step-response" => AnalysisKind::StepResponse(context.step_response(reader, section)?),
             "frequency-response" => {
-                AnalysisKind::FrequencyResponse(ground.frequency_response(reader, section)?)
+                AnalysisKind::FrequencyResponse(context.frequency_response(reader, section)?)
             }
-            "detection" => AnalysisKind::Detection(ground.detection(reader, section)?),
+            "detection" => AnalysisKind::Detection(context.detection(reader, section)?),
             _ => unreachable!("every kind is read"),
         };
         Some(Analysis {
@@ -49,7 +49,7 @@ pub(super) fn check(
     analysed.iter().filter_map(one).collect()
 }
 
-impl Ground<'_> {
+impl AnalysisContext<'_> {
     fn step_response(
         &self,
         reader: &mut Reader,

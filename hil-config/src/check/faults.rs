@@ -1,7 +1,7 @@
 //! `[[faults]]`: events, when they take hold and end, and what they do to which target.
 //!
 //! The same code checks the faults of a scenario and those that are asked for while a run goes on;
-//! what differs is in the [`Ground`]. Events are read in two rounds: first names and triggers, which
+//! what differs is in the [`EventContext`]. Events are read in two rounds: first names and triggers, which
 //! refer to each other, then ends and effects, which must fit into the time that is left.
 
 mod effect;
@@ -35,7 +35,7 @@ pub(crate) use target::groups;
 /// What faults are checked against. What is `None` is not right itself; whatever depends on it is
 /// then not checked.
 #[derive(Debug)]
-pub(crate) struct Ground<'a> {
+pub(crate) struct EventContext<'a> {
     /// The plant.
     pub plant: Option<&'a PlantDescription>,
     /// The kinds of faults that are not the plant's own.
@@ -97,21 +97,21 @@ impl<'a> Origin<'a> {
 pub(crate) fn check(
     reader: &mut Reader,
     root: &Section<'_>,
-    ground: &Ground<'_>,
+    context: &EventContext<'_>,
 ) -> Vec<FaultEvent> {
     let sections = reader.list(root, "faults");
-    let names = Names::collect(reader, &sections, ground.origin);
+    let names = Names::collect(reader, &sections, context.origin);
     let triggers: Vec<_> = sections
         .iter()
-        .map(|section| trigger::check(reader, section, ground, &names))
+        .map(|section| trigger::check(reader, section, context, &names))
         .collect();
-    let earliest = trigger::earliest(reader, &sections, &triggers, ground, &names);
-    let first_id = ground.origin.first_id();
+    let earliest = trigger::earliest(reader, &sections, &triggers, context, &names);
+    let first_id = context.origin.first_id();
     let mut events = Vec::new();
     for (index, section) in sections.iter().enumerate() {
         let effects = effects(reader, section);
         let event = Event {
-            ground,
+            context,
             trigger: triggers[index].as_ref(),
             earliest: earliest[index],
         };
@@ -120,7 +120,7 @@ pub(crate) fn check(
             events.push((event, effects));
         }
     }
-    moves::stay_in_range_together(reader, ground, &events);
+    moves::stay_in_range_together(reader, context, &events);
     events.into_iter().map(|(event, _)| event).collect()
 }
 
@@ -141,7 +141,7 @@ fn effects<'a>(reader: &mut Reader, section: &Section<'a>) -> Vec<Section<'a>> {
 
 /// What is known of an event when the rest of it is checked.
 struct Event<'a> {
-    ground: &'a Ground<'a>,
+    context: &'a EventContext<'a>,
     trigger: Option<&'a Trigger>,
     /// The first step at which it could take hold.
     earliest: Option<u64>,
@@ -160,8 +160,8 @@ impl Event<'_> {
             Some(_) => reader.text(section, "name").map(Some),
             None => Some(None),
         };
-        let kind = kind::find(reader, section, self.ground);
-        let end = end::check(reader, section, self.ground);
+        let kind = kind::find(reader, section, self.context);
+        let end = end::check(reader, section, self.context);
         let checked: Vec<_> = match kind {
             Some(kind) => (effects.iter())
                 .map(|section| self.effect(reader, section, kind))
@@ -176,7 +176,7 @@ impl Event<'_> {
             id,
             name: name?.map(Into::into),
             kind: kind?.name().into(),
-            source: self.ground.origin.source(),
+            source: self.context.origin.source(),
             trigger: self.trigger?.clone(),
             end: end?,
             effects: effects?,

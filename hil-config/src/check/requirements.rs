@@ -6,7 +6,7 @@ use super::run::Grid;
 use super::signals::report;
 use crate::expression::Columns;
 use crate::formula::Formula;
-use crate::monitor::{Ground, Monitor};
+use crate::monitor::{FormulaContext, Monitor};
 use crate::plan::{Derived, Requirement};
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
@@ -21,8 +21,8 @@ pub(super) fn check(
     grid: Option<Grid>,
 ) -> Vec<Requirement> {
     let sections = reader.list(root, "requirements");
-    let ground = (columns.zip(grid))
-        .map(|(columns, grid)| Ground::new(columns, derived, grid.rate, grid.steps));
+    let context = (columns.zip(grid))
+        .map(|(columns, grid)| FormulaContext::new(columns, derived, grid.rate, grid.steps));
     let mut names = HashSet::new();
     let mut requirements = Vec::new();
     for section in &sections {
@@ -30,7 +30,7 @@ pub(super) fn check(
         let name = name(reader, section, &mut names);
         let description = reader.text(section, "description").unwrap_or_default();
         let unit = reader.text(section, "unit");
-        let formula = formula(reader, section, columns, ground.as_ref());
+        let formula = formula(reader, section, columns, context.as_ref());
         if let (Some(name), Some(formula)) = (name, formula) {
             let told = columns.and_then(|columns| formula.unit(columns).ok()?);
             requirements.push(Requirement {
@@ -72,7 +72,7 @@ fn formula(
     reader: &mut Reader,
     section: &Section<'_>,
     columns: Option<&Columns>,
-    ground: Option<&Ground<'_>>,
+    context: Option<&FormulaContext<'_>>,
 ) -> Option<Formula> {
     let text = reader.text(section, "formula")?;
     let (formula, errors) = match Formula::parse(text) {
@@ -81,8 +81,8 @@ fn formula(
             if let (Some(known), true) = (columns, errors.is_empty()) {
                 errors.extend(formula.unit(known).err());
             }
-            if let (Some(ground), true) = (ground, errors.is_empty()) {
-                errors.extend(Monitor::new(&formula, ground).err());
+            if let (Some(context), true) = (context, errors.is_empty()) {
+                errors.extend(Monitor::new(&formula, context).err());
             }
             (Some(formula), errors)
         }

@@ -9,7 +9,7 @@ use std::ops::Range;
 use shared_types::number::exact as number;
 use shared_types::time::{Rate, Step};
 
-use super::Ground;
+use super::FormulaContext;
 use super::margin::Margin;
 use super::part::{Chained, Delay, Part, Window, Work};
 use super::window::{Greatest, Least, Since, Steps, Stretch, Until};
@@ -21,11 +21,14 @@ use crate::plan::Derived;
 const MOST_KEPT: u64 = 1 << 22;
 
 /// The parts of a formula, operands before what is made of them.
-pub(super) fn parts(formula: &Formula, ground: &Ground<'_>) -> Result<Vec<Part>, ExpressionError> {
+pub(super) fn parts(
+    formula: &Formula,
+    context: &FormulaContext<'_>,
+) -> Result<Vec<Part>, ExpressionError> {
     let nodes = formula.nodes();
     let mut builder = Builder {
         formula,
-        ground,
+        context,
         drafts: Vec::new(),
         known: vec![[None; 2]; nodes.len()],
     };
@@ -35,11 +38,11 @@ pub(super) fn parts(formula: &Formula, ground: &Ground<'_>) -> Result<Vec<Part>,
     Ok(builder.drafts.into_iter().map(Draft::part).collect())
 }
 
-impl<'a> Ground<'a> {
-    /// The ground of a run to step `steps`. The columns are those of a row with the derived signals.
+impl<'a> FormulaContext<'a> {
+    /// The context of a run to step `steps`. The columns are those of a row with the derived signals.
     #[must_use]
     pub fn new(columns: &'a Columns, derived: &'a [Derived], rate: Rate, steps: u64) -> Self {
-        let mut ground = Self {
+        let mut context = Self {
             columns,
             without_end: HashSet::new(),
             rate,
@@ -49,11 +52,11 @@ impl<'a> Ground<'a> {
             name, expression, ..
         } in derived
         {
-            if ground.is_without_end(expression) {
-                ground.without_end.insert(name);
+            if context.is_without_end(expression) {
+                context.without_end.insert(name);
             }
         }
-        ground
+        context
     }
 
     /// True of an expression without a value in the last row.
@@ -69,7 +72,7 @@ impl<'a> Ground<'a> {
 
 struct Builder<'a> {
     formula: &'a Formula,
-    ground: &'a Ground<'a>,
+    context: &'a FormulaContext<'a>,
     drafts: Vec<Draft>,
     /// The drafts of each node and of its opposite: what `rise` and `until` need twice is made once.
     known: Vec<[Option<usize>; 2]>,
@@ -238,18 +241,18 @@ impl Builder<'_> {
             right,
         } = comparison;
         let mut sides = [left, right].into_iter();
-        let ends_early = sides.any(|side| self.ground.is_without_end(&side.expression));
+        let ends_early = sides.any(|side| self.context.is_without_end(&side.expression));
         let task = Task::Comparison {
             relation: if holds { *relation } else { relation.negated() },
             left: self.program(left)?,
             right: self.program(right)?,
         };
-        let until = self.ground.steps - u64::from(ends_early);
+        let until = self.context.steps - u64::from(ends_early);
         Ok(self.push(task, 0, until))
     }
 
     fn program(&self, side: &Side) -> Result<Program, ExpressionError> {
-        let program = side.expression.compile_signal(self.ground.columns);
+        let program = side.expression.compile_signal(self.context.columns);
         program.map_err(|error| self.formula.inside(error, side.start))
     }
 
@@ -331,12 +334,12 @@ impl Builder<'_> {
             end,
             delay,
         };
-        let until = smaller(until, self.ground.steps);
+        let until = smaller(until, self.context.steps);
         Ok(self.push(task, delay.saturating_add_signed(end), until))
     }
 
     fn beyond_the_run(&self, until: u64, span: &Range<usize>) -> ExpressionError {
-        let Ground { rate, steps, .. } = self.ground;
+        let FormulaContext { rate, steps, .. } = self.context;
         let last_s = number(rate.seconds(Step(until)));
         let why = if until == *steps {
             format!("the run ends at {last_s} s")
@@ -387,7 +390,7 @@ impl Builder<'_> {
         let span = &window.span;
         let Some((begin_s, end_s)) = window.bounds_s else {
             if is_past {
-                return Ok((-(self.ground.steps as i64), 0));
+                return Ok((-(self.context.steps as i64), 0));
             }
             if at_start {
                 return Ok((0, until as i64));
@@ -395,7 +398,7 @@ impl Builder<'_> {
             let message = "without bounds it goes as far as the run does, which only an outermost operator can; give it bounds, such as [0s,1s]";
             return Err(self.formula.error(span.clone(), message));
         };
-        let rate = self.ground.rate;
+        let rate = self.context.rate;
         let first = rate.step_at_or_after(begin_s);
         let Some(last) = last_step(rate, end_s).filter(|last| *last >= first) else {
             let period_s = number(rate.period_s());

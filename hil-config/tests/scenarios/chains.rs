@@ -4,7 +4,7 @@ use std::thread;
 
 use hil_config::expression::{Columns, Expression, Group};
 use hil_config::formula::Formula;
-use hil_config::monitor::{Ground, Monitor, Verdict};
+use hil_config::monitor::{FormulaContext, Monitor, Verdict};
 use shared_types::time::{Rate, Step};
 
 /// A thread has 2 MiB; much of it belongs to whoever calls.
@@ -33,8 +33,8 @@ fn judged(text: &str) -> Monitor {
     assert_eq!(formula.to_string(), text);
     assert_eq!(formula.unknown_names(&columns()), []);
     let (columns, rate) = (columns(), Rate::new(10.0).expect("a rate"));
-    let ground = Ground::new(&columns, &[], rate, STEPS);
-    let mut monitor = Monitor::new(&formula.clone(), &ground).expect("fits the run");
+    let context = FormulaContext::new(&columns, &[], rate, STEPS);
+    let mut monitor = Monitor::new(&formula.clone(), &context).expect("fits the run");
     for step in 0..=STEPS {
         monitor.observe(Step(step), &[step as f64]);
         let [low, high] = monitor.bounds();

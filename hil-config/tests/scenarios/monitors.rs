@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 
 use hil_config::expression::{Columns, Group};
 use hil_config::formula::Formula;
-use hil_config::monitor::{Ground, Monitor, Verdict};
+use hil_config::monitor::{FormulaContext, Monitor, Verdict};
 use shared_types::time::{Rate, Step};
 
 /// Numbers at random, always the same ones (SplitMix64, Steele, Lea and Flood 2014).
@@ -338,8 +338,8 @@ fn columns() -> Columns {
 fn monitor(text: &str, end: u64) -> Result<Monitor, String> {
     let formula = Formula::parse(text).map_err(|error| error.to_string())?;
     let (columns, rate) = (columns(), Rate::new(10.0).expect("a rate"));
-    let ground = Ground::new(&columns, &[], rate, end);
-    Monitor::new(&formula, &ground).map_err(|error| error.to_string())
+    let context = FormulaContext::new(&columns, &[], rate, end);
+    Monitor::new(&formula, &context).map_err(|error| error.to_string())
 }
 
 fn random_trace(draws: &mut Draws) -> Trace {

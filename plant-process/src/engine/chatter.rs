@@ -42,7 +42,7 @@ pub(super) struct Parrot {
     repeats: Repeats,
     /// The samples that it answers, in each epoch.
     answers: u64,
-    seal: Option<shared_types::frame::Seal>,
+    identity: Option<shared_types::frame::FrameIdentity>,
     welcome: Option<Control>,
     sequence: u64,
     /// The sample to answer.
@@ -55,7 +55,7 @@ impl Parrot {
             controls: VecDeque::from([Control::Hello(hello()), Control::Ready { epoch: 1 }]),
             repeats,
             answers,
-            seal: None,
+            identity: None,
             welcome: None,
             sequence: 0,
             due: None,
@@ -103,7 +103,7 @@ impl Link for Parrot {
     }
 
     fn open_frames(&mut self, spec: &FrameSpec) -> Result<(), LinkError> {
-        self.seal = Some(spec.seal);
+        self.identity = Some(spec.identity);
         Ok(())
     }
 
@@ -127,9 +127,9 @@ impl Link for Parrot {
         };
         self.sequence += 1;
         values.fill(value);
-        let seal = self.seal.ok_or(LinkError::NotOpen)?;
+        let identity = self.identity.ok_or(LinkError::NotOpen)?;
         Ok(Some(Header {
-            epoch: seal.epoch,
+            epoch: identity.epoch,
             sequence: self.sequence,
             ..Header::new(FrameKind::Command, step)
         }))

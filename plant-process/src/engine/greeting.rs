@@ -47,7 +47,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         } = &self.plant;
         let layout = RecordLayout::of(description, reference.clone(), &welcome.command);
         self.link.open_frames(&FrameSpec {
-            seal: welcome.seal(),
+            identity: welcome.frame_identity(),
             outgoing: welcome.sample.len(),
             incoming: welcome.command.len(),
         })?;

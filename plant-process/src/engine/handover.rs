@@ -160,7 +160,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         match self.told(&message, self.handover.expected) {
             PlantAction::Welcome(welcome) => {
                 self.link.open_frames(&FrameSpec {
-                    seal: welcome.seal(),
+                    identity: welcome.frame_identity(),
                     outgoing: welcome.sample.len(),
                     incoming: welcome.command.len(),
                 })?;

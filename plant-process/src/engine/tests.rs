@@ -204,7 +204,7 @@ fn greeted(job: Job) -> (TestEngine, InProcessLink, InProcessSource) {
         panic!("no welcome");
     };
     let spec = FrameSpec {
-        seal: welcome.seal(),
+        identity: welcome.frame_identity(),
         outgoing: 3,
         incoming: 3,
     };

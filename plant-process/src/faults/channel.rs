@@ -7,14 +7,14 @@
 
 use serde::{Deserialize, Serialize};
 use shared_types::describe::Invalid;
-use shared_types::frame::{Frame, FrameKind, Header, MAX_SIGNALS, Seal, VALIDITY_WORDS};
+use shared_types::frame::{Frame, FrameIdentity, FrameKind, Header, MAX_SIGNALS, VALIDITY_WORDS};
 use shared_types::time::Step;
 
 use super::arrivals::{Arrivals, DEPTH, age_steps};
 use super::kind::Passage;
 
-/// Any seal: both ends of the medium are here.
-const SEAL: Seal = Seal {
+/// Any identity: both ends of the medium are here.
+const IDENTITY: FrameIdentity = FrameIdentity {
     session: 1,
     layout: 1,
     epoch: 1,
@@ -197,11 +197,11 @@ impl Channel {
             ..Header::new(self.kind, step)
         };
         let values = &self.values[place * self.width..][..self.width];
-        let mut frame = Frame::<MAX_SIGNALS>::sealed(&header, values, SEAL);
+        let mut frame = Frame::<MAX_SIGNALS>::sealed(&header, values, IDENTITY);
         for bit in &passage.flips[..passage.flipped] {
             frame.flip(*bit);
         }
-        frame.open(SEAL, &mut self.opened).ok()
+        frame.open(IDENTITY, &mut self.opened).ok()
     }
 
     /// What the receiver has at a step; gives its age in steps. Nothing ever came: zeros, all

@@ -7,7 +7,7 @@ pub use epochs::*;
 pub use frames::*;
 
 use super::Sentence;
-use crate::frame::{FrameKind, Header, Seal};
+use crate::frame::{FrameIdentity, FrameKind, Header};
 use crate::link::{FrameSpec, Link};
 use crate::time::Step;
 
@@ -79,7 +79,7 @@ impl<F: Fixture> Pair<F> {
     }
 }
 
-const SEAL: Seal = Seal {
+const IDENTITY: FrameIdentity = FrameIdentity {
     session: 11,
     layout: 22,
     epoch: 1,
@@ -87,7 +87,7 @@ const SEAL: Seal = Seal {
 
 fn spec(epoch: u32, outgoing: usize, incoming: usize) -> FrameSpec {
     FrameSpec {
-        seal: Seal { epoch, ..SEAL },
+        identity: FrameIdentity { epoch, ..IDENTITY },
         outgoing,
         incoming,
     }

@@ -1,5 +1,5 @@
 //! The bare iceoryx2 exchange: one blackboard entry each way between two processes, as the link uses
-//! them, but without frames to fill, seal, sum and check.
+//! them, but without frames to fill, stamp, sum and check.
 //!
 //! Benchmarks compare the link with it. It stands beside the link because the two share nearly all code
 //! that the compiler makes of iceoryx2; no run uses it.

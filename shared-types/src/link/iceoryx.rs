@@ -26,7 +26,7 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory as Topic;
 use iceoryx2::service::port_factory::subscriber::PortFactorySubscriber;
 
 use super::{FrameSpec, Link, LinkError, Peer};
-use crate::frame::{Frame, FrameError, Header, Seal, SizeClass};
+use crate::frame::{Frame, FrameError, FrameIdentity, Header, SizeClass};
 use crate::ignored::Ignored;
 use crate::process::ProcessId;
 use crate::session::SessionInfo;
@@ -79,7 +79,7 @@ struct ControlChannel {
 }
 
 struct Frames {
-    seal: Seal,
+    identity: FrameIdentity,
     sequence: u64,
     outgoing: Box<dyn Outgoing>,
     incoming: Box<dyn Incoming>,
@@ -270,14 +270,18 @@ fn topic(node: &Node<Ipc>, side: Side, name: &str) -> Result<Topic<Ipc, [u8], ()
 
 /// A frame channel's sending end, whatever its size class.
 trait Outgoing {
-    fn send(&mut self, header: &Header, values: &[f64], seal: Seal);
+    fn send(&mut self, header: &Header, values: &[f64], identity: FrameIdentity);
 }
 
 /// A frame channel's receiving end, whatever its size class.
 trait Incoming {
     /// The processes that may send on it.
     fn writers(&self) -> Vec<u32>;
-    fn receive(&mut self, values: &mut [f64], seal: Seal) -> Option<Result<Header, FrameError>>;
+    fn receive(
+        &mut self,
+        values: &mut [f64],
+        identity: FrameIdentity,
+    ) -> Option<Result<Header, FrameError>>;
 }
 
 /// Holds the cell of the next frame: asking for one looks at a line of memory that the reader writes
@@ -285,9 +289,9 @@ trait Incoming {
 struct Writer<const N: usize>(Option<EntryValueUninit<Ipc, u8, Frame<N>>>);
 
 impl<const N: usize> Outgoing for Writer<N> {
-    fn send(&mut self, header: &Header, values: &[f64], seal: Seal) {
+    fn send(&mut self, header: &Header, values: &[f64], identity: FrameIdentity) {
         if let Some(next) = self.0.take() {
-            let entry = next.update_with_copy(Frame::sealed(header, values, seal));
+            let entry = next.update_with_copy(Frame::sealed(header, values, identity));
             self.0 = Some(entry.loan_uninit());
         }
     }
@@ -309,14 +313,18 @@ impl<const N: usize> Incoming for Reader<N> {
         writers
     }
 
-    fn receive(&mut self, values: &mut [f64], seal: Seal) -> Option<Result<Header, FrameError>> {
+    fn receive(
+        &mut self,
+        values: &mut [f64],
+        identity: FrameIdentity,
+    ) -> Option<Result<Header, FrameError>> {
         if let Some(last) = &self.last
             && self.cell.is_up_to_date(last)
         {
             return None;
         }
         let frame = self.last.insert(self.cell.get());
-        (frame.sequence() > 0).then(|| frame.open(seal, values))
+        (frame.sequence() > 0).then(|| frame.open(identity, values))
     }
 }
 
@@ -338,11 +346,11 @@ fn board<const N: usize>(
     node: &Node<Ipc>,
     side: Side,
     name: &str,
-    seal: Seal,
+    identity: FrameIdentity,
 ) -> Result<Blackboard<Ipc, u8>, LinkError> {
     let service_name = name.try_into().map_err(|e| transport(name, e))?;
     let key = LAYOUT.try_into().map_err(|e| transport(name, e))?;
-    let hash = format!("{:016x}", seal.layout);
+    let hash = format!("{:016x}", identity.layout);
     let value = hash.as_str().try_into().map_err(|e| transport(name, e))?;
     let builder = node.service_builder(&service_name);
     match side {
@@ -377,9 +385,9 @@ fn outgoing<const N: usize>(
     node: &Node<Ipc>,
     side: Side,
     name: &str,
-    seal: Seal,
+    identity: FrameIdentity,
 ) -> Result<Box<dyn Outgoing>, LinkError> {
-    let writer = (board::<N>(node, side, name, seal)?
+    let writer = (board::<N>(node, side, name, identity)?
         .writer_builder()
         .create())
     .map_err(|e| transport(name, e))?;
@@ -393,9 +401,9 @@ fn incoming<const N: usize>(
     node: &Node<Ipc>,
     side: Side,
     name: &str,
-    seal: Seal,
+    identity: FrameIdentity,
 ) -> Result<Box<dyn Incoming>, LinkError> {
-    let board = board::<N>(node, side, name, seal)?;
+    let board = board::<N>(node, side, name, identity)?;
     let reader = (board.reader_builder().create()).map_err(|e| transport(name, e))?;
     let cell = reader
         .entry::<Frame<N>>(&0)
@@ -459,7 +467,7 @@ impl Link for IceoryxLink {
             CallbackProgression::Continue
         });
         let newest = self.next.as_ref().or(self.frames.as_ref());
-        if let Some(frames) = newest.filter(|frames| frames.seal.epoch == self.control.epoch) {
+        if let Some(frames) = newest.filter(|frames| frames.identity.epoch == self.control.epoch) {
             speakers.extend(frames.incoming.writers());
         }
         let mut strangers = (speakers.into_iter()).filter(|pid| !launched.process.leads(*pid));
@@ -474,20 +482,20 @@ impl Link for IceoryxLink {
     }
 
     fn open_frames(&mut self, spec: &FrameSpec) -> Result<(), LinkError> {
-        let samples = format!("frames/{}/samples", spec.seal.epoch);
-        let commands = format!("frames/{}/commands", spec.seal.epoch);
+        let samples = format!("frames/{}/samples", spec.identity.epoch);
+        let commands = format!("frames/{}/commands", spec.identity.epoch);
         let (out_name, in_name) = match self.side {
             Side::Plant => (&samples, &commands),
             Side::Controller => (&commands, &samples),
         };
-        let (node, side, seal) = (&self.node, self.side, spec.seal);
+        let (node, side, identity) = (&self.node, self.side, spec.identity);
         let out_class = class(spec.outgoing)?;
         let in_class = class(spec.incoming)?;
         self.next = Some(Frames {
-            seal,
+            identity,
             sequence: 0,
-            outgoing: for_class!(out_class, outgoing(node, side, out_name, seal))?,
-            incoming: for_class!(in_class, incoming(node, side, in_name, seal))?,
+            outgoing: for_class!(out_class, outgoing(node, side, out_name, identity))?,
+            incoming: for_class!(in_class, incoming(node, side, in_name, identity))?,
         });
         if self.frames.is_none() {
             self.take_over();
@@ -509,14 +517,14 @@ impl Link for IceoryxLink {
             sequence: frames.sequence,
             ..*header
         };
-        frames.outgoing.send(&header, values, frames.seal);
+        frames.outgoing.send(&header, values, frames.identity);
         Ok(())
     }
 
     #[inline]
     fn receive(&mut self, values: &mut [f64]) -> Result<Option<Header>, LinkError> {
         let frames = self.frames.as_mut().ok_or(LinkError::NotOpen)?;
-        match frames.incoming.receive(values, frames.seal) {
+        match frames.incoming.receive(values, frames.identity) {
             None => Ok(None),
             Some(Ok(header)) => Ok(Some(header)),
             Some(Err(error)) => {

@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 use std::rc::Rc;
 
 use super::{FrameSpec, Link, LinkError, Peer};
-use crate::frame::{Header, MAX_SIGNALS, Seal};
+use crate::frame::{FrameIdentity, Header, MAX_SIGNALS};
 use crate::ignored::Ignored;
 use crate::table::canonical;
 
@@ -26,9 +26,9 @@ pub fn pair() -> (InProcessLink, InProcessLink) {
 pub struct InProcessLink {
     outgoing: Rc<RefCell<Mailbox>>,
     incoming: Rc<RefCell<Mailbox>>,
-    seal: Option<Seal>,
+    identity: Option<FrameIdentity>,
     /// Of the frames opened last, if others are in use.
-    next: Option<Seal>,
+    next: Option<FrameIdentity>,
     sequence: u64,
     rejected: Ignored,
 }
@@ -45,7 +45,7 @@ impl InProcessLink {
         Self {
             outgoing,
             incoming,
-            seal: None,
+            identity: None,
             next: None,
             sequence: 0,
             rejected: Ignored::default(),
@@ -89,8 +89,8 @@ impl Link for InProcessLink {
             }
         }
         self.outgoing.borrow_mut().values.reserve(spec.outgoing);
-        self.next = Some(spec.seal);
-        if self.seal.is_none() {
+        self.next = Some(spec.identity);
+        if self.identity.is_none() {
             self.take_over();
         }
         Ok(())
@@ -98,20 +98,20 @@ impl Link for InProcessLink {
 
     fn take_over(&mut self) {
         if let Some(next) = self.next.take() {
-            self.seal = Some(next);
+            self.identity = Some(next);
             self.sequence = 0;
         }
     }
 
     #[inline]
     fn send(&mut self, header: &Header, values: &[f64]) -> Result<(), LinkError> {
-        let seal = self.seal.ok_or(LinkError::NotOpen)?;
+        let identity = self.identity.ok_or(LinkError::NotOpen)?;
         self.sequence += 1;
         let mut mailbox = self.outgoing.borrow_mut();
         mailbox.frame = Some(Header {
-            session: seal.session,
-            layout: seal.layout,
-            epoch: seal.epoch,
+            session: identity.session,
+            layout: identity.layout,
+            epoch: identity.epoch,
             sequence: self.sequence,
             count: values.len() as u16,
             ..*header
@@ -123,12 +123,12 @@ impl Link for InProcessLink {
 
     #[inline]
     fn receive(&mut self, values: &mut [f64]) -> Result<Option<Header>, LinkError> {
-        let seal = self.seal.ok_or(LinkError::NotOpen)?;
+        let identity = self.identity.ok_or(LinkError::NotOpen)?;
         let mut mailbox = self.incoming.borrow_mut();
         let Some(header) = mailbox.frame.take() else {
             return Ok(None);
         };
-        if let Err(error) = seal.check(&header, values.len()) {
+        if let Err(error) = identity.check(&header, values.len()) {
             self.rejected.count(error);
             return Ok(None);
         }

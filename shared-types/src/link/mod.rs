@@ -10,7 +10,7 @@ pub mod bare;
 pub mod iceoryx;
 pub mod in_process;
 
-use crate::frame::{Header, Seal};
+use crate::frame::{FrameIdentity, Header};
 use crate::ignored::Ignored;
 
 /// One side's end of a link. No method ever blocks.
@@ -91,7 +91,7 @@ pub enum Peer {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameSpec {
     /// What every frame carries.
-    pub seal: Seal,
+    pub identity: FrameIdentity,
     /// Values in a frame that this side sends.
     pub outgoing: usize,
     /// Values in a frame that this side receives.

@@ -2,12 +2,12 @@
 
 use super::iceoryx::IceoryxLink;
 use super::{FrameSpec, Link, LinkError, Peer};
-use crate::frame::Seal;
+use crate::frame::FrameIdentity;
 use crate::session::Session;
 
 fn spec() -> FrameSpec {
     FrameSpec {
-        seal: Seal {
+        identity: FrameIdentity {
             session: 11,
             layout: 22,
             epoch: 1,
@@ -29,7 +29,7 @@ fn another_layout_cannot_open_the_frames() {
     let (mut plant, mut controller, _session) = pair();
     plant.open_frames(&spec()).expect("plant opens");
     let mut other = spec();
-    other.seal.layout = 23;
+    other.identity.layout = 23;
     assert!(matches!(
         controller.open_frames(&other),
         Err(LinkError::Foreign { .. })

@@ -11,7 +11,7 @@ use std::path::Path;
 use hil_recording::compression::Compression;
 use hil_recording::writer::{Enclosure, Provenance, Recording};
 use shared_types::describe::{Description, PROTOCOL};
-use shared_types::frame::{Frame, FrameKind, Header, Seal};
+use shared_types::frame::{Frame, FrameIdentity, FrameKind, Header};
 use shared_types::hello::{Control, Hello, Offer, agree};
 use shared_types::record::{Event, FaultTaken, Outcome, RecordLayout, RunEnd, Timing};
 use shared_types::table::Field;
@@ -21,7 +21,7 @@ use shared_types::zerocopy::IntoBytes;
 use super::targets::{rig, session};
 use crate::support::programs::workspace;
 
-const SEAL: Seal = Seal {
+const IDENTITY: FrameIdentity = FrameIdentity {
     session: 7,
     layout: 8,
     epoch: 1,
@@ -158,8 +158,8 @@ fn frames(folder: &Path) {
             ..Header::new(kind, Step(2))
         };
         let mut out = vec![0.0; count];
-        let frame = Frame::<16>::sealed(&header, &values[..count], SEAL);
-        let header = frame.open(SEAL, &mut out).expect("its own seal");
+        let frame = Frame::<16>::sealed(&header, &values[..count], IDENTITY);
+        let header = frame.open(IDENTITY, &mut out).expect("its own identity");
         write(
             &folder.join(name),
             &[header.as_bytes(), out.as_bytes()].concat(),

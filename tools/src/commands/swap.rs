@@ -9,7 +9,7 @@ use crate::arguments::swap::SwapArguments;
 use crate::files::folder;
 use crate::programs::binaries::named::refuse_set;
 use crate::run::swap::{Request, Response, SOCKET, Swapped};
-use crate::session::live::{Unmet, find, to_json};
+use crate::session::live::{RequestError, find, to_json};
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::output;
 
@@ -22,7 +22,7 @@ const ANSWER_LIMIT: Duration = Duration::from_secs(120);
 /// If there is no session to ask, or it refuses.
 pub(crate) fn swap(arguments: &SwapArguments) -> Result<Exit, Failure> {
     let json = arguments.session.json;
-    let swapped = ask(arguments).map_err(|unmet| unmet.tell(json))?;
+    let swapped = ask(arguments).map_err(|error| error.tell(json))?;
     output::write(&if json {
         to_json(&Response::Swapped(swapped))?
     } else {
@@ -44,7 +44,7 @@ pub(crate) fn swap(arguments: &SwapArguments) -> Result<Exit, Failure> {
     Ok(Exit::Pass)
 }
 
-fn ask(arguments: &SwapArguments) -> Result<Swapped, Unmet> {
+fn ask(arguments: &SwapArguments) -> Result<Swapped, RequestError> {
     refuse_set(&arguments.set, |role| match role.side {
         "controller" => "--bin",
         _ => role.flag,

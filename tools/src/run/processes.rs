@@ -18,7 +18,7 @@ use crate::results::ended::Ended;
 use crate::results::handover::told;
 use crate::run::open_files;
 use crate::run::recorder::Recorder;
-use crate::run::swap::{self, Ground, Wanted};
+use crate::run::swap::{self, SwapContext, Wanted};
 use crate::session::standing;
 use crate::terminal::exit::Failure;
 use crate::terminal::output;
@@ -65,7 +65,7 @@ pub(super) fn run(
     )?;
     let door = swap::listen(
         info,
-        Ground {
+        SwapContext {
             plan: prepared.plan.clone(),
             binaries: binaries.clone(),
             job: prepared.controller.clone(),

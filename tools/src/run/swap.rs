@@ -93,7 +93,7 @@ impl Law {
 }
 
 /// What a new controller is checked against.
-pub(crate) struct Ground {
+pub(crate) struct SwapContext {
     pub(crate) plan: Plan,
     pub(crate) binaries: Binaries,
     pub(crate) job: Job,
@@ -112,7 +112,7 @@ pub(crate) struct Door {
 ///
 /// # Errors
 /// If the socket cannot be made.
-pub(crate) fn listen(session: &SessionInfo, ground: Ground) -> Result<Door, Failure> {
+pub(crate) fn listen(session: &SessionInfo, ground: SwapContext) -> Result<Door, Failure> {
     let (sender, wanted) = channel();
     let theirs = session.clone();
     let listening = live::listen(session, SOCKET, move |client| {
@@ -133,7 +133,7 @@ pub(crate) fn listen(session: &SessionInfo, ground: Ground) -> Result<Door, Fail
     })
 }
 
-impl Ground {
+impl SwapContext {
     fn swap(
         &self,
         session: &SessionInfo,

@@ -16,7 +16,7 @@ pub(crate) fn clock(choice: &SessionChoice, request: &Request) -> Result<Exit, F
         Response::Status(status) => Ok(status),
         other => Err(live::unexpected(&other)),
     });
-    let status = answer.map_err(|unmet| unmet.tell(choice.json))?;
+    let status = answer.map_err(|error| error.tell(choice.json))?;
     output::write(&if choice.json {
         live::to_json(&Response::Status(status))?
     } else {

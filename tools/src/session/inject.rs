@@ -17,7 +17,7 @@ use shared_types::session::SessionInfo;
 
 use crate::arguments::inject::{Clear, InjectArguments};
 use crate::session::clock;
-use crate::session::live::{self, Unmet};
+use crate::session::live::{self, RequestError};
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::output;
 
@@ -43,11 +43,11 @@ pub fn inject(arguments: &InjectArguments) -> Result<Exit, Failure> {
                 }
             })
     };
-    output::write(&answer.map_err(|unmet| unmet.tell(json))?)?;
+    output::write(&answer.map_err(|error| error.tell(json))?)?;
     Ok(Exit::Pass)
 }
 
-fn answer(arguments: &InjectArguments, session: &SessionInfo) -> Result<Response, Unmet> {
+fn answer(arguments: &InjectArguments, session: &SessionInfo) -> Result<Response, RequestError> {
     let request = if arguments.active {
         Request::Active
     } else if let Some(clear) = arguments.clear {
@@ -60,11 +60,11 @@ fn answer(arguments: &InjectArguments, session: &SessionInfo) -> Result<Response
     } else {
         let possible = possible(session)?;
         Request::Inject {
-            toml: request::toml(arguments, &possible).map_err(Unmet::Refused)?,
+            toml: request::toml(arguments, &possible).map_err(RequestError::Refused)?,
         }
     };
     let response =
-        live::ask(session, &request).map_err(|unmet| typed::as_typed(unmet, arguments))?;
+        live::ask(session, &request).map_err(|error| typed::as_typed(error, arguments))?;
     Ok(match response {
         // The plant tells all faults of the run.
         Response::Active { status, mut faults } => {
@@ -76,7 +76,7 @@ fn answer(arguments: &InjectArguments, session: &SessionInfo) -> Result<Response
 }
 
 /// Asks a session for the faults that it can take.
-pub(crate) fn possible(session: &SessionInfo) -> Result<Possible, Unmet> {
+pub(crate) fn possible(session: &SessionInfo) -> Result<Possible, RequestError> {
     match live::ask(session, &Request::Possible)? {
         Response::Possible(possible) => Ok(*possible),
         other => Err(live::unexpected(&other)),
@@ -84,7 +84,7 @@ pub(crate) fn possible(session: &SessionInfo) -> Result<Possible, Unmet> {
 }
 
 /// An answer as a person reads it.
-pub(crate) fn told(response: &Response) -> Result<String, Unmet> {
+pub(crate) fn told(response: &Response) -> Result<String, RequestError> {
     let mut text = String::new();
     match response {
         Response::Injected { faults } => faults.iter().for_each(|fault| text += &injected(fault)),

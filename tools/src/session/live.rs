@@ -24,26 +24,26 @@ const LOOK: Duration = Duration::from_millis(10);
 
 /// Why a request could not be made or was not met.
 #[derive(Debug)]
-pub(crate) enum Unmet {
+pub(crate) enum RequestError {
     /// The request was wrong, by a check here or by the plant's word. Nothing was changed.
     Refused(Vec<Refusal>),
     /// The machine or a process is in the way.
     Failed(Failure),
 }
 
-impl From<Failure> for Unmet {
+impl From<Failure> for RequestError {
     fn from(failure: Failure) -> Self {
         Self::Failed(failure)
     }
 }
 
-impl From<Refusal> for Unmet {
+impl From<Refusal> for RequestError {
     fn from(refusal: Refusal) -> Self {
         Self::Refused(vec![refusal])
     }
 }
 
-impl Unmet {
+impl RequestError {
     /// Tells it; with `json`, refusals go to standard output too, for machines.
     #[must_use]
     pub(crate) fn tell(self, json: bool) -> Failure {
@@ -95,12 +95,12 @@ pub(crate) fn to_json(answer: &impl serde::Serialize) -> Result<String, Failure>
 ///
 /// # Errors
 /// If there is none, or if it is not clear which.
-pub(crate) fn find(choice: &SessionChoice) -> Result<SessionInfo, Unmet> {
+pub(crate) fn find(choice: &SessionChoice) -> Result<SessionInfo, RequestError> {
     choose(
         session::list().map_err(Failure::infrastructure)?,
         choice.session.as_deref(),
     )
-    .map_err(Unmet::from)
+    .map_err(RequestError::from)
 }
 
 /// Chooses among the running sessions.
@@ -164,11 +164,11 @@ fn told(session: &SessionInfo) -> String {
 ///
 /// # Errors
 /// If it refused, has ended or does not answer.
-pub(crate) fn ask(session: &SessionInfo, request: &Request) -> Result<Response, Unmet> {
+pub(crate) fn ask(session: &SessionInfo, request: &Request) -> Result<Response, RequestError> {
     let since = Instant::now();
     loop {
         match live::ask(session, request, ANSWER_LIMIT) {
-            Ok(Response::Refused { problems }) => return Err(Unmet::Refused(problems)),
+            Ok(Response::Refused { problems }) => return Err(RequestError::Refused(problems)),
             Ok(response) => return Ok(response),
             Err(error) => {
                 if !is_running(session)? {
@@ -204,7 +204,7 @@ fn ended(session: &SessionInfo, error: &LiveError) -> Refusal {
 
 /// An answer that does not belong to what was asked.
 #[must_use]
-pub(crate) fn unexpected(response: &Response) -> Unmet {
+pub(crate) fn unexpected(response: &Response) -> RequestError {
     let told = serde_json::to_string(response).unwrap_or_default();
     Failure::infrastructure(format!(
         "the plant gave an answer to something else: {told}"

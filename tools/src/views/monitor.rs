@@ -38,7 +38,7 @@ use shared_types::clock::monotonic_ns;
 use shared_types::session::{self, SessionInfo};
 
 use crate::arguments::monitor::MonitorArguments;
-use crate::session::live::{self, Unmet};
+use crate::session::live::{self, RequestError};
 use crate::session::observer::Notice;
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::interruption::Interruption;
@@ -77,10 +77,10 @@ pub(crate) fn monitor(arguments: &MonitorArguments) -> Result<Exit, Failure> {
         ));
     }
     let interruption = Interruption::listen()?;
-    let session = find(arguments, &interruption).map_err(|unmet| unmet.tell(false))?;
+    let session = find(arguments, &interruption).map_err(|error| error.tell(false))?;
     let plan = notice(&session, &interruption)?.plan()?;
     let prepared = prepared::all(&arguments.inject, &session, &plan);
-    let prepared = prepared.map_err(|unmet| unmet.tell(false))?;
+    let prepared = prepared.map_err(|error| error.tell(false))?;
     let mut served = serve(arguments, &session, &plan)?;
     let audience = served.as_mut().and_then(|served| served.audience.take());
     let run_dir = session.run_dir.clone();
@@ -167,7 +167,10 @@ fn wait_for_end(watch: &Watch, interruption: &Interruption) -> Result<(), Failur
 }
 
 /// The session that is meant, which may be awaited.
-fn find(arguments: &MonitorArguments, interruption: &Interruption) -> Result<SessionInfo, Unmet> {
+fn find(
+    arguments: &MonitorArguments,
+    interruption: &Interruption,
+) -> Result<SessionInfo, RequestError> {
     let since = Instant::now();
     let mut has_told = false;
     loop {

@@ -27,16 +27,16 @@ impl Event<'_> {
     ) -> Option<FaultEffect> {
         reader.refuse_unknown(section, &kind.keys());
         let skew_steps = self.skew_steps(reader, section);
-        let folder = self.ground.origin.folder();
+        let folder = self.context.origin.folder();
         match kind {
             Kind::Own(fault) => {
                 let profile = profile::check(reader, section, folder, Some(&fault.profile));
                 let sizes = settings(reader, section, &fault.sizes, None);
-                let plant = self.ground.plant?;
+                let plant = self.context.plant?;
                 let (target, moved) = target::of_plant(reader, section, plant, fault)?;
                 let (profile, sizes) = (profile?, sizes?);
                 let moves = moves(fault, &moved, &sizes)?;
-                if let Some(healthy) = self.ground.healthy {
+                if let Some(healthy) = self.context.healthy {
                     let each = fault.moves.iter().zip(&moved).zip(&moves);
                     for ((described, field), one) in each {
                         let key = match &described.by {
@@ -58,7 +58,7 @@ impl Event<'_> {
                 let profile = profile::check(reader, section, folder, None);
                 let named = reader.text(&section.with_keys(TARGET), "target");
                 let target = named
-                    .and_then(|named| target::of_kind(reader, section, self.ground, kind, named));
+                    .and_then(|named| target::of_kind(reader, section, self.context, kind, named));
                 let unit = target.as_ref().map(|target| target.unit.as_str());
                 let parameters = settings(reader, section, &kind.parameters, unit);
                 let list = list::check(reader, section, folder, kind.list.as_ref());
@@ -80,7 +80,7 @@ impl Event<'_> {
         let Some(key) = SKEW.given(reader, section)? else {
             return Ok(0);
         };
-        let grid = self.ground.grid;
+        let grid = self.context.grid;
         let (steps, begin_s) = match (key == SKEW.in_s, self.trigger) {
             // From the time asked for, not from the step that it was rounded to.
             (true, Some(Trigger::Step { step, at_s })) => {

@@ -5,7 +5,7 @@ use shared_types::time::Step;
 
 use super::span::{Given, Keys, Reported, refuse_alone};
 use super::trigger::condition;
-use super::{Event, Ground};
+use super::{Event, EventContext};
 use crate::plan::{FaultEffect, FaultEnd};
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
@@ -22,13 +22,13 @@ const END: Keys = Keys {
 pub(super) fn check(
     reader: &mut Reader,
     section: &Section<'_>,
-    ground: &Ground<'_>,
+    context: &EventContext<'_>,
 ) -> Option<FaultEnd> {
-    let after_steps = DURATION.length(reader, section, ground.grid);
-    let step = END.instant(reader, section, ground.grid, |grid| Step(grid.steps));
+    let after_steps = DURATION.length(reader, section, context.grid);
+    let step = END.instant(reader, section, context.grid, |grid| Step(grid.steps));
     let occurrences = occurrences(reader, section);
     let alone = refuse_alone(reader, section, "until_for_s", "until");
-    let condition = condition(reader, section, ground, "until", "until_for_s");
+    let condition = condition(reader, section, context, "until", "until_for_s");
     alone.ok()?;
     Some(FaultEnd {
         step: step.ok()?.map(|(step, _)| step),
@@ -57,7 +57,7 @@ pub(super) fn leaves_time(
     let (Some(end), Some(earliest)) = (end.step, event.earliest) else {
         return Ok(());
     };
-    let rate = event.ground.grid.ok_or(Reported)?.rate;
+    let rate = event.context.grid.ok_or(Reported)?.rate;
     let late = (effects.iter())
         .map(|effect| Step(earliest + effect.skew_steps))
         .find(|begin| *begin >= end);

@@ -2,7 +2,7 @@
 
 use shared_types::describe::{FaultDescription, FaultKindDescription, ProfileDescription};
 
-use super::Ground;
+use super::EventContext;
 use crate::problem::{ProblemKind, listed};
 use crate::reader::{Reader, Section};
 
@@ -49,19 +49,19 @@ impl<'d> Kind<'d> {
 pub(super) fn find<'a>(
     reader: &mut Reader,
     section: &Section<'_>,
-    ground: &Ground<'a>,
+    context: &EventContext<'a>,
 ) -> Option<Kind<'a>> {
     let name = reader.text(section, "kind")?;
-    let own = ground.plant.map_or(&[][..], |plant| &plant.faults);
+    let own = context.plant.map_or(&[][..], |plant| &plant.faults);
     if let Some(fault) = own.iter().find(|fault| fault.kind == name) {
         return Some(Kind::Own(fault));
     }
-    if let Some(kind) = ground.kinds.iter().find(|kind| kind.kind == name) {
+    if let Some(kind) = context.kinds.iter().find(|kind| kind.kind == name) {
         return Some(Kind::Shared(kind));
     }
-    let plant = ground.plant?; // it may well be a fault of a plant that is not known
+    let plant = context.plant?; // it may well be a fault of a plant that is not known
     let names = (own.iter().map(|fault| fault.kind.as_str()))
-        .chain(ground.kinds.iter().map(|kind| kind.kind.as_str()));
+        .chain(context.kinds.iter().map(|kind| kind.kind.as_str()));
     let message = format!("plant `{}` has no fault `{name}`", plant.name);
     let problem = reader.report(
         ProblemKind::UnknownName,

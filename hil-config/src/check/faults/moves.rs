@@ -4,7 +4,7 @@ use shared_types::describe::{Operation, Settings};
 use shared_types::number::exact as number;
 use shared_types::table::Field;
 
-use super::Ground;
+use super::EventContext;
 use super::span::Reported;
 use crate::plan::{FaultAction, FaultEnd, FaultEvent, Move, Profile, Trigger};
 use crate::problem::ProblemKind;
@@ -100,10 +100,10 @@ struct Lasting<'a> {
 /// their full size and never end.
 pub(super) fn stay_in_range_together<'a>(
     reader: &mut Reader,
-    ground: &Ground<'_>,
+    context: &EventContext<'_>,
     events: &'a [(FaultEvent, Vec<Section<'a>>)],
 ) {
-    let (Some(plant), Some(healthy)) = (ground.plant, ground.healthy) else {
+    let (Some(plant), Some(healthy)) = (context.plant, context.healthy) else {
         return;
     };
     let mut lasting: Vec<Lasting<'_>> = events.iter().flat_map(lasting_of).collect();

@@ -3,7 +3,7 @@
 use shared_types::describe::{ActsOn, FaultDescription, FaultKindDescription, PlantDescription};
 use shared_types::table::Field;
 
-use super::Ground;
+use super::EventContext;
 use crate::document::Value;
 use crate::expression::{Columns, Group};
 use crate::problem::{ProblemKind, listed};
@@ -149,12 +149,12 @@ const fn names_of(acts_on: ActsOn) -> &'static [&'static str] {
 const ANY: [ActsOn; 3] = [ActsOn::Numbers, ActsOn::Links, ActsOn::Sides];
 
 /// The fields that a target of a group may name; `None` if they are not known.
-fn fields<'a>(ground: &Ground<'a>, group: Group) -> Option<Vec<&'a Field>> {
-    let plant = ground.plant?;
+fn fields<'a>(context: &EventContext<'a>, group: Group) -> Option<Vec<&'a Field>> {
+    let plant = context.plant?;
     Some(match group {
         Group::Measured => plant.measured.iter().collect(),
         Group::Command => plant.commands.iter().collect(),
-        Group::Reference => ground.reference?.iter().collect(),
+        Group::Reference => context.reference?.iter().collect(),
         _ => faultable(plant).collect(),
     })
 }
@@ -175,7 +175,7 @@ fn parts(name: &str) -> Option<(Group, &str)> {
 pub(super) fn of_kind(
     reader: &mut Reader,
     section: &Section<'_>,
-    ground: &Ground<'_>,
+    context: &EventContext<'_>,
     kind: &FaultKindDescription,
     name: &str,
 ) -> Option<Target> {
@@ -188,11 +188,11 @@ pub(super) fn of_kind(
     }
     let found = parts(name).filter(|(group, _)| groups_of(acts_on).contains(group));
     let Some((group, last)) = found else {
-        refuse(reader, section, ground, kind, name);
+        refuse(reader, section, context, kind, name);
         return None;
     };
-    let plant = ground.plant?;
-    let fields = fields(ground, group)?;
+    let plant = context.plant?;
+    let fields = fields(context, group)?;
     if let Some(field) = fields.iter().find(|field| field.name == last) {
         return Some(Target {
             name: name.into(),
@@ -246,7 +246,7 @@ pub(super) fn of_kind(
 fn refuse(
     reader: &mut Reader,
     section: &Section<'_>,
-    ground: &Ground<'_>,
+    context: &EventContext<'_>,
     kind: &FaultKindDescription,
     name: &str,
 ) {
@@ -269,16 +269,16 @@ fn refuse(
         )
         .expected(described(acts_on));
     if !exists {
-        let possible = Columns::named(possible(ground, acts_on));
+        let possible = Columns::named(possible(context, acts_on));
         problem.nearest = possible.nearest(name);
     }
 }
 
 /// The names of all targets that a kind may have, as far as they are known.
-fn possible(ground: &Ground<'_>, acts_on: ActsOn) -> Vec<String> {
+fn possible(context: &EventContext<'_>, acts_on: ActsOn) -> Vec<String> {
     let mut names: Vec<String> = names_of(acts_on).iter().map(|&name| name.into()).collect();
     for group in groups_of(acts_on) {
-        let fields = fields(ground, *group).unwrap_or_default();
+        let fields = fields(context, *group).unwrap_or_default();
         let of_group = fields
             .iter()
             .map(|field| format!("{}.{}", group.prefix(), field.name));

@@ -5,7 +5,7 @@ use shared_types::time::Step;
 
 use super::names::Names;
 use super::span::{Given, Keys, Reported, refuse_alone};
-use super::{Ground, Origin};
+use super::{EventContext, Origin};
 use crate::check::signals;
 use crate::keys::TRIGGERS;
 use crate::plan::{Condition, Trigger};
@@ -24,7 +24,7 @@ const DELAY: Keys = Keys {
 pub(super) fn check(
     reader: &mut Reader,
     section: &Section<'_>,
-    ground: &Ground<'_>,
+    context: &EventContext<'_>,
     names: &Names<'_>,
 ) -> Option<Trigger> {
     for (key, owner) in [
@@ -39,23 +39,23 @@ pub(super) fn check(
         .collect();
     match given[..] {
         ["at_s" | "at_step"] => {
-            let at = AT.instant(reader, section, ground.grid, |grid| Step(grid.steps - 1));
+            let at = AT.instant(reader, section, context.grid, |grid| Step(grid.steps - 1));
             let (step, at_s) = at.ok()??;
             Some(Trigger::Step { step, at_s })
         }
         ["when"] => {
-            let condition = condition(reader, section, ground, "when", "for_s");
+            let condition = condition(reader, section, context, "when", "for_s");
             condition.ok()?.map(Trigger::Condition)
         }
         ["after"] => {
             let event = names.find(reader, section);
-            let delay = DELAY.length(reader, section, ground.grid);
+            let delay = DELAY.length(reader, section, context.grid);
             Some(Trigger::After {
                 event: event.ok()?,
                 delay_steps: delay.ok()?.unwrap_or_default(),
             })
         }
-        [] if matches!(ground.origin, Origin::Live { .. }) => Some(Trigger::Now),
+        [] if matches!(context.origin, Origin::Live { .. }) => Some(Trigger::Now),
         [] => {
             let path = section.path_of(AT.in_s);
             let message = format!("`{}` does not say when it takes hold", section.path);
@@ -85,16 +85,16 @@ pub(super) fn check(
 pub(super) fn condition(
     reader: &mut Reader,
     section: &Section<'_>,
-    ground: &Ground<'_>,
+    context: &EventContext<'_>,
     key: &'static str,
     length_key: &'static str,
 ) -> Given<Condition> {
     if section.table.get(key).is_none() {
         return Ok(None);
     }
-    let expression = signals::signal(reader, section, key, ground.columns);
+    let expression = signals::signal(reader, section, key, context.columns);
     let for_s = reader.number(section, length_key).ok_or(Reported)?;
-    let grid = ground.grid.ok_or(Reported)?;
+    let grid = context.grid.ok_or(Reported)?;
     let records = super::span::steps_of(grid.rate, for_s).max(1);
     if records >= grid.steps {
         let place = match section.table.get(length_key) {
@@ -130,14 +130,14 @@ pub(super) fn earliest(
     reader: &mut Reader,
     sections: &[Section<'_>],
     triggers: &[Option<Trigger>],
-    ground: &Ground<'_>,
+    context: &EventContext<'_>,
     names: &Names<'_>,
 ) -> Vec<Option<u64>> {
-    let first_id = ground.origin.first_id();
+    let first_id = context.origin.first_id();
     let begins = begins(triggers, first_id);
     (sections.iter().zip(begins))
         .map(|(section, begin)| match begin {
-            Begin::From(step) => in_time(reader, section, ground, step).ok(),
+            Begin::From(step) => in_time(reader, section, context, step).ok(),
             Begin::Unknown => None,
             Begin::Circular(events) => {
                 let ids = (events.iter()).map(|event| names.label(first_id + *event as u32));
@@ -163,10 +163,10 @@ pub(super) fn earliest(
 fn in_time(
     reader: &mut Reader,
     section: &Section<'_>,
-    ground: &Ground<'_>,
+    context: &EventContext<'_>,
     step: u64,
 ) -> Result<u64, Reported> {
-    let grid = ground.grid.ok_or(Reported)?;
+    let grid = context.grid.ok_or(Reported)?;
     if step < grid.steps {
         return Ok(step);
     }

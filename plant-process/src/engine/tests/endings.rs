@@ -207,7 +207,7 @@ fn what_a_controller_confirmed_before_it_ended_counts() {
         panic!("no welcome");
     };
     let spec = FrameSpec {
-        seal: welcome.seal(),
+        identity: welcome.frame_identity(),
         outgoing: 1,
         incoming: 3,
     };

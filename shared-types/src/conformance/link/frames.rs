@@ -3,9 +3,9 @@
 use std::thread::yield_now;
 
 use super::{
-    Fixture, Pair, SEAL, awaited, command, frame, message, open, sample, send, silence, spec,
+    Fixture, IDENTITY, Pair, awaited, command, frame, message, open, sample, send, silence, spec,
 };
-use crate::frame::{FrameError, FrameKind, Header, MAX_SIGNALS, Seal};
+use crate::frame::{FrameError, FrameIdentity, FrameKind, Header, MAX_SIGNALS};
 use crate::link::{FrameSpec, Link, LinkError, Peer};
 use crate::time::Step;
 
@@ -226,16 +226,19 @@ fn rejects<F: Fixture>(end: &mut F::Link, reason: FrameError) {
 
 /// Frames of another session or layout cannot be opened, or else are refused one by one.
 pub fn frames_of_another_run_are_never_delivered<F: Fixture>() {
-    let session = Seal {
+    let session = FrameIdentity {
         session: 12,
-        ..SEAL
+        ..IDENTITY
     };
-    let layout = Seal { layout: 23, ..SEAL };
-    for (seal, reason) in [(session, FrameError::Session), (layout, FrameError::Layout)] {
+    let layout = FrameIdentity {
+        layout: 23,
+        ..IDENTITY
+    };
+    for (identity, reason) in [(session, FrameError::Session), (layout, FrameError::Layout)] {
         let mut pair = Pair::<F>::new();
         open(&mut pair.plant, 1, 2, 1);
         let other = FrameSpec {
-            seal,
+            identity,
             ..spec(1, 1, 2)
         };
         match pair.controller.open_frames(&other) {

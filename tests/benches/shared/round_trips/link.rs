@@ -1,7 +1,7 @@
 //! The project's link: frames that are filled, sealed, summed and checked.
 
 use shared_types::checkpoint::Side;
-use shared_types::frame::{FrameKind, Header, Seal};
+use shared_types::frame::{FrameIdentity, FrameKind, Header};
 use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{FrameSpec, Link};
 use shared_types::session::SessionInfo;
@@ -29,13 +29,13 @@ impl Linked {
             Side::Controller => IceoryxLink::open(session, 1),
         };
         let mut link = link.expect("shared memory");
-        let seal = Seal {
+        let identity = FrameIdentity {
             session: session.id,
             layout: 1,
             epoch: 1,
         };
         let spec = FrameSpec {
-            seal,
+            identity,
             outgoing,
             incoming,
         };

@@ -5,7 +5,7 @@
 
 use hil_config::expression::{Accumulator, Columns, Expression, ExpressionError, Group};
 use hil_config::formula::Formula;
-use hil_config::monitor::{Ground, Monitor, Verdict};
+use hil_config::monitor::{FormulaContext, Monitor, Verdict};
 use shared_types::time::{Rate, Step};
 
 use super::numbers::OddNumbers;
@@ -87,13 +87,13 @@ fn stated(formula: &Formula, rate: Rate, mut numbers: OddNumbers) {
     let unknown = formula.unknown_names(&Columns::default());
     let names = unknown.iter().map(|error| &text[error.span.clone()]);
     let columns = columns(names);
-    let ground = Ground::new(&columns, &[], rate, STEPS);
-    let mut monitor = match Monitor::new(formula, &ground) {
+    let context = FormulaContext::new(&columns, &[], rate, STEPS);
+    let mut monitor = match Monitor::new(formula, &context) {
         Ok(monitor) => monitor,
         Err(error) => return refused(&text, &error),
     };
     let opposite = Formula::parse(&format!("not ({text})")).ok();
-    let mut opposite = opposite.and_then(|opposite| Monitor::new(&opposite, &ground).ok());
+    let mut opposite = opposite.and_then(|opposite| Monitor::new(&opposite, &context).ok());
     for step in 0..=STEPS {
         let row = numbers.row(columns.len());
         monitor.observe(Step(step), &row);

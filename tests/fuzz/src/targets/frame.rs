@@ -3,7 +3,7 @@
 //! A frame that opens is the very one that was sealed: with any bit of it changed it is refused and
 //! nothing of it is taken. The stream's assembler counts what is lost and keeps no more than an event.
 
-use shared_types::frame::{Frame, FrameKind, Header, Seal};
+use shared_types::frame::{Frame, FrameIdentity, FrameKind, Header};
 use shared_types::stream::{Assembler, Item};
 use shared_types::table::canonical;
 use shared_types::zerocopy::FromBytes;
@@ -40,14 +40,14 @@ pub fn run(bytes: &[u8]) {
 
 /// What lies in shared memory is taken only if every part of it fits.
 fn foreign(frame: &Frame<ROOM>, header: &Header) {
-    let seal = Seal {
+    let identity = FrameIdentity {
         session: header.session,
         layout: header.layout,
         epoch: header.epoch,
     };
     for count in [0, 1, usize::from(header.count).min(2 * ROOM), ROOM] {
         let mut values = vec![7.5; count];
-        match frame.open(seal, &mut values) {
+        match frame.open(identity, &mut values) {
             Ok(opened) => {
                 assert_eq!(opened, *header);
                 assert!(usize::from(opened.count) <= ROOM && opened.kind().is_some());
@@ -62,7 +62,7 @@ fn foreign(frame: &Frame<ROOM>, header: &Header) {
 
 /// What was sealed opens to the same, and not with another bit.
 fn sealed(header: &Header, values: &[f64], salt: u64) {
-    let seal = Seal {
+    let identity = FrameIdentity {
         session: header.session,
         layout: header.layout,
         epoch: header.epoch,
@@ -74,9 +74,9 @@ fn sealed(header: &Header, values: &[f64], salt: u64) {
         kind: kind as u16,
         ..*header
     };
-    let frame = Frame::<ROOM>::sealed(&header, values, seal);
+    let frame = Frame::<ROOM>::sealed(&header, values, identity);
     let mut out = vec![7.5; values.len()];
-    let opened = frame.open(seal, &mut out).expect("its own seal");
+    let opened = frame.open(identity, &mut out).expect("its own identity");
     let given: Vec<u64> = values.iter().map(|v| canonical(*v).to_bits()).collect();
     let got: Vec<u64> = out.iter().map(|v| v.to_bits()).collect();
     assert_eq!(got, given);
@@ -86,12 +86,12 @@ fn sealed(header: &Header, values: &[f64], salt: u64) {
         let mut broken = frame;
         broken.flip(bit);
         let mut out = vec![7.5; values.len()];
-        assert!(broken.open(seal, &mut out).is_err(), "bit {bit}");
+        assert!(broken.open(identity, &mut out).is_err(), "bit {bit}");
         assert!(out.iter().all(|value| *value == 7.5), "bit {bit}");
     }
-    let other = Seal {
-        epoch: seal.epoch ^ 1,
-        ..seal
+    let other = FrameIdentity {
+        epoch: identity.epoch ^ 1,
+        ..identity
     };
     assert!(frame.open(other, &mut out).is_err());
 }

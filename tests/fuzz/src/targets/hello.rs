@@ -85,7 +85,7 @@ fn answered(welcome: &Welcome) {
         assert!(!refused.to_string().is_empty());
     }
     let _ = welcome.sample.bind(SignalKind::Measured, &hello.measured);
-    assert_eq!(welcome.seal().session, welcome.session);
+    assert_eq!(welcome.frame_identity().session, welcome.session);
     let hz = welcome.rate.hz();
     assert!((Rate::MIN_HZ..=Rate::MAX_HZ).contains(&hz), "{hz} Hz");
     assert!(welcome.rate.period_s().is_finite());

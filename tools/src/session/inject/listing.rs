@@ -17,7 +17,7 @@ use shared_types::table::{Field, listed, nearest};
 use crate::arguments::inject::InjectArguments;
 use crate::programs::binaries::Binary;
 use crate::programs::binaries::named::Named;
-use crate::session::live::{self, Unmet};
+use crate::session::live::{self, RequestError};
 use crate::terminal::exit::Failure;
 use crate::terminal::interruption::Interruption;
 use text::{in_full, in_short};
@@ -55,7 +55,7 @@ struct Entry {
 ///
 /// # Errors
 /// If there is nothing that could be asked, or no such kind or target.
-pub(super) fn list(arguments: &InjectArguments) -> Result<String, Unmet> {
+pub(super) fn list(arguments: &InjectArguments) -> Result<String, RequestError> {
     let mut listings = listings(arguments)?;
     let names = |pick: fn(&Entry) -> Vec<&String>| {
         let entries = listings.iter().flat_map(|listing| &listing.faults);
@@ -112,7 +112,7 @@ pub(super) fn list(arguments: &InjectArguments) -> Result<String, Unmet> {
     })
 }
 
-fn listings(arguments: &InjectArguments) -> Result<Vec<Listing>, Unmet> {
+fn listings(arguments: &InjectArguments) -> Result<Vec<Listing>, RequestError> {
     let wants_binary = arguments.plant_bin.is_some() || arguments.model.is_some();
     let running = session::list().map_err(Failure::infrastructure)?;
     if !wants_binary && (arguments.session.session.is_some() || running.len() == 1) {

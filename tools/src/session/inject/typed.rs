@@ -6,20 +6,20 @@
 use shared_types::live::Refusal;
 
 use crate::arguments::inject::InjectArguments;
-use crate::session::live::Unmet;
+use crate::session::live::RequestError;
 
 /// Names options where a refusal names keys of the fault's text.
-pub(super) fn as_typed(unmet: Unmet, arguments: &InjectArguments) -> Unmet {
-    match unmet {
-        Unmet::Refused(problems) => {
+pub(super) fn as_typed(error: RequestError, arguments: &InjectArguments) -> RequestError {
+    match error {
+        RequestError::Refused(problems) => {
             let typed = |problem: Refusal| Refusal {
                 message: in_options(&problem.message, arguments),
                 expected: (problem.expected).map(|expected| in_options(&expected, arguments)),
                 ..problem
             };
-            Unmet::Refused(problems.into_iter().map(typed).collect())
+            RequestError::Refused(problems.into_iter().map(typed).collect())
         }
-        failed @ Unmet::Failed(_) => failed,
+        failed @ RequestError::Failed(_) => failed,
     }
 }
 

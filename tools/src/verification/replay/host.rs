@@ -191,7 +191,7 @@ impl<L: Link> Host<L> {
             }
         }
         self.link.open_frames(&FrameSpec {
-            seal: welcome.seal(),
+            identity: welcome.frame_identity(),
             outgoing: welcome.sample.len(),
             incoming: welcome.command.len(),
         })?;

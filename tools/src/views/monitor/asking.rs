@@ -11,7 +11,7 @@ use shared_types::live::{self, LiveError, Request, Response};
 use shared_types::session::SessionInfo;
 
 use super::SharedModel;
-use crate::session::live::{Unmet, refused_text};
+use crate::session::live::{RequestError, refused_text};
 use crate::session::{clock, inject, standing};
 
 /// Interval between two requests for the run's status, which cost the loop nothing.
@@ -116,8 +116,8 @@ impl Thread {
             }
             Ok(response) => match inject::told(&response) {
                 Ok(told) => told,
-                Err(Unmet::Failed(failure)) => failure.to_string(),
-                Err(Unmet::Refused(problems)) => refused_text(&problems),
+                Err(RequestError::Failed(failure)) => failure.to_string(),
+                Err(RequestError::Refused(problems)) => refused_text(&problems),
             },
             Err(error) => format!("error: {error}"),
         };

@@ -17,7 +17,7 @@ use shared_types::stream::iceoryx::LAYOUT_FILE;
 use crate::arguments::inject::arrange;
 use crate::arguments::{Command, CommandLine};
 use crate::session::inject;
-use crate::session::live::Unmet;
+use crate::session::live::RequestError;
 use crate::terminal::exit::Failure;
 
 /// Most that there are keys for.
@@ -44,7 +44,7 @@ pub(crate) fn all(
     texts: &[String],
     session: &SessionInfo,
     plan: &Plan,
-) -> Result<Vec<Prepared>, Unmet> {
+) -> Result<Vec<Prepared>, RequestError> {
     if texts.is_empty() {
         return Ok(Vec::new());
     }
@@ -56,7 +56,7 @@ pub(crate) fn all(
     let possible = inject::possible(session)?;
     let prepared = texts.iter().map(|text| {
         one(text, &possible, plan, &layout).map_err(|problems| {
-            Unmet::Refused(
+            RequestError::Refused(
                 problems
                     .into_iter()
                     .map(|problem| Refusal {
@@ -71,7 +71,7 @@ pub(crate) fn all(
 }
 
 /// The signals of a session, which it tells when both sides are there.
-fn layout(session: &SessionInfo) -> Result<RecordLayout, Unmet> {
+fn layout(session: &SessionInfo) -> Result<RecordLayout, RequestError> {
     let since = Instant::now();
     loop {
         if let Ok(layout) = session.read_file(LAYOUT_FILE) {
