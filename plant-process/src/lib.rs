@@ -8,7 +8,9 @@
 //! 4. The command of step `k` comes; [`guard`] checks the truth that it meets.
 //! 5. The model in [`models`] is carried to step `k + 1` by [`integrate`]; [`rows`] notes the record.
 //!
-//! `checkpoint` is what is kept of all this when a run is to go on from a step another time.
+//! `checkpoint` is what is kept of all this when a run is to go on from a step another time. Requests
+//! from other terminals come in through [`live`], which checks or refuses a fault, and wait in
+//! [`request_queue`] for the loop.
 //!
 //! [`program`] is the process around it; a user's own plant binary is a `main` of one line that
 //! calls [`program::run`]. Nothing here knows a control law.

@@ -13,7 +13,7 @@
 //! | [`doctor`] | the machine that it all runs on |
 //! | [`session`] | a running session from another terminal: requests, faults, records |
 //! | [`checkpoint`] | the state of both sides before a step, for another run to go on from |
-//! | [`results`] | the end of a run, its verdicts and figures, its summary |
+//! | [`results`] | the end of a run, its verdicts, its latency and the grade of that, its summary |
 //! | [`programs`] | plant and controller programs, and the scenario checked against them |
 //! | [`arguments`] | the command line as it is typed |
 //! | [`files`] | whole files, the folder of a run |
@@ -26,11 +26,12 @@
 //! 2. [`programs`] finds plant and controller and asks them what they are; the scenario is checked against that.
 //! 3. [`run`] prepares session and folder, starts both sides and watches over them.
 //! 4. Its [recorder](run::recorder) drains the record stream on a thread of its own: digest, metrics,
-//!    requirements, latency, [recording](hil_recording). The end of the run and its requirements make the exit code.
-//! 5. [`results::summary`] says how it went, to a person and to a machine.
+//!    requirements, latency, [recording](hil_recording).
+//! 5. `run::conclude` makes the exit code of the run's end and of its verdict, as [`results::requirements`]
+//!    gives them; [`results::summary`] says how it went, to a person and to a machine.
 //!
-//! A subcommand is added in three rooms: its arguments, its variant of `Command` and its group of
-//! the help in [`arguments`]; its work in the room that owns it or else in [`commands`]; its line
+//! A subcommand is added in these places: its arguments in a file of [`arguments`], its variant of
+//! `Command` and its name in `GROUPS` in `arguments/mod.rs`; its work in the room that owns it or else in [`commands`]; its line
 //! in `commands::execute`. Then `HIL_WRITE_BOOK=1 cargo test -p tests book::references` writes
 //! the reference of the book.
 //!

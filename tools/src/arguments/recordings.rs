@@ -1,4 +1,4 @@
-//! The command lines of what works on recordings: `hil compare` and `hil scenario`.
+//! The command lines of what works on recordings: `hil compare`, `hil judge` and `hil scenario`.
 
 use std::path::PathBuf;
 

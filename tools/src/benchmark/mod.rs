@@ -1,5 +1,5 @@
 //! Measurements of the loop on this machine, and of the limits that the machine sets. The figures
-//! themselves are those of [`results`](crate::results::latency); no run of a scenario is measured here.
+//! themselves are those of [`results`](crate::results::latency); no scenario is run here; of a recorded run only the figures are read.
 //!
 //! `hil latency` measures the machine:
 //!

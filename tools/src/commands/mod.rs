@@ -1,5 +1,5 @@
 //! The one place that sends each verb to its room, and the verbs that belong to no other: config,
-//! controller swap, recover, sessions. Nothing here is used by another room.
+//! controller swap, recover, sessions, completions. No work of a verb that has a room of its own is done here.
 
 pub(crate) mod config;
 pub(crate) mod recover;

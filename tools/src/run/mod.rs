@@ -4,6 +4,8 @@
 //! 1. [`settings`] is the checked form of what was typed.
 //! 2. [`execute`](execute()) calls `prepare`: refusals, session, folder, [jobs], [provenance].
 //! 3. `processes` or `in_process` runs both sides, with the [recorder] attached to their stream.
+//!    `processes` ends a run whose side died; `controllers` says whether the loss of one ends it,
+//!    `termination` why it ended.
 //! 4. `conclude` makes checkpoints, summary and exit code of what came of it.
 
 mod attach;

@@ -1,6 +1,7 @@
 //! Between a running session and other terminals: the choice of a session, its records, requests and
-//! faults, and the margins of its requirements, which the `hil` that runs it answers from here. The
-//! plant decides whether a fault is taken; no run is started or ended here.
+//! faults, and the margins of its requirements, which the `hil` that runs it answers from here. Only
+//! a request that cannot be put into the plant's words is refused here; whether a fault is taken the plant
+//! decides (`plant_process::live`). No run is started or ended here.
 
 pub(crate) mod clock;
 pub mod inject;

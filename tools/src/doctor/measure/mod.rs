@@ -17,7 +17,7 @@ use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 
 use super::finding::Grade;
 use super::tree::{Tree, Unread};
-use crate::results::latency::grade::{FAIR_NS, GOOD_NS, UNFIT_NS};
+use crate::results::latency::grade::{GOOD_BELOW_NS, EXCELLENT_BELOW_NS, UNFIT_NS};
 use crate::results::latency::percentiles::Percentiles;
 use crate::terminal::duration::shown_ns;
 
@@ -30,8 +30,8 @@ const DIGITS: u8 = 3;
 #[must_use]
 pub(crate) const fn jitter_grade(longest_ns: u64) -> Grade {
     match longest_ns {
-        0..GOOD_NS => Grade::Good,
-        GOOD_NS..FAIR_NS => Grade::Fair,
+        0..EXCELLENT_BELOW_NS => Grade::Good,
+        EXCELLENT_BELOW_NS..GOOD_BELOW_NS => Grade::Fair,
         _ => Grade::Poor,
     }
 }

@@ -7,10 +7,10 @@ use serde::Serialize;
 use super::legs::Legs;
 use crate::terminal::duration::shown_ns;
 
-/// Under it, delays are good.
-pub(crate) const GOOD_NS: u64 = 20_000;
-/// Under it, they are fair.
-pub(crate) const FAIR_NS: u64 = 50_000;
+/// Under it, a loop is excellent, and the longest delay of a machine good.
+pub(crate) const EXCELLENT_BELOW_NS: u64 = 20_000;
+/// Under it, a loop is good, and the longest delay of a machine fair.
+pub(crate) const GOOD_BELOW_NS: u64 = 50_000;
 /// Over it, nothing of real time can be done on this machine.
 pub const UNFIT_NS: u64 = 500_000;
 
@@ -33,9 +33,9 @@ impl Grade {
     #[must_use]
     pub const fn of(ns: u64) -> Self {
         match ns {
-            0..GOOD_NS => Self::Excellent,
-            GOOD_NS..FAIR_NS => Self::Good,
-            FAIR_NS..=UNFIT_NS => Self::Usable,
+            0..EXCELLENT_BELOW_NS => Self::Excellent,
+            EXCELLENT_BELOW_NS..GOOD_BELOW_NS => Self::Good,
+            GOOD_BELOW_NS..=UNFIT_NS => Self::Usable,
             _ => Self::Unfit,
         }
     }
