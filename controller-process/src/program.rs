@@ -74,6 +74,7 @@ impl Program for ControllerProgram {
         let job: Job = program::read_job(&session.folder.join(JOB_FILE))?;
         let (limit, settings) = (WaitLimit::from_seconds(job.wait_limit_s), job.realtime);
         let link = attach(session, job.epoch, limit, supervision)?;
+        supervision.ring_at_news(link.bell());
         let mut runner = self.runner(job, link)?;
         // Threads that there are by now keep ordinary scheduling.
         let report = settings.apply();
@@ -137,6 +138,7 @@ pub fn drive<L: Link>(
     mut waiter: Waiter,
     supervision: &Supervision,
 ) -> Result<(), LinkError> {
+    waiter.sleep_on(runner.sleeper());
     runner.begin()?;
     loop {
         if supervision.wants_stop() {

@@ -17,6 +17,7 @@ use shared_types::lockstep::{Abort, ControllerAction, ControllerEvent, Controlle
 use shared_types::surroundings::ThreadSampler;
 use shared_types::table::Field;
 use shared_types::time::Step;
+use shared_types::wait::Sleeper;
 
 use crate::controller::{Law, LawKind, Row, Start};
 use crate::job::Job;
@@ -129,6 +130,11 @@ fn start(kind: &LawKind, job: &Job, commands: &[Field]) -> Result<Box<dyn Law>, 
 }
 
 impl<'a, L: Link> Runner<'a, L> {
+    /// What the loop can sleep on while it waits.
+    pub fn sleeper(&self) -> Option<Box<dyn Sleeper>> {
+        self.link.sleeper()
+    }
+
     /// A law that is about to say hello.
     ///
     /// # Errors

@@ -18,7 +18,7 @@ use shared_types::stream::RecordSink;
 use shared_types::surroundings::ThreadSampler;
 use shared_types::table::Field;
 use shared_types::time::Step;
-use shared_types::wait::WaitLimit;
+use shared_types::wait::{Sleeper, WaitLimit};
 
 use crate::checkpoint::SavedPlant;
 use crate::faults::{FaultBuilder, FaultKindEntry, FaultLayer};
@@ -227,6 +227,11 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     pub fn recorder_late(&mut self) -> Result<(), LinkError> {
         let reason = "the recorder took no record within the wait limit";
         self.give_up(Outcome::Failed, AbortCode::Observer, reason.into())
+    }
+
+    /// What the loop can sleep on while it waits.
+    pub fn sleeper(&self) -> Option<Box<dyn Sleeper>> {
+        self.link.sleeper()
     }
 
     /// Where requests to this run are put.

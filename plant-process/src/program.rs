@@ -97,6 +97,7 @@ impl Program for PlantProgram {
         let job: Job = program::read_job(&session.folder.join(JOB_FILE))?;
         let (limit, settings) = (WaitLimit::from_seconds(job.wait_limit_s), job.realtime);
         let link = IceoryxLink::create(session).map_err(|e| e.to_string())?;
+        supervision.ring_at_news(link.bell());
         let backpressure = match (job.observed, job.run.clock) {
             (false, _) => Backpressure::None,
             (true, Clock::Realtime) => Backpressure::AtStart,
@@ -133,6 +134,7 @@ pub fn drive<L: Link, S: RecordSink>(
     mut waiter: Waiter,
     supervision: &Supervision,
 ) -> Result<(), LinkError> {
+    waiter.sleep_on(engine.sleeper());
     let queue = engine.queue();
     let mut announced = 0;
     loop {
@@ -173,7 +175,7 @@ pub fn drive<L: Link, S: RecordSink>(
             }
             // It gets a core even beside a loop of real-time priority, and its buffer outlasts a nap.
             Progress::Recorder => {
-                if waiter.nap() {
+                if waiter.sleep() {
                     engine.recorder_late()?;
                 }
             }

@@ -82,6 +82,9 @@ pub struct Report {
     pub wait: Granted<WaitStrategy>,
     /// How late its timers may be, in ns. Always asked for: 1. The kernel counts 0 for `SCHED_FIFO`.
     pub timer_slack_ns: u64,
+    /// Whether both sides have one core together. Only the process itself needs to know.
+    #[serde(skip)]
+    pub shares_core: bool,
 }
 
 impl Settings {
@@ -104,9 +107,10 @@ impl Settings {
 
         let core = scheduling::only_core();
         let cores = self.cores(before.as_ref(), core);
-        let wait = match cores {
-            0 | 1 => WaitStrategy::Yield,
-            _ => self.wait,
+        let shares_core = cores <= 1;
+        let wait = match self.wait {
+            WaitStrategy::Spin if shares_core => WaitStrategy::Hybrid,
+            wait => wait,
         };
         Report {
             core: match self.core {
@@ -130,16 +134,13 @@ impl Settings {
                 Some("plant and controller share their only core".into()),
             ),
             timer_slack_ns: rustix::thread::current_timer_slack().unwrap_or(u64::MAX),
+            shares_core,
         }
     }
 
     /// How many cores both sides have together. One that was given no core has those that this
     /// process had `before`, as both were started in the same way.
     fn cores(&self, before: Option<&CpuSet>, core: Option<u32>) -> usize {
-        if self.core.is_none() && self.peer_core.is_none() {
-            // This also knows of a quota of processor time.
-            return std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-        }
         let free = |set: &CpuSet| {
             (0..CpuSet::MAX_CPU)
                 .filter(|core| set.is_set(*core))
@@ -159,7 +160,7 @@ impl Report {
     /// A waiter of the strategy that was granted.
     #[must_use]
     pub const fn waiter(&self, limit: WaitLimit) -> Waiter {
-        Waiter::with(limit, self.wait.granted, false)
+        Waiter::with(limit, self.wait.granted, self.shares_core)
     }
 }
 

@@ -9,6 +9,8 @@ use std::io::BufRead;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 
+use crate::link::bell::Bell;
+
 /// Line that asks a process to end the run.
 pub const STOP: &str = "stop";
 /// Line that tells a process that the other side's process ended; to a plant followed by the epoch of
@@ -60,6 +62,8 @@ struct State {
     /// The latest epoch whose controller was announced; 0 if none was.
     expected: AtomicU32,
     why: OnceLock<String>,
+    /// What the loop sleeps on.
+    bell: OnceLock<Bell>,
 }
 
 impl Supervision {
@@ -103,16 +107,30 @@ impl Supervision {
     pub fn stop(&self, why: &str) {
         let _ = self.0.why.set(why.into()); // the first reason stands
         self.0.stop.store(true, Ordering::Release);
+        self.ring();
     }
 
     /// Tells that the other side is gone: the controller of this epoch, or whoever it is by 0.
     pub fn peer_gone(&self, epoch: u32) {
         self.0.gone.fetch_or(bit(epoch), Ordering::Release);
+        self.ring();
     }
 
     /// Announces the controller of this epoch.
     pub fn expect(&self, epoch: u32) {
         self.0.expected.fetch_max(epoch, Ordering::Release);
+        self.ring();
+    }
+
+    /// Rings this bell from now on when there is news.
+    pub fn ring_at_news(&self, bell: Bell) {
+        let _ = self.0.bell.set(bell); // a loop sleeps on one bell all the time
+    }
+
+    fn ring(&self) {
+        if let Some(bell) = self.0.bell.get() {
+            bell.ring();
+        }
     }
 
     /// Whether the run is to end.

@@ -1,61 +1,69 @@
 //! Waiting for the other side: fast when it is quick, kind to the machine when it is not, and
 //! bounded always.
 //!
-//! | strategy | at first | after 2 ms | after 20 ms |
-//! |---|---|---|---|
-//! | `hybrid` | poll up to 512 times, then give the core away after each poll | naps of 0.1 ms | naps of 1 ms |
-//! | `yield` | give the core away after each poll | the same | naps of 1 ms |
-//! | `spin` | poll, never give the core away | the same | naps of 1 ms |
+//! | strategy | at first | then |
+//! |---|---|---|
+//! | `hybrid` | poll | yield, and sleep after 2 ms; sleep at once beside others who need the core |
+//! | `spin` | poll | the same, and sleep after 20 ms |
+//! | `yield` | yield | the same, and sleep after 20 ms |
+//! | `sleep` | sleep | the same |
 //!
-//! When a core that was given away comes back late, somebody else needs it: then a hybrid wait polls
-//! 64 times only, and twice as often after each wait, until it happens again.
+//! Whoever sleeps is woken by the other side's next send ([`Sleeper`]); where nothing can wake it, it naps.
 //!
-//! Where both sides share their only core, the other can answer only once this one gives the core
-//! away: then nobody spins, whatever the strategy, as pure spinning costs two scheduler slices a step.
-//! The clock is not read before the first yield, so a ready peer costs no system call.
+//! A hybrid wait learns two things from the waits before:
+//!
+//! - **Whether others need the core.** A core that was given away comes back within microseconds if only the
+//!   other side took it, and after a slice of milliseconds if a third did. Then it is not given away any more
+//!   for a while: a sleeper that is woken goes before those who compute.
+//! - **Whether polling helps.** It does not where both sides are on one core, as the other runs only when
+//!   this one lets it. After some waits in a row that polls did not end, there are none for a while.
+//!
+//! Beside nobody it yields before it sleeps, for longer than a wake-up takes: who sleeps sooner makes the
+//! other side sleep too, and neither gets out of it.
+//! The clock is not read before the polls are over, so a ready peer costs no system call.
 
-use std::num::NonZero;
+use std::fmt;
 use std::time::Duration;
 
+use rustix::thread::{CpuSet, sched_getaffinity};
 use serde::{Deserialize, Serialize};
 
 use crate::clock::monotonic_ns;
 
-/// Polls in a row that read no clock, as long as nobody else needs the core.
+/// Polls in a row that read no clock: some 12 us.
 const SPINS: u32 = 512;
-/// The same where somebody does.
-const FEW_SPINS: u32 = 64;
-/// A yield that takes so long gave the core to somebody else: to nobody it takes half a microsecond,
-/// to the other side a step.
-const TAKEN_NS: u64 = 20_000;
-/// How long a hybrid wait yields before it naps.
+/// How long a hybrid wait yields before it sleeps.
 const YIELD_NS: u64 = 2_000_000;
-/// Length of a nap.
-const NAP_NS: u64 = 100_000;
-/// After so long without anything each strategy takes long naps: by then one costs a twentieth of
-/// the wait at most, and a held run or a process of real-time priority no longer blocks its core.
+/// After so long without anything each strategy sleeps: a held run or a process of real-time priority then
+/// no longer blocks its core.
 const PATIENCE_NS: u64 = 20_000_000;
-/// Length of a long nap.
+/// Longest sleep before the limit is looked at.
+const SLICE_NS: u64 = 20_000_000;
+/// Length of a nap where nothing wakes a sleeper.
+const NAP_NS: u64 = 100_000;
+/// The same after `PATIENCE_NS`: by then it costs a twentieth of the wait at most.
 const LONG_NAP_NS: u64 = 1_000_000;
-/// A nap may end so much later than asked for on an ordinary machine.
+/// A sleep may end so much later than asked for on an ordinary machine.
 const LATE_NS: u64 = 300_000;
 
 /// What to do between two polls. It moves times and what is left to others, never a result.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum WaitStrategy {
-    /// Poll a little, then give the core away, then nap.
+    /// Poll, then give the core away or sleep, by what the waits before have shown.
     #[default]
     Hybrid,
     /// Never give the core away: for a core that nobody else needs.
     Spin,
-    /// Give the core away after each poll: for cores that are shared.
+    /// Give the core away after each poll: for a core that both sides have to themselves.
     Yield,
+    /// Sleep until the other side sends: for more runs at a time than cores.
+    Sleep,
 }
 
 impl WaitStrategy {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::Hybrid, Self::Spin, Self::Yield];
+    pub const ALL: [Self; 4] = [Self::Hybrid, Self::Spin, Self::Yield, Self::Sleep];
 
     /// Its name in scenarios, on command lines and in summaries.
     #[must_use]
@@ -64,6 +72,7 @@ impl WaitStrategy {
             Self::Hybrid => "hybrid",
             Self::Spin => "spin",
             Self::Yield => "yield",
+            Self::Sleep => "sleep",
         }
     }
 }
@@ -97,50 +106,190 @@ impl WaitLimit {
     }
 }
 
+/// What a waiter sleeps on and what the other side's send wakes.
+pub trait Sleeper: fmt::Debug {
+    /// Says that this side is about to sleep: a send after this ends the sleep or keeps it from beginning.
+    /// What was sent before does not, so whoever waits looks once more in between. Gives what `sleep` wants.
+    fn announce(&self) -> u32;
+
+    /// Sleeps until the other side sends, `ns` at most. It may end for no reason.
+    fn sleep(&self, announced: u32, ns: u64);
+
+    /// Says that this side is awake.
+    fn retire(&self);
+}
+
 /// One wait after another.
 #[derive(Debug)]
 pub struct Waiter {
     limit: WaitLimit,
     strategy: WaitStrategy,
-    /// Polls in a row that read no clock.
-    spins: u32,
+    sleeper: Option<Box<dyn Sleeper>>,
+    /// What the sleeper gave, if a sleep was announced.
+    announced: Option<u32>,
+    polling: Polling,
+    company: Company,
     polls: u32,
     /// When the core was given away last; 0 if it was not in this wait.
     yielded_ns: u64,
-    /// When this wait began.
+    /// When this wait outlasted its polls; 0 if it did not.
     since_ns: u64,
     /// Since when the limit counts.
     limited_ns: u64,
+}
+
+/// How often to poll before anything else, learned from the waits before.
+#[derive(Debug)]
+struct Polling {
+    /// Polls in this wait.
+    polls: u32,
+    /// Whether both sides have one core, or polling is not asked for: there are no polls at all.
+    never: bool,
+    /// Waits in a row that polls did not end.
+    misses: u32,
+    /// Waits before the next one with polls.
+    without: u32,
+    /// The same after the next miss.
+    backoff: u32,
+}
+
+impl Polling {
+    /// So many misses in a row show that polling does not help.
+    const MISSES: u32 = 4;
+    /// Most waits without polls.
+    const LONGEST: u32 = 256;
+
+    const fn new(never: bool) -> Self {
+        Self {
+            polls: if never { 0 } else { SPINS },
+            never,
+            misses: 0,
+            without: 0,
+            backoff: Self::MISSES,
+        }
+    }
+
+    /// Polls ended a wait.
+    const fn helped(&mut self) {
+        if self.misses > 0 {
+            self.misses = 0;
+            self.backoff = Self::MISSES;
+        }
+    }
+
+    /// A wait outlasted its polls.
+    const fn missed(&mut self) {
+        if self.never {
+            return;
+        }
+        if self.without > 0 {
+            self.without -= 1;
+        } else {
+            self.misses += 1;
+            if self.misses >= Self::MISSES {
+                // The next that misses is enough.
+                self.misses = Self::MISSES - 1;
+                self.without = self.backoff;
+                self.backoff *= 2;
+                if self.backoff > Self::LONGEST {
+                    self.backoff = Self::LONGEST;
+                }
+            }
+        }
+        self.polls = if self.without > 0 { 0 } else { SPINS };
+    }
+}
+
+/// Whether others need the core, learned from how long it was away when it was given away.
+#[derive(Debug)]
+struct Company {
+    /// Moving average of how long it was away.
+    away_ns: u64,
+    /// Until when others are taken for granted.
+    until_ns: u64,
+    /// How long they are the next time.
+    backoff_ns: u64,
+}
+
+impl Company {
+    /// Returns that the average is made of. One that took a slice of the scheduler brings it near the limit,
+    /// and the recorder's short work between many quick ones does not.
+    const RETURNS: u64 = 128;
+    /// The average with which others are in company.
+    const LIMIT_NS: u64 = 20_000;
+    const SHORTEST_NS: u64 = 10_000_000;
+    const LONGEST_NS: u64 = 1_000_000_000;
+
+    const NONE: Self = Self {
+        away_ns: 0,
+        until_ns: 0,
+        backoff_ns: Self::SHORTEST_NS,
+    };
+
+    /// The core came back.
+    const fn came_back(&mut self, now_ns: u64, took_ns: u64) {
+        self.away_ns = self.away_ns - self.away_ns / Self::RETURNS + took_ns / Self::RETURNS;
+        if self.away_ns > Self::LIMIT_NS {
+            // One late return is enough the next time.
+            self.away_ns = Self::LIMIT_NS - Self::LIMIT_NS / 4;
+            self.until_ns = now_ns + self.backoff_ns;
+            self.backoff_ns *= 2;
+            if self.backoff_ns > Self::LONGEST_NS {
+                self.backoff_ns = Self::LONGEST_NS;
+            }
+        } else if self.away_ns < Self::LIMIT_NS / 2 {
+            self.backoff_ns = Self::SHORTEST_NS;
+        }
+    }
+
+    const fn is_there(&self, now_ns: u64) -> bool {
+        now_ns < self.until_ns
+    }
+}
+
+/// What to do until the next poll.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Rest {
+    Spin,
+    Yield,
+    /// For so many ns at most.
+    Sleep(u64),
 }
 
 impl Waiter {
     /// A hybrid waiter for the cores that this process may run on.
     #[must_use]
     pub fn new(limit: WaitLimit) -> Self {
-        let cores = std::thread::available_parallelism().map_or(1, NonZero::get);
+        let cores = sched_getaffinity(None).map_or(1, |cores: CpuSet| cores.count());
         Self::with(limit, WaitStrategy::Hybrid, cores == 1)
     }
 
-    /// A waiter of this strategy; `shares_core` if the other side can run on no other core.
+    /// A waiter of this strategy; `shares_core` if the other side can run on no other core. Then nobody
+    /// polls, whatever the strategy: each poll would cost the other side's time.
     #[must_use]
     pub const fn with(limit: WaitLimit, strategy: WaitStrategy, shares_core: bool) -> Self {
-        let strategy = if shares_core {
-            WaitStrategy::Yield
-        } else {
-            strategy
+        let strategy = match strategy {
+            WaitStrategy::Spin if shares_core => WaitStrategy::Hybrid,
+            strategy => strategy,
         };
+        let polls = matches!(strategy, WaitStrategy::Hybrid | WaitStrategy::Spin);
         Self {
             limit,
             strategy,
-            spins: match strategy {
-                WaitStrategy::Hybrid | WaitStrategy::Spin => SPINS,
-                WaitStrategy::Yield => 0,
-            },
+            sleeper: None,
+            announced: None,
+            polling: Polling::new(shares_core || !polls),
+            company: Company::NONE,
             polls: 0,
             yielded_ns: 0,
             since_ns: 0,
             limited_ns: 0,
         }
+    }
+
+    /// Sleeps on this from now on, if there is one.
+    pub fn sleep_on(&mut self, sleeper: Option<Box<dyn Sleeper>>) {
+        self.sleeper = sleeper;
     }
 
     /// How long the other side may take.
@@ -158,23 +307,35 @@ impl Waiter {
     /// What was awaited came; the next wait begins.
     #[inline]
     pub fn done(&mut self) {
-        self.polls = 0;
-        self.since_ns = 0;
-        if self.spins >= FEW_SPINS && self.spins < SPINS {
-            self.spins *= 2;
+        if self.since_ns > 0 {
+            self.outlasted();
+        } else if self.polls > 0 {
+            self.polling.helped();
         }
-        if self.yielded_ns > 0 {
-            // What is awaited may have come while somebody had the core, be it the other side.
-            self.back_from_yield(monotonic_ns());
+        self.polls = 0;
+    }
+
+    /// Learns from a wait that outlasted its polls.
+    fn outlasted(&mut self) {
+        self.since_ns = 0;
+        if self.announced.take().is_some()
+            && let Some(sleeper) = &self.sleeper
+        {
+            sleeper.retire();
+        }
+        let now_ns = monotonic_ns();
+        // What is awaited may have come while somebody had the core, be it the other side.
+        self.back_from_yield(now_ns);
+        if self.strategy == WaitStrategy::Hybrid {
+            self.polling.missed();
         }
     }
 
     /// Notes when a core that was given away came back, if it was.
     fn back_from_yield(&mut self, now_ns: u64) {
         let yielded_ns = std::mem::take(&mut self.yielded_ns);
-        if self.strategy == WaitStrategy::Hybrid && yielded_ns > 0 && now_ns - yielded_ns > TAKEN_NS
-        {
-            self.spins = FEW_SPINS;
+        if yielded_ns > 0 {
+            self.company.came_back(now_ns, now_ns - yielded_ns);
         }
     }
 
@@ -188,12 +349,17 @@ impl Waiter {
     /// that must not be missed; true when the limit is over. Whether that time came is for the
     /// caller to see.
     #[must_use]
+    #[inline]
     pub fn pause_until(&mut self, deadline_ns: u64) -> bool {
-        if self.polls < self.spins {
+        if self.polls < self.polling.polls {
             self.polls += 1;
             std::hint::spin_loop();
             return false;
         }
+        self.rest_until(deadline_ns)
+    }
+
+    fn rest_until(&mut self, deadline_ns: u64) -> bool {
         let now_ns = monotonic_ns();
         if self.since_ns == 0 {
             (self.since_ns, self.limited_ns) = (now_ns, now_ns);
@@ -202,38 +368,74 @@ impl Waiter {
             return true;
         }
         self.back_from_yield(now_ns);
-        let nap_ns = self.nap_ns(now_ns, deadline_ns);
-        if nap_ns > 0 {
-            std::thread::sleep(Duration::from_nanos(nap_ns));
-        } else if self.strategy == WaitStrategy::Spin {
-            self.polls = 0; // the clock again after as many polls
-        } else {
-            self.yielded_ns = now_ns;
-            std::thread::yield_now();
+        match self.rest(now_ns, deadline_ns) {
+            Rest::Spin => self.polls = 0, // the clock again after as many polls
+            Rest::Yield => {
+                self.yielded_ns = now_ns;
+                std::thread::yield_now();
+            }
+            Rest::Sleep(ns) => self.sleep_for(ns),
         }
         false
     }
 
-    /// How long to sleep now; 0 for not at all.
-    const fn nap_ns(&self, now_ns: u64, deadline_ns: u64) -> u64 {
-        let nap_ns = match (self.strategy, now_ns - self.since_ns) {
-            (_, PATIENCE_NS..) => LONG_NAP_NS,
-            (WaitStrategy::Hybrid, YIELD_NS..) => NAP_NS,
+    /// Decides what to do now.
+    const fn rest(&self, now_ns: u64, deadline_ns: u64) -> Rest {
+        let waited_ns = now_ns - self.since_ns;
+        let has_bell = self.sleeper.is_some();
+        let longest_ns = match self.strategy {
+            _ if waited_ns >= PATIENCE_NS && has_bell => SLICE_NS,
+            _ if waited_ns >= PATIENCE_NS => LONG_NAP_NS,
+            WaitStrategy::Sleep => SLICE_NS,
+            WaitStrategy::Hybrid if has_bell && self.company.is_there(now_ns) => SLICE_NS,
+            WaitStrategy::Hybrid if waited_ns >= YIELD_NS => SLICE_NS,
             _ => 0,
         };
+        let longest_ns = match has_bell {
+            false if longest_ns == SLICE_NS => NAP_NS,
+            _ => longest_ns,
+        };
         let left_ns = deadline_ns.saturating_sub(now_ns).saturating_sub(LATE_NS);
-        if nap_ns < left_ns { nap_ns } else { left_ns }
+        let ns = if longest_ns < left_ns {
+            longest_ns
+        } else {
+            left_ns
+        };
+        match self.strategy {
+            _ if ns > 0 => Rest::Sleep(ns),
+            WaitStrategy::Spin => Rest::Spin,
+            _ => Rest::Yield,
+        }
+    }
+
+    /// Sleeps, or says first that it will.
+    fn sleep_for(&mut self, ns: u64) {
+        let Some(sleeper) = &self.sleeper else {
+            std::thread::sleep(Duration::from_nanos(ns));
+            return;
+        };
+        match self.announced.take() {
+            None => self.announced = Some(sleeper.announce()),
+            Some(announced) => {
+                sleeper.sleep(announced, ns);
+                sleeper.retire();
+            }
+        }
     }
 
     /// Sleeps for a moment, for what is awaited from somebody who needs the core more; true when the
     /// limit is over.
     #[must_use]
-    pub fn nap(&mut self) -> bool {
+    pub fn sleep(&mut self) -> bool {
         let now_ns = monotonic_ns();
         if self.since_ns == 0 {
             (self.since_ns, self.limited_ns) = (now_ns, now_ns);
         }
-        std::thread::sleep(Duration::from_nanos(NAP_NS));
+        self.sleep_for(if self.sleeper.is_some() {
+            SLICE_NS
+        } else {
+            NAP_NS
+        });
         now_ns - self.limited_ns >= self.limit.ns
     }
 
@@ -252,7 +454,7 @@ fn until_ns(strategy: WaitStrategy, target_ns: u64, interrupted: impl Fn() -> bo
     /// No nap is longer, so that an interruption is seen soon.
     const LONGEST_NS: u64 = 20_000_000;
     let early_ns = match strategy {
-        WaitStrategy::Hybrid | WaitStrategy::Yield => EARLY_NS,
+        WaitStrategy::Hybrid | WaitStrategy::Yield | WaitStrategy::Sleep => EARLY_NS,
         WaitStrategy::Spin => PATIENCE_NS,
     };
     loop {
@@ -273,6 +475,9 @@ fn until_ns(strategy: WaitStrategy, target_ns: u64, interrupted: impl Fn() -> bo
 
 #[cfg(test)]
 mod tests {
+    use std::cell::RefCell;
+    use std::rc::Rc;
+
     use super::*;
 
     fn limit() -> WaitLimit {
@@ -287,23 +492,86 @@ mod tests {
             .expect("a count")
     }
 
+    const MS: u64 = 1_000_000;
+
+    /// A bell that notes what is done with it.
+    #[derive(Debug, Default)]
+    struct Log(RefCell<Vec<String>>);
+
+    impl Sleeper for Rc<Log> {
+        fn announce(&self) -> u32 {
+            self.0.borrow_mut().push("announce".into());
+            7
+        }
+
+        fn sleep(&self, announced: u32, ns: u64) {
+            (self.0.borrow_mut()).push(format!("sleep {announced} {}", ns / MS));
+        }
+
+        fn retire(&self) {
+            self.0.borrow_mut().push("retire".into());
+        }
+    }
+
     #[test]
-    fn a_core_that_somebody_needs_is_spun_on_less_until_nobody_does() {
-        let mut waiter = Waiter::with(limit(), WaitStrategy::Hybrid, false);
-        while waiter.yielded_ns == 0 {
-            assert!(!waiter.pause());
+    fn a_slice_for_others_is_company_and_a_recorders_work_is_not() {
+        let mut company = Company::NONE;
+        for step in 0..100_000 {
+            // 4 ms of yields to the other side, then half a millisecond for the recorder.
+            company.came_back(step, if step % 1000 == 0 { 500_000 } else { 4_000 });
+            assert!(!company.is_there(step));
         }
-        assert_eq!(waiter.polls, SPINS);
-        std::thread::sleep(Duration::from_millis(1)); // as if the core had come back late
+        company.came_back(0, 3 * MS);
+        assert!(company.is_there(0) && company.is_there(10 * MS - 1) && !company.is_there(10 * MS));
+        // Still there: each time for twice as long, up to a second.
+        for ms in [20, 40, 80, 160, 320, 640, 1000, 1000] {
+            company.came_back(0, MS);
+            assert!(
+                company.is_there(ms * MS - 1) && !company.is_there(ms * MS),
+                "{ms}"
+            );
+        }
+        // It went; when it comes again, it is for a short time at first.
+        (0..1000).for_each(|_| company.came_back(0, 500));
+        while company.until_ns == 1000 * MS {
+            company.came_back(0, 3 * MS);
+        }
+        assert_eq!(company.until_ns, 10 * MS);
+    }
+
+    #[test]
+    fn polls_that_do_not_help_are_left_out_more_and_more() {
+        let mut polling = Polling::new(false);
+        let waits_without = |polling: &mut Polling| {
+            let mut waits = 0;
+            loop {
+                polling.missed();
+                if polling.polls > 0 {
+                    return waits;
+                }
+                waits += 1;
+            }
+        };
+        assert_eq!([(); 3].map(|()| waits_without(&mut polling)), [0, 0, 0]);
+        for waits in [4, 8, 16, 32, 64, 128, 256, 256] {
+            assert_eq!(waits_without(&mut polling), waits);
+        }
+        polling.helped();
+        assert_eq!([(); 3].map(|()| waits_without(&mut polling)), [0, 0, 0]);
+        assert_eq!(waits_without(&mut polling), 4);
+    }
+
+    #[test]
+    fn a_sleep_is_announced_before_the_last_look() {
+        let log = Rc::new(Log::default());
+        let mut waiter = Waiter::with(limit(), WaitStrategy::Sleep, false);
+        waiter.sleep_on(Some(Box::new(Rc::clone(&log))));
+        assert!(!waiter.pause()); // then one looks
         assert!(!waiter.pause());
-        assert_eq!(waiter.spins, FEW_SPINS);
-        waiter.yielded_ns = 0; // the next wait ends while it spins
-        waiter.done();
-        assert_eq!(waiter.spins, 2 * FEW_SPINS);
-        for _ in 0..10 {
-            waiter.done();
-        }
-        assert_eq!(waiter.spins, SPINS);
+        assert!(!waiter.pause());
+        waiter.done(); // it came at the last look
+        let expected = ["announce", "sleep 7 20", "retire", "announce", "retire"];
+        assert_eq!(*log.0.borrow(), expected);
     }
 
     #[test]
@@ -315,7 +583,7 @@ mod tests {
             while !waiter.pause() {}
             assert!(monotonic_ns() - before_ns >= limit.ns);
             // On a busy machine a single yield may take all of the time: a hybrid wait may sleep.
-            let may_sleep = strategy == WaitStrategy::Hybrid;
+            let may_sleep = matches!(strategy, WaitStrategy::Hybrid | WaitStrategy::Sleep);
             assert!(sleeps() == slept || may_sleep, "{}", strategy.name());
 
             let mut waiter = Waiter::with(WaitLimit::from_seconds(60.0), strategy, false);
@@ -327,49 +595,73 @@ mod tests {
     }
 
     #[test]
-    fn no_nap_reaches_into_the_time_before_a_deadline() {
-        const MS: u64 = 1_000_000;
-        let (hybrid, spin, yields) = (
-            WaitStrategy::Hybrid,
-            WaitStrategy::Spin,
-            WaitStrategy::Yield,
-        );
-        for (strategy, waited_ns, left_ns, nap_ns) in [
-            (hybrid, MS, u64::MAX, 0),
-            (hybrid, 2 * MS, u64::MAX, 100_000),
-            (hybrid, 19 * MS, 10 * MS, 100_000),
-            (hybrid, 19 * MS, 350_000, 50_000),
-            (hybrid, 19 * MS, 300_000, 0),
-            (hybrid, 20 * MS, 10 * MS, MS),
-            (hybrid, 20 * MS, MS, 700_000),
-            (hybrid, 20 * MS, 0, 0),
-            (yields, 19 * MS, u64::MAX, 0),
-            (yields, 20 * MS, u64::MAX, MS),
-            (spin, 19 * MS, u64::MAX, 0),
-            (spin, 20 * MS, 1_200_000, 900_000),
+    fn no_sleep_reaches_into_the_time_before_a_deadline() {
+        use WaitStrategy::{Hybrid, Sleep, Spin, Yield};
+        const NAP: Rest = Rest::Sleep(100_000);
+        const LONG_NAP: Rest = Rest::Sleep(MS);
+        const SLICE: Rest = Rest::Sleep(20 * MS);
+        for (strategy, waited_ns, left_ns, naps, sleeps) in [
+            (Hybrid, MS, u64::MAX, Rest::Yield, Rest::Yield),
+            (Hybrid, 2 * MS, u64::MAX, NAP, SLICE),
+            (Hybrid, 19 * MS, 10 * MS, NAP, Rest::Sleep(9_700_000)),
+            (
+                Hybrid,
+                19 * MS,
+                350_000,
+                Rest::Sleep(50_000),
+                Rest::Sleep(50_000),
+            ),
+            (Hybrid, 19 * MS, 300_000, Rest::Yield, Rest::Yield),
+            (Hybrid, 20 * MS, 40 * MS, LONG_NAP, SLICE),
+            (Hybrid, 20 * MS, 0, Rest::Yield, Rest::Yield),
+            (Yield, 19 * MS, u64::MAX, Rest::Yield, Rest::Yield),
+            (Yield, 20 * MS, u64::MAX, LONG_NAP, SLICE),
+            (Spin, 19 * MS, u64::MAX, Rest::Spin, Rest::Spin),
+            (
+                Spin,
+                20 * MS,
+                1_200_000,
+                Rest::Sleep(900_000),
+                Rest::Sleep(900_000),
+            ),
+            (Sleep, 0, u64::MAX, NAP, SLICE),
+            (Sleep, 0, 0, Rest::Yield, Rest::Yield),
         ] {
             let mut waiter = Waiter::with(limit(), strategy, false);
             waiter.since_ns = 1;
             let now_ns = 1 + waited_ns;
             let deadline_ns = now_ns.saturating_add(left_ns);
             let asked = (strategy.name(), waited_ns, left_ns);
-            assert_eq!(waiter.nap_ns(now_ns, deadline_ns), nap_ns, "{asked:?}");
+            assert_eq!(waiter.rest(now_ns, deadline_ns), naps, "{asked:?}");
+            waiter.sleep_on(Some(Box::new(Rc::new(Log::default()))));
+            assert_eq!(waiter.rest(now_ns, deadline_ns), sleeps, "{asked:?}");
         }
     }
 
     #[test]
-    fn who_shares_its_only_core_yields_after_each_poll() {
+    fn a_hybrid_wait_in_company_sleeps_at_once_if_it_can_be_woken() {
+        let mut waiter = Waiter::with(limit(), WaitStrategy::Hybrid, false);
+        (waiter.since_ns, waiter.company.until_ns) = (1, MS);
+        assert_eq!(waiter.rest(1, u64::MAX), Rest::Yield);
+        waiter.sleep_on(Some(Box::new(Rc::new(Log::default()))));
+        assert_eq!(waiter.rest(1, u64::MAX), Rest::Sleep(SLICE_NS));
+        assert_eq!(waiter.rest(MS, u64::MAX), Rest::Yield);
+    }
+
+    #[test]
+    fn nobody_polls_where_both_sides_have_one_core() {
         for strategy in WaitStrategy::ALL {
             let waiter = Waiter::with(limit(), strategy, true);
-            assert_eq!((waiter.strategy, waiter.spins), (WaitStrategy::Yield, 0));
+            assert_eq!(waiter.polling.polls, 0);
+            assert_ne!(waiter.strategy, WaitStrategy::Spin);
         }
     }
 
     #[test]
-    fn a_nap_counts_towards_the_limit() {
+    fn a_sleep_counts_towards_the_limit() {
         let mut waiter = Waiter::new(WaitLimit::from_seconds(0.002));
         let before_ns = monotonic_ns();
-        while !waiter.nap() {}
+        while !waiter.sleep() {}
         assert!(monotonic_ns() - before_ns >= 2_000_000);
     }
 

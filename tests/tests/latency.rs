@@ -167,7 +167,7 @@ fn a_person_reads_table_bars_and_spikes_in_80_columns() {
     arguments.extend(["--plant-core", &core, "--controller-core", &core]);
     let text = rig.hil(&arguments).expect(0).stdout;
     for told in [
-        format!("\nwait: yield; cores: {core}; class: "),
+        format!("\nwait: hybrid; cores: {core}; class: "),
         "\nplant's wait was not granted: ".into(),
         "\ncontroller's wait was not granted: ".into(),
     ] {

@@ -5,8 +5,10 @@
 //! for the command that mends it instead.
 
 use std::process::Command;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use serde_json::Value;
+use shared_types::realtime::pin;
 use shared_types::surroundings::ThreadStatistics;
 
 use crate::support::harness::{Rig, Run, until};
@@ -54,17 +56,16 @@ fn no_setting_moves_the_digest_and_each_figure_names_the_wait() {
     let together = format!("--plant-core {first} --controller-core {first}");
     let alone = cores.len() == 1;
     for (arguments, wait) in [
-        (String::new(), if alone { "yield" } else { "hybrid" }),
+        (String::new(), "hybrid"),
         ("--wait yield".into(), "yield"),
-        ("--wait spin".into(), if alone { "yield" } else { "spin" }),
-        (together, "yield"),
-        (
-            format!("{apart} --wait hybrid --prefault"),
-            if alone { "yield" } else { "hybrid" },
-        ),
+        ("--wait sleep".into(), "sleep"),
+        ("--wait spin".into(), if alone { "hybrid" } else { "spin" }),
+        (format!("{together} --wait sleep"), "sleep"),
+        (together, "hybrid"),
+        (format!("{apart} --wait hybrid --prefault"), "hybrid"),
         (
             format!("--link in-process --plant-core {last} --recorder-core {first}"),
-            if alone { "yield" } else { "hybrid" },
+            "hybrid",
         ),
         ("--pace 20 --wait yield".into(), "yield"),
     ] {
@@ -76,6 +77,45 @@ fn no_setting_moves_the_digest_and_each_figure_names_the_wait() {
             "{}",
             run.stdout
         );
+    }
+}
+
+#[test]
+fn busy_loops_on_each_core_move_no_digest_and_are_named() {
+    let rig = Rig::new();
+    let wanted = run(&rig, "--no-record --link in-process").digest();
+    let stop = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        let _loops_end = Finally(|| stop.store(true, Ordering::Relaxed));
+        for core in cores() {
+            scope.spawn(|| {
+                pin(core).expect("a core of this process");
+                while !stop.load(Ordering::Relaxed) {
+                    std::hint::spin_loop();
+                }
+            });
+        }
+        for arguments in ["--wait hybrid", "--wait sleep", "--pace 2"] {
+            let run = run(&rig, &format!("--no-record {arguments}"));
+            assert_eq!(run.digest(), wanted, "{arguments}");
+            let summary = run.summary();
+            let company = |key: &str| summary["company"][key].as_f64().expect("a number");
+            // Each loop has at least the core's half, and nobody has more than the cores.
+            let count = cores().len() as f64;
+            assert_eq!(company("cores"), count);
+            let others_cores = company("others_cores");
+            assert!((0.3 * count..=count).contains(&others_cores), "{others_cores}");
+            assert!(run.stdout.contains("  other programs kept "), "{}", run.stdout);
+        }
+    });
+}
+
+/// Does something at its end, also at a panic.
+struct Finally<F: FnMut()>(F);
+
+impl<F: FnMut()> Drop for Finally<F> {
+    fn drop(&mut self) {
+        (self.0)();
     }
 }
 

@@ -76,6 +76,7 @@ pub mod testing {
     pub use crate::benchmark::{raw, recorded};
     pub use crate::checkpoint::Checkpoint;
     pub use crate::doctor::measure::gaps;
+    pub use crate::results::company::ProcessorTime;
     pub use crate::results::faults::LiveFault;
     pub use crate::results::latency::grade::UNFIT_NS;
     pub use crate::results::latency::legs::Latency;

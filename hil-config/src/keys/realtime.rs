@@ -59,9 +59,9 @@ pub(crate) const REALTIME: &[Key] = &[
     Key::new(
         "wait",
         Kind::Text {
-            choices: &["hybrid", "spin", "yield"],
+            choices: &["hybrid", "spin", "yield", "sleep"],
             default: Some("hybrid"),
         },
-        "How each side waits for the other: hybrid polls a little, then gives the core away, then naps; spin never gives the core away; yield gives it away after each poll.",
+        "How each side waits for the other: hybrid polls, then gives the core away or sleeps, by what the waits before have shown; spin never gives the core away; yield gives it away after each poll; sleep sleeps until the other side sends.",
     ),
 ];

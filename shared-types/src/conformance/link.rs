@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 pub use epochs::*;
 pub use frames::*;
+pub use sleepers::*;
 
 use super::Sentence;
 use crate::frame::{FrameIdentity, FrameKind, Header};
@@ -13,6 +14,7 @@ use crate::time::Step;
 
 mod epochs;
 mod frames;
+mod sleepers;
 
 /// Opens a controller's end on the thread that calls it.
 pub type Opener<L> = Box<dyn FnOnce() -> L + Send>;

@@ -78,6 +78,8 @@ macro_rules! conformance {
             another_controller_follows_a_dead_one
             a_dead_plant_is_silent_after_its_last_frame
             an_end_that_closes_holds_nobody_up
+            what_is_sent_ends_an_announced_sleep
+            no_sleeper_is_left_asleep
         }
     };
     (@stream $form:ident $fixture:ty) => {

@@ -25,12 +25,14 @@ use iceoryx2::service::port_factory::blackboard::PortFactory as Blackboard;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as Topic;
 use iceoryx2::service::port_factory::subscriber::PortFactorySubscriber;
 
+use super::bell::{Bell, Owner};
 use super::{FrameSpec, Link, LinkError, Peer};
 use crate::frame::{Frame, FrameError, FrameIdentity, Header, SizeClass};
 use crate::ignored::Ignored;
 use crate::process::ProcessId;
 use crate::session::SessionInfo;
 use crate::shared_memory;
+use crate::wait::Sleeper;
 
 /// The iceoryx2 service flavour in use.
 pub type Ipc = ipc::Service;
@@ -60,6 +62,8 @@ enum Side {
 pub struct IceoryxLink {
     side: Side,
     session: SessionInfo,
+    /// What this side sleeps on.
+    bell: Bell,
     control: ControlChannel,
     frames: Option<Frames>,
     /// Those opened last, if others are in use.
@@ -76,9 +80,12 @@ struct ControlChannel {
     listen: Subscriber<Ipc, [u8], ()>,
     /// What the other side speaks on.
     heard: Topic<Ipc, [u8], ()>,
+    /// What the other side sleeps on.
+    bell: Bell,
 }
 
 struct Frames {
+    bell: Bell,
     identity: FrameIdentity,
     sequence: u64,
     outgoing: Box<dyn Outgoing>,
@@ -103,12 +110,34 @@ impl IceoryxLink {
         Self::start(session, Side::Controller, epoch)
     }
 
+    /// The bell that this side sleeps on, for those who have something to say besides the other side.
+    #[must_use]
+    pub fn bell(&self) -> Bell {
+        self.bell.clone()
+    }
+
     fn start(session: &SessionInfo, side: Side, epoch: u32) -> Result<Self, LinkError> {
         let node = node(session, side.name())?;
+        // The plant makes all bells before the services that say that it is there.
+        let plants = match side {
+            Side::Plant => Bell::create(session, Owner::Plant)?,
+            Side::Controller => Bell::open(session, Owner::Plant)?,
+        };
+        let (control, bell) = match side {
+            Side::Plant => {
+                let theirs = Bell::create(session, Owner::Controller(epoch))?;
+                (ControlChannel::new(&node, side, epoch, theirs)?, plants)
+            }
+            Side::Controller => {
+                let own = Bell::open(session, Owner::Controller(epoch))?;
+                (ControlChannel::new(&node, side, epoch, plants)?, own)
+            }
+        };
         Ok(Self {
             side,
             session: session.clone(),
-            control: ControlChannel::new(&node, side, epoch)?,
+            bell,
+            control,
             frames: None,
             next: None,
             rejected: Ignored::default(),
@@ -127,7 +156,7 @@ impl Side {
 }
 
 impl ControlChannel {
-    fn new(node: &Node<Ipc>, side: Side, epoch: u32) -> Result<Self, LinkError> {
+    fn new(node: &Node<Ipc>, side: Side, epoch: u32, bell: Bell) -> Result<Self, LinkError> {
         let plant_speaks = format!("control/{epoch}/plant");
         let controller_speaks = format!("control/{epoch}/controller");
         let (speaks, hears) = match side {
@@ -154,6 +183,7 @@ impl ControlChannel {
             speak,
             listen,
             heard,
+            bell,
         })
     }
 }
@@ -433,6 +463,7 @@ impl Link for IceoryxLink {
             .write_from_slice(message)
             .send()
             .map_err(|e| failed(&e))?;
+        self.control.bell.ring();
         Ok(())
     }
 
@@ -446,7 +477,8 @@ impl Link for IceoryxLink {
     }
 
     fn expect(&mut self, epoch: u32) -> Result<(), LinkError> {
-        self.control = ControlChannel::new(&self.node, self.side, epoch)?;
+        let theirs = Bell::create(&self.session, Owner::Controller(epoch))?;
+        self.control = ControlChannel::new(&self.node, self.side, epoch, theirs)?;
         Ok(())
     }
 
@@ -492,6 +524,7 @@ impl Link for IceoryxLink {
         let out_class = class(spec.outgoing)?;
         let in_class = class(spec.incoming)?;
         self.next = Some(Frames {
+            bell: self.control.bell.clone(),
             identity,
             sequence: 0,
             outgoing: for_class!(out_class, outgoing(node, side, out_name, identity))?,
@@ -518,6 +551,7 @@ impl Link for IceoryxLink {
             ..*header
         };
         frames.outgoing.send(&header, values, frames.identity);
+        frames.bell.ring();
         Ok(())
     }
 
@@ -536,5 +570,9 @@ impl Link for IceoryxLink {
 
     fn rejected(&self) -> Ignored {
         self.rejected
+    }
+
+    fn sleeper(&self) -> Option<Box<dyn Sleeper>> {
+        Some(Box::new(self.bell.clone()))
     }
 }

@@ -7,11 +7,13 @@
 //! must a third, such as a network link for a target board.
 
 pub mod bare;
+pub mod bell;
 pub mod iceoryx;
 pub mod in_process;
 
 use crate::frame::{FrameIdentity, Header};
 use crate::ignored::Ignored;
+use crate::wait::Sleeper;
 
 /// One side's end of a link. No method ever blocks.
 ///
@@ -74,6 +76,12 @@ pub trait Link {
 
     /// Frames that arrived and were refused.
     fn rejected(&self) -> Ignored;
+
+    /// What this side can sleep on until the other sends a frame or a control message. None where a send
+    /// wakes nobody: then a wait naps.
+    fn sleeper(&self) -> Option<Box<dyn Sleeper>> {
+        None
+    }
 }
 
 /// Who speaks for the controller.

@@ -88,10 +88,10 @@ fn a_priority_is_granted_or_the_reason_is_told() {
 }
 
 #[test]
-fn both_sides_yield_where_they_have_one_core_together() {
+fn nobody_spins_where_both_sides_have_one_core_together() {
     let cores = cores();
     let first = cores[0];
-    let mut cases = vec![(Some(first), Some(first), WaitStrategy::Yield)];
+    let mut cases = vec![(Some(first), Some(first), WaitStrategy::Hybrid)];
     if let [first, second, ..] = cores[..] {
         // Alone on its core, but not alone with the other side.
         cases.push((Some(first), Some(second), WaitStrategy::Spin));

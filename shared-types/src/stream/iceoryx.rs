@@ -11,6 +11,7 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
 use super::{Assembler, Backpressure, Item, ItemKind, RecordSink, RecordSource, send_in_parts};
 use crate::link::LinkError;
+use crate::link::bell::{Bell, Owner};
 use crate::link::iceoryx::{Ipc, absent, node, received, subscribe, transport};
 use crate::record::{Event, RecordLayout};
 use crate::session::SessionInfo;
@@ -204,6 +205,8 @@ impl RecordSink for IceoryxSink {
 pub struct IceoryxSource {
     records: Subscriber<Ipc, [u64], ItemHeader>,
     credit: Option<Publisher<Ipc, u64, ()>>,
+    /// What a plant sleeps on that awaits credit, if it sleeps on one.
+    bell: Option<Bell>,
     /// Whether it has said that it is there.
     has_greeted: bool,
     items: Assembler,
@@ -219,7 +222,11 @@ impl IceoryxSource {
     pub fn open(session: &SessionInfo, gives_credit: bool) -> Result<Self, LinkError> {
         let node = node(session, "observer")?;
         let credit = gives_credit.then(|| credit(&node, false)).transpose()?;
-        Self::subscribe(node, BUFFER, credit.as_ref())
+        let source = Self::subscribe(node, BUFFER, credit.as_ref())?;
+        Ok(Self {
+            bell: Bell::open(session, Owner::Plant).ok(),
+            ..source
+        })
     }
 
     /// Attaches beside the recorder, to watch. What it is too slow for it loses; the plant does not
@@ -259,6 +266,7 @@ impl IceoryxSource {
         Ok(Self {
             records,
             credit,
+            bell: None,
             has_greeted: false,
             items: Assembler::default(),
             _node: node,
@@ -290,6 +298,9 @@ impl RecordSource for IceoryxSource {
             credit
                 .send_copy(self.items.last + 1)
                 .map_err(|e| transport(CREDIT, e))?;
+            if let Some(bell) = &self.bell {
+                bell.ring();
+            }
         }
         Ok(count)
     }

@@ -4,6 +4,7 @@ use std::fs;
 
 use rustix::thread::{CpuSet, sched_getaffinity};
 use serde_json::{Value, json};
+use tools::testing::ProcessorTime;
 
 /// The middle of some values.
 ///
@@ -43,47 +44,17 @@ pub(crate) fn machine() -> Value {
     })
 }
 
-/// Processor time of this machine so far.
-pub(crate) struct Bystanders {
-    busy_ticks: u64,
-    own_ticks: u64,
-    all_ticks: u64,
-}
+/// Watches what other programs take of the cores.
+pub(crate) struct Bystanders(ProcessorTime);
 
 impl Bystanders {
     /// Begins to watch.
     pub(crate) fn watch() -> Self {
-        let stat = fs::read_to_string("/proc/stat").unwrap_or_default();
-        let first = stat.lines().next().unwrap_or_default();
-        // cpu user nice system idle iowait irq softirq steal
-        let ticks: Vec<u64> = (first.split_ascii_whitespace().skip(1).take(8))
-            .filter_map(|word| word.parse().ok())
-            .collect();
-        let all_ticks: u64 = ticks.iter().sum();
-        let idle_ticks: u64 = ticks.iter().skip(3).take(2).sum();
-        let own = fs::read_to_string("/proc/self/stat").unwrap_or_default();
-        let (_, own) = own.rsplit_once(')').unwrap_or_default();
-        // user and system time of this process, then of the children that it waited for
-        let own_ticks = (own.split_ascii_whitespace().skip(11).take(4))
-            .filter_map(|word| word.parse::<u64>().ok())
-            .sum();
-        Self {
-            busy_ticks: all_ticks - idle_ticks,
-            own_ticks,
-            all_ticks,
-        }
+        Self(ProcessorTime::now())
     }
 
-    /// The share of all cores that other programs took since then, 0 to 1.
+    /// The share of the cores that other programs took since then, 0 to 1.
     pub(crate) fn share(&self) -> f64 {
-        let now = Self::watch();
-        let others = (now.busy_ticks - self.busy_ticks) as f64
-            - now.own_ticks.saturating_sub(self.own_ticks) as f64;
-        let all = (now.all_ticks - self.all_ticks) as f64;
-        if others > 0.0 && all > 0.0 {
-            others / all
-        } else {
-            0.0
-        }
+        ProcessorTime::now().others_share(&self.0)
     }
 }

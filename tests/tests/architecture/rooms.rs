@@ -55,7 +55,10 @@ fn tools_has_these_rooms_and_nothing_beside_them() {
         assert!(is_room || is_root, "{name} is no room of tools");
         if is_room {
             let text = fs::read_to_string(path.join("mod.rs")).expect("a room has a mod.rs");
-            assert!(says_what_never(&text), "{name} does not say what it is and what never");
+            assert!(
+                says_what_never(&text),
+                "{name} does not say what it is and what never"
+            );
         }
     }
 }

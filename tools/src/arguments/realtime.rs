@@ -36,12 +36,14 @@ pub struct RealtimeArguments {
 /// How a side waits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum WaitKind {
-    /// Poll a little, then give the core away, then nap.
+    /// Poll, then give the core away or sleep, by what the waits before have shown.
     Hybrid,
     /// Never give the core away.
     Spin,
     /// Give the core away after each poll.
     Yield,
+    /// Sleep until the other side sends.
+    Sleep,
 }
 
 impl From<WaitKind> for WaitStrategy {
@@ -50,6 +52,7 @@ impl From<WaitKind> for WaitStrategy {
             WaitKind::Hybrid => Self::Hybrid,
             WaitKind::Spin => Self::Spin,
             WaitKind::Yield => Self::Yield,
+            WaitKind::Sleep => Self::Sleep,
         }
     }
 }

@@ -3,6 +3,7 @@
 //! recording; starts nothing and watches nothing.
 
 pub(crate) mod collector;
+pub(crate) mod company;
 pub(crate) mod ended;
 pub(crate) mod ending;
 pub(crate) mod evaluation;

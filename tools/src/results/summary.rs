@@ -17,6 +17,7 @@ use shared_types::session::SessionInfo;
 use shared_types::time::Step;
 
 use crate::programs::binaries::{Binaries, Binary};
+use crate::results::company::Company;
 use crate::results::ended::{Ended, Started};
 use crate::results::faults::Fault;
 use crate::results::handover::{Laws, Tenure, tenures};
@@ -62,6 +63,8 @@ pub(crate) struct Summary {
     /// What the loop is good for; null if nothing was exchanged.
     grade: Option<Graded>,
     realtime: Realtime,
+    /// Other programs meanwhile; null if nothing was run here.
+    company: Option<Company>,
     recording: Recording,
     rejected_frames: u64,
     /// Messages and frames of controllers that were passed over, by reason.
@@ -273,6 +276,7 @@ impl Summary {
             spikes: recorded.latency.spikes.clone(),
             grade: recorded.latency.grade,
             realtime,
+            company: None,
             recording: Recording {
                 file: recorded_to,
                 records: recorded.records,
@@ -304,6 +308,13 @@ impl Summary {
             checkpoints: made,
             ..self
         }
+    }
+
+    /// The same of a run that had company.
+    #[must_use]
+    pub(crate) fn with_company(self, company: Company) -> Self {
+        let company = Some(company);
+        Self { company, ..self }
     }
 
     /// The summary as a person reads it.
@@ -346,6 +357,9 @@ impl Summary {
         requirements::write(text, &self.requirements)?;
         self.write_latency(text)?;
         writeln!(text, "  {}", self.realtime.told())?;
+        if let Some(company) = self.company.filter(Company::is_worth_telling) {
+            writeln!(text, "  {company}")?;
+        }
         let Recording {
             file,
             records,

@@ -8,6 +8,7 @@ use super::prepare::Prepared;
 use crate::arguments::run::LinkKind;
 use crate::checkpoint;
 use crate::files::part_file;
+use crate::results::company::ProcessorTime;
 use crate::results::ended::Ended;
 use crate::results::requirements;
 use crate::results::settings::Realtime;
@@ -25,7 +26,9 @@ pub(super) fn conclude(
     session: Session,
     realtime: Realtime,
     mut ended: Ended,
+    before: &ProcessorTime,
 ) -> Result<RunResult, Failure> {
+    let company = ProcessorTime::now().company(before);
     let has_joined = prepared.settings.link == LinkKind::InProcess || realtime.controller.is_some();
     if ended.outcome == Outcome::Completed && !has_joined {
         ended.outcome = Outcome::Failed;
@@ -65,7 +68,8 @@ pub(super) fn conclude(
         realtime,
         &ended,
     )
-    .with_checkpoints(prepared.resumed, checkpoints);
+    .with_checkpoints(prepared.resumed, checkpoints)
+    .with_company(company);
     let json = serde_json::to_string_pretty(&summary).map_err(Failure::infrastructure)?;
     prepared.reserve.release();
     Ok(RunResult {

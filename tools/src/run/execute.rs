@@ -17,6 +17,7 @@ use crate::arguments::run::{LinkKind, RunOptions};
 use crate::checkpoint::branch::Branch;
 use crate::checkpoint::past::Past;
 use crate::programs::binaries::Binaries;
+use crate::results::company::ProcessorTime;
 use crate::results::summary::Summary;
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::interruption::Interruption;
@@ -114,11 +115,11 @@ pub(crate) fn execute(
     origin: Origin,
 ) -> Result<RunResult, Failure> {
     let (prepared, mut session) = prepare(plan, environment, origin)?;
-    let link = prepared.settings.link;
+    let (link, before) = (prepared.settings.link, ProcessorTime::now());
     let mut realtime = realtime::Watched::begin(prepared.plan.realtime, link, &prepared.session);
     let ended = match link {
         LinkKind::Iceoryx2 => processes::run(&prepared, &mut session, &mut realtime)?,
         LinkKind::InProcess => in_process::run(&prepared, &mut realtime)?,
     };
-    conclude(prepared, session, realtime.end(), ended)
+    conclude(prepared, session, realtime.end(), ended, &before)
 }

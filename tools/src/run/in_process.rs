@@ -175,7 +175,7 @@ fn turns<S: RecordSink>(
                 waiter.done();
             }
             engine::Progress::Recorder => {
-                if waiter.nap() {
+                if waiter.sleep() {
                     engine.recorder_late()?;
                 }
             }

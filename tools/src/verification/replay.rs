@@ -288,6 +288,7 @@ impl Loop {
     fn with_a_process(self) -> Result<Replayed, String> {
         let link = IceoryxLink::create(&self.session).map_err(|e| e.to_string())?;
         let (limit, supervision) = (self.limit, self.supervision.clone());
+        supervision.ring_at_news(link.bell());
         let mut host = self.host(link);
         host::drive(&mut host, Waiter::new(limit), &supervision).map_err(|e| e.to_string())?;
         Ok(host.finish())

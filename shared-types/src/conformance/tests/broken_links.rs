@@ -10,6 +10,7 @@ use crate::frame::{FrameKind, Header, MAX_SIGNALS, VALIDITY_WORDS};
 use crate::ignored::Ignored;
 use crate::link::{FrameSpec, Link, LinkError, Peer};
 use crate::time::Step;
+use crate::wait::Sleeper;
 
 flaws! {
     a_link_that_loses_a_frame_is_found: Loses over InProcess =>
@@ -42,6 +43,10 @@ flaws! {
         the_peer_of_a_pair_is_no_stranger;
     a_link_that_delivers_refused_frames_is_found: DeliversRefused over InProcess =>
         a_frame_of_another_count_is_rejected_and_counted, frames_of_another_run_are_never_delivered;
+    a_link_that_wakes_nobody_is_found: WakesNobody over Iceoryx =>
+        what_is_sent_ends_an_announced_sleep, no_sleeper_is_left_asleep;
+    a_link_that_forgets_what_came_before_a_sleep_is_found: AnnouncesLate over Iceoryx =>
+        what_is_sent_ends_an_announced_sleep;
     a_link_that_is_always_open_is_found: IsAlwaysOpen over InProcess =>
         frames_before_opening_are_an_error, too_many_signals_are_refused;
 }
@@ -227,5 +232,37 @@ impl<L: Link, const FLAW: usize> Link for BrokenLink<L, FLAW> {
 
     fn rejected(&self) -> Ignored {
         self.link.rejected()
+    }
+
+    fn sleeper(&self) -> Option<Box<dyn Sleeper>> {
+        let sleeper = self.link.sleeper()?;
+        let is_broken = Self::has(Flaw::WakesNobody) || Self::has(Flaw::AnnouncesLate);
+        Some(match is_broken {
+            true => Box::new(BrokenSleeper(sleeper, Self::has(Flaw::WakesNobody))),
+            false => sleeper,
+        })
+    }
+}
+
+/// Sleeps on a bell that is announced too late, or on none.
+#[derive(Debug)]
+struct BrokenSleeper(Box<dyn Sleeper>, bool);
+
+impl Sleeper for BrokenSleeper {
+    fn announce(&self) -> u32 {
+        0
+    }
+
+    fn sleep(&self, _announced: u32, ns: u64) {
+        let Self(sleeper, is_deaf) = self;
+        if *is_deaf {
+            std::thread::sleep(Duration::from_nanos(ns));
+        } else {
+            sleeper.sleep(sleeper.announce(), ns);
+        }
+    }
+
+    fn retire(&self) {
+        self.0.retire();
     }
 }

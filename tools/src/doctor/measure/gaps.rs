@@ -12,7 +12,7 @@ use shared_types::clock::monotonic_ns;
 use crate::doctor::finding::{Check, Finding};
 use crate::doctor::measure::{Class, Pinned, jitter_grade, remark};
 use crate::doctor::tree::{Root, Tree};
-use crate::results::latency::grade::{GOOD_BELOW_NS, EXCELLENT_BELOW_NS, UNFIT_NS};
+use crate::results::latency::grade::{EXCELLENT_BELOW_NS, GOOD_BELOW_NS, UNFIT_NS};
 use crate::terminal::duration::shown_ns;
 
 const CHECK: Check = Check::new(
@@ -22,7 +22,13 @@ const CHECK: Check = Check::new(
 
 /// Where the classes of holes begin: what is shorter is no hole. Between them lie the limits of the
 /// grades.
-pub const CLASSES_NS: [u64; 5] = [5_000, EXCELLENT_BELOW_NS, GOOD_BELOW_NS, UNFIT_NS, 5_000_000];
+pub const CLASSES_NS: [u64; 5] = [
+    5_000,
+    EXCELLENT_BELOW_NS,
+    GOOD_BELOW_NS,
+    UNFIT_NS,
+    5_000_000,
+];
 
 /// The holes on one core.
 #[derive(Clone, Debug, PartialEq, Serialize)]

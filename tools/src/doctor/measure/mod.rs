@@ -17,7 +17,7 @@ use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 
 use super::finding::Grade;
 use super::tree::{Tree, Unread};
-use crate::results::latency::grade::{GOOD_BELOW_NS, EXCELLENT_BELOW_NS, UNFIT_NS};
+use crate::results::latency::grade::{EXCELLENT_BELOW_NS, GOOD_BELOW_NS, UNFIT_NS};
 use crate::results::latency::percentiles::Percentiles;
 use crate::terminal::duration::shown_ns;
 

@@ -3,7 +3,6 @@
 use std::fmt::{self, Display};
 
 use shared_types::realtime::Report;
-use shared_types::wait::WaitStrategy;
 
 use crate::doctor::rights::LIMITS;
 
@@ -48,9 +47,7 @@ impl Refusals {
 
     /// Notes what a side was refused.
     pub(super) fn add_side(&mut self, side: &'static str, report: &Report) {
-        // A hybrid wait becomes a yielding one on one core, as it should.
-        let spins = report.wait.asked == WaitStrategy::Spin;
-        let wait = report.wait.reason.as_deref().filter(|_| spins);
+        let wait = report.wait.reason.as_deref();
         let locked = report.lock_memory.refusal(&false);
         let fetched = report.prefault.refusal(&false);
         for (setting, reason, mend) in [

@@ -343,6 +343,7 @@ pub(super) fn drive<L: Link>(
     mut waiter: Waiter,
     supervision: &Supervision,
 ) -> Result<(), LinkError> {
+    waiter.sleep_on(host.link.sleeper());
     loop {
         if supervision.wants_stop() {
             host.interrupt(&PlantEvent::Stop)?;

@@ -1,0 +1,244 @@
+//! What a step costs at least: two processes with the work of the scenario and nothing but a wake-up between.
+
+use std::io::{Read, Write};
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use shared_types::checkpoint::Side;
+use shared_types::link::bare::Blackboard;
+use shared_types::link::bell::{Bell, Owner};
+use shared_types::realtime::Settings;
+use shared_types::session::{Session, SessionInfo};
+use shared_types::wait::Sleeper;
+
+use crate::cell::Cell;
+
+const WAY: &str = "HIL_BENCH_BARE";
+const SIDE: &str = "HIL_BENCH_SIDE";
+const FOLDER: &str = "HIL_BENCH_FOLDER";
+const TURNS: &str = "HIL_BENCH_TURNS";
+const TRIPS: &str = "HIL_BENCH_TRIPS";
+const PRIORITY: &str = "HIL_BENCH_PRIORITY";
+
+/// Bytes of a frame of 32 values and of one of 16.
+const SAMPLE_BYTES: usize = 408;
+const COMMAND_BYTES: usize = 280;
+/// How long the other side may take; only a failure takes so long.
+const LIMIT: Duration = Duration::from_secs(60);
+
+/// Work of one step, as turns of a loop.
+#[derive(Clone, Copy)]
+pub(crate) struct Work {
+    turns: u64,
+    seconds: f64,
+}
+
+impl Work {
+    /// Work that takes so long on an idle core.
+    pub(crate) fn of(seconds: f64) -> Self {
+        const TURNS: u64 = 10_000_000;
+        let since = Instant::now();
+        work(TURNS);
+        let turns = seconds * TURNS as f64 / since.elapsed().as_secs_f64();
+        Self {
+            turns: turns as u64,
+            seconds,
+        }
+    }
+
+    pub(crate) const fn seconds(self) -> f64 {
+        self.seconds
+    }
+}
+
+fn work(turns: u64) {
+    let mut state = 1_u64;
+    for _ in 0..turns {
+        state = std::hint::black_box(
+            state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1),
+        );
+    }
+}
+
+/// A bare exchange.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Bare {
+    /// A UNIX socket that blocks.
+    Socket,
+    /// Shared memory and a futex, slept on at once.
+    Futex,
+}
+
+impl Bare {
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Socket => "socket",
+            Self::Futex => "futex",
+        }
+    }
+
+    /// Us a trip, of so many, with half of the work on each side.
+    pub(crate) fn measure(self, work: Work, trips: u64, cell: &Cell) -> f64 {
+        let session = Session::create(None).expect("a session");
+        let start = |side: &str| -> Child {
+            Command::new(std::env::current_exe().expect("this program"))
+                .env(WAY, self.name())
+                .env(SIDE, side)
+                .env(FOLDER, &session.info().folder)
+                .env(TURNS, (work.turns / 2).to_string())
+                .env(TRIPS, trips.to_string())
+                .env(PRIORITY, cell.priority.to_string())
+                .stdout(Stdio::piped())
+                .spawn()
+                .expect("this program")
+        };
+        let lead = start("lead");
+        let mut follow = start("follow");
+        let output = lead.wait_with_output().expect("an end");
+        assert!(follow.wait().expect("an end").success());
+        let text = String::from_utf8_lossy(&output.stdout);
+        text.trim().parse().expect("us a trip")
+    }
+}
+
+/// Is one side of a bare exchange, if this process was started as one.
+pub(crate) fn answered() -> bool {
+    let Ok(way) = std::env::var(WAY) else {
+        return false;
+    };
+    let variable = |name: &str| std::env::var(name).expect("set by the bench");
+    let number = |name: &str| variable(name).parse::<u64>().expect("a number");
+    let leads = variable(SIDE) == "lead";
+    let folder = PathBuf::from(variable(FOLDER));
+    let mut end: Box<dyn End> = if way == Bare::Socket.name() {
+        Box::new(Stream::open(&folder, leads))
+    } else {
+        Box::new(Bells::open(&folder, leads))
+    };
+    let settings = Settings {
+        priority: number(PRIORITY) as u32,
+        ..Settings::default()
+    };
+    let _ = settings.apply(); // the cell is there only if it is granted
+    let (turns, trips) = (number(TURNS), number(TRIPS));
+    let since = Instant::now();
+    for trip in 1..=trips {
+        if leads {
+            work(turns);
+            end.send(trip);
+            end.receive(trip);
+        } else {
+            end.receive(trip);
+            work(turns);
+            end.send(trip);
+        }
+    }
+    if leads {
+        println!("{}", 1e6 * since.elapsed().as_secs_f64() / trips as f64);
+    }
+    true
+}
+
+trait End {
+    fn send(&mut self, trip: u64);
+    fn receive(&mut self, trip: u64);
+}
+
+struct Stream {
+    stream: UnixStream,
+    outgoing: usize,
+    incoming: usize,
+}
+
+impl Stream {
+    fn open(folder: &Path, leads: bool) -> Self {
+        let path = folder.join("bare");
+        let stream = if leads {
+            let listener = UnixListener::bind(&path).expect("binds");
+            listener.accept().expect("the other side").0
+        } else {
+            awaited(|| UnixStream::connect(&path).ok())
+        };
+        let (outgoing, incoming) = match leads {
+            true => (SAMPLE_BYTES, COMMAND_BYTES),
+            false => (COMMAND_BYTES, SAMPLE_BYTES),
+        };
+        Self {
+            stream,
+            outgoing,
+            incoming,
+        }
+    }
+}
+
+impl End for Stream {
+    fn send(&mut self, trip: u64) {
+        let payload = [trip as u8; SAMPLE_BYTES];
+        (self.stream.write_all(&payload[..self.outgoing])).expect("sends");
+    }
+
+    fn receive(&mut self, trip: u64) {
+        let mut payload = [0; SAMPLE_BYTES];
+        let payload = &mut payload[..self.incoming];
+        self.stream.read_exact(payload).expect("receives");
+        assert!(payload.iter().all(|byte| *byte == trip as u8));
+    }
+}
+
+struct Bells {
+    board: Blackboard,
+    own: Bell,
+    other: Bell,
+}
+
+impl Bells {
+    fn open(folder: &Path, leads: bool) -> Self {
+        let session = SessionInfo::read(folder).expect("a session");
+        let (there, back) = (SAMPLE_BYTES / 8 - 19, COMMAND_BYTES / 8 - 19);
+        let owners = (Owner::Plant, Owner::Controller(1));
+        if leads {
+            let make = |owner| Bell::create(&session, owner).expect("creates");
+            let (own, other) = (make(owners.0), make(owners.1));
+            let board = Blackboard::open(&session, Side::Plant, there, back).expect("creates");
+            return Self { board, own, other };
+        }
+        let find = |owner| awaited(|| Bell::open(&session, owner).ok());
+        let (other, own) = (find(owners.0), find(owners.1));
+        let board = awaited(|| Blackboard::open(&session, Side::Controller, there, back).ok());
+        Self { board, own, other }
+    }
+}
+
+impl End for Bells {
+    fn send(&mut self, trip: u64) {
+        self.board.send(trip);
+        self.other.ring();
+    }
+
+    fn receive(&mut self, trip: u64) {
+        loop {
+            let announced = self.own.announce();
+            if self.board.receive() == Some(trip) {
+                return self.own.retire();
+            }
+            self.own.sleep(announced, LIMIT.as_nanos() as u64);
+            self.own.retire();
+        }
+    }
+}
+
+/// Looks until something is there.
+fn awaited<T>(mut look: impl FnMut() -> Option<T>) -> T {
+    let since = Instant::now();
+    loop {
+        if let Some(found) = look() {
+            return found;
+        }
+        assert!(since.elapsed() < LIMIT, "the other side did not come");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}

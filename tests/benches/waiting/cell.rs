@@ -1,0 +1,212 @@
+//! Cells of the table: busy loops, cores, priorities and quotas.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
+use shared_types::realtime::{Settings, pin};
+
+use crate::measure::cores;
+
+/// Variable that makes this program a busy loop: its nice value, core and session.
+const BURN: &str = "HIL_BENCH_BURN";
+
+/// A situation of a run.
+pub(crate) struct Cell {
+    pub(crate) name: String,
+    /// Busy loops, by nice value and core.
+    loops: Vec<(i32, Option<usize>)>,
+    /// Whether the busy loops have a session of their own.
+    elsewhere: bool,
+    /// Whether all of it has one core.
+    one_core: bool,
+    /// `SCHED_FIFO` priority of both sides.
+    pub(crate) priority: u32,
+    /// Processor time a second, if limited.
+    quota: Option<f64>,
+    /// Runs at once.
+    pub(crate) sessions: usize,
+}
+
+/// Lists all cells.
+pub(crate) fn cells() -> Vec<Cell> {
+    let cores = cores();
+    let each = |count: usize| -> Vec<(i32, Option<usize>)> {
+        let cores = cores
+            .iter()
+            .flat_map(|core| std::iter::repeat_n(*core, count));
+        cores.map(|core| (0, Some(core))).collect()
+    };
+    let plain = |name: &str| Cell {
+        name: name.into(),
+        loops: Vec::new(),
+        elsewhere: false,
+        one_core: false,
+        priority: 0,
+        quota: None,
+        sessions: 1,
+    };
+    let mut cells = vec![plain("idle")];
+    for (name, loops, one_core) in [
+        ("a busy loop of nice 19", vec![(19, None)], false),
+        ("a busy loop", vec![(0, None)], false),
+        ("a busy loop on each core", each(1), false),
+        ("two busy loops on each core", each(2), false),
+        ("one core and a busy loop there", vec![(0, None)], true),
+    ] {
+        for elsewhere in [false, true] {
+            let session = if elsewhere { "other" } else { "same" };
+            cells.push(Cell {
+                loops: loops.clone(),
+                elsewhere,
+                one_core,
+                ..plain(&format!("{name}, {session} session"))
+            });
+        }
+    }
+    cells.push(Cell {
+        one_core: true,
+        ..plain("one core")
+    });
+    cells.push(Cell {
+        priority: 10,
+        ..plain("SCHED_FIFO for both")
+    });
+    cells.push(Cell {
+        quota: Some(1.5),
+        ..plain("quota of 1.5 CPUs")
+    });
+    cells.push(Cell {
+        sessions: 4,
+        ..plain("4 sessions at once")
+    });
+    cells
+}
+
+/// What makes a cell, until it is dropped.
+pub(crate) struct Within {
+    loops: Vec<Child>,
+    free: CpuSet,
+    group: Option<(PathBuf, PathBuf)>,
+}
+
+impl Cell {
+    /// Makes the situation for what is started from now on.
+    pub(crate) fn enter(&self) -> Result<Within, String> {
+        let free = sched_getaffinity(None).map_err(|e| e.to_string())?;
+        let mut within = Within {
+            loops: Vec::new(),
+            free,
+            group: None,
+        };
+        if self.priority > 0 {
+            let settings = Settings {
+                priority: self.priority,
+                ..Settings::default()
+            };
+            let applied = std::thread::spawn(move || settings.apply()).join();
+            let report = applied.map_err(|_| "a panic")?;
+            if report.priority.granted != self.priority {
+                return Err(report.priority.reason.unwrap_or_default());
+            }
+        }
+        if self.one_core {
+            pin(cores()[0] as u32).map_err(|e| e.to_string())?;
+        }
+        if let Some(quota) = self.quota {
+            within.group = Some(limited(quota)?);
+        }
+        let own = std::env::current_exe().map_err(|e| e.to_string())?;
+        for (nice, core) in &self.loops {
+            let core = core.map_or("-".into(), |core| core.to_string());
+            let burn = format!("{nice} {core} {}", self.elsewhere);
+            let child = Command::new(&own)
+                .env(BURN, burn)
+                .stdin(Stdio::null())
+                .spawn();
+            within.loops.push(child.map_err(|e| e.to_string())?);
+        }
+        std::thread::sleep(Duration::from_millis(300)); // until all of them are at work
+        Ok(within)
+    }
+}
+
+impl Drop for Within {
+    fn drop(&mut self) {
+        for child in &mut self.loops {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+        let _ = sched_setaffinity(None, &self.free);
+        if let Some((group, before)) = &self.group {
+            let _ = join(before);
+            let _ = fs::remove_dir(group);
+        }
+    }
+}
+
+/// Moves this process into a new group with so much processor time a second; gives the group and the one before.
+fn limited(quota: f64) -> Result<(PathBuf, PathBuf), String> {
+    const PERIOD_US: f64 = 100_000.0;
+    let own = fs::read_to_string("/proc/self/cgroup").map_err(|e| e.to_string())?;
+    let quota_us = (quota * PERIOD_US) as u64;
+    let name = format!("hil-bench-{}", std::process::id());
+    let find = |wanted: fn(&str) -> bool| {
+        own.lines().find_map(|line| {
+            let mut parts = line.splitn(3, ':').skip(1);
+            wanted(parts.next()?).then(|| parts.next().unwrap_or_default().to_owned())
+        })
+    };
+    let (before, file, text) = match find(|names| names.split(',').any(|name| name == "cpu")) {
+        Some(path) => (
+            Path::new("/sys/fs/cgroup/cpu").join(path.trim_start_matches('/')),
+            "cpu.cfs_quota_us",
+            quota_us.to_string(),
+        ),
+        None => {
+            let path = find(str::is_empty).ok_or("no control group of processor time")?;
+            let before = Path::new("/sys/fs/cgroup").join(path.trim_start_matches('/'));
+            (before, "cpu.max", format!("{quota_us} {PERIOD_US}"))
+        }
+    };
+    let group = before.join(name);
+    let failed = |error: std::io::Error| {
+        let _ = fs::remove_dir(&group);
+        format!("no group with a quota below {}: {error}", before.display())
+    };
+    fs::create_dir(&group).map_err(failed)?;
+    fs::write(group.join(file), text).map_err(failed)?;
+    join(&group).map_err(failed)?;
+    Ok((group, before))
+}
+
+fn join(group: &Path) -> std::io::Result<()> {
+    fs::write(group.join("cgroup.procs"), std::process::id().to_string())
+}
+
+/// Is a busy loop, if this process was started as one; it ends with the bench.
+pub(crate) fn burned() -> bool {
+    let Ok(asked) = std::env::var(BURN) else {
+        return false;
+    };
+    let mut words = asked.split(' ');
+    let mut next = || words.next().expect("three words");
+    let nice = next().parse().expect("a nice value");
+    rustix::process::nice(nice).expect("less is always allowed");
+    if let Ok(core) = next().parse() {
+        pin(core).expect("a core");
+    }
+    if next() == "true" {
+        rustix::process::setsid().expect("no leader of a group");
+    }
+    let parent = rustix::process::getppid();
+    let mut count = 0_u64;
+    loop {
+        count = std::hint::black_box(count + 1);
+        if count.is_multiple_of(1 << 26) && rustix::process::getppid() != parent {
+            return true;
+        }
+    }
+}
