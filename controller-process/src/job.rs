@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use shared_types::checkpoint::Checkpoints;
-use shared_types::describe::Settings;
+use shared_types::describe::{PROTOCOL, Settings};
 use shared_types::realtime;
 use shared_types::table::number;
 use shared_types::time::Rate;
@@ -42,4 +42,27 @@ pub struct Job {
     /// How long the other side may take, in s.
     #[serde(with = "number")]
     pub wait_limit_s: f64,
+}
+
+impl Job {
+    /// Makes the job of a session's first controller, whose law has no parameters and runs at every
+    /// sample.
+    #[must_use]
+    pub fn new(session: u64, plant: &str, law: &str, rate: Rate, wait_limit_s: f64) -> Self {
+        Self {
+            protocol: PROTOCOL,
+            session,
+            epoch: 1,
+            plant: plant.into(),
+            law: law.into(),
+            parameters: Settings::default(),
+            model: Settings::default(),
+            rate,
+            rate_divisor: 1,
+            command_delay_steps: 0,
+            checkpoints: Checkpoints::default(),
+            realtime: realtime::Settings::default(),
+            wait_limit_s,
+        }
+    }
 }

@@ -1,9 +1,9 @@
 //! The job: what a launcher tells a plant process to do. A JSON file in the session's folder.
 
-use hil_config::plan::{FaultEvent, PlantPlan, Run, Stimulus};
+use hil_config::plan::{FaultEvent, Plan, PlantPlan, Run, Stimulus};
 use serde::{Deserialize, Serialize};
 use shared_types::checkpoint::Checkpoints;
-use shared_types::describe::LawDescription;
+use shared_types::describe::{LawDescription, PROTOCOL};
 use shared_types::realtime;
 use shared_types::table::number;
 
@@ -50,4 +50,38 @@ pub struct Job {
     /// How long the other side may take, in s.
     #[serde(with = "number")]
     pub wait_limit_s: f64,
+}
+
+impl Job {
+    /// Makes the job of a plant without reference signals, faults and checkpoints.
+    #[must_use]
+    pub fn new(session: u64, run: Run, plant: PlantPlan, wait_limit_s: f64) -> Self {
+        Self {
+            protocol: PROTOCOL,
+            session,
+            run,
+            plant,
+            stimuli: Vec::new(),
+            faults: Vec::new(),
+            derived: Vec::new(),
+            missed: Vec::new(),
+            law: None,
+            pause_at_s: None,
+            observed: true,
+            checkpoints: Checkpoints::default(),
+            realtime: realtime::Settings::default(),
+            wait_limit_s,
+        }
+    }
+
+    /// Makes the job of a scenario's plant.
+    #[must_use]
+    pub fn of(plan: &Plan, session: u64, wait_limit_s: f64) -> Self {
+        Self {
+            stimuli: plan.stimuli.clone(),
+            faults: plan.faults.clone(),
+            derived: plan.derived_texts(),
+            ..Self::new(session, plan.run, plan.plant.clone(), wait_limit_s)
+        }
+    }
 }

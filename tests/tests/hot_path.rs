@@ -5,14 +5,12 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use controller_process::laws;
 use controller_process::runner::{Runner, choose};
-use hil_config::plan::{Derived, Plan};
+use hil_config::plan::Plan;
 use hil_config::scenario::Scenario;
 use plant_process::engine::{Engine, Progress};
 use plant_process::faults::kinds;
 use plant_process::models;
-use shared_types::checkpoint::Checkpoints;
 use shared_types::clock::monotonic_ns;
-use shared_types::describe::PROTOCOL;
 use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{Link, in_process};
 use shared_types::session::Session;
@@ -202,37 +200,14 @@ fn jobs(session: u64) -> (plant_process::job::Job, controller_process::job::Job)
         .set(&["faults[0].at_s=0.01", "controller.law=pid"])
         .check(&plants, &laws, &kinds)
         .unwrap_or_else(|problems| panic!("{problems}"));
-    let derived = |derived: &Derived| (derived.name.clone(), derived.expression.to_string());
-    let plant = plant_process::job::Job {
-        protocol: PROTOCOL,
-        session,
-        run: plan.run,
-        plant: plan.plant.clone(),
-        stimuli: plan.stimuli,
-        faults: plan.faults,
-        derived: plan.derived.iter().map(derived).collect(),
-        missed: Vec::new(),
-        law: None,
-        pause_at_s: None,
-        observed: true,
-        checkpoints: Checkpoints::default(),
-        realtime: shared_types::realtime::Settings::default(),
-        wait_limit_s: 5.0,
-    };
+    let plant = plant_process::job::Job::of(&plan, session, 5.0);
+    let (model, rate, plan) = (&plan.plant.model, plan.run.rate, plan.controller);
     let controller = controller_process::job::Job {
-        protocol: PROTOCOL,
-        session,
-        epoch: 1,
-        plant: plan.plant.model,
-        law: plan.controller.law,
-        parameters: plan.controller.parameters,
-        model: plan.controller.model,
-        rate: plan.run.rate,
-        rate_divisor: plan.controller.rate_divisor,
-        command_delay_steps: plan.controller.command_delay_steps,
-        checkpoints: Checkpoints::default(),
-        realtime: shared_types::realtime::Settings::default(),
-        wait_limit_s: 5.0,
+        parameters: plan.parameters,
+        model: plan.model,
+        rate_divisor: plan.rate_divisor,
+        command_delay_steps: plan.command_delay_steps,
+        ..controller_process::job::Job::new(session, model, &plan.law, rate, 5.0)
     };
     (plant, controller)
 }

@@ -7,11 +7,8 @@ use hil_config::plan::Plan;
 use hil_config::scenario::Scenario;
 use plant_process::engine::Engine;
 use plant_process::faults::kinds;
-use shared_types::checkpoint::Checkpoints;
-use shared_types::describe::PROTOCOL;
 use shared_types::digest::Digest;
 use shared_types::link::{Link, LinkError};
-use shared_types::realtime::Settings;
 use shared_types::record::{Event, Outcome, RecordLayout};
 use shared_types::stream::RecordSink;
 use shared_types::supervision::Supervision;
@@ -49,7 +46,8 @@ pub fn run<P: Link, C: Link>(
     let mut plants = plants.iter();
     let kind = plants.find(|kind| kind.description.name == plan.plant.model);
     let kind = kind.ok_or("no such plant")?;
-    let engine = Engine::new(kind, &kinds::all(), plant_job(plan, session), plant, sink);
+    let job = plant_process::job::Job::of(&plan, session, WAIT_LIMIT_S);
+    let engine = Engine::new(kind, &kinds::all(), job, plant, sink);
     let mut engine = engine.map_err(|e| e.to_string())?;
     plant_process::program::drive(&mut engine, waiter(), &Supervision::new())
         .map_err(|e| e.to_string())?;
@@ -83,42 +81,13 @@ fn plan(scenario: &Path) -> Result<Plan, String> {
 
 fn controller_job(plan: &Plan, session: u64) -> controller_process::job::Job {
     let (run, controller) = (&plan.run, &plan.controller);
+    let (plant, law) = (&plan.plant.model, &controller.law);
     controller_process::job::Job {
-        protocol: PROTOCOL,
-        session,
-        epoch: 1,
-        plant: plan.plant.model.clone(),
-        law: controller.law.clone(),
         parameters: controller.parameters.clone(),
         model: controller.model.clone(),
-        rate: run.rate,
         rate_divisor: controller.rate_divisor,
         command_delay_steps: controller.command_delay_steps,
-        checkpoints: Checkpoints::default(),
-        realtime: Settings::default(),
-        wait_limit_s: WAIT_LIMIT_S,
-    }
-}
-
-fn plant_job(plan: Plan, session: u64) -> plant_process::job::Job {
-    let derived = plan.derived.iter();
-    plant_process::job::Job {
-        protocol: PROTOCOL,
-        session,
-        run: plan.run,
-        plant: plan.plant,
-        stimuli: plan.stimuli,
-        faults: plan.faults,
-        derived: derived
-            .map(|derived| (derived.name.clone(), derived.expression.to_string()))
-            .collect(),
-        missed: Vec::new(),
-        law: None,
-        pause_at_s: None,
-        observed: true,
-        checkpoints: Checkpoints::default(),
-        realtime: Settings::default(),
-        wait_limit_s: WAIT_LIMIT_S,
+        ..controller_process::job::Job::new(session, plant, law, run.rate, WAIT_LIMIT_S)
     }
 }
 

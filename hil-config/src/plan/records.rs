@@ -29,6 +29,14 @@ impl Plan {
         self.stimuli.iter().flat_map(Stimulus::fields).collect()
     }
 
+    /// Gives each derived signal's name and the text of its expression.
+    #[must_use]
+    pub fn derived_texts(&self) -> Vec<(String, String)> {
+        (self.derived.iter())
+            .map(|derived| (derived.name.clone(), derived.expression.to_string()))
+            .collect()
+    }
+
     /// Leaves out everything but what its signals are made of.
     #[must_use]
     pub fn without_judgement(self) -> Self {

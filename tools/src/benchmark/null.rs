@@ -6,9 +6,8 @@
 use controller_process::controller::{Law, LawKind, Row};
 use hil_config::plan::{Clock, PlantPlan, Realtime, Run};
 use plant_process::plant::{Model, PlantKind};
-use shared_types::checkpoint::Checkpoints;
 use shared_types::clock::monotonic_ns;
-use shared_types::describe::{LawDescription, PROTOCOL, PlantDescription, Settings};
+use shared_types::describe::{LawDescription, PlantDescription, Settings};
 use shared_types::lockstep::OnLoss;
 use shared_types::pacer::OverrunPolicy;
 use shared_types::record::RecordLayout;
@@ -120,50 +119,31 @@ pub(crate) fn jobs(
     // Between two samples of a paced run the controller waits for the clock, not for the plant.
     let between_s = rate.map_or(0.0, Rate::period_s);
     let rate = rate.unwrap_or_else(nominal);
-    let plant = plant_process::job::Job {
-        protocol: PROTOCOL,
-        session: session.id,
-        run: Run {
-            rate,
-            steps,
-            seed: 0,
-            clock,
-            overrun: OverrunPolicy::CatchUp,
-            deadline: 0.8,
-            on_controller_loss: OnLoss::Abort,
-        },
-        plant: PlantPlan {
-            model: NAME.into(),
-            substeps: 1,
-            parameters: Settings::default(),
-            limits: Vec::new(),
-            safe_command: Settings::default(),
-        },
-        stimuli: Vec::new(),
-        faults: Vec::new(),
-        derived: Vec::new(),
-        missed: Vec::new(),
-        law: None,
-        pause_at_s: None,
-        observed: false,
-        checkpoints: Checkpoints::default(),
-        realtime: realtime.plant(),
-        wait_limit_s,
-    };
-    let controller = controller_process::job::Job {
-        protocol: PROTOCOL,
-        session: session.id,
-        epoch: 1,
-        plant: NAME.into(),
-        law: NAME.into(),
-        parameters: Settings::default(),
-        model: Settings::default(),
+    let run = Run {
         rate,
-        rate_divisor: 1,
-        command_delay_steps: 0,
-        checkpoints: Checkpoints::default(),
+        steps,
+        seed: 0,
+        clock,
+        overrun: OverrunPolicy::CatchUp,
+        deadline: 0.8,
+        on_controller_loss: OnLoss::Abort,
+    };
+    let plan = PlantPlan {
+        model: NAME.into(),
+        substeps: 1,
+        parameters: Settings::default(),
+        limits: Vec::new(),
+        safe_command: Settings::default(),
+    };
+    let plant = plant_process::job::Job {
+        observed: false,
+        realtime: realtime.plant(),
+        ..plant_process::job::Job::new(session.id, run, plan, wait_limit_s)
+    };
+    let limit_s = wait_limit_s + between_s;
+    let controller = controller_process::job::Job {
         realtime: realtime.controller(),
-        wait_limit_s: wait_limit_s + between_s,
+        ..controller_process::job::Job::new(session.id, NAME, NAME, rate, limit_s)
     };
     (plant, controller)
 }

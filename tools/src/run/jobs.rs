@@ -5,8 +5,6 @@ use controller_process::job::JOB_FILE as CONTROLLER_FILE;
 use hil_config::plan::{Clock, Plan};
 use plant_process::job::JOB_FILE as PLANT_FILE;
 use shared_types::checkpoint::Checkpoints;
-use shared_types::describe::PROTOCOL;
-use shared_types::realtime;
 use shared_types::session::{SessionError, SessionInfo};
 use shared_types::time::Step;
 
@@ -31,26 +29,15 @@ pub(super) fn of(
         Clock::Realtime => plan.run.rate.period_s(),
     };
     let plant = plant_process::job::Job {
-        protocol: PROTOCOL,
-        session: session.id,
-        run: plan.run,
-        plant: plan.plant.clone(),
-        stimuli: plan.stimuli.clone(),
-        faults: plan.faults.clone(),
-        derived: (plan.derived.iter())
-            .map(|derived| (derived.name.clone(), derived.expression.to_string()))
-            .collect(),
-        missed: Vec::new(),
         law: plan.law_among(binaries.described().1).cloned(),
         pause_at_s: settings.pause_at_s,
-        observed: true,
         checkpoints: Checkpoints {
             steps: steps.to_vec(),
             folder: session.folder.clone(),
             resume: None,
         },
         realtime: plan.realtime.plant(),
-        wait_limit_s,
+        ..plant_process::job::Job::of(plan, session.id, wait_limit_s)
     };
     let controller = controller_process::job::Job {
         checkpoints: plant.checkpoints.clone(),
@@ -66,20 +53,14 @@ pub(crate) fn controller(
     session: &SessionInfo,
     wait_limit_s: f64,
 ) -> controller_process::job::Job {
+    let (model, rate) = (&plan.plant.model, plan.run.rate);
+    let plan = &plan.controller;
     controller_process::job::Job {
-        protocol: PROTOCOL,
-        session: session.id,
-        epoch: 1,
-        plant: plan.plant.model.clone(),
-        law: plan.controller.law.clone(),
-        parameters: plan.controller.parameters.clone(),
-        model: plan.controller.model.clone(),
-        rate: plan.run.rate,
-        rate_divisor: plan.controller.rate_divisor,
-        command_delay_steps: plan.controller.command_delay_steps,
-        checkpoints: Checkpoints::default(),
-        realtime: realtime::Settings::default(),
-        wait_limit_s,
+        parameters: plan.parameters.clone(),
+        model: plan.model.clone(),
+        rate_divisor: plan.rate_divisor,
+        command_delay_steps: plan.command_delay_steps,
+        ..controller_process::job::Job::new(session.id, model, &plan.law, rate, wait_limit_s)
     }
 }
 

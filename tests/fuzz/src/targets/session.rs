@@ -13,12 +13,12 @@ use plant_process::faults::kinds;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use shared_types::checkpoint::{Checkpoints, Resume};
-use shared_types::describe::{Description, PROTOCOL};
+use shared_types::describe::Description;
 use shared_types::live::{Request, Response};
 use shared_types::record::RecordLayout;
 use shared_types::session::SessionInfo;
 use shared_types::time::Step;
-use shared_types::{link, realtime, stream};
+use shared_types::{link, stream};
 use tempfile::TempDir;
 use tools::testing::Checkpoint;
 
@@ -131,42 +131,22 @@ fn resume(path: &Path) -> Checkpoints {
 
 /// The job of the plant of the small scenario.
 pub fn plant_job() -> plant_process::job::Job {
-    let plan = small_plan().clone();
     plant_process::job::Job {
-        protocol: PROTOCOL,
-        session: 7,
-        run: plan.run,
-        plant: plan.plant,
-        stimuli: plan.stimuli,
-        faults: plan.faults,
-        derived: Vec::new(),
-        missed: Vec::new(),
-        law: None,
-        pause_at_s: None,
         observed: false,
-        checkpoints: Checkpoints::default(),
-        realtime: realtime::Settings::default(),
-        wait_limit_s: 5.0,
+        ..plant_process::job::Job::of(small_plan(), 7, 5.0)
     }
 }
 
 /// The job of its controller.
 pub fn controller_job() -> controller_process::job::Job {
-    let plan = small_plan().clone();
+    let (plant, rate) = (&small_plan().plant.model, small_plan().run.rate);
+    let plan = small_plan().controller.clone();
     controller_process::job::Job {
-        protocol: PROTOCOL,
-        session: 7,
-        epoch: 1,
-        plant: plan.plant.model,
-        law: plan.controller.law,
-        parameters: plan.controller.parameters,
-        model: plan.controller.model,
-        rate: plan.run.rate,
-        rate_divisor: plan.controller.rate_divisor,
-        command_delay_steps: plan.controller.command_delay_steps,
-        checkpoints: Checkpoints::default(),
-        realtime: realtime::Settings::default(),
-        wait_limit_s: 5.0,
+        parameters: plan.parameters,
+        model: plan.model,
+        rate_divisor: plan.rate_divisor,
+        command_delay_steps: plan.command_delay_steps,
+        ..controller_process::job::Job::new(7, plant, &plan.law, rate, 5.0)
     }
 }
 
