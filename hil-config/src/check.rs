@@ -3,8 +3,8 @@
 //! [`Scenario::check`](crate::scenario::Scenario::check) is the way in. Each part of a scenario has
 //! its file below; a part that is wrong is reported and left out, and the others are checked as far
 //! as they can be without it. The order is that of the data: run, plant, law, stimuli, binding,
-//! expressions, faults. The faults that a running run is asked for ([`live`]) are checked by the
-//! same code.
+//! expressions, faults. The faults that a running run is asked for are [checked](FaultContext::check)
+//! by the same code.
 
 mod analyses;
 mod binding;
@@ -41,28 +41,98 @@ use run::Grid;
 pub(crate) use faults::{groups, unit_of};
 
 /// The run that faults are asked for.
-#[derive(Clone, Copy, Debug)]
-pub struct FaultContext<'a> {
+#[derive(Clone, Debug)]
+pub struct FaultContext {
     /// Its plant.
-    pub plant: &'a PlantDescription,
+    pub plant: PlantDescription,
     /// The kinds of faults on signals, links and timing.
-    pub kinds: &'a [FaultKindDescription],
+    pub kinds: Vec<FaultKindDescription>,
     /// The plant's healthy parameters.
-    pub parameters: &'a Settings,
+    pub parameters: Settings,
     /// Its reference signals.
-    pub stimuli: &'a [Stimulus],
-    /// Internal signals of the law.
-    pub internals: &'a [Field],
+    pub stimuli: Vec<Stimulus>,
     /// The scenario's derived signals by name and expression.
-    pub derived: &'a [(String, String)],
+    pub derived: Vec<(String, String)>,
     /// Steps per second.
     pub rate: Rate,
     /// Number of steps of the whole run.
     pub steps: u64,
     /// Names and numbers of the events there are, of the scenario and live ones.
-    pub names: &'a [(String, u32)],
+    pub names: Vec<(String, u32)>,
     /// The number of the first new event; all lower ones are taken.
     pub first_id: u32,
+}
+
+impl FaultContext {
+    /// Collects the facts of a plan and its faults.
+    #[must_use]
+    pub fn of(plan: &Plan, plant: &PlantDescription, kinds: &[FaultKindDescription]) -> Self {
+        let mut context = Self {
+            plant: plant.clone(),
+            kinds: kinds.to_vec(),
+            parameters: plan.plant.parameters.clone(),
+            stimuli: plan.stimuli.clone(),
+            derived: plan.derived_texts(),
+            rate: plan.run.rate,
+            steps: plan.run.steps,
+            names: Vec::new(),
+            first_id: 1,
+        };
+        context.note(&plan.faults);
+        context
+    }
+
+    /// Takes names and numbers of these events.
+    pub fn note(&mut self, events: &[FaultEvent]) {
+        for event in events {
+            (self.names).extend(event.name.iter().map(|name| (name.clone(), event.id)));
+            self.first_id = self.first_id.max(event.id + 1);
+        }
+    }
+
+    /// Checks `[[faults]]` against the run, whose law has these internal signals.
+    ///
+    /// An event without a trigger takes hold [at once](crate::plan::Trigger::Now).
+    ///
+    /// # Errors
+    /// With everything that is wrong.
+    pub fn check(&self, toml: &str, internals: &[Field]) -> Result<Vec<FaultEvent>, Problems> {
+        let scenario = Scenario::parse(toml, "request")?;
+        let mut reader = Reader::new(scenario.sources.clone(), Vec::new());
+        let root = Section {
+            keys: keys::REQUEST,
+            ..root(&scenario)
+        };
+        let reference: Vec<Field> = self.stimuli.iter().flat_map(Stimulus::fields).collect();
+        let mut columns = Columns::of(&self.plant, &self.stimuli, internals);
+        for (name, text) in &self.derived {
+            let expression = Expression::parse(text).ok();
+            let known = expression.as_ref().map(|expression| (expression, &columns));
+            let unit = signals::told_unit(known, name).unwrap_or_default();
+            columns.push_with_unit(Group::Derived, name, &unit);
+        }
+        let context = EventContext {
+            plant: Some(&self.plant),
+            kinds: &self.kinds,
+            healthy: Some(&self.parameters),
+            reference: Some(&reference),
+            columns: Some(&columns),
+            grid: Some(Grid {
+                rate: self.rate,
+                steps: self.steps,
+            }),
+            origin: Origin::Live {
+                names: &self.names,
+                first_id: self.first_id,
+            },
+        };
+        reader.refuse_unknown(&root, &[]);
+        let events = faults::check(&mut reader, &root, &context);
+        if events.is_empty() && reader.problems.is_empty() {
+            reader.missing(&root, "faults", "at least one fault event".into());
+        }
+        reader.finish(Some(events))
+    }
 }
 
 impl Scenario {
@@ -118,45 +188,6 @@ fn root(scenario: &Scenario) -> Section<'_> {
         path: String::new(),
         place: START,
     }
-}
-
-/// Checks the `[[faults]]` that a running run is asked for.
-pub(crate) fn live(toml: &str, context: &FaultContext<'_>) -> Result<Vec<FaultEvent>, Problems> {
-    let scenario = Scenario::parse(toml, "request")?;
-    let mut reader = Reader::new(scenario.sources.clone(), Vec::new());
-    let root = Section {
-        keys: keys::REQUEST,
-        ..root(&scenario)
-    };
-    let reference: Vec<Field> = context.stimuli.iter().flat_map(Stimulus::fields).collect();
-    let mut columns = Columns::of(context.plant, context.stimuli, context.internals);
-    for (name, text) in context.derived {
-        let expression = Expression::parse(text).ok();
-        let known = expression.as_ref().map(|expression| (expression, &columns));
-        let unit = signals::told_unit(known, name).unwrap_or_default();
-        columns.push_with_unit(Group::Derived, name, &unit);
-    }
-    let context = EventContext {
-        plant: Some(context.plant),
-        kinds: context.kinds,
-        healthy: Some(context.parameters),
-        reference: Some(&reference),
-        columns: Some(&columns),
-        grid: Some(Grid {
-            rate: context.rate,
-            steps: context.steps,
-        }),
-        origin: Origin::Live {
-            names: context.names,
-            first_id: context.first_id,
-        },
-    };
-    reader.refuse_unknown(&root, &[]);
-    let events = faults::check(&mut reader, &root, &context);
-    if events.is_empty() && reader.problems.is_empty() {
-        reader.missing(&root, "faults", "at least one fault event".into());
-    }
-    reader.finish(Some(events))
 }
 
 fn parts(

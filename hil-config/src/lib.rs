@@ -10,7 +10,7 @@
 //!    all [`Problems`](problem::Problems) at once, each with its place and what would be right.
 //! 3. [`show`](show::show) writes a plan as a complete scenario, [`schema`](schema::schema) the
 //!    format for editors.
-//! 4. [`check_faults`](live_faults::check_faults) checks the faults that a running plant is asked
+//! 4. [`FaultContext`](live_faults::FaultContext) checks the faults that a running plant is asked
 //!    for, by the same code; a [`Watch`](condition::Watch) tells when the condition of one is met.
 //! 5. [`Evaluation`](evaluation::Evaluation) computes the plan's derived signals and metrics while
 //!    records arrive, from its [expressions](expression), and judges its [requirements] by a

@@ -5,20 +5,8 @@
 
 use shared_types::live::Refusal;
 
-use crate::check;
 pub use crate::check::FaultContext;
-use crate::plan::FaultEvent;
-use crate::problem::{Problem, Problems};
-
-/// Checks `[[faults]]` against a running run: all of them, or everything that is wrong.
-///
-/// An event without a trigger takes hold [at once](crate::plan::Trigger::Now).
-///
-/// # Errors
-/// With everything that is wrong.
-pub fn check_faults(toml: &str, context: &FaultContext<'_>) -> Result<Vec<FaultEvent>, Problems> {
-    check::live(toml, context)
-}
+use crate::problem::Problem;
 
 impl From<&Problem> for Refusal {
     fn from(problem: &Problem) -> Self {

@@ -9,13 +9,14 @@ use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::{Duration, Instant};
 
 use hil_config::expression::Columns;
-use hil_config::live_faults::{FaultContext, check_faults};
+use hil_config::live_faults::FaultContext;
 use hil_config::plan::{FaultEvent, Stimulus};
-use shared_types::describe::{FaultKindDescription, PlantDescription, Settings};
-use shared_types::live::{self, Injected, Listening, Possible, Refusal, Request, Response, SOCKET};
+use shared_types::live::{
+    self, Injected, Listening, Possible, Refusal, Request, Response, SOCKET, Status,
+};
 use shared_types::record::RecordLayout;
 use shared_types::session::SessionInfo;
-use shared_types::time::{Rate, Step};
+use shared_types::time::Step;
 
 use crate::faults::{FaultBuilder, FaultKindEntry};
 use crate::job::Job;
@@ -31,25 +32,16 @@ const MOST_FAULTS: usize = 16;
 
 /// What requests are checked against.
 pub struct LiveContext {
-    plant: PlantDescription,
-    kinds: Vec<FaultKindDescription>,
-    parameters: Settings,
-    stimuli: Vec<Stimulus>,
-    derived: Vec<(String, String)>,
-    rate: Rate,
-    steps: u64,
+    run: FaultContext,
     /// Whether every fault must be one that can be saved.
     saves: bool,
-    /// Names of the events that there are.
-    names: Vec<(String, u32)>,
-    next_id: u32,
 }
 
 impl LiveContext {
     /// What a job lets a live fault refer to.
     #[must_use]
     pub fn new(plant: &PlantKind, faults: &[FaultKindEntry], job: &Job) -> Self {
-        let mut context = Self {
+        let mut run = FaultContext {
             plant: plant.description.clone(),
             kinds: faults.iter().map(|kind| kind.description.clone()).collect(),
             parameters: job.plant.parameters.clone(),
@@ -57,22 +49,12 @@ impl LiveContext {
             derived: job.derived.clone(),
             rate: job.run.rate,
             steps: job.run.steps,
-            saves: !job.checkpoints.steps.is_empty(),
             names: Vec::new(),
-            next_id: 1,
+            first_id: 1,
         };
-        context.note(&job.faults);
-        context
-    }
-
-    fn note(&mut self, events: &[FaultEvent]) {
-        for event in events {
-            self.names
-                .extend(event.name.iter().map(|name| (name.clone(), event.id)));
-            if event.id >= self.next_id {
-                self.next_id = event.id + 1;
-            }
-        }
+        run.note(&job.faults);
+        let saves = !job.checkpoints.steps.is_empty();
+        Self { run, saves }
     }
 }
 
@@ -125,17 +107,23 @@ impl Service {
     }
 
     fn possible(&self) -> Response {
+        let run = &self.context.run;
         let reference = |stimulus: &Stimulus| stimulus.fields();
         Response::Possible(Box::new(Possible {
-            rate: self.context.rate,
-            plant: self.context.plant.clone(),
-            reference: self.context.stimuli.iter().flat_map(reference).collect(),
-            kinds: self.context.kinds.clone(),
+            rate: run.rate,
+            plant: run.plant.clone(),
+            reference: run.stimuli.iter().flat_map(reference).collect(),
+            kinds: run.kinds.clone(),
         }))
     }
 
     fn status(&self) -> Response {
-        Response::Status(self.queue.status(self.context.rate, self.context.steps))
+        Response::Status(self.progress())
+    }
+
+    fn progress(&self) -> Status {
+        let run = &self.context.run;
+        self.queue.status(run.rate, run.steps)
     }
 
     fn inject(&mut self, toml: &str) -> Response {
@@ -143,7 +131,7 @@ impl Service {
             Ok(layout) => layout,
             Err(refusal) => return refused(refusal),
         };
-        let events = match self.check(toml, layout) {
+        let events = match self.context.run.check(toml, &layout.internal) {
             Ok(events) => events,
             Err(problems) => {
                 return Response::Refused {
@@ -172,8 +160,8 @@ impl Service {
         };
         match self.request(|answer| LoopRequest::Admit(armed, answer)) {
             Ok(Ok(admitted)) => {
-                self.context.note(&events);
-                let rate = self.context.rate;
+                self.context.run.note(&events);
+                let rate = self.context.run.rate;
                 let faults = (admitted.into_iter())
                     .map(|fault| Injected {
                         id: fault.id,
@@ -190,31 +178,10 @@ impl Service {
         }
     }
 
-    fn check(
-        &self,
-        toml: &str,
-        layout: &RecordLayout,
-    ) -> Result<Vec<FaultEvent>, hil_config::problem::Problems> {
-        let context = &self.context;
-        let context = FaultContext {
-            plant: &context.plant,
-            kinds: &context.kinds,
-            parameters: &context.parameters,
-            stimuli: &context.stimuli,
-            internals: &layout.internal,
-            derived: &context.derived,
-            rate: context.rate,
-            steps: context.steps,
-            names: &context.names,
-            first_id: context.next_id,
-        };
-        check_faults(toml, &context)
-    }
-
     /// A kind of fault that cannot be saved, in a run that makes checkpoints.
     fn unsaveable<'a>(&self, events: &'a [FaultEvent]) -> Option<&'a str> {
         let saves = |event: &FaultEvent| {
-            let kind = (self.context.kinds.iter()).find(|kind| kind.kind == event.kind);
+            let kind = (self.context.run.kinds.iter()).find(|kind| kind.kind == event.kind);
             kind.is_none_or(|kind| kind.saves) // one of the plant's own moves parameters
         };
         let unsaveable = events.iter().find(|event| !saves(event));
@@ -236,7 +203,7 @@ impl Service {
 
     fn show(&self) -> Result<Response, Unanswered> {
         let faults = self.request(LoopRequest::Show)?;
-        let status = self.queue.status(self.context.rate, self.context.steps);
+        let status = self.progress();
         Ok(Response::Active { status, faults })
     }
 
@@ -249,7 +216,7 @@ impl Service {
         let until = until.map_err(Refusal::new)?;
         let since = Instant::now();
         loop {
-            let status = self.queue.status(self.context.rate, self.context.steps);
+            let status = self.progress();
             let there = status.paused && Step(status.step) >= until;
             if there || self.queue.is_closed() || since.elapsed() > LOOP_LIMIT {
                 return Ok(Response::Status(status));

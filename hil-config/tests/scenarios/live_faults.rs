@@ -1,7 +1,7 @@
 //! Faults that are asked for while a run goes on.
 
-use hil_config::live_faults::{FaultContext, check_faults};
-use hil_config::plan::{FaultEvent, FaultSource, Plan, Trigger};
+use hil_config::live_faults::FaultContext;
+use hil_config::plan::{FaultEvent, FaultSource, Trigger};
 use hil_config::problem::{Problem, ProblemKind};
 use shared_types::live::Refusal;
 use shared_types::table::Field;
@@ -14,29 +14,14 @@ const BIAS: &str = "effects = [{ target = \"measured.surface_angle_rad\", bias =
 
 /// Asks the base's run, which has the events 1, `leak`, and 2.
 fn ask(toml: &str) -> Result<Vec<FaultEvent>, Vec<Problem>> {
-    let Plan {
-        run,
-        plant,
-        stimuli,
-        derived,
-        ..
-    } = plan(BASE);
-    let derived: Vec<(String, String)> = (derived.iter())
-        .map(|signal| (signal.name.clone(), signal.expression.to_string()))
-        .collect();
+    let (plants, kinds) = (descriptions::plants(), descriptions::kinds());
     let context = FaultContext {
-        plant: &descriptions::plants()[0],
-        kinds: &descriptions::kinds(),
-        parameters: &plant.parameters,
-        stimuli: &stimuli,
-        internals: &[Field::signal("fault_detected", "1", "x")],
-        derived: &derived,
-        rate: run.rate,
-        steps: run.steps,
-        names: &[("leak".into(), 1)],
+        names: vec![("leak".into(), 1)],
         first_id: 3,
+        ..FaultContext::of(&plan(BASE), &plants[0], &kinds)
     };
-    check_faults(toml, &context).map_err(|problems| problems.0)
+    let checked = context.check(toml, &[Field::signal("fault_detected", "1", "x")]);
+    checked.map_err(|problems| problems.0)
 }
 
 fn refused(toml: &str) -> Vec<Problem> {

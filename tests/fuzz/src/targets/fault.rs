@@ -8,7 +8,7 @@ use std::ffi::OsString;
 
 use clap::Parser;
 use hil_config::expression::Columns;
-use hil_config::live_faults::{FaultContext, check_faults};
+use hil_config::live_faults::FaultContext;
 use hil_config::plan::{FaultEvent, Trigger};
 use hil_config::problem::ProblemKind;
 use hil_config::show::fault_toml;
@@ -91,20 +91,12 @@ fn check(
     toml: &str,
     names: &[(String, u32)],
 ) -> Result<Vec<FaultEvent>, hil_config::problem::Problems> {
-    let plan = small_plan();
     let context = FaultContext {
-        plant: plant(),
-        kinds: &rig().kinds,
-        parameters: &plan.plant.parameters,
-        stimuli: &plan.stimuli,
-        internals: &[],
-        derived: &[],
-        rate: plan.run.rate,
-        steps: plan.run.steps,
-        names,
+        names: names.to_vec(),
         first_id: 1,
+        ..FaultContext::of(small_plan(), plant(), &rig().kinds)
     };
-    check_faults(toml, &context)
+    context.check(toml, &[])
 }
 
 fn requested(toml: &str) {

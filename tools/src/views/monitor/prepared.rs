@@ -7,7 +7,7 @@ use std::ffi::OsString;
 use std::time::{Duration, Instant};
 
 use clap::Parser;
-use hil_config::live_faults::{FaultContext, check_faults};
+use hil_config::live_faults::FaultContext;
 use hil_config::plan::Plan;
 use shared_types::live::{Possible, Refusal};
 use shared_types::record::RecordLayout;
@@ -116,27 +116,12 @@ fn one(
         ));
     }
     let toml = inject::toml(&arguments, possible)?;
-    let derived: Vec<(String, String)> = (plan.derived.iter())
-        .map(|derived| (derived.name.clone(), derived.expression.to_string()))
-        .collect();
-    let named = plan.faults.iter();
-    let names: Vec<(String, u32)> = named
-        .filter_map(|fault| Some((fault.name.clone()?, fault.id)))
-        .collect();
     let context = FaultContext {
-        plant: &possible.plant,
-        kinds: &possible.kinds,
-        parameters: &plan.plant.parameters,
-        stimuli: &plan.stimuli,
-        internals: &layout.internal,
-        derived: &derived,
-        rate: plan.run.rate,
-        steps: plan.run.steps,
-        names: &names,
         // Faults that others put in before this one have lower numbers.
         first_id: u32::MAX / 2,
+        ..FaultContext::of(plan, &possible.plant, &possible.kinds)
     };
-    check_faults(&toml, &context)
+    (context.check(&toml, &layout.internal))
         .map_err(|problems| problems.0.iter().map(Refusal::from).collect::<Vec<_>>())?;
     Ok(Prepared {
         words: text.into(),

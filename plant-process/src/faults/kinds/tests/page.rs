@@ -1,6 +1,6 @@
 //! The user's page says what the code does: `docs/faults.md`.
 
-use hil_config::live_faults::{FaultContext, check_faults};
+use hil_config::live_faults::FaultContext;
 use hil_config::plan::{FaultAction, Stimulus, Waveform};
 use shared_types::describe::ActsOn;
 use shared_types::number::exact as number;
@@ -89,14 +89,12 @@ fn every_test_that_the_page_names_exists() {
 
 #[test]
 fn every_example_on_the_page_is_a_fault_that_starts() {
-    let kinds: Vec<FaultKindDescription> =
-        all().into_iter().map(|entry| entry.description).collect();
     let plant = PlantKind::of::<crate::models::drhas::Drhas>().description;
     let mut parameters = Settings::default();
     for field in &plant.parameters {
         parameters.set(&field.name, field.default.expect("has a default"));
     }
-    let stimuli = [Stimulus {
+    let stimuli = vec![Stimulus {
         target: "surface_angle_rad".into(),
         unit: "rad".into(),
         waveform: Waveform::Paper {
@@ -106,21 +104,22 @@ fn every_example_on_the_page_is_a_fault_that_starts() {
         },
     }];
     let context = FaultContext {
-        plant: &plant,
-        kinds: &kinds,
-        parameters: &parameters,
-        stimuli: &stimuli,
-        internals: &[],
-        derived: &[],
+        plant,
+        kinds: all().into_iter().map(|entry| entry.description).collect(),
+        parameters,
+        stimuli,
+        derived: vec![],
         rate: rate(10_000.0),
         steps: 200_000,
-        names: &[],
+        names: vec![],
         first_id: 1,
     };
     let mut examples = 0;
     for example in PAGE.split("```toml\n").skip(1) {
         let (toml, _) = example.split_once("```").expect("a block has an end");
-        let events = check_faults(toml, &context).unwrap_or_else(|e| panic!("{toml}\n{e}"));
+        let events = context
+            .check(toml, &[])
+            .unwrap_or_else(|e| panic!("{toml}\n{e}"));
         for event in events {
             for effect in &event.effects {
                 let FaultAction::Kind { parameters, list } = &effect.action else {

@@ -2,7 +2,7 @@
 
 use std::num::NonZero;
 
-use hil_config::live_faults::{FaultContext, check_faults};
+use hil_config::live_faults::FaultContext;
 use hil_config::plan::{Clock, Plan};
 use rustix::thread::{CpuSet, sched_getaffinity};
 use shared_types::time::Step;
@@ -122,22 +122,7 @@ fn delayed(reference: &Case, wall_time_s: f64) -> Case {
         condition.skipped = Some("the binaries do not describe themselves".into());
         return condition;
     };
-    let faults = check_faults(
-        &text,
-        &FaultContext {
-            plant,
-            kinds,
-            parameters: &plan.plant.parameters,
-            stimuli: &plan.stimuli,
-            internals: &law.internals,
-            derived: &[],
-            rate: plan.run.rate,
-            steps: plan.run.steps,
-            names: &[],
-            first_id: 1 + plan.faults.iter().map(|fault| fault.id).max().unwrap_or(0),
-        },
-    );
-    match faults {
+    match FaultContext::of(plan, plant, kinds).check(&text, &law.internals) {
         Ok(faults) => condition.plan.faults.extend(faults),
         Err(_) => condition.skipped = Some("the plant's binary has no fault `late`".into()),
     }
