@@ -299,12 +299,7 @@ fn name(reader: &mut Reader, root: &Section<'_>, scenario: &Scenario) -> String 
             }
         };
         reader
-            .report(
-                ProblemKind::OutOfRange,
-                "name",
-                root.place_of("name"),
-                message,
-            )
+            .report_at(root, "name", ProblemKind::OutOfRange, message)
             .expected("1 to 64 letters, digits, - and _");
     }
     name

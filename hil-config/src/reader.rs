@@ -110,6 +110,17 @@ impl Reader {
         }
     }
 
+    /// Reports a problem of a key of this section.
+    pub(crate) fn report_at(
+        &mut self,
+        section: &Section<'_>,
+        key: &str,
+        kind: ProblemKind,
+        message: impl Into<String>,
+    ) -> &mut Problem {
+        self.report(kind, section.path_of(key), section.place_of(key), message)
+    }
+
     /// Reports a problem.
     pub(crate) fn report(
         &mut self,
@@ -241,14 +252,9 @@ impl Reader {
         let Some((_, keys)) = kinds.clone().find(|(kind, _)| *kind == name) else {
             let names = kinds.map(|(kind, _)| kind);
             let message = format!("unknown kind of {what} `{name}`");
-            self.report(
-                ProblemKind::UnknownName,
-                section.path_of("kind"),
-                section.place_of("kind"),
-                message,
-            )
-            .expected(format!("one of {}", listed(names.clone())))
-            .nearest(name, names);
+            self.report_at(section, "kind", ProblemKind::UnknownName, message)
+                .expected(format!("one of {}", listed(names.clone())))
+                .nearest(name, names);
             return None;
         };
         let further: Vec<&str> = keys.iter().map(|key| key.name).collect();

@@ -96,12 +96,7 @@ impl AnalysisContext<'_> {
             let path = section.path_of("until_s");
             let message = format!("`{path}` is {}", number(until_s));
             reader
-                .report(
-                    ProblemKind::OutOfRange,
-                    path,
-                    section.place_of("until_s"),
-                    message,
-                )
+                .report_at(section, "until_s", ProblemKind::OutOfRange, message)
                 .expected(format!(
                     "a time after the step at {} and up to {} in s",
                     number(at_s),
@@ -170,14 +165,8 @@ impl AnalysisContext<'_> {
             None
         };
         if let Some(message) = wrong {
-            let place = section.place_of("stimulus");
             reader
-                .report(
-                    ProblemKind::Mismatch,
-                    section.path_of("stimulus"),
-                    place,
-                    message,
-                )
+                .report_at(section, "stimulus", ProblemKind::Mismatch, message)
                 .expected("a chirp from a low to a high frequency, within the run");
             return None;
         }
@@ -280,8 +269,7 @@ impl AnalysisContext<'_> {
                 0 => format!("a scenario with a stimulus of kind {kind}"),
                 _ => format!("one of {}", listed(names())),
             };
-            let place = section.place_of("stimulus");
-            let report = reader.report(problem, path, place, message);
+            let report = reader.report_at(section, "stimulus", problem, message);
             let report = report.expected(expected);
             if let Some(name) = named {
                 report.nearest(name, names());

@@ -137,12 +137,7 @@ fn unbound(
         }
         None => format!("{asks} `{name}` in {unit}, which {gives} does not give"),
     };
-    let problem = reader.report(
-        ProblemKind::Unbound,
-        section.path_of("law"),
-        section.place_of("law"),
-        message,
-    );
+    let problem = reader.report_at(section, "law", ProblemKind::Unbound, message);
     if other_unit.is_none() {
         problem.nearest(name, given.iter().map(|field| field.name.as_str()));
     }

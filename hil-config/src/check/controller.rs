@@ -60,12 +60,7 @@ pub(super) fn find<'d>(
         None => (ProblemKind::UnknownName, format!("unknown law `{name}`")),
     };
     let problem = reader
-        .report(
-            kind,
-            section.path_of("law"),
-            section.place_of("law"),
-            message,
-        )
+        .report_at(section, "law", kind, message)
         .expected(format!("one of {}", listed(names.iter().copied())));
     match law {
         Some(law) => {
@@ -208,10 +203,10 @@ fn rate_divisor(reader: &mut Reader, section: &Section<'_>, grid: Option<Grid>) 
         )
     };
     reader
-        .report(
+        .report_at(
+            section,
+            "rate_hz",
             ProblemKind::Mismatch,
-            section.path_of("rate_hz"),
-            section.place_of("rate_hz"),
             format!(
                 "`controller.rate_hz` is {}, no whole fraction of `run.rate_hz` = {}",
                 number(rate_hz),

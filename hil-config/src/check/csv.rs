@@ -53,11 +53,10 @@ pub(super) fn read(
 ) -> Option<()> {
     let name = reader.text(section, "file")?;
     let key = section.path_of("file");
-    let place = section.place_of("file");
     let Some(folder) = folder else {
         let message = format!("`{key}`: a running plant reads no files");
         reader
-            .report(ProblemKind::Unreadable, key, place, message)
+            .report_at(section, "file", ProblemKind::Unreadable, message)
             .expected("the numbers themselves");
         return None;
     };
@@ -67,7 +66,7 @@ pub(super) fn read(
         Err(error) => {
             let message = format!("`{}` cannot be read: {error}", path.display());
             reader
-                .report(ProblemKind::Unreadable, key, place, message)
+                .report_at(section, "file", ProblemKind::Unreadable, message)
                 .expected(format!("a CSV file: {}", layout.expected()));
             return None;
         }

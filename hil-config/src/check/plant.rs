@@ -20,10 +20,10 @@ pub(super) fn find<'d>(
     if found.is_none() {
         let names = plants.iter().map(|plant| plant.name.as_str());
         reader
-            .report(
+            .report_at(
+                section,
+                "model",
                 ProblemKind::UnknownName,
-                section.path_of("model"),
-                section.place_of("model"),
                 format!("unknown plant `{model}`"),
             )
             .expected(format!("one of {}", listed(names.clone())))

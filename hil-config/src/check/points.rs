@@ -67,14 +67,8 @@ fn lists(
     } else {
         return Some((time_s, values));
     };
-    let path = section.path_of("time_s");
     reader
-        .report(
-            ProblemKind::Mismatch,
-            path,
-            section.place_of("time_s"),
-            message,
-        )
+        .report_at(section, "time_s", ProblemKind::Mismatch, message)
         .expected("at least one point, times strictly rising, as many values as times");
     None
 }

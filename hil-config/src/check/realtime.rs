@@ -51,9 +51,7 @@ fn as_u32(value: i64) -> u32 {
 /// Refuses settings with which one would keep the other from its core.
 fn refuse_blocking(reader: &mut Reader, section: &Section<'_>, realtime: &Realtime) {
     let mut mismatch = |key, message: String, expected| {
-        let place = section.place_of(key);
-        (reader.report(ProblemKind::Mismatch, section.path_of(key), place, message))
-            .expected(expected);
+        (reader.report_at(section, key, ProblemKind::Mismatch, message)).expected(expected);
     };
     if let (Some(core), WaitStrategy::Spin) = (realtime.plant_core, realtime.wait)
         && realtime.controller_core == Some(core)

@@ -51,18 +51,17 @@ fn name<'a>(
     names: &mut HashSet<&'a str>,
 ) -> Option<&'a str> {
     let name = reader.text(section, "name")?;
-    let (path, place) = (section.path_of("name"), section.place_of("name"));
     let legal = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
     if !(1..=64).contains(&name.len()) || !name.chars().all(legal) {
-        let message = format!("`{path}` is `{name}`");
+        let message = format!("`{}` is `{name}`", section.path_of("name"));
         reader
-            .report(ProblemKind::OutOfRange, path, place, message)
+            .report_at(section, "name", ProblemKind::OutOfRange, message)
             .expected("1 to 64 letters, digits, - and _");
         return None;
     }
     if !names.insert(name) {
         let message = format!("a requirement is already named `{name}`");
-        reader.report(ProblemKind::Duplicate, path, place, message);
+        reader.report_at(section, "name", ProblemKind::Duplicate, message);
         return None;
     }
     Some(name)

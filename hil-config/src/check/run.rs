@@ -73,8 +73,6 @@ pub(super) fn check(reader: &mut Reader, root: &Section<'_>) -> (Option<Grid>, O
 /// The number of steps of a duration, which must be whole.
 fn steps(reader: &mut Reader, section: &Section<'_>, duration_s: f64, rate: Rate) -> Option<u64> {
     let exact = duration_s * rate.hz();
-    let path = section.path_of("duration_s");
-    let place = section.place_of("duration_s");
     let product = format!(
         "{} s at {} Hz are {} steps",
         number(duration_s),
@@ -83,7 +81,7 @@ fn steps(reader: &mut Reader, section: &Section<'_>, duration_s: f64, rate: Rate
     );
     if exact > MAX_STEPS as f64 {
         reader
-            .report(ProblemKind::OutOfRange, path, place, product)
+            .report_at(section, "duration_s", ProblemKind::OutOfRange, product)
             .expected(format!("at most 2^40 = {MAX_STEPS} steps"));
         return None;
     }
@@ -103,7 +101,7 @@ fn steps(reader: &mut Reader, section: &Section<'_>, duration_s: f64, rate: Rate
         ),
     };
     reader
-        .report(ProblemKind::Mismatch, path, place, product)
+        .report_at(section, "duration_s", ProblemKind::Mismatch, product)
         .expected("a whole number of steps, at least 1")
         .help(format!("the nearest durations are {neighbours} s"));
     None

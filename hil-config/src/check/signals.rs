@@ -134,17 +134,16 @@ fn name<'a>(
 ) -> Option<&'a str> {
     let name = reader.text(section, "name")?;
     let path = section.path_of("name");
-    let place = section.place_of("name");
     if !is_signal_name(name) || is_reserved(name) || is_operator(name) {
         let message = format!("`{path}` is `{name}`");
         reader
-            .report(ProblemKind::OutOfRange, path, place, message)
+            .report_at(section, "name", ProblemKind::OutOfRange, message)
             .expected("a name of letters, digits and _ that is no function, for example error_m");
         return None;
     }
     if !names.insert(name) {
         let message = format!("a derived signal or metric is already named `{name}`");
-        reader.report(ProblemKind::Duplicate, path, place, message);
+        reader.report_at(section, "name", ProblemKind::Duplicate, message);
         return None;
     }
     Some(name)

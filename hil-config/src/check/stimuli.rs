@@ -32,13 +32,7 @@ pub(super) fn check(
             let again = fields.iter().find(|field| given.contains(&field.name));
             if let Some(field) = again {
                 let message = format!("two stimuli give the reference signal `{}`", field.name);
-                let path = section.path_of("target");
-                reader.report(
-                    ProblemKind::Duplicate,
-                    path,
-                    section.place_of("target"),
-                    message,
-                );
+                reader.report_at(section, "target", ProblemKind::Duplicate, message);
             }
             given.extend(fields.into_iter().map(|field| field.name));
         }
@@ -72,12 +66,7 @@ fn target<'a>(reader: &mut Reader, section: &Section<'a>) -> Option<&'a str> {
     let path = section.path_of("target");
     let message = format!("`{path}` is `{target}`");
     reader
-        .report(
-            ProblemKind::OutOfRange,
-            path,
-            section.place_of("target"),
-            message,
-        )
+        .report_at(section, "target", ProblemKind::OutOfRange, message)
         .expected("a name of letters, digits and _, for example surface_angle_rad");
     None
 }
@@ -204,12 +193,7 @@ fn sweep_between(
         number(end_hz)
     );
     reader
-        .report(
-            ProblemKind::OutOfRange,
-            path,
-            section.place_of("sweep"),
-            message,
-        )
+        .report_at(section, "sweep", ProblemKind::OutOfRange, message)
         .expected("`start_hz` and `end_hz` above 0 that differ, or a linear sweep");
     None
 }
@@ -232,12 +216,7 @@ fn in_run(
     let path = section.path_of("at_s");
     let message = format!("`{path}` is {}, after the end of the run", number(at_s));
     reader
-        .report(
-            ProblemKind::OutOfRange,
-            path,
-            section.place_of("at_s"),
-            message,
-        )
+        .report_at(section, "at_s", ProblemKind::OutOfRange, message)
         .expected(format!("a time from 0 to {} in s", number(end_s)));
     None
 }

@@ -104,12 +104,7 @@ impl Event<'_> {
         let message = format!("`{path}`: at {} s the run is over", number(begin_s));
         let last_s = number(grid.rate.seconds(last));
         reader
-            .report(
-                ProblemKind::OutOfRange,
-                path,
-                section.place_of(key),
-                message,
-            )
+            .report_at(section, key, ProblemKind::OutOfRange, message)
             .expected(format!("a skew to at most {last_s} s, step {last}"));
         Err(Reported)
     }

@@ -72,7 +72,7 @@ pub(super) fn leaves_time(
         number(rate.seconds(begin))
     );
     reader
-        .report(ProblemKind::Mismatch, path, section.place_of(key), message)
+        .report_at(section, key, ProblemKind::Mismatch, message)
         .expected("an end after every effect has taken hold");
     Err(Reported)
 }

@@ -63,12 +63,7 @@ pub(super) fn find<'a>(
     let names = (own.iter().map(|fault| fault.kind.as_str()))
         .chain(context.kinds.iter().map(|kind| kind.kind.as_str()));
     let message = format!("plant `{}` has no fault `{name}`", plant.name);
-    let problem = reader.report(
-        ProblemKind::UnknownName,
-        section.path_of("kind"),
-        section.place_of("kind"),
-        message,
-    );
+    let problem = reader.report_at(section, "kind", ProblemKind::UnknownName, message);
     if names.clone().next().is_none() {
         problem.expected("no faults: this plant offers none");
     } else {

@@ -43,10 +43,9 @@ pub(super) fn check(
         && section.table.get(&speed.name).is_some()
     {
         let path = section.path_of(&speed.name);
-        let place = section.place_of(&speed.name);
         let message = format!("`{path}` is the speed of a course that `profile` replaces");
         reader
-            .report(ProblemKind::Mismatch, path, place, message)
+            .report_at(section, &speed.name, ProblemKind::Mismatch, message)
             .expected(format!(
                 "one of {}",
                 listed([speed.name.as_str(), "profile"])

@@ -35,10 +35,9 @@ impl Keys {
             (false, true) => Ok(Some(in_steps)),
             (true, true) => {
                 let path = section.path_of(in_steps);
-                let place = section.place_of(in_steps);
                 let message = format!("`{path}` says again what `{in_s}` says");
                 reader
-                    .report(ProblemKind::Duplicate, path, place, message)
+                    .report_at(section, in_steps, ProblemKind::Duplicate, message)
                     .expected(format!("one of {}", listed([in_s, in_steps])));
                 Err(Reported)
             }
@@ -104,12 +103,7 @@ impl Keys {
         };
         let message = format!("`{path}`: at {when} the run is over");
         reader
-            .report(
-                ProblemKind::OutOfRange,
-                path,
-                section.place_of(key),
-                message,
-            )
+            .report_at(section, key, ProblemKind::OutOfRange, message)
             .expected(expected);
         Err(Reported)
     }
@@ -136,6 +130,6 @@ pub(super) fn refuse_alone(
     }
     let path = section.path_of(key);
     let message = format!("`{path}` belongs to `{owner}`, which is not there");
-    reader.report(ProblemKind::Mismatch, path, section.place_of(key), message);
+    reader.report_at(section, key, ProblemKind::Mismatch, message);
     Err(Reported)
 }

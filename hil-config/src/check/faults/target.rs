@@ -226,12 +226,7 @@ pub(super) fn of_kind(
         .collect();
     let columns = Columns::named(names.clone());
     let problem = reader
-        .report(
-            sort,
-            section.path_of("target"),
-            section.place_of("target"),
-            message,
-        )
+        .report_at(section, "target", sort, message)
         .expected(format!(
             "one of {}",
             listed(names.iter().map(String::as_str))
@@ -261,12 +256,7 @@ fn refuse(
         (ProblemKind::UnknownName, format!("unknown target `{name}`"))
     };
     let problem = reader
-        .report(
-            sort,
-            section.path_of("target"),
-            section.place_of("target"),
-            message,
-        )
+        .report_at(section, "target", sort, message)
         .expected(described(acts_on));
     if !exists {
         let possible = Columns::named(possible(context, acts_on));

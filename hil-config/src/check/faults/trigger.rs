@@ -66,14 +66,8 @@ pub(super) fn check(
         }
         [first, second, ..] => {
             let message = format!("`{}` has both `{first}` and `{second}`", section.path);
-            let path = section.path_of(second);
             reader
-                .report(
-                    ProblemKind::Mismatch,
-                    path,
-                    section.place_of(second),
-                    message,
-                )
+                .report_at(section, second, ProblemKind::Mismatch, message)
                 .expected(format!("exactly one of {}", listed(TRIGGERS)));
             None
         }
@@ -147,12 +141,7 @@ pub(super) fn earliest(
                     several => format!("{} wait for each other", several.join(", ")),
                 };
                 reader
-                    .report(
-                        ProblemKind::Mismatch,
-                        section.path_of("after"),
-                        section.place_of("after"),
-                        message,
-                    )
+                    .report_at(section, "after", ProblemKind::Mismatch, message)
                     .expected("an event that takes hold by itself");
                 None
             }
@@ -177,12 +166,7 @@ fn in_time(
         number(grid.rate.seconds(Step(step)))
     );
     reader
-        .report(
-            ProblemKind::OutOfRange,
-            path,
-            section.place_of(key),
-            message,
-        )
+        .report_at(section, key, ProblemKind::OutOfRange, message)
         .expected(format!(
             "that the fault takes hold by {} s, step {}",
             number(grid.rate.seconds(Step(grid.steps - 1))),
