@@ -24,9 +24,7 @@ after = 0.01
 kind = "bias"
 at_s = 0.2
 duration_s = 0.1
-[[faults.effects]]
-target = "measured.position_m"
-bias = 1e-3
+effects = [{ target = "measured.position_m", bias = 1e-3 }]
 "#;
 
 #[test]

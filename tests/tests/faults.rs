@@ -289,21 +289,16 @@ kind = "bias"
 when = "abs(truth.surface_rate_radps) > 0 and truth.surface_angle_rad > -1"
 for_s = 0.01
 duration_s = 0.002
-[[faults.effects]]
-target = "measured.surface_angle_rad"
-bias = 1e-4
+effects = [{ target = "measured.surface_angle_rad", bias = 1e-4 }]
 
 [[faults]]
 kind = "bias"
 after = "first"
 delay_s = 0.1
-[[faults.effects]]
-target = "measured.surface_angle_rad"
-bias = 1e-4
-[[faults.effects]]
-target = "measured.surface_rate_radps"
-bias = 1e-4
-skew_s = 0.05
+effects = [
+  { target = "measured.surface_angle_rad", bias = 1e-4 },
+  { target = "measured.surface_rate_radps", bias = 1e-4, skew_s = 0.05 },
+]
 "#;
     let path = rig.write("chain.toml", &format!("{BASE}{faults}"));
     let run = rig.run(&path.display().to_string()).expect(0);

@@ -122,62 +122,45 @@ const FAULTS: &str = r#"
 [[faults]]
 kind = "noise"
 at_s = 0.01
-[[faults.effects]]
-target = "measured.surface_angle_rad"
-standard_deviation = 1e-6
-[[faults.effects]]
-target = "parameter.actuator1.bulk_modulus_pa"
-standard_deviation = 1e3
+effects = [
+  { target = "measured.surface_angle_rad", standard_deviation = 1e-6 },
+  { target = "parameter.actuator1.bulk_modulus_pa", standard_deviation = 1e3 },
+]
 
 [[faults]]
 kind = "delay"
 at_s = 0.01
-[[faults.effects]]
-target = "command.actuator1_valve_current_a"
-steps = 3
+effects = [{ target = "command.actuator1_valve_current_a", steps = 3 }]
 
 [[faults]]
 kind = "dropout"
 at_s = 0.01
-[[faults.effects]]
-target = "measured.actuator2_velocity_mps"
-profile = { kind = "intermittent", period_s = 0.001, duty = 0.1 }
+effects = [{ target = "measured.actuator2_velocity_mps", profile = { kind = "intermittent", period_s = 0.001, duty = 0.1 } }]
 
 [[faults]]
 kind = "message-jitter"
 at_s = 0.01
-[[faults.effects]]
-target = "link.sample"
-steps = 2
+effects = [{ target = "link.sample", steps = 2 }]
 
 [[faults]]
 kind = "message-corruption"
 at_s = 0.01
-[[faults.effects]]
-target = "link.command"
-probability = 0.5
+effects = [{ target = "link.command", probability = 0.5 }]
 
 [[faults]]
 kind = "skip"
 at_s = 0.01
-[[faults.effects]]
-target = "controller"
-steps = 1
-period_steps = 10
+effects = [{ target = "controller", steps = 1, period_steps = 10 }]
 
 [[faults]]
 kind = "late"
 at_s = 0.01
-[[faults.effects]]
-target = "plant"
-busy_us = 1
+effects = [{ target = "plant", busy_us = 1 }]
 
 [[faults]]
 kind = "bias"
 when = "tracking_error_rad > 1e9"
-[[faults.effects]]
-target = "reference.surface_angle_rad"
-bias = 1
+effects = [{ target = "reference.surface_angle_rad", bias = 1 }]
 "#;
 
 /// The scenario's jobs for both sides.

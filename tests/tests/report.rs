@@ -22,9 +22,7 @@ const SPIKE: &str = "
 [[faults]]
 kind = \"spike\"
 at_s = 6.789
-[[faults.effects]]
-target = \"measured.position_m\"
-amplitude = 0.5
+effects = [{ target = \"measured.position_m\", amplitude = 0.5 }]
 
 [[requirements]]
 name = \"stays_in_reach\"

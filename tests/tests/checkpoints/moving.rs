@@ -40,8 +40,7 @@ const CASES: [(&str, &str, &str); 13] = [
         for_s = 0.05
         until = "truth.velocity_mps < 0"
         until_for_s = 0.07
-        [[faults.effects]]
-        target = "measured.velocity_mps"
+        effects = [{ target = "measured.velocity_mps" }]
         "#,
     ),
     (
@@ -52,22 +51,16 @@ const CASES: [(&str, &str, &str); 13] = [
         name = "first"
         kind = "bias"
         at_s = 0.2
-        [[faults.effects]]
-        target = "measured.position_m"
-        bias = 1e-3
-        [[faults.effects]]
-        target = "command.force_n"
-        bias = 0.1
-        skew_s = 0.3
+        effects = [
+          { target = "measured.position_m", bias = 1e-3 },
+          { target = "command.force_n", bias = 0.1, skew_s = 0.3 },
+        ]
         [[faults]]
         kind = "scale"
         after = "first"
         delay_s = 0.25
         duration_s = 0.2
-        [[faults.effects]]
-        target = "reference.position_m"
-        factor = 1.5
-        profile = { kind = "ramp", duration_s = 0.1 }
+        effects = [{ target = "reference.position_m", factor = 1.5, profile = { kind = "ramp", duration_s = 0.1 } }]
         "#,
     ),
     (
@@ -78,18 +71,12 @@ const CASES: [(&str, &str, &str); 13] = [
         kind = "spike"
         at_s = 0.1
         occurrences = 3
-        [[faults.effects]]
-        target = "measured.position_m"
-        amplitude = 0.01
-        period_s = 0.2
-        width_s = 0.05
+        effects = [{ target = "measured.position_m", amplitude = 0.01, period_s = 0.2, width_s = 0.05 }]
         [[faults]]
         kind = "message-loss"
         at_s = 0.1
         occurrences = 100
-        [[faults.effects]]
-        target = "link.sample"
-        probability = 0.3
+        effects = [{ target = "link.sample", probability = 0.3 }]
         "#,
     ),
     (
@@ -99,42 +86,27 @@ const CASES: [(&str, &str, &str); 13] = [
         [[faults]]
         kind = "message-delay"
         at_s = 0.1
-        [[faults.effects]]
-        target = "link.sample"
-        steps = 30
-        profile = { kind = "sine", frequency_hz = 3 }
+        effects = [{ target = "link.sample", steps = 30, profile = { kind = "sine", frequency_hz = 3 } }]
         [[faults]]
         kind = "dropout"
         at_s = 0.1
-        [[faults.effects]]
-        target = "measured.velocity_mps"
-        profile = { kind = "intermittent", period_s = 0.01, duty = 0.5 }
+        effects = [{ target = "measured.velocity_mps", profile = { kind = "intermittent", period_s = 0.01, duty = 0.5 } }]
         [[faults]]
         kind = "message-jitter"
         at_s = 0.2
-        [[faults.effects]]
-        target = "link.sample"
-        steps = 20
+        effects = [{ target = "link.sample", steps = 20 }]
         [[faults]]
         kind = "message-reordering"
         at_s = 0.15
-        [[faults.effects]]
-        target = "link.command"
-        probability = 0.5
+        effects = [{ target = "link.command", probability = 0.5 }]
         [[faults]]
         kind = "message-duplication"
         at_s = 0.25
-        [[faults.effects]]
-        target = "link.command"
-        probability = 0.5
-        lag_steps = 25
+        effects = [{ target = "link.command", probability = 0.5, lag_steps = 25 }]
         [[faults]]
         kind = "message-corruption"
         at_s = 0.3
-        [[faults.effects]]
-        target = "link.command"
-        probability = 0.2
-        bits = 3
+        effects = [{ target = "link.command", probability = 0.2, bits = 3 }]
         "#,
     ),
     (
@@ -145,16 +117,12 @@ const CASES: [(&str, &str, &str); 13] = [
         kind = "message-delay"
         at_s = 0.1
         duration_s = 0.15
-        [[faults.effects]]
-        target = "link.sample"
-        steps = 60
+        effects = [{ target = "link.sample", steps = 60 }]
         [[faults]]
         kind = "message-loss"
         at_s = 0.12
         duration_s = 0.3
-        [[faults.effects]]
-        target = "link.sample"
-        pattern = [0, 1, 1]
+        effects = [{ target = "link.sample", pattern = [0, 1, 1] }]
         "#,
     ),
     (
@@ -164,18 +132,11 @@ const CASES: [(&str, &str, &str); 13] = [
         [[faults]]
         kind = "skip"
         at_s = 0.1
-        [[faults.effects]]
-        target = "controller"
-        steps = 23
-        burst = 2
-        period_steps = 60
+        effects = [{ target = "controller", steps = 23, burst = 2, period_steps = 60 }]
         [[faults]]
         kind = "late"
         at_s = 0.2
-        [[faults.effects]]
-        target = "controller"
-        busy_us = 1
-        spread_us = 3
+        effects = [{ target = "controller", busy_us = 1, spread_us = 3 }]
         "#,
     ),
     (
@@ -185,21 +146,15 @@ const CASES: [(&str, &str, &str); 13] = [
         [[faults]]
         kind = "stuck"
         at_s = 0.1
-        [[faults.effects]]
-        target = "measured.position_m"
-        profile = { kind = "intermittent", period_s = 0.2, duty = 0.6 }
+        effects = [{ target = "measured.position_m", profile = { kind = "intermittent", period_s = 0.2, duty = 0.6 } }]
         [[faults]]
         kind = "delay"
         at_s = 0.15
-        [[faults.effects]]
-        target = "measured.velocity_mps"
-        steps = 90
+        effects = [{ target = "measured.velocity_mps", steps = 90 }]
         [[faults]]
         kind = "dropout"
         at_s = 0.2
-        [[faults.effects]]
-        target = "command.force_n"
-        profile = { kind = "intermittent", period_s = 0.3, duty = 0.5 }
+        effects = [{ target = "command.force_n", profile = { kind = "intermittent", period_s = 0.3, duty = 0.5 } }]
         "#,
     ),
     (
@@ -209,9 +164,7 @@ const CASES: [(&str, &str, &str); 13] = [
         [[faults]]
         kind = "dropout"
         at_s = 0.1
-        [[faults.effects]]
-        target = "measured.position_m"
-        profile = { kind = "intermittent", period_s = 0.16, duty = 0.5 }
+        effects = [{ target = "measured.position_m", profile = { kind = "intermittent", period_s = 0.16, duty = 0.5 } }]
         "#,
     ),
     (
@@ -221,12 +174,10 @@ const CASES: [(&str, &str, &str); 13] = [
         [[faults]]
         kind = "noise"
         at_s = 0.1
-        [[faults.effects]]
-        target = "measured.position_m"
-        standard_deviation = 1e-4
-        [[faults.effects]]
-        target = "measured.position_m"
-        standard_deviation = 1e-5
+        effects = [
+          { target = "measured.position_m", standard_deviation = 1e-4 },
+          { target = "measured.position_m", standard_deviation = 1e-5 },
+        ]
         "#,
     ),
     (
@@ -237,15 +188,11 @@ const CASES: [(&str, &str, &str); 13] = [
         kind = "stiffness-loss"
         at_s = 0.1
         duration_s = 0.5
-        [[faults.effects]]
-        factor = 0.5
-        profile = { kind = "ramp", duration_s = 0.3 }
+        effects = [{ factor = 0.5, profile = { kind = "ramp", duration_s = 0.3 } }]
         [[faults]]
         kind = "noise"
         at_s = 0.3
-        [[faults.effects]]
-        target = "parameter.disturbance_n"
-        standard_deviation = 0.1
+        effects = [{ target = "parameter.disturbance_n", standard_deviation = 0.1 }]
         "#,
     ),
 ];
