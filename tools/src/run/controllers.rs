@@ -13,6 +13,7 @@ use shared_types::record::{Change, ControllerChange};
 use shared_types::session::Session;
 use shared_types::supervision::{EXPECT, MOST_EPOCHS, PEER_GONE};
 
+use super::jobs;
 use super::side::Side;
 use crate::programs::binaries::Binary;
 use crate::results::ended::Started;
@@ -263,7 +264,7 @@ impl Controllers {
             return;
         }
         let place = self.place_in_office();
-        let job = law.onto(self.members[place].job.clone());
+        let job = jobs::with_law(self.members[place].job.clone(), law);
         match self.add(session, binary, job, set) {
             Ok(epoch) => {
                 plant.tell(&format!("{EXPECT} {epoch}"));

@@ -1,15 +1,14 @@
 //! Jobs of a run: the part of the plan that each side gets, put into the session's folder and looked at by
 //! both programs before anything is started.
 
-use controller_process::job::JOB_FILE as CONTROLLER_FILE;
-use hil_config::plan::{Clock, Plan};
-use plant_process::job::JOB_FILE as PLANT_FILE;
+use hil_config::plan::{Clock, ControllerPlan, Plan};
+use serde::Serialize;
 use shared_types::checkpoint::Checkpoints;
-use shared_types::session::{SessionError, SessionInfo};
+use shared_types::session::SessionInfo;
 use shared_types::time::Step;
 
 use super::settings::Settings;
-use crate::programs::binaries::Binaries;
+use crate::programs::binaries::{Binaries, Binary};
 use crate::terminal::exit::Failure;
 use crate::terminal::interruption::Interruption;
 
@@ -53,32 +52,38 @@ pub(crate) fn controller(
     session: &SessionInfo,
     wait_limit_s: f64,
 ) -> controller_process::job::Job {
-    let (model, rate) = (&plan.plant.model, plan.run.rate);
-    let plan = &plan.controller;
+    let (plant, law) = (&plan.plant.model, &plan.controller.law);
+    let job =
+        controller_process::job::Job::new(session.id, plant, law, plan.run.rate, wait_limit_s);
+    with_law(job, plan.controller.clone())
+}
+
+/// Gives a job another law.
+pub(super) fn with_law(
+    job: controller_process::job::Job,
+    plan: ControllerPlan,
+) -> controller_process::job::Job {
     controller_process::job::Job {
-        parameters: plan.parameters.clone(),
-        model: plan.model.clone(),
+        law: plan.law,
+        parameters: plan.parameters,
+        model: plan.model,
         rate_divisor: plan.rate_divisor,
         command_delay_steps: plan.command_delay_steps,
-        ..controller_process::job::Job::new(session.id, model, &plan.law, rate, wait_limit_s)
+        ..job
     }
 }
 
-/// Puts the jobs into the session's folder and has both programs look at theirs.
+/// Puts a job into the session's folder and has its program look at it.
 ///
 /// # Errors
-/// Objection of a program to its job.
+/// Objection of the program to its job.
 pub(super) fn check(
-    binaries: &Binaries,
+    binary: &Binary,
     session: &SessionInfo,
-    plant: &plant_process::job::Job,
-    controller: &controller_process::job::Job,
+    file: &str,
+    job: &impl Serialize,
     interruption: &Interruption,
 ) -> Result<(), Failure> {
-    let failed = |error: SessionError| Failure::infrastructure(error);
-    session.write_file(PLANT_FILE, plant).map_err(failed)?;
-    (session.write_file(CONTROLLER_FILE, controller)).map_err(failed)?;
-    let folder = &session.folder;
-    (binaries.plant).check(&folder.join(PLANT_FILE), interruption)?;
-    (binaries.controller).check(&folder.join(CONTROLLER_FILE), interruption)
+    (session.write_file(file, job)).map_err(Failure::infrastructure)?;
+    binary.check(&session.folder.join(file), interruption)
 }

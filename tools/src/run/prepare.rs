@@ -139,7 +139,16 @@ pub(super) fn prepare(
             resumed = Some(from.resumed(branch));
         }
     }
-    jobs::check(&binaries, &info, &plant, &controller, &interruption)?;
+    let plant_file = plant_process::job::JOB_FILE;
+    jobs::check(&binaries.plant, &info, plant_file, &plant, &interruption)?;
+    let controller_file = controller_process::job::JOB_FILE;
+    jobs::check(
+        &binaries.controller,
+        &info,
+        controller_file,
+        &controller,
+        &interruption,
+    )?;
     let is_in_process = settings.link == LinkKind::InProcess;
     Notice::write(&info, &effective, &binaries, is_in_process)?;
     let folder = folder::create(settings.out.as_deref(), &plan.name, &info.name)?;

@@ -17,6 +17,7 @@ use shared_types::live::{self, Listening, Refusal};
 use shared_types::session::SessionInfo;
 use toml_edit::{DocumentMut, Item, TableLike};
 
+use super::jobs;
 use crate::programs::binaries::{Binaries, Binary};
 use crate::programs::scenario::{self, kept};
 use crate::terminal::exit::Failure;
@@ -66,30 +67,13 @@ pub(crate) struct Swapped {
 /// A controller that is checked and waits to be started.
 pub(crate) struct Wanted {
     pub(crate) binary: Binary,
-    pub(crate) law: Law,
+    /// Its part of the scenario.
+    pub(crate) law: ControllerPlan,
     /// Values of the scenario that are changed for it.
     pub(crate) set: Vec<String>,
     /// Keys of the scenario that none of its laws has.
     pub(crate) left_out: Vec<String>,
     pub(crate) answer: Sender<Result<Swapped, String>>,
-}
-
-/// A controller's part of the scenario.
-pub(crate) struct Law(ControllerPlan);
-
-impl Law {
-    /// The job of the one in office, for this law.
-    pub(crate) fn onto(self, job: Job) -> Job {
-        let plan = self.0;
-        Job {
-            law: plan.law,
-            parameters: plan.parameters,
-            model: plan.model,
-            rate_divisor: plan.rate_divisor,
-            command_delay_steps: plan.command_delay_steps,
-            ..job
-        }
-    }
 }
 
 /// What a new controller is checked against.
@@ -165,15 +149,10 @@ impl SwapContext {
         };
         let (law, left_out) = self.law(&binary, &request.set).map_err(told)?;
         // Beside the job of the one in office, which may not have read it yet.
-        let job = Law(law.clone()).onto(self.job.clone());
-        session
-            .write_file("swap.json", &job)
-            .map_err(|error| error.to_string())?;
-        let checked = binary.check(&session.folder.join("swap.json"), &self.interruption);
-        checked.map_err(told)?;
+        let job = jobs::with_law(self.job.clone(), law.clone());
+        jobs::check(&binary, session, "swap.json", &job, &self.interruption).map_err(told)?;
         let (answer, answered) = channel();
-        let law = Law(law);
-        let ended = |_| "the run has ended".to_owned();
+        const ENDED: &str = "the run has ended";
         wanted
             .send(Wanted {
                 binary,
@@ -182,7 +161,7 @@ impl SwapContext {
                 left_out,
                 answer,
             })
-            .map_err(|_| "the run has ended".to_owned())?;
+            .map_err(|_| ENDED)?;
         if self.wait_limit_s.is_finite() {
             let limit = Duration::from_secs_f64(self.wait_limit_s).saturating_add(BESIDES);
             match answered.recv_timeout(limit) {
@@ -190,7 +169,7 @@ impl SwapContext {
                 Err(_) => Err("the run has ended, or did not take the controller in time".into()),
             }
         } else {
-            answered.recv().map_err(ended)?
+            answered.recv().map_err(|_| ENDED)?
         }
     }
 
