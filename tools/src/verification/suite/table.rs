@@ -6,28 +6,36 @@ use shared_types::number::short_in;
 
 use super::case::Row;
 use crate::terminal::output;
+use crate::terminal::table::{Table, left, right};
 
 pub(super) fn of(rows: &[Row]) -> String {
     output::text(|text| write(text, rows))
 }
 
 fn write(text: &mut String, rows: &[Row]) -> std::fmt::Result {
-    let width = |of: fn(&Row) -> &str| rows.iter().map(|row| of(row).len()).max().unwrap_or(0);
-    let (label, law) = (width(|row| &row.label).max(3), width(|row| &row.law).max(3));
-    writeln!(
-        text,
-        "  {:<label$}  {:<law$}  {:<7}  {:>12}  {:>8}  {:<8}  folder",
-        "run", "law", "verdict", "requirements", "speed", "digest"
-    )?;
+    let columns = [
+        left(0),
+        left(0),
+        left(7),
+        right(0),
+        right(8),
+        left(8),
+        left(0),
+    ];
+    let mut table = Table::new(2, columns);
+    table.cells([
+        "run",
+        "law",
+        "verdict",
+        "requirements",
+        "speed",
+        "digest",
+        "folder",
+    ]);
     for row in rows {
-        let verdict = row.verdict();
-        write!(
-            text,
-            "  {:<label$}  {:<law$}  {verdict:<7}",
-            row.label, row.law
-        )?;
+        let (label, law, verdict) = (&row.label, &row.law, row.verdict());
         let Some(ran) = &row.ran else {
-            writeln!(text)?;
+            table.row(&[label, law, &verdict]);
             continue;
         };
         let summary = &ran.summary;
@@ -35,16 +43,16 @@ fn write(text: &mut String, rows: &[Row]) -> std::fmt::Result {
             .requirements
             .iter()
             .filter(|one| one.verdict == "pass");
-        let met = match summary.requirements.len() {
+        let met: String = match summary.requirements.len() {
             0 => "-".into(),
             all => format!("{} of {all}", passed.count()),
         };
         let speed = format!("{:.1}x", summary.realtime_factor);
         let digest = summary.digest.as_deref().map_or("-", |digest| &digest[..8]);
         let folder = ran.folder.display();
-        writeln!(text, "  {met:>12}  {speed:>8}  {digest:<8}  {folder}")?;
+        table.row(&[label, law, &verdict, &met, &speed, &digest, &folder]);
     }
-    writeln!(text)?;
+    writeln!(text, "{table}")?;
     for row in rows {
         for reason in row.reasons() {
             writeln!(text, "  {}: {reason}", row.label)?;
