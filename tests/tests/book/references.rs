@@ -207,57 +207,36 @@ fn signals() -> String {
 }
 
 fn parameters(page: &mut String, title: &str, fields: &[Field]) {
-    if fields.is_empty() {
-        return;
-    }
-    write!(
-        page,
-        "{title}:\n\n| name | unit | default | range | what it is |\n|---|---|---|---|---|\n"
-    )
-    .expect("text");
-    for field in fields {
+    let own = |field: &Field| {
         let star = if field.faultable { " *" } else { "" };
         let default = field.default.map_or("required".into(), number);
-        let Field {
-            name,
-            unit,
-            description,
-            ..
-        } = field;
-        writeln!(
-            page,
-            "| `{name}`{star} | {unit} | {default} | {} | {} |",
-            range(field),
-            cell(description)
-        )
-        .expect("text");
-    }
-    page.push('\n');
+        (star, format!(" {default} |"))
+    };
+    list(page, title, (" default |", "---|"), fields, own);
 }
 
 fn columns(page: &mut String, title: &str, fields: &[Field]) {
+    list(page, title, ("", ""), fields, |_| ("", String::new()));
+}
+
+/// Lists fields; `own` gives what follows a field's name, and further cells.
+fn list(
+    page: &mut String,
+    title: &str,
+    (head, line): (&str, &str),
+    fields: &[Field],
+    own: impl Fn(&Field) -> (&'static str, String),
+) {
     if fields.is_empty() {
         return;
     }
-    write!(
-        page,
-        "{title}:\n\n| name | unit | range | what it is |\n|---|---|---|---|\n"
-    )
-    .expect("text");
+    *page += &format!(
+        "{title}:\n\n| name | unit |{head} range | what it is |\n|---|---|{line}---|---|\n"
+    );
     for field in fields {
-        let Field {
-            name,
-            unit,
-            description,
-            ..
-        } = field;
-        writeln!(
-            page,
-            "| `{name}` | {unit} | {} | {} |",
-            range(field),
-            cell(description)
-        )
-        .expect("text");
+        let (Field { name, unit, .. }, (star, cells)) = (field, own(field));
+        let (range, description) = (range(field), cell(&field.description));
+        *page += &format!("| `{name}`{star} | {unit} |{cells} {range} | {description} |\n");
     }
     page.push('\n');
 }

@@ -150,6 +150,13 @@ pub fn controller_job() -> controller_process::job::Job {
     }
 }
 
+/// Finds a state that is not ours: a path in the input may be that of anything.
+fn is_foreign(checkpoints: &Checkpoints) -> bool {
+    let is_ours =
+        |resume: &Resume| FOLDER.with_borrow(|ours| resume.state.starts_with(ours.path()));
+    (checkpoints.resume.as_ref()).is_some_and(|resume| !is_ours(resume))
+}
+
 /// Starts the plant of a job, or is told why not.
 fn start_plant(job: plant_process::job::Job) {
     let plants = plant_process::models::all();
@@ -157,15 +164,7 @@ fn start_plant(job: plant_process::job::Job) {
     let Some(kind) = plants.iter().find(|kind| kind.description.name == *model) else {
         return;
     };
-    // A path in the input may be that of anything.
-    let is_ours =
-        |resume: &Resume| FOLDER.with_borrow(|ours| resume.state.starts_with(ours.path()));
-    if job
-        .checkpoints
-        .resume
-        .as_ref()
-        .is_some_and(|resume| !is_ours(resume))
-    {
+    if is_foreign(&job.checkpoints) {
         return;
     }
     let (link, _) = link::in_process::pair();
@@ -181,14 +180,7 @@ fn start_controller(job: controller_process::job::Job) {
     let Some(kind) = laws.iter().find(|kind| kind.description.name == job.law) else {
         return;
     };
-    let is_ours =
-        |resume: &Resume| FOLDER.with_borrow(|ours| resume.state.starts_with(ours.path()));
-    if job
-        .checkpoints
-        .resume
-        .as_ref()
-        .is_some_and(|resume| !is_ours(resume))
-    {
+    if is_foreign(&job.checkpoints) {
         return;
     }
     let (link, _) = link::in_process::pair();

@@ -5,55 +5,29 @@ use shared_types::record::{FaultAccepted, Outcome, RunEnd};
 
 use super::*;
 use crate::programs::checked::checked;
-use crate::programs::rig::described;
+use crate::programs::rig::{SCENARIO, described};
 use crate::results::fixture::{Content, layout, record, recorded};
 
-const SCENARIO: &str = r#"
-schema = 1
-name = "demo"
-[run]
-duration_s = 0.1
-rate_hz = 1000
-[plant]
-model = "rig"
-[plant.parameters]
-actuator1.leak = 0.0
-actuator2.leak = 0.0
-[controller]
-law = "quiet"
-[[stimuli]]
-target = "surface_angle_rad"
-kind = "step"
-at_s = 0.0
-after = 1.0
-
+const FAULTS: &str = r#"
 [[faults]] # 1: cleared before it takes hold
 kind = "bias"
 at_s = 0.05
-[[faults.effects]]
-target = "measured.surface_angle_rad"
-bias = 1.0
+effects = [{ target = "measured.surface_angle_rad", bias = 1.0 }]
 
 [[faults]] # 2: follows that one
 kind = "bias"
 after = 1
-[[faults.effects]]
-target = "measured.surface_angle_rad"
-bias = 2.0
+effects = [{ target = "measured.surface_angle_rad", bias = 2.0 }]
 
 [[faults]] # 3: cleared while it acts
 kind = "bias"
 at_s = 0.01
-[[faults.effects]]
-target = "measured.surface_angle_rad"
-bias = 3.0
+effects = [{ target = "measured.surface_angle_rad", bias = 3.0 }]
 
 [[faults]] # 4: left alone, follows that one
 kind = "bias"
 after = 3
-[[faults.effects]]
-target = "measured.surface_angle_rad"
-bias = 4.0
+effects = [{ target = "measured.surface_angle_rad", bias = 4.0 }]
 "#;
 
 fn live(id: u32, trigger: Trigger, skews: &[u64], end: FaultEnd) -> FaultEvent {
@@ -140,7 +114,7 @@ fn run(name: &str, events: Vec<Event>) -> Result<RecordedScenario, Failure> {
     };
     let json = |description| serde_json::to_string(description).expect("JSON");
     let enclosures = vec![
-        enclose("scenario.toml", SCENARIO.into()),
+        enclose("scenario.toml", format!("{SCENARIO}{FAULTS}")),
         enclose("plant-description.json", json(&plant)),
         enclose("controller-description.json", json(&controller)),
     ];
