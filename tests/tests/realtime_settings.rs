@@ -84,11 +84,11 @@ fn no_setting_moves_the_digest_and_each_figure_names_the_wait() {
 fn busy_loops_on_each_core_move_no_digest_and_are_named() {
     let rig = Rig::new();
     let wanted = run(&rig, "--no-record --link in-process").digest();
-    let stop = AtomicBool::new(false);
+    let stop = &AtomicBool::new(false);
     std::thread::scope(|scope| {
         let _loops_end = Finally(|| stop.store(true, Ordering::Relaxed));
         for core in cores() {
-            scope.spawn(|| {
+            scope.spawn(move || {
                 pin(core).expect("a core of this process");
                 while !stop.load(Ordering::Relaxed) {
                     std::hint::spin_loop();
@@ -104,8 +104,15 @@ fn busy_loops_on_each_core_move_no_digest_and_are_named() {
             let count = cores().len() as f64;
             assert_eq!(company("cores"), count);
             let others_cores = company("others_cores");
-            assert!((0.3 * count..=count).contains(&others_cores), "{others_cores}");
-            assert!(run.stdout.contains("  other programs kept "), "{}", run.stdout);
+            assert!(
+                (0.3 * count..=count).contains(&others_cores),
+                "{others_cores}"
+            );
+            assert!(
+                run.stdout.contains("  other programs kept "),
+                "{}",
+                run.stdout
+            );
         }
     });
 }
