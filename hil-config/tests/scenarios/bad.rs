@@ -64,7 +64,7 @@ const CASES: &[Case] = &[
     ("lock_memory = true", "lock_memory = ^1", WrongType, &["`realtime.lock_memory` is a number", "expected: true or false"]),
     ("prefault = false", "prefault = ^\"all\"", WrongType, &["`realtime.prefault` is text", "true or false"]),
     ("dma_latency_us = 20", "dma_latency_us = ^-1", OutOfRange, &["`realtime.dma_latency_us` is -1", "from 0 to"]),
-    ("wait = \"spin\"", "wait = ^\"sleep\"", UnknownName, &["`realtime.wait` is `sleep`", "`hybrid`, `spin`, `yield`"]),
+    ("wait = \"spin\"", "wait = ^\"nap\"", UnknownName, &["`realtime.wait` is `nap`", "`hybrid`, `spin`, `yield`, `sleep`"]),
     ("controller_core = 3\nrecorder_core = 0\npriority = 80\nlock_memory = true\nprefault = false\ndma_latency_us = 20\nwait = \"spin\"", "controller_core = 2\nwait = ^\"spin\"", Mismatch, &["plant and controller share core 2", "`yield` or `hybrid`"]),
     ("recorder_core = 0", "recorder_core = ^3", Mismatch, &["core 3 belongs to a loop of priority 80", "a core without one"]),
     ("[realtime]\nplant_core = 2\ncontroller_core = 3\nrecorder_core = 0\npriority = 80\nlock_memory = true\nprefault = false\ndma_latency_us = 20\nwait = \"spin\"", "^[[realtime]]\npriority = 80", WrongType, &["`realtime` is a list", "a table"]),

@@ -120,7 +120,7 @@ fn the_schema_knows_ranges_defaults_and_names() {
     assert_eq!(at(&format!("{realtime}/prefault/default")), false);
     assert_eq!(
         at(&format!("{realtime}/wait/enum")),
-        json!(["hybrid", "spin", "yield"])
+        json!(["hybrid", "spin", "yield", "sleep"])
     );
     // Both laws named pid.
     let pid = "/properties/controller/properties/pid/properties";

@@ -17,7 +17,8 @@ use iceoryx2::prelude::{FileName, SemanticString, ZeroCopySend};
 use iceoryx2_bb_concurrency::atomic::AtomicU32;
 use iceoryx2_bb_posix::access_mode::AccessMode;
 use iceoryx2_cal::dynamic_storage::posix_shared_memory::{
-    Builder, Configuration, DynamicStorage, DynamicStorageBuilder, DynamicStorageOpenError, Storage,
+    Builder, Configuration, DynamicStorage, DynamicStorageBuilder, DynamicStorageCreateError,
+    DynamicStorageOpenError, Storage,
 };
 use iceoryx2_cal::named_concept::{NamedConceptBuilder, NamedConceptConfiguration};
 use rustix::thread::futex;
@@ -61,7 +62,7 @@ impl Bell {
     /// Makes a bell. Its file goes when the last clone here is dropped.
     ///
     /// # Errors
-    /// If it is there already, or shared memory cannot be used.
+    /// [`LinkError::Taken`] if it is there already; or shared memory cannot be used.
     pub fn create(session: &SessionInfo, owner: Owner) -> Result<Self, LinkError> {
         let name = owner.name();
         let (file, configuration) = place(session, &name)?;
@@ -76,7 +77,13 @@ impl Bell {
             })
             .create()
             .map(|storage| Self(Arc::new(storage)))
-            .map_err(|error| transport(&name, error))
+            .map_err(|error| match error {
+                DynamicStorageCreateError::AlreadyExists => LinkError::Taken {
+                    service: name.clone(),
+                    role: "plant",
+                },
+                error => transport(&name, error),
+            })
     }
 
     /// Opens a bell that another process made.
@@ -177,7 +184,8 @@ mod tests {
             "{absent:?}"
         );
         let bell = Bell::create(info, Owner::Plant).expect("creates");
-        assert!(Bell::create(info, Owner::Plant).is_err());
+        let taken = Bell::create(info, Owner::Plant);
+        assert!(matches!(taken, Err(LinkError::Taken { .. })), "{taken:?}");
         let other = Bell::create(info, Owner::Controller(1)).expect("another");
         Bell::open(info, Owner::Plant).expect("opens");
         assert_eq!(info.open_to_others(), Vec::<std::path::PathBuf>::new());
