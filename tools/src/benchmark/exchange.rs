@@ -51,9 +51,9 @@ impl End for Blackboard {
 /// Numbers of round trips.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Trips {
-    /// Before those that count.
+    /// Number of round trips before the ones that count.
     pub warm_up: u64,
-    /// Those that count.
+    /// Number of round trips that count.
     pub measured: u64,
 }
 

@@ -59,7 +59,7 @@ pub struct Looped {
     pub latency: Latency,
     /// Both ways of the round trip; `None` of a law that does not say when it was called.
     pub ways: Option<Ways>,
-    /// When the first and the last step had its command.
+    /// Times at which the first and the last step had their commands.
     pub span_ns: Option<(u64, u64)>,
     /// Real-time settings of both sides; `None` of a recorded run.
     pub sides: Option<Sides>,
