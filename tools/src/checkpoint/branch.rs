@@ -13,7 +13,7 @@ use shared_types::time::{Rate, Step};
 
 use crate::results::faults::FaultLog;
 
-/// How a run that goes on from a checkpoint differs from the one that made it.
+/// Differences between a run that goes on from a checkpoint and the run that made the checkpoint.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Branch {
     /// Numbers of the faults that had begun and go on with other sizes: no scenario repeats such a
@@ -263,7 +263,7 @@ fn changed<'a>(then: &'a Settings, now: &'a Settings) -> impl Iterator<Item = (&
     })
 }
 
-/// Whether two events on the same targets differ in nothing but sizes.
+/// Checks that two events on the same targets differ in nothing but sizes.
 fn same_but_for_sizes(then: &FaultEvent, now: &FaultEvent) -> bool {
     let mut sized = now.clone();
     for (sized, then) in sized.effects.iter_mut().zip(&then.effects) {

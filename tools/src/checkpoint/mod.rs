@@ -35,10 +35,10 @@ use crate::terminal::exit::Failure;
 
 /// Version of the folder.
 const SCHEMA: u32 = 1;
-/// What says what a checkpoint is.
+/// Name of the file that describes a checkpoint.
 const FILE: &str = "checkpoint.json";
 
-/// What a checkpoint is.
+/// Description of a checkpoint.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Checkpoint {
     schema: u32,
@@ -71,7 +71,7 @@ struct SavedSide {
     blake3: String,
 }
 
-/// What was recorded before the step.
+/// Recorded past of a checkpoint: the records before its step.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct SavedPast {
     /// The recording, from the checkpoint's folder.
@@ -123,7 +123,7 @@ pub(crate) fn steps(at_s: &[f64], plan: &Plan, first: Step) -> Result<Vec<Step>,
 /// Refuses a run whose state cannot be saved, or put back, by name.
 ///
 /// # Errors
-/// What cannot, and what it needs.
+/// If the plant, the law or a fault cannot save its state; the error names it and the function it needs.
 pub(crate) fn refuse_unsaveable(plan: &Plan, binaries: &Binaries) -> Result<(), Failure> {
     let cannot = |what: String, needs: &str| {
         Err(Failure::usage(format!(

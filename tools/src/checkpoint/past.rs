@@ -26,7 +26,7 @@ use crate::results::faults::FaultLog;
 use crate::results::resumed::Resumed;
 use crate::terminal::exit::Failure;
 
-/// What a run goes on from.
+/// Past that a run goes on from.
 #[derive(Clone, Debug)]
 pub(crate) struct Past {
     /// The checkpoint's folder.
@@ -35,7 +35,7 @@ pub(crate) struct Past {
     recording: PathBuf,
     /// The scenario as it was in effect.
     scenario: String,
-    /// What happened to faults before the step.
+    /// Events of faults before the step.
     log: FaultLog,
 }
 
@@ -44,11 +44,11 @@ pub(crate) struct Past {
 pub struct PastRecords {
     /// Their recording.
     pub recording: PathBuf,
-    /// How many they are.
+    /// Number of the records.
     pub count: u64,
     /// Their digest.
     pub digest: String,
-    /// What they hold.
+    /// Layout of the records.
     pub layout: RecordLayout,
 }
 
@@ -147,7 +147,7 @@ impl Past {
         self.log.accepted.iter().map(|live| live.event.clone())
     }
 
-    /// What a side's job says of checkpoints.
+    /// Returns the checkpoint settings for a side's job: `others`, and the saved state to go on from.
     #[must_use]
     pub(crate) fn resume(&self, side: Side, others: &Checkpoints) -> Checkpoints {
         let saved = match side {
