@@ -15,7 +15,7 @@ use crate::terminal::output;
 /// Runs the command.
 ///
 /// # Errors
-/// What is wrong with the scenario or the binaries.
+/// If anything is wrong with the scenario or the binaries.
 pub(crate) fn config(arguments: &ConfigArguments) -> Result<Exit, Failure> {
     match &arguments.action {
         ConfigAction::Check(scenario) => {

@@ -28,7 +28,7 @@ use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::interruption::Interruption;
 use crate::terminal::output;
 
-/// What became of a recording.
+/// Result of looking at a recording and recovering it.
 #[derive(Debug, Serialize)]
 struct Recovered {
     /// The recording that was looked at.
@@ -39,20 +39,20 @@ struct Recovered {
     records: u64,
     /// Bytes of the recording.
     bytes: u64,
-    /// Where it broke off, or is damaged: the first byte that is not part of a whole record of the file.
+    /// Offset of the break or the damage: of the first byte that is not part of a whole record of the file.
     whole_bytes: u64,
     digest: Option<String>,
     /// Records that check sums vouch for.
     vouched_records: u64,
-    /// What they do not vouch for; null if they vouch for all.
+    /// Description of what check sums do not vouch for; null if they vouch for all.
     unvouched: Option<String>,
-    /// Why the run counts as ended; null if the recording tells that itself.
+    /// Reason for which the run counts as ended; null if the recording tells that itself.
     reason: Option<String>,
     /// The summary that was written; null if none was.
     summary: Option<String>,
 }
 
-/// What it was before.
+/// State of the recording before its recovery.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 enum State {

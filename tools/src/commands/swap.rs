@@ -13,7 +13,7 @@ use crate::session::live::{RequestError, find, to_json};
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::output;
 
-/// How long `hil` may take to answer: one that is stopped never does.
+/// Longest time that `hil` may take to answer: a stopped process never does.
 const ANSWER_LIMIT: Duration = Duration::from_secs(120);
 
 /// Runs the command.

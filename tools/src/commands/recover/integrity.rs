@@ -14,7 +14,7 @@ use super::*;
 const FLIPS: usize = 60;
 const ALL_FLIPS: usize = 1000;
 
-/// What a file says of its run.
+/// Facts, signals and messages that a file holds of its run.
 #[derive(Debug, PartialEq)]
 struct Said {
     facts: BTreeMap<String, String>,
@@ -66,7 +66,7 @@ impl Said {
     }
 }
 
-/// What became of files with a wrong bit.
+/// Numbers of files with a wrong bit, by the result of their recovery.
 #[derive(Debug, Default, PartialEq)]
 struct Became {
     refused: usize,
@@ -131,7 +131,7 @@ fn places(ranges: &[(usize, usize)], count: usize, seed: u64) -> BTreeSet<(usize
     places
 }
 
-/// Where the packed bytes of a file's chunks are.
+/// Returns the byte ranges of the packed chunks of a file.
 fn packed(original: &Original) -> Vec<(usize, usize)> {
     let summary = mcap::Summary::read(&original.bytes).expect("whole");
     let chunks = summary.expect("there").chunk_indexes;
@@ -198,7 +198,7 @@ fn older(original: &Original) -> Vec<u8> {
     older
 }
 
-/// What the text form of the answer, the new file and its summary of a recovered recording say.
+/// Recovers a recording; returns the answer, its text form and the content of the new file.
 fn told(path: &Path) -> (Recovered, String, Said) {
     let recovered = recovered(path, None).expect("recovered");
     let text = recovered.told();

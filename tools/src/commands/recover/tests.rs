@@ -58,7 +58,7 @@ impl Original {
         path
     }
 
-    /// Where the last of its chunks ends, with the indexes of its messages.
+    /// Returns the offset at which the last chunk ends, with the indexes of its messages.
     pub(super) fn end_of_chunks(&self) -> usize {
         let summary = mcap::Summary::read(&self.bytes).expect("whole");
         let chunks = summary.expect("there").chunk_indexes;
@@ -66,7 +66,7 @@ impl Original {
         (last.chunk_start_offset + last.chunk_length + last.message_index_length) as usize
     }
 
-    /// Where its chunks end, and how many records there are up to there.
+    /// Returns the end of each chunk, and the number of records up to there.
     pub(super) fn chunks(&self) -> Vec<(usize, u64)> {
         let summary = mcap::Summary::read(&self.bytes).expect("whole");
         let chunks = summary.expect("there").chunk_indexes;
