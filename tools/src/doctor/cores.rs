@@ -66,13 +66,13 @@ impl CoreList {
         !self.0.is_disjoint(&other.0)
     }
 
-    /// These without another's.
+    /// Returns the cores that are not in another list.
     #[must_use]
     pub(crate) fn without(&self, other: &Self) -> Self {
         self.0.difference(&other.0).copied().collect()
     }
 
-    /// These and another's.
+    /// Returns the cores of this list and of another.
     #[must_use]
     pub(crate) fn with(&self, other: &Self) -> Self {
         self.0.union(&other.0).copied().collect()
@@ -109,9 +109,9 @@ impl Display for CoreList {
 pub(crate) struct Cores {
     /// All that are online.
     pub online: CoreList,
-    /// Those that this process may use.
+    /// Cores that this process may use.
     pub allowed: CoreList,
-    /// Those that plant and controller would spin on: two, or one where there is no other.
+    /// Cores that plant and controller would spin on: two, or one on a machine that has no other.
     pub chosen: CoreList,
 }
 
@@ -143,7 +143,7 @@ impl Cores {
         })
     }
 
-    /// Those that are left for everything else.
+    /// Returns the cores that are left for everything else.
     #[must_use]
     pub(crate) fn others(&self) -> CoreList {
         self.online.without(&self.chosen)

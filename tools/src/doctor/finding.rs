@@ -48,7 +48,7 @@ pub struct Finding {
     pub grade: Grade,
     /// Observation in a few words.
     pub found: String,
-    /// Why it matters.
+    /// Reason for which the observation matters.
     pub why: &'static str,
     /// The command that mends it, or that shows what could not be read; never run by `hil`.
     pub mend: Option<String>,

@@ -93,8 +93,8 @@ pub(crate) fn doctor(arguments: &DoctorArguments) -> Result<Exit, Failure> {
     })
 }
 
-/// What a recording keeps of the machine it was made on: each check that reads files, by its name,
-/// with grade and finding. Takes a few milliseconds and measures nothing.
+/// Returns the facts that a recording keeps of the machine it was made on: each check that reads files, by
+/// its name, with grade and finding. Takes a few milliseconds and measures nothing.
 #[must_use]
 pub(crate) fn facts() -> Vec<(String, String)> {
     facts_of(&Root::machine())

@@ -10,13 +10,13 @@ const THROTTLING: Check = Check::new(
     "the kernel stops real-time work that never sleeps, every second",
 );
 
-/// What the kernel takes from real-time work on a core, to give it to ordinary work that waits. The
-/// limit of old holds where real-time work is grouped; since Linux 6.12 a server besides takes 50 ms
-/// of each second, whatever the limit.
+/// Time that the kernel takes from real-time work on a core, to give it to ordinary work that waits. The
+/// older limit holds where real-time work is grouped; since Linux 6.12 a server takes 50 ms of each second
+/// besides, whatever the limit.
 enum FairServer {
     /// This kernel has none.
     Absent,
-    /// It takes so much at a time; 0 if it is off.
+    /// Longest time that the server takes at once; 0 if it is off.
     Takes { longest_ns: u64 },
     /// There is one, but it does not tell.
     Unread,
@@ -57,7 +57,7 @@ fn release(version: &str) -> Option<(u32, u32)> {
     Some((next()?, next()?))
 }
 
-/// Whether real-time work that never sleeps is stopped for a part of each second.
+/// Checks whether real-time work that never sleeps is stopped for a part of each second.
 #[must_use]
 pub(crate) fn throttling(tree: &dyn Tree, cores: &Cores) -> Finding {
     let number = |name: &str| tree.read(&format!("proc/sys/kernel/{name}"));

@@ -10,7 +10,7 @@ pub trait Tree {
     /// The whole of a file, without white space around it.
     ///
     /// # Errors
-    /// Which file cannot be read, and why.
+    /// If the file cannot be read; the error names it and the reason.
     fn read(&self, path: &str) -> Result<String, Unread>;
 
     /// The names in a folder, sorted; none if it is not there.
@@ -26,7 +26,7 @@ pub trait Tree {
 pub struct Unread {
     /// Path of the file.
     pub path: String,
-    /// Why.
+    /// Reason for which the file cannot be read.
     pub reason: String,
 }
 

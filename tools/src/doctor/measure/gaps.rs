@@ -20,8 +20,8 @@ const CHECK: Check = Check::new(
     "time that is taken from a spinning thread is missing in some step",
 );
 
-/// Where the classes of holes begin: what is shorter is no hole. Between them lie the limits of the
-/// grades.
+/// Lower limits of the classes of holes: a shorter gap is no hole. The three in the middle are the limits
+/// of the grades.
 pub const CLASSES_NS: [u64; 5] = [
     5_000,
     EXCELLENT_BELOW_NS,

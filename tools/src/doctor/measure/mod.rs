@@ -117,7 +117,7 @@ pub struct Class {
 }
 
 impl Class {
-    /// That of the calling thread.
+    /// Returns the class of the calling thread.
     ///
     /// # Errors
     /// If the kernel does not tell.
