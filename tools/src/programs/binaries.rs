@@ -35,20 +35,20 @@ mod trusted;
 /// A binary and its answer to `--describe`.
 #[derive(Clone, Debug)]
 pub(crate) struct Binary {
-    /// Where it is.
+    /// Path of the binary.
     pub path: PathBuf,
-    /// What it says of itself.
+    /// Description that the binary gives of itself.
     pub description: Description,
     /// Hash of the file.
     pub blake3: String,
-    /// Who named it.
+    /// Source that named the binary.
     pub(crate) by: NamedBy,
     /// The file that was hashed.
     file: FileIdentity,
 }
 
-/// What changes with every change of a file and of its place: device, inode, size, and when its content
-/// and its inode were changed, in s and ns.
+/// Values that change with every change of a file and of its place: device, inode, size, and the times at
+/// which its content and its inode were changed, in s and ns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct FileIdentity([i128; 7]);
 
@@ -76,7 +76,7 @@ pub(crate) struct Binaries {
     pub controller: Binary,
 }
 
-/// Which binaries a run has, before they are asked anything.
+/// Binaries of a run, before they are asked anything.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Choices {
     plant: Choice,
@@ -84,7 +84,7 @@ pub(crate) struct Choices {
 }
 
 impl Choices {
-    /// Those that the arguments or a file name.
+    /// Chooses the binaries that the arguments or a file name.
     ///
     /// # Errors
     /// If what a file names must not be run.
@@ -125,7 +125,7 @@ impl Binaries {
         }
     }
 
-    /// What helps whoever names a plant or law that they do not have.
+    /// Returns advice for whoever names a plant or law that the binaries do not have.
     #[must_use]
     pub(crate) fn advice(&self) -> Advice {
         let name = |role: &Role| format!("`{}` in the scenario or {} PATH", role.key, role.flag);
@@ -135,7 +135,7 @@ impl Binaries {
         }
     }
 
-    /// What scenarios are checked against: plants, laws and kinds of faults.
+    /// Returns the descriptions that scenarios are checked against: plants, laws and kinds of faults.
     #[must_use]
     pub(crate) fn described(
         &self,
@@ -230,7 +230,8 @@ impl Binary {
         })
     }
 
-    /// What helps whoever names a law that it does not have; `name` says how another program is named.
+    /// Returns advice for whoever names a law that the binary does not have; `name` says how to name another
+    /// program.
     pub(crate) fn advice_on_laws(&self, name: &str) -> String {
         self.advice("law", name)
     }
@@ -253,7 +254,7 @@ impl Binary {
     /// Refuses a file that is not the one that was hashed any more.
     ///
     /// # Errors
-    /// That it was changed, with what to do.
+    /// If the file was changed; the error says what to do.
     pub(crate) fn refuse_changed(&self) -> Result<(), Failure> {
         if FileIdentity::of(&self.path).is_ok_and(|file| file == self.file) {
             return Ok(());
@@ -313,7 +314,7 @@ impl Binary {
     /// Asks whether the parameters of a job go together.
     ///
     /// # Errors
-    /// What the binary has against them.
+    /// If the binary refuses the parameters; the error gives its reason.
     pub(crate) fn check(&self, job: &Path, interruption: &Interruption) -> Result<(), Failure> {
         let arguments = ["--check".as_ref(), job.as_os_str()];
         let output = ask(&self.path, &arguments, interruption)?.map_err(|error| {
@@ -332,7 +333,7 @@ impl Binary {
     }
 }
 
-/// Why a path can be no program, which the system tells in one word for all of them.
+/// Returns the reason for which a path can be no program; the system has one word for all such reasons.
 fn unfit(path: &Path) -> Option<String> {
     let found = fs::metadata(path).ok()?;
     if found.is_dir() {

@@ -31,7 +31,7 @@ at_s = 0.0
 after = 1.0
 "#;
 
-/// What plant and controller of the scenario say of themselves.
+/// Returns the descriptions that plant and controller of the scenario give of themselves.
 pub(crate) fn described() -> [Description; 2] {
     let mut plant = Description::new("some-plant", "1");
     (plant.plants, plant.faults) = (vec![self::plant()], kinds());

@@ -31,7 +31,7 @@ pub(crate) fn show(plan: &Plan, binaries: &Binaries) -> Result<String, Failure> 
 pub(crate) struct Finder<'a> {
     arguments: &'a BinaryArguments,
     interruption: &'a Interruption,
-    /// Those of the scenarios before: they are asked once.
+    /// Binaries of the scenarios before: each is asked once.
     found: Vec<(Choices, Binaries)>,
 }
 

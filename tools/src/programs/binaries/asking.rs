@@ -16,14 +16,14 @@ use super::{end_group, reap};
 use crate::terminal::exit::Failure;
 use crate::terminal::interruption::Interruption;
 
-/// How long a binary may take to describe itself or to check a job.
+/// Longest time that a binary may take to describe itself or to check a job.
 const ANSWER_LIMIT: Duration = Duration::from_secs(10);
 /// Longest answer; that of 100 plants with 512 signals each is shorter.
 const LONGEST_ANSWER: u64 = 16 << 20;
-/// What is kept of its standard error.
+/// Longest beginning of a binary's standard error that is kept, in bytes.
 const LONGEST_COMPLAINT: u64 = 64 << 10;
 
-/// What a binary answered.
+/// Answer of a binary.
 pub(super) struct Answer {
     pub(super) status: ExitStatus,
     pub(super) stdout: Vec<u8>,
@@ -93,7 +93,7 @@ fn too_long() -> String {
     format!("its answer is longer than {} MiB", LONGEST_ANSWER >> 20)
 }
 
-/// What a binary says while it runs: a full pipe would stop it.
+/// Output of a binary, read while it runs: a full pipe would stop the binary.
 struct Heard {
     stdout: Ear,
     stderr: Ear,

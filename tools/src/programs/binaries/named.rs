@@ -43,7 +43,7 @@ pub(crate) const CONTROLLER: Role = Role {
     key: "controller.program",
 };
 
-/// Who named a program.
+/// Source that named a program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum NamedBy {
     /// Nobody: it is the one beside `hil`.
@@ -76,7 +76,7 @@ pub(crate) struct Choice {
     pub(crate) blake3: Option<String>,
 }
 
-/// What names programs besides the command line.
+/// Source of program names besides the command line.
 pub(crate) enum Named<'a> {
     Nothing,
     Scenario {
@@ -95,7 +95,7 @@ pub(crate) struct Recorded {
     controller: Option<PathBuf>,
     /// Hashes of the plant's and the controller's program.
     pub(crate) blake3: [Option<String>; 2],
-    /// Whether this user recorded it, or why that cannot be told.
+    /// True if this user recorded the run; an error gives the reason for which that cannot be told.
     is_own: Result<bool, String>,
     host: String,
 }
@@ -113,7 +113,7 @@ impl Recorded {
         }
     }
 
-    /// Whether this user recorded it, as far as that can be told.
+    /// Checks that this user recorded the run, as far as that can be told.
     pub(crate) fn is_own(&self) -> bool {
         self.is_own == Ok(true)
     }

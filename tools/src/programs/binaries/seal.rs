@@ -41,10 +41,10 @@ pub(crate) fn seal(facts: &mut BTreeMap<String, String>) -> Result<(), String> {
     Ok(())
 }
 
-/// Whether this user sealed these facts; nobody without a key has.
+/// Checks that this user sealed these facts; nobody without a key has.
 ///
 /// # Errors
-/// Why that cannot be told of facts with a seal: the key cannot be used.
+/// If the facts have a seal and the key cannot be used to check it.
 pub(crate) fn is_own<'a>(fact: impl Fn(&str) -> Option<&'a str>) -> Result<bool, String> {
     if fact(SEAL).is_none() {
         return Ok(false);
@@ -73,7 +73,7 @@ fn hash<'a>(key: &[u8; KEY_BYTES], fact: impl Fn(&str) -> Option<&'a str>) -> Ha
     hasher.finalize()
 }
 
-/// Where the key is, by the usual place for what a program keeps.
+/// Returns the path of the key, in the usual place for what a program keeps.
 fn key_file() -> Result<PathBuf, String> {
     let folder = |name| {
         let folder = std::env::var_os(name).map(PathBuf::from);

@@ -23,7 +23,7 @@ const SETS_ID: u32 = 0o6000;
 /// The path of a program without links, if nobody but this user and root can have made it.
 ///
 /// # Errors
-/// What speaks against it.
+/// If anything speaks against the program; the error says what.
 pub(super) fn program(path: &Path) -> Result<PathBuf, String> {
     let (path, found) = file(path)?;
     if found.mode() & SETS_ID != 0 {
@@ -38,7 +38,7 @@ pub(super) fn program(path: &Path) -> Result<PathBuf, String> {
 /// The path of a regular file without links, if nobody but this user and root can have written it.
 ///
 /// # Errors
-/// What speaks against it.
+/// If anything speaks against the file; the error says what.
 pub(super) fn file(path: &Path) -> Result<(PathBuf, Metadata), String> {
     let path = std::path::absolute(path).map_err(|error| error.to_string())?;
     let (path, found) = walk(&path)?;
@@ -94,7 +94,7 @@ fn told(path: &Path, error: &std::io::Error) -> String {
     format!("{}: {error}", path.display())
 }
 
-/// What is there, if only this user and root can have put it there.
+/// Returns the metadata of what is at a path, if only this user and root can have put it there.
 fn looked_at(path: &Path) -> Result<Metadata, String> {
     let found = fs::symlink_metadata(path).map_err(|error| told(path, &error))?;
     let (shown, user) = (path.display(), geteuid().as_raw());
@@ -117,12 +117,12 @@ fn looked_at(path: &Path) -> Result<Metadata, String> {
     ))
 }
 
-/// Whether an access list gives rights to further users.
+/// Checks for an access list that gives rights to further users.
 fn has_list(path: &Path) -> bool {
     lgetxattr(path, "system.posix_acl_access", &mut [0_u8; 0]).is_ok()
 }
 
-/// Whether a group has this user as its only member.
+/// Checks that a group has this user as its only member.
 fn is_private(group: u32, user: u32) -> bool {
     let read = |path| fs::read_to_string(path).unwrap_or_default();
     is_group_of_one(group, user, &read("/etc/passwd"), &read("/etc/group"))
