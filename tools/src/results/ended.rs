@@ -5,12 +5,12 @@ use shared_types::record::Outcome;
 use crate::programs::binaries::Binary;
 use crate::results::recorded::Recorded;
 
-/// How a run ended.
+/// End of a run.
 pub(crate) struct Ended {
     pub(crate) recorded: Recorded,
-    /// How it ended, with what the supervisor knows besides what the plant saw.
+    /// Outcome of the run, with what the supervisor knows besides what the plant saw.
     pub(crate) outcome: Outcome,
-    /// Why, if not completed.
+    /// Reason, if the run was not completed.
     pub(crate) reason: Option<String>,
     /// The controller processes, in order.
     pub(crate) controllers: Vec<Started>,
@@ -19,18 +19,18 @@ pub(crate) struct Ended {
 /// A controller as the summary and the recording tell of it.
 #[derive(Clone, Debug)]
 pub(crate) struct Started {
-    /// Which of the session it is, from 1.
+    /// Number of the controller in the session, from 1.
     pub(crate) epoch: u32,
     pub(crate) binary: Binary,
     pub(crate) law: String,
     /// Values of the scenario that were changed for it.
     pub(crate) set: Vec<String>,
-    /// How its process ended, if there is something to say about it.
+    /// End of the controller's process, if there is something to say about it.
     pub(crate) fate: Option<String>,
 }
 
 impl Started {
-    /// What a recording says of it.
+    /// Returns the facts that a recording holds of the controller.
     pub(crate) fn facts(&self) -> Vec<(String, String)> {
         let name = |what: &str| format!("controller_{}_{what}", self.epoch);
         let mut facts = vec![

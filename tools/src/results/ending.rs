@@ -11,7 +11,7 @@ use shared_types::record::{Change, ControllerChange, Outcome, RunEnd, Timing};
 
 use crate::results::recorded::Recorded;
 
-/// What the records of a run say of its controller.
+/// Counts of the controller's commands in the records of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Answers {
     /// Records with a command of a controller.

@@ -21,7 +21,7 @@ pub struct FaultLog {
     pub taken: Vec<FaultTaken>,
     /// Effects that ended.
     pub ended: Vec<FaultEnded>,
-    /// What became of each effect, by the plant's last word; `None` if it died before.
+    /// Sizes of the effects, by the plant's last word; `None` if the plant died before.
     pub sizes: Option<Vec<FaultEffectSize>>,
 }
 
@@ -30,7 +30,7 @@ pub struct FaultLog {
 pub struct LiveFault {
     /// The next step when it was accepted.
     pub step: u64,
-    /// What was accepted.
+    /// Event that was accepted.
     pub event: FaultEvent,
 }
 
@@ -60,7 +60,7 @@ pub struct Fault {
     accepted_step: Option<u64>,
     /// Null if it never took hold.
     effective_step: Option<u64>,
-    /// Why it never took hold.
+    /// Reason for which the fault never took hold.
     #[serde(skip_serializing_if = "Option::is_none")]
     reason: Option<String>,
     effects: Vec<Effect>,
@@ -79,7 +79,7 @@ struct Effect {
     max_effect: Option<f64>,
     unit: Option<String>,
     acted_steps: Option<u64>,
-    /// It took hold and changed nothing.
+    /// The effect took hold and changed nothing.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     no_effect: bool,
 }
@@ -166,7 +166,7 @@ impl FaultLog {
         }
     }
 
-    /// Why an event never took hold.
+    /// Returns the reason for which an event never took hold.
     fn never(&self, event: &FaultEvent) -> String {
         let is_cleared = |ended: &FaultEnded| ended.id == event.id && ended.cleared;
         if self.ended.iter().any(is_cleared) {

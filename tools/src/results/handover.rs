@@ -27,7 +27,7 @@ pub(crate) struct Tenure {
     /// `lost`, `replaced` or `refused`.
     end: Option<&'static str>,
     reason: Option<String>,
-    /// How the run went on without it.
+    /// Way in which the run went on without the controller.
     then: Option<&'static str>,
 }
 
@@ -39,12 +39,12 @@ pub(crate) struct Laws(Vec<(u64, Option<Law>)>);
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Law {
     name: String,
-    /// What it has that the run's first controller had not: values, and another program.
+    /// Differences from the run's first controller: values, and another program.
     other: Vec<String>,
 }
 
 impl Law {
-    /// That of a later controller, of which a recording has these facts.
+    /// Returns the law of a later controller, of which a recording has these facts.
     fn of(name: &str, epoch: u32, fact: &dyn Fn(&str) -> Option<String>) -> Self {
         let its = |what| fact(&format!("controller_{epoch}_{what}"));
         let set: Vec<String> = its("set")
@@ -77,7 +77,7 @@ impl fmt::Display for Law {
 }
 
 impl Laws {
-    /// Those of a run that began with this law and that has these facts of its controllers.
+    /// Returns the laws of a run that began with this law and that has these facts of its controllers.
     pub(crate) fn of(
         first: &str,
         changes: &[ControllerChange],

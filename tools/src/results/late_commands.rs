@@ -14,7 +14,7 @@ use hil_recording::reader::RunReader;
 /// Steps of a run that missed their command, collected from one record after another.
 #[derive(Debug)]
 pub(crate) struct LateCommands {
-    /// Where a record has the words.
+    /// Places of the words in a record.
     held_steps: usize,
     answered: usize,
     /// The step of the last command met.

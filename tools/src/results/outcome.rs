@@ -26,10 +26,10 @@ pub(crate) struct RecordedOutcome {
     pub(crate) reader: RunReader,
     /// Records and events.
     pub(crate) messages: u64,
-    /// What keeps it from being read to its end, other than that this is missing.
+    /// Error that keeps the recording from being read to its end, other than a missing end.
     pub(crate) damage: Option<ReadError>,
     pub(crate) recorded: Recorded,
-    /// How long its steps took.
+    /// Latency of the steps.
     pub(crate) latency: Latency,
     /// The run with the plan that judges it; why not, if its scenario cannot be understood.
     pub(crate) run: Result<RecordedRun, Failure>,
@@ -118,7 +118,7 @@ impl RecordedOutcome {
         })
     }
 
-    /// Whether the recorder told how the run ended.
+    /// Checks that the recorder told how the run ended.
     pub(crate) fn has_result(&self) -> bool {
         self.damage.is_none() && self.reader.result("outcome").is_some()
     }
@@ -137,9 +137,9 @@ impl RecordedOutcome {
         owned.into_iter().collect()
     }
 
-    /// How the run ended, and why if not by itself; `broke_off` is why where the recording does not tell.
-    /// What the plant told of its end counts as far as the recorder found nothing wrong with it, and
-    /// nothing else is wrong with it.
+    /// Returns the outcome of the run, and the reason if it did not end by itself; `broke_off` is the reason
+    /// where the recording does not tell. The plant's account of its end counts as far as the recorder found
+    /// nothing wrong with the account, and nothing else is wrong with it.
     pub(crate) fn outcome(&self, broke_off: Option<&str>) -> (Outcome, Option<String>) {
         let result = |name| self.reader.result(name).map(str::to_owned);
         let is_failed = result("outcome").is_some_and(|outcome| outcome == "failed");

@@ -10,26 +10,26 @@ use crate::results::ending::Answers;
 use crate::results::faults::FaultLog;
 use crate::results::latency::legs::LatencySummary;
 
-/// What the recorder has at the end.
+/// Facts that the recorder has at the end.
 #[derive(Clone, Debug)]
 pub struct Recorded {
-    /// How the plant saw the end, if it lived to tell.
+    /// End of the run as the plant saw it; `None` if the plant did not live to tell.
     pub end: Option<RunEnd>,
-    /// What happened to faults.
+    /// Events of faults.
     pub faults: FaultLog,
-    /// What became of controllers.
+    /// Changes of controllers.
     pub changes: Vec<ControllerChange>,
     /// Records taken, those of the past included.
     pub records: u64,
-    /// How many of them are in the recording.
+    /// Number of records that are in the recording.
     pub written: u64,
-    /// Why the recording lacks the rest, if it could not be written.
+    /// Reason for which the recording lacks the rest, if the rest could not be written.
     pub cut_short: Option<String>,
-    /// How many of them are those that the run went on from.
+    /// Number of records that the run went on from.
     pub past_records: u64,
     /// Items lost on the way.
     pub lost: u64,
-    /// What they say of the controller; `None` of an excerpt, which has not all of them.
+    /// Counts of the controller's commands in the records; `None` of an excerpt, which lacks some records.
     pub answers: Option<Answers>,
     /// The digest of all records taken; `None` if something was lost.
     pub digest: Option<String>,
@@ -44,7 +44,7 @@ pub struct Recorded {
     pub latency: LatencySummary,
     /// From the first to the last record, in s.
     pub wall_time_s: f64,
-    /// What kept it from recording, or what of all that the plant said cannot be so.
+    /// Error that kept the recorder from recording, or the statement of the plant that cannot be so.
     pub error: Option<String>,
 }
 

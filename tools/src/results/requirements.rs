@@ -13,7 +13,7 @@ use shared_types::record::Outcome;
 use crate::terminal::exit::Exit;
 use crate::terminal::table::{Table, left, right};
 
-/// How a requirement came out.
+/// Result of a requirement.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Requirement {
     pub(crate) name: String,
@@ -25,7 +25,7 @@ pub(crate) struct Requirement {
     pub(crate) unit: String,
     /// The time that the margin comes from.
     pub(crate) at_s: Option<f64>,
-    /// When the verdict was certain.
+    /// Time at which the verdict was certain.
     pub(crate) decided_at_s: Option<f64>,
 }
 

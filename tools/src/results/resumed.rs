@@ -46,7 +46,7 @@ pub(crate) struct Resumed {
 }
 
 impl Resumed {
-    /// What the recording says of it.
+    /// Returns the facts that the recording holds of the checkpoint.
     pub(crate) fn facts(&self) -> impl Iterator<Item = (String, String)> {
         let changed: Vec<String> = self.changed_faults.iter().map(u32::to_string).collect();
         let facts = [

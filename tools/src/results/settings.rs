@@ -4,10 +4,10 @@ use serde::Serialize;
 use shared_types::realtime::{Granted, Report};
 use shared_types::wait::WaitStrategy;
 
-/// What a run asked of the system and what it got, as `summary.json` has it.
+/// Settings that a run asked of the system and those that it got, as `summary.json` has them.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Realtime {
-    /// How the sides waited for each other.
+    /// Strategy with which the sides waited for each other.
     pub(crate) wait: WaitStrategy,
     /// The plant's loop; of a run in one process that of both sides. Null if it never began.
     pub(crate) plant: Option<Report>,
@@ -15,11 +15,11 @@ pub(crate) struct Realtime {
     pub(crate) controller: Option<Report>,
     /// The recorder.
     pub(crate) recorder: Recorder,
-    /// How long a core may need to wake up, in us; null for no limit of ours.
+    /// Longest time that a core may need to wake up, in us; null for no limit of ours.
     pub(crate) dma_latency_us: Granted<Option<u32>>,
 }
 
-/// What the recorder runs with.
+/// Settings that the recorder runs with.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Recorder {
     /// The only core that it may run on; null for several.

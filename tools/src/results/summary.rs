@@ -34,7 +34,7 @@ use crate::terminal::table::{Table, left, right};
 /// Version of the summary.
 const SCHEMA: u32 = 1;
 
-/// How a run went.
+/// Summary of a run.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Summary {
     schema: u32,
@@ -60,7 +60,7 @@ pub(crate) struct Summary {
     latency_ns: Legs,
     /// The worst round trips, the longest first.
     spikes: Vec<Spike>,
-    /// What the loop is good for; null if nothing was exchanged.
+    /// Grade of the loop; null if nothing was exchanged.
     grade: Option<Graded>,
     realtime: Realtime,
     /// Other programs meanwhile; null if nothing was run here.
@@ -76,9 +76,9 @@ pub(crate) struct Summary {
     seed: u64,
     #[serde(skip)]
     laws: Laws,
-    /// What the run went on from; null if it began at step 0.
+    /// Checkpoint that the run went on from; null if the run began at step 0.
     resumed: Option<Resumed>,
-    /// What it can be gone on from.
+    /// Checkpoints of the run, to go on from.
     checkpoints: Vec<Made>,
 }
 
@@ -108,12 +108,12 @@ impl From<Streaks> for Missed {
     }
 }
 
-/// What is told of both.
+/// Texts that follow a count of late steps or of late commands.
 const OVERRAN: &str = "steps overran";
 const MISSED: &str = "commands missed their deadline";
 
 impl Missed {
-    /// What came too late in a run, as a person reads it.
+    /// Describes the steps and commands of a run that came too late, as a person reads it.
     pub(crate) fn of_end(end: &RunEnd) -> impl Iterator<Item = String> {
         let counts = [(end.overruns, OVERRAN), (end.missed_commands, MISSED)];
         (counts.into_iter()).filter_map(|(streaks, what)| Self::from(streaks).told(what))
@@ -167,10 +167,10 @@ struct Recording {
     digested: u64,
     /// Records in the file: fewer if not all was to be kept, or could be.
     kept: u64,
-    /// Why the file lacks the rest, if it could not be written.
+    /// Reason for which the file lacks the rest, if the rest could not be written.
     cut_short: Option<String>,
     lost: u64,
-    /// What no check sum vouched for when it was recovered; null if that is nothing.
+    /// Description of what no check sum vouched for when the file was recovered; null if that is nothing.
     unvouched: Option<String>,
 }
 
@@ -180,7 +180,7 @@ struct Program {
     blake3: String,
 }
 
-/// Who made a run.
+/// Origin of a run.
 struct Origin {
     session: String,
     evidence: &'static str,

@@ -7,7 +7,7 @@ use super::*;
 use crate::programs::rig::plan;
 use crate::results::latency::legs::Latency;
 
-/// What a recorder has that was told nothing.
+/// Returns the facts of a recorder that was told nothing.
 fn nothing() -> Recorded {
     Recorded::begun(Latency::default().summary())
 }

@@ -14,7 +14,7 @@ pub(crate) const GOOD_BELOW_NS: u64 = 50_000;
 /// Over it, nothing of real time can be done on this machine.
 pub const UNFIT_NS: u64 = 500_000;
 
-/// What a loop is good for.
+/// Fitness of a loop, by its latency.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Grade {
@@ -59,9 +59,9 @@ impl Grade {
 /// hypervisor's. Not the 99 % either, behind which a hundred steps of a second at 10 kHz can hide.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Graded {
-    /// What the loop is good for.
+    /// Grade of the loop.
     pub grade: Grade,
-    /// Which leg decided.
+    /// Leg that decided.
     pub leg: Leg,
     /// Its 99.99 %.
     pub p9999_ns: u64,
@@ -73,7 +73,7 @@ pub struct Graded {
 pub enum Leg {
     /// From sending a sample to having its command.
     RoundTrip,
-    /// How late samples were sent.
+    /// From the time at which a sample was due to its sending.
     Release,
 }
 

@@ -35,18 +35,18 @@ pub struct Legs {
     pub controller: Percentiles,
     /// The round trip without the controller's work: the link both ways and the waiting.
     pub exchange: Percentiles,
-    /// How much later than due samples were sent; `None` where nothing is due, in lockstep.
+    /// Delay of sent samples after the time at which they were due; `None` in lockstep, where nothing is due.
     pub release: Option<Percentiles>,
 }
 
-/// What became of the latency of a run.
+/// Percentiles, spikes and grade of a run's latency.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LatencySummary {
     /// Percentiles of each leg.
     pub legs: Legs,
     /// The worst round trips, the longest first.
     pub spikes: Vec<Spike>,
-    /// How good that is; `None` if nothing was exchanged.
+    /// Grade of the latency; `None` if nothing was exchanged.
     pub grade: Option<Graded>,
 }
 
@@ -106,7 +106,7 @@ impl Latency {
         self.round_trip.len()
     }
 
-    /// Whether samples were due at some time.
+    /// Returns true if samples were due at some time.
     #[must_use]
     pub fn is_paced(&self) -> bool {
         !self.release.is_empty()

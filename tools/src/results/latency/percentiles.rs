@@ -23,7 +23,7 @@ pub struct Percentiles {
 }
 
 impl Percentiles {
-    /// Those of a histogram; all 0 if it is empty.
+    /// Returns the percentiles of a histogram; all 0 if the histogram is empty.
     #[must_use]
     pub fn of(times_ns: &Histogram<u64>) -> Self {
         Self {

@@ -5,7 +5,7 @@ use shared_types::zerocopy::{FromBytes, IntoBytes};
 
 use hil_recording::reader::RunReader;
 
-/// Where the words of a recording's records say how long steps took.
+/// Places of the words in a recording's records that say how long steps took.
 pub(crate) struct TimingPlaces([Option<usize>; Timing::WORDS]);
 
 impl TimingPlaces {
@@ -14,7 +14,7 @@ impl TimingPlaces {
         Self(Timing::NAMES.map(|name| reader.place(name)))
     }
 
-    /// Whether records say whose command they have, and how old it is.
+    /// Checks that records say whose command they have, and how old the command is.
     pub(crate) fn tell_answers(&self) -> bool {
         let is_there = |name| {
             let place = Timing::NAMES.iter().position(|known| *known == name);
@@ -23,7 +23,7 @@ impl TimingPlaces {
         is_there("epoch") && is_there("held_steps")
     }
 
-    /// What a record says.
+    /// Returns the timing that a record holds.
     pub(crate) fn timing(&self, record: &[u64]) -> Timing {
         let word = |place: Option<usize>| place.map_or(0, |place| record[place]);
         let words = self.0.map(word);

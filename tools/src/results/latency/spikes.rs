@@ -11,7 +11,7 @@ use shared_types::surroundings::ThreadStatistics;
 
 use crate::terminal::duration::shown_ns;
 
-/// How many are kept.
+/// Number of spikes that are kept.
 pub(crate) const KEPT: usize = 10;
 
 /// A step that took long.
@@ -25,15 +25,15 @@ pub struct Spike {
     pub controller_ns: u64,
     /// The plant's integration before it, which is not in the round trip.
     pub plant_ns: u64,
-    /// How late its sample was sent; 0 where nothing is due.
+    /// Delay of the sent sample after the time at which it was due; 0 where nothing is due.
     pub late_ns: u64,
     /// Statistics of the plant's thread since the look before; `None` if there was none.
     pub plant_thread: Option<Since>,
-    /// What happened to the controller's.
+    /// Statistics of the controller's thread since the look before; `None` also of a new controller.
     pub controller_thread: Option<Since>,
 }
 
-/// What happened to a thread between two looks at it.
+/// Statistics of a thread between two looks at it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Since {
     /// The core that it ran on at the look before.
@@ -81,7 +81,7 @@ impl Since {
 }
 
 impl Spike {
-    /// What surrounded it, in words.
+    /// Describes the statistics of both threads around the spike, in words.
     #[must_use]
     pub fn surroundings(&self) -> String {
         let threads = [
@@ -116,13 +116,13 @@ impl Spike {
 pub(crate) struct Spikes {
     /// Longest first.
     worst: Vec<Spike>,
-    /// What a round trip must exceed to be one of them.
+    /// Time that a round trip must exceed to be one of the worst.
     least_ns: u64,
     before: Option<Looks>,
     open: Option<Open>,
 }
 
-/// What was found last on both sides, as words.
+/// Thread statistics that were found last on both sides, as words.
 #[derive(Clone, Copy, Debug)]
 struct Looks {
     epoch: u64,
