@@ -20,9 +20,9 @@ use crate::results::ended::Started;
 use crate::run::swap::{Swapped, Wanted};
 use crate::terminal::exit::Failure;
 
-/// How often a lost controller is started anew in one run.
+/// Most restarts of a lost controller in one run.
 const RESTARTS: u32 = 3;
-/// How long a controller that is not in office any more may take to end by itself.
+/// Longest time that a controller may take to end by itself once it is not active any more.
 const PARTING: Duration = Duration::from_millis(500);
 
 /// All controllers that were started.
@@ -31,7 +31,7 @@ pub(super) struct Controllers {
     policy: OnLoss,
     run_dir: PathBuf,
     restarts: u32,
-    /// Why none is started anew any more.
+    /// Reason for which no controller is started anew any more.
     exhausted: Option<String>,
     /// Changes that were heard of.
     known: usize,
@@ -50,22 +50,22 @@ struct Member {
     /// Values of the scenario that were changed for it.
     set: Vec<String>,
     standing: Standing,
-    /// When the plant was told that it ended.
+    /// Time at which the plant was told that the controller ended.
     told_gone: Option<Instant>,
-    /// It was told that the run is over.
+    /// The controller was told that the run is over.
     told_over: bool,
-    /// Who asked for it.
+    /// Request that the controller was started for.
     asked: Option<Asked>,
 }
 
 /// Somebody who asked for a controller.
 struct Asked {
     answer: Sender<Result<Swapped, String>>,
-    /// What the controller has not of the running scenario.
+    /// Keys of the running scenario that the controller does not have.
     left_out: Vec<String>,
 }
 
-/// What a controller is to the run.
+/// Role of a controller in the run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Standing {
     Coming,
@@ -161,7 +161,7 @@ impl Controllers {
         place.unwrap_or(self.members.len() - 1)
     }
 
-    /// Whether all have ended.
+    /// Checks that all controllers have ended.
     pub(super) fn have_ended(&mut self) -> bool {
         let mut all = true;
         for member in &mut self.members {
@@ -170,8 +170,8 @@ impl Controllers {
         all
     }
 
-    /// Whether the death of the one in office ends the run. While another is to take over only the
-    /// plant knows who is in office.
+    /// Returns true if the active controller has died and that ends the run. While another is to take over,
+    /// only the plant knows which controller is active.
     pub(super) fn death_ends_run(&mut self) -> bool {
         if self.is_one_coming() {
             return false;
@@ -188,7 +188,8 @@ impl Controllers {
         self.members.iter().any(coming)
     }
 
-    /// Whether the plant was told so long ago that a controller is gone, and has not said what follows.
+    /// Returns true if the plant was told more than `limit` ago that a controller is gone, and has not said
+    /// what follows.
     pub(super) fn plant_is_silent(&self, limit: Duration) -> bool {
         self.members.iter().any(|member| {
             member.standing == Standing::InOffice
@@ -196,12 +197,12 @@ impl Controllers {
         })
     }
 
-    /// Why no lost controller is started anew any more, if that is so.
+    /// Returns the reason for which no lost controller is started anew any more, if there is one.
     pub(super) fn exhausted(&self) -> Option<String> {
         self.exhausted.clone()
     }
 
-    /// What the plant told of a controller that was never started, if it did.
+    /// Describes what the plant told of a controller that was never started, if it did.
     pub(super) fn unknown(&self) -> Option<String> {
         let told = |epoch| format!("the plant tells of controller {epoch}, which was not started");
         self.unknown.map(told)
@@ -223,7 +224,7 @@ impl Controllers {
         }
     }
 
-    /// What was started, in order.
+    /// Returns the controllers that were started, in order.
     pub(super) fn started(&self) -> Vec<Started> {
         let started = |member: &Member| Started {
             epoch: member.epoch,
@@ -235,7 +236,7 @@ impl Controllers {
         self.members.iter().map(started).collect()
     }
 
-    /// What was started since this was asked last.
+    /// Returns the controllers that were started since the last call.
     pub(super) fn unrecorded(&mut self) -> Vec<Started> {
         let recorded = std::mem::replace(&mut self.recorded, self.members.len());
         if recorded == self.members.len() {
@@ -278,7 +279,7 @@ impl Controllers {
         }
     }
 
-    /// What the plant told: who is in office, and who is to be started anew.
+    /// Takes in what the plant told: the controller that is active, and the one that is to be started anew.
     pub(super) fn hear(
         &mut self,
         session: &mut Session,

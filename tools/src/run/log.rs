@@ -14,11 +14,11 @@ use shared_types::text;
 
 /// Longest log that is left alone.
 const LONGEST_BYTES: u64 = 8 << 20;
-/// What stays of the beginning and of the end of a longer one.
+/// Length of the beginning and of the end that stay of a longer log.
 const KEPT_BYTES: u64 = 1 << 20;
-/// How often the end of a log that grows meanwhile is looked at.
+/// Most looks at the end of a log that grows meanwhile.
 const LOOKS: u32 = 16;
-/// What is read of each end to be shown.
+/// Length that is read of each end to be shown.
 const READ_BYTES: u64 = 64 << 10;
 /// Lines at each end that are shown.
 const EXCERPT: usize = 6;
@@ -132,7 +132,7 @@ impl Log {
         self.read(self.length().saturating_sub(bytes), bytes)
     }
 
-    /// What can be read there, at most so many bytes.
+    /// Reads at most so many bytes from there on; fewer if the log ends before, none if it cannot be read.
     fn read(&self, from: u64, bytes: u64) -> Vec<u8> {
         let there = self.length().saturating_sub(from).min(bytes);
         let mut content = vec![0; usize::try_from(there).unwrap_or(0)];

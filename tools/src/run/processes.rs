@@ -129,7 +129,7 @@ struct Watch<'a> {
     ending_since: Option<Instant>,
     /// Since when the plant is stopped.
     stopped_since: Option<Instant>,
-    /// Which side ended first.
+    /// Side that ended first.
     first: Option<&'static str>,
 }
 

@@ -62,7 +62,7 @@ impl RecorderCore {
 /// anybody else.
 ///
 /// # Errors
-/// Which setting, and the cores that there are.
+/// If a core cannot be used; the error names the setting and the cores that there are.
 pub(crate) fn check(asked: &plan::Realtime, link: LinkKind) -> Result<(), Failure> {
     let cores = Cores::choose(&Root::machine(), None)?;
     for (key, core) in [
@@ -96,7 +96,7 @@ pub(crate) fn check(asked: &plan::Realtime, link: LinkKind) -> Result<(), Failur
     Ok(())
 }
 
-/// Whether loops on these cores, or on any, may leave none to others.
+/// Returns true if loops on these cores, or on any, may leave none to others.
 fn may_take_all(loops: &[Option<u32>], allowed: &CoreList) -> bool {
     let kept: CoreList = loops.iter().copied().flatten().collect();
     let anywhere = loops.iter().filter(|core| core.is_none()).count();
@@ -158,7 +158,7 @@ impl Watched {
         if all { self.refused() } else { None }
     }
 
-    /// What was refused and not told yet.
+    /// Takes the refusals that were not told yet, as text.
     fn refused(&mut self) -> Option<String> {
         // In this order, whoever told first.
         if !std::mem::replace(&mut self.has_told_sides, true) {
@@ -173,7 +173,7 @@ impl Watched {
         (!refusals.is_empty()).then(|| text::printable(&refusals.to_string()).into_owned())
     }
 
-    /// What came of it.
+    /// Tells the refusals that are left; returns the settings as they were asked for and granted.
     pub(super) fn end(mut self) -> Realtime {
         let asked = self.asked.recorder_core;
         let core = self.recorder.granted.get().cloned();
@@ -194,8 +194,8 @@ impl Watched {
     }
 }
 
-/// What a recording keeps of the settings: the reports of both sides, which are there when their
-/// stream begins.
+/// Returns the facts that a recording keeps of the settings: the reports of both sides, which are there
+/// when their stream begins.
 pub(crate) fn facts(session: &SessionInfo) -> impl Iterator<Item = (String, String)> {
     let files = [
         ("realtime_plant", PLANT_FILE),

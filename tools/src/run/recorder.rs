@@ -30,28 +30,28 @@ use work::Work;
 mod heard;
 mod work;
 
-/// How often it is looked whether the stream is there.
+/// Time between two looks for the stream.
 const LOOK: Duration = Duration::from_micros(500);
-/// How long to sleep when nothing is left to take: well below the time in which the fastest loop
+/// Time to sleep when nothing is left to take: well below the time in which the fastest loop
 /// fills the stream's buffer, so that it is not held back. Each waking takes a core from the loop for
 /// some microseconds more than its records cost.
 const NAP: Duration = Duration::from_millis(4);
 
-/// How long the thread may go on after the sides are gone before it may be stuck in what they left.
+/// Time after which a thread that goes on without the sides may be stuck in what they left.
 const STUCK: Duration = Duration::from_millis(50);
 
-/// Where and how a recording is written.
+/// Place and form of a recording.
 #[derive(Clone, Debug)]
 pub struct RecordingPlan {
     /// The file.
     pub path: PathBuf,
     /// Its compression.
     pub compression: Compression,
-    /// What of the run is kept.
+    /// Part of the run that is kept.
     pub choice: Choice,
-    /// What it says of the run.
+    /// Provenance that the recording tells of the run.
     pub provenance: Provenance,
-    /// Where both sides tell what they run with, before the first record.
+    /// Session in which both sides tell what they run with, before the first record.
     pub session: SessionInfo,
 }
 
@@ -72,11 +72,11 @@ struct Shared {
     /// Something went wrong; the run makes no sense any more.
     failed: AtomicBool,
     next_step: AtomicU64,
-    /// What became of controllers.
+    /// Changes of controllers.
     changes: Mutex<Vec<ControllerChange>>,
-    /// What the recording is to say besides.
+    /// Further facts that the recording is to hold.
     facts: Mutex<BTreeMap<String, String>>,
-    /// Who wants to know where the requirements stand.
+    /// Queue of questions on where the requirements stand.
     board: Arc<Board>,
 }
 
@@ -163,13 +163,13 @@ impl Recorder {
         (known.unwrap_or_else(PoisonError::into_inner)).extend(facts);
     }
 
-    /// Where it is asked how the requirements stand.
+    /// Returns the queue for questions on where the requirements stand.
     #[must_use]
     pub fn board(&self) -> Arc<Board> {
         Arc::clone(&self.shared.board)
     }
 
-    /// What became of controllers after the first so many changes.
+    /// Returns the changes of controllers after the first `known` ones.
     #[must_use]
     pub fn changes_after(&self, known: usize) -> Vec<ControllerChange> {
         let changes = self.shared.changes.lock();
@@ -177,7 +177,7 @@ impl Recorder {
         changes.get(known..).unwrap_or_default().to_vec()
     }
 
-    /// Whether recording failed, so that the run should stop.
+    /// Returns true if recording failed, so that the run should stop.
     #[must_use]
     pub fn has_failed(&self) -> bool {
         self.shared.failed.load(Ordering::Acquire)

@@ -29,7 +29,7 @@ pub(crate) struct Side {
     id: Option<ProcessId>,
     log: Log,
     status: Option<ExitStatus>,
-    /// It had to be ended, and the state it was found in.
+    /// State in which the process was found, if it had to be killed.
     pub(super) killed: Option<&'static str>,
     pub(super) told_to_stop: bool,
 }
@@ -81,7 +81,7 @@ impl Side {
         self.process.id()
     }
 
-    /// Whether it has ended, and all that it started in its group with it; bounds its log.
+    /// Returns true if the side has ended, and all that it started in its group with it; bounds its log.
     pub(crate) fn has_ended(&mut self) -> bool {
         if self.status.is_none() {
             // An error here means that there is no such process, which is an end too.
@@ -125,7 +125,7 @@ impl Side {
         self.log.bound();
     }
 
-    /// How it ended, if there is something to say about it, and where to read more.
+    /// Describes how the side ended, if there is something to say about it, and where to read more.
     pub(super) fn fate(&self) -> Option<String> {
         let death = self.death()?;
         let panicked = self.status.and_then(|status| status.code()) == Some(PANIC);

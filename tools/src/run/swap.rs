@@ -25,11 +25,11 @@ use crate::terminal::interruption::Interruption;
 
 /// Name of the socket in the session's folder.
 pub(crate) const SOCKET: &str = "hil";
-/// How much longer than the wait limit an answer may take: the binary describes itself, checks its
-/// job and starts.
+/// Time that an answer may take beyond the wait limit: the binary describes itself, checks its job and
+/// starts.
 const BESIDES: Duration = Duration::from_secs(25);
 
-/// What is asked.
+/// Request for another controller.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct Request {
     /// The binary; the one in office if `None`.
@@ -38,15 +38,15 @@ pub(crate) struct Request {
     pub(crate) set: Vec<String>,
 }
 
-/// What is answered.
+/// Answer to a request.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(tag = "response", rename_all = "kebab-case")]
 pub(crate) enum Response {
-    /// It took over.
+    /// The controller took over.
     Swapped(Swapped),
     /// No; the run goes on with the one that it had.
     Refused {
-        /// Why.
+        /// Reason for the refusal.
         reason: String,
     },
 }
@@ -54,7 +54,7 @@ pub(crate) enum Response {
 /// A controller that took over.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Swapped {
-    /// Which of the session it is.
+    /// Number of the controller in the session.
     pub(crate) epoch: u32,
     /// The first step that it answers.
     pub(crate) step: u64,
@@ -76,7 +76,7 @@ pub(crate) struct Wanted {
     pub(crate) answer: Sender<Result<Swapped, String>>,
 }
 
-/// What a new controller is checked against.
+/// Context that a new controller is checked against.
 pub(crate) struct SwapContext {
     pub(crate) plan: Plan,
     pub(crate) binaries: Binaries,

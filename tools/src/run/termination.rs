@@ -9,7 +9,7 @@ use super::side::Side;
 use crate::results::ended::Ended;
 use crate::results::recorded::Recorded;
 
-/// How the run ended, from what the plant saw and what became of the processes.
+/// Returns the end of the run, from what the plant saw and what became of the processes.
 pub(super) fn termination(
     prepared: &Prepared,
     recorded: Recorded,
@@ -73,7 +73,7 @@ pub(super) fn termination(
     }
 }
 
-/// Why a run ended whose plant could not say: the cause first.
+/// Explains the end of a run whose plant could not report it: the cause first.
 fn unseen_end(plant: &Side, controller: &Side, first: &str, records: u64) -> Vec<String> {
     let (cause, other) = if plant.killed.is_some() || first == "plant" {
         (plant, controller)

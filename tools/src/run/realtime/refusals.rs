@@ -12,7 +12,7 @@ pub(super) struct Refusals(Vec<Refusal>);
 
 #[derive(Debug)]
 struct Refusal {
-    /// Who asked; all got the same answer.
+    /// Names of the sides that asked; all got the same answer.
     who: Vec<&'static str>,
     setting: &'static str,
     reason: String,
@@ -20,7 +20,7 @@ struct Refusal {
 }
 
 impl Refusals {
-    /// Whether there are none.
+    /// Returns true if there are no refusals.
     pub(super) const fn is_empty(&self) -> bool {
         self.0.is_empty()
     }

@@ -11,7 +11,7 @@ use crate::results::recorded::Recorded;
 /// Most events of a run. A live fault brings three for each effect, and costs the plant memory for ever.
 const MOST_EVENTS: u64 = 1 << 20;
 
-/// What was heard of a stream so far.
+/// State of a stream as far as it was heard.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Heard {
     /// The step after that of the last record.
@@ -28,7 +28,7 @@ impl Heard {
         self.next_step
     }
 
-    /// Whether something was wrong before.
+    /// Returns true if something was wrong before.
     pub(super) const fn is_broken(&self) -> bool {
         self.is_broken
     }
@@ -42,7 +42,7 @@ impl Heard {
     /// missing as are known to be lost.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// If something is wrong with the record; the error says what.
     pub(super) fn record(
         &mut self,
         plan: &Plan,
@@ -75,7 +75,7 @@ impl Heard {
     /// Takes an event, cleaned.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// If something is wrong with the event; the error says what.
     pub(super) fn event(
         &mut self,
         plan: &Plan,

@@ -26,7 +26,7 @@ fn due(step: u64) -> Vec<u64> {
     words
 }
 
-/// What a recorder makes of these items, against this clock.
+/// Returns the facts that a recorder has after these items, against this clock.
 fn taken(clock: Clock, items: Vec<Item<'_>>) -> Recorded {
     struct Once<'a>(Vec<Item<'a>>);
     impl RecordSource for Once<'_> {

@@ -89,7 +89,7 @@ impl Work {
         Ok(())
     }
 
-    /// What the records of this run will hold is known, and what both sides run with.
+    /// Takes in what is known now: the layout of the run's records, and the settings of both sides.
     pub(super) fn attach(&mut self, layout: RecordLayout) {
         let facts: BTreeMap<String, String> = match &self.recording_plan {
             Some(plan) => realtime::facts(&plan.session).collect(),
@@ -318,7 +318,7 @@ impl Work {
         is_there.then(|| self.digest.clone().finish())
     }
 
-    /// What a recording says after the run.
+    /// Returns the facts that a recording is given after the run.
     fn result(&self, outcome: Outcome, reason: Option<&str>) -> BTreeMap<String, String> {
         let facts = [
             ("records", self.collector.recorded.records.to_string()),
@@ -331,7 +331,7 @@ impl Work {
         owned.into_iter().collect()
     }
 
-    /// What came is not to be believed, nor is any record after it.
+    /// Refuses what came, with this error; no record after it is to be believed either.
     fn refuse(&mut self, error: String) {
         self.heard.broke();
         self.fail(error);
