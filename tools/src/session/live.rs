@@ -22,7 +22,7 @@ const START_LIMIT: Duration = Duration::from_secs(2);
 /// Interval between two looks for its socket.
 const LOOK: Duration = Duration::from_millis(10);
 
-/// Why a request could not be made or was not met.
+/// Reason for which a request could not be made or was not met.
 #[derive(Debug)]
 pub(crate) enum RequestError {
     /// The request was wrong, by a check here or by the plant's word. Nothing was changed.
