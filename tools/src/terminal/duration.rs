@@ -9,7 +9,7 @@ const UNITS: [(&str, i32); 4] = [("ms", -3), ("us", -6), ("ns", -9), ("s", 0)];
 /// A length of time in s.
 ///
 /// # Errors
-/// What would be right.
+/// If the text is no length of time; the error says what would be right.
 pub(crate) fn seconds(text: &str) -> Result<f64, String> {
     let expected = || format!("`{text}` is no length of time: 2s, 500ms, 100us or seconds");
     in_unit(text, "s")

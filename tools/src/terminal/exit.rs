@@ -24,7 +24,7 @@ impl From<Exit> for ExitCode {
     }
 }
 
-/// Why a command could not do its work.
+/// Reason for which a command could not do its work.
 #[derive(Debug, thiserror::Error)]
 pub enum Failure {
     /// Wrong usage or configuration; nothing was started.
