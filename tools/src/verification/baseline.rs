@@ -36,11 +36,11 @@ struct Judgement {
     file: String,
     run: String,
     verdict: Verdict,
-    /// What the verdict on signals rests on.
+    /// Basis of the verdict on signals.
     compared_by: ComparedBy,
-    /// Why it is not the samples; null if it is, or if it need not be.
+    /// Reason for which the samples are not the basis; null if they are, or need not be.
     note: Option<String>,
-    /// What says that this is another run: scenario, versions, binaries. No difference by itself.
+    /// Changes that show another run: of scenario, versions, binaries. None is a difference by itself.
     identity: Vec<TextChange>,
     /// Figures that differ.
     figures: Vec<Change>,
@@ -56,7 +56,7 @@ enum ComparedBy {
     Figures,
 }
 
-/// What an update does.
+/// Changes that an update makes.
 #[derive(Debug, Serialize)]
 struct Update {
     baseline: String,

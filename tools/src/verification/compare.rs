@@ -30,7 +30,7 @@ pub struct Comparison {
     verdict: Verdict,
     a: Side,
     b: Side,
-    /// Whether one run has steps that the other has not; of excerpts that is not known.
+    /// One run has steps that the other has not; of excerpts that is not known.
     lengths_differ: bool,
     /// Signals that only one of them has.
     only_in_a: Vec<String>,
@@ -41,7 +41,7 @@ pub struct Comparison {
     signals: Vec<SignalDifference>,
 }
 
-/// What comes out of a comparison.
+/// Result of a comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
@@ -68,15 +68,15 @@ struct Side {
     run: String,
     records: u64,
     digest: String,
-    /// Whether the recording was finished; one that was cut off is compared as far as it goes.
+    /// The recording was finished; one that was cut off is compared as far as it goes.
     whole: bool,
-    /// What no check sum vouches for; null if that is nothing.
+    /// Description of what no check sum vouches for; null if that is nothing.
     unvouched: Option<String>,
 }
 
-/// What differs where one run has ended.
+/// Name of the difference where one run has ended.
 const RECORD: &str = "record";
-/// What the run that has ended has of it.
+/// Value of that difference for the run that has ended.
 const GONE: &str = "not there";
 
 /// The first thing that differs.
@@ -119,7 +119,7 @@ pub enum CompareError {
     /// One cannot be read.
     #[error(transparent)]
     Read(#[from] ReadError),
-    /// They have nothing to compare.
+    /// The recordings have nothing to compare.
     #[error("{0}")]
     NotComparable(String),
 }
@@ -217,7 +217,7 @@ impl Comparison {
         Err(CompareError::NotComparable(what))
     }
 
-    /// What comes out.
+    /// Returns the verdict.
     #[must_use]
     pub const fn verdict(&self) -> Verdict {
         self.verdict

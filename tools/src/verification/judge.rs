@@ -18,16 +18,16 @@ use crate::results::summary::{Metric, write_metrics};
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::output;
 
-/// What came of a recorded run.
+/// Judgement of a recorded run.
 #[derive(Clone, Debug, Serialize)]
 pub struct Judgement {
     run: String,
     scenario: String,
     /// `aborted` if the run did not end by itself.
     verdict: &'static str,
-    /// How the run ended, in one word; null if its recording broke off.
+    /// Outcome of the run, in one word; null if its recording broke off.
     outcome: Option<String>,
-    /// Why, if it did not end by itself; null if nobody tells.
+    /// Reason, if the run did not end by itself; null if nobody tells.
     reason: Option<String>,
     records: u64,
     metrics: Vec<Metric>,

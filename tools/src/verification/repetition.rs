@@ -41,9 +41,9 @@ pub struct RecordedScenario {
     pub lost: u64,
     /// The digest of its records.
     pub digest: String,
-    /// How it ended, in one word; `None` if its plant or its writer died.
+    /// Outcome of the run, in one word; `None` if its plant or its writer died.
     pub outcome: Option<String>,
-    /// Where its controller was not in time.
+    /// Steps at which the controller was not in time.
     pub missed: Vec<Missed>,
 }
 
@@ -67,8 +67,8 @@ pub(crate) fn scenario_from(arguments: &ScenarioFromArguments) -> Result<Exit, F
     Ok(Exit::Pass)
 }
 
-/// What a controller that died would have answered, nobody knows; and another one's state depends on
-/// when it took over.
+/// Refuses a run whose controller changed: nobody knows what a dead controller would have answered, and the
+/// state of another one depends on when it took over.
 fn refuse_succession(run: &Path, change: &ControllerChange) -> Result<(), Failure> {
     let (run, epoch, step) = (run.display(), change.epoch, change.step);
     let what = match &change.change {
@@ -151,7 +151,7 @@ impl RecordedScenario {
         })
     }
 
-    /// Whether its controller could be late.
+    /// Returns true if the controller could be late.
     #[must_use]
     pub fn is_against_clock(&self) -> bool {
         self.recorded.plan.run.clock == Clock::Realtime
@@ -342,7 +342,7 @@ fn resolved(live: &LiveFault, log: &FaultLog, rate: Rate) -> Option<FaultEvent> 
     Some(event)
 }
 
-/// What was asked for, in words.
+/// Describes the fault that was asked for, in words.
 fn asked(live: &LiveFault, rate: Rate) -> String {
     let LiveFault { step, event } = live;
     let when = match &event.trigger {

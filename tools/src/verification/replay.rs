@@ -248,7 +248,7 @@ impl Prepared {
     }
 }
 
-/// What a controller with this law will say.
+/// Returns the greeting that a controller with this law will send.
 fn hello(law: &LawDescription) -> Hello {
     Hello {
         protocol: PROTOCOL,
@@ -261,7 +261,7 @@ fn hello(law: &LawDescription) -> Hello {
     }
 }
 
-/// What the loop's thread takes with it.
+/// Values that the loop's thread takes with it.
 struct Loop {
     session: SessionInfo,
     original: Arc<Original>,

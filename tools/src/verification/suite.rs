@@ -185,7 +185,7 @@ fn cases(
     Ok(cases)
 }
 
-/// How many runs go on at a time.
+/// Returns the number of parallel runs.
 fn jobs(arguments: &RunArguments, cases: &[Case]) -> Result<usize, Failure> {
     let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let against_clock = cases

@@ -34,7 +34,7 @@ pub(super) struct Change {
     pub(super) within: bool,
 }
 
-/// What identifies a run and differs.
+/// Returns the texts that identify a run and differ.
 pub(super) fn identity_changes(baseline: &Baseline, figures: &Figures) -> Vec<TextChange> {
     let number = |value: &dyn std::fmt::Display| value.to_string();
     let pairs = [

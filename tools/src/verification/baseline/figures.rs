@@ -11,7 +11,7 @@ use toml_edit::{DocumentMut, Item};
 use crate::results::recorded_run::RecordedRun;
 use crate::terminal::exit::Failure;
 
-/// What there is to say of a run.
+/// Facts and figures of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Figures {
     pub(super) scenario: String,
@@ -45,8 +45,8 @@ pub(super) struct Signal {
     pub(super) values: [f64; STATISTICS.len()],
 }
 
-/// What is kept of a signal: two signals that are nowhere further apart than a tolerance have these no
-/// further apart either.
+/// Statistics that are kept of a signal: if two signals are nowhere further apart than a tolerance, their
+/// statistics are no further apart either.
 pub(super) const STATISTICS: [&str; 4] = ["min", "max", "rms", "final"];
 
 /// Statistics in the making.

@@ -33,7 +33,7 @@ use crate::terminal::exit::Failure;
 
 /// Version of the file.
 const SCHEMA: i64 = 1;
-/// What a new file begins with.
+/// Beginning of a new file.
 const NEW: &str = "\
 # Runs to compare others with: hil compare RUN --baseline NAME
 # Figures are written by hil compare RUN --baseline NAME --update; tolerances are yours: absolute, in
@@ -97,7 +97,7 @@ pub(super) struct SignalFigures {
 }
 
 impl Baseline {
-    /// Whether no signal may differ at all.
+    /// Checks that no signal may differ at all.
     pub(super) fn is_exact(&self) -> bool {
         self.signals
             .values()
@@ -186,7 +186,7 @@ impl BaselineFile {
         })
     }
 
-    /// Where the recording of a baseline lies, if it has one.
+    /// Returns the path of a baseline's recording, if the baseline has one.
     pub(super) fn recording(&self, baseline: &Baseline) -> Option<PathBuf> {
         Some(self.folder().join(baseline.recording.as_ref()?))
     }

@@ -29,7 +29,7 @@ pub(crate) struct SignalDifference {
     pub(crate) name: String,
     pub(crate) unit: String,
     pub(crate) max_abs_difference: f64,
-    /// Where that is; null if the signal is nowhere a number in both.
+    /// Step of the largest difference; null if the signal is nowhere a number in both.
     pub(crate) at_step: Option<u64>,
     pub(crate) rms_difference: f64,
     /// The first step at which it differs.
@@ -44,7 +44,7 @@ pub(crate) struct SignalDifference {
     pub(crate) tolerance: f64,
 }
 
-/// Whether two values are no further apart than that. What is no number is near only to the same.
+/// Checks that `a` and `b` have the same bits or, with a tolerance, are finite and at most that far apart.
 pub(crate) fn is_near(a: f64, b: f64, tolerance: f64) -> bool {
     a.to_bits() == b.to_bits()
         || (tolerance > 0.0 && a.is_finite() && b.is_finite() && (a - b).abs() <= tolerance)
@@ -84,12 +84,12 @@ impl Deviation {
         is_beyond
     }
 
-    /// Whether the signal differs anywhere.
+    /// Returns true if the signal differs anywhere.
     pub(crate) const fn is_any(&self) -> bool {
         self.differing > 0
     }
 
-    /// Whether it differs nowhere by more than it may.
+    /// Checks that the signal differs nowhere by more than it may.
     pub(crate) const fn is_within(&self) -> bool {
         self.first_beyond_step.is_none()
     }

@@ -17,7 +17,7 @@ use crate::arguments::tolerance::Tolerances;
 /// A comparison going on.
 pub(super) struct Work {
     rate: Rate,
-    /// Whether signals were named; then nothing else counts.
+    /// Signals were named; then nothing else counts.
     is_selected: bool,
     columns: Vec<Pair>,
     /// The columns in the order in which a step makes them: what differs first has a cause there.
@@ -25,14 +25,14 @@ pub(super) struct Work {
     only_in_a: Vec<String>,
     only_in_b: Vec<String>,
     first: Option<Difference>,
-    /// Whether one of them is only an excerpt: what is not in both says nothing.
+    /// One of the recordings is only an excerpt: what is not in both says nothing.
     is_excerpt: bool,
     /// Anything but the size of a signal differs.
     is_other: bool,
     lengths_differ: bool,
 }
 
-/// What a run has at a step.
+/// Words and faults of a run at a step.
 #[derive(Default)]
 pub(super) struct Row {
     words: Vec<u64>,
@@ -47,8 +47,8 @@ impl Row {
     }
 }
 
-/// Where a word comes in a step: the sample, what the controller makes of it, what the plant makes of
-/// that, the truth that this meets, and what follows from these.
+/// Returns the place of a word in the order of a step: the sample, what the controller makes of the sample,
+/// what the plant makes of that, the truth that this meets, and what follows from these.
 fn rank(column: &str) -> usize {
     let order = [
         "sample_invalid",
@@ -64,8 +64,8 @@ fn rank(column: &str) -> usize {
     place.unwrap_or(order.len())
 }
 
-/// Whether a word comes of what the controller answers to a sample, or may: an acceleration that is true
-/// has the command in it.
+/// Returns true if a word comes of the controller's answer to a sample, or may: a true acceleration has the
+/// command in it.
 fn is_answer(column: &str) -> bool {
     [
         "command_invalid",
@@ -163,7 +163,7 @@ impl Work {
         })
     }
 
-    /// Whether one of the runs has no command at a step, as after the last one that it was to have.
+    /// Returns true if one of the runs has no command at a step, as after the last that it was to have.
     fn lacks_command(&self, a: &Row, b: &Row) -> bool {
         let commands =
             || (self.columns.iter()).filter(|pair| pair.column.name.starts_with("command."));

@@ -60,11 +60,11 @@ pub(super) struct First {
     pub(super) unit: String,
     pub(super) recorded: f64,
     pub(super) replayed: f64,
-    /// Whether the signal was valid and is valid, if that is what differs.
+    /// Validity of the signal in the recording and in the replay, if the validity differs.
     pub(super) validity: Option<[bool; 2]>,
     /// The other signals that differ at this step.
     pub(super) also: Vec<String>,
-    /// Where the signal stands among the compared ones.
+    /// Index of the signal among the compared ones.
     index: usize,
 }
 
@@ -230,7 +230,7 @@ impl Comparison {
         self.first.as_ref()
     }
 
-    /// Whether anything differs, allowed or not.
+    /// Checks that nothing differs, allowed or not.
     pub(super) fn is_same(&self) -> bool {
         let differs = |signal: &Compared| signal.deviation.is_any() || signal.validity_steps > 0;
         !self.signals.iter().any(differs)

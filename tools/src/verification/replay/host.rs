@@ -20,10 +20,10 @@ use super::original::Original;
 use super::tape::{Batch, Batches};
 use crate::arguments::tolerance::Tolerances;
 
-/// What the host waits for, if it does.
+/// Event that the host waits for, if it does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Progress {
-    /// It did something that got the replay on; poll again, and any wait begins anew.
+    /// The host got the replay on; poll again, and any wait begins anew.
     Busy,
     /// The controller's next message or frame.
     Controller,
@@ -31,7 +31,7 @@ pub(super) enum Progress {
     Over,
 }
 
-/// How a replay ended.
+/// End of a replay.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum End {
     /// With the last step of the run, confirmed by the controller.
@@ -44,7 +44,7 @@ pub(super) enum End {
     Aborted(Abort),
 }
 
-/// What a replay gave.
+/// Result of a replay.
 pub(super) struct Replayed {
     pub(super) end: End,
     /// `None` if no controller was welcomed.
@@ -64,7 +64,7 @@ pub(super) struct Host<L> {
     batch: Option<Batch>,
     /// The row of the batch that is in work.
     index: usize,
-    /// What the controller sent last, and the answer that was taken last.
+    /// Values that the controller sent last; `answer` is the answer that was taken last.
     received: Vec<f64>,
     answer: (Header, Vec<f64>),
     comparison: Option<Comparison>,
@@ -117,7 +117,7 @@ impl<L: Link> Host<L> {
         }
     }
 
-    /// What the wait limit, a death or a request to stop means now.
+    /// Acts on the wait limit, a death or a request to stop.
     ///
     /// # Errors
     /// If the link failed.
@@ -131,7 +131,7 @@ impl<L: Link> Host<L> {
         }
     }
 
-    /// What came of it.
+    /// Returns the result of the replay.
     pub(super) fn finish(self) -> Replayed {
         let wall_ns = match self.began_ns {
             0 => 0,
@@ -287,7 +287,8 @@ impl<L: Link> Host<L> {
         Ok(self.since(before))
     }
 
-    /// Whether a command that is passed over says something else than the one taken last, of the same step.
+    /// Returns true if a command that is passed over says something else than the one taken last, of the same
+    /// step.
     fn contradicts(&self, header: &Header) -> bool {
         let (taken, values) = &self.answer;
         let content = |header: &Header| (header.invalid, header.age_steps);
@@ -317,7 +318,7 @@ impl<L: Link> Host<L> {
 }
 
 impl Original {
-    /// What a controller can have of it.
+    /// Returns the offer that a controller gets of the run.
     pub(super) fn offer(&self, session: u64) -> Offer<'_> {
         Offer {
             session,

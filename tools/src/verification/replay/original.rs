@@ -31,7 +31,7 @@ pub(super) struct Original {
     scenario: String,
 }
 
-/// Where a record has what, as numbers of words.
+/// Places of values in a record, as numbers of words.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Places {
     /// Invalid bits of the sample and of what answers it.
@@ -39,7 +39,7 @@ pub(super) struct Places {
     pub(super) answer_invalid: Vec<usize>,
     /// Measured and reference signals in the order of the sample.
     pub(super) sample: Vec<usize>,
-    /// What the controller sent, in the order of the record.
+    /// Places of the values that the controller sent, in the order of the record.
     pub(super) answer: Vec<AnswerPlace>,
     pub(super) sample_age_steps: Option<usize>,
     pub(super) held_steps: Option<usize>,
@@ -55,8 +55,8 @@ pub(super) struct AnswerPlace {
     pub(super) name: String,
     pub(super) unit: String,
     pub(super) word: usize,
-    /// Which validity bit of the frame was its own; none of a command, whose bit tells of faults on its
-    /// way to the plant.
+    /// Number of the value's own validity bit in the frame; none of a command, whose bit tells of faults on
+    /// its way to the plant.
     pub(super) bit: Option<usize>,
 }
 

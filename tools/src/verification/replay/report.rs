@@ -28,7 +28,7 @@ pub(super) struct Report {
     steps: u64,
     /// Samples whose answer was not recorded: not seen by the controller of the run, or overtaken.
     unanswered_steps: u64,
-    /// Whether the recording goes to the end of the run.
+    /// The recording goes to the end of the run.
     whole: bool,
     /// Steps that the run was to have.
     planned_steps: u64,
@@ -50,7 +50,7 @@ pub(super) struct Report {
 struct Controller {
     binary: String,
     blake3: String,
-    /// Whether it is the binary of the run; null if the recording does not say.
+    /// True if the binary is that of the run; null if the recording does not say.
     of_the_run: Option<bool>,
 }
 
@@ -63,7 +63,7 @@ struct FirstDifference {
     recorded: Value,
     replayed: Value,
     difference: Value,
-    /// Whether it was valid and is valid, if that is what differs.
+    /// Validity of the signal in the recording and in the replay, if the validity differs.
     #[serde(skip_serializing_if = "Option::is_none")]
     validity: Option<[bool; 2]>,
     /// Other signals that differ at that step.
@@ -77,7 +77,7 @@ struct Sample {
     time_s: f64,
     recorded: Option<Value>,
     replayed: Value,
-    /// What the controller was sent, by name.
+    /// Signals that the controller was sent, by name.
     sample: BTreeMap<String, Value>,
 }
 

@@ -31,16 +31,16 @@ pub(super) struct Row<'a> {
     pub(super) answer: &'a [f64],
 }
 
-/// What there is of a sample and its answer besides numbers.
+/// Facts of a sample and its answer besides their values.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Head {
     pub(super) step: u64,
-    /// What the controller's runner was told, without what only costs time.
+    /// Directive that the controller's runner was given, without what only costs time.
     pub(super) directive: Directive,
     pub(super) age_steps: u32,
     pub(super) held_steps: u32,
     pub(super) invalid: [u64; VALIDITY_WORDS],
-    /// Whether the answer was recorded: against the clock one may have been overtaken by the next.
+    /// The answer was recorded: against the clock an answer may have been overtaken by the next.
     pub(super) is_answered: bool,
     pub(super) answer_invalid: [u64; VALIDITY_WORDS],
 }
@@ -85,22 +85,22 @@ impl Batch {
     }
 }
 
-/// How far a recording went.
+/// Length of a recording.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Length {
     /// Samples that were answered or could have been.
     pub(super) steps: u64,
-    /// Whether its writer finished it.
+    /// The writer finished the recording.
     pub(super) is_whole: bool,
 }
 
 /// A recording cannot be replayed.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum TapeError {
-    /// It cannot be read.
+    /// The recording cannot be read.
     #[error(transparent)]
     Read(#[from] ReadError),
-    /// It does not say all that is needed.
+    /// The recording does not say all that is needed.
     #[error("{0}")]
     Lacking(String),
 }

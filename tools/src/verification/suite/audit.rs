@@ -29,7 +29,7 @@ memory that was never written; random numbers without the seed of the run; threa
 #[derive(Serialize)]
 struct Repetition<'a> {
     condition: &'a str,
-    /// Why this machine cannot have it; the rest is null then.
+    /// Reason for which this machine cannot have the condition; the rest is null then.
     skipped: Option<&'a str>,
     agrees: Option<bool>,
     digest: Option<&'a str>,

@@ -43,7 +43,7 @@ pub(super) fn of(rows: &[Row]) -> Result<String, Failure> {
     report.to_string().map_err(Failure::infrastructure)
 }
 
-/// Whether the run itself went as it should: to its end, with the digest of its like.
+/// Returns the status of the run itself: success if it went to its end, with the digest of its like.
 fn status_of(row: &Row) -> TestCaseStatus {
     let requirements = row.ran.iter().flat_map(|ran| &ran.summary.requirements);
     let is_missed = requirements.into_iter().any(|one| one.verdict != "pass");

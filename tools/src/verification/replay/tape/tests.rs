@@ -130,7 +130,7 @@ fn in_lockstep_each_sample_comes_with_its_own_answer() {
     assert_eq!(head.directive, without_busy);
 }
 
-/// What each step met: the step of the command, and the answers before that.
+/// Plays a run; `met` has for each step the step of its command, and the answers before that.
 fn met(name: &str, met: &[(u64, Answered)], close: u64) -> Vec<(bool, Option<f64>, u32)> {
     let met = met.to_vec();
     let steps = met.len() as u64;
