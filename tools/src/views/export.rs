@@ -321,7 +321,7 @@ fn unless_gone(path: Option<&Path>, error: &std::io::Error) -> Result<Option<Exp
     }
 }
 
-/// Why a file was not completed.
+/// Returns the failure of a file that was not completed.
 pub(crate) fn not_written(path: Option<&Path>, error: &std::io::Error) -> Failure {
     match error.kind() {
         ErrorKind::AlreadyExists => Failure::usage(error),

@@ -32,7 +32,7 @@ pub(super) struct Parquet<W: Write + Send> {
 enum Cells {
     Numbers(Vec<f64>),
     Counts(Vec<i64>),
-    /// Those that exist, and for each row whether there is one.
+    /// Counts that exist, and for each row 1 if it has a count, else 0.
     OptionalCounts(Vec<i64>, Vec<i16>),
     Flags(Vec<bool>),
 }

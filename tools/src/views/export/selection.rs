@@ -52,7 +52,7 @@ pub(super) struct Offer {
     derived: Option<Derived>,
     /// Commands of a frame, in order.
     sent_commands: Option<Vec<String>>,
-    /// Why there are no derived signals.
+    /// Reason for which there are no derived signals.
     why_not: Option<String>,
 }
 

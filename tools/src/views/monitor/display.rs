@@ -102,7 +102,7 @@ impl Display {
         }
     }
 
-    /// What a key does. There are so many plots; `ended` is whether the session has ended.
+    /// Acts on a key. `plots` is the number of plots; `ended` is whether the session has ended.
     pub(crate) fn press(&mut self, key: KeyEvent, plots: usize, ended: bool) -> Action {
         let is_control = key.modifiers.contains(KeyModifiers::CONTROL);
         if is_control && key.code == KeyCode::Char('c') {

@@ -26,7 +26,7 @@ use hil_recording::reader::Column;
 pub(crate) struct Ending {
     /// Its last word in the record stream.
     pub outcome: Option<Outcome>,
-    /// Why, if it did not come to its end.
+    /// Reason, if the run did not come to its end.
     pub reason: Option<String>,
     /// Steps that were executed, if that is known.
     pub steps: Option<u64>,
@@ -244,7 +244,7 @@ impl Model {
         self.faults = faults;
     }
 
-    /// What is said of the requirements. A silence does not unsay what was known, and an answer that
+    /// Takes in what is said of the requirements. A silence does not unsay what was known, and an answer that
     /// comes after the end is older than the summary.
     pub(crate) fn hear_standings(&mut self, standings: Option<Vec<Standing>>) {
         if self.ending.as_ref().is_some_and(|ending| ending.is_gone) {

@@ -20,7 +20,7 @@ use crate::benchmark::bars::classes;
 pub(super) struct Data {
     /// Beginnings of the buckets in s, little-endian double precision.
     grid: String,
-    /// When the longest run ends, in s.
+    /// End of the longest run, in s.
     end_s: f64,
     runs: Vec<RunData>,
     plots: Vec<Plot>,

@@ -165,7 +165,7 @@ impl Run {
         &self.told_laws
     }
 
-    /// When it ends, in s.
+    /// Returns the end of the run, in s.
     pub(super) fn end_s(&self) -> f64 {
         self.rate.seconds(self.last)
     }
@@ -315,7 +315,8 @@ impl Signals {
     }
 }
 
-/// When faults acted: one span for each event, from its first effect to the end of its last.
+/// Returns the spans in which faults acted: one for each event, from its first effect to the end of its
+/// last.
 fn spans(outcome: &RecordedOutcome, rate: Rate) -> Vec<Span> {
     let faults = &outcome.recorded.faults;
     let mut ends: BTreeMap<(u32, u32), u64> = BTreeMap::new();
