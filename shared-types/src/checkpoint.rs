@@ -32,7 +32,7 @@ pub enum Side {
 }
 
 impl Side {
-    /// Both.
+    /// Both sides.
     pub const ALL: [Self; 2] = [Self::Plant, Self::Controller];
 
     /// In one word.
@@ -51,20 +51,20 @@ impl Side {
     }
 }
 
-/// When a side saves its state and where it begins, as its job says.
+/// Checkpoints that a side writes and the one that it begins from, as its job says.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Checkpoints {
     /// The steps, before which the state is saved; rising.
     pub steps: Vec<Step>,
-    /// Where to: the session's folder.
+    /// Folder for the saved states: the session's.
     pub folder: PathBuf,
     /// The checkpoint that the run goes on from, if it does.
     pub resume: Option<Resume>,
 }
 
 impl Checkpoints {
-    /// Whether there is anything to save or to go on from.
+    /// Checks whether there is anything to save or to go on from.
     #[must_use]
     pub const fn any(&self) -> bool {
         !self.steps.is_empty() || self.resume.is_some()
@@ -77,7 +77,7 @@ impl Checkpoints {
     }
 }
 
-/// Where a side begins in a run that goes on from a checkpoint.
+/// Start of a side in a run that goes on from a checkpoint.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Resume {
     /// The first step that is exchanged.
@@ -86,7 +86,7 @@ pub struct Resume {
     pub state: PathBuf,
 }
 
-/// What stands before the state in its file.
+/// Head of a state's file; the state follows.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 struct Head {
     /// Name of the plant or law.
@@ -106,7 +106,7 @@ pub struct Saves {
 }
 
 impl Saves {
-    /// Those of a job, for a side that runs the plant or law of this name.
+    /// Takes the checkpoints of a job, for a side that runs the plant or law of this name.
     #[must_use]
     pub fn new(side: Side, of: &str, checkpoints: Checkpoints) -> Self {
         let first = checkpoints.first_step();
@@ -127,7 +127,7 @@ impl Saves {
             .unwrap_or(NEVER);
     }
 
-    /// Whether the state before a step is to be saved.
+    /// Checks whether the state before a step is to be saved.
     #[inline]
     #[must_use]
     pub fn are_due(&self, step: Step) -> bool {

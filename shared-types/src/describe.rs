@@ -148,14 +148,14 @@ pub struct PlantDescription {
     pub parameters: Vec<Field>,
     /// True state and outputs, with the range outside which a run is ended as diverged.
     pub truth: Vec<Field>,
-    /// What its sensors report.
+    /// Signals that the plant's sensors report.
     pub measured: Vec<Field>,
     /// The commands it takes.
     pub commands: Vec<Field>,
     /// Named faults, besides those on single parameters.
     #[serde(default)]
     pub faults: Vec<FaultDescription>,
-    /// Whether its state can be saved, so that a run can go on from a checkpoint.
+    /// Flag: the plant's state can be saved, so that a run can go on from a checkpoint.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub saves: bool,
 }
@@ -167,7 +167,7 @@ pub struct FaultDescription {
     pub kind: String,
     /// One sentence with the equation's source.
     pub summary: String,
-    /// What happens, as an equation in plain text.
+    /// Equation of what happens, in plain text.
     pub equation: String,
     /// Key of an effect that selects the target by number, for example `actuator`: `actuator = 1`
     /// selects the parameter group `actuator1`. `None`: there is one target, the plant.
@@ -177,7 +177,7 @@ pub struct FaultDescription {
     pub sizes: Vec<Field>,
     /// The parameters that are moved.
     pub moves: Vec<ParameterMove>,
-    /// How the sizes set in unless a profile is given.
+    /// Profile by which the sizes set in unless another one is given.
     pub profile: ProfileDescription,
 }
 
@@ -186,13 +186,13 @@ pub struct FaultDescription {
 pub struct ParameterMove {
     /// Last part of the name of the faultable parameter; without a selector, the whole name.
     pub parameter: String,
-    /// How it is moved.
+    /// Operation by which the parameter is moved.
     pub operation: Operation,
-    /// By what.
+    /// Amount by which the parameter is moved.
     pub by: MoveBy,
 }
 
-/// How an amount `a` with profile `g` moves a value `v`.
+/// Operation by which an amount `a` with profile `g` moves a value `v`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Operation {
@@ -204,7 +204,7 @@ pub enum Operation {
     Set,
 }
 
-/// What a parameter is moved by.
+/// Amount by which a parameter is moved.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MoveBy {
@@ -214,7 +214,7 @@ pub enum MoveBy {
     Constant(f64),
 }
 
-/// How a fault's sizes set in over time when nothing else is asked for.
+/// Profile by which a fault's sizes set in over time when nothing else is asked for.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum ProfileDescription {
@@ -234,9 +234,9 @@ pub struct FaultKindDescription {
     pub kind: String,
     /// One sentence.
     pub summary: String,
-    /// What happens, as an equation in plain text.
+    /// Equation of what happens, in plain text.
     pub equation: String,
-    /// What it acts on.
+    /// Things that a fault of this kind acts on.
     pub acts_on: ActsOn,
     /// Keys, units and ranges of an effect. The unit `target` stands for that of the target. One
     /// with a default may be left out.
@@ -244,12 +244,12 @@ pub struct FaultKindDescription {
     /// A list of numbers that an effect may or must give besides.
     #[serde(default)]
     pub list: Option<ListDescription>,
-    /// Whether its state can be saved, so that a run can go on from a checkpoint.
+    /// Flag: the state of such a fault can be saved, so that a run can go on from a checkpoint.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub saves: bool,
 }
 
-/// What a kind of fault acts on, and so which targets its effects may have.
+/// Things that a kind of fault acts on, which decide the targets that its effects may have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ActsOn {
@@ -257,7 +257,7 @@ pub enum ActsOn {
     Signals,
     /// Signals and every faultable parameter of the plant, `parameter.x`.
     Numbers,
-    /// What crosses the link: `link.sample` (plant to controller) and `link.command` (back).
+    /// Frames that cross the link: `link.sample` (plant to controller) and `link.command` (back).
     Links,
     /// The time that a side takes: `controller` and `plant`.
     Sides,
@@ -280,7 +280,7 @@ impl ActsOn {
 /// A list of numbers that belongs to an effect.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ListDescription {
-    /// Its key.
+    /// Key of the list.
     pub key: String,
     /// One sentence.
     pub description: String,
@@ -298,10 +298,10 @@ pub struct LawDescription {
     /// The plants it is made for; empty means any.
     #[serde(default)]
     pub plants: Vec<String>,
-    /// Its own parameters, the scenario's `[controller.<law>]`.
+    /// Parameters of the law, the scenario's `[controller.<law>]`.
     pub parameters: Vec<Field>,
-    /// Its model of the plant, the scenario's `[controller.model]`. A value that is not
-    /// given there is the scenario's parameter of the plant with the same name.
+    /// Model that the law has of the plant, the scenario's `[controller.model]`. A value that is not given
+    /// there is the scenario's parameter of the plant with the same name.
     #[serde(default)]
     pub model: Vec<Field>,
     /// Measured signals it needs.
@@ -313,7 +313,7 @@ pub struct LawDescription {
     /// Inner quantities it shows.
     #[serde(default)]
     pub internals: Vec<Field>,
-    /// Whether its state can be saved, so that a run can go on from a checkpoint.
+    /// Flag: the law's state can be saved, so that a run can go on from a checkpoint.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub saves: bool,
 }
@@ -331,7 +331,7 @@ impl LawDescription {
         self.commands.as_deref().unwrap_or(&plant.commands)
     }
 
-    /// Whether a scenario could mean either of the two.
+    /// Checks whether a scenario could mean either of the two laws.
     fn is_for_one_with(&self, other: &Self) -> bool {
         let is_shared = self.plants.iter().any(|plant| other.plants.contains(plant));
         let is_for_any = self.plants.is_empty() || other.plants.is_empty();

@@ -3,8 +3,8 @@
 
 use crate::time::Step;
 
-/// What the runner is to do with one sample: what a fault of timing asks for, or what happened in
-/// the run that is repeated. 0 as long as there is nothing to obey.
+/// Orders to the runner for one sample: what a fault of timing asks for, or what happened in the run that is
+/// repeated. 0 as long as there is nothing to obey.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Directive {
     /// Busy for so long before it answers, in ns; at most 4.29 s.
@@ -26,7 +26,7 @@ impl Directive {
         unseen | (self.late_steps as u64) << 32 & !UNSEEN | self.busy_ns as u64
     }
 
-    /// What a word in a header says.
+    /// Reads the directive from a word of a header.
     #[must_use]
     #[inline]
     pub const fn from_wire(word: u64) -> Self {
@@ -38,7 +38,7 @@ impl Directive {
     }
 }
 
-/// Which samples a controller answered before the one that a command answers.
+/// Samples that a controller answered before the one that a command answers.
 ///
 /// In lockstep it answers every sample. Against the clock it may miss some, and some of its commands
 /// may be replaced before the plant has seen them, never more than two in a row: one that was in
@@ -46,9 +46,9 @@ impl Directive {
 /// command complete the list of all.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Answered {
-    /// How many steps before; 0 for never.
+    /// Steps from the sample answered last to the one that the command answers; 0 for none.
     pub last_steps: u32,
-    /// How many steps before that; 0 for never.
+    /// Steps from the sample answered before that to the sample answered last; 0 for none.
     pub last_but_one_steps: u32,
 }
 
@@ -59,7 +59,7 @@ impl Answered {
         (self.last_but_one_steps as u64) << 32 | self.last_steps as u64
     }
 
-    /// What a word in a header says.
+    /// Reads the answered samples from a word of a header.
     #[must_use]
     #[inline]
     pub const fn from_wire(word: u64) -> Self {
@@ -80,7 +80,7 @@ impl Answered {
         last.into_iter().chain(last_but_one)
     }
 
-    /// What the next command says, which answers a sample so many steps after this one.
+    /// Returns the value for the next command, which answers a sample `steps` steps after this one.
     #[must_use]
     pub const fn then(self, steps: u32) -> Self {
         Self {

@@ -16,7 +16,7 @@ pub const MAX_SIGNALS: usize = 512;
 /// Words of validity bits in a header, one bit a signal.
 pub const VALIDITY_WORDS: usize = MAX_SIGNALS / 64;
 
-/// What a frame is for.
+/// Purpose of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u16)]
 pub enum FrameKind {
@@ -75,9 +75,9 @@ pub struct Header {
     pub directive: u64,
     /// Statistics of the sender's thread ([`ThreadStatistics`](crate::surroundings::ThreadStatistics)).
     pub surroundings: u64,
-    /// Which controller of the session: 1 for the first, one more for each that replaces it.
+    /// Number of the controller in the session: 1 for the first, one more for each that replaces it.
     pub epoch: u32,
-    /// How many steps ago the content was made.
+    /// Age of the content in steps.
     pub age_steps: u32,
     /// In a sample: for how many steps the plant has been holding the command that it applied last,
     /// because a newer one missed its deadline; 0 while the controller is in time.
@@ -124,7 +124,7 @@ impl Header {
         FrameKind::from_wire(self.kind)
     }
 
-    /// Whether signal `index` is valid.
+    /// Checks whether signal `index` is valid.
     #[must_use]
     #[inline]
     pub const fn is_valid(&self, index: usize) -> bool {
@@ -151,30 +151,30 @@ pub struct Frame<const N: usize> {
     values: [f64; N],
 }
 
-/// Why a frame is not taken.
+/// Reason for which a frame is not taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FrameError {
-    /// Its check sum is wrong.
+    /// Check sum that is wrong.
     #[error("its check sum is wrong")]
     Corrupt,
-    /// It belongs to another session.
+    /// Frame of another session.
     #[error("it belongs to another session")]
     Session,
-    /// It was written by or for another controller of this session.
+    /// Frame written by or for another controller of this session.
     #[error("it belongs to another epoch")]
     Epoch,
-    /// Its signals are laid out otherwise.
+    /// Layout of the signals that is not the one agreed.
     #[error("its signals are laid out otherwise")]
     Layout,
-    /// Its number of values is not the one agreed.
+    /// Number of values that is not the one agreed.
     #[error("its number of values is not the one agreed")]
     Count,
-    /// Its kind is unknown.
+    /// Kind that is unknown.
     #[error("its kind is unknown")]
     Kind,
 }
 
-/// What every frame of one direction must carry.
+/// Header fields that every frame of one direction must carry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameIdentity {
     /// Session.

@@ -24,7 +24,7 @@ pub enum Control {
     Welcome(Box<Welcome>),
     /// Plant to controller: no, and why.
     Refusal {
-        /// Why.
+        /// Reason for the refusal.
         reason: String,
     },
     /// Controller to plant: the frames are open, step 0 may come.
@@ -53,12 +53,12 @@ impl Control {
     }
 }
 
-/// What a controller says of itself.
+/// Description that a controller gives of itself.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Hello {
-    /// Its [`PROTOCOL`].
+    /// [`PROTOCOL`] of the controller.
     pub protocol: u32,
-    /// Its random number of the session, from the job.
+    /// Random number of the session, from the controller's job.
     pub session: u64,
     /// Name of the law.
     pub law: String,
@@ -72,14 +72,14 @@ pub struct Hello {
     pub internals: Vec<Field>,
 }
 
-/// What the plant answers.
+/// Answer of the plant to a hello that it accepts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Welcome {
-    /// Its [`PROTOCOL`].
+    /// [`PROTOCOL`] of the plant.
     pub protocol: u32,
     /// Random number of the session.
     pub session: u64,
-    /// Which controller of the session this one is, from 1.
+    /// Number of this controller in the session, from 1.
     pub epoch: u32,
     /// Hash of the two tables.
     pub layout: u64,
@@ -92,14 +92,14 @@ pub struct Welcome {
     pub first: Step,
     /// The plant does not wait for commands: samples may be replaced before they are received.
     pub against_clock: bool,
-    /// What a sample frame carries, in order.
+    /// Signals of a sample frame, in order.
     pub sample: SignalTable,
-    /// What a command frame carries, in order.
+    /// Signals of a command frame, in order.
     pub command: SignalTable,
 }
 
 impl Welcome {
-    /// What every frame carries.
+    /// Returns the header fields that every frame carries.
     #[must_use]
     pub const fn frame_identity(&self) -> FrameIdentity {
         FrameIdentity {
@@ -211,29 +211,29 @@ impl SignalTable {
     }
 }
 
-/// Why two sides do not come together.
+/// Reason for which two sides do not come together.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Refused {
-    /// They speak different versions.
+    /// Versions of the protocol that differ.
     #[error("protocol {theirs} on the other side, {ours} here; use binaries of one version")]
     Protocol {
-        /// The other side's.
+        /// Version of the other side.
         theirs: u32,
-        /// This side's.
+        /// Version of this side.
         ours: u32,
     },
-    /// They belong to different sessions.
+    /// Sessions that differ.
     #[error("the other side belongs to another session")]
     Session,
     /// A table and its hash do not go together.
     #[error("the tables do not have the layout hash that came with them")]
     Layout,
-    /// What the other side calls its signals cannot be used.
+    /// Names, units or descriptions of the other side that cannot be used.
     #[error("{kind}: {why}")]
     Unusable {
-        /// Which of its names.
+        /// Kind of the signals, or `law` for the name of the law.
         kind: &'static str,
-        /// Why not.
+        /// Reason for which one of them cannot be used.
         why: Unusable,
     },
     /// More signals go in one direction than a frame carries.
@@ -245,7 +245,7 @@ pub enum Refused {
     /// Signals without a counterpart.
     #[error("{}", list(signals))]
     Unbound {
-        /// Each of them.
+        /// Each of these signals.
         signals: Vec<String>,
     },
 }
@@ -259,12 +259,12 @@ fn list(signals: &[String]) -> String {
     signals.join("; ")
 }
 
-/// What the plant has to offer.
+/// Facts of the run that the plant offers to a controller.
 #[derive(Clone, Debug)]
 pub struct Offer<'a> {
     /// Random number of the session.
     pub session: u64,
-    /// Which controller this will be.
+    /// Number that the controller will have in the session.
     pub epoch: u32,
     /// Exchange rate.
     pub rate: Rate,
@@ -272,7 +272,7 @@ pub struct Offer<'a> {
     pub steps: u64,
     /// The first of them that is exchanged.
     pub first: Step,
-    /// Whether the plant does not wait for commands.
+    /// Flag: the plant does not wait for commands.
     pub against_clock: bool,
     /// Measured signals.
     pub measured: &'a [Field],

@@ -18,7 +18,7 @@ const LONGEST_NAME: usize = 256;
 const LONGEST_UNIT: usize = 64;
 /// Most bytes of a description.
 const LONGEST_DESCRIPTION: usize = 4096;
-/// So many of these in a row part the schema of a recording.
+/// Row of characters that parts the schema of a recording.
 const RULER: &str = "========";
 
 /// The signals of one direction, in the order of the wire.
@@ -29,26 +29,26 @@ pub struct SignalTable(pub Vec<Signal>);
 /// A signal on the wire.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Signal {
-    /// Whose it is.
+    /// Kind of the signal, which says whose it is.
     pub kind: SignalKind,
     /// Name, unit and description.
     #[serde(flatten)]
     pub field: Field,
 }
 
-/// Whose signal it is; also its prefix in expressions and recordings.
+/// Kind of a signal, which says whose it is; also its prefix in expressions and recordings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum SignalKind {
     /// True state of the plant; never on the link.
     Truth,
-    /// What sensors report.
+    /// Value that a sensor reports.
     Measured,
-    /// What the rig asks for.
+    /// Value that the rig asks for.
     Reference,
-    /// What the controller asks for.
+    /// Value that the controller asks for.
     Command,
-    /// What the controller shows of itself.
+    /// Value that the controller shows of itself.
     Internal,
 }
 
@@ -72,12 +72,12 @@ pub enum Unbound {
     /// There is no signal of that name.
     #[error("no signal `{wanted}`{}", hint(nearest))]
     Missing {
-        /// What was wanted.
+        /// Name that is wanted.
         wanted: String,
         /// Names that come close.
         nearest: Vec<String>,
     },
-    /// It is there, in another unit.
+    /// Signal that is there in another unit.
     #[error("signal `{name}` is wanted in `{wanted}` and sent in `{sent}`")]
     Unit {
         /// The signal.
@@ -108,7 +108,7 @@ impl SignalTable {
         Self(fields.iter().map(signal).collect())
     }
 
-    /// This table with another behind it.
+    /// Appends signals of one kind to this table.
     #[must_use]
     pub fn and(mut self, kind: SignalKind, fields: &[Field]) -> Self {
         self.0.extend(Self::of(kind, fields).0);
@@ -121,7 +121,7 @@ impl SignalTable {
         self.0.len()
     }
 
-    /// Whether there is none.
+    /// Checks whether the table has no signals.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
@@ -134,7 +134,7 @@ impl SignalTable {
         of_kind.map(|signal| signal.field.clone()).collect()
     }
 
-    /// Where the wanted signals of one kind stand in this table, by name and unit.
+    /// Finds the places in this table of the wanted signals of one kind, by name and unit.
     ///
     /// # Errors
     /// Every signal that is not there.
@@ -172,8 +172,8 @@ impl SignalTable {
     }
 }
 
-/// Why a table of another process cannot be used: its columns must be written in expressions and in the
-/// schema of a recording, and be told apart there.
+/// Reason for which a table of another process cannot be used: its columns must be written in expressions and
+/// in the schema of a recording, and be told apart there.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unusable {
     /// A name is none.
@@ -184,7 +184,7 @@ pub enum Unusable {
     Unit {
         /// The column.
         name: String,
-        /// Its unit.
+        /// Unit of the column.
         unit: String,
     },
     /// A description would not be read as it was written.
@@ -196,14 +196,14 @@ pub enum Unusable {
     /// There are too many columns.
     #[error("there are {count}, and {most} is the most")]
     Many {
-        /// How many there are.
+        /// Number of columns.
         count: usize,
-        /// How many there may be.
+        /// Largest number of columns allowed.
         most: usize,
     },
 }
 
-/// Whether a text can be shown on one line.
+/// Checks whether a text can be shown on one line.
 #[must_use]
 pub fn is_line(text: &str) -> bool {
     !text.contains(|c: char| c.is_control() || matches!(c, '\u{2028}' | '\u{2029}'))
@@ -258,7 +258,7 @@ pub fn check_fields(fields: &[Field], most: usize) -> Result<(), Unusable> {
     Ok(())
 }
 
-/// Whether a text is a name, or the part of one before or after a dot.
+/// Checks whether a text is a name, or the part of a name before or after a dot.
 fn is_name(text: &str) -> bool {
     let is_first = |c: char| c.is_ascii_alphabetic() || c == '_';
     text.starts_with(is_first) && (text.chars()).all(|c| is_first(c) || c.is_ascii_digit())

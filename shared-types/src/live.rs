@@ -21,43 +21,43 @@ use crate::time::Rate;
 
 /// Name of the socket in the session's folder.
 pub const SOCKET: &str = "control";
-/// How long a client may take to write its line or to read the answer.
+/// Time that a client may take to write its line or to read the answer.
 const CLIENT_LIMIT: Duration = Duration::from_secs(1);
 /// Longest request.
 const LONGEST: u64 = 1 << 20;
 
-/// What is asked.
+/// Request to the plant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "request", rename_all = "kebab-case")]
 pub enum Request {
-    /// Take these faults, all or none.
+    /// Asks to take these faults, all or none.
     Inject {
         /// `[[faults]]` as a scenario has them.
         toml: String,
     },
-    /// End faults.
+    /// Asks to end faults.
     Clear {
-        /// Which; all if `None`.
+        /// Number of the fault; all if `None`.
         id: Option<u32>,
     },
-    /// What faults are there?
+    /// Asks for the faults of the run.
     Active,
-    /// What faults are possible?
+    /// Asks for the faults that are possible.
     Possible,
-    /// Where is the run?
+    /// Asks where the run is.
     Status,
-    /// Hold before the next step.
+    /// Asks to hold before the next step.
     Pause,
-    /// Go on.
+    /// Asks to go on.
     Resume,
-    /// Go on for so many steps, then hold.
+    /// Asks to go on for so many steps, then hold.
     Advance {
-        /// How many, at least 1.
+        /// Number of steps, at least 1.
         steps: u64,
     },
 }
 
-/// What is answered.
+/// Answer to a request.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "response", rename_all = "kebab-case")]
 pub enum Response {
@@ -66,27 +66,27 @@ pub enum Response {
         /// Each, in the order asked.
         faults: Vec<Injected>,
     },
-    /// These ended.
+    /// Faults that ended.
     Cleared {
-        /// Their numbers.
+        /// Numbers of the faults.
         ids: Vec<u32>,
         /// The first step without them.
         step: u64,
     },
     /// The faults of the run.
     Active {
-        /// Where the run is.
+        /// Status of the run.
         status: Status,
         /// Each, in the order of their numbers.
         faults: Vec<FaultState>,
     },
-    /// What is possible.
+    /// Faults that are possible.
     Possible(Box<Possible>),
-    /// Where the run is.
+    /// Status of the run.
     Status(Status),
     /// No, and nothing was changed.
     Refused {
-        /// Why and what would be possible, one for each thing that is wrong.
+        /// Problems and what would be possible, one entry for each thing that is wrong.
         problems: Vec<Refusal>,
     },
 }
@@ -94,49 +94,49 @@ pub enum Response {
 /// A fault that was taken.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Injected {
-    /// Its number.
+    /// Number of the fault.
     pub id: u32,
-    /// Its kind.
+    /// Kind of the fault.
     pub kind: String,
     /// The step at which it takes hold; `None` as long as that depends on the run.
     pub effective_step: Option<u64>,
     /// The simulated time of that step in s.
     pub effective_at_s: Option<f64>,
-    /// What it waits for, if the step is not known.
+    /// Condition that the fault waits for, if the step is not known.
     pub waits_for: Option<String>,
 }
 
 /// A fault of the run, live or of the scenario.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FaultState {
-    /// Its number.
+    /// Number of the fault.
     pub id: u32,
-    /// Its kind.
+    /// Kind of the fault.
     pub kind: String,
-    /// Who asked for it: `scenario` or `cli`.
+    /// Source of the fault, the one who asked for it: `scenario` or `cli`.
     pub source: String,
     /// `waiting`, `active` or `ended`.
     pub state: String,
-    /// What it waits for, if it does.
+    /// Condition that the fault waits for, if it does.
     pub waits_for: Option<String>,
-    /// Its effects.
+    /// Effects of the fault.
     pub effects: Vec<FaultEffectSize>,
 }
 
-/// Where a run is.
+/// Status of a run: where it is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Status {
     /// The next step.
     pub step: u64,
-    /// Its simulated time in s.
+    /// Simulated time of the next step in s.
     pub time_s: f64,
     /// Steps of the whole run.
     pub steps: u64,
-    /// Whether it holds before the next step.
+    /// Flag: the run holds before the next step.
     pub paused: bool,
 }
 
-/// What faults are possible in a run.
+/// Faults that are possible in a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Possible {
     /// Steps per second.
@@ -154,9 +154,9 @@ pub struct Possible {
 pub struct Refusal {
     /// The key that it is about, for example `faults[0].kind`; may be empty.
     pub key: String,
-    /// What is wrong.
+    /// Message that says what is wrong.
     pub message: String,
-    /// What is possible instead.
+    /// Alternatives that are possible instead.
     pub expected: Option<String>,
     /// Names that exist and are closest to an unknown one.
     #[serde(default)]
@@ -184,14 +184,14 @@ pub enum LiveError {
         "the plant of session `{0}` takes no requests: it is starting or has ended; see `hil sessions`"
     )]
     Absent(String),
-    /// It listens and is silent.
+    /// Plant that listens and is silent.
     #[error(
         "the plant of session `{session}` gave no answer within {limit_s} s; is it stopped, or held by a debugger?"
     )]
     Silent {
         /// The session.
         session: String,
-        /// How long was waited.
+        /// Time for which the client waited, in s.
         limit_s: u64,
     },
     /// The connection broke.
@@ -199,7 +199,7 @@ pub enum LiveError {
     Broken {
         /// The session.
         session: String,
-        /// How.
+        /// Failure of the connection, in words.
         what: String,
     },
 }
@@ -295,7 +295,7 @@ impl Drop for Listening {
     }
 }
 
-/// Answers one client of a socket: one line of JSON each way. What is asked may be no request.
+/// Answers one client of a socket: one line of JSON each way. The client's line may be no request.
 ///
 /// # Errors
 /// If the client went away or is too slow.

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::time::{Rate, Step};
 
-/// What is done about a step that is due before the one before it is done.
+/// Policy for a step that is due before the one before it is done.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OverrunPolicy {
@@ -42,7 +42,7 @@ impl OverrunPolicy {
     }
 }
 
-/// How often something happened to a step.
+/// Counts of the steps to which something happened.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Streaks {
     /// Steps that it happened to.
@@ -57,7 +57,7 @@ pub struct Streaks {
 }
 
 impl Streaks {
-    /// It happened to this step; steps come in order.
+    /// Notes a step to which the counted thing happened; steps come in order.
     pub fn note(&mut self, step: Step) {
         let before = match self.last {
             Some((last, before)) if last + 1 == step.0 => before + 1,
@@ -86,14 +86,15 @@ pub struct Pacer {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Grid {
-    /// When the first step on this grid may begin.
+    /// Time at which the first step on this grid may begin.
     start_ns: u64,
     first: Step,
     factor: f64,
 }
 
 impl Grid {
-    /// Also of a step before the first on this grid: a late answer may belong to one.
+    /// Returns the time at which a step is due, also of a step before the first on this grid: a late answer
+    /// may belong to one.
     fn due_ns(&self, rate: Rate, step: Step) -> u64 {
         let (step_ns, first_ns) = (rate.nanoseconds(step), rate.nanoseconds(self.first));
         let away_ns = (step_ns.abs_diff(first_ns) as f64 / self.factor + 0.5) as u64;
@@ -114,7 +115,7 @@ impl Grid {
 pub struct Overrun {
     /// The step.
     pub step: Step,
-    /// How late it is.
+    /// Time by which the step is late, in ns.
     pub late_ns: u64,
 }
 
@@ -165,8 +166,8 @@ impl Pacer {
         }
     }
 
-    /// When a step may begin, in ns of the monotonic clock; 0 for at once. Ask when everything before
-    /// it is done: a step that is due already is an overrun.
+    /// Returns the time at which a step may begin, in ns of the monotonic clock; 0 for at once. Ask when
+    /// everything before the step is done: a step that is due already is an overrun.
     ///
     /// # Errors
     /// If it is one and the run is to end for it.
@@ -194,7 +195,7 @@ impl Pacer {
         Ok(self.due_ns(step))
     }
 
-    /// When a step is due; 0 in lockstep.
+    /// Returns the time at which a step is due; 0 in lockstep.
     #[must_use]
     #[inline]
     pub fn due_ns(&self, step: Step) -> u64 {

@@ -16,9 +16,9 @@ use serde::{Deserialize, Serialize};
 /// Environment variable that a launched process has and all that it starts inherit: by its value they
 /// are found wherever they went.
 pub const MARK: &str = "HIL_STARTED_FOR";
-/// How often the environment of a process that has none is looked at again.
+/// Number of times that the environment of a process that has none is looked at again.
 const LOOKS: u32 = 5;
-/// How long processes that were killed may take to be gone.
+/// Time that processes that were killed may take to be gone.
 const DEATH_LIMIT: Duration = Duration::from_secs(1);
 
 /// A process that cannot be taken for a later one with the same number.
@@ -26,7 +26,7 @@ const DEATH_LIMIT: Duration = Duration::from_secs(1);
 pub struct ProcessId {
     /// Process number.
     pub pid: u32,
-    /// When it started, in clock ticks since boot.
+    /// Start time in clock ticks since boot.
     pub start_ticks: u64,
 }
 
@@ -53,7 +53,7 @@ impl ProcessId {
         })
     }
 
-    /// Whether it is stopped, by a signal or a debugger.
+    /// Checks whether the process is stopped, by a signal or a debugger.
     #[must_use]
     pub fn is_stopped(self) -> bool {
         let stat = fs::read_to_string(format!("/proc/{}/stat", self.pid)).unwrap_or_default();
@@ -63,14 +63,14 @@ impl ProcessId {
         self.is_alive() && matches!(state, Some('T' | 't'))
     }
 
-    /// Whether it still runs (or is stopped).
+    /// Checks whether the process still runs (or is stopped).
     #[must_use]
     pub fn is_alive(self) -> bool {
         Self::of(self.pid) == Some(self)
     }
 
-    /// Whether another process is this one or belongs to its process group, as what a launched script
-    /// starts does.
+    /// Checks whether another process is this one or belongs to its process group, as one does that a
+    /// launched script starts.
     #[must_use]
     pub fn leads(self, other: u32) -> bool {
         let (Some(leader), Some(other)) = (number(self.pid), number(other)) else {
@@ -164,8 +164,8 @@ fn has_in_environment(pid: u32, line: &[u8]) -> bool {
     environment.split(|byte| *byte == 0).any(|one| one == line)
 }
 
-/// Whether a process without an environment may still get one: it is no thread of the kernel, and has not
-/// ended.
+/// Checks whether a process without an environment may still get one: it is no thread of the kernel, and has
+/// not ended.
 fn becomes_another(pid: u32) -> bool {
     let is_program = fs::read_link(format!("/proc/{pid}/exe")).is_ok();
     is_program && ProcessId::of(pid).is_some()

@@ -22,7 +22,7 @@ pub const UNUSABLE: u8 = 2;
 /// Exit code of a run that ended otherwise.
 pub const FAILED: u8 = 3;
 
-/// What is inside.
+/// Program inside a binary: one side of a run.
 pub trait Program {
     /// The answer to `--describe`.
     fn description(&self) -> Description;

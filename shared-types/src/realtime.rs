@@ -19,7 +19,7 @@ pub const PLANT_FILE: &str = "plant-realtime.json";
 /// The file of the session's folder in which the controller reports.
 pub const CONTROLLER_FILE: &str = "controller-realtime.json";
 
-/// What one side's loop is asked to run with.
+/// Settings that one side's loop is asked to run with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Settings {
@@ -33,24 +33,24 @@ pub struct Settings {
     pub lock_memory: bool,
     /// Have all memory of the process, also what comes later, at hand before it is used.
     pub prefault: bool,
-    /// How to wait.
+    /// Strategy for waiting.
     pub wait: WaitStrategy,
 }
 
 /// A setting as it was asked for and as it is.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Granted<T> {
-    /// What was asked for.
+    /// Value that was asked for.
     pub asked: T,
-    /// What is in force.
+    /// Value that is in force.
     pub granted: T,
-    /// Why that is something else.
+    /// Reason for which another value is in force.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
 }
 
 impl<T: PartialEq> Granted<T> {
-    /// What is in force, and why it is not what was asked for if it is not.
+    /// Keeps what was asked for and what is in force, with a reason if they differ.
     pub fn new(asked: T, granted: T, refused: Option<String>) -> Self {
         let differs = asked != granted;
         Self {
@@ -60,29 +60,31 @@ impl<T: PartialEq> Granted<T> {
         }
     }
 
-    /// Why less is in force than was asked for, if `asked` differs from what nobody asks for.
+    /// Returns the reason for which less is in force than was asked for; none if `asked` is `unasked`, the
+    /// value that nobody asks for.
     pub fn refusal(&self, unasked: &T) -> Option<&str> {
         let reason = self.reason.as_deref()?;
         (self.asked != *unasked).then_some(reason)
     }
 }
 
-/// What one side's loop runs with.
+/// Settings that one side's loop runs with.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Report {
     /// The only core that it may run on; null for several.
     pub core: Granted<Option<u32>>,
     /// `SCHED_FIFO` priority; 0 for ordinary scheduling.
     pub priority: Granted<u32>,
-    /// Whether the memory of the process is locked.
+    /// Flag: the memory of the process is locked.
     pub lock_memory: Granted<bool>,
-    /// Whether new memory is at hand before it is used.
+    /// Flag: new memory is at hand before it is used.
     pub prefault: Granted<bool>,
-    /// How it waits.
+    /// Strategy for waiting.
     pub wait: Granted<WaitStrategy>,
-    /// How late its timers may be, in ns. Always asked for: 1. The kernel counts 0 for `SCHED_FIFO`.
+    /// Slack of the loop's timers: time by which they may be late, in ns. Always asked for: 1. The kernel
+    /// counts 0 for `SCHED_FIFO`.
     pub timer_slack_ns: u64,
-    /// Whether both sides have one core together. Only the process itself needs to know.
+    /// Flag: both sides have one core together. Only the process itself needs to know.
     #[serde(skip)]
     pub shares_core: bool,
 }
@@ -138,7 +140,7 @@ impl Settings {
         }
     }
 
-    /// How many cores both sides have together. One that was given no core has those that this
+    /// Counts the cores that both sides have together. A side that was given no core has those that this
     /// process had `before`, as both were started in the same way.
     fn cores(&self, before: Option<&CpuSet>, core: Option<u32>) -> usize {
         let free = |set: &CpuSet| {

@@ -53,22 +53,22 @@ pub const GROUPS: [&str; 9] = [
 /// show what would be there without faults.
 pub const HASHED_GROUPS: usize = 6;
 
-/// Which signals a record holds.
+/// Layout of a record: the signals that it holds.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RecordLayout {
     /// True state of the plant at the step.
     pub truth: Vec<Field>,
-    /// What was sent to the controller as measured.
+    /// Signals sent to the controller as measured.
     pub measured: Vec<Field>,
-    /// What was sent to the controller as reference.
+    /// Signals sent to the controller as reference.
     pub reference: Vec<Field>,
     /// The commands of the plant: as the controller sent them and, again, as they were applied.
     pub command: Vec<Field>,
-    /// What the controller showed of itself.
+    /// Signals that the controller showed of itself.
     pub internal: Vec<Field>,
     /// Commands and internals in a command frame, which the validity bits count; internals are the last.
     pub command_signals: usize,
-    /// Where each of the plant's commands is among them.
+    /// Place of each of the plant's commands in a command frame.
     #[serde(default)]
     pub command_places: Vec<usize>,
     /// The plant's faultable parameters.
@@ -83,7 +83,7 @@ pub struct RecordLayout {
 pub struct Timing {
     /// Simulated time in ns.
     pub time_ns: u64,
-    /// Which controller answered.
+    /// Number of the controller that answered.
     pub epoch: u64,
     /// Steps since the sample was taken that the controller got.
     pub sample_age_steps: u64,
@@ -98,17 +98,17 @@ pub struct Timing {
     pub controller_ns: u64,
     /// The plant's integration of the step before, in ns.
     pub plant_ns: u64,
-    /// How much later than due the sample was sent, in ns; 0 where nothing is due.
+    /// Time by which the sample was sent later than due, in ns; 0 where nothing is due.
     pub late_ns: u64,
-    /// How many steps before this one the command was sent that was applied: 0 unless it was missed.
+    /// Steps since the one for which the applied command was sent: 0 unless this step's command was missed.
     pub held_steps: u64,
-    /// Which samples were answered before that command ([`Answered`](crate::directive::Answered)).
+    /// Samples that were answered before the applied command ([`Answered`](crate::directive::Answered)).
     pub answered: u64,
     /// Statistics of the plant's thread ([`ThreadStatistics`](crate::surroundings::ThreadStatistics)).
     pub plant_surroundings: u64,
-    /// What happened to the controller's thread.
+    /// Statistics of the controller's thread.
     pub controller_surroundings: u64,
-    /// What the controller's runner was told with the sample
+    /// Directive that the controller's runner got with the sample
     /// ([`Directive`](crate::directive::Directive)).
     pub directive: u64,
 }
@@ -136,7 +136,8 @@ impl Timing {
 }
 
 impl RecordLayout {
-    /// That of a plant with these reference signals, under a controller whose command frames carry this.
+    /// Makes the layout for a plant with these reference signals, under a controller with these command
+    /// frames.
     #[must_use]
     pub fn of(plant: &PlantDescription, reference: Vec<Field>, command: &SignalTable) -> Self {
         Self {
@@ -220,14 +221,15 @@ impl RecordLayout {
         self.groups().iter().map(|group| group.len()).sum()
     }
 
-    /// Where the signals begin.
+    /// Returns the place at which the signals begin.
     #[must_use]
     #[inline]
     pub fn values_start(&self) -> usize {
         1 + self.sample_validity_words() + self.command_validity_words()
     }
 
-    /// Where the validity of each signal is told, by its place among the [values](RecordView::values).
+    /// Finds the bits for the validity of each signal, by the signal's place among the
+    /// [values](RecordView::values).
     #[must_use]
     pub fn validity(&self) -> Validity {
         let [truth, measured, reference, command, applied, internal, ..] =
@@ -287,8 +289,8 @@ fn validity_words(signals: usize) -> usize {
     signals.div_ceil(64).clamp(1, VALIDITY_WORDS)
 }
 
-/// Which bits of a record mark which signals as invalid: what did not come, so that its value is an
-/// older one or none at all.
+/// Bits of a record that mark signals as invalid: those that did not come, so that their value is an older
+/// one or none at all.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Validity {
     marks: Vec<Mark>,
@@ -340,7 +342,7 @@ pub struct RecordView<'a> {
     pub step: u64,
     /// All signals in the order of [`GROUPS`].
     pub values: &'a [f64],
-    /// What the digest covers.
+    /// Words that the digest covers.
     pub hashed: &'a [u64],
     /// Measured time.
     pub timing: Timing,
@@ -362,39 +364,39 @@ pub enum Event {
     End(RunEnd),
 }
 
-/// What became of a controller while the run went on.
+/// Change of a controller while the run went on.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ControllerChange {
-    /// Which of the session it is, from 1.
+    /// Number of the controller in the session, from 1.
     pub epoch: u32,
     /// The first step without it, or with it, or the next one when it was refused.
     pub step: u64,
-    /// What.
+    /// Way in which the controller changed.
     #[serde(flatten)]
     pub change: Change,
 }
 
-/// In which way a controller changed.
+/// Way in which a controller changed.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "change", rename_all = "kebab-case")]
 pub enum Change {
-    /// It is lost, and the run goes on.
+    /// Controller that is lost; the run goes on.
     Lost {
-        /// Why.
+        /// Reason of the loss.
         #[serde(deserialize_with = "text::line_of")]
         reason: String,
-        /// How the run goes on.
+        /// Policy by which the run goes on.
         policy: OnLoss,
     },
-    /// It took over.
+    /// Controller that took over.
     Joined {
-        /// Its law.
+        /// Law of the controller.
         #[serde(deserialize_with = "text::line_of")]
         law: String,
     },
-    /// It was announced and did not take over.
+    /// Controller that was announced and did not take over.
     Refused {
-        /// Why not.
+        /// Reason of the refusal.
         #[serde(deserialize_with = "text::line_of")]
         reason: String,
     },
@@ -416,7 +418,7 @@ pub struct FaultAccepted {
 pub struct FaultTaken {
     /// Number of the fault event it belongs to.
     pub id: u32,
-    /// Which effect of the event, from 0.
+    /// Index of the effect in the event, from 0.
     pub effect: u32,
     /// The step from which it acts.
     pub step: u64,
@@ -431,7 +433,7 @@ pub struct FaultTaken {
     pub parameter: String,
     /// Everything that decides its course, in one fixed form; part of the digest.
     pub canonical: String,
-    /// It costs time and changes nothing else: not part of the digest.
+    /// Flag: the fault costs time and changes nothing else, so it is not part of the digest.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub wall_only: bool,
 }
@@ -441,22 +443,22 @@ pub struct FaultTaken {
 pub struct FaultEnded {
     /// Number of the fault event.
     pub id: u32,
-    /// Which effect of the event, from 0.
+    /// Index of the effect in the event, from 0.
     pub effect: u32,
     /// The first step without it.
     pub step: u64,
-    /// Whether somebody cleared it.
+    /// Flag: somebody cleared the fault.
     pub cleared: bool,
 }
 
-/// How a run ended, as the plant saw it.
+/// End of a run, as the plant saw it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RunEnd {
     /// Steps that were executed.
     pub steps: u64,
-    /// In which way.
+    /// Way in which the run ended.
     pub outcome: Outcome,
-    /// Why, if not completed.
+    /// Reason, if not completed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[serde(deserialize_with = "text::line_if_any")]
     pub reason: Option<String>,
@@ -465,7 +467,7 @@ pub struct RunEnd {
     /// Messages and frames of controllers that were passed over.
     #[serde(default, skip_serializing_if = "nothing_was_ignored")]
     pub ignored: Box<Ignored>,
-    /// What became of each effect of each fault, also of those that never took hold.
+    /// Results of all effects of all faults, also of those that never took hold.
     pub effects: Vec<FaultEffectSize>,
     /// Steps that were due before the step before them was done; none in lockstep.
     #[serde(default)]
@@ -496,12 +498,12 @@ impl RunEnd {
     }
 }
 
-/// What became of one effect of a fault.
+/// Result of one effect of a fault.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FaultEffectSize {
     /// Number of the fault event.
     pub id: u32,
-    /// Which effect of the event, from 0.
+    /// Index of the effect in the event, from 0.
     pub effect: u32,
     /// Kind.
     #[serde(deserialize_with = "text::line_of")]
@@ -525,7 +527,7 @@ pub struct FaultEffectSize {
     pub unit: String,
 }
 
-/// In which way a run ended.
+/// Way in which a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Outcome {

@@ -28,16 +28,16 @@ mod prefix;
 /// Longest session name: the paths of sockets below the folder must stay under 108 bytes.
 const LONGEST_NAME: usize = 24;
 
-/// What a session is called and where it lives; the content of its `session.json`.
+/// Name of a session, its places and its processes; the content of its `session.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SessionInfo {
     /// Version of this file.
     pub schema: u32,
-    /// Its name.
+    /// Name of the session.
     pub name: String,
     /// Random number that every frame carries.
     pub id: u64,
-    /// Its private folder.
+    /// Private folder of the session.
     pub folder: PathBuf,
     /// Prefix of its files in shared memory.
     pub prefix: String,
@@ -48,16 +48,16 @@ pub struct SessionInfo {
     /// The controller that it started last.
     #[serde(default)]
     pub controller: Option<Launched>,
-    /// Where its run is written, if it is.
+    /// Folder in which the session's run is written, if it is.
     pub run_dir: Option<PathBuf>,
 }
 
 /// A controller that was started.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Launched {
-    /// Which of the session it is, from 1.
+    /// Number of the controller in the session, from 1.
     pub epoch: u32,
-    /// Its process.
+    /// Process of the controller.
     pub process: ProcessId,
 }
 
@@ -74,7 +74,7 @@ pub enum SessionError {
     Taken {
         /// The name.
         name: String,
-        /// Its owner.
+        /// Process number of the owner.
         pid: u32,
     },
     /// There is no such session.
@@ -89,11 +89,11 @@ pub enum SessionError {
     /// The operating system refused.
     #[error("cannot {action} {}: {error}", path.display())]
     Io {
-        /// What was tried.
+        /// Action that was tried.
         action: &'static str,
-        /// On which file.
+        /// File on which it was tried.
         path: PathBuf,
-        /// What it said.
+        /// Error of the operating system.
         error: io::Error,
     },
 }
@@ -219,8 +219,8 @@ impl SessionInfo {
         open
     }
 
-    /// Whether it has not ended: its folder is still its own and its owner lives. Takes no lock, so
-    /// that one who looks again and again is in nobody's way.
+    /// Checks whether the session has not ended: its folder is still its own and its owner lives. Takes no
+    /// lock, so that one who looks again and again is in nobody's way.
     #[must_use]
     pub fn is_there(&self) -> bool {
         self.has_folder() && self.owner.is_alive()
@@ -251,7 +251,7 @@ fn remove_folder(folder: &Path) -> Result<(), SessionError> {
     unless_gone(fs::remove_dir_all(folder)).map_err(SessionError::io("remove", folder))
 }
 
-/// Whether two paths lead to one folder.
+/// Checks whether two paths lead to one folder.
 fn is_same(one: &Path, other: &Path) -> bool {
     match (fs::metadata(one), fs::metadata(other)) {
         (Ok(one), Ok(other)) => (one.dev(), one.ino()) == (other.dev(), other.ino()),
@@ -341,7 +341,7 @@ impl Session {
         }
     }
 
-    /// What it is called and where it lives.
+    /// Returns the name of the session, its places and its processes.
     #[must_use]
     pub const fn info(&self) -> &SessionInfo {
         &self.info

@@ -8,13 +8,13 @@ use std::io;
 use rustix::fs::{Access, StatVfsMountFlags, access, statvfs};
 use rustix::process::{Resource, getrlimit};
 
-/// Where it lives.
+/// Folder where shared memory lives.
 pub const FOLDER: &str = "/dev/shm";
 /// Less than this is none: the segments of a run take a few MiB.
 const LEAST_BYTES: u64 = 8 << 20;
 /// Files, folders and sockets of a run: 70 in all were too few, 90 enough; each handover takes some more.
 pub const LEAST_INODES: u64 = 128;
-/// What a process of a run maps at once, at most.
+/// Bytes that a process of a run maps at once, at most.
 const LEAST_ADDRESSES: u64 = 128 << 20;
 /// Files that a process of a run opens at once, at most.
 const LEAST_FILES: u64 = 16;
@@ -22,9 +22,9 @@ const LEAST_FILES: u64 = 16;
 /// The file system of shared memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SharedMemory {
-    /// Nothing can be written.
+    /// Flag: nothing can be written.
     pub is_read_only: bool,
-    /// This process may make files there.
+    /// Flag: this process may make files there.
     pub is_open: bool,
     /// Room, in bytes.
     pub free_bytes: u64,
@@ -47,7 +47,7 @@ impl SharedMemory {
         })
     }
 
-    /// What is wrong with it, and what to do; `None` if a run has what it needs.
+    /// Returns what is wrong with shared memory, and what to do; `None` if a run has what it needs.
     #[must_use]
     pub fn hindrance(&self) -> Option<String> {
         const CLEAN: &str = "`hil sessions --clean` removes what dead sessions left";
@@ -76,8 +76,8 @@ impl SharedMemory {
     }
 }
 
-/// What may keep this process from using shared memory, and what to do; `None` if nothing is known that
-/// does.
+/// Returns what may keep this process from using shared memory, and what to do; `None` if nothing is known
+/// that does.
 #[must_use]
 pub fn hindrance() -> Option<String> {
     let found = match SharedMemory::look() {
@@ -113,7 +113,7 @@ fn limit() -> Option<String> {
     ))
 }
 
-/// Whether less than this is left of a limit.
+/// Checks whether less than `least` is left of a limit.
 const fn is_near((most, used): (u64, u64), least: u64) -> bool {
     most.saturating_sub(used) < least
 }

@@ -58,11 +58,11 @@ impl From<Vec<u8>> for State {
 type Save<T> = Box<dyn Fn(&T) -> Result<State, Invalid>>;
 type Restore<T> = Box<dyn Fn(&mut T, &State) -> Result<(), Invalid>>;
 
-/// What of a `T` is its state, and how it is put back.
+/// State of a `T`: the part of the `T` that is saved, and the way to put that part back.
 ///
-/// State is what the next step depends on and what neither the parameters nor the step tell. What
-/// follows from parameters is no state: a restored `T` was started with them, and told those that
-/// faults have moved, before its state is put back.
+/// State is everything that the next step depends on and that neither the parameters nor the step tell.
+/// A value that follows from parameters is no state: a restored `T` was started with the parameters, and
+/// told those that faults have moved, before its state is put back.
 ///
 /// ```
 /// use shared_types::state::StateOf;
@@ -97,7 +97,7 @@ impl<T: 'static> StateOf<T> {
         }
     }
 
-    /// The same, where not every value fits what it is put back into.
+    /// A state as of [`new`](Self::new), where not every value fits what it is put back into.
     #[must_use]
     pub fn checked<S>(save: fn(&T) -> S, restore: fn(&mut T, S) -> Result<(), Invalid>) -> Self
     where

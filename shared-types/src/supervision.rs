@@ -22,24 +22,24 @@ pub const EXPECT: &str = "expect";
 /// Most controllers of one run.
 pub const MOST_EPOCHS: u32 = 63;
 
-/// Which controllers are gone.
+/// Set of the controllers that are gone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Gone(u64);
 
 impl Gone {
-    /// Whether any is.
+    /// Checks whether any controller is gone.
     #[must_use]
     pub const fn any(self) -> bool {
         self.0 != 0
     }
 
-    /// Whether the controller of this epoch is.
+    /// Checks whether the controller of this epoch is gone.
     #[must_use]
     pub const fn is(self, epoch: u32) -> bool {
         self.0 & bit(epoch) != 0
     }
 
-    /// Whether whoever is on the other side is.
+    /// Checks whether whoever is on the other side is gone.
     #[must_use]
     pub const fn is_everybody(self) -> bool {
         self.0 & bit(0) != 0
@@ -62,7 +62,7 @@ struct State {
     /// The latest epoch whose controller was announced; 0 if none was.
     expected: AtomicU32,
     why: OnceLock<String>,
-    /// What the loop sleeps on.
+    /// Bell that the loop sleeps on.
     bell: OnceLock<Bell>,
 }
 
@@ -133,19 +133,19 @@ impl Supervision {
         }
     }
 
-    /// Whether the run is to end.
+    /// Checks whether the run is to end.
     #[must_use]
     pub fn wants_stop(&self) -> bool {
         self.0.stop.load(Ordering::Acquire)
     }
 
-    /// Whether the other side is gone.
+    /// Checks whether the other side is gone.
     #[must_use]
     pub fn is_peer_gone(&self) -> bool {
         self.gone().any()
     }
 
-    /// Which controllers are gone.
+    /// Returns the controllers that are gone.
     #[must_use]
     pub fn gone(&self) -> Gone {
         Gone(self.0.gone.load(Ordering::Acquire))
@@ -157,7 +157,7 @@ impl Supervision {
         self.0.expected.load(Ordering::Acquire)
     }
 
-    /// Why the run is to end.
+    /// Returns the reason for which the run is to end.
     #[must_use]
     pub fn why(&self) -> Option<&str> {
         self.0.why.get().map(String::as_str)

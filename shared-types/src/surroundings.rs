@@ -17,7 +17,7 @@ const MEAN_OF: u64 = 64;
 const COUNT_BITS: u32 = 24;
 const COUNT: u64 = (1 << COUNT_BITS) - 1;
 
-/// What was found at one look. The counts begin anew after 2^24.
+/// Statistics of a thread, found at one look. The counts begin anew after 2^24.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ThreadStatistics {
     /// The core that the thread ran on.
@@ -48,7 +48,7 @@ impl ThreadStatistics {
         }
     }
 
-    /// As one word.
+    /// Returns the statistics as one word.
     #[must_use]
     pub const fn to_wire(self) -> u64 {
         (self.core as u64) << (2 * COUNT_BITS)
@@ -56,7 +56,7 @@ impl ThreadStatistics {
             | self.faults as u64 & COUNT
     }
 
-    /// What a word says.
+    /// Reads the statistics from a word.
     #[must_use]
     #[inline]
     pub const fn from_wire(word: u64) -> Self {

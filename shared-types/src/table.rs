@@ -21,7 +21,7 @@ pub struct Field {
     pub name: String,
     /// Unit as text, for example `rad`, `m/s`, `1`.
     pub unit: String,
-    /// What it is, one sentence.
+    /// Description in one sentence.
     pub description: String,
     /// The value it has when nothing else is said; none for signals.
     #[serde(
@@ -36,7 +36,7 @@ pub struct Field {
     /// Largest legal value.
     #[serde(with = "number", default = "highest")]
     pub max: f64,
-    /// Whether a fault may change it while the plant runs.
+    /// Flag: a fault may change the value while the plant runs.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub faultable: bool,
 }
@@ -56,7 +56,7 @@ impl Field {
         }
     }
 
-    /// Whether a value is a number inside the range. Infinity is legal where the range says so.
+    /// Checks whether a value is a number inside the range. Infinity is legal where the range says so.
     #[must_use]
     #[inline]
     pub fn admits(&self, value: f64) -> bool {
@@ -383,7 +383,7 @@ pub fn canonical(value: f64) -> f64 {
 /// The unit that a name's ending stands for, for example `rad` for `surface_angle_rad`.
 ///
 /// For what nothing describes: reference signals that the law does not know, and derived signals and
-/// metrics whose expression has no unit of its signals. What is after `_per_` or `_sqrt_` is a part of a
+/// metrics whose expression has no unit of its signals. The part after `_per_` or `_sqrt_` is a part of a
 /// unit and tells none.
 #[must_use]
 pub fn unit_of_name(name: &str) -> Option<&'static str> {
@@ -536,7 +536,7 @@ pub mod number {
         unwrap(Number::deserialize(deserializer)?)
     }
 
-    /// The same for an optional number.
+    /// Optional numbers in the same form.
     pub mod option {
         use super::{Deserialize, Deserializer, Number, Serialize, Serializer, unwrap, wrap};
 
@@ -553,7 +553,7 @@ pub mod number {
         }
     }
 
-    /// The same for a list of numbers.
+    /// Lists of numbers in the same form.
     pub mod list {
         use super::{Deserialize, Deserializer, Number, Serialize, Serializer, unwrap, wrap};
 

@@ -129,7 +129,7 @@ impl From<Rate> for f64 {
 pub struct Interval {
     /// Simulated time at its begin in seconds.
     pub start_s: f64,
-    /// Its length in seconds.
+    /// Length of the interval in seconds.
     pub length_s: f64,
     /// Number of equal integration steps to take inside it, at least 1.
     pub substeps: u32,

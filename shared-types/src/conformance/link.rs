@@ -29,7 +29,7 @@ pub trait Fixture {
     /// Longest time that a frame is under way; so long nothing must come where nothing may.
     const LATENCY: Duration = Duration::ZERO;
 
-    /// Makes the place. It outlives the ends that meet there.
+    /// Makes the place, which outlives the ends that meet there.
     fn new() -> Self;
 
     /// Opens the plant's end, once.

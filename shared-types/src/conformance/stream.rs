@@ -18,7 +18,7 @@ pub trait Fixture {
     /// Time after which what was published and did not come counts as lost.
     const PATIENCE: Duration = Duration::from_secs(20);
 
-    /// Makes the place. It outlives the ends that meet there.
+    /// Makes the place, which outlives the ends that meet there.
     fn new() -> Self;
 
     /// Makes the end of a plant that owes its recorder every record, and what opens the recorder's on any thread.

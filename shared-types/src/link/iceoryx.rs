@@ -51,7 +51,7 @@ pub fn node(session: &SessionInfo, name: &str) -> Result<Node<Ipc>, LinkError> {
     node.map_err(|reason| LinkError::Transport { service, reason })
 }
 
-/// Which end of the link this is.
+/// End of the link.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Side {
     Plant,
@@ -62,11 +62,11 @@ enum Side {
 pub struct IceoryxLink {
     side: Side,
     session: SessionInfo,
-    /// What this side sleeps on.
+    /// Bell that this side sleeps on.
     bell: Bell,
     control: ControlChannel,
     frames: Option<Frames>,
-    /// Those opened last, if others are in use.
+    /// Frame channels opened last, if others are in use.
     next: Option<Frames>,
     rejected: Ignored,
     // Last: what is above must be dropped before the node that it lives in.
@@ -78,9 +78,9 @@ struct ControlChannel {
     epoch: u32,
     speak: Publisher<Ipc, [u8], ()>,
     listen: Subscriber<Ipc, [u8], ()>,
-    /// What the other side speaks on.
+    /// Topic that the other side speaks on.
     heard: Topic<Ipc, [u8], ()>,
-    /// What the other side sleeps on.
+    /// Bell that the other side sleeps on.
     bell: Bell,
 }
 
@@ -188,7 +188,7 @@ impl ControlChannel {
     }
 }
 
-/// What iceoryx2 could not do, which says no more than that, and what may have kept it from that.
+/// Reports what iceoryx2 could not do, and what may have kept it from that; iceoryx2 names only the first.
 pub fn transport(service: &str, error: impl std::fmt::Debug) -> LinkError {
     LinkError::Transport {
         service: service.into(),
@@ -196,7 +196,7 @@ pub fn transport(service: &str, error: impl std::fmt::Debug) -> LinkError {
     }
 }
 
-/// What cannot be opened: it may not be there yet, or the machine is in the way.
+/// Reports what cannot be opened: it may not be there yet, or the machine is in the way.
 pub(crate) fn absent(service: &str, error: PublishSubscribeOpenError) -> LinkError {
     use PublishSubscribeOpenError as Open;
     let may_be_refused = matches!(
@@ -252,7 +252,7 @@ where
     Ok(subscriber)
 }
 
-/// What was received: nothing, if it was a publisher that is gone.
+/// Returns what was received: nothing if the publisher is gone.
 pub(crate) fn received<T>(
     service: &str,
     received: Result<Option<T>, ReceiveError>,

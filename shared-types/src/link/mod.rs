@@ -44,15 +44,15 @@ pub trait Link {
     /// If the transport failed.
     fn expect(&mut self, epoch: u32) -> Result<(), LinkError>;
 
-    /// Whether who speaks on the control channel, and on the frames opened last, is the process that
-    /// was launched for it. For the plant.
+    /// Checks whether the peer on the control channel, and on the frames opened last, is the process that was
+    /// launched for the controller. For the plant.
     ///
     /// # Errors
     /// If that cannot be found out.
     fn peer(&self) -> Result<Peer, LinkError>;
 
-    /// Opens the frame channels for so many values in each direction. They are in use at once if none
-    /// are, else from [`take_over`](Link::take_over) on.
+    /// Opens the frame channels for so many values in each direction. The channels are in use at once if
+    /// none are, else from [`take_over`](Link::take_over) on.
     ///
     /// # Errors
     /// If the transport failed or the other side opened another layout.
@@ -77,28 +77,28 @@ pub trait Link {
     /// Frames that arrived and were refused.
     fn rejected(&self) -> Ignored;
 
-    /// What this side can sleep on until the other sends a frame or a control message. None where a send
-    /// wakes nobody: then a wait naps.
+    /// Returns what this side can sleep on until the other sends a frame or a control message. `None` where a
+    /// send wakes nobody: then a wait naps.
     fn sleeper(&self) -> Option<Box<dyn Sleeper>> {
         None
     }
 }
 
-/// Who speaks for the controller.
+/// Process that speaks for the controller.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Peer {
-    /// The process that was launched for it.
+    /// Process that was launched for the controller.
     Launched,
-    /// It is not known yet which process was launched for it.
+    /// Process that cannot be judged yet: the one launched for the controller is not known.
     Unknown,
     /// Another process, as told.
     Stranger(String),
 }
 
-/// What the frame channels are opened for.
+/// Specification with which the frame channels are opened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameSpec {
-    /// What every frame carries.
+    /// Header fields that every frame carries.
     pub identity: FrameIdentity,
     /// Values in a frame that this side sends.
     pub outgoing: usize,
@@ -109,36 +109,36 @@ pub struct FrameSpec {
 /// A transport failed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LinkError {
-    /// Nothing to attach to (yet).
+    /// Service that is not there (yet).
     #[error("{service} is not there: {reason}")]
     Absent {
-        /// Which service.
+        /// Name of the service.
         service: String,
-        /// What the transport said.
+        /// Reason that the transport gave.
         reason: String,
     },
-    /// It is there, but not as agreed.
+    /// Service that is there, but not as agreed.
     #[error("{service} is not the one of this session: {reason}")]
     Foreign {
-        /// Which service.
+        /// Name of the service.
         service: String,
-        /// What differs.
+        /// Difference from what was agreed.
         reason: String,
     },
     /// Another process has the place.
     #[error("the session has its {role} already ({service})")]
     Taken {
-        /// Which service.
+        /// Name of the service.
         service: String,
-        /// What the process wanted to be.
+        /// Role that this process wanted.
         role: &'static str,
     },
     /// The operating system or the transport refused.
     #[error("{service}: {reason}")]
     Transport {
-        /// Which service.
+        /// Name of the service.
         service: String,
-        /// What it said.
+        /// Reason that the operating system or the transport gave.
         reason: String,
     },
     /// More signals in one direction than the largest frame carries.

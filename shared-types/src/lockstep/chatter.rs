@@ -133,7 +133,7 @@ enum Word {
     Ready(u32),
 }
 
-/// What a plant may hear at a poll.
+/// Input that a plant may hear at a poll.
 #[derive(Clone, Copy, Debug)]
 struct Heard {
     frame: Option<(FrameKind, u64)>,
@@ -298,7 +298,7 @@ impl Pestered for PesteredPlant {
     }
 }
 
-/// What a controller may hear at a poll.
+/// Input that a controller may hear at a poll.
 #[derive(Clone, Debug)]
 enum Told {
     Nothing,

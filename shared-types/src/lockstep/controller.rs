@@ -7,7 +7,7 @@ use crate::time::Step;
 
 const PEER: &str = "plant";
 
-/// What happened.
+/// Event at the controller's side.
 #[derive(Debug)]
 pub enum ControllerEvent<'a> {
     /// The link is there; begin with this hello.
@@ -26,7 +26,7 @@ pub enum ControllerEvent<'a> {
     Stop,
 }
 
-/// What to do next.
+/// Next action of the controller's side.
 #[derive(Debug, PartialEq)]
 pub enum ControllerAction {
     /// Nothing; the event changes nothing.
@@ -102,7 +102,7 @@ impl ControllerSide {
         }
     }
 
-    /// Whether frames are not flowing yet.
+    /// Checks whether frames are not flowing yet.
     #[must_use]
     pub const fn is_greeting(&self) -> bool {
         !matches!(
@@ -111,13 +111,13 @@ impl ControllerSide {
         )
     }
 
-    /// Whether the run is over, either way.
+    /// Checks whether the run is over, either way.
     #[must_use]
     pub const fn is_over(&self) -> bool {
         matches!(self.state, State::Over)
     }
 
-    /// Whether frames may flow and none came yet.
+    /// Checks whether frames may flow and none came yet.
     #[must_use]
     pub const fn awaits_first(&self) -> bool {
         matches!(self.state, State::AwaitFirst(_))
@@ -129,7 +129,7 @@ impl ControllerSide {
         self.ignored
     }
 
-    /// How far it has come with the plant.
+    /// Returns how far this side has come with the plant.
     #[must_use]
     pub const fn standing(&self) -> Standing {
         Standing([self.state.number(), self.at().0, 0, 0, 0])

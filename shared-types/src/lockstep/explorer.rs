@@ -19,7 +19,7 @@ const LIMIT_MS: u64 = 5000;
 /// Most controllers of one run.
 const CREW: usize = 3;
 
-/// What may go wrong how often.
+/// Bound on how often each thing may go wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 struct Bound {
     /// Frames that are lost.
@@ -56,7 +56,7 @@ enum Message {
 struct Member {
     side: ControllerSide,
     lives: bool,
-    /// It lives and does nothing any more.
+    /// Flag: the controller lives and does nothing any more.
     stopped: bool,
     told_gone: bool,
     opened: bool,
@@ -85,7 +85,7 @@ struct World {
     next: u64,
     /// The first step whose command would be newer than all that the plant took.
     newer: u64,
-    /// How the plant said it ended.
+    /// End of the run, as the plant said it.
     end: Option<Result<(), String>>,
     left: Bound,
 }
@@ -157,7 +157,7 @@ impl Member {
         });
     }
 
-    /// What it does with the answer of its machine.
+    /// Does what the controller does with the answer of its machine.
     fn act(&mut self, action: ControllerAction) -> Result<(), String> {
         match action {
             ControllerAction::Ignore => {}
@@ -653,7 +653,7 @@ enum Move {
 }
 
 impl Move {
-    /// Whether it is a fault, or somebody's wish: it may never happen.
+    /// Checks whether the move is a fault or somebody's wish: such a move may never happen.
     const fn only_breaks(self) -> bool {
         matches!(
             self,
@@ -667,14 +667,14 @@ impl Move {
     }
 }
 
-/// What was found.
+/// Counts of what was found.
 #[derive(Debug, Default)]
 struct Explored {
     states: usize,
     moves: usize,
     /// States in which everything was over, every step executed.
     completed: usize,
-    /// The same, ended before with a reason.
+    /// States in which everything was over early, with a reason.
     aborted: usize,
 }
 
@@ -682,9 +682,9 @@ struct Explored {
 struct Graph {
     worlds: Vec<World>,
     numbers: HashMap<Key, usize>,
-    /// Where each was reached from first, and how.
+    /// State from which each state was reached first, and the move that led there.
     origins: Vec<Option<(usize, Move)>>,
-    /// Where each was reached from at all.
+    /// States from which each state was reached at all.
     before: Vec<Vec<usize>>,
     explored: Explored,
 }
@@ -719,7 +719,7 @@ impl Graph {
         Ok(after != from && !happens.only_breaks())
     }
 
-    /// How a state was reached.
+    /// Lists the moves by which a state was reached.
     fn path(&self, mut number: usize, last: Move) -> String {
         let mut moves = vec![format!("{last:?}")];
         while let Some((from, happens)) = self.origins[number] {

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What the plant does when its controller died, stopped answering, gave up or broke the protocol.
+/// Policy of the plant when its controller died, stopped answering, gave up or broke the protocol.
 ///
 /// Before the first step there is nothing to go on with: a controller that is lost then ends the
 /// run whatever the policy.

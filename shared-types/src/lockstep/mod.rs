@@ -37,12 +37,13 @@ pub use plant::{PlantAction, PlantEvent, PlantSide};
 
 use crate::time::Step;
 
-/// How far a side has come with the other one. Where two are equal, nothing that came between them got
-/// the run on, whatever the side answered: the wait of the first is still the wait of the second.
+/// Progress that a side has made with the other one. If two standings of one side are equal, nothing that
+/// came between them got the run on, whatever the side answered: the wait of the first is still the wait of
+/// the second.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Standing([u64; 5]);
 
-/// Why a side gave up, as it is told to the other side.
+/// Reason for which a side gave up, as it is told to the other side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u64)]
 pub enum AbortCode {
@@ -88,7 +89,7 @@ impl AbortCode {
     }
 }
 
-/// Why a lockstep run ended before its last step.
+/// Reason for which a lockstep run ended before its last step.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, thiserror::Error)]
 pub enum Abort {
     /// Asked to stop.
@@ -100,17 +101,17 @@ pub enum Abort {
     /// The other side did not say what was awaited in time.
     #[error("{peer} did not {what} within {} s", *limit_ms as f64 / 1e3)]
     Late {
-        /// Who.
+        /// Name of the other side.
         peer: &'static str,
-        /// What.
+        /// Action that was awaited.
         what: String,
-        /// How long it was given.
+        /// Time that the other side was given, in ms.
         limit_ms: u64,
     },
     /// The other side is gone.
     #[error("{peer} is gone at step {at}")]
     Gone {
-        /// Who.
+        /// Name of the other side.
         peer: &'static str,
         /// The step in work.
         at: Step,
@@ -118,27 +119,27 @@ pub enum Abort {
     /// The other side broke the protocol.
     #[error("{peer} broke the protocol at step {at}: {what}")]
     Protocol {
-        /// Who.
+        /// Name of the other side.
         peer: &'static str,
         /// The step in work.
         at: Step,
-        /// How.
+        /// Way in which the protocol was broken.
         what: String,
     },
     /// The two sides do not come together.
     #[error("refused: {0}")]
     Refused(String),
-    /// This side cannot go on, for a reason of its own.
+    /// Failure of this side, which cannot go on for a reason of its own.
     #[error("{0}")]
     Failed(String),
     /// The other side gave up.
     #[error("{peer} gave up at step {at}: {}", told(*code))]
     ByPeer {
-        /// Who.
+        /// Name of the other side.
         peer: &'static str,
         /// The step in work.
         at: Step,
-        /// Why.
+        /// Reason that the other side gave.
         code: AbortCode,
     },
 }
@@ -159,7 +160,7 @@ const fn told(code: AbortCode) -> &'static str {
 }
 
 impl Abort {
-    /// What the other side is told.
+    /// Returns the reason that the other side is told.
     #[must_use]
     pub const fn code(&self) -> AbortCode {
         match self {

@@ -8,7 +8,7 @@ use crate::time::Step;
 
 const PEER: &str = "controller";
 
-/// What happened.
+/// Event at the plant's side.
 #[derive(Debug)]
 pub enum PlantEvent<'a> {
     /// The launcher announces the controller of this epoch.
@@ -28,7 +28,7 @@ pub enum PlantEvent<'a> {
     Missed,
     /// The bounded wait for the active controller, so many ms long, is over.
     Deadline(u64),
-    /// The same for the one that was announced.
+    /// The same wait for the controller that was announced is over.
     CandidateLate(u64),
     /// The process of the controller of this epoch ended.
     PeerGone(u32),
@@ -36,7 +36,7 @@ pub enum PlantEvent<'a> {
     Stop,
 }
 
-/// What to do next.
+/// Next action of the plant's side.
 #[derive(Debug, PartialEq)]
 pub enum PlantAction {
     /// Nothing.
@@ -61,7 +61,7 @@ pub enum PlantAction {
     Apply(Step),
     /// Keep the command that just came, of an earlier step: it is the newest now.
     Keep,
-    /// The same as apply, with the newest command there is.
+    /// Apply the newest command there is to this step, integrate, publish the record.
     Hold(Step),
     /// Send the end after so many steps.
     SendEnd(Step),
@@ -157,22 +157,22 @@ impl PlantSide {
         }
     }
 
-    /// The same against the clock: a command may come late or never.
+    /// Sets the side to run against the clock: a command may come late or never.
     #[must_use]
     pub const fn against_clock(mut self) -> Self {
         self.against_clock = true;
         self
     }
 
-    /// The same that does this when its controller is lost.
+    /// Sets the policy for a controller that is lost.
     #[must_use]
     pub const fn on_loss(mut self, on_loss: OnLoss) -> Self {
         self.on_loss = on_loss;
         self
     }
 
-    /// The same in a run that goes on from a checkpoint: the steps before this one were exchanged
-    /// in another.
+    /// Sets the first step of a run that goes on from a checkpoint: the steps before it were exchanged in
+    /// another run.
     #[must_use]
     pub const fn beginning_at(mut self, first: Step) -> Self {
         self.first = first;
@@ -189,25 +189,25 @@ impl PlantSide {
         }
     }
 
-    /// Whether hello is still going on.
+    /// Checks whether hello is still going on.
     #[must_use]
     pub const fn is_greeting(&self) -> bool {
         matches!(self.state, State::AwaitHello | State::AwaitReady)
     }
 
-    /// Whether the run is over, either way.
+    /// Checks whether the run is over, either way.
     #[must_use]
     pub const fn is_over(&self) -> bool {
         matches!(self.state, State::Over)
     }
 
-    /// Whether there is no controller.
+    /// Checks whether there is no controller.
     #[must_use]
     pub const fn is_alone(&self) -> bool {
         matches!(self.controller, Controller::Lost(_))
     }
 
-    /// Whether steps wait until there is a controller again.
+    /// Checks whether steps wait until there is a controller again.
     #[must_use]
     pub fn waits_for_controller(&self) -> bool {
         self.needs_another() && !self.against_clock
@@ -380,7 +380,7 @@ impl PlantSide {
         self.is_alone() && self.on_loss == OnLoss::WaitForRestart
     }
 
-    /// Whether a step may meet the newest command instead of its own.
+    /// Checks whether a step may meet the newest command instead of its own.
     const fn goes_on_without_command(&self) -> bool {
         self.against_clock || self.is_alone()
     }

@@ -12,9 +12,9 @@ use rustix::thread::{CapabilitySet, capabilities};
 
 use crate::surroundings::ThreadStatistics;
 
-/// How deep the stack of the loop's thread is touched; a step needs far less.
+/// Depth to which the stack of the loop's thread is touched, in bytes; a step needs far less.
 const STACK: usize = 256 << 10;
-/// How much new memory shows whether memory is at hand; more than the heap keeps in stock.
+/// Bytes of new memory that show whether memory is at hand; more than the heap keeps in stock.
 const PROBE: usize = 4 << 20;
 
 /// Locks what there is and what will come; with `fetch` it is also brought in before it is used.
@@ -48,14 +48,14 @@ fn touch_stack() {
     black_box(&mut [1_u8; STACK]);
 }
 
-/// Whether the process has locked memory.
+/// Checks whether the process has locked memory.
 pub(super) fn is_locked() -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let locked = (status.lines()).find_map(|line| line.strip_prefix("VmLck:"));
     locked.is_some_and(|locked| locked.trim() != "0 kB")
 }
 
-/// Whether the calling thread can touch new memory without a page fault.
+/// Checks whether the calling thread can touch new memory without a page fault.
 pub(super) fn is_at_hand() -> bool {
     let mut probe: Vec<u8> = Vec::with_capacity(PROBE);
     let before = ThreadStatistics::look();

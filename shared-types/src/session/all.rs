@@ -15,7 +15,7 @@ use super::{
 };
 use crate::process::ProcessId;
 
-/// How long another `hil` may hold the lock over all sessions while it creates or sweeps.
+/// Time that another `hil` may hold the lock over all sessions while it creates or sweeps.
 const LOCK_LIMIT: Duration = Duration::from_secs(10);
 
 /// The folder of all sessions of this user.
@@ -35,7 +35,7 @@ impl AllSessions {
         Self::lock_in(&all_sessions(), LOCK_LIMIT)
     }
 
-    /// Locks a folder of sessions. What stands in the way for longer than the limit is named.
+    /// Locks a folder of sessions; the error names what stands in the way for longer than the limit.
     fn lock_in(folder: &Path, limit: Duration) -> Result<Self, SessionError> {
         let since = Instant::now();
         loop {
@@ -140,7 +140,7 @@ impl Drop for AllSessions {
     }
 }
 
-/// Whether an open file is still the one at its path.
+/// Checks whether an open file is still the one at its path.
 fn is_at(file: &File, path: &Path) -> bool {
     match (file.metadata(), fs::symlink_metadata(path)) {
         (Ok(open), Ok(there)) => (open.dev(), open.ino()) == (there.dev(), there.ino()),
@@ -148,8 +148,8 @@ fn is_at(file: &File, path: &Path) -> bool {
     }
 }
 
-/// Whether someone holds the session's lock, or nobody can tell: what is not known to be dead is left
-/// alone.
+/// Checks whether someone holds the session's lock, or nobody can tell: a session that is not known to be
+/// dead is left alone.
 fn is_live(folder: &Path) -> bool {
     match open_at_once(&folder.join("lock")) {
         Ok(lock) => flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err(),

@@ -29,7 +29,7 @@ pub(super) fn remove_below(prefix: &str) -> Result<(), SessionError> {
     Ok(())
 }
 
-/// Whether a session may have such a prefix.
+/// Checks whether a text is a prefix that a session may have.
 pub(super) fn is_prefix(text: &str) -> bool {
     (text.strip_prefix("hil_"))
         .and_then(|rest| rest.strip_suffix('_'))

@@ -205,9 +205,9 @@ impl RecordSink for IceoryxSink {
 pub struct IceoryxSource {
     records: Subscriber<Ipc, [u64], ItemHeader>,
     credit: Option<Publisher<Ipc, u64, ()>>,
-    /// What a plant sleeps on that awaits credit, if it sleeps on one.
+    /// Bell of a plant that awaits credit, if it sleeps on one.
     bell: Option<Bell>,
-    /// Whether it has said that it is there.
+    /// Flag: the observer has said that it is there.
     has_greeted: bool,
     items: Assembler,
     _node: Node<Ipc>,
@@ -229,7 +229,7 @@ impl IceoryxSource {
         })
     }
 
-    /// Attaches beside the recorder, to watch. What it is too slow for it loses; the plant does not
+    /// Attaches beside the recorder, to watch. A watcher that is too slow loses items; the plant does not
     /// notice.
     ///
     /// # Errors

@@ -40,7 +40,7 @@ impl ItemKind {
 /// Waits of the plant for its recorder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Backpressure {
-    /// None; nobody has to be there.
+    /// No wait; nobody has to be there.
     None,
     /// Only until the recorder is there. Records that it is too slow for are lost, and it sees the
     /// number.
@@ -57,7 +57,7 @@ pub trait RecordSink {
     /// If the transport failed.
     fn open(&mut self, layout: &RecordLayout) -> Result<(), LinkError>;
 
-    /// Whether a whole step's items can be published without one being lost.
+    /// Checks whether a whole step's items can be published without one being lost.
     ///
     /// # Errors
     /// If the transport failed.
@@ -85,14 +85,14 @@ pub trait RecordSink {
     fn event(&mut self, event: &Event) -> Result<(), LinkError>;
 }
 
-/// What an observer gets.
+/// Item that an observer gets.
 #[derive(Debug)]
 pub enum Item<'a> {
     /// A record's words.
     Record(&'a [u64]),
     /// An event.
     Event(Event),
-    /// So many items were lost before the next one.
+    /// Number of items that were lost before the next one.
     Lost(u64),
     /// An item that could not be read, and why.
     Broken(String),

@@ -124,7 +124,7 @@ fn a_stream_whose_memory_cannot_be_mapped_fails_by_name_and_is_not_taken_for_sil
     assert!(later.is_err(), "a publisher that was there before");
 }
 
-/// What an assembler makes of items of these numbers, kinds and bytes.
+/// Returns what an assembler makes of items of these numbers, kinds and bytes.
 fn assembled(items: &[(u64, u64, &[u8])]) -> Vec<String> {
     let mut assembler = Assembler::default();
     let mut seen = Vec::new();

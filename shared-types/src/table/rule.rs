@@ -15,7 +15,7 @@ pub const fn is_inside(min: f64, max: f64, default: f64) -> bool {
     !is_range(min, max) || (min <= default && default <= max)
 }
 
-/// Whether a row keeps a rule.
+/// Mark of a row that keeps a rule, or does not.
 pub struct Kept<const KEPT: bool>;
 
 macro_rules! rule {
