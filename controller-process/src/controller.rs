@@ -15,7 +15,7 @@ use shared_types::table::{self, Field, Table};
 /// At a checkpoint what [`state`](Controller::state) tells is saved between two samples. A run that
 /// goes on from there starts the law, puts the state back and goes on with 2.
 ///
-/// It must be deterministic; use `libm` for sines and exponentials.
+/// A law must be deterministic; use `libm` for sines and exponentials.
 pub trait Controller: Sized + 'static {
     /// Name in scenarios.
     const NAME: &'static str;
@@ -23,9 +23,9 @@ pub trait Controller: Sized + 'static {
     const SUMMARY: &'static str;
     /// Names of the plants it is made for; empty means any.
     const PLANTS: &'static [&'static str] = &[];
-    /// Its own parameters, each with a default.
+    /// Parameters of the law, each with a default.
     type Parameters: table::Parameters;
-    /// Its model of the plant; [`Empty`](shared_types::table::Empty) if it has none.
+    /// Model that the law has of the plant; [`Empty`](shared_types::table::Empty) if it has none.
     type Model: table::Parameters;
     /// The measured signals it needs, bound by name and unit.
     type Measured: Table;
@@ -36,7 +36,7 @@ pub trait Controller: Sized + 'static {
     /// Inner quantities it shows, recorded beside the commands.
     type Internals: Table;
 
-    /// What of it a checkpoint keeps; `None`: a run of it cannot be saved.
+    /// Returns what a checkpoint keeps of the law; `None`: a run of the law cannot be saved.
     #[must_use]
     fn state() -> Option<StateOf<Self>> {
         None
@@ -52,18 +52,18 @@ pub trait Controller: Sized + 'static {
     fn step(&mut self, sample: &Sample<Self>) -> (Self::Command, Self::Internals);
 }
 
-/// What a law is configured with.
+/// Configuration of a law.
 #[derive(Clone, Copy, Debug)]
 pub struct Setup<C: Controller> {
-    /// Its parameters.
+    /// Parameters of the law.
     pub parameters: C::Parameters,
-    /// What it believes of the plant.
+    /// Model that the law has of the plant.
     pub model: C::Model,
     /// Time between two samples that it sees, in s.
     pub period_s: f64,
 }
 
-/// What a law sees at a step.
+/// Sample that a law sees at a step.
 #[derive(Clone, Copy, Debug)]
 pub struct Sample<C: Controller> {
     /// Simulated time of the sample in s.
@@ -72,7 +72,7 @@ pub struct Sample<C: Controller> {
     pub measured: C::Measured,
     /// Reference signals.
     pub reference: C::Reference,
-    /// Whether every one of these signals is marked valid.
+    /// Flag: every one of these signals is marked valid.
     pub valid: bool,
     /// For how many steps the plant has been holding the command that it applied last, because a
     /// newer one came too late; 0 except against the clock.
@@ -84,7 +84,7 @@ pub trait Law {
     /// Answers a sample: writes the command row and the row of internals.
     fn step(&mut self, sample: &Row<'_>, command: &mut [f64], internals: &mut [f64]);
 
-    /// Its state as it is now.
+    /// Returns the law's state as it is now.
     ///
     /// # Errors
     /// If it cannot be saved.
@@ -114,7 +114,7 @@ pub struct Row<'a> {
     pub measured: &'a [f64],
     /// Reference signals in the law's order.
     pub reference: &'a [f64],
-    /// Whether all of them are valid.
+    /// Flag: all of these signals are valid.
     pub valid: bool,
     /// For how many steps the plant has been holding the command that it applied last, because a
     /// newer one came too late; 0 except against the clock.
@@ -144,12 +144,12 @@ impl<C: Controller> Law for C {
     }
 }
 
-/// What a law of any type is started with.
+/// Configuration that a law of any type is started with.
 #[derive(Clone, Copy, Debug)]
 pub struct Start<'a> {
     /// Every parameter by name.
     pub parameters: &'a Settings,
-    /// What it believes of the plant, by name.
+    /// Model that the law has of the plant, by name.
     pub model: &'a Settings,
     /// Time between two samples that it sees, in s.
     pub period_s: f64,
@@ -159,7 +159,7 @@ pub struct Start<'a> {
 
 /// A law that can be chosen by name: its description and how to start it.
 pub struct LawKind {
-    /// What `--describe` says of it.
+    /// Description of the law that `--describe` gives.
     pub description: LawDescription,
     /// Starts it.
     pub start: fn(&Start<'_>) -> Result<Box<dyn Law>, Invalid>,

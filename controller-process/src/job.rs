@@ -17,7 +17,7 @@ pub struct Job {
     pub protocol: u32,
     /// Random number of the session.
     pub session: u64,
-    /// Which controller of the session this one is, from 1.
+    /// Number of this controller in the session, from 1.
     pub epoch: u32,
     /// Name of the plant, which chooses among laws of one name.
     pub plant: String,
@@ -25,7 +25,7 @@ pub struct Job {
     pub law: String,
     /// Every parameter of the law.
     pub parameters: Settings,
-    /// What the law believes of the plant.
+    /// Model that the law has of the plant.
     pub model: Settings,
     /// Exchange rate.
     pub rate: Rate,
@@ -33,13 +33,13 @@ pub struct Job {
     pub rate_divisor: u32,
     /// Steps between a sample and the command that answers it: 0 or 1.
     pub command_delay_steps: u32,
-    /// When it saves its state, and where it begins.
+    /// Checkpoints that the controller writes and the one that it begins from.
     #[serde(default)]
     pub checkpoints: Checkpoints,
-    /// What its loop is to run with.
+    /// Settings that the controller's loop is to run with.
     #[serde(default)]
     pub realtime: realtime::Settings,
-    /// How long the other side may take, in s.
+    /// Time that the other side may take, in s.
     #[serde(with = "number")]
     pub wait_limit_s: f64,
 }

@@ -20,8 +20,8 @@ use crate::job::{JOB_FILE, Job};
 use crate::laws::hold;
 use crate::runner::{End, Progress, Runner, choose};
 
-/// Runs a controller process that can run any of these laws, by what its arguments say. It can run
-/// [`hold`] too, which fits every plant, unless a law of its own has that name.
+/// Runs a controller process that can run any of these laws, by what its arguments say. The process can
+/// run [`hold`] too, which fits every plant, unless a law of its own has that name.
 #[must_use]
 pub fn run(program: &'static str, version: &'static str, laws: Vec<LawKind>) -> ExitCode {
     program::run(&ControllerProgram {
@@ -120,7 +120,7 @@ fn attach(
     }
 }
 
-/// Whether this process is the controller that was launched.
+/// Checks whether this process is the controller that was launched.
 fn is_launched(session: &SessionInfo, epoch: u32) -> bool {
     let session = SessionInfo::read(&session.folder);
     let launched = session.ok().and_then(|session| session.controller);

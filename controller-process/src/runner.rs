@@ -23,25 +23,25 @@ use crate::controller::{Law, LawKind, Row, Start};
 use crate::job::Job;
 use saved::SavedController;
 
-/// What the runner waits for, if it does.
+/// Progress of the runner: the thing that it waits for, if it does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
     /// Progress was made; poll again, and any wait begins anew.
     Busy,
     /// The plant's next message or frame.
     Plant,
-    /// The same, of a plant that has just said that it holds the run.
+    /// Next message or frame of a plant that has just said that it holds the run.
     Held,
     /// Nothing; the run is over.
     Over,
 }
 
-/// How a run ended here.
+/// End of a run on this side.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum End {
     /// All steps, confirmed by both sides.
     Completed {
-        /// How many.
+        /// Number of steps.
         steps: u64,
     },
     /// Before the last step.
@@ -59,7 +59,7 @@ pub struct Runner<'a, L> {
     started: Option<Box<dyn Law>>,
     bound: Option<Bound>,
     saves: Saves,
-    /// What the run goes on from, if it does.
+    /// State that the run goes on from, if it does.
     saved: Option<SavedController>,
     end: Option<End>,
 }
@@ -67,7 +67,7 @@ pub struct Runner<'a, L> {
 /// The law with its signals found and all space taken.
 struct Bound {
     law: Box<dyn Law>,
-    /// Where each signal of the law stands in the sample.
+    /// Place of each measured signal of the law in the sample.
     measured_places: Vec<usize>,
     reference_places: Vec<usize>,
     sample: Vec<f64>,
@@ -77,19 +77,19 @@ struct Bound {
     answer: Vec<f64>,
     /// The commands of the answer before, for a delayed command.
     previous: Vec<f64>,
-    /// What is sent.
+    /// Values of the frame that is sent.
     frame: Vec<f64>,
     /// The step whose sample each of them was made of; before the first sample one period earlier.
     made: Made,
-    /// Told to be late: until this step what was sent last is sent again.
+    /// Step until which the last frame is sent again, as the runner was told to be late.
     late_until: Option<Step>,
-    /// What is sent then.
+    /// Values of the frame that is sent at `late_until`.
     late: Vec<f64>,
     /// The step of the last answer, and which were answered before it.
     last: Option<Step>,
     answered: Answered,
     sampler: ThreadSampler,
-    /// When the last answer was sent; before the first, when this was made.
+    /// Time of the last answer in ns; before the first answer, time at which this [`Bound`] was made.
     sent_ns: u64,
 }
 
@@ -130,7 +130,7 @@ fn start(kind: &LawKind, job: &Job, commands: &[Field]) -> Result<Box<dyn Law>, 
 }
 
 impl<'a, L: Link> Runner<'a, L> {
-    /// What the loop can sleep on while it waits.
+    /// Returns what the loop can sleep on while it waits.
     pub fn sleeper(&self) -> Option<Box<dyn Sleeper>> {
         self.link.sleeper()
     }
@@ -217,7 +217,7 @@ impl<'a, L: Link> Runner<'a, L> {
         })
     }
 
-    /// What the wait limit, a death or a request to stop means now.
+    /// Handles the wait limit, a death or a request to stop.
     ///
     /// # Errors
     /// If the link failed.
@@ -228,7 +228,7 @@ impl<'a, L: Link> Runner<'a, L> {
         }
     }
 
-    /// How the run ended; `None` until then.
+    /// Returns how the run ended; `None` until then.
     #[must_use]
     pub const fn end(&self) -> Option<&End> {
         self.end.as_ref()
@@ -417,7 +417,7 @@ impl Bound {
         self.answered
     }
 
-    /// What happened to this thread, as one word.
+    /// Returns what happened to this thread, as one word.
     fn look(&mut self, answered_ns: u64) -> u64 {
         let cycle_ns = answered_ns - self.sent_ns;
         self.sent_ns = answered_ns;
@@ -454,7 +454,7 @@ impl Bound {
         }
     }
 
-    /// Whether the law runs: at the first sample of each period that it gets.
+    /// Checks whether the law runs at a step: at the first sample of each period that it gets.
     fn is_due(&self, step: Step, job: &Job) -> bool {
         let period = |step: Step| step.0 / u64::from(job.rate_divisor);
         self.last.is_none_or(|last| period(step) != period(last))

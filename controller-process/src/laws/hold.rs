@@ -11,7 +11,7 @@ use shared_types::table::Table;
 use crate::controller::{Law, LawKind, Row, Start};
 
 shared_types::table! {
-    /// What `hold` can be told.
+    /// Parameters of `hold`.
     pub struct Parameters {
         /// Value of every command, in the unit of that command.
         value: "1" = 0.0 in (f64::MIN)..=(f64::MAX),

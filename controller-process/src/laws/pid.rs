@@ -36,7 +36,7 @@ pub struct Pid {
     state: PidState,
 }
 
-/// What a loop remembers from sample to sample.
+/// State that a loop keeps from sample to sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PidState {
     integral: f64,
@@ -57,7 +57,7 @@ impl Pid {
         }
     }
 
-    /// What it remembers.
+    /// Returns the state that the loop keeps.
     #[must_use]
     pub const fn state(&self) -> PidState {
         self.state

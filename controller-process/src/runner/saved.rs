@@ -21,12 +21,12 @@ pub(super) struct SavedController {
     made: Made,
     late_until: Option<Step>,
     last: Option<Step>,
-    /// As on the wire.
+    /// Answered samples as on the wire.
     answered: u64,
 }
 
 impl Bound {
-    /// Its state.
+    /// Returns the state of the law and of the commands still to be sent.
     pub(super) fn save(&self) -> Result<SavedController, Invalid> {
         Ok(SavedController {
             law: self.law.save()?,

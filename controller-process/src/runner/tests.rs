@@ -29,9 +29,9 @@ shared_types::table! {
 shared_types::table! {
     /// Internals.
     struct Internals {
-        /// How often the law was asked.
+        /// Number of times that the law was asked.
         calls: "1",
-        /// Whether the sample was valid.
+        /// Validity of the sample.
         valid: "1",
         /// The time it was told.
         time_s: "s",
@@ -135,7 +135,7 @@ fn answers(job: Job, steps: u64) -> Vec<(f64, f64, u32)> {
     directed(job, steps, |_| Directive::default())
 }
 
-/// The same, with a directive in each sample.
+/// Sends positions as [`answers`] does, with a directive in each sample; gives the same.
 fn directed(job: Job, steps: u64, directive: fn(u64) -> Directive) -> Vec<(f64, f64, u32)> {
     let (mut plant, link) = pair();
     let kind = kind();

@@ -13,7 +13,7 @@ use crate::controller::{Controller, Sample, Setup};
 use crate::laws::drhas::{Command, PLANT};
 
 shared_types::table! {
-    /// What `ftsc` can be told (Table 2).
+    /// Parameters of `ftsc` (Table 2).
     pub struct Parameters {
         /// Trajectory generator.
         trajectory: TrajectoryGains,

@@ -56,7 +56,7 @@ shared_types::table! {
 }
 
 shared_types::table! {
-    /// How the performance indicator is judged.
+    /// Judgement of the performance indicator.
     pub struct Performance {
         /// Time for which V_3 must stay above V_r to count as a detected fault (Remark 16). V_3
         /// exceeds V_r for single samples after every start, whether there is a fault or not.

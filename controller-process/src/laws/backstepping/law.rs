@@ -36,7 +36,7 @@ pub struct Backstepping {
     answer: (Command, Internals),
 }
 
-/// What the law remembers from sample to sample.
+/// State that the law keeps from sample to sample.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LawState {
     last_velocities_mps: Option<[f64; 2]>,
@@ -76,7 +76,7 @@ impl Backstepping {
         })
     }
 
-    /// What it remembers.
+    /// Returns the state that the law keeps.
     #[must_use]
     pub fn state(&self) -> LawState {
         let (command, internals) = self.answer;

@@ -11,7 +11,7 @@ use crate::controller::{Controller, Sample, Setup};
 use crate::laws::drhas::{Command, PLANT};
 
 shared_types::table! {
-    /// What `nrsc` can be told (Table 2).
+    /// Parameters of `nrsc` (Table 2).
     pub struct Parameters {
         /// Trajectory generator.
         trajectory: TrajectoryGains,

@@ -18,7 +18,7 @@ pub struct Indicator {
     state: IndicatorState,
 }
 
-/// What the indicator remembers from sample to sample.
+/// State that the indicator keeps from sample to sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct IndicatorState {
     initial_v3: Option<f64>,
@@ -35,9 +35,9 @@ pub struct Verdict {
     pub v3: f64,
     /// V_r.
     pub bound: f64,
-    /// Whether V_3 is above V_r now: the estimate adapts.
+    /// Flag: V_3 is above V_r now, so the estimate adapts.
     pub degraded: bool,
-    /// Whether it has been so for the whole hold time.
+    /// Flag: V_3 has been above V_r for the whole hold time.
     pub detected: bool,
 }
 
@@ -79,7 +79,7 @@ impl Indicator {
         }
     }
 
-    /// What it remembers.
+    /// Returns the state that the indicator keeps.
     #[must_use]
     pub const fn state(&self) -> IndicatorState {
         self.state

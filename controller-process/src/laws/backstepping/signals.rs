@@ -3,7 +3,7 @@
 use super::Jet;
 
 shared_types::table! {
-    /// What the laws need to measure.
+    /// Signals that the laws need to measure.
     pub struct Measured {
         /// Angle of the control surface, y_1 = theta_d.
         surface_angle_rad: "rad",
@@ -63,7 +63,7 @@ impl Measured {
 }
 
 shared_types::table! {
-    /// What the laws follow: the deflection command and its first five derivatives (Assumption 4).
+    /// Signals that the laws follow: the deflection command and its first five derivatives (Assumption 4).
     pub struct Reference {
         /// Deflection command theta_r.
         surface_angle_rad: "rad",
@@ -96,8 +96,8 @@ impl Reference {
 }
 
 shared_types::table! {
-    /// What the laws show. Component 1 of an error belongs to the sum, component 2 to the
-    /// difference of the stiffness-weighted piston positions (eqs. 34, 39).
+    /// Signals that the laws show. Component 1 of an error belongs to the sum, component 2 to the difference
+    /// of the stiffness-weighted piston positions (eqs. 34, 39).
     pub struct Internals {
         /// Performance indicator V_3, half the sum of the squares of all z; it adds N2, N2/s2 and
         /// N2/s4 as plain numbers, as the paper does.

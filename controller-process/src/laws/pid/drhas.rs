@@ -27,7 +27,7 @@ shared_types::table! {
 }
 
 shared_types::table! {
-    /// What the law can be told.
+    /// Parameters of the law.
     pub struct Parameters {
         /// Loop of actuator 1.
         actuator1: ActuatorGains,
@@ -37,7 +37,7 @@ shared_types::table! {
 }
 
 shared_types::table! {
-    /// What it believes of the control surface.
+    /// Model that the law has of the control surface.
     pub struct SurfaceModel {
         /// Radial distance r_d between hinge and piston rods.
         radial_distance_m: "m" = 0.15 in 1e-3..=1e2,
@@ -45,7 +45,7 @@ shared_types::table! {
 }
 
 shared_types::table! {
-    /// What it believes of the plant (Table 1).
+    /// Model that the law has of the plant (Table 1).
     pub struct Model {
         /// Control surface.
         surface: SurfaceModel,
@@ -53,7 +53,7 @@ shared_types::table! {
 }
 
 shared_types::table! {
-    /// What it needs to measure.
+    /// Signals that the law needs to measure.
     pub struct Measured {
         /// Piston position x_h1.
         actuator1_position_m: "m",
@@ -63,7 +63,7 @@ shared_types::table! {
 }
 
 shared_types::table! {
-    /// What it follows.
+    /// Signals that the law follows.
     pub struct Reference {
         /// Deflection command theta_r.
         surface_angle_rad: "rad",

@@ -12,7 +12,7 @@ use crate::controller::{Controller, Sample, Setup};
 use crate::laws::limit::UNLIMITED;
 
 shared_types::table! {
-    /// What the law can be told.
+    /// Parameters of the law.
     pub struct Parameters {
         /// Proportional gain k_p.
         proportional_n_per_m: "N/m" = 300.0 in (-1e9)..=1e9,
@@ -26,7 +26,7 @@ shared_types::table! {
 }
 
 shared_types::table! {
-    /// What it needs to measure.
+    /// Signals that the law needs to measure.
     pub struct Measured {
         /// Position x.
         position_m: "m",
@@ -34,7 +34,7 @@ shared_types::table! {
 }
 
 shared_types::table! {
-    /// What it follows.
+    /// Signals that the law follows.
     pub struct Reference {
         /// Wanted position.
         position_m: "m",
@@ -42,7 +42,7 @@ shared_types::table! {
 }
 
 shared_types::table! {
-    /// What it gives.
+    /// Commands that the law gives.
     pub struct Command {
         /// Force F on the mass.
         force_n: "N",
