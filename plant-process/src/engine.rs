@@ -36,10 +36,10 @@ use requests::Held;
 /// A step that no run reaches.
 const NEVER: Step = Step(u64::MAX);
 
-/// What the engine waits for, if it does.
+/// Result of a poll: the engine got on, waits for something, or is done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
-    /// It did something that got the run on; poll again, and any wait begins anew.
+    /// Progress of the run; poll again, and any wait begins anew.
     Busy,
     /// The controller's next message or frame.
     Controller,
@@ -199,7 +199,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         }
     }
 
-    /// What the wait limit, a death or a request to stop means now; true if another wait begins.
+    /// Handles the wait limit, a death or a request to stop; returns true if another wait begins.
     ///
     /// # Errors
     /// If the link or the record stream failed.
@@ -210,7 +210,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         Ok(self.side.standing() != before)
     }
 
-    /// What an answer of the protocol means that any event may bring about.
+    /// Carries out an answer of the protocol that any event may bring about.
     fn react(&mut self, action: &PlantAction) -> Result<(), LinkError> {
         match action {
             PlantAction::Abort(abort) => self.abort(abort),
@@ -229,12 +229,12 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         self.give_up(Outcome::Failed, AbortCode::Observer, reason.into())
     }
 
-    /// What the loop can sleep on while it waits.
+    /// Returns the sleeper for the loop's waits.
     pub fn sleeper(&self) -> Option<Box<dyn Sleeper>> {
         self.link.sleeper()
     }
 
-    /// Where requests to this run are put.
+    /// Returns the queue of requests to this run.
     #[must_use]
     pub fn queue(&self) -> Arc<RequestQueue> {
         Arc::clone(&self.queue)
@@ -246,7 +246,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         Arc::clone(&self.plant.builder)
     }
 
-    /// How the run ended; `None` until then.
+    /// Returns the end of the run; `None` until then.
     #[must_use]
     pub const fn end(&self) -> Option<&RunEnd> {
         self.end.as_ref()

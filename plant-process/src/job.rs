@@ -29,25 +29,25 @@ pub struct Job {
     pub faults: Vec<FaultEvent>,
     /// Names and expressions of the scenario's derived signals, which conditions of faults may use.
     pub derived: Vec<(String, String)>,
-    /// Where the controller of a run against the clock was not in time, if one is repeated; in the
-    /// order of steps.
+    /// Steps at which the controller of a run against the clock was not in time, if such a run is
+    /// repeated; in order.
     #[serde(default)]
     pub missed: Vec<Missed>,
-    /// What the first controller's binary says of its law; one that says other things at hello is
-    /// refused.
+    /// Law as the first controller's binary describes it; a controller that says other things at hello
+    /// is refused.
     #[serde(default)]
     pub law: Option<LawDescription>,
     /// Hold before the first step at or after this time in s.
     pub pause_at_s: Option<f64>,
-    /// Whether a recorder must see every record: the loop then waits for it.
+    /// True if a recorder must see every record: the loop then waits for the recorder.
     pub observed: bool,
-    /// When it saves its state, and where it begins.
+    /// Checkpoints that the plant saves, and the one that it begins from.
     #[serde(default)]
     pub checkpoints: Checkpoints,
-    /// What its loop is to run with.
+    /// Real-time settings of the plant's loop.
     #[serde(default)]
     pub realtime: realtime::Settings,
-    /// How long the other side may take, in s.
+    /// Longest time that the other side may take, in s.
     #[serde(with = "number")]
     pub wait_limit_s: f64,
 }

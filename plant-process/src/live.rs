@@ -25,20 +25,20 @@ use crate::request_queue::{LoopRequest, RequestQueue};
 
 /// Limit for the loop to look at the queue, which it does before each step.
 const LOOP_LIMIT: Duration = Duration::from_secs(5);
-/// How often the service looks for the loop's answer.
+/// Time between two looks of the service for the loop's answer.
 const LOOK: Duration = Duration::from_micros(200);
 /// Most faults in one request: the loop takes them between two steps.
 const MOST_FAULTS: usize = 16;
 
-/// What requests are checked against.
+/// Context that requests are checked against.
 pub struct LiveContext {
     run: FaultContext,
-    /// Whether every fault must be one that can be saved.
+    /// True if every fault must be one that can be saved.
     saves: bool,
 }
 
 impl LiveContext {
-    /// What a job lets a live fault refer to.
+    /// Collects all that a live fault may refer to in a job.
     #[must_use]
     pub fn new(plant: &PlantKind, faults: &[FaultKindEntry], job: &Job) -> Self {
         let mut run = FaultContext {
@@ -88,7 +88,7 @@ struct Service {
     builder: Arc<FaultBuilder>,
 }
 
-/// Why there is no answer from the loop.
+/// Reason why there is no answer from the loop.
 type Unanswered = Refusal;
 
 impl Service {
@@ -225,7 +225,7 @@ impl Service {
         }
     }
 
-    /// What the records hold; waits for hello.
+    /// Returns the layout of the records; waits for hello.
     fn layout(&self) -> Result<&RecordLayout, Unanswered> {
         let since = Instant::now();
         loop {

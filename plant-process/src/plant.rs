@@ -33,7 +33,7 @@ pub trait Plant: Sized + 'static {
     /// True state and outputs. A range on a signal is its limit of validity: outside it the run
     /// ends as diverged, with the signal named.
     type Truth: Table;
-    /// What the sensors report.
+    /// Readings of the sensors.
     type Measured: Table;
     /// The commands it takes.
     type Command: Table;
@@ -44,7 +44,7 @@ pub trait Plant: Sized + 'static {
         Vec::new()
     }
 
-    /// What of it a checkpoint keeps; `None`: a run of it cannot be saved.
+    /// Returns the part of the plant that a checkpoint keeps; `None`: a run of the plant cannot be saved.
     #[must_use]
     fn state() -> Option<StateOf<Self>> {
         None
@@ -59,7 +59,7 @@ pub trait Plant: Sized + 'static {
     /// Takes new values of the faultable parameters.
     fn retune(&mut self, parameters: &Self::Parameters);
 
-    /// What the sensors report of the present state.
+    /// Returns the sensors' readings of the present state.
     fn measure(&self) -> Self::Measured;
 
     /// The present truth; `time_s` is the simulated time and `command` the command being applied.
@@ -130,7 +130,7 @@ impl<P: Plant> Model for P {
 
 /// A plant that can be chosen by name: its description and how to start it.
 pub struct PlantKind {
-    /// What `--describe` says of it.
+    /// Description that `--describe` shows.
     pub description: PlantDescription,
     /// Starts it from every parameter by name.
     pub start: fn(&Settings) -> Result<Box<dyn Model>, Invalid>,

@@ -26,7 +26,7 @@ use crate::job::{JOB_FILE, Job};
 use crate::live::{self, LiveContext};
 use crate::plant::PlantKind;
 
-/// How often a held run looks whether it may go on.
+/// Time between two looks of a held run for leave to go on.
 pub const HELD: Duration = Duration::from_millis(1);
 
 /// Runs a plant process that can be any of these plants, by what its arguments say. Its faults are

@@ -13,9 +13,9 @@ use shared_types::time::Step;
 pub struct Missed {
     /// The step.
     pub step: u64,
-    /// How many steps before it the command was sent that it had to do with.
+    /// Number of steps before this one at which the command was sent that this step had to do with.
     pub held_steps: u32,
-    /// Whether its sample was answered, at that step or later.
+    /// True if the step's sample was answered, at that step or later.
     pub answered: bool,
 }
 
@@ -55,7 +55,7 @@ impl Repetition {
         }
     }
 
-    /// Whether the controller saw the sample of a step. Steps are asked for in order.
+    /// Returns true if the controller saw the sample of a step. Steps are asked for in order.
     pub(crate) fn is_seen(&mut self, step: Step) -> bool {
         while (self.missed.get(self.next)).is_some_and(|missed| missed.step < step.0) {
             self.next += 1;
@@ -116,8 +116,8 @@ mod tests {
 
     use super::*;
 
-    /// What the steps of a repeated run had to do with; the command of step k is k. Unseen samples
-    /// are answered with -1.
+    /// Returns the commands that the steps of a repeated run had to do with; the command of step k is k.
+    /// Unseen samples are answered with -1.
     fn repeated(missed: &[(u64, u32, bool)], steps: u64) -> Vec<Result<f64, String>> {
         let missed = missed.iter().map(|&(step, held_steps, answered)| Missed {
             step,

@@ -15,7 +15,7 @@ use shared_types::time::Step;
 
 use crate::faults::{Admitted, ArmedFault};
 
-/// What the loop is asked to do.
+/// Request to the loop.
 pub enum LoopRequest {
     /// Take these faults, all or none.
     Admit(Vec<Box<ArmedFault>>, Sender<Result<Vec<Admitted>, String>>),
@@ -109,13 +109,13 @@ impl RequestQueue {
         self.lock().waiting.clear();
     }
 
-    /// What the records hold, once it is known.
+    /// Returns the layout of the records, once it is known.
     #[must_use]
     pub fn layout(&self) -> Option<&RecordLayout> {
         self.layout.get()
     }
 
-    /// Whether the run is over.
+    /// Returns true if the run is over.
     #[must_use]
     pub fn is_closed(&self) -> bool {
         self.closed.load(Ordering::Acquire)
@@ -127,7 +127,7 @@ impl RequestQueue {
         self.gate.load(Ordering::Acquire) == 0
     }
 
-    /// Where the run is.
+    /// Returns the run's step and time, and if the run is held.
     #[must_use]
     pub fn status(&self, rate: shared_types::time::Rate, steps: u64) -> Status {
         let step = Step(self.step.load(Ordering::Relaxed));

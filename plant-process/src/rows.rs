@@ -16,7 +16,7 @@ use shared_types::zerocopy::IntoBytes;
 pub struct Rows {
     /// Measured, then reference signals.
     pub sample: Vec<f64>,
-    /// What the sensors report, before faults.
+    /// Readings of the sensors, before faults.
     pub sensed: Vec<f64>,
     /// Reference signals before faults; made one step ahead.
     pub stimulus: Vec<f64>,
@@ -28,7 +28,7 @@ pub struct Rows {
     pub parameter: Vec<f64>,
     /// Invalid bits of the sample that was sent last.
     pub invalid: [u64; VALIDITY_WORDS],
-    /// What the controller sent last that was taken: its commands, then its internals.
+    /// Newest frame of the controller that was taken: its commands, then its internals.
     pub frame: Vec<f64>,
     /// The plant's commands as sent.
     pub command: Vec<f64>,
@@ -44,11 +44,11 @@ pub struct Rows {
     validity: Validity,
     /// The values of the last record without those that it marks as invalid, if there are such.
     known: Vec<f64>,
-    /// What the frame holds, as agreed with the first controller.
+    /// Signals of the frame, as agreed with the first controller.
     table: SignalTable,
-    /// Where each of the plant's commands stands in `frame`.
+    /// Index of each of the plant's commands in `frame`.
     commands: Vec<usize>,
-    /// Where the internals begin in `frame`.
+    /// Index of the first internal in `frame`.
     internals: usize,
     /// Newest frame of the active controller, taken or not.
     received: Vec<f64>,
@@ -120,7 +120,7 @@ impl Rows {
         Header { invalid, ..header }
     }
 
-    /// Whether what was received with this header says anything else than the frame with that one.
+    /// Returns true if what was received with `header` differs from the frame with the header `taken`.
     pub fn differs(&self, header: &Header, taken: &Header) -> bool {
         let differs = |(index, value): (usize, &f64)| {
             let place = (self.places.as_ref()).map_or(Some(index), |places| places[index]);
@@ -231,7 +231,7 @@ fn received(values: &[f64], header: &Header, place: Option<usize>) -> (f64, bool
     })
 }
 
-/// What is left of a record to be written.
+/// Rest of a record that is still to be written.
 struct Words<'a>(&'a mut [u64]);
 
 impl<'a> Words<'a> {

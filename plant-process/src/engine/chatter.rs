@@ -25,7 +25,7 @@ use crate::faults::kinds;
 const WATCHDOG: Duration = Duration::from_secs(20);
 pub(super) const WAIT_LIMIT_S: f64 = 0.1;
 
-/// What a controller says at every look, after what it has to say.
+/// Message that a controller repeats at every look, after those that it has to send.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Repeats {
     Nothing,

@@ -66,8 +66,8 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         Ok(self.side.standing() != before)
     }
 
-    /// Whether a command that is passed over says something else than the newest one, of the same step.
-    /// That may be another's, as in a run that is repeated or after a loss.
+    /// Returns true if a command that is passed over contradicts the newest one, of the same step. The
+    /// newest one may come from elsewhere, as in a run that is repeated or after a loss.
     fn contradicts(&self, header: &Header) -> bool {
         let newest = &self.commands.newest.header;
         header.kind() == Some(FrameKind::Command)

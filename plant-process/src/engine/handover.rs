@@ -67,7 +67,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         Ok(())
     }
 
-    /// Whether the first controller is still being greeted.
+    /// Returns true while the first controller is being greeted.
     #[must_use]
     pub const fn is_greeting(&self) -> bool {
         self.side.is_greeting()

@@ -51,7 +51,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         Ok(true)
     }
 
-    /// How often the controller is told that the run is held: well before its patience ends.
+    /// Returns the time between two hold messages to the controller: well within the controller's patience.
     fn hold_again_ns(&self) -> u64 {
         const OFTEN_NS: u64 = 100_000_000;
         let patience_ns = (self.job.wait_limit_s * 0.25e9) as u64;

@@ -217,7 +217,7 @@ impl FaultBuilder {
         })
     }
 
-    /// Where the target of a kind is, with the unit of its effect; `None`: nowhere.
+    /// Returns the place of a kind's target and the unit of its effect; `None` if there is no such target.
     fn place(&self, acts_on: ActsOn, target: &str) -> Result<Option<(Place, String)>, Invalid> {
         let steps = |place| Some((place, "steps".into()));
         let time = |side| Some((Place::Side(side), "ns".into()));
@@ -255,7 +255,7 @@ impl FaultBuilder {
     }
 }
 
-/// Where an effect of a kind acts.
+/// Place at which an effect of a kind acts.
 enum Place {
     /// On a parameter.
     Parameter(usize),
@@ -278,8 +278,8 @@ struct BuiltAction {
     wall_only: bool,
 }
 
-/// What decides what a kind does, in one fixed form with exact bits: its parameters in the order of
-/// its table, then its list.
+/// Writes the settings that decide what a kind does in one fixed form with exact bits: its parameters
+/// in the order of its table, then its list.
 fn canonical(kind: &FaultKindDescription, parameters: &Settings, list: &[f64]) -> String {
     let given = |field: &Field| Some((field.name.clone(), parameters.get(&field.name)?));
     let mut parts: Vec<String> = (kind.parameters.iter().filter_map(given))

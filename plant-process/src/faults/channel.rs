@@ -34,21 +34,21 @@ pub(super) struct Channel {
     received_about: About,
     /// The receiver has nothing yet.
     silent: bool,
-    /// What was sent last was received as it was.
+    /// True if the last message was received as it was sent.
     bypassed: bool,
     /// Room to open a broken frame in.
     opened: Vec<f64>,
     rejected: u64,
 }
 
-/// What is known of a message besides its values.
+/// Facts about a message besides its values.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct About {
     /// The step at which it was sent.
     pub(super) step: u64,
-    /// How old its content was then, in steps.
+    /// Age of the content at that step, in steps.
     pub(super) age_steps: u32,
-    /// Which of its values are invalid.
+    /// Bits of the invalid values.
     pub(super) invalid: [u64; VALIDITY_WORDS],
 }
 
@@ -133,7 +133,7 @@ impl Channel {
         self.rejected
     }
 
-    /// What is under way.
+    /// Returns the messages under way.
     pub(super) const fn arrivals(&self) -> &Arrivals {
         &self.arrivals
     }
@@ -166,7 +166,7 @@ impl Channel {
         self.about[place] = about;
     }
 
-    /// Whether the message on the line gets through with these bits inverted.
+    /// Returns true if the message on the line gets through with these bits inverted.
     pub(super) fn gets_through(&mut self, step: Step, passage: &Passage) -> bool {
         passage.flipped == 0 || self.open_broken(step, passage).is_some()
     }
@@ -204,8 +204,8 @@ impl Channel {
         frame.open(IDENTITY, &mut self.opened).ok()
     }
 
-    /// What the receiver has at a step; gives its age in steps. Nothing ever came: zeros, all
-    /// invalid, as old as the run.
+    /// Writes the values that the receiver has at a step; returns their age in steps. If nothing ever
+    /// came: zeros, all invalid, as old as the run.
     pub(super) fn receive(
         &mut self,
         step: Step,

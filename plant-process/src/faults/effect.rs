@@ -35,7 +35,7 @@ pub(super) enum Side {
     Plant,
 }
 
-/// What an effect does.
+/// Action of an effect.
 pub(super) enum Action {
     /// Moves parameters by their index.
     Move(Vec<(usize, Operation, f64)>),
@@ -54,14 +54,14 @@ pub(super) enum Action {
     Over,
 }
 
-/// Where an effect is in its life.
+/// Phase of an effect's life.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Life {
-    /// It has not taken hold.
+    /// Phase before the effect takes hold.
     Waits,
-    /// It acts since this step.
+    /// Phase in which the effect acts, since this step.
     Acts(u64),
-    /// It has ended, or never took hold and never will.
+    /// Phase after the effect ended, or of one that never took hold and never will.
     Ended,
 }
 
@@ -73,13 +73,13 @@ pub(super) struct Effect {
     pub(super) skew_steps: u64,
     /// For how many steps it acts, if that is limited.
     after_steps: Option<u64>,
-    /// How often it acts, if that is limited.
+    /// Most times that the effect acts, if that is limited.
     most_occurrences: Option<u64>,
     profile: Profile,
-    /// What is told when it takes hold.
+    /// Report that is made when the effect takes hold.
     taken: Option<FaultTaken>,
     size: FaultEffectSize,
-    /// Whether it did something at the last step, and how often it began to.
+    /// True if the effect did something at the last step; `runs` counts how often it began to.
     acting: bool,
     runs: u64,
 }
@@ -187,7 +187,7 @@ impl Effect {
         Ok(())
     }
 
-    /// What became of it so far.
+    /// Returns the record of what became of the effect so far.
     pub(super) const fn size(&self) -> &FaultEffectSize {
         &self.size
     }
@@ -214,20 +214,20 @@ impl Effect {
         fault.hold(RandomStream::new(seed, path));
     }
 
-    /// How long the path of its random numbers can get.
+    /// Returns the greatest length of the path of the effect's random numbers.
     pub(super) fn path_length(&self) -> usize {
         const NUMBERS: usize = "/18446744073709551615/18446744073709551615/".len();
         self.size.kind.len() + self.size.target.len() + NUMBERS
     }
 
-    /// Whether both are of one kind and act on one target since the same step.
+    /// Returns true if both effects are of one kind and act on one target since the same step.
     pub(super) fn is_twin_of(&self, other: &Self) -> bool {
         self.life == other.life
             && self.size.kind == other.size.kind
             && self.size.target == other.size.target
     }
 
-    /// What is told of it once it has taken hold.
+    /// Takes out the report of the effect, once the effect has taken hold.
     pub(super) fn take_taken(&mut self) -> Option<FaultTaken> {
         let mut taken = self.taken.take()?;
         taken.step = self.size.step?;
@@ -290,8 +290,8 @@ impl Effect {
         }
     }
 
-    /// Whether it acted as often as it may, all of it over: runs of steps for what changes a number,
-    /// single steps for what strikes messages or time.
+    /// Returns true if the effect acted as often as it may, all of it over: runs of steps for effects on
+    /// numbers, single steps for effects on messages or time.
     pub(super) fn is_spent(&self) -> bool {
         let occurrences = match self.action {
             Action::Link(..) | Action::Skip(..) | Action::Busy(..) => self.size.acted_steps,
@@ -302,7 +302,7 @@ impl Effect {
         (self.most_occurrences).is_some_and(|most| occurrences >= most)
     }
 
-    /// Whether it ends by how often it acted.
+    /// Returns true if the effect ends by how often it acted.
     pub(super) const fn is_counted(&self) -> bool {
         self.most_occurrences.is_some()
     }

@@ -26,9 +26,9 @@ pub trait FaultKind: Sized + Send + 'static {
     const NAME: &'static str;
     /// One sentence.
     const SUMMARY: &'static str;
-    /// What happens, as an equation in plain text; `x` is the healthy value, `g` the profile.
+    /// Equation of the effect in plain text; `x` is the healthy value, `g` the profile.
     const EQUATION: &'static str;
-    /// What it acts on.
+    /// Targets that the fault acts on.
     const ACTS_ON: ActsOn;
     /// Its parameters. The unit `target` stands for that of the target; one with a default may be
     /// left out.
@@ -43,7 +43,7 @@ pub trait FaultKind: Sized + Send + 'static {
         None
     }
 
-    /// What of it a checkpoint keeps; `None`: a run with it cannot be saved.
+    /// Returns the part of the fault that a checkpoint keeps; `None`: a run with the fault cannot be saved.
     #[must_use]
     fn state() -> Option<StateOf<Self>> {
         None
@@ -55,29 +55,29 @@ pub trait FaultKind: Sized + Send + 'static {
     /// If the parameters, each in its range, do not go together.
     fn start(setup: &Setup<'_, Self::Parameters>) -> Result<Self, Invalid>;
 
-    /// It takes hold. `random` is a stream of its own, keyed by seed, kind, target and step.
+    /// Takes hold. `random` is a stream of the fault's own, keyed by seed, kind, target and step.
     fn hold(&mut self, random: RandomStream) {
         let _ = random;
     }
 
-    /// What becomes of a signal or parameter.
+    /// Returns the reading that a signal or parameter becomes.
     fn number(&mut self, at: &Moment, reading: Reading) -> Reading {
         let _ = at;
         reading
     }
 
-    /// What becomes of a message on the link.
+    /// Changes the passage of a message on the link.
     fn message(&mut self, at: &Moment, passage: &mut Passage) {
         let _ = (at, passage);
     }
 
-    /// What a side does with its time.
+    /// Changes what a side does with its time.
     fn timing(&mut self, at: &Moment, directive: &mut Directive) {
         let _ = (at, directive);
     }
 }
 
-/// What a fault is started with.
+/// Inputs that a fault is started with.
 #[derive(Clone, Copy, Debug)]
 pub struct Setup<'a, P> {
     /// Its parameters.
@@ -106,11 +106,11 @@ pub struct Moment {
 pub struct Reading {
     /// Value in the signal's unit.
     pub value: f64,
-    /// Whether the receiver is told that it is valid.
+    /// True if the receiver is told that the value is valid.
     pub valid: bool,
 }
 
-/// What happens to one message on its way: how many copies arrive, how late, how broken.
+/// Passage of one message: how many copies arrive, how late, how broken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Passage {
     /// For each copy, the steps by which it comes late; `None`: there is no such copy.
@@ -121,7 +121,7 @@ pub struct Passage {
     /// Bits that are inverted, the first `flipped` of these; they count as in
     /// [`Frame::flip`](shared_types::frame::Frame::flip).
     pub flips: [u64; Self::MOST_FLIPS],
-    /// How many of `flips` count.
+    /// Number of `flips` that count.
     pub flipped: usize,
     /// Bits of the message's frame.
     pub bits: u64,
@@ -150,13 +150,13 @@ impl Passage {
 
 /// A fault of any kind.
 pub trait Fault: Send {
-    /// It takes hold.
+    /// Takes hold.
     fn hold(&mut self, random: RandomStream);
-    /// What becomes of a signal or parameter.
+    /// Returns the reading that a signal or parameter becomes.
     fn number(&mut self, at: &Moment, reading: Reading) -> Reading;
-    /// What becomes of a message on the link.
+    /// Changes the passage of a message on the link.
     fn message(&mut self, at: &Moment, passage: &mut Passage);
-    /// What a side does with its time.
+    /// Changes what a side does with its time.
     fn timing(&mut self, at: &Moment, directive: &mut Directive);
     /// Its state as it is now.
     ///
@@ -170,7 +170,7 @@ pub trait Fault: Send {
     fn restore(&mut self, state: &State) -> Result<(), Invalid>;
 }
 
-/// What of a fault of a kind is its state.
+/// Returns the part of a fault of a kind that is the fault's state.
 fn state_of<K: FaultKind>() -> Result<StateOf<K>, Invalid> {
     let kind = K::NAME;
     K::state().ok_or_else(|| {
@@ -206,13 +206,13 @@ impl<K: FaultKind> Fault for K {
     }
 }
 
-/// What a fault of any kind is started with.
+/// Inputs that a fault of any kind is started with.
 pub type AnySetup<'a> = Setup<'a, &'a Settings>;
 
 /// A kind of fault that can be chosen by name: its description and how to start one.
 #[derive(Clone, Debug)]
 pub struct FaultKindEntry {
-    /// What `--describe` says of it.
+    /// Description that `--describe` shows.
     pub description: FaultKindDescription,
     /// Starts one.
     pub start: fn(&AnySetup<'_>) -> Result<Box<dyn Fault>, Invalid>,

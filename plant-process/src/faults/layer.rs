@@ -67,7 +67,7 @@ impl SavedFaults {
     }
 }
 
-/// What effects act on, each with those that do.
+/// Targets of effects, each with the effects that act on it.
 struct Targets {
     parameters: Parameters,
     sample: SignalPath,
@@ -84,7 +84,7 @@ pub struct Admitted {
     pub kind: String,
     /// The step at which it takes hold, if that is known.
     pub step: Option<Step>,
-    /// What it waits for, if not.
+    /// Event or condition that the fault waits for, if the step is not known.
     pub waits_for: Option<String>,
 }
 
@@ -216,7 +216,7 @@ impl FaultLayer {
         path.apply_link_faults(effects, step, rate, (row, invalid), 0)
     }
 
-    /// What the controller is told to do with its time, and how long the plant is to be busy, in ns.
+    /// Returns what the controller is to do with its time, and how long the plant is to be busy, in ns.
     pub fn timing(&mut self, step: Step) -> (Directive, u64) {
         self.targets.timing.ask(&mut self.effects, step, self.rate)
     }
@@ -249,13 +249,13 @@ impl FaultLayer {
         age_steps
     }
 
-    /// Whether there is something to tell observers.
+    /// Returns true if there is an event for observers.
     #[must_use]
     pub fn has_events(&self) -> bool {
         !self.told.is_empty()
     }
 
-    /// What took hold or ended, in its order.
+    /// Takes out the next event: what took hold or ended, in order.
     pub fn next_event(&mut self) -> Option<Event> {
         self.told.pop_front()
     }
@@ -332,7 +332,7 @@ impl FaultLayer {
         self.schedule.states(&self.effects)
     }
 
-    /// What became of each effect.
+    /// Returns the record of what became of each effect.
     #[must_use]
     pub fn effects(&self) -> Vec<FaultEffectSize> {
         let size = |effect: &Effect| effect.size().clone();

@@ -19,7 +19,7 @@ pub(super) struct Parameters {
     healthy: Vec<f64>,
     present: Vec<f64>,
     before: Vec<f64>,
-    /// Where the faultable ones are.
+    /// Indices of the faultable parameters.
     faultable: Vec<usize>,
     /// Effects that act on them, in the order in which they took hold.
     stack: Vec<usize>,

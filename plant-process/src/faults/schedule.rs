@@ -28,9 +28,9 @@ const NEVER: u64 = u64::MAX;
 /// Something that happens to an effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Change {
-    /// It takes hold.
+    /// Effect that takes hold.
     Begins(usize),
-    /// It ended of itself.
+    /// Effect that ended of itself.
     Ends(usize),
 }
 
@@ -49,9 +49,9 @@ pub(super) struct Schedule {
     due: u64,
     /// Events that wait for or end by a condition, by place.
     watching: Vec<usize>,
-    /// Whether an effect ends by how often it acted.
+    /// True if an effect ends by how often it acted.
     counting: bool,
-    /// What happened at the last turn, in order.
+    /// Changes at the last turn, in order.
     changes: Vec<Change>,
 }
 
@@ -63,7 +63,7 @@ struct Scheduled {
     effects: Range<usize>,
     /// The step at which it takes hold, once that is known.
     hold: Option<u64>,
-    /// It has taken hold.
+    /// True once the event has taken hold.
     held: bool,
     /// The step at which it ends, once that is known.
     end: Option<u64>,
@@ -245,7 +245,7 @@ impl Schedule {
         !self.changes.is_empty()
     }
 
-    /// What happened at the last turn, in order.
+    /// Returns the changes at the last turn, in order.
     pub(super) fn changes(&self) -> &[Change] {
         &self.changes
     }
@@ -432,7 +432,7 @@ impl Schedule {
         self.events.iter().map(state).collect()
     }
 
-    /// What an event waits for, in words.
+    /// Describes what an event waits for.
     fn waits_for(&self, scheduled: &Scheduled, effects: &[Effect]) -> String {
         let trigger = &scheduled.event.trigger;
         let begins = effects
@@ -454,7 +454,7 @@ impl Scheduled {
     }
 }
 
-/// What a trigger waits for, in words.
+/// Describes what a trigger waits for.
 pub(super) fn waits_for(trigger: &Trigger) -> String {
     match trigger {
         Trigger::Step { step, .. } => format!("step {step}"),

@@ -26,7 +26,7 @@ pub(super) struct SignalPath {
     signals: Vec<usize>,
     /// Effects that act on the link, likewise.
     link: Vec<usize>,
-    /// What the signals were at the step before: what an invalid one keeps. 0 before the first.
+    /// Signals of the step before, which an invalid signal keeps; 0 before the first step.
     kept: Vec<f64>,
     channel: Channel,
 }

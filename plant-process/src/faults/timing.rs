@@ -29,7 +29,7 @@ impl Timing {
         &mut self.stack
     }
 
-    /// What the controller is told to do, and for how long the plant is to be busy, in ns.
+    /// Returns what the controller is to do, and for how long the plant is to be busy, in ns.
     pub(super) fn ask(&self, effects: &mut [Effect], step: Step, rate: Rate) -> (Directive, u64) {
         let (mut controller, mut plant) = (Directive::default(), Directive::default());
         for &effect in &self.stack {
@@ -85,7 +85,7 @@ impl Timing {
     }
 }
 
-/// What was asked for, as far as it was seen.
+/// Returns the part of what was asked for that was seen.
 fn seen(asked: u32, seen: u64) -> f64 {
     let asked = u64::from(asked);
     (if asked < seen { asked } else { seen }) as f64

@@ -16,7 +16,7 @@ use crate::integrate::integrate;
 use crate::plant::Plant;
 
 table! {
-    /// What the plant can be told.
+    /// Parameters of the plant.
     pub struct Parameters {
         /// Mass m.
         mass_kg: "kg" = 1.0 in 1e-6..=1e9,
@@ -34,7 +34,7 @@ table! {
 }
 
 table! {
-    /// What is really so.
+    /// True state and outputs.
     pub struct Truth {
         /// Position x, 0 where the spring is relaxed.
         position_m: "m" in (-1e6)..=1e6,
@@ -48,7 +48,7 @@ table! {
 }
 
 table! {
-    /// What the sensors report.
+    /// Readings of the sensors.
     pub struct Measured {
         /// Position x.
         position_m: "m",
@@ -58,7 +58,7 @@ table! {
 }
 
 table! {
-    /// What the controller commands.
+    /// Commands of the controller.
     pub struct Command {
         /// Force F on the mass.
         force_n: "N",

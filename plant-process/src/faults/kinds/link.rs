@@ -35,7 +35,7 @@ impl Chance {
         }
     }
 
-    /// Whether it happens now. Draws each time, so that the profile does not shift the numbers.
+    /// Draws if the event happens now. Draws each time, so that the profile does not shift the numbers.
     fn happens(&mut self, gain: f64) -> bool {
         let drawn = self.random.as_mut().map_or(1.0, RandomStream::uniform);
         drawn < self.probability * gain
@@ -53,7 +53,7 @@ shared_types::table! {
 /// Messages are lost.
 pub struct Loss {
     chance: Chance,
-    /// Whether each message is lost, again and again; empty: by chance.
+    /// Loss of each message, again and again; empty: by chance.
     pattern: Vec<bool>,
 }
 

@@ -13,7 +13,7 @@ use super::kinds;
 use crate::faults::{FaultBuilder, FaultLayer};
 
 shared_types::table! {
-    /// What the plant can be told.
+    /// Parameters of the plant.
     pub(super) struct Parameters {
         /// Not open to faults.
         mass_kg: "kg" = 1.0 in 0.0..=10.0,
@@ -142,12 +142,12 @@ pub(super) fn lasting(steps: u64) -> FaultEnd {
     }
 }
 
-/// What came of one step.
+/// Outcome of one step.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Passed {
     /// `a_m`, `b_m` and `r_m` as the controller gets them.
     pub(super) sample: [f64; 3],
-    /// Which of them are invalid, one bit each.
+    /// Bits of the invalid signals of `sample`, one each.
     pub(super) invalid: u64,
     pub(super) sample_age_steps: u32,
     pub(super) directive: Directive,
@@ -167,10 +167,10 @@ pub(super) struct Rig {
     pub(super) layer: FaultLayer,
     pub(super) next: u64,
     pub(super) last: Option<Vec<f64>>,
-    /// What a test has the controller say.
+    /// Header that a test has the controller send.
     pub(super) answer: Header,
     pub(super) command_invalid: u64,
-    /// What was told: event, effect, step; then `+` or `-`, or `x` if it was cleared.
+    /// Reports: event, effect, step; then `+` or `-`, or `x` if the fault was cleared.
     pub(super) told: Vec<(u32, u32, u64, char)>,
 }
 
@@ -257,7 +257,7 @@ impl Rig {
         self.run(steps).iter().map(of).collect()
     }
 
-    /// What became of an effect.
+    /// Returns the record of what became of an effect.
     pub(super) fn size(&self, id: u32, effect: u32) -> FaultEffectSize {
         let sizes = self.layer.effects();
         let found = (sizes.into_iter()).find(|size| (size.id, size.effect) == (id, effect));

@@ -27,7 +27,7 @@ macro_rules! side_by_side {
 }
 
 side_by_side! {
-    /// What the equations know of both actuators.
+    /// Parameters of both actuators in the equations.
     Actuators of ActuatorParameters:
     flow_gain_m2ps_per_sqrt_pa
     supply_pressure_pa

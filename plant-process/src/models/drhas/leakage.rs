@@ -60,7 +60,7 @@ pub fn external_leakages_m3ps(p: &Actuators, state: &ActuatorStates) -> [Pair; 2
     ]
 }
 
-/// How fast the fault's leak alone brings the pressures together.
+/// Returns the speed at which the fault's leak alone brings the pressures together.
 ///
 /// `a = beta C_t (beta_e / V_h1 + beta_e / V_h2)`, so that `y' = -a sqrt|y| sgn(y)` for
 /// `y = P_h1 - P_h2` (second terms of eqs. 3 to 5 at fixed volumes).

@@ -104,17 +104,17 @@ pub struct Drhas {
     spools: [Spool; 2],
     /// The actuators' parameters side by side.
     actuators: Actuators,
-    /// Whether the seal of an actuator leaks.
+    /// True if the seal of an actuator leaks.
     leaks: bool,
-    /// Whether the spool of an actuator follows late.
+    /// True if the spool of an actuator follows late.
     lags: bool,
-    /// Whether an actuator has something that the paper's does not have.
+    /// True if an actuator has something that the paper's does not have.
     beyond_paper: bool,
 }
 
-/// What acts on the actuators during an interval, as far as it has come.
+/// Course of an interval so far: what acts on the actuators.
 struct Course {
-    /// Where the spools go.
+    /// Positions that the spools go to.
     wanted_m: [f64; 2],
     /// The edges that stay open, if no spool moves any more.
     still: Option<[OpenEdges; 3]>,
@@ -204,7 +204,7 @@ impl Drhas {
         }
     }
 
-    /// Where both spools go under a command.
+    /// Returns the positions that both spools go to under a command.
     fn wanted_spools_m(&self, command: &Command) -> [f64; 2] {
         let [p_1, p_2] = self.parameters.actuators();
         let [one, two] = &self.spools;
@@ -251,7 +251,7 @@ impl Drhas {
         self.state = State::from(&motion);
     }
 
-    /// What acts at begin, middle and end of an integration step.
+    /// Returns the inputs at begin, middle and end of an integration step.
     #[inline(always)]
     fn inputs(&mut self, course: &mut Course, start_s: f64, step_s: f64) -> [Inputs; 3] {
         let [begin, middle, end] =

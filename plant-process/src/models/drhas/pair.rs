@@ -62,21 +62,21 @@ impl Pair {
         Self::from(self.to_array().map(function))
     }
 
-    /// Which are below those of another pair; a number that is none is not.
+    /// Marks the numbers that are below those of another pair; NaN never is.
     #[inline]
     #[must_use]
     pub fn is_below(self, other: Self) -> Which {
         Which(self.0.simd_lt(other.0))
     }
 
-    /// Which are above those of another pair; a number that is none is not.
+    /// Marks the numbers that are above those of another pair; NaN never is.
     #[inline]
     #[must_use]
     pub fn is_above(self, other: Self) -> Which {
         Which(self.0.simd_gt(other.0))
     }
 
-    /// Which are equal to those of another pair.
+    /// Marks the numbers that are equal to those of another pair.
     #[inline]
     #[must_use]
     pub fn is_equal(self, other: Self) -> Which {
@@ -98,12 +98,12 @@ impl From<[f64; 2]> for Pair {
     }
 }
 
-/// Which of both actuators something is true of.
+/// Mask of the actuators that something is true of.
 #[derive(Clone, Copy, Debug)]
 pub struct Which(f64x2);
 
 impl Which {
-    /// Whether it is true of at least one.
+    /// Returns true if the mask has at least one actuator.
     #[inline]
     #[must_use]
     pub fn any(self) -> bool {

@@ -10,10 +10,10 @@ use super::tables::{ActuatorParameters, SurfaceParameters};
 use super::valve::OpenEdges;
 use super::{State, cylinder, friction, leakage, surface, valve};
 
-/// What acts on the actuators at one time whatever their state.
+/// Inputs of the actuators at one time, whatever their state.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Inputs {
-    /// What the spools hold open.
+    /// Edges that the spools hold open.
     pub edges: OpenEdges,
     /// Disturbances d of the pistons.
     pub disturbances_n: Pair,
@@ -89,7 +89,7 @@ impl From<&Motion> for State {
     }
 }
 
-/// What drives the actuators: the accelerations of their pistons and the flows of their chambers.
+/// Influences that drive the actuators: accelerations of the pistons and flows of the chambers.
 struct Influences {
     acceleration_mps2: Pair,
     inflow_m3ps: Pair,
@@ -117,7 +117,7 @@ impl Influences {
     }
 }
 
-/// Whether an actuator has something in [`Influences::beyond_paper`].
+/// Returns true if an actuator has something in [`Influences::beyond_paper`].
 pub(super) fn is_beyond_paper(p: &ActuatorParameters) -> bool {
     [
         p.supply_droop_pa_s_per_m3,

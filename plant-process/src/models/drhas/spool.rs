@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::tables::ActuatorParameters;
 
-/// Where the spool is and where dirt would hold it.
+/// Position of the spool, and position at which dirt would hold it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Spool {
     /// Position x_v, positive towards a flow that extends the rod.
@@ -64,7 +64,7 @@ impl Spool {
         }
     }
 
-    /// Where the spool goes under a constant current.
+    /// Returns the position that the spool goes to under a constant current.
     ///
     /// `w = (1 - j) (k_i u + b) + j x_j`: a spool stuck by the share `j` follows only the rest of its
     /// way, and one that is stuck altogether stays where it was when it began.

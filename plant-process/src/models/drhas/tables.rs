@@ -126,7 +126,7 @@ impl Parameters {
 }
 
 table! {
-    /// What is really so. The ranges are where the equations hold.
+    /// True state and outputs. The ranges are where the equations hold.
     pub struct Truth {
         /// Angle theta_d of the surface.
         surface_angle_rad: "rad" in (-0.5)..=0.5,
@@ -170,7 +170,7 @@ table! {
 }
 
 table! {
-    /// What the sensors report, without noise: the state, in its order.
+    /// Readings of the sensors, without noise: the state, in its order.
     pub struct Measured {
         /// Angle theta_d of the surface.
         surface_angle_rad: "rad",
@@ -196,7 +196,7 @@ table! {
 }
 
 table! {
-    /// What the controller commands.
+    /// Commands of the controller.
     pub struct Command {
         /// Current u_1 of valve 1; positive extends the rod.
         actuator1_valve_current_a: "A",

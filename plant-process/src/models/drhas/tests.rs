@@ -391,7 +391,7 @@ fn every_default_is_in_its_range() {
     }
 }
 
-/// Why a change of actuator 2 is refused.
+/// Returns the reason for which a change of actuator 2 is refused.
 fn refusal(change: impl Fn(&mut ActuatorParameters)) -> String {
     let mut parameters = Parameters::default();
     change(&mut parameters.actuator2);

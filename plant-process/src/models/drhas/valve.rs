@@ -200,7 +200,7 @@ mod tests {
         assert_eq!(flows_m3ps(&beyond, 3e-4), [0.0; 2]);
     }
 
-    /// What a supply that gives way lets through.
+    /// Returns the flow that a supply that gives way lets through.
     fn soft_m3ps(p: &ActuatorParameters, spool_m: f64, stiff_m3ps: f64) -> f64 {
         let (x_v, q_0) = (Pair::both(spool_m), Pair::both(stiff_m3ps));
         of_each(flow_of_soft_supply_m3ps(&alike(p), x_v, q_0))
