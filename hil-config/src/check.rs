@@ -305,7 +305,7 @@ fn name(reader: &mut Reader, root: &Section<'_>, scenario: &Scenario) -> String 
     name
 }
 
-/// Whether a text can be the name of a signal.
+/// Returns true if a text can be the name of a signal.
 fn is_signal_name(name: &str) -> bool {
     let mut characters = name.chars();
     characters

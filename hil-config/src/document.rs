@@ -68,7 +68,7 @@ pub(crate) struct Table {
 pub(crate) struct Entry {
     /// The key.
     pub key: String,
-    /// Where the key stands.
+    /// Place of the key in the text.
     pub key_place: Place,
     /// Its value.
     pub node: Node,

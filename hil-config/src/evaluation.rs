@@ -129,7 +129,7 @@ impl Evaluation {
         }
     }
 
-    /// What came of each requirement, in the plan's order, from the rows so far.
+    /// Returns the result of each requirement, in the plan's order, from the rows so far.
     #[must_use]
     pub fn requirements(&self) -> Vec<RequirementValue> {
         self.requirements.values()

@@ -75,7 +75,7 @@ pub struct Expression {
 pub(crate) struct Name {
     path: String,
     span: Range<usize>,
-    /// Whether it stands inside a reduction.
+    /// True if the name stands inside a reduction.
     reduced: bool,
 }
 
@@ -91,7 +91,7 @@ struct Reduced {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("column {column} of the expression: {message}")]
 pub struct ExpressionError {
-    /// What is wrong.
+    /// Description of the error.
     pub message: String,
     /// Column in the expression, in characters from 1.
     pub column: usize,
@@ -161,12 +161,12 @@ impl Expression {
         Some(program.evaluate(&[]))
     }
 
-    /// Whether it is made of numbers alone.
+    /// Returns true if the expression is made of numbers alone.
     pub(crate) fn is_constant(&self) -> bool {
         self.names.is_empty()
     }
 
-    /// Whether it is true or false, not a quantity.
+    /// Returns true if the expression is true or false, not a quantity.
     pub(crate) fn is_truth(&self) -> bool {
         self.ops.last().is_some_and(|last| last.is_truth())
     }

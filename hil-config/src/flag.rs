@@ -9,7 +9,7 @@ use std::ops::Range;
 use crate::document::{Entry, Node, Table, Value};
 use crate::source::{Place, Sources};
 
-/// What is wrong with a flag, and which bytes of it.
+/// Error in a flag, with the bytes of the flag that are wrong.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct FlagError {
     pub message: String,

@@ -75,7 +75,7 @@ pub(crate) enum Node {
     /// `always`, `eventually`, `historically`, `once`.
     Over {
         is_past: bool,
-        /// Whether it must hold at every step of the window.
+        /// True if the operand must hold at every step of the window.
         every: bool,
         window: Window,
         operand: usize,
@@ -97,20 +97,20 @@ pub(crate) enum Node {
 /// A comparison of a formula as it is shown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Compared<'a> {
-    /// What stands before the sign.
+    /// Expression before the sign.
     pub left: &'a Expression,
     /// `<`, `<=`, `>`, `>=`, `==` or `!=`.
     pub relation: &'static str,
-    /// What stands after it.
+    /// Expression after the sign.
     pub right: &'a Expression,
     /// First and last time in s at which it may count.
     pub window_s: [f64; 2],
-    /// Whether the robustness of the formula falls where that of the comparison rises, as under `not`;
-    /// `None` if it may do both, as under `rise`.
+    /// True if the robustness of the formula falls where that of the comparison rises, as under `not`;
+    /// `None` if the robustness may do both, as under `rise`.
     pub is_turned: Option<bool>,
 }
 
-/// When a part of a formula may count, and how.
+/// Times at which a part of a formula may count, and the way in which the part counts.
 #[derive(Clone, Copy, Debug)]
 struct Reach {
     from_s: f64,
@@ -119,7 +119,7 @@ struct Reach {
 }
 
 impl Reach {
-    /// Those of the operand of a window, in a run of `end_s`.
+    /// Returns the reach of the operand of a window, in a run of `end_s`.
     fn moved(self, is_past: bool, window: &Window, end_s: f64) -> Self {
         let (from_s, until_s) = match (is_past, window.bounds_s) {
             (false, Some((a, b))) => (self.from_s + a, self.until_s + b),
@@ -150,7 +150,7 @@ pub(crate) struct Side {
     pub start: usize,
 }
 
-/// How two numbers are compared.
+/// Relation by which two numbers are compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Relation {
     Less,

@@ -32,15 +32,15 @@ pub(crate) const MAX_STEPS: u64 = 1 << 40;
 pub(crate) struct Key {
     /// Its name.
     pub name: &'static str,
-    /// What it takes.
+    /// Kind of value that the key takes.
     pub kind: Kind,
-    /// Whether it must be there.
+    /// True if the key must be there.
     pub required: bool,
-    /// What it means.
+    /// Meaning of the key.
     pub text: &'static str,
 }
 
-/// What a key takes.
+/// Kind of value that a key takes.
 #[derive(Debug)]
 pub(crate) enum Kind {
     /// A number.

@@ -28,13 +28,13 @@ use crate::formula::Formula;
 use margin::Margin;
 use part::Part;
 
-/// Whether a requirement holds.
+/// Verdict on a requirement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
-    /// It holds.
+    /// Verdict that the requirement holds.
     Pass,
-    /// It does not.
+    /// Verdict that the requirement does not hold.
     Fail,
     /// The run ended before that could be said.
     Undecided,

@@ -33,11 +33,11 @@ pub use requirement::Requirement;
 pub struct Plan {
     /// Its name.
     pub name: String,
-    /// What it shows; may be empty.
+    /// Description of what the scenario shows; may be empty.
     pub description: String,
     /// Duration, rate, clock.
     pub run: Run,
-    /// What is asked of the system.
+    /// Real-time settings that are asked of the system.
     pub realtime: Realtime,
     /// The plant.
     pub plant: PlantPlan,
@@ -53,9 +53,9 @@ pub struct Plan {
     pub metrics: Vec<Metric>,
     /// Analyses, whose figures are metrics too.
     pub analyses: Vec<Analysis>,
-    /// What it must do to pass.
+    /// Requirements that a run must meet to pass.
     pub requirements: Vec<Requirement>,
-    /// What a report begins with.
+    /// Plots that a report begins with.
     pub plots: Vec<Plot>,
     /// Programs of its own.
     pub programs: Programs,
@@ -65,9 +65,9 @@ pub struct Plan {
 /// `hil`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Programs {
-    /// That of the plant.
+    /// Program of the plant.
     pub plant: Option<PathBuf>,
-    /// That of the controller.
+    /// Program of the controller.
     pub controller: Option<ControllerProgram>,
 }
 
@@ -100,18 +100,18 @@ pub struct Run {
     pub steps: u64,
     /// Seed of every random stream.
     pub seed: u64,
-    /// What releases a step.
+    /// Clock that releases a step.
     pub clock: Clock,
-    /// What is done about a step that is due before the one before it is done; not in lockstep.
+    /// Policy for a step that is due before the step before it is done; not in lockstep.
     pub overrun: OverrunPolicy,
     /// In real time: share of its period within which the command of a step must be there.
     pub deadline: f64,
-    /// What the plant does when its controller is lost.
+    /// Action of the plant when its controller is lost.
     #[serde(default)]
     pub on_controller_loss: OnLoss,
 }
 
-/// What releases a step.
+/// Kind of clock: what releases a step.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Clock {
@@ -139,8 +139,8 @@ impl Clock {
     }
 }
 
-/// What plant, controller and recorder ask of the system. Whether a core exists is not known before
-/// a run starts.
+/// Real-time settings that plant, controller and recorder ask of the system. Before a run starts it
+/// is not known if a core exists.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Realtime {
     /// The only core that the plant's loop may run on.
@@ -151,13 +151,13 @@ pub struct Realtime {
     pub recorder_core: Option<u32>,
     /// `SCHED_FIFO` priority of both loops; 0 for ordinary scheduling.
     pub priority: u32,
-    /// Whether memory that is there stays there.
+    /// True if memory that is there stays there.
     pub lock_memory: bool,
-    /// Whether memory is fetched before step 0.
+    /// True if memory is fetched before step 0.
     pub prefault: bool,
     /// Longest time in us that a core may need to wake up.
     pub dma_latency_us: Option<u32>,
-    /// How each side waits for the other.
+    /// Strategy by which each side waits for the other.
     pub wait: WaitStrategy,
 }
 
@@ -222,7 +222,7 @@ pub struct ControllerPlan {
     pub law: String,
     /// Every parameter of the law.
     pub parameters: Settings,
-    /// What the law believes of the plant.
+    /// Parameters that the law believes the plant to have.
     pub model: Settings,
     /// The law runs at every n-th sample and holds its command between, n at least 1.
     pub rate_divisor: u32,
@@ -316,7 +316,7 @@ pub enum Waveform {
         duration_s: f64,
         /// Offset.
         offset: f64,
-        /// How the frequency goes from f0 to f1.
+        /// Course of the frequency from f0 to f1.
         #[serde(default, skip_serializing_if = "Sweep::is_linear")]
         sweep: Sweep,
     },
@@ -329,7 +329,7 @@ pub enum Waveform {
     },
 }
 
-/// How the frequency of a chirp goes from f0 to f1 in d, and the turns that it has made at t.
+/// Course of a chirp's frequency from f0 to f1 in d, and the turns that the chirp has made at t.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Sweep {
@@ -361,8 +361,8 @@ impl Sweep {
 }
 
 impl Waveform {
-    /// How many time derivatives are sent with the signal: those that exist everywhere, and for
-    /// straight lines the slope to the right.
+    /// Returns the number of time derivatives that are sent with the signal: those that exist
+    /// everywhere, and for straight lines the slope to the right.
     #[must_use]
     pub const fn derivatives(&self) -> usize {
         match self {
@@ -383,18 +383,18 @@ pub struct FaultEvent {
     pub name: Option<String>,
     /// Kind, for example `leakage`.
     pub kind: String,
-    /// Who asked for it.
+    /// Source that asked for the fault.
     pub source: FaultSource,
-    /// When it takes hold.
+    /// Trigger that makes the event take hold.
     pub trigger: Trigger,
-    /// When it ends: at the first of these.
+    /// Ends of the event, of which the first counts.
     #[serde(default)]
     pub end: FaultEnd,
     /// Its effects.
     pub effects: Vec<FaultEffect>,
 }
 
-/// Who asked for a fault.
+/// Source that asked for a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FaultSource {
@@ -404,7 +404,7 @@ pub enum FaultSource {
     Cli,
 }
 
-/// When an event takes hold.
+/// Trigger that makes an event take hold.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Trigger {
@@ -417,13 +417,13 @@ pub enum Trigger {
     },
     /// At the next step that begins; only live.
     Now,
-    /// When an expression has held for a while.
+    /// Condition: an expression has held for a while.
     Condition(Condition),
     /// So many steps after another event took hold.
     After {
         /// The other event's number.
         event: u32,
-        /// How many.
+        /// Number of steps.
         delay_steps: u64,
     },
 }
@@ -438,7 +438,7 @@ pub struct Condition {
     pub records: u64,
 }
 
-/// When an event ends, the first of what is given; never, if nothing is.
+/// End of an event: the first of what is given; never, if nothing is.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct FaultEnd {
@@ -449,7 +449,7 @@ pub struct FaultEnd {
     /// Each effect after it acted so many times: runs of steps at which it changed a number, single
     /// steps at which it struck a message or cost time.
     pub occurrences: Option<u64>,
-    /// When an expression has held for a while since the event took hold.
+    /// Condition: an expression has held for a while since the event took hold.
     pub condition: Option<Condition>,
 }
 
@@ -463,17 +463,17 @@ pub struct FaultEffect {
     pub skew_steps: u64,
     /// Course of the size.
     pub profile: Profile,
-    /// What it does.
+    /// Action of the effect.
     pub action: FaultAction,
 }
 
-/// What an effect does.
+/// Action of an effect.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum FaultAction {
     /// Moves parameters of the plant: one of the plant's own faults.
     Move {
-        /// What was written, by key: for showing it again.
+        /// Sizes as they were written, by key: for showing them again.
         sizes: Settings,
         /// The parameters.
         moves: Vec<Move>,
@@ -487,12 +487,12 @@ pub enum FaultAction {
     },
 }
 
-/// How one parameter is moved.
+/// Move of one parameter.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Move {
     /// Full name of the parameter.
     pub parameter: String,
-    /// How.
+    /// Operation by which the parameter is moved.
     pub operation: Operation,
     /// By how much, in the parameter's unit unless it is a factor.
     pub by: f64,
@@ -566,7 +566,7 @@ pub struct Metric {
     pub windows: Vec<Window>,
     /// Values that others published.
     pub published: Vec<Published>,
-    /// What a reader of the comparison should know.
+    /// Note for a reader of the comparison.
     pub published_note: Option<String>,
 }
 
@@ -579,7 +579,7 @@ pub struct Published {
     pub window_s: [f64; 2],
     /// The value in the metric's unit.
     pub value: f64,
-    /// Where it stands.
+    /// Source in which the value stands.
     pub source: String,
 }
 

@@ -10,14 +10,14 @@ use serde::Serialize;
 
 use crate::source::Excerpt;
 
-/// What the name of a source begins with that is a flag and not a file.
+/// Prefix in the name of a source that is a flag and not a file.
 pub(crate) const FLAG: &str = "--set ";
 /// Most problems that are told: a file of another kind may have a million, each with its line.
 pub(crate) const MOST_PROBLEMS: usize = 100;
 /// Most names that are listed to choose from.
 const MOST_LISTED: usize = 100;
 
-/// What sort of thing is wrong.
+/// Kind of a problem.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ProblemKind {
@@ -48,17 +48,17 @@ pub enum ProblemKind {
 /// One thing that is wrong.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Problem {
-    /// What sort of thing.
+    /// Kind of the problem.
     pub kind: ProblemKind,
     /// The key, for example `faults[0].effects[1].speed_per_s`; empty for the whole scenario.
     pub key: String,
-    /// What is wrong.
+    /// Description of what is wrong.
     pub message: String,
-    /// What would be right: type, range and unit, or what there is to choose from.
+    /// Value that would be right: type, range and unit, or what there is to choose from.
     pub expected: Option<String>,
     /// Known names that are closest to the unknown one, best first.
     pub nearest: Vec<String>,
-    /// How to mend it, where that is known.
+    /// Way to mend the problem, if one is known.
     pub help: Option<String>,
     /// The file, or the `--set` flag, that it stands in.
     pub source: String,

@@ -17,7 +17,7 @@ pub(crate) struct Quantity<'a> {
     pub min: f64,
     /// Largest legal value.
     pub max: f64,
-    /// Whether only whole numbers are legal.
+    /// True if only whole numbers are legal.
     pub whole: bool,
 }
 
@@ -34,12 +34,12 @@ impl<'a> From<&'a Field> for Quantity<'a> {
 }
 
 impl Quantity<'_> {
-    /// Whether a value is a number in the range. Infinity is legal where the range says so.
+    /// Returns true if a value is a number in the range. Infinity is legal where the range says so.
     pub(crate) fn admits(&self, value: f64) -> bool {
         (self.min..=self.max).contains(&value) && !(self.whole && value.fract() != 0.0)
     }
 
-    /// What is expected, for example `a number from 0 to 1000 in kg`.
+    /// Describes the value that is expected, for example `a number from 0 to 1000 in kg`.
     pub(crate) fn expected(&self) -> String {
         let range = self.range();
         let mut number = if self.whole {
@@ -68,8 +68,8 @@ impl Quantity<'_> {
     }
 }
 
-/// Whether a column counts steps or bits, so that only whole numbers mean something. Its unit says
-/// so, or the end of its name.
+/// Returns true if a column counts steps or bits, so that only whole numbers mean something. The
+/// column's unit says so, or the end of its name.
 fn counts(field: &Field) -> bool {
     const COUNTED: [&str; 2] = ["steps", "bits"];
     let last = field.name.rsplit(['_', '.']).next();

@@ -20,7 +20,7 @@ const LONGEST_MESSAGE: usize = 1000;
 pub(crate) struct Reader {
     /// All texts.
     pub sources: Sources,
-    /// What was found so far.
+    /// Problems that were found so far.
     pub problems: Vec<Problem>,
     /// The last one that is not told.
     untold: Option<Problem>,
@@ -33,9 +33,9 @@ pub(crate) struct Section<'a> {
     pub table: &'a Table,
     /// Its keys.
     pub keys: &'static [Key],
-    /// Where it is in the tree, for example `faults[0]`; empty for the whole scenario.
+    /// Path of the table in the tree, for example `faults[0]`; empty for the whole scenario.
     pub path: String,
-    /// Where it stands in the text.
+    /// Place of the table in the text.
     pub place: &'a Place,
 }
 
@@ -82,7 +82,7 @@ impl Reader {
         }
     }
 
-    /// What was read, unless something is wrong with it: then everything that is, in the order of
+    /// Returns what was read, unless something is wrong with it: then every problem, in the order of
     /// the text, other sources after the scenario.
     pub(crate) fn finish<T>(self, read: Option<T>) -> Result<T, Problems> {
         let Self {
@@ -583,7 +583,7 @@ fn plain(path: &str) -> String {
         .collect()
 }
 
-/// Whether a terminal would do something at a character other than to show it.
+/// Returns true if a terminal would do something at a character other than to show it.
 fn is_unprintable(c: char) -> bool {
     c.is_control() && !matches!(c, '\n' | '\t')
 }
@@ -597,7 +597,7 @@ fn shown(text: String) -> String {
     }
 }
 
-/// What a key takes, as messages and comments say it.
+/// Describes what a key takes, for messages and comments.
 pub(crate) fn describe(kind: &Kind) -> String {
     match *kind {
         Kind::Number { unit, min, max, .. } => Quantity {

@@ -22,7 +22,7 @@ pub(crate) struct Requirements {
     monitors: Vec<(Stated, Monitor)>,
 }
 
-/// What a requirement is called.
+/// Name, formula and unit of a requirement.
 #[derive(Clone, Debug)]
 struct Stated {
     name: String,
@@ -30,14 +30,14 @@ struct Stated {
     unit: String,
 }
 
-/// What came of a requirement.
+/// Result of a requirement.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RequirementValue {
     /// Name.
     pub name: String,
     /// Its formula.
     pub formula: String,
-    /// Whether it holds.
+    /// Verdict on the requirement.
     pub verdict: Verdict,
     /// By how much, in `unit`; its sign bit is the verdict. None if the run ended before all that
     /// the formula looks at had come; infinite if it hangs on a value that does not exist.
@@ -91,7 +91,7 @@ impl Requirements {
         monitors.map(|(_, monitor)| monitor.bounds()).collect()
     }
 
-    /// What came of each, in the plan's order.
+    /// Returns the result of each requirement, in the plan's order.
     pub(crate) fn values(&self) -> Vec<RequirementValue> {
         let seconds = |step: Option<Step>| step.map(|step| self.rate.seconds(step));
         let values = self.monitors.iter().map(|(stated, monitor)| {

@@ -23,8 +23,8 @@ pub struct Scenario {
     pub(crate) advice: Advice,
 }
 
-/// What helps whoever names a plant or a law that is not described: depends on the command and on what
-/// it was given.
+/// Help for whoever names a plant or a law that is not described: depends on the command and on what
+/// the command was given.
 #[derive(Clone, Debug, Default)]
 pub struct Advice {
     /// Told of an unknown plant; nothing if empty.

@@ -26,7 +26,7 @@ use crate::quantity::{Quantity, toml_float};
 /// A plan cannot be shown.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ShowError {
-    /// It speaks of something that no description has.
+    /// The plan speaks of something that no description has.
     #[error("there is no description of {0}; give those that the plan was checked against")]
     Undescribed(String),
     /// A scenario has no word for a fault that takes hold at once.
@@ -34,7 +34,7 @@ pub enum ShowError {
     Now(u32),
 }
 
-/// Why a plan cannot be written.
+/// Reason why a plan cannot be written.
 #[derive(Debug)]
 enum Failure {
     Show(ShowError),

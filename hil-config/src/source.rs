@@ -14,9 +14,9 @@ const LONGEST_LINE: usize = 400;
 /// A range of bytes in one of the [`Sources`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Place {
-    /// Which source.
+    /// Index of the source.
     pub source: usize,
-    /// Which bytes of it.
+    /// Bytes of the source.
     pub span: Range<usize>,
 }
 

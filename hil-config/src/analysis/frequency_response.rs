@@ -92,7 +92,7 @@ impl FrequencyResponse {
         }
     }
 
-    /// Whether a time lies in the sweep.
+    /// Returns true if a time lies in the sweep.
     pub(super) fn wants(&self, time_s: f64) -> bool {
         self.chirp.wants(time_s)
     }

@@ -3,7 +3,7 @@
 use super::Figure;
 use crate::plan::StepResponsePlan;
 
-/// Where the rise begins and ends, as parts of the step.
+/// Begin and end of the rise, as parts of the step.
 const RISE: [f64; 2] = [0.1, 0.9];
 
 /// The answer to a step from `y_0` to `y_1`, as `p(t) = (y(t) - y_0) / (y_1 - y_0)`, which goes from
@@ -22,7 +22,7 @@ pub(super) struct StepResponse {
     band: f64,
     /// Time and value of the last sample.
     last: Option<(f64, f64)>,
-    /// When the rise began and ended.
+    /// Times at which the rise began and ended.
     risen_s: [Option<f64>; 2],
     /// The highest value and its time.
     peak: (f64, f64),

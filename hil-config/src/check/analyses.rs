@@ -17,7 +17,7 @@ use crate::reader::{Reader, Section};
 /// Samples that a turn of a chirp must have, so that sine and cosine can be told apart with noise.
 const SAMPLES_PER_TURN: f64 = 8.0;
 
-/// What analyses stand on; nothing where it is not right itself.
+/// Context of analyses; `None` for each part that is not right itself.
 pub(super) struct AnalysisContext<'a> {
     pub(super) columns: Option<&'a Columns>,
     pub(super) grid: Option<Grid>,

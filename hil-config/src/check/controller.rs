@@ -180,7 +180,7 @@ fn law_tables<'d>(
     tables
 }
 
-/// How many exchange steps the law's period has.
+/// Returns the number of exchange steps in the law's period.
 fn rate_divisor(reader: &mut Reader, section: &Section<'_>, grid: Option<Grid>) -> Option<u32> {
     if section.table.get("rate_hz").is_none() {
         return Some(1);

@@ -11,14 +11,14 @@ use crate::reader::{Reader, Section};
 use crate::scenario::read_regular;
 use crate::source::Place;
 
-/// What a file must look like.
+/// Layout that a file must have.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Layout {
     /// The first line; without one, the first line may be anything that is no number.
     pub header: Option<&'static str>,
     /// Numbers in a row.
     pub columns: usize,
-    /// What a row is, for messages: with an `s` it is several.
+    /// Word for a row in messages; with an `s` the word means several rows.
     pub row: &'static str,
 }
 
@@ -38,7 +38,7 @@ impl Layout {
     }
 }
 
-/// What is wrong with a row, and what would be right.
+/// Error in a row, and what would be right.
 pub(super) type BadRow = (String, &'static str);
 
 /// Reads the file that a section's `file` names, row by row. The first bad line ends the reading: a
@@ -86,7 +86,7 @@ pub(super) fn read(
     None
 }
 
-/// What is wrong with a line and where it stands.
+/// Error in a line, with the place of the line.
 struct BadLine {
     start: usize,
     length: usize,

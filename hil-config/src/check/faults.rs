@@ -32,8 +32,8 @@ pub(crate) use effect::unit_of;
 use kind::Kind;
 pub(crate) use target::groups;
 
-/// What faults are checked against. What is `None` is not right itself; whatever depends on it is
-/// then not checked.
+/// Context that faults are checked against. A part that is `None` is not right itself; whatever
+/// depends on that part is then not checked.
 #[derive(Debug)]
 pub(crate) struct EventContext<'a> {
     /// The plant.
@@ -44,15 +44,15 @@ pub(crate) struct EventContext<'a> {
     pub healthy: Option<&'a Settings>,
     /// The reference signals.
     pub reference: Option<&'a [Field]>,
-    /// What expressions may name: a record's signals and every derived one.
+    /// Columns that expressions may name: a record's signals and every derived one.
     pub columns: Option<&'a Columns>,
     /// The steps of the run.
     pub grid: Option<Grid>,
-    /// Where events come from.
+    /// Origin of the events: a scenario or a command line.
     pub origin: Origin<'a>,
 }
 
-/// Where events come from.
+/// Origin of the events: a scenario or a command line.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Origin<'a> {
     /// A scenario in this folder.
@@ -84,7 +84,7 @@ impl<'a> Origin<'a> {
         }
     }
 
-    /// Where files are looked for, if they are.
+    /// Returns the folder in which files are looked for, if they are.
     const fn folder(self) -> Option<&'a Path> {
         match self {
             Self::Scenario { folder } => Some(folder),
@@ -139,7 +139,7 @@ fn effects<'a>(reader: &mut Reader, section: &Section<'a>) -> Vec<Section<'a>> {
     effects
 }
 
-/// What is known of an event when the rest of it is checked.
+/// Facts of an event that are known when the rest of the event is checked.
 struct Event<'a> {
     context: &'a EventContext<'a>,
     trigger: Option<&'a Trigger>,

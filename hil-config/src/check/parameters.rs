@@ -82,7 +82,7 @@ pub(super) fn complete(
     settings
 }
 
-/// Whether a key means a name: the name itself or its last parts.
+/// Returns true if a key means a name: if the key is the name itself or the name's last parts.
 fn is_named(name: &str, key: &str) -> bool {
     match name.strip_suffix(key) {
         Some(rest) => rest.is_empty() || rest.ends_with('.'),

@@ -12,7 +12,7 @@ use crate::reader::{Reader, Section};
 /// Times in s, strictly rising, and as many values.
 pub(super) type Points = (Vec<f64>, Vec<f64>);
 
-/// What a file of points looks like.
+/// Layout of a file of points.
 const FILE: csv::Layout = csv::Layout {
     header: Some("time_s,value"),
     columns: 2,

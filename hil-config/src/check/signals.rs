@@ -170,7 +170,7 @@ pub(super) fn told_unit(known: Option<(&Expression, &Columns)>, name: &str) -> O
     told.or_else(|| unit_of_name(name)).map(Into::into)
 }
 
-/// What an expression is for.
+/// Purpose of an expression.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Use {
     /// A value at every step.

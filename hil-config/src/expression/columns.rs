@@ -8,14 +8,14 @@ use std::collections::HashMap;
 use shared_types::record::RecordLayout;
 use shared_types::table::{nearest, unit_of_name};
 
-/// What a signal is, and the first part of its name in expressions.
+/// Kind of a signal, and the first part of its name in expressions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Group {
     /// True state of the plant, `truth.x`.
     Truth,
-    /// What its sensors report, `measured.x`.
+    /// Readings of the plant's sensors, `measured.x`.
     Measured,
-    /// What the rig asks for, `reference.x`.
+    /// Reference signals of the rig, `reference.x`.
     Reference,
     /// The command as the controller sent it, `command.x`.
     Command,
@@ -23,9 +23,9 @@ pub enum Group {
     Applied,
     /// Inner quantities of the law, `internal.x`.
     Internal,
-    /// What its sensors would report without faults, `sensed.x`.
+    /// Readings that the plant's sensors would give without faults, `sensed.x`.
     Sensed,
-    /// What the rig asks for without faults, `stimulus.x`.
+    /// Reference signals of the rig without faults, `stimulus.x`.
     Stimulus,
     /// The plant's faultable parameters as they act, `parameter.x`.
     Parameter,
@@ -124,7 +124,7 @@ impl Columns {
         self.names.len()
     }
 
-    /// Whether there is no column.
+    /// Returns true if there is no column.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.names.is_empty()
@@ -147,7 +147,7 @@ impl Columns {
         (!unit.is_empty()).then_some(unit)
     }
 
-    /// Whether the first part of a name is one that exists.
+    /// Returns true if the first part of a name is one that exists.
     pub(super) fn has_prefix(&self, prefix: &str) -> bool {
         Group::ALL.iter().any(|group| group.prefix() == prefix)
     }

@@ -26,7 +26,7 @@ pub(crate) fn functions() -> impl Iterator<Item = &'static str> {
     ["abs", "sqrt"].into_iter().chain(reductions)
 }
 
-/// Whether a name means something in an expression and so cannot be a derived signal's.
+/// Returns true if a name means something in an expression and so cannot be a derived signal's.
 pub(crate) fn is_reserved(name: &str) -> bool {
     WORDS.contains(&name)
         || matches!(name, "abs" | "sqrt")

@@ -112,7 +112,7 @@ pub(super) fn needed_stack(ops: &[Op]) -> usize {
 }
 
 impl Op {
-    /// Whether what it gives is true or false.
+    /// Returns true if the result of the operation is true or false.
     pub(super) fn is_truth(&self) -> bool {
         match self {
             Self::Constant(_) | Self::Name(_) | Self::Reduced(_) | Self::Load(_) => false,

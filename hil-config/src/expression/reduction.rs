@@ -4,7 +4,7 @@ use shared_types::time::{Rate, Step};
 
 use super::Program;
 
-/// How the rows of a window become one number.
+/// Kind of a reduction: the way in which the rows of a window become one number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReductionKind {
     /// Largest magnitude.
@@ -61,7 +61,7 @@ impl ReductionKind {
 /// A reduction bound to columns: what is reduced, and how.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reduction {
-    /// How.
+    /// Kind of the reduction.
     pub kind: ReductionKind,
     /// The value of a row.
     pub program: Program,

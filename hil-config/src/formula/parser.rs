@@ -23,7 +23,7 @@ const PREFIXES: [&str; 6] = [
 /// Words that end a comparison.
 const JOINTS: [&str; 5] = ["and", "or", "implies", "until", "since"];
 
-/// Whether a name is an operator of formulas and so cannot be a signal's.
+/// Returns true if a name is an operator of formulas and so cannot be a signal's.
 pub(crate) fn is_operator(name: &str) -> bool {
     PREFIXES.contains(&name) || JOINTS.contains(&name)
 }
@@ -98,7 +98,7 @@ impl Parser<'_> {
         }))
     }
 
-    /// Whether `since` comes, not `until`, and its place.
+    /// Accepts `until` or `since`; returns true for `since`, and the place of the word.
     fn accept_chain(&mut self) -> Option<(bool, Range<usize>)> {
         let span = self.words.peek().span.clone();
         if self.words.accept_word("until") {
@@ -155,7 +155,7 @@ impl Parser<'_> {
         Ok(inner)
     }
 
-    /// Whether the parenthesis here belongs to an expression: what follows its end goes on with one.
+    /// Returns true if the parenthesis here belongs to an expression: what follows its end goes on with one.
     fn opens_expression(&self) -> bool {
         let mut depth = 0_usize;
         for (at, token) in self.words.tokens.iter().enumerate().skip(self.words.at) {
@@ -240,7 +240,7 @@ impl Parser<'_> {
         Ok(Side { expression, start })
     }
 
-    /// What is wrong with words that compare nothing.
+    /// Returns the error of words that compare nothing.
     fn no_comparison(&self, words: Range<usize>, span: Range<usize>) -> ExpressionError {
         let first = &self.words.tokens[words.start];
         let follows = &self.words.tokens[words.start + 1].kind;

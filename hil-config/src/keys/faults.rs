@@ -129,7 +129,7 @@ pub(crate) const PROFILE: &[Key] = &[Key::new("kind", TEXT, "Which course.").req
 pub(crate) struct ProfileKind {
     /// The profile's `kind`.
     pub name: &'static str,
-    /// What it is.
+    /// Description of the profile.
     pub text: &'static str,
     /// Its keys.
     pub keys: &'static [Key],

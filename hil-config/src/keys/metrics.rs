@@ -25,7 +25,7 @@ pub(crate) const METRIC: &[Key] = &[
 pub(crate) struct MetricKind {
     /// The metric's `kind`.
     pub name: &'static str,
-    /// What it is.
+    /// Description of the metric.
     pub text: &'static str,
     /// Its keys.
     pub keys: &'static [Key],

@@ -27,7 +27,7 @@ pub(crate) struct WaveformKind {
     pub name: &'static str,
     /// Time derivatives that are sent with the signal.
     pub derivatives: usize,
-    /// What it is.
+    /// Description of the waveform.
     pub text: &'static str,
     /// Its keys. Sizes without a unit are in the target's.
     pub keys: &'static [Key],

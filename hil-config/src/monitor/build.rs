@@ -107,12 +107,12 @@ enum Task {
         /// Begin and end from the step that is judged.
         begin: i64,
         end: i64,
-        /// How many rows after its own a step of the operands is taken.
+        /// Number of rows by which a step of the operands is taken later than its own row.
         delay: u64,
     },
 }
 
-/// What a window does with its operands.
+/// Kind of window: what the window does with its operands.
 #[derive(Clone, Copy, Debug)]
 enum Kind {
     Every(usize),
@@ -500,7 +500,7 @@ impl Draft {
         });
     }
 
-    /// Whether steps ever leave its window, and how many are in it then.
+    /// Returns the number of steps in the part's window if steps ever leave the window.
     fn slides(&self) -> Option<u64> {
         let Task::Window { begin, end, .. } = self.task else {
             return None;
@@ -511,7 +511,7 @@ impl Draft {
         slides.then(|| (end - begin).unsigned_abs() + 1)
     }
 
-    /// How many margins it keeps.
+    /// Returns the number of margins that the part keeps.
     fn kept(&self) -> u64 {
         match (&self.task, self.wanted) {
             (Task::Delay { by, .. }, Some((first, last))) => smaller(by + 1, last - first + 1),

@@ -38,9 +38,9 @@ impl Margin {
         self.size.is_sign_positive()
     }
 
-    /// Whether it is below another. Of equal sizes the earlier step is below: one order of all
-    /// margins makes least and greatest distributive, so that any way to compute a formula finds the
-    /// same step.
+    /// Returns true if the margin is below another. Of equal sizes the earlier step is below: one
+    /// order of all margins makes least and greatest distributive, so that any way to compute a
+    /// formula finds the same step.
     #[inline]
     fn is_below(self, other: Self) -> bool {
         if self.size < other.size {

@@ -15,13 +15,13 @@ pub(super) struct Part {
     /// The steps whose margin is wanted, both ends included; nothing if the first is above the last.
     pub first: u64,
     pub last: u64,
-    /// How many rows after its own step's a margin is known.
+    /// Number of rows after the row of its own step at which a margin is known.
     pub delay: u64,
     /// The first row that it looks at.
     pub from_row: u64,
 }
 
-/// What a part does. Operands are places among the parts before it.
+/// Work of a part. Operands are places among the parts before it.
 #[derive(Clone, Debug)]
 pub(super) enum Work {
     Comparison {
@@ -62,7 +62,7 @@ pub(super) struct Delay {
 /// The window of a temporal operator.
 #[derive(Clone, Debug)]
 pub(super) struct Window<S> {
-    /// How many rows after a step's own its operand is taken.
+    /// Number of rows by which the operand of a step is taken later than the step's own row.
     pub delay: u64,
     /// The steps of the operand that are taken, both ends included; none if the first is above.
     pub first: u64,
@@ -73,7 +73,7 @@ pub(super) struct Window<S> {
 }
 
 impl Part {
-    /// Whether every margin that is wanted was computed.
+    /// Returns true if every margin that is wanted was computed.
     #[inline]
     pub(super) const fn is_done(&self, row: u64) -> bool {
         row >= self.last + self.delay
@@ -190,7 +190,7 @@ impl Part {
         }
     }
 
-    /// Whether only one margin of it is wanted.
+    /// Returns true if only one margin of the part is wanted.
     #[inline]
     pub(super) const fn is_single(&self) -> bool {
         self.first == self.last

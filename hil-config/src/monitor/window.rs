@@ -6,7 +6,7 @@
 
 use super::margin::{self, Margin, larger, smaller};
 
-/// What some steps in a row come to.
+/// Result of some steps in a row.
 pub(super) trait Stretch: Copy {
     /// Of no step.
     const NONE: Self;
@@ -14,10 +14,10 @@ pub(super) trait Stretch: Copy {
     /// This stretch and the one after it.
     fn then(self, later: Self) -> Self;
 
-    /// What the operator makes of it.
+    /// Returns the operator's margin of the stretch.
     fn margin(self) -> Margin;
 
-    /// Whether the operator holds whatever comes after, or fails whatever comes.
+    /// Returns true if the operator holds whatever comes after, false if it fails whatever comes.
     fn certain(self) -> Option<bool>;
 
     /// Between which two sizes the operator's margin will be, whatever comes after.
@@ -188,9 +188,9 @@ impl<const FALLS: bool> Stretch for Since<FALLS> {
 /// The steps of a window.
 #[derive(Clone, Debug)]
 pub(super) enum Steps<S> {
-    /// It only grows.
+    /// Window that only grows.
     Growing(S),
-    /// It slides.
+    /// Window that slides.
     Sliding(Sliding<S>),
 }
 
@@ -249,7 +249,7 @@ impl<S: Stretch> Steps<S> {
         }
     }
 
-    /// What all steps come to.
+    /// Returns the stretch of all steps.
     #[inline]
     pub(super) fn total(&self) -> S {
         match self {

@@ -10,18 +10,18 @@ use crate::expression::Expression;
 pub struct Analysis {
     /// Name.
     pub name: String,
-    /// What is analysed.
+    /// Kind of analysis.
     pub kind: AnalysisKind,
 }
 
-/// What is analysed.
+/// Kind of analysis.
 #[derive(Clone, Debug, PartialEq)]
 pub enum AnalysisKind {
-    /// How a signal answers a step.
+    /// Response of a signal to a step.
     StepResponse(StepResponsePlan),
-    /// How a signal follows a chirp.
+    /// Response of a signal to a chirp.
     FrequencyResponse(FrequencyResponsePlan),
-    /// How soon a fault is found and overcome.
+    /// Times until a fault is found and overcome.
     Detection(DetectionPlan),
 }
 
@@ -37,7 +37,7 @@ impl AnalysisKind {
     }
 }
 
-/// How a signal answers a step.
+/// Response of a signal to a step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StepResponsePlan {
     /// The signal.
@@ -46,7 +46,7 @@ pub struct StepResponsePlan {
     pub unit: String,
     /// The stimulus that steps.
     pub stimulus: String,
-    /// When it does, in s.
+    /// Time at which the stimulus steps, in s.
     pub at_s: f64,
     /// The signal's value before it.
     pub initial: f64,
@@ -58,7 +58,7 @@ pub struct StepResponsePlan {
     pub last: Step,
 }
 
-/// How a signal follows a chirp.
+/// Response of a signal to a chirp.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrequencyResponsePlan {
     /// The signal that is followed.
@@ -73,21 +73,21 @@ pub struct FrequencyResponsePlan {
     pub end_hz: f64,
     /// Length of the sweep in s.
     pub duration_s: f64,
-    /// How the frequency rises.
+    /// Course of the frequency's rise.
     pub sweep: Sweep,
 }
 
-/// How soon a fault is found and overcome.
+/// Times until a fault is found and overcome.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DetectionPlan {
-    /// What holds while the law sees a fault.
+    /// Expression that holds while the law sees a fault.
     pub alarm: Expression,
     /// For how many records in a row it must hold to count as an alarm, at least 1.
     pub records: u64,
     /// The event that is to be found; the first that takes hold, if none is named.
     pub fault: Option<u32>,
-    /// What holds while the fault is overcome.
+    /// Expression that holds while the fault is overcome.
     pub recovered: Option<Expression>,
-    /// What the fault does, and its unit.
+    /// Expression of the fault's effect, and its unit.
     pub effect: Option<(Expression, String)>,
 }

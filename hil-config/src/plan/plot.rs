@@ -37,7 +37,7 @@ impl Scale {
 }
 
 impl Plot {
-    /// Whether it is for a law.
+    /// Returns true if the plot is for a law.
     #[must_use]
     pub fn is_for(&self, law: &str) -> bool {
         self.laws.is_empty() || self.laws.iter().any(|one| one == law)

@@ -7,9 +7,9 @@ use crate::formula::Formula;
 pub struct Requirement {
     /// Name.
     pub name: String,
-    /// What it is about; may be empty.
+    /// Description of the requirement; may be empty.
     pub description: String,
-    /// What must hold at step 0.
+    /// Formula that must hold at step 0.
     pub formula: Formula,
     /// Unit of the robustness: the one given, else the one that all signals have by their names,
     /// else empty.

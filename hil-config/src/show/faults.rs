@@ -17,7 +17,7 @@ use crate::check::unit_of;
 use crate::plan::{Condition, FaultAction, FaultEffect, FaultEnd, FaultEvent, Profile, Trigger};
 use crate::quantity::toml_float;
 
-/// What events are shown with.
+/// Context that events are shown with.
 pub(super) struct Look<'a> {
     /// The plant.
     pub plant: &'a PlantDescription,

@@ -11,8 +11,8 @@ use crate::{BASE, base_with, check, descriptions, parse, problems};
 /// Marks the expected place in the text of a case; taken out before the text is read.
 const MARK: char = '^';
 
-/// What stands in the base, what stands there in its place, and what is found: the sort of problem
-/// and pieces of its text.
+/// Text that stands in the base, text that stands there in its place, and what is found: the sort of
+/// problem and pieces of its text.
 type Case = (
     &'static str,
     &'static str,

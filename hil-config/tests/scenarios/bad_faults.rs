@@ -11,7 +11,7 @@ use ProblemKind::{
     WrongType,
 };
 
-/// What the cases begin from: each replaces the keys of the event, or those of its effect.
+/// Begin of the cases: each case replaces the keys of the event, or those of its effect.
 const EVENT: &str = "kind = \"bias\"\nat_s = 0.5\n";
 const EFFECT: &str = "target = \"measured.surface_angle_rad\"\nbias = 0.1\n";
 

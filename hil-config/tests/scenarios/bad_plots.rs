@@ -9,7 +9,7 @@ use crate::{base_with, plan};
 
 const SIGNALS: &str = "signals = [\"truth.surface_angle_rad\"]";
 
-/// What stands in the base, what in its place, and what is found.
+/// Text that stands in the base, text in its place, and what is found.
 type Case = (
     &'static str,
     &'static str,

@@ -22,7 +22,7 @@ enum Tree {
 }
 
 impl Tree {
-    /// How tightly the outermost operator binds, by the grammar.
+    /// Returns the strength with which the outermost operator binds, by the grammar.
     fn strength(&self) -> u32 {
         match self {
             Self::Two("or", ..) => 1,

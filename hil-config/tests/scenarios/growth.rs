@@ -12,13 +12,13 @@ use crate::{BASE, base_with, base_with_faults, descriptions, parse};
 
 /// Parts of the smaller scenario.
 const FEW: usize = 500;
-/// How many times as many the larger one has.
+/// Parts of the larger scenario, as a multiple of `FEW`.
 const TIMES: usize = 40;
 /// Most of what the larger one may cost, in the smaller one's; in proportion it would be 40, and 1600 if
 /// every part looked at all others.
 const MOST: f64 = 80.0;
 
-/// What this thread has had of the processor: a busy machine does not change it.
+/// Returns the processor time of this thread, which a busy machine does not change.
 fn spent() -> Duration {
     let time = clock_gettime(ClockId::ThreadCPUTime);
     Duration::new(time.tv_sec.unsigned_abs(), time.tv_nsec as u32)

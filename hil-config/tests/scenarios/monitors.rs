@@ -64,7 +64,7 @@ fn pick(least: bool, all: impl IntoIterator<Item = Judged>) -> Judged {
     })
 }
 
-/// What a run of the last step `end` was.
+/// Trace of a run up to the last step `end`.
 struct Trace {
     rows: Vec<[f64; 3]>,
 }
@@ -164,7 +164,7 @@ impl Tree {
         }
     }
 
-    /// Whether a part of it looks beyond the end wherever it is judged.
+    /// Returns true if a part of the formula looks beyond the end wherever the part is judged.
     fn is_too_long(&self, end: i64) -> bool {
         let inner = match self {
             Self::Compare(..) => false,
@@ -266,7 +266,8 @@ impl Tree {
         }
     }
 
-    /// Whether it holds at step `k`, or with `holds` false its opposite, in Boolean logic alone.
+    /// Returns true if the formula holds at step `k`, or with `holds` false its opposite, in Boolean
+    /// logic alone.
     fn is_true(&self, k: u64, holds: bool, trace: &Trace) -> bool {
         let at = |tree: &Self, step: u64| tree.is_true(step, holds, trace);
         let quantified = |every: bool, mut steps: Vec<bool>| {

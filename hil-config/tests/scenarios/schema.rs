@@ -59,7 +59,7 @@ fn with_rules(schema: &Value, table: &toml::Table) -> Value {
     schema
 }
 
-/// What the schema says of the effects of a kind of fault.
+/// Returns the schema of the effects of a kind of fault.
 fn effects(schema: &Value, kind: &str) -> Value {
     let rules = &schema["properties"]["faults"]["items"]["allOf"];
     let rule = rules

@@ -106,7 +106,7 @@ impl<'a> Names<'a> {
         }
     }
 
-    /// How messages call an event.
+    /// Returns the name of an event in messages.
     pub(super) fn label(&self, id: u32) -> String {
         match self.by_id.get(&id) {
             Some(name) => format!("`{name}`"),

@@ -12,7 +12,7 @@ use crate::reader::{Reader, Section};
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reported;
 
-/// What a key that may be left out gives.
+/// Result of a key that may be left out.
 pub(super) type Given<T> = Result<Option<T>, Reported>;
 
 /// A key in seconds and one in steps for the same thing.

@@ -108,7 +108,7 @@ pub(super) struct Target {
     pub unit: String,
 }
 
-/// What a kind of fault acts on, in words.
+/// Describes what a kind of fault acts on.
 const fn described(acts_on: ActsOn) -> &'static str {
     match acts_on {
         ActsOn::Signals => "a signal: measured.x, reference.x or command.x",
