@@ -129,7 +129,7 @@ impl Chunk {
         self.crc.clone().finalize()
     }
 
-    /// How long ago its first message came; zero if none did.
+    /// Returns the time since the chunk's first message came; zero if none did.
     pub(super) fn age(&self) -> Duration {
         self.since.map_or(Duration::ZERO, |since| since.elapsed())
     }

@@ -28,7 +28,7 @@ pub struct Rescue<'a> {
     /// The other file is damaged somewhere: what it says of its end is not taken over, so that nothing of
     /// it can pass for the run.
     pub is_doubtful: bool,
-    /// What no check sum of the other file vouches for.
+    /// Part of the other file that no check sum vouches for.
     pub unvouched: Option<&'a Unvouched>,
     /// The result of the run, if the other file has none.
     pub result: BTreeMap<String, String>,

@@ -7,7 +7,7 @@ use shared_types::record::Event;
 
 use super::schema::{self, ENCAPSULATION};
 
-/// How events were written by earlier versions.
+/// Encoding of events by earlier versions.
 const EARLIER: &str = "json";
 
 /// The message of an event.

@@ -14,7 +14,7 @@ use shared_types::record::{GROUPS, RecordLayout, RecordView, Timing};
 use shared_types::table::{Field, near};
 use shared_types::time::{Rate, Step};
 
-/// What is to be kept.
+/// Choice of what is to be kept.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Choice {
     /// Patterns of names; none means every signal.
@@ -26,7 +26,7 @@ pub struct Choice {
 }
 
 impl Choice {
-    /// Whether all is kept.
+    /// Returns true if all is kept.
     #[must_use]
     pub fn is_all(&self) -> bool {
         *self == Self::default()
@@ -52,7 +52,7 @@ impl Choice {
         parts.join(", ")
     }
 
-    /// Which of these signals are kept.
+    /// Returns a flag for each of these signals: true if the signal is kept.
     ///
     /// # Errors
     /// If a pattern is none, or no signal fits it.
@@ -119,7 +119,7 @@ pub(super) struct Excerpt {
     row: Vec<u64>,
 }
 
-/// Which words of a record are kept, and how bits of validity move.
+/// Words of a record that are kept, and the way in which bits of validity move.
 struct Form {
     groups: [Vec<Field>; GROUPS.len()],
     sample: Bits,
@@ -130,7 +130,7 @@ struct Form {
 
 /// Bits of validity of the signals that are kept.
 struct Bits {
-    /// Where the words are in a record.
+    /// Place of the words in a record.
     from: Range<usize>,
     /// Numbers of the bits that are kept, in order.
     kept: Vec<usize>,

@@ -50,7 +50,7 @@ pub(super) struct Encoder {
     before: Vec<u64>,
     /// Bytes between the start of the last row and what comes next.
     distance: usize,
-    /// How many words before a word of a row the same word is expected; 0: nowhere.
+    /// Number of words before a word of a row at which the same word is expected; 0: nowhere.
     echoes: Vec<usize>,
     /// Rows of this length in this block so far.
     rows: usize,
@@ -263,7 +263,7 @@ impl Encoder {
     }
 }
 
-/// How many of the first items are so.
+/// Counts the first items that are so, up to the first that is not.
 fn length_of<T>(items: impl IntoIterator<Item = T>, is_so: impl Fn(&T) -> bool) -> usize {
     items.into_iter().take_while(is_so).count()
 }
@@ -284,7 +284,7 @@ mod tests {
 
     use super::*;
 
-    /// What the reference implementation makes of a frame.
+    /// Unpacks a frame by the reference implementation.
     fn unpacked(frame: &[u8]) -> Vec<u8> {
         let mut bytes = Vec::new();
         let mut decoder = lz4::Decoder::new(frame).expect("a frame");

@@ -10,7 +10,7 @@ use std::ops::Range;
 
 /// Far in bits from any record of the format, and from the zeros of a lost block.
 pub(crate) const OPCODE: u8 = 0xb5;
-/// Where it stands and the sum of what stands before it, 12 bytes.
+/// Length of a mark's content: the place of the mark and the sum of what stands before it, 12 bytes.
 const BYTES: u8 = 12;
 const HEAD: [u8; 9] = [OPCODE, BYTES, 0, 0, 0, 0, 0, 0, 0];
 const PLACE: Range<usize> = HEAD.len()..HEAD.len() + size_of::<u64>();
@@ -20,12 +20,13 @@ pub(super) fn mark(at: u64, crc: u32) -> Vec<u8> {
     [&HEAD[..], &at.to_le_bytes(), &crc.to_le_bytes()].concat()
 }
 
-/// Whether this is the content of the mark that must stand there.
+/// Returns true if this is the content of the mark that must stand there.
 pub(crate) fn fits(content: &[u8], at: u64, crc: u32) -> bool {
     mark(at, crc)[HEAD.len()..] == *content
 }
 
-/// Whether a whole one stands among bytes that begin at this place of a file, but not at their begin.
+/// Returns true if a whole mark stands among bytes that begin at this place of a file, but not at
+/// their begin.
 pub(crate) fn is_among(bytes: &[u8], begin: u64) -> bool {
     let whole = HEAD.len() + usize::from(BYTES);
     let mut places = bytes.windows(whole).enumerate().skip(1);

@@ -207,7 +207,7 @@ impl McapFile {
         statistics.chunk_count += 1;
     }
 
-    /// Where it is.
+    /// Returns the present state of the file.
     fn state(&self) -> State {
         State {
             position: self.position,
@@ -290,7 +290,7 @@ impl McapFile {
     }
 }
 
-/// What changes with each write.
+/// Part of a file's state that changes with each write.
 struct State {
     position: u64,
     crc: crc32fast::Hasher,
@@ -303,7 +303,7 @@ fn record(opcode: u8, parts: &[&[u8]]) -> Vec<u8> {
     [&head(opcode, content.len())[..], &content].concat()
 }
 
-/// What stands in front of so many bytes of a record.
+/// Returns the head that stands in front of so many bytes of a record.
 fn head(opcode: u8, bytes: usize) -> [u8; 9] {
     let mut head = [opcode; 9];
     head[1..].copy_from_slice(&(bytes as u64).to_le_bytes());

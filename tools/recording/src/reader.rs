@@ -44,7 +44,7 @@ const ENCAPSULATION: usize = 4;
 /// The last step of the longest run that a scenario can ask for; what follows steps may count on it.
 const LAST_STEP: u64 = 1 << 40;
 
-/// What helps with a file of which nothing can be had.
+/// Advice for a file of which nothing can be had.
 const AGAIN: &str = "copy it again from where it is whole, or run the scenario again";
 
 fn damage(path: &Path, what: &str, records: u64) -> String {
@@ -68,7 +68,7 @@ pub enum ReadError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the operating system said.
+        /// Error of the operating system.
         error: std::io::Error,
     },
     /// Only a part of the run was kept.
@@ -78,7 +78,7 @@ pub enum ReadError {
     Excerpt {
         /// The file.
         path: PathBuf,
-        /// What was kept.
+        /// Description of what was kept.
         kept: String,
     },
     /// Something in the file is wrong, and not only its end is missing.
@@ -89,16 +89,16 @@ pub enum ReadError {
     Damaged {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Description of what is wrong with the file.
         what: String,
-        /// Where.
+        /// Byte at which the file is damaged.
         at: u64,
         /// Bytes of the file.
         length: u64,
         /// Records before.
         records: u64,
     },
-    /// It ends before there is anything of a run in it.
+    /// The file ends before there is anything of a run in it.
     #[error(
         "{path} was cut off after {length} bytes, before its first record: nothing of the run is in it; {AGAIN}"
     )]
@@ -113,7 +113,7 @@ pub enum ReadError {
     Foreign {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Description of what is wrong with the file.
         what: String,
     },
 }
@@ -138,11 +138,11 @@ pub struct RunReader {
     is_hashing: bool,
     /// Records that a check sum behind them vouches for; `None` before the first sum.
     vouched: Option<u64>,
-    /// Whether nothing came after that sum.
+    /// True if nothing came after that check sum.
     is_vouched: bool,
 }
 
-/// What came next in the file.
+/// Next item of the file.
 enum Next {
     Record,
     Event(Event),
@@ -246,7 +246,7 @@ impl RunReader {
         self.columns.iter().position(|column| column.name == name)
     }
 
-    /// How many of them the digest covers, from the first.
+    /// Returns the number of a record's words that the digest covers, from the first.
     #[must_use]
     pub const fn hashed_words(&self) -> usize {
         self.hashed_words
@@ -350,7 +350,7 @@ impl RunReader {
         self.words[0]
     }
 
-    /// What happened after the record before this one; at the end, after the last.
+    /// Returns the events after the record before this one; at the end, those after the last.
     #[must_use]
     pub fn events(&self) -> &[Event] {
         &self.events
@@ -371,7 +371,7 @@ impl RunReader {
         self.digest.clone().finish()
     }
 
-    /// Whether not all of the run was kept.
+    /// Returns true if not all of the run was kept.
     #[must_use]
     pub fn is_excerpt(&self) -> bool {
         self.fact(EXCERPT).is_some()
@@ -391,13 +391,13 @@ impl RunReader {
         }
     }
 
-    /// Whether the writer of the file finished it; known at the end.
+    /// Returns true if the writer of the file finished it; known at the end.
     #[must_use]
     pub fn is_whole(&self) -> bool {
         self.content.end() == Some(End::Whole)
     }
 
-    /// How the file ends, and how many bytes it has; known at the end.
+    /// Returns the end of the file, whole or torn, and the number of its bytes; known at the end of reading.
     #[must_use]
     pub fn end(&self) -> (Option<End>, u64) {
         (self.content.end(), self.content.length())

@@ -17,7 +17,7 @@ pub(crate) const RULER: &str =
 pub const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
 /// Topic of the records.
 pub const RECORD_TOPIC: &str = "/record";
-/// How records and events are written.
+/// Encoding of records and events.
 pub const ENCODING: &str = "cdr";
 /// In what their schemas are written.
 pub const LANGUAGE: &str = "ros2msg";

@@ -33,7 +33,7 @@ const CHUNK_TIME: Duration = Duration::from_millis(100);
 pub(super) const CHUNK_BYTES: usize = 1 << 20;
 /// The facts of a run; there may be several lists of them, one after another.
 pub(super) const FACTS: &str = "hil.run";
-/// What is known after a run.
+/// Facts that are known after a run.
 pub(crate) const RESULT: &str = "hil.result";
 /// Room that is kept on the disk for the end: a chunk, and what the summary has of each chunk.
 const RESERVE_BYTES: u64 = 4 << 20;
@@ -51,7 +51,7 @@ pub struct Enclosure {
     pub text: String,
 }
 
-/// What a recording says of its run.
+/// Facts and files of a run that its recording carries.
 #[derive(Clone, Debug, Default)]
 pub struct Provenance {
     /// Facts known before the run, by name.
@@ -63,7 +63,7 @@ pub struct Provenance {
 /// A part of a run.
 #[derive(Clone, Copy, Debug)]
 pub struct Part<'a> {
-    /// What is kept.
+    /// Choice of what is kept.
     pub choice: &'a Choice,
     /// The rate of the run.
     pub rate: Rate,

@@ -21,11 +21,11 @@ use crate::{mark, unpack};
 const LONGEST_RECORD: usize = 1 << 28;
 /// Opcode and length in front of each record.
 const HEAD_BYTES: usize = 9;
-/// What a power failure leaves where data were to be.
+/// Byte that a power failure leaves where data were to be.
 const ZEROS: u8 = 0;
 const NOT_AS_LONG: &str = "a chunk that is not as long as it says";
 
-/// How a file ends.
+/// End of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
     /// As its writer finished it.
@@ -52,7 +52,7 @@ pub(crate) struct Content {
     read: u64,
     /// Bytes of the file when it was last looked at.
     length: u64,
-    /// Where the record outside of chunks begins that comes next.
+    /// Begin of the next record outside of chunks.
     position: u64,
     end: Option<End>,
     /// Of all bytes so far; `None` behind the data section, which ends with it.
@@ -69,7 +69,7 @@ pub(crate) struct Content {
     current: Current,
 }
 
-/// Where the current record is.
+/// Place of the current record.
 enum Current {
     Outside,
     InChunk(Range<usize>),
@@ -197,17 +197,17 @@ impl Content {
         }
     }
 
-    /// How the chunk in work was packed.
+    /// Returns the compression of the chunk in work.
     pub(crate) fn compression(&self) -> &str {
         &self.compression
     }
 
-    /// Where the next record outside of chunks begins.
+    /// Returns the begin of the next record outside of chunks.
     pub(crate) const fn position(&self) -> u64 {
         self.position
     }
 
-    /// How the file ends; known at the end.
+    /// Returns the end of the file, whole or torn; known at the end of reading.
     pub(crate) const fn end(&self) -> Option<End> {
         self.end
     }

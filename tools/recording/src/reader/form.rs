@@ -53,12 +53,12 @@ pub(super) fn parse(opcode: u8, content: &[u8]) -> Result<Record<'_>, String> {
     mcap::parse_record(opcode, content).map_err(|error| error.to_string())
 }
 
-/// How long the head of a chunk is, if it is there as a whole.
+/// Returns the length of a chunk's head, if the head is there as a whole.
 pub(super) fn chunk_head(content: &[u8]) -> Option<usize> {
     length(CHUNK, content)
 }
 
-/// How long content of this form is; `None` if it is cut off.
+/// Returns the length of content of this form; `None` if the content is cut off.
 fn length(form: &[Part], content: &[u8]) -> Option<usize> {
     let mut rest = content;
     for part in form {

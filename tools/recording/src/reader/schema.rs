@@ -17,7 +17,7 @@ pub struct Column {
 }
 
 impl Column {
-    /// Whether it is a number with a unit, not a count or bits.
+    /// Returns true if the column is a number with a unit, not a count or bits.
     #[must_use]
     pub fn is_signal(&self) -> bool {
         self.name.contains('.')
@@ -87,7 +87,7 @@ fn array(kind: &str) -> Option<(&str, usize)> {
     Some((scalar, count.parse().ok()?))
 }
 
-/// Whether a message is of small integers that fill a word.
+/// Returns true if a message is of small integers that fill a word.
 fn is_one_word(fields: &str) -> bool {
     let bytes = |line: &str| {
         let (kind, ..) = field(line)?;

@@ -9,7 +9,7 @@ pub(crate) const VOUCHED: &str = "vouched_records";
 /// The fact that says what they did not vouch for then.
 pub const UNVOUCHED: &str = "unvouched";
 
-/// What no check sum vouches for.
+/// Part of a recording that no check sum vouches for.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Unvouched {
     /// Records before it.
@@ -19,8 +19,8 @@ pub struct Unvouched {
 }
 
 impl RunReader {
-    /// What to tell of a recording that its writer did not finish: what mends it, and what nobody vouches
-    /// for, also after that; known at the end.
+    /// Returns the warning about a recording that its writer did not finish: what mends the recording,
+    /// and what nobody vouches for, also after that; known at the end.
     #[must_use]
     pub fn caveat(&self) -> Option<String> {
         let (path, records) = (self.path.display(), self.records);
@@ -34,7 +34,8 @@ impl RunReader {
         ))
     }
 
-    /// What no check sum vouches for, now or when it was recovered; known at the end, or at the damage.
+    /// Returns the part that no check sum vouches for, now or when the recording was recovered; known at
+    /// the end, or at the damage.
     #[must_use]
     pub fn unvouched(&self) -> Option<Unvouched> {
         let before = || {
