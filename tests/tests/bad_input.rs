@@ -23,7 +23,7 @@ use targets::Target;
 
 /// Changed inputs of each target.
 const CASES: u32 = 300;
-/// What a changed input may have in the place of a number.
+/// Words that a changed input may have in the place of a number.
 const ODD: [&str; 16] = [
     "nan",
     "inf",

@@ -137,7 +137,7 @@ fn the_scenario_of_the_chapters_is_that_of_the_examples() {
     assert_eq!(shown, [read(example("own-plant/pendulum.toml"))]);
 }
 
-/// What mdBook would hand to the preprocessor, and what it gets back.
+/// Hands the preprocessor what mdBook would, and returns what mdBook would get back.
 fn preprocessed(pages: &[Page]) -> Value {
     let chapters: Vec<Value> = (pages.iter())
         .map(|page| {

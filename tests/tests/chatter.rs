@@ -9,7 +9,7 @@ use crate::support::programs::program_of_tests;
 
 /// Samples that the chatting controller answers.
 const ANSWERED: u64 = 100;
-/// What it commands.
+/// Force that the chatting controller commands.
 const FORCE_N: f64 = 0.5;
 const SAFE_N: f64 = -0.25;
 const STEPS: u64 = 1000;

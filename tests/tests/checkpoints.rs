@@ -30,7 +30,7 @@ fn go_on(rig: &Rig, run: &Run, step: u64, arguments: &str) -> Run {
     rig.run(&format!("--from {} {arguments}", from.display()))
 }
 
-/// What a summary says of the run itself, not of the session or of clocks.
+/// Returns the parts of a summary about the run itself, not about the session or clocks.
 fn judged(run: &Run) -> Vec<Value> {
     let mut summary = run.summary();
     let keys = [
@@ -51,7 +51,7 @@ fn assert_same(straight: &Run, resumed: &Run, about: &str) {
     assert_eq!(judged(resumed), judged(straight), "{about}");
 }
 
-/// How old what each side had was at each step: not in the digest, and the same all the same.
+/// Returns the age of what each side had at each step: not in the digest, and the same all the same.
 fn ages(run: &Run) -> Vec<[u64; 3]> {
     let recording = Recording::open(&run.recording());
     let place = |ending: &str| {

@@ -8,7 +8,7 @@ use serde_json::Value;
 use crate::support::harness::{Rig, Run, until};
 use crate::support::mcap_reader::Recording;
 
-/// What is read, whether or not something is measured.
+/// Facts that are read, whether or not something is measured.
 const READ: [&str; 18] = [
     "clock_source",
     "cores",

@@ -41,7 +41,8 @@ fn traced(rig: &Rig, name: &str) -> String {
     script.display().to_string()
 }
 
-/// When, in s since 1970, and what was called. A call that waited counts when it began.
+/// Returns the time of each call, in s since 1970, and its name. A call that waited counts when it
+/// began.
 fn calls(log: &Path) -> Vec<(f64, String)> {
     let text = std::fs::read_to_string(log).unwrap_or_else(|e| panic!("{}: {e}", log.display()));
     let call = |line: &str| {

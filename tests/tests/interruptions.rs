@@ -11,7 +11,7 @@ use crate::support::harness::{Rig, Running, until};
 /// Requirements that take the check more than a second.
 const MANY: usize = 150_000;
 
-/// What a process has had of the processor, in ticks; none if it has ended.
+/// Returns the processor time of a process, in ticks; `None` if the process has ended.
 fn ticks(running: &Running<'_>) -> Option<u64> {
     let stat = fs::read_to_string(format!("/proc/{}/stat", running.pid())).ok()?;
     let fields = stat.rsplit_once(')')?.1; // the name before may have spaces
@@ -24,7 +24,7 @@ fn ticks(running: &Running<'_>) -> Option<u64> {
     Some(user + number(fields.next())?)
 }
 
-/// Whether a process has begun its work and nothing of it is running.
+/// Returns true if a process has begun its work and nothing of it is running.
 fn waits(running: &Running<'_>) -> bool {
     let process = PathBuf::from(format!("/proc/{}", running.pid()));
     let status = fs::read_to_string(process.join("status")).unwrap_or_default();

@@ -25,7 +25,7 @@ const NOBODY: u32 = 65534;
 struct Target<'r> {
     rig: &'r Rig,
     session: SessionInfo,
-    /// What was tried, and what was said to it.
+    /// Attempts, each with the answer to it.
     refused: Vec<String>,
 }
 
@@ -164,7 +164,7 @@ fn ports(target: &mut Target<'_>) {
     target.refused("credit, giving it", speaking(&own, "credit", false));
 }
 
-/// Whether this process may speak on a service, whose payload is a list of these or one.
+/// Tries to speak on a service, whose payload is a list of numbers or one number.
 fn speaking(own: &Node<Ipc>, name: &str, is_list: bool) -> Result<(), String> {
     let topic = own.service_builder(&name.try_into().expect("a name"));
     let error = if is_list {

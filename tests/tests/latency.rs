@@ -39,7 +39,7 @@ fn cores() -> Vec<usize> {
     all.filter(|core| allowed.is_set(*core)).collect()
 }
 
-/// What must hold for any case; gives its steps.
+/// Checks what must hold for any case; returns the number of its steps.
 #[track_caller]
 fn case(case: &Value) -> u64 {
     let (steps, longest_ns) = percentiles(&case["round_trip_ns"]);

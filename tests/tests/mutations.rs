@@ -107,7 +107,7 @@ fn each_guard_that_is_taken_out_is_missed() {
     });
 }
 
-/// What the machines are compiled against: this workspace's own libraries.
+/// Libraries that the machines are compiled against: this workspace's own.
 struct Libraries {
     folder: PathBuf,
     externs: Vec<String>,

@@ -23,7 +23,7 @@ struct Case {
     fails: &'static [&'static str],
 }
 
-/// What the scenarios require, taken from Tables 3 and 4.
+/// Requirements of the scenarios, taken from Tables 3 and 4.
 const SEVERE: [&str; 7] = [
     "healthy_tracking",
     "healthy_force_fight",
@@ -50,7 +50,7 @@ const CASES: [Case; 6] = [
     Case { law: "ftsc", scenario: "S2", tracking_error_rad: [2.11655e-5, 2.50092e-5, 2.60993e-5], force_fight_n: [133.970, 147.070, 147.700], fails: &[] },
 ];
 
-/// What FTSC believes of both leakage coefficients at 20 s of S1, in m3/s/sqrt(Pa).
+/// Estimates of both leakage coefficients by FTSC at 20 s of S1, in m3/s/sqrt(Pa).
 const LEAKAGE_ESTIMATES: [f64; 2] = [5.000e-7, 9.587e-8];
 
 /// The window that must be met to within what share of the expected value, in percent.

@@ -298,7 +298,7 @@ fn what_a_killed_command_left_is_removed_by_the_next() {
     assert!(!table.exists());
 }
 
-/// What can become of a file.
+/// Lists what can become of a file.
 fn damages(bytes: &[u8]) -> Vec<(&'static str, Vec<u8>)> {
     let mut flipped = bytes.to_vec();
     let middle = flipped.len() / 2;

@@ -57,7 +57,7 @@ fn with_requirements(rig: &Rig) -> String {
     path.to_str().expect("plain").into()
 }
 
-/// What `hil judge --json` says, and its exit code.
+/// Runs `hil judge --json`; returns what it says, and its exit code.
 fn judge(rig: &Rig, run: &Run, more: &[&str]) -> (Value, Option<i32>) {
     let folder = run.folder.to_str().expect("plain");
     let judged = rig.hil(&[&["judge", folder, "--json"], more].concat());

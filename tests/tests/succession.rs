@@ -16,7 +16,7 @@ use crate::support::programs::{misbehaving_controller, program, program_of_tests
 
 /// The step at which the laws of the misbehaving controller misbehave, counted from their first.
 const WHEN: u64 = 100;
-/// What they command before.
+/// Force that these laws command before that step.
 const BEFORE_N: f64 = 0.5;
 const SAFE_N: f64 = -0.25;
 const STEPS: u64 = 1000;

@@ -27,7 +27,7 @@ fn contracts() -> &'static Path {
     })
 }
 
-/// What the compiler says of a program; empty if it compiles.
+/// Returns what the compiler says of a program; empty if the program compiles.
 fn compiled(program: &str) -> String {
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("own.rs"), program).expect("written");

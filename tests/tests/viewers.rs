@@ -47,7 +47,7 @@ fn rerun_converts_recordings_to_columns_with_the_names_and_bits_of_the_signals()
     assert_eq!(same, runs.len(), "{told}");
 }
 
-/// What is exported of a run: a table beside its folder.
+/// Exports a run to a table; returns the table's path, beside the run's folder.
 fn exported(rig: &Rig, run: &Run, number: usize) -> PathBuf {
     let table = rig.path(&format!("table-{number}.csv"));
     let arguments = [run.folder.to_str(), Some("-o"), table.to_str()];

@@ -68,7 +68,7 @@ fn compiled(folder: &Path, options: &[&str]) -> PathBuf {
     program
 }
 
-/// What the C program prints.
+/// Runs the C program and returns what it prints.
 fn run_twin(program: &Path) -> Value {
     let output = Command::new(program).output().expect("the C program");
     serde_json::from_slice(&output.stdout).expect("a line of JSON")

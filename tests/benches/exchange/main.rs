@@ -28,7 +28,7 @@ use self::round_trips::{COMMAND_BYTES, Exchange, Place, Round, SAMPLE_BYTES, Wai
 const TRIPS: u64 = 100_000;
 const TRIPS_ON_ONE_CORE: u64 = 10_000;
 
-/// What is measured.
+/// Exchanges that are measured.
 const EXCHANGES: [Exchange; 5] = [
     Exchange::Raw,
     Exchange::Blackboard,

@@ -8,13 +8,13 @@ use crate::{Class, HOLE_NS, Jitter, PRIORITY, Setting};
 pub(crate) struct Cyclictest;
 
 impl Cyclictest {
-    /// It, if it can be started.
+    /// Returns the program, if it can be started.
     pub(crate) fn found() -> Option<Self> {
         let help = Command::new("cyclictest").arg("--help").output();
         help.is_ok().then_some(Self)
     }
 
-    /// How late it was woken.
+    /// Measures how late the program is woken.
     ///
     /// # Panics
     /// If it does not run to its end or says something else than a histogram.

@@ -50,7 +50,7 @@ use self::releases::Releases;
 const HOLE_NS: u64 = UNFIT_NS;
 /// Rates and the samples of one run at each.
 const RATES: [(u64, u64); 2] = [(1000, 10_000), (4000, 40_000)];
-/// How long the gap detector spins before each pair.
+/// Time for which the gap detector spins before each pair, in s.
 const GAPS_S: f64 = 2.0;
 /// Priority in the real-time class.
 const PRIORITY: u32 = 80;
@@ -71,7 +71,7 @@ impl Class {
     }
 }
 
-/// Where, how often and in which class samples are released.
+/// Setting of a run: class, rate and cores with which samples are released.
 #[derive(Clone, Copy, Debug)]
 struct Setting {
     class: Class,
@@ -93,7 +93,7 @@ impl Setting {
     }
 }
 
-/// What one run showed.
+/// Jitter in one run.
 #[derive(Clone, Copy, Debug)]
 struct Jitter {
     p50_ns: f64,

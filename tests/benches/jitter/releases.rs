@@ -22,11 +22,11 @@ pub(crate) struct Releases {
 struct Sent {
     step: u64,
     sent_ns: u64,
-    /// How much later than due it was, as the plant noted.
+    /// Time by which the sample was later than due, as the plant noted.
     late_ns: u64,
 }
 
-/// Whether a run gets the real-time class if it asks for it.
+/// Returns true if a run gets the real-time class when it asks for it.
 pub(crate) fn may_be_real_time(programs: &Programs) -> bool {
     let scenario = scenario();
     let priority = PRIORITY.to_string();
@@ -121,7 +121,7 @@ impl Releases {
     }
 }
 
-/// How late each sample was against the grid that the first one began, in ns.
+/// Returns the lateness of each sample against the grid that the first one began, in ns.
 fn lateness(sent: &[Sent], period_ns: u64) -> Vec<f64> {
     let first = sent.first().expect("a sample");
     let start_ns = first.sent_ns - first.late_ns;
@@ -137,7 +137,7 @@ fn drift(late_ns: &[f64]) -> f64 {
     median(last.iter().copied()) - median(first.iter().copied())
 }
 
-/// What is left when all that was due before the end of a hole is removed.
+/// Returns the jitter that is left when all that was due before the end of a hole is removed.
 fn without_holes(sent: &[Sent], late_ns: &[f64], setting: &Setting) -> Jitter {
     let (mut left, mut holes, mut hole_end_ns) = (Vec::with_capacity(sent.len()), 0, 0.0);
     for (sample, &late_ns) in sent.iter().zip(late_ns) {

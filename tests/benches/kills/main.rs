@@ -27,13 +27,13 @@ use tempfile::TempDir;
 use programs::Programs;
 use rig::{Running, comes, left, scenario};
 
-/// How long a side waits for one that lives and says nothing, in s.
+/// Time for which a side waits for one that lives and says nothing, in s.
 const WAIT_LIMIT_S: f64 = 0.3;
 const CLOCKS: [&str; 3] = ["lockstep", "paced", "realtime"];
 const VICTIMS: [&str; 3] = ["plant", "controller", "hil"];
 
-/// How a process is ended. Of ten, six are killed, three abort, as one without memory does, and one is
-/// stopped.
+/// Signals that end a process. Of ten processes, six are killed, three abort, as one without memory
+/// does, and one is stopped.
 const SIGNALS: [(&str, Signal); 10] = {
     const KILL: (&str, Signal) = ("KILL", Signal::KILL);
     const ABORT: (&str, Signal) = ("ABRT", Signal::ABORT);
@@ -51,7 +51,7 @@ const SIGNALS: [(&str, Signal); 10] = {
     ]
 };
 
-/// What went wrong in all of it.
+/// Tally of what went wrong.
 #[derive(Default)]
 struct Wrong {
     hangs: u64,
@@ -73,7 +73,7 @@ struct Recovered {
     unvouched: Vec<f64>,
 }
 
-/// What looks at recordings.
+/// Judge of recordings.
 struct Judge<'a> {
     hil: &'a Path,
     /// The recording of a run that was left alone.
@@ -282,7 +282,7 @@ impl Judge<'_> {
     }
 }
 
-/// Whether a live recording has a chunk.
+/// Returns true if a live recording has a chunk.
 fn has_records(recording: &Path) -> bool {
     let reader = RunReader::open(recording);
     reader.is_ok_and(|mut reader| matches!(reader.advance(), Ok(true)))

@@ -16,7 +16,7 @@ use crate::round_trips::{self, Exchange, Place, Round, SIGNALS, Wait};
 /// Trips of a round of a bare exchange.
 const TRIPS: u64 = 100_000;
 
-/// Who sees the records of a run.
+/// Observers of the records of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Observed {
     By(usize),

@@ -17,11 +17,11 @@ use crate::effort::shortened;
 use crate::measure::{Bystanders, machine};
 use crate::programs::Programs;
 
-/// How long a run may settle before it is watched.
+/// Time for which a run may settle before it is watched.
 const SETTLE: Duration = Duration::from_secs(2);
-/// How long it is watched.
+/// Time for which a run is watched, in s.
 const WATCH_S: u64 = 50;
-/// How long anything may take before it counts as hanging.
+/// Time that anything may take before it counts as hanging.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// Watches both runs and prints what they cost.

@@ -20,7 +20,7 @@ use crate::measure::{Bystanders, machine, median};
 use crate::programs::Programs;
 use crate::pseudo_terminal::open_terminal;
 
-/// How long a run or a monitor may take to be there.
+/// Time that a run or a monitor may take to be there.
 const LIMIT: Duration = Duration::from_secs(60);
 
 /// Prints what a monitor changes.

@@ -39,7 +39,7 @@ use crate::programs::Programs;
 pub(crate) const SIZES: [usize; 4] = [8, 32, 128, 512];
 /// Steps of a run.
 const STEPS: u64 = 100_000;
-/// How often an observer looks for records, well before its buffer is full.
+/// Time between two looks of an observer for records, well before its buffer is full.
 const LOOK: Duration = Duration::from_millis(1);
 const RATE_HZ: f64 = 10_000.0;
 /// Names that this program is started under.

@@ -111,7 +111,7 @@ fn twenty() -> String {
     text
 }
 
-/// How long the evaluation of one record takes.
+/// Measures the time that the evaluation of one record takes.
 fn record_ns(text: &str) -> f64 {
     let plan = plan(text);
     let plants = models::all();

@@ -17,7 +17,7 @@ const BATCH: usize = 1000;
 
 /// A run in memory.
 pub(crate) struct Tape {
-    /// What was run.
+    /// Plan of the run.
     pub(crate) plan: Plan,
     /// The form of its records.
     pub(crate) layout: RecordLayout,

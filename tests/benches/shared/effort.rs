@@ -10,7 +10,7 @@ pub(crate) fn rounds() -> usize {
     if is_quick() { 1 } else { 5 }
 }
 
-/// How often something is repeated in a round, or a fiftieth of it for a quick look.
+/// Returns the number of repetitions in a round, or a fiftieth of it for a quick look.
 pub(crate) fn shortened(count: u64) -> u64 {
     if is_quick() { count / 50 } else { count }
 }

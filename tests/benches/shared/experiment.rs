@@ -30,7 +30,7 @@ pub(crate) struct Experiment {
     law: LawKind,
 }
 
-/// What went between plant and law, row after row.
+/// Signals that went between plant and law, row after row.
 #[derive(Default)]
 pub(crate) struct Rows {
     measured: Vec<f64>,

@@ -29,7 +29,7 @@ pub(crate) fn cores() -> Vec<usize> {
         .collect()
 }
 
-/// What the numbers of a bench were measured on.
+/// Describes the machine that the numbers of a bench were measured on.
 pub(crate) fn machine() -> Value {
     let cpu = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model = (cpu.lines().find(|line| line.starts_with("model name")))

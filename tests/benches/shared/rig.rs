@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use shared_types::process::ProcessId;
 use shared_types::session::SessionInfo;
 
-/// How long anything may take before it counts as hanging.
+/// Time that anything may take before it counts as hanging.
 const WATCHDOG: Duration = Duration::from_secs(30);
 
 /// A scenario that is small and as long as it is wanted to be.
@@ -34,7 +34,7 @@ pub(crate) fn comes(mut has_come: impl FnMut() -> bool) -> bool {
     true
 }
 
-/// Where a session of this user has its folder.
+/// Returns the folder of a session of this user.
 pub(crate) fn session_folder(name: &str) -> PathBuf {
     let uid = rustix::process::geteuid().as_raw();
     PathBuf::from(format!("/dev/shm/hil-{uid}")).join(name)
@@ -78,13 +78,13 @@ impl Running {
         children
     }
 
-    /// Whether it ends.
+    /// Waits for the end of `hil`; returns true if it came in time.
     pub(crate) fn ends(&mut self) -> bool {
         comes(|| matches!(self.hil.try_wait(), Ok(Some(_))))
     }
 }
 
-/// What is left of sessions whose names begin so, after the next command of `hil`.
+/// Lists what is left of sessions whose names begin so, after the next command of `hil`.
 pub(crate) fn left(hil: &Path, prefix: &str) -> Vec<String> {
     let swept = Command::new(hil).arg("sessions").output();
     assert!(swept.expect("hil").status.success());

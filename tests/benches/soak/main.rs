@@ -24,7 +24,7 @@ use measure::median;
 use programs::Programs;
 use rig::{Running, left, scenario};
 
-/// How often memory and file are looked at.
+/// Time between two looks at memory and file.
 const LOOK: Duration = Duration::from_millis(250);
 const RATE_HZ: u32 = 10_000;
 

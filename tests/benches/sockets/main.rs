@@ -62,7 +62,7 @@ impl Row {
         median(self.done.iter().map(|round| round.p99))
     }
 
-    /// How many times as long as the other it takes.
+    /// Returns the ratio of this row's time to the other row's.
     fn ratio_to(&self, other: &Self) -> f64 {
         let pairs = self.done.iter().zip(&other.done);
         median(pairs.map(|(own, other)| own.p50 / other.p50))

@@ -16,7 +16,7 @@ use serde_json::Value;
 use every_fault::{LAWS, faults, with_fault};
 use programs::Programs;
 
-/// When the other fault begins, in s.
+/// Time at which the other fault begins, in s.
 const BEGIN_S: f64 = 10.0;
 
 fn main() {
@@ -57,7 +57,7 @@ fn print_row(programs: &Programs, name: &str, scenario: &str) {
     println!("| {name} | {} |", cells.join(" | "));
 }
 
-/// What became of a run.
+/// Describes what became of a run.
 fn cell(summary: &Value) -> String {
     let time_s = summary["sim_time_s"].as_f64().expect("a number");
     match summary["verdict"].as_str() {

@@ -25,7 +25,7 @@ const PRIORITY: &str = "HIL_BENCH_PRIORITY";
 /// Bytes of a frame of 32 values and of one of 16.
 const SAMPLE_BYTES: usize = 408;
 const COMMAND_BYTES: usize = 280;
-/// How long the other side may take; only a failure takes so long.
+/// Time that the other side may take; only a failure takes so long.
 const LIMIT: Duration = Duration::from_secs(60);
 
 /// Work of one step, as turns of a loop.

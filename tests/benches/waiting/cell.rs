@@ -18,9 +18,9 @@ pub(crate) struct Cell {
     pub(crate) name: String,
     /// Busy loops, by nice value and core.
     loops: Vec<(i32, Option<usize>)>,
-    /// Whether the busy loops have a session of their own.
+    /// True if the busy loops have a session of their own.
     elsewhere: bool,
-    /// Whether all of it has one core.
+    /// True if everything in the cell has one core.
     one_core: bool,
     /// `SCHED_FIFO` priority of both sides.
     pub(crate) priority: u32,
@@ -85,7 +85,7 @@ pub(crate) fn cells() -> Vec<Cell> {
     cells
 }
 
-/// What makes a cell, until it is dropped.
+/// Situation of a cell, kept until it is dropped.
 pub(crate) struct Within {
     loops: Vec<Child>,
     free: CpuSet,

@@ -63,7 +63,7 @@ fn tools_has_these_rooms_and_nothing_beside_them() {
     }
 }
 
-/// Whether the first paragraph of a room also excludes something.
+/// Returns true if the first paragraph of a room also excludes something.
 fn says_what_never(text: &str) -> bool {
     let lines = text.lines().map_while(|line| line.strip_prefix("//! "));
     let mut words = lines.flat_map(|line| line.split(|c: char| !c.is_alphabetic()));

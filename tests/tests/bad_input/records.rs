@@ -8,7 +8,7 @@ use super::targets::{ALL, Target};
 
 /// Lengths that no record has.
 const HUGE: [u64; 4] = [1 << 27, 1 << 32, 1 << 63, u64::MAX];
-/// What a reader may hold of a file of some hundred bytes.
+/// Most bytes that a reader may hold of a file of some hundred bytes.
 const MOST_BYTES: u64 = 32 << 20;
 
 /// A text or a list of bytes with its length.

@@ -34,7 +34,7 @@ fn links(page: &Page) -> Vec<(usize, String)> {
     found
 }
 
-/// What the headings of a page can be linked by, as code-hosting sites and mdBook make it.
+/// Returns the anchors of a page's headings, as code-hosting sites and mdBook make them.
 fn anchors(text: &str) -> BTreeSet<String> {
     let mut anchors = BTreeSet::new();
     let mut fenced = false;

@@ -19,13 +19,13 @@ pub(super) struct Page {
 pub(super) struct Block<'p> {
     /// Line of its fence, from 1.
     pub(super) line: usize,
-    /// What stands behind the fence.
+    /// Text behind the fence.
     pub(super) language: &'p str,
     /// Its text; a block without an end is a mistake that the parser refuses.
     pub(super) text: String,
     /// The file that a comment before it names, and whether it goes on with it.
     pub(super) file: Option<(&'p str, bool)>,
-    /// Whether only blank lines stand between it and the block before.
+    /// True if only blank lines stand between the block and the one before.
     pub(super) follows: bool,
 }
 
@@ -110,7 +110,7 @@ impl Page {
     }
 }
 
-/// What a comment of one line says behind a word.
+/// Returns the text that a comment of one line has behind a word.
 fn comment<'l>(line: &'l str, word: &str) -> Option<&'l str> {
     let said = line.strip_prefix("<!--")?.strip_suffix("-->")?;
     Some(said.trim().strip_prefix(word)?.trim())

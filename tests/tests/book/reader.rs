@@ -20,10 +20,10 @@ use crate::support::harness::Rig;
 use crate::support::programs::{program, target, workspace};
 use crate::support::python::python;
 
-/// How long a page may take before it counts as hanging. On busy cores a run of 20 s takes minutes.
+/// Time that a page may take before it counts as hanging. On busy cores a run of 20 s takes minutes.
 const WATCHDOG: Duration = Duration::from_secs(1200);
 
-/// What the scripts are written into, and what is shared by pages.
+/// Folders of the scripts and of what pages share.
 pub(super) struct Desk {
     /// The same at each time: builds in it are found again.
     folder: PathBuf,
@@ -32,7 +32,8 @@ pub(super) struct Desk {
     _lock: File,
 }
 
-/// What Python's blocks may import to be run: what is in the clone, and what other tests need as well.
+/// Modules that Python's blocks may import to be run: those in the clone, and those that other tests
+/// need as well.
 const MODULES: [&str; 6] = ["hil_run", "json", "mcap", "numpy", "pandas", "pyarrow"];
 
 const HIL: &str = r#"#!/usr/bin/env bash
@@ -118,7 +119,7 @@ impl Desk {
         desk
     }
 
-    /// What a fresh clone has, and nothing of the page before.
+    /// Makes a folder with what a fresh clone has, and nothing of the page before.
     fn clone(&self) -> PathBuf {
         let desk = self.folder.join("desk");
         let _ = std::fs::remove_dir_all(&desk); // not there at first

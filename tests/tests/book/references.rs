@@ -148,7 +148,7 @@ fn kind(value: &Value) -> &'static str {
     }
 }
 
-/// What the built-in plants and laws say of themselves.
+/// Writes the page of what the built-in plants and laws say of themselves.
 fn signals() -> String {
     let mut page = format!(
         "# Plants and laws\n\n{MADE}\nWhat `plant-process --describe` and `controller-process --describe` say. A parameter with a \

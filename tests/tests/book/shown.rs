@@ -3,7 +3,7 @@
 //! Every shown line has to be there, in order; more may be between. Times, speeds and the names of run
 //! folders vary and are not compared, figures, names and digests are.
 
-/// Whether the output has everything that is shown of it.
+/// Checks that the output has everything that is shown of it.
 ///
 /// # Errors
 /// The first shown line that is missing, with the output.

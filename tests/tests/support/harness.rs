@@ -22,9 +22,9 @@ use tempfile::TempDir;
 
 use crate::support::programs::{program, workspace};
 
-/// How long anything may take before it counts as hanging.
+/// Time that anything may take before it counts as hanging.
 const WATCHDOG: Duration = Duration::from_secs(120);
-/// How often something is looked at while it is awaited.
+/// Time between two looks at something that is awaited.
 const LOOK: Duration = Duration::from_millis(2);
 
 /// Every test with a rig holds it, shared; exclusive is a test that looks at what a dead `hil` left,
@@ -39,7 +39,7 @@ pub(crate) struct Rig {
     _others: Others,
 }
 
-/// Whether other tests run at the same time.
+/// Lock that allows other tests at the same time, or excludes them.
 #[expect(dead_code, reason = "held, never read")]
 enum Others {
     Allowed(RwLockReadGuard<'static, ()>),
@@ -240,7 +240,7 @@ fn name(path: &Path) -> &str {
     path.file_name().and_then(OsStr::to_str).unwrap_or_default()
 }
 
-/// What was left on this machine before any test began.
+/// Returns what was left on this machine before any test began.
 fn left_before() -> &'static [PathBuf] {
     static BEFORE: OnceLock<Vec<PathBuf>> = OnceLock::new();
     BEFORE.get_or_init(segments_of_nobody)

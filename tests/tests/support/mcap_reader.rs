@@ -14,7 +14,7 @@ pub(crate) struct Recording {
     bytes: Vec<u8>,
     /// Name of each word of a record, for example `truth.force_fight_n`.
     pub(crate) columns: Vec<String>,
-    /// What happened, in the order of the file.
+    /// Events, in the order of the file.
     pub(crate) events: Vec<Value>,
 }
 
@@ -80,7 +80,7 @@ impl Recording {
         })
     }
 
-    /// Where a word stands in a record.
+    /// Returns the place of a word in a record.
     pub(crate) fn place(&self, column: &str) -> usize {
         let found = self.columns.iter().position(|name| name == column);
         found.unwrap_or_else(|| panic!("no {column} in {:?}", self.columns))
@@ -118,7 +118,7 @@ impl Recording {
         hasher.finalize().to_hex().to_string()
     }
 
-    /// What is written about the run, by the name of the metadata record.
+    /// Returns the facts about the run, by the name of the metadata record.
     pub(crate) fn metadata(&self) -> BTreeMap<String, BTreeMap<String, String>> {
         let summary = self.summary();
         let records = summary.metadata_indexes.iter();

@@ -13,7 +13,7 @@ pub(crate) fn workspace() -> &'static Path {
     tests.parent().expect("the workspace is above this package")
 }
 
-/// How the programs are compiled.
+/// Profile by which the programs are compiled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Profile {
     Debug,
@@ -21,7 +21,7 @@ enum Profile {
 }
 
 impl Profile {
-    /// That of this test binary, which lies in `target/<profile>/deps`.
+    /// Returns the profile of this test binary, which lies in `target/<profile>/deps`.
     fn own() -> Self {
         match own_folder().file_name().and_then(OsStr::to_str) {
             Some("debug") => Self::Debug,
@@ -153,7 +153,7 @@ pub(crate) fn outside(folder: &Path, program: &str) -> PathBuf {
     copy
 }
 
-/// Whether the environment insists on a part that not every machine has.
+/// Returns true if the environment insists on a part that not every machine has.
 pub(crate) fn demanded(variable: &str) -> bool {
     std::env::var_os(variable).is_some_and(|value| value != "0")
 }

@@ -57,7 +57,7 @@ impl Terminal {
         }
     }
 
-    /// What the screen shows.
+    /// Returns the text that the screen shows.
     pub(crate) fn text(&self) -> String {
         self.with_screen(vt100::Screen::contents)
     }
@@ -117,7 +117,7 @@ impl Terminal {
         assert_eq!(settings, self.settings, "after {after}");
     }
 
-    /// Whether the program has the screen to itself.
+    /// Returns true if the program has the screen to itself.
     pub(crate) fn is_taken(&self) -> bool {
         self.with_screen(|screen| screen.alternate_screen() && screen.hide_cursor())
     }

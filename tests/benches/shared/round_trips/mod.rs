@@ -32,7 +32,7 @@ pub(crate) const SAMPLE_BYTES: usize = size_of::<Frame<SIGNALS>>();
 /// Bytes of a command.
 pub(crate) const COMMAND_BYTES: usize = size_of::<Frame<COMMANDS>>();
 
-/// What connects the two sides.
+/// Exchange that connects the two sides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Exchange {
     Raw,
@@ -78,7 +78,7 @@ impl Exchange {
     }
 }
 
-/// How both sides wait for each other.
+/// Way in which both sides wait for each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Wait {
     /// As the project's processes do unless told otherwise.
@@ -104,7 +104,7 @@ impl Wait {
         Self::ALL.into_iter().find(|it| it.name() == name)
     }
 
-    /// What it does at a place: who shares a core must give it away.
+    /// Describes the wait at a place: who shares a core must give it away.
     pub(crate) const fn at(self, place: Place<'_>) -> &'static str {
         match (self, place.is_shared()) {
             (Self::Block, _) => "blocking",

@@ -14,7 +14,7 @@ use super::{COMMAND_BYTES, Exchange, Place, Round, SAMPLE_BYTES, Wait, open};
 
 /// Trips before those that count.
 const WARM_UP: u64 = 2000;
-/// How long the other side may take; only a failure takes so long.
+/// Time that the other side may take, in s; only a failure takes so long.
 pub(super) const WAIT_LIMIT_S: f64 = 30.0;
 
 /// Variables by which the controller's process is told what to do.

@@ -45,7 +45,7 @@ impl<'a> Place<'a> {
         self.controller
     }
 
-    /// Whether there is only one core for both.
+    /// Returns true if there is only one core for both sides.
     pub(crate) const fn is_shared(self) -> bool {
         self.plant == self.controller
     }

@@ -132,7 +132,7 @@ fn requested(toml: &str) {
     }
 }
 
-/// What is shown of a fault that took hold is taken, and means the same.
+/// Checks that what is shown of a fault that took hold is taken, and means the same.
 fn shown(event: FaultEvent) {
     let rate = small_plan().run.rate;
     if matches!(event.trigger, Trigger::After { .. }) {

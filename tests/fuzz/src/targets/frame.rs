@@ -38,7 +38,7 @@ pub fn run(bytes: &[u8]) {
     assembled(&words);
 }
 
-/// What lies in shared memory is taken only if every part of it fits.
+/// Checks that what lies in shared memory is taken only if every part of it fits.
 fn foreign(frame: &Frame<ROOM>, header: &Header) {
     let identity = FrameIdentity {
         session: header.session,
@@ -60,7 +60,7 @@ fn foreign(frame: &Frame<ROOM>, header: &Header) {
     assert!(twice.bits() <= 8 * BYTES as u64);
 }
 
-/// What was sealed opens to the same, and not with another bit.
+/// Checks that what was sealed opens to the same, and not with another bit.
 fn sealed(header: &Header, values: &[f64], salt: u64) {
     let identity = FrameIdentity {
         session: header.session,

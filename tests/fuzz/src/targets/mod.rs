@@ -19,7 +19,7 @@ pub mod session;
 pub struct Target {
     /// Its name, which is that of its corpus.
     pub name: &'static str,
-    /// What must hold of any bytes.
+    /// Check of what must hold of any bytes.
     pub run: fn(&[u8]),
 }
 
@@ -55,7 +55,7 @@ pub const ALL: [Target; 7] = [
     },
 ];
 
-/// What is told of bad input names something, and holds nothing that steers a terminal.
+/// Checks that what is told of bad input names something, and holds nothing that steers a terminal.
 fn assert_told(told: &str) {
     assert!(!told.trim().is_empty(), "nothing is told");
     let steers = |c: char| c.is_control() && !matches!(c, '\n' | '\t');

@@ -18,7 +18,7 @@ pub struct Rig {
     pub kinds: Vec<FaultKindDescription>,
 }
 
-/// What is described once and for all.
+/// Returns the rig, which is described once and for all.
 pub fn rig() -> &'static Rig {
     static RIG: OnceLock<Rig> = OnceLock::new();
     RIG.get_or_init(|| Rig {

@@ -13,7 +13,7 @@ use super::assert_told;
 use super::numbers::OddNumbers;
 use super::rig::rig;
 
-/// What a line with a flag begins with: a comment to TOML.
+/// Prefix of a line with a flag: a comment to TOML.
 const FLAG: &str = "#--set ";
 /// Rows that are computed over.
 const ROWS: u64 = 8;

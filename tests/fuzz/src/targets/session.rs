@@ -25,7 +25,7 @@ use tools::testing::Checkpoint;
 use super::rig::small_plan;
 
 thread_local! {
-    /// Where files lie that are read by their path.
+    /// Folder of the files that are read by their path.
     static FOLDER: RefCell<TempDir> = RefCell::new(tempfile::tempdir().expect("a temporary folder"));
 }
 
@@ -81,7 +81,7 @@ fn with_file(bytes: &[u8], work: impl FnOnce(&Path)) {
     });
 }
 
-/// What is read is written back the same.
+/// Checks that what is read is written back the same.
 fn same_again<T: Serialize + DeserializeOwned>(bytes: &[u8]) {
     let Ok(read) = serde_json::from_slice::<T>(bytes) else {
         return;
