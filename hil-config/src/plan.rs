@@ -428,8 +428,8 @@ pub enum Trigger {
     },
 }
 
-/// An expression that must hold. It is computed from the last complete record, so what it says of
-/// step k acts at step k + 1.
+/// An expression that must hold. The expression is computed from the last complete record, so its
+/// value at step k acts at step k + 1.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Condition {
     /// The expression; it holds where it exists and is not 0.

@@ -69,7 +69,7 @@ impl Detection {
         }
     }
 
-    /// Takes a row. What does not exist in it is passed over.
+    /// Takes a row. Values that do not exist (NaN) are passed over.
     pub(super) fn take(&mut self, step: Step, alarm: f64, recovered: f64, effect: f64) {
         let mut is_given = false;
         if !alarm.is_nan() {

@@ -8,8 +8,8 @@ use crate::plan::{ControllerProgram, Programs};
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section, describe};
 
-/// The programs that are named, each as an absolute path. Whether there are such files is for the one
-/// to say who starts them.
+/// The programs that are named, each as an absolute path. Whoever starts them checks that the files
+/// exist.
 pub(super) fn check(reader: &mut Reader, root: &Section<'_>, folder: &Path) -> Programs {
     let entry = |table: &str| {
         let Value::Table(table) = &root.table.get(table)?.node.value else {

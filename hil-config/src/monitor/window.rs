@@ -194,7 +194,7 @@ pub(super) enum Steps<S> {
     Sliding(Sliding<S>),
 }
 
-/// A window that slides. What is in it never exceeds the capacity it was made with.
+/// A window that slides. Its contents never exceed the capacity that the window was made with.
 #[derive(Clone, Debug)]
 pub(super) struct Sliding<S> {
     /// The oldest step in it.

@@ -51,8 +51,8 @@ impl Handover {
 }
 
 impl<L: Link, S: RecordSink> Engine<L, S> {
-    /// Another controller is announced, that of this epoch. Where no control channel can be made for
-    /// it, the run goes on without it.
+    /// Expects another controller, announced for this epoch. If no control channel can be made for the
+    /// controller, the run goes on without it.
     ///
     /// # Errors
     /// If the link or the record stream failed.

@@ -111,8 +111,8 @@ impl Copy {
         })
     }
 
-    /// Takes a record of the other file, which packs its messages in this way. Whether it is a message
-    /// of a run.
+    /// Takes a record of the other file, which packs its messages in this way. Returns true if the record
+    /// is a message of a run.
     fn take(&mut self, record: Record<'_>, compression: Compression) -> io::Result<bool> {
         match record {
             // The summary of a file repeats what it describes.

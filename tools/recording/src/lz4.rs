@@ -95,7 +95,7 @@ impl Encoder {
         self.distance += bytes.len();
     }
 
-    /// Takes in a row. What it leaves in it is of no use.
+    /// Takes in a row. The words left in `row` afterwards are of no use.
     pub(super) fn row(&mut self, row: &mut Vec<u64>) {
         let bytes = row.as_bytes();
         self.make_room(bytes.len());

@@ -136,7 +136,8 @@ pub fn write(path: &Path, text: &[u8]) -> io::Result<()> {
     part.complete(&path, true)
 }
 
-/// Removes from a folder what killed commands have left. Where that cannot be seen or done, it stays.
+/// Removes from a folder the files that killed commands have left. A file that cannot be seen or
+/// removed stays.
 pub fn sweep(folder: &Path) {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     for entry in entries {

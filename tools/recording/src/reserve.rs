@@ -14,7 +14,8 @@ use rustix::fs::{FallocateFlags, fallocate};
 pub struct Reserve(Option<File>);
 
 impl Reserve {
-    /// Keeps so many bytes. Where that cannot be, there is none: the run may need no more than there is.
+    /// Keeps so many bytes. If they cannot be kept, the reserve is empty: the run may need no more than
+    /// there is.
     #[must_use]
     pub fn of(folder: &Path, bytes: u64) -> Self {
         let file = tempfile::tempfile_in(folder).ok();

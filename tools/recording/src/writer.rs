@@ -241,7 +241,7 @@ impl Recording {
     /// Closes the last chunk, into the room that was kept for it if there is no other.
     ///
     /// # Errors
-    /// If it cannot be written. What was closed before is in the file.
+    /// If the chunk cannot be written. Chunks that were closed before are in the file.
     pub fn close(&mut self) -> io::Result<()> {
         self.reserve.release();
         self.settle(true)?;
