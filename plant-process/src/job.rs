@@ -15,7 +15,7 @@ pub const JOB_FILE: &str = "plant.json";
 /// A plant's part of a checked scenario.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Job {
-    /// [`PROTOCOL`](shared_types::describe::PROTOCOL) of the launcher.
+    /// [`PROTOCOL`] of the launcher.
     pub protocol: u32,
     /// Random number of the session.
     pub session: u64,
