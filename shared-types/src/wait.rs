@@ -38,7 +38,7 @@ const YIELD_NS: u64 = 2_000_000;
 /// no longer blocks its core.
 const PATIENCE_NS: u64 = 20_000_000;
 /// Longest sleep before the limit is looked at.
-const SLICE_NS: u64 = 20_000_000;
+const SLICE_NS: u64 = 5_000_000;
 /// Length of a nap where nothing wakes a sleeper.
 const NAP_NS: u64 = 100_000;
 /// The same after `PATIENCE_NS`: by then it costs a twentieth of the wait at most.
@@ -130,8 +130,6 @@ pub struct Waiter {
     polling: Polling,
     company: Company,
     polls: u32,
-    /// When the core was given away last; 0 if it was not in this wait.
-    yielded_ns: u64,
     /// When this wait outlasted its polls; 0 if it did not.
     since_ns: u64,
     /// Since when the limit counts.
@@ -281,7 +279,6 @@ impl Waiter {
             polling: Polling::new(shares_core || !polls),
             company: Company::NONE,
             polls: 0,
-            yielded_ns: 0,
             since_ns: 0,
             limited_ns: 0,
         }
@@ -323,19 +320,8 @@ impl Waiter {
         {
             sleeper.retire();
         }
-        let now_ns = monotonic_ns();
-        // What is awaited may have come while somebody had the core, be it the other side.
-        self.back_from_yield(now_ns);
         if self.strategy == WaitStrategy::Hybrid {
             self.polling.missed();
-        }
-    }
-
-    /// Notes when a core that was given away came back, if it was.
-    fn back_from_yield(&mut self, now_ns: u64) {
-        let yielded_ns = std::mem::take(&mut self.yielded_ns);
-        if yielded_ns > 0 {
-            self.company.came_back(now_ns, now_ns - yielded_ns);
         }
     }
 
@@ -364,15 +350,15 @@ impl Waiter {
         if self.since_ns == 0 {
             (self.since_ns, self.limited_ns) = (now_ns, now_ns);
         }
-        if now_ns - self.limited_ns >= self.limit.ns {
+        if self.limit_ns(now_ns) == 0 {
             return true;
         }
-        self.back_from_yield(now_ns);
         match self.rest(now_ns, deadline_ns) {
             Rest::Spin => self.polls = 0, // the clock again after as many polls
             Rest::Yield => {
-                self.yielded_ns = now_ns;
                 std::thread::yield_now();
+                let back_ns = monotonic_ns();
+                self.company.came_back(back_ns, back_ns - now_ns);
             }
             Rest::Sleep(ns) => self.sleep_for(ns),
         }
@@ -396,16 +382,17 @@ impl Waiter {
             _ => longest_ns,
         };
         let left_ns = deadline_ns.saturating_sub(now_ns).saturating_sub(LATE_NS);
-        let ns = if longest_ns < left_ns {
-            longest_ns
-        } else {
-            left_ns
-        };
+        let ns = shorter(shorter(longest_ns, left_ns), self.limit_ns(now_ns));
         match self.strategy {
             _ if ns > 0 => Rest::Sleep(ns),
             WaitStrategy::Spin => Rest::Spin,
             _ => Rest::Yield,
         }
+    }
+
+    /// Returns the time until the limit.
+    const fn limit_ns(&self, now_ns: u64) -> u64 {
+        self.limit.ns.saturating_sub(now_ns - self.limited_ns)
     }
 
     /// Sleeps, or says first that it will.
@@ -431,12 +418,13 @@ impl Waiter {
         if self.since_ns == 0 {
             (self.since_ns, self.limited_ns) = (now_ns, now_ns);
         }
-        self.sleep_for(if self.sleeper.is_some() {
+        let longest_ns = if self.sleeper.is_some() {
             SLICE_NS
         } else {
             NAP_NS
-        });
-        now_ns - self.limited_ns >= self.limit.ns
+        };
+        self.sleep_for(shorter(longest_ns, self.limit_ns(now_ns)));
+        self.limit_ns(now_ns) == 0
     }
 
     /// Waits for a time of the monotonic clock: naps until close to it, then as the strategy says.
@@ -444,6 +432,10 @@ impl Waiter {
     pub fn until_ns(&self, target_ns: u64, interrupted: impl Fn() -> bool) {
         until_ns(self.strategy, target_ns, interrupted);
     }
+}
+
+const fn shorter(a: u64, b: u64) -> u64 {
+    if a < b { a } else { b }
 }
 
 /// Waits for a time of the monotonic clock: naps until close to it, then spins or yields, as the
@@ -570,7 +562,7 @@ mod tests {
         assert!(!waiter.pause());
         assert!(!waiter.pause());
         waiter.done(); // it came at the last look
-        let expected = ["announce", "sleep 7 20", "retire", "announce", "retire"];
+        let expected = ["announce", "sleep 7 5", "retire", "announce", "retire"];
         assert_eq!(*log.0.borrow(), expected);
     }
 
@@ -599,11 +591,11 @@ mod tests {
         use WaitStrategy::{Hybrid, Sleep, Spin, Yield};
         const NAP: Rest = Rest::Sleep(100_000);
         const LONG_NAP: Rest = Rest::Sleep(MS);
-        const SLICE: Rest = Rest::Sleep(20 * MS);
+        const SLICE: Rest = Rest::Sleep(5 * MS);
         for (strategy, waited_ns, left_ns, naps, sleeps) in [
             (Hybrid, MS, u64::MAX, Rest::Yield, Rest::Yield),
             (Hybrid, 2 * MS, u64::MAX, NAP, SLICE),
-            (Hybrid, 19 * MS, 10 * MS, NAP, Rest::Sleep(9_700_000)),
+            (Hybrid, 19 * MS, 4 * MS, NAP, Rest::Sleep(3_700_000)),
             (
                 Hybrid,
                 19 * MS,
@@ -628,7 +620,7 @@ mod tests {
             (Sleep, 0, 0, Rest::Yield, Rest::Yield),
         ] {
             let mut waiter = Waiter::with(limit(), strategy, false);
-            waiter.since_ns = 1;
+            (waiter.since_ns, waiter.limited_ns) = (1, 1);
             let now_ns = 1 + waited_ns;
             let deadline_ns = now_ns.saturating_add(left_ns);
             let asked = (strategy.name(), waited_ns, left_ns);
@@ -641,7 +633,8 @@ mod tests {
     #[test]
     fn a_hybrid_wait_in_company_sleeps_at_once_if_it_can_be_woken() {
         let mut waiter = Waiter::with(limit(), WaitStrategy::Hybrid, false);
-        (waiter.since_ns, waiter.company.until_ns) = (1, MS);
+        (waiter.since_ns, waiter.limited_ns) = (1, 1);
+        waiter.company.until_ns = MS;
         assert_eq!(waiter.rest(1, u64::MAX), Rest::Yield);
         waiter.sleep_on(Some(Box::new(Rc::new(Log::default()))));
         assert_eq!(waiter.rest(1, u64::MAX), Rest::Sleep(SLICE_NS));

@@ -59,7 +59,7 @@ impl Owner {
 }
 
 impl Bell {
-    /// Makes a bell. Its file goes when the last clone here is dropped.
+    /// Makes a bell. Its file goes with the last clone here, or else with the session.
     ///
     /// # Errors
     /// [`LinkError::Taken`] if it is there already; or shared memory cannot be used.
@@ -86,7 +86,8 @@ impl Bell {
             })
     }
 
-    /// Opens a bell that another process made.
+    /// Opens a bell that another process made, once a service that it makes afterwards is there: a file
+    /// without a size yet is waited for without a limit.
     ///
     /// # Errors
     /// [`LinkError::Absent`] as long as it is not there.

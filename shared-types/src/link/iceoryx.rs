@@ -118,19 +118,16 @@ impl IceoryxLink {
 
     fn start(session: &SessionInfo, side: Side, epoch: u32) -> Result<Self, LinkError> {
         let node = node(session, side.name())?;
-        // The plant makes all bells before the services that say that it is there.
-        let plants = match side {
-            Side::Plant => Bell::create(session, Owner::Plant)?,
-            Side::Controller => Bell::open(session, Owner::Plant)?,
-        };
-        let (control, bell) = match side {
+        // The plant makes bells before the services that say that it is there, and the controller opens them
+        // after those: iceoryx2 waits without a limit for a file that has no size yet.
+        let (bell, control) = match side {
             Side::Plant => {
-                let theirs = Bell::create(session, Owner::Controller(epoch))?;
-                (ControlChannel::new(&node, side, epoch, theirs)?, plants)
+                let own = Bell::create(session, Owner::Plant)?;
+                (own, ControlChannel::new(&node, session, side, epoch)?)
             }
             Side::Controller => {
-                let own = Bell::open(session, Owner::Controller(epoch))?;
-                (ControlChannel::new(&node, side, epoch, plants)?, own)
+                let control = ControlChannel::new(&node, session, side, epoch)?;
+                (Bell::open(session, Owner::Controller(epoch))?, control)
             }
         };
         Ok(Self {
@@ -156,7 +153,16 @@ impl Side {
 }
 
 impl ControlChannel {
-    fn new(node: &Node<Ipc>, side: Side, epoch: u32, bell: Bell) -> Result<Self, LinkError> {
+    fn new(
+        node: &Node<Ipc>,
+        session: &SessionInfo,
+        side: Side,
+        epoch: u32,
+    ) -> Result<Self, LinkError> {
+        let made = match side {
+            Side::Plant => Some(Bell::create(session, Owner::Controller(epoch))?),
+            Side::Controller => None,
+        };
         let plant_speaks = format!("control/{epoch}/plant");
         let controller_speaks = format!("control/{epoch}/controller");
         let (speaks, hears) = match side {
@@ -183,7 +189,10 @@ impl ControlChannel {
             speak,
             listen,
             heard,
-            bell,
+            bell: match made {
+                Some(bell) => bell,
+                None => Bell::open(session, Owner::Plant)?,
+            },
         })
     }
 }
@@ -477,8 +486,7 @@ impl Link for IceoryxLink {
     }
 
     fn expect(&mut self, epoch: u32) -> Result<(), LinkError> {
-        let theirs = Bell::create(&self.session, Owner::Controller(epoch))?;
-        self.control = ControlChannel::new(&self.node, self.side, epoch, theirs)?;
+        self.control = ControlChannel::new(&self.node, &self.session, self.side, epoch)?;
         Ok(())
     }
 

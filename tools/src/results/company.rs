@@ -25,7 +25,8 @@ pub struct ProcessorTime {
     all: u64,
     /// The part that somebody used.
     busy: u64,
-    /// The part that this process used, and its children that it waited for.
+    /// The part that this process used, and its children that it waited for: runs at the same time count as
+    /// others until they end.
     own: u64,
 }
 
@@ -49,8 +50,8 @@ impl ProcessorTime {
                 .and_then(|core| core.parse().ok())
                 .is_some_and(&is_allowed)
             {
-                // user nice system idle iowait irq softirq steal; guests are in the first two
-                let ticks: Vec<u64> = words.take(8).map(number).collect();
+                // user nice system idle iowait irq softirq; what a host takes, behind them, is no program here
+                let ticks: Vec<u64> = words.take(7).map(number).collect();
                 let all: u64 = ticks.iter().sum();
                 time.cores += 1;
                 time.all += all;
