@@ -340,6 +340,8 @@ struct Reader<const N: usize> {
     board: Blackboard<Ipc, u8>,
     cell: EntryHandle<Ipc, u8, Frame<N>>,
     last: Option<BlackboardValue<Frame<N>>>,
+    /// Number of the frame that was delivered last; 0 for none.
+    delivered: u64,
 }
 
 impl<const N: usize> Incoming for Reader<N> {
@@ -363,7 +365,13 @@ impl<const N: usize> Incoming for Reader<N> {
             return None;
         }
         let frame = self.last.insert(self.cell.get());
-        (frame.sequence() > 0).then(|| frame.open(identity, values))
+        let sequence = frame.sequence();
+        // Beside a writer at work the cell may give a frame as news that it has given before.
+        if sequence == self.delivered {
+            return None;
+        }
+        self.delivered = sequence;
+        Some(frame.open(identity, values))
     }
 }
 
@@ -451,6 +459,7 @@ fn incoming<const N: usize>(
         board,
         cell,
         last: None,
+        delivered: 0,
     }))
 }
 
