@@ -29,24 +29,27 @@ use rustix::thread::{CpuSet, sched_getaffinity};
 use serde::{Deserialize, Serialize};
 
 use crate::clock::monotonic_ns;
+use habits::{Company, Polling};
+
+mod habits;
 
 /// Polls in a row that read no clock: some 12 us.
 const SPINS: u32 = 512;
-/// How long a hybrid wait yields before it sleeps.
+/// Time for which a hybrid wait yields before it sleeps.
 const YIELD_NS: u64 = 2_000_000;
-/// After so long without anything each strategy sleeps: a held run or a process of real-time priority then
+/// Time without news after which each strategy sleeps: a held run or a process of real-time priority then
 /// no longer blocks its core.
 const PATIENCE_NS: u64 = 20_000_000;
 /// Longest sleep before the limit is looked at.
 const SLICE_NS: u64 = 5_000_000;
 /// Length of a nap where nothing wakes a sleeper.
 const NAP_NS: u64 = 100_000;
-/// The same after `PATIENCE_NS`: by then it costs a twentieth of the wait at most.
+/// Length of a nap after `PATIENCE_NS`: by then it costs a twentieth of the wait at most.
 const LONG_NAP_NS: u64 = 1_000_000;
-/// A sleep may end so much later than asked for on an ordinary machine.
+/// Time by which a sleep may end later than asked for on an ordinary machine.
 const LATE_NS: u64 = 300_000;
 
-/// What to do between two polls. It moves times and what is left to others, never a result.
+/// Strategy between two polls. Moves times and the share of others, never a result.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum WaitStrategy {
@@ -65,7 +68,7 @@ impl WaitStrategy {
     /// All of them.
     pub const ALL: [Self; 4] = [Self::Hybrid, Self::Spin, Self::Yield, Self::Sleep];
 
-    /// Its name in scenarios, on command lines and in summaries.
+    /// Name in scenarios, on command lines and in summaries.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -77,7 +80,7 @@ impl WaitStrategy {
     }
 }
 
-/// How long a peer that lives may take, the scenario's and command line's `wait_limit`.
+/// Time that a peer that lives may take, the scenario's and command line's `wait_limit`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WaitLimit {
     ns: u64,
@@ -106,13 +109,13 @@ impl WaitLimit {
     }
 }
 
-/// What a waiter sleeps on and what the other side's send wakes.
+/// Place where a waiter sleeps until the other side's send wakes it.
 pub trait Sleeper: fmt::Debug {
-    /// Says that this side is about to sleep: a send after this ends the sleep or keeps it from beginning.
-    /// What was sent before does not, so whoever waits looks once more in between. Gives what `sleep` wants.
+    /// Says that this side is about to sleep: a send after this ends the sleep or keeps it from beginning. A
+    /// send before does not, so the waiter looks once more in between. Returns the argument of `sleep`.
     fn announce(&self) -> u32;
 
-    /// Sleeps until the other side sends, `ns` at most. It may end for no reason.
+    /// Sleeps until the other side sends, `ns` at most; may end for no reason.
     fn sleep(&self, announced: u32, ns: u64);
 
     /// Says that this side is awake.
@@ -125,127 +128,18 @@ pub struct Waiter {
     limit: WaitLimit,
     strategy: WaitStrategy,
     sleeper: Option<Box<dyn Sleeper>>,
-    /// What the sleeper gave, if a sleep was announced.
+    /// Answer of the sleeper to an announced sleep.
     announced: Option<u32>,
     polling: Polling,
     company: Company,
     polls: u32,
-    /// When this wait outlasted its polls; 0 if it did not.
+    /// Time at which this wait outlasted its polls; 0 if it did not.
     since_ns: u64,
-    /// Since when the limit counts.
+    /// Time from which the limit counts.
     limited_ns: u64,
 }
 
-/// How often to poll before anything else, learned from the waits before.
-#[derive(Debug)]
-struct Polling {
-    /// Polls in this wait.
-    polls: u32,
-    /// Whether both sides have one core, or polling is not asked for: there are no polls at all.
-    never: bool,
-    /// Waits in a row that polls did not end.
-    misses: u32,
-    /// Waits before the next one with polls.
-    without: u32,
-    /// The same after the next miss.
-    backoff: u32,
-}
-
-impl Polling {
-    /// So many misses in a row show that polling does not help.
-    const MISSES: u32 = 4;
-    /// Most waits without polls.
-    const LONGEST: u32 = 256;
-
-    const fn new(never: bool) -> Self {
-        Self {
-            polls: if never { 0 } else { SPINS },
-            never,
-            misses: 0,
-            without: 0,
-            backoff: Self::MISSES,
-        }
-    }
-
-    /// Polls ended a wait.
-    const fn helped(&mut self) {
-        if self.misses > 0 {
-            self.misses = 0;
-            self.backoff = Self::MISSES;
-        }
-    }
-
-    /// A wait outlasted its polls.
-    const fn missed(&mut self) {
-        if self.never {
-            return;
-        }
-        if self.without > 0 {
-            self.without -= 1;
-        } else {
-            self.misses += 1;
-            if self.misses >= Self::MISSES {
-                // The next that misses is enough.
-                self.misses = Self::MISSES - 1;
-                self.without = self.backoff;
-                self.backoff *= 2;
-                if self.backoff > Self::LONGEST {
-                    self.backoff = Self::LONGEST;
-                }
-            }
-        }
-        self.polls = if self.without > 0 { 0 } else { SPINS };
-    }
-}
-
-/// Whether others need the core, learned from how long it was away when it was given away.
-#[derive(Debug)]
-struct Company {
-    /// Moving average of how long it was away.
-    away_ns: u64,
-    /// Until when others are taken for granted.
-    until_ns: u64,
-    /// How long they are the next time.
-    backoff_ns: u64,
-}
-
-impl Company {
-    /// Returns that the average is made of. One that took a slice of the scheduler brings it near the limit,
-    /// and the recorder's short work between many quick ones does not.
-    const RETURNS: u64 = 128;
-    /// The average with which others are in company.
-    const LIMIT_NS: u64 = 20_000;
-    const SHORTEST_NS: u64 = 10_000_000;
-    const LONGEST_NS: u64 = 1_000_000_000;
-
-    const NONE: Self = Self {
-        away_ns: 0,
-        until_ns: 0,
-        backoff_ns: Self::SHORTEST_NS,
-    };
-
-    /// The core came back.
-    const fn came_back(&mut self, now_ns: u64, took_ns: u64) {
-        self.away_ns = self.away_ns - self.away_ns / Self::RETURNS + took_ns / Self::RETURNS;
-        if self.away_ns > Self::LIMIT_NS {
-            // One late return is enough the next time.
-            self.away_ns = Self::LIMIT_NS - Self::LIMIT_NS / 4;
-            self.until_ns = now_ns + self.backoff_ns;
-            self.backoff_ns *= 2;
-            if self.backoff_ns > Self::LONGEST_NS {
-                self.backoff_ns = Self::LONGEST_NS;
-            }
-        } else if self.away_ns < Self::LIMIT_NS / 2 {
-            self.backoff_ns = Self::SHORTEST_NS;
-        }
-    }
-
-    const fn is_there(&self, now_ns: u64) -> bool {
-        now_ns < self.until_ns
-    }
-}
-
-/// What to do until the next poll.
+/// Rest until the next poll.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Rest {
     Spin,
@@ -289,19 +183,19 @@ impl Waiter {
         self.sleeper = sleeper;
     }
 
-    /// How long the other side may take.
+    /// Returns the time that the other side may take.
     #[must_use]
     pub const fn limit(&self) -> WaitLimit {
         self.limit
     }
 
-    /// The same thing is still awaited, with the whole limit before it.
+    /// Begins the limit anew for the same thing.
     #[inline]
     pub fn renew(&mut self) {
         self.limited_ns = monotonic_ns();
     }
 
-    /// What was awaited came; the next wait begins.
+    /// Ends a wait: the awaited thing came.
     #[inline]
     pub fn done(&mut self) {
         if self.since_ns > 0 {
@@ -332,8 +226,7 @@ impl Waiter {
     }
 
     /// Waits a moment before the next poll, but never sleeps past a time of the monotonic clock
-    /// that must not be missed; true when the limit is over. Whether that time came is for the
-    /// caller to see.
+    /// that must not be missed; true when the limit is over. The caller looks whether that time came.
     #[must_use]
     #[inline]
     pub fn pause_until(&mut self, deadline_ns: u64) -> bool {
@@ -366,23 +259,25 @@ impl Waiter {
     }
 
     /// Decides what to do now.
-    const fn rest(&self, now_ns: u64, deadline_ns: u64) -> Rest {
+    fn rest(&self, now_ns: u64, deadline_ns: u64) -> Rest {
         let waited_ns = now_ns - self.since_ns;
         let has_bell = self.sleeper.is_some();
-        let longest_ns = match self.strategy {
-            _ if waited_ns >= PATIENCE_NS && has_bell => SLICE_NS,
-            _ if waited_ns >= PATIENCE_NS => LONG_NAP_NS,
-            WaitStrategy::Sleep => SLICE_NS,
-            WaitStrategy::Hybrid if has_bell && self.company.is_there(now_ns) => SLICE_NS,
-            WaitStrategy::Hybrid if waited_ns >= YIELD_NS => SLICE_NS,
-            _ => 0,
-        };
+        let sleeps = waited_ns >= PATIENCE_NS
+            || match self.strategy {
+                WaitStrategy::Spin | WaitStrategy::Yield => false,
+                WaitStrategy::Sleep => true,
+                WaitStrategy::Hybrid => {
+                    waited_ns >= YIELD_NS || (has_bell && self.company.is_there(now_ns))
+                }
+            };
         let longest_ns = match has_bell {
-            false if longest_ns == SLICE_NS => NAP_NS,
-            _ => longest_ns,
+            _ if !sleeps => 0,
+            true => SLICE_NS,
+            false if waited_ns >= PATIENCE_NS => LONG_NAP_NS,
+            false => NAP_NS,
         };
         let left_ns = deadline_ns.saturating_sub(now_ns).saturating_sub(LATE_NS);
-        let ns = shorter(shorter(longest_ns, left_ns), self.limit_ns(now_ns));
+        let ns = longest_ns.min(left_ns).min(self.limit_ns(now_ns));
         match self.strategy {
             _ if ns > 0 => Rest::Sleep(ns),
             WaitStrategy::Spin => Rest::Spin,
@@ -423,7 +318,7 @@ impl Waiter {
         } else {
             NAP_NS
         };
-        self.sleep_for(shorter(longest_ns, self.limit_ns(now_ns)));
+        self.sleep_for(longest_ns.min(self.limit_ns(now_ns)));
         self.limit_ns(now_ns) == 0
     }
 
@@ -432,10 +327,6 @@ impl Waiter {
     pub fn until_ns(&self, target_ns: u64, interrupted: impl Fn() -> bool) {
         until_ns(self.strategy, target_ns, interrupted);
     }
-}
-
-const fn shorter(a: u64, b: u64) -> u64 {
-    if a < b { a } else { b }
 }
 
 /// Waits for a time of the monotonic clock: naps until close to it, then spins or yields, as the
@@ -466,230 +357,4 @@ fn until_ns(strategy: WaitStrategy, target_ns: u64, interrupted: impl Fn() -> bo
 }
 
 #[cfg(test)]
-mod tests {
-    use std::cell::RefCell;
-    use std::rc::Rc;
-
-    use super::*;
-
-    fn limit() -> WaitLimit {
-        WaitLimit::from_seconds(5.0)
-    }
-
-    /// How often the calling thread has slept.
-    fn sleeps() -> u64 {
-        let status = std::fs::read_to_string("/proc/thread-self/status").expect("reads");
-        let line = (status.lines()).find_map(|line| line.strip_prefix("voluntary_ctxt_switches:"));
-        line.and_then(|count| count.trim().parse().ok())
-            .expect("a count")
-    }
-
-    const MS: u64 = 1_000_000;
-
-    /// A bell that notes what is done with it.
-    #[derive(Debug, Default)]
-    struct Log(RefCell<Vec<String>>);
-
-    impl Sleeper for Rc<Log> {
-        fn announce(&self) -> u32 {
-            self.0.borrow_mut().push("announce".into());
-            7
-        }
-
-        fn sleep(&self, announced: u32, ns: u64) {
-            (self.0.borrow_mut()).push(format!("sleep {announced} {}", ns / MS));
-        }
-
-        fn retire(&self) {
-            self.0.borrow_mut().push("retire".into());
-        }
-    }
-
-    #[test]
-    fn a_slice_for_others_is_company_and_a_recorders_work_is_not() {
-        let mut company = Company::NONE;
-        for step in 0..100_000 {
-            // 4 ms of yields to the other side, then half a millisecond for the recorder.
-            company.came_back(step, if step % 1000 == 0 { 500_000 } else { 4_000 });
-            assert!(!company.is_there(step));
-        }
-        company.came_back(0, 3 * MS);
-        assert!(company.is_there(0) && company.is_there(10 * MS - 1) && !company.is_there(10 * MS));
-        // Still there: each time for twice as long, up to a second.
-        for ms in [20, 40, 80, 160, 320, 640, 1000, 1000] {
-            company.came_back(0, MS);
-            assert!(
-                company.is_there(ms * MS - 1) && !company.is_there(ms * MS),
-                "{ms}"
-            );
-        }
-        // It went; when it comes again, it is for a short time at first.
-        (0..1000).for_each(|_| company.came_back(0, 500));
-        while company.until_ns == 1000 * MS {
-            company.came_back(0, 3 * MS);
-        }
-        assert_eq!(company.until_ns, 10 * MS);
-    }
-
-    #[test]
-    fn polls_that_do_not_help_are_left_out_more_and_more() {
-        let mut polling = Polling::new(false);
-        let waits_without = |polling: &mut Polling| {
-            let mut waits = 0;
-            loop {
-                polling.missed();
-                if polling.polls > 0 {
-                    return waits;
-                }
-                waits += 1;
-            }
-        };
-        assert_eq!([(); 3].map(|()| waits_without(&mut polling)), [0, 0, 0]);
-        for waits in [4, 8, 16, 32, 64, 128, 256, 256] {
-            assert_eq!(waits_without(&mut polling), waits);
-        }
-        polling.helped();
-        assert_eq!([(); 3].map(|()| waits_without(&mut polling)), [0, 0, 0]);
-        assert_eq!(waits_without(&mut polling), 4);
-    }
-
-    #[test]
-    fn a_sleep_is_announced_before_the_last_look() {
-        let log = Rc::new(Log::default());
-        let mut waiter = Waiter::with(limit(), WaitStrategy::Sleep, false);
-        waiter.sleep_on(Some(Box::new(Rc::clone(&log))));
-        assert!(!waiter.pause()); // then one looks
-        assert!(!waiter.pause());
-        assert!(!waiter.pause());
-        waiter.done(); // it came at the last look
-        let expected = ["announce", "sleep 7 5", "retire", "announce", "retire"];
-        assert_eq!(*log.0.borrow(), expected);
-    }
-
-    #[test]
-    fn a_wait_ends_at_its_limit_and_only_a_long_one_sleeps() {
-        for strategy in WaitStrategy::ALL {
-            let limit = WaitLimit::from_seconds(0.01);
-            let mut waiter = Waiter::with(limit, strategy, false);
-            let (before_ns, slept) = (monotonic_ns(), sleeps());
-            while !waiter.pause() {}
-            assert!(monotonic_ns() - before_ns >= limit.ns);
-            // On a busy machine a single yield may take all of the time: a hybrid wait may sleep.
-            let may_sleep = matches!(strategy, WaitStrategy::Hybrid | WaitStrategy::Sleep);
-            assert!(sleeps() == slept || may_sleep, "{}", strategy.name());
-
-            let mut waiter = Waiter::with(WaitLimit::from_seconds(60.0), strategy, false);
-            let slept = sleeps();
-            while sleeps() == slept {
-                assert!(!waiter.pause(), "{} never sleeps", strategy.name());
-            }
-        }
-    }
-
-    #[test]
-    fn no_sleep_reaches_into_the_time_before_a_deadline() {
-        use WaitStrategy::{Hybrid, Sleep, Spin, Yield};
-        const NAP: Rest = Rest::Sleep(100_000);
-        const LONG_NAP: Rest = Rest::Sleep(MS);
-        const SLICE: Rest = Rest::Sleep(5 * MS);
-        for (strategy, waited_ns, left_ns, naps, sleeps) in [
-            (Hybrid, MS, u64::MAX, Rest::Yield, Rest::Yield),
-            (Hybrid, 2 * MS, u64::MAX, NAP, SLICE),
-            (Hybrid, 19 * MS, 4 * MS, NAP, Rest::Sleep(3_700_000)),
-            (
-                Hybrid,
-                19 * MS,
-                350_000,
-                Rest::Sleep(50_000),
-                Rest::Sleep(50_000),
-            ),
-            (Hybrid, 19 * MS, 300_000, Rest::Yield, Rest::Yield),
-            (Hybrid, 20 * MS, 40 * MS, LONG_NAP, SLICE),
-            (Hybrid, 20 * MS, 0, Rest::Yield, Rest::Yield),
-            (Yield, 19 * MS, u64::MAX, Rest::Yield, Rest::Yield),
-            (Yield, 20 * MS, u64::MAX, LONG_NAP, SLICE),
-            (Spin, 19 * MS, u64::MAX, Rest::Spin, Rest::Spin),
-            (
-                Spin,
-                20 * MS,
-                1_200_000,
-                Rest::Sleep(900_000),
-                Rest::Sleep(900_000),
-            ),
-            (Sleep, 0, u64::MAX, NAP, SLICE),
-            (Sleep, 0, 0, Rest::Yield, Rest::Yield),
-        ] {
-            let mut waiter = Waiter::with(limit(), strategy, false);
-            (waiter.since_ns, waiter.limited_ns) = (1, 1);
-            let now_ns = 1 + waited_ns;
-            let deadline_ns = now_ns.saturating_add(left_ns);
-            let asked = (strategy.name(), waited_ns, left_ns);
-            assert_eq!(waiter.rest(now_ns, deadline_ns), naps, "{asked:?}");
-            waiter.sleep_on(Some(Box::new(Rc::new(Log::default()))));
-            assert_eq!(waiter.rest(now_ns, deadline_ns), sleeps, "{asked:?}");
-        }
-    }
-
-    #[test]
-    fn a_hybrid_wait_in_company_sleeps_at_once_if_it_can_be_woken() {
-        let mut waiter = Waiter::with(limit(), WaitStrategy::Hybrid, false);
-        (waiter.since_ns, waiter.limited_ns) = (1, 1);
-        waiter.company.until_ns = MS;
-        assert_eq!(waiter.rest(1, u64::MAX), Rest::Yield);
-        waiter.sleep_on(Some(Box::new(Rc::new(Log::default()))));
-        assert_eq!(waiter.rest(1, u64::MAX), Rest::Sleep(SLICE_NS));
-        assert_eq!(waiter.rest(MS, u64::MAX), Rest::Yield);
-    }
-
-    #[test]
-    fn nobody_polls_where_both_sides_have_one_core() {
-        for strategy in WaitStrategy::ALL {
-            let waiter = Waiter::with(limit(), strategy, true);
-            assert_eq!(waiter.polling.polls, 0);
-            assert_ne!(waiter.strategy, WaitStrategy::Spin);
-        }
-    }
-
-    #[test]
-    fn a_sleep_counts_towards_the_limit() {
-        let mut waiter = Waiter::new(WaitLimit::from_seconds(0.002));
-        let before_ns = monotonic_ns();
-        while !waiter.sleep() {}
-        assert!(monotonic_ns() - before_ns >= 2_000_000);
-    }
-
-    #[test]
-    fn an_infinite_limit_does_not_end() {
-        let mut waiter = Waiter::new(WaitLimit::from_seconds(f64::INFINITY));
-        assert!((0..1000).all(|_| !waiter.pause()));
-    }
-
-    #[test]
-    fn each_wait_has_the_whole_limit() {
-        let mut waiter = Waiter::new(WaitLimit::from_seconds(0.005));
-        while !waiter.pause() {}
-        waiter.done();
-        assert!(!waiter.pause());
-    }
-
-    #[test]
-    fn a_renewed_wait_has_the_whole_limit_again() {
-        let mut waiter = Waiter::new(WaitLimit::from_seconds(0.05));
-        while !waiter.pause() {}
-        let before_ns = monotonic_ns();
-        waiter.renew();
-        while !waiter.pause() {}
-        assert!(monotonic_ns() - before_ns >= 50_000_000);
-    }
-
-    #[test]
-    fn a_wait_for_a_time_ends_not_before_it() {
-        for strategy in WaitStrategy::ALL {
-            let target_ns = monotonic_ns() + 1_000_000;
-            let waiter = Waiter::with(limit(), strategy, false);
-            waiter.until_ns(target_ns, || false);
-            assert!(monotonic_ns() >= target_ns);
-            waiter.until_ns(u64::MAX, || true);
-        }
-    }
-}
+mod tests;

@@ -1,0 +1,177 @@
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use super::*;
+
+fn limit() -> WaitLimit {
+    WaitLimit::from_seconds(5.0)
+}
+
+/// How often the calling thread has slept.
+fn sleeps() -> u64 {
+    let status = std::fs::read_to_string("/proc/thread-self/status").expect("reads");
+    let line = (status.lines()).find_map(|line| line.strip_prefix("voluntary_ctxt_switches:"));
+    line.and_then(|count| count.trim().parse().ok())
+        .expect("a count")
+}
+
+const MS: u64 = 1_000_000;
+
+/// A bell that notes what is done with it.
+#[derive(Debug, Default)]
+struct Log(RefCell<Vec<String>>);
+
+impl Sleeper for Rc<Log> {
+    fn announce(&self) -> u32 {
+        self.0.borrow_mut().push("announce".into());
+        7
+    }
+
+    fn sleep(&self, announced: u32, ns: u64) {
+        (self.0.borrow_mut()).push(format!("sleep {announced} {}", ns / MS));
+    }
+
+    fn retire(&self) {
+        self.0.borrow_mut().push("retire".into());
+    }
+}
+
+#[test]
+fn a_sleep_is_announced_before_the_last_look() {
+    let log = Rc::new(Log::default());
+    let mut waiter = Waiter::with(limit(), WaitStrategy::Sleep, false);
+    waiter.sleep_on(Some(Box::new(Rc::clone(&log))));
+    assert!(!waiter.pause()); // then one looks
+    assert!(!waiter.pause());
+    assert!(!waiter.pause());
+    waiter.done(); // it came at the last look
+    let expected = ["announce", "sleep 7 5", "retire", "announce", "retire"];
+    assert_eq!(*log.0.borrow(), expected);
+}
+
+#[test]
+fn a_wait_ends_at_its_limit_and_only_a_long_one_sleeps() {
+    for strategy in WaitStrategy::ALL {
+        let limit = WaitLimit::from_seconds(0.01);
+        let mut waiter = Waiter::with(limit, strategy, false);
+        let (before_ns, slept) = (monotonic_ns(), sleeps());
+        while !waiter.pause() {}
+        assert!(monotonic_ns() - before_ns >= limit.ns);
+        // On a busy machine a single yield may take all of the time: a hybrid wait may sleep.
+        let may_sleep = matches!(strategy, WaitStrategy::Hybrid | WaitStrategy::Sleep);
+        assert!(sleeps() == slept || may_sleep, "{}", strategy.name());
+
+        let mut waiter = Waiter::with(WaitLimit::from_seconds(60.0), strategy, false);
+        let slept = sleeps();
+        while sleeps() == slept {
+            assert!(!waiter.pause(), "{} never sleeps", strategy.name());
+        }
+    }
+}
+
+#[test]
+fn no_sleep_reaches_into_the_time_before_a_deadline() {
+    use WaitStrategy::{Hybrid, Sleep, Spin, Yield};
+    const NAP: Rest = Rest::Sleep(100_000);
+    const LONG_NAP: Rest = Rest::Sleep(MS);
+    const SLICE: Rest = Rest::Sleep(5 * MS);
+    for (strategy, waited_ns, left_ns, naps, sleeps) in [
+        (Hybrid, MS, u64::MAX, Rest::Yield, Rest::Yield),
+        (Hybrid, 2 * MS, u64::MAX, NAP, SLICE),
+        (Hybrid, 19 * MS, 4 * MS, NAP, Rest::Sleep(3_700_000)),
+        (
+            Hybrid,
+            19 * MS,
+            350_000,
+            Rest::Sleep(50_000),
+            Rest::Sleep(50_000),
+        ),
+        (Hybrid, 19 * MS, 300_000, Rest::Yield, Rest::Yield),
+        (Hybrid, 20 * MS, 40 * MS, LONG_NAP, SLICE),
+        (Hybrid, 20 * MS, 0, Rest::Yield, Rest::Yield),
+        (Yield, 19 * MS, u64::MAX, Rest::Yield, Rest::Yield),
+        (Yield, 20 * MS, u64::MAX, LONG_NAP, SLICE),
+        (Spin, 19 * MS, u64::MAX, Rest::Spin, Rest::Spin),
+        (
+            Spin,
+            20 * MS,
+            1_200_000,
+            Rest::Sleep(900_000),
+            Rest::Sleep(900_000),
+        ),
+        (Sleep, 0, u64::MAX, NAP, SLICE),
+        (Sleep, 0, 0, Rest::Yield, Rest::Yield),
+    ] {
+        let mut waiter = Waiter::with(limit(), strategy, false);
+        (waiter.since_ns, waiter.limited_ns) = (1, 1);
+        let now_ns = 1 + waited_ns;
+        let deadline_ns = now_ns.saturating_add(left_ns);
+        let asked = (strategy.name(), waited_ns, left_ns);
+        assert_eq!(waiter.rest(now_ns, deadline_ns), naps, "{asked:?}");
+        waiter.sleep_on(Some(Box::new(Rc::new(Log::default()))));
+        assert_eq!(waiter.rest(now_ns, deadline_ns), sleeps, "{asked:?}");
+    }
+}
+
+#[test]
+fn a_hybrid_wait_in_company_sleeps_at_once_if_it_can_be_woken() {
+    let mut waiter = Waiter::with(limit(), WaitStrategy::Hybrid, false);
+    (waiter.since_ns, waiter.limited_ns) = (1, 1);
+    waiter.company.until_ns = MS;
+    assert_eq!(waiter.rest(1, u64::MAX), Rest::Yield);
+    waiter.sleep_on(Some(Box::new(Rc::new(Log::default()))));
+    assert_eq!(waiter.rest(1, u64::MAX), Rest::Sleep(SLICE_NS));
+    assert_eq!(waiter.rest(MS, u64::MAX), Rest::Yield);
+}
+
+#[test]
+fn nobody_polls_where_both_sides_have_one_core() {
+    for strategy in WaitStrategy::ALL {
+        let waiter = Waiter::with(limit(), strategy, true);
+        assert_eq!(waiter.polling.polls, 0);
+        assert_ne!(waiter.strategy, WaitStrategy::Spin);
+    }
+}
+
+#[test]
+fn a_sleep_counts_towards_the_limit() {
+    let mut waiter = Waiter::new(WaitLimit::from_seconds(0.002));
+    let before_ns = monotonic_ns();
+    while !waiter.sleep() {}
+    assert!(monotonic_ns() - before_ns >= 2_000_000);
+}
+
+#[test]
+fn an_infinite_limit_does_not_end() {
+    let mut waiter = Waiter::new(WaitLimit::from_seconds(f64::INFINITY));
+    assert!((0..1000).all(|_| !waiter.pause()));
+}
+
+#[test]
+fn each_wait_has_the_whole_limit() {
+    let mut waiter = Waiter::new(WaitLimit::from_seconds(0.005));
+    while !waiter.pause() {}
+    waiter.done();
+    assert!(!waiter.pause());
+}
+
+#[test]
+fn a_renewed_wait_has_the_whole_limit_again() {
+    let mut waiter = Waiter::new(WaitLimit::from_seconds(0.05));
+    while !waiter.pause() {}
+    let before_ns = monotonic_ns();
+    waiter.renew();
+    while !waiter.pause() {}
+    assert!(monotonic_ns() - before_ns >= 50_000_000);
+}
+
+#[test]
+fn a_wait_for_a_time_ends_not_before_it() {
+    for strategy in WaitStrategy::ALL {
+        let target_ns = monotonic_ns() + 1_000_000;
+        let waiter = Waiter::with(limit(), strategy, false);
+        waiter.until_ns(target_ns, || false);
+        assert!(monotonic_ns() >= target_ns);
+        waiter.until_ns(u64::MAX, || true);
+    }
+}
