@@ -29,12 +29,12 @@ use super::iceoryx::transport;
 use crate::session::SessionInfo;
 use crate::wait::Sleeper;
 
-/// Whose bell it is.
+/// Owner of a bell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Owner {
-    /// The plant's, for the whole session.
+    /// The plant, for the whole session.
     Plant,
-    /// That of the controller of this epoch.
+    /// The controller of this epoch.
     Controller(u32),
 }
 
@@ -221,7 +221,7 @@ mod tests {
     /// sleep of a minute.
     #[test]
     fn no_ring_is_lost() {
-        const TURNS: u64 = 200_000;
+        const TURNS: u64 = 1_000_000;
         let session = Session::create(None).expect("a session");
         let make = |owner| Bell::create(session.info(), owner).expect("creates");
         let bells = [make(Owner::Plant), make(Owner::Controller(1))];

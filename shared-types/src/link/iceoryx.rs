@@ -12,32 +12,30 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use iceoryx2::identifiers::UniqueNodeId;
 use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
-use iceoryx2::port::reader::{BlackboardValue, EntryHandle};
 use iceoryx2::port::subscriber::{Subscriber, SubscriberCreateError};
-use iceoryx2::port::writer::EntryValueUninit;
 use iceoryx2::port::{DegradationAction, ReceiveError};
 use iceoryx2::prelude::*;
-use iceoryx2::service::builder::blackboard::BlackboardOpenError;
 use iceoryx2::service::builder::publish_subscribe::{
     PublishSubscribeCreateError, PublishSubscribeOpenError,
 };
-use iceoryx2::service::port_factory::blackboard::PortFactory as Blackboard;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as Topic;
 use iceoryx2::service::port_factory::subscriber::PortFactorySubscriber;
 
 use super::bell::{Bell, Owner};
 use super::{FrameSpec, Link, LinkError, Peer};
-use crate::frame::{Frame, FrameError, FrameIdentity, Header, SizeClass};
+use crate::frame::{FrameIdentity, Header};
 use crate::ignored::Ignored;
 use crate::process::ProcessId;
 use crate::session::SessionInfo;
 use crate::shared_memory;
 use crate::wait::Sleeper;
+use frames::{Incoming, Outgoing};
+
+mod frames;
 
 /// The iceoryx2 service flavour in use.
 pub type Ipc = ipc::Service;
 
-const LAYOUT: &str = "layout";
 /// Control messages that may wait for their receiver.
 const CONTROL_BUFFER: usize = 8;
 
@@ -307,169 +305,9 @@ fn topic(node: &Node<Ipc>, side: Side, name: &str) -> Result<Topic<Ipc, [u8], ()
     }
 }
 
-/// A frame channel's sending end, whatever its size class.
-trait Outgoing {
-    fn send(&mut self, header: &Header, values: &[f64], identity: FrameIdentity);
-}
-
-/// A frame channel's receiving end, whatever its size class.
-trait Incoming {
-    /// The processes that may send on it.
-    fn writers(&self) -> Vec<u32>;
-    fn receive(
-        &mut self,
-        values: &mut [f64],
-        identity: FrameIdentity,
-    ) -> Option<Result<Header, FrameError>>;
-}
-
-/// Holds the cell of the next frame: asking for one looks at a line of memory that the reader writes
-/// to, which is done best right after a frame was sent, while the reader is busy.
-struct Writer<const N: usize>(Option<EntryValueUninit<Ipc, u8, Frame<N>>>);
-
-impl<const N: usize> Outgoing for Writer<N> {
-    fn send(&mut self, header: &Header, values: &[f64], identity: FrameIdentity) {
-        if let Some(next) = self.0.take() {
-            let entry = next.update_with_copy(Frame::sealed(header, values, identity));
-            self.0 = Some(entry.loan_uninit());
-        }
-    }
-}
-
-struct Reader<const N: usize> {
-    board: Blackboard<Ipc, u8>,
-    cell: EntryHandle<Ipc, u8, Frame<N>>,
-    last: Option<BlackboardValue<Frame<N>>>,
-    /// Number of the frame that was delivered last; 0 for none.
-    delivered: u64,
-}
-
-impl<const N: usize> Incoming for Reader<N> {
-    fn writers(&self) -> Vec<u32> {
-        let mut writers = Vec::new();
-        self.board.dynamic_config().list_writers(|writer| {
-            writers.push(process_of(&writer.node_id));
-            CallbackProgression::Continue
-        });
-        writers
-    }
-
-    fn receive(
-        &mut self,
-        values: &mut [f64],
-        identity: FrameIdentity,
-    ) -> Option<Result<Header, FrameError>> {
-        if let Some(last) = &self.last
-            && self.cell.is_up_to_date(last)
-        {
-            return None;
-        }
-        let frame = self.last.insert(self.cell.get());
-        let sequence = frame.sequence();
-        // Beside a writer at work the cell may give a frame as news that it has given before.
-        if sequence == self.delivered {
-            return None;
-        }
-        self.delivered = sequence;
-        Some(frame.open(identity, values))
-    }
-}
-
-/// Runs a function for the frame size of a class.
-macro_rules! for_class {
-    ($class:expr, $function:ident ( $($argument:expr),* )) => {
-        match $class {
-            SizeClass::N16 => $function::<16>($($argument),*),
-            SizeClass::N32 => $function::<32>($($argument),*),
-            SizeClass::N64 => $function::<64>($($argument),*),
-            SizeClass::N128 => $function::<128>($($argument),*),
-            SizeClass::N256 => $function::<256>($($argument),*),
-            SizeClass::N512 => $function::<512>($($argument),*),
-        }
-    };
-}
-
-fn board<const N: usize>(
-    node: &Node<Ipc>,
-    side: Side,
-    name: &str,
-    identity: FrameIdentity,
-) -> Result<Blackboard<Ipc, u8>, LinkError> {
-    let service_name = name.try_into().map_err(|e| transport(name, e))?;
-    let key = LAYOUT.try_into().map_err(|e| transport(name, e))?;
-    let hash = format!("{:016x}", identity.layout);
-    let value = hash.as_str().try_into().map_err(|e| transport(name, e))?;
-    let builder = node.service_builder(&service_name);
-    match side {
-        Side::Plant => {
-            let attributes = AttributeSpecifier::new().define(&key, &value);
-            builder
-                .blackboard_creator::<u8>()
-                .max_readers(4)
-                .add_with_default::<Frame<N>>(0)
-                .create_with_attributes(&attributes.map_err(|e| transport(name, e))?)
-                .map_err(|e| transport(name, e))
-        }
-        Side::Controller => {
-            let attributes = AttributeVerifier::new().require(&key, &value);
-            builder
-                .blackboard_opener::<u8>()
-                .open_with_attributes(&attributes.map_err(|e| transport(name, e))?)
-                .map_err(|error| match error {
-                    BlackboardOpenError::InternalFailure
-                    | BlackboardOpenError::InsufficientPermissions
-                    | BlackboardOpenError::UnableToCreateServiceTag => transport(name, error),
-                    error => LinkError::Foreign {
-                        service: name.into(),
-                        reason: format!("iceoryx2 says {error:?}; both sides must be of one run"),
-                    },
-                })
-        }
-    }
-}
-
-fn outgoing<const N: usize>(
-    node: &Node<Ipc>,
-    side: Side,
-    name: &str,
-    identity: FrameIdentity,
-) -> Result<Box<dyn Outgoing>, LinkError> {
-    let writer = (board::<N>(node, side, name, identity)?
-        .writer_builder()
-        .create())
-    .map_err(|e| transport(name, e))?;
-    let entry = writer
-        .entry::<Frame<N>>(&0)
-        .map_err(|e| transport(name, e))?;
-    Ok(Box::new(Writer(Some(entry.loan_uninit()))))
-}
-
-fn incoming<const N: usize>(
-    node: &Node<Ipc>,
-    side: Side,
-    name: &str,
-    identity: FrameIdentity,
-) -> Result<Box<dyn Incoming>, LinkError> {
-    let board = board::<N>(node, side, name, identity)?;
-    let reader = (board.reader_builder().create()).map_err(|e| transport(name, e))?;
-    let cell = reader
-        .entry::<Frame<N>>(&0)
-        .map_err(|e| transport(name, e))?;
-    Ok(Box::new(Reader {
-        board,
-        cell,
-        last: None,
-        delivered: 0,
-    }))
-}
-
 /// The process behind a node; 0 if it has none.
 fn process_of(node: &UniqueNodeId) -> u32 {
     node.pid::<Ipc>().map_or(0, |pid| pid.value() as u32)
-}
-
-fn class(count: usize) -> Result<SizeClass, LinkError> {
-    SizeClass::for_count(count).ok_or(LinkError::TooManySignals(count))
 }
 
 impl Link for IceoryxLink {
@@ -538,14 +376,12 @@ impl Link for IceoryxLink {
             Side::Controller => (&commands, &samples),
         };
         let (node, side, identity) = (&self.node, self.side, spec.identity);
-        let out_class = class(spec.outgoing)?;
-        let in_class = class(spec.incoming)?;
         self.next = Some(Frames {
             bell: self.control.bell.clone(),
             identity,
             sequence: 0,
-            outgoing: for_class!(out_class, outgoing(node, side, out_name, identity))?,
-            incoming: for_class!(in_class, incoming(node, side, in_name, identity))?,
+            outgoing: frames::outgoing((node, side), out_name, identity, spec.outgoing)?,
+            incoming: frames::incoming((node, side), in_name, identity, spec.incoming)?,
         });
         if self.frames.is_none() {
             self.take_over();
