@@ -167,6 +167,9 @@ impl Supervision {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::link::bell::Owner;
+    use crate::session::Session;
+    use crate::wait::Sleeper;
 
     #[test]
     fn the_first_reason_stands() {
@@ -176,6 +179,19 @@ mod tests {
         supervision.stop("second");
         assert!(supervision.wants_stop());
         assert_eq!(supervision.why(), Some("first"));
+    }
+
+    #[test]
+    fn news_rings_the_bell_that_a_loop_sleeps_on() {
+        let session = Session::create(None).expect("a session");
+        let bell = Bell::create(session.info(), Owner::Plant).expect("creates");
+        let supervision = Supervision::new();
+        supervision.ring_at_news(bell.clone());
+        for line in ["expect 2", "peer-gone 2", "stop"] {
+            let rings = bell.announce();
+            supervision.hear(line);
+            assert_eq!(bell.announce(), rings + 1, "{line}");
+        }
     }
 
     #[test]

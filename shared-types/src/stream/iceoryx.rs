@@ -207,7 +207,7 @@ pub struct IceoryxSource {
     credit: Option<Publisher<Ipc, u64, ()>>,
     /// Bell of a plant that awaits credit, if it sleeps on one.
     bell: Option<Bell>,
-    /// Flag: the observer has said that it is there.
+    /// True if the observer has said that it is there.
     has_greeted: bool,
     items: Assembler,
     _node: Node<Ipc>,

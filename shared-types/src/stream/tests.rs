@@ -5,9 +5,11 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use super::*;
+use crate::link::bell::{Bell, Owner};
 use crate::record::RecordLayout;
 use crate::session::Session;
 use crate::table::Field;
+use crate::wait::Sleeper;
 
 fn layout() -> RecordLayout {
     let field = Field::signal("angle_rad", "rad", "x");
@@ -33,6 +35,20 @@ fn drained(source: &mut dyn RecordSource) -> Vec<String> {
             return seen;
         }
     }
+}
+
+#[test]
+fn credit_rings_the_bell_of_a_plant_that_awaits_it() {
+    let session = Session::create(None).expect("a session");
+    let bell = Bell::create(session.info(), Owner::Plant).expect("creates");
+    let sink = iceoryx::IceoryxSink::create(session.info(), Backpressure::Always);
+    sink.expect("creates").open(&layout()).expect("opens");
+    let mut source = iceoryx::IceoryxSource::open(session.info(), true).expect("opens");
+    let rings = bell.announce();
+    source.drain(&mut |_| ()).expect("drains");
+    assert_eq!(bell.announce(), rings + 1, "the first credit");
+    source.drain(&mut |_| ()).expect("drains");
+    assert_eq!(bell.announce(), rings + 1, "no credit, no ring");
 }
 
 #[test]
