@@ -7,7 +7,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use shared_types::checkpoint::Side;
-use shared_types::link::bare::Blackboard;
+use shared_types::link::bare::{Blackboard, HEADER_WORDS};
 use shared_types::link::bell::{Bell, Owner};
 use shared_types::realtime::Settings;
 use shared_types::session::{Session, SessionInfo};
@@ -22,9 +22,11 @@ const TURNS: &str = "HIL_BENCH_TURNS";
 const TRIPS: &str = "HIL_BENCH_TRIPS";
 const PRIORITY: &str = "HIL_BENCH_PRIORITY";
 
-/// Bytes of a frame of 32 values and of one of 16.
-const SAMPLE_BYTES: usize = 408;
-const COMMAND_BYTES: usize = 280;
+/// Values of a sample and of a command.
+const VALUES: (usize, usize) = (32, 16);
+/// Bytes of their frames.
+const SAMPLE_BYTES: usize = 8 * (HEADER_WORDS + VALUES.0);
+const COMMAND_BYTES: usize = 8 * (HEADER_WORDS + VALUES.1);
 /// Time that the other side may take; only a failure takes so long.
 const LIMIT: Duration = Duration::from_secs(60);
 
@@ -159,10 +161,13 @@ impl Stream {
         let path = folder.join("bare");
         let stream = if leads {
             let listener = UnixListener::bind(&path).expect("binds");
-            listener.accept().expect("the other side").0
+            listener.set_nonblocking(true).expect("does not block");
+            awaited(|| listener.accept().ok()).0
         } else {
             awaited(|| UnixStream::connect(&path).ok())
         };
+        stream.set_nonblocking(false).expect("blocks");
+        (stream.set_read_timeout(Some(LIMIT))).expect("a limit that is not 0");
         let (outgoing, incoming) = match leads {
             true => (SAMPLE_BYTES, COMMAND_BYTES),
             false => (COMMAND_BYTES, SAMPLE_BYTES),
@@ -198,7 +203,7 @@ struct Bells {
 impl Bells {
     fn open(folder: &Path, leads: bool) -> Self {
         let session = SessionInfo::read(folder).expect("a session");
-        let (there, back) = (SAMPLE_BYTES / 8 - 19, COMMAND_BYTES / 8 - 19);
+        let (there, back) = VALUES;
         let owners = (Owner::Plant, Owner::Controller(1));
         if leads {
             let make = |owner| Bell::create(&session, owner).expect("creates");
@@ -221,12 +226,13 @@ impl End for Bells {
 
     fn receive(&mut self, trip: u64) {
         loop {
-            let announced = self.own.announce();
+            let (announced, since) = (self.own.announce(), Instant::now());
             if self.board.receive() == Some(trip) {
                 return self.own.retire();
             }
             self.own.sleep(announced, LIMIT.as_nanos() as u64);
             self.own.retire();
+            assert!(since.elapsed() < LIMIT, "the other side is silent");
         }
     }
 }
