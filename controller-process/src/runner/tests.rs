@@ -1,7 +1,5 @@
 //! The runner against a plant's end of a link that the test holds in its own hands.
 
-use shared_types::checkpoint::Checkpoints;
-use shared_types::describe::Settings;
 use shared_types::hello::{Offer, agree};
 use shared_types::link::in_process::{InProcessLink, pair};
 use shared_types::table::Empty;
@@ -79,20 +77,11 @@ pub(super) fn kind() -> LawKind {
 }
 
 pub(super) fn job(rate_divisor: u32, command_delay_steps: u32) -> Job {
+    let rate = Rate::new(10.0).expect("legal");
     Job {
-        protocol: PROTOCOL,
-        session: 5,
-        epoch: 1,
-        plant: "any".into(),
-        law: "witness".into(),
-        parameters: Settings::default(),
-        model: Settings::default(),
-        rate: Rate::new(10.0).expect("legal"),
         rate_divisor,
         command_delay_steps,
-        checkpoints: Checkpoints::default(),
-        realtime: shared_types::realtime::Settings::default(),
-        wait_limit_s: 1.0,
+        ..Job::new(5, "any", "witness", rate, 1.0)
     }
 }
 

@@ -4,7 +4,6 @@ use hil_config::plan::{
     FaultAction, FaultEffect, FaultEnd, FaultEvent, FaultSource, Move, PlantPlan, Profile, Run,
     Stimulus, Trigger, Waveform,
 };
-use shared_types::checkpoint::Checkpoints;
 use shared_types::describe::{Operation, PROTOCOL, Settings};
 use shared_types::frame::{FrameKind, Header};
 use shared_types::hello::{Control, Hello};
@@ -125,25 +124,23 @@ pub(super) fn job(steps: u64) -> Job {
         start: 0.0,
         end: 1.0,
     };
+    let run = Run {
+        rate: Rate::new(10.0).expect("legal"),
+        steps,
+        seed: 1,
+        clock: Clock::Lockstep,
+        overrun: OverrunPolicy::CatchUp,
+        deadline: 0.8,
+        on_controller_loss: OnLoss::Abort,
+    };
+    let plant = PlantPlan {
+        model: "mover".into(),
+        substeps: 1,
+        parameters: Settings::of(&Parameters::default()),
+        limits: vec![],
+        safe_command: Settings::default(),
+    };
     Job {
-        protocol: PROTOCOL,
-        session: 5,
-        run: Run {
-            rate: Rate::new(10.0).expect("legal"),
-            steps,
-            seed: 1,
-            clock: Clock::Lockstep,
-            overrun: OverrunPolicy::CatchUp,
-            deadline: 0.8,
-            on_controller_loss: OnLoss::Abort,
-        },
-        plant: PlantPlan {
-            model: "mover".into(),
-            substeps: 1,
-            parameters: Settings::of(&Parameters::default()),
-            limits: vec![],
-            safe_command: Settings::default(),
-        },
         stimuli: vec![Stimulus {
             target: "position_m".into(),
             unit: "m".into(),
@@ -161,14 +158,7 @@ pub(super) fn job(steps: u64) -> Job {
             end: FaultEnd::default(),
             effects: vec![effect],
         }],
-        derived: vec![],
-        missed: vec![],
-        law: None,
-        pause_at_s: None,
-        observed: true,
-        checkpoints: Checkpoints::default(),
-        realtime: shared_types::realtime::Settings::default(),
-        wait_limit_s: 1.0,
+        ..Job::new(5, run, plant, 1.0)
     }
 }
 

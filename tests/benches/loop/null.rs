@@ -15,9 +15,8 @@ use controller_process::controller::{Law, LawKind, Row};
 use hil_config::plan::{Clock, PlantPlan, Run};
 use plant_process::engine::Engine;
 use plant_process::plant::{Model, PlantKind};
-use shared_types::checkpoint::Checkpoints;
 use shared_types::clock::monotonic_ns;
-use shared_types::describe::{LawDescription, PROTOCOL, PlantDescription, Settings};
+use shared_types::describe::{LawDescription, PlantDescription, Settings};
 use shared_types::link::LinkError;
 use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::lockstep::OnLoss;
@@ -212,51 +211,29 @@ pub(crate) fn watched(names: &Names, size: usize, observers: usize) -> Figures {
     let info = &session.info().clone();
     let rate = Rate::new(RATE_HZ).expect("a rate");
     let wait_limit_s = 30.0;
-    let controller_job = controller_process::job::Job {
-        protocol: PROTOCOL,
-        session: info.id,
-        epoch: 1,
-        plant: name(size),
-        law: name(size),
-        parameters: Settings::default(),
-        model: Settings::default(),
-        rate,
-        rate_divisor: 1,
-        command_delay_steps: 0,
-        checkpoints: Checkpoints::default(),
-        realtime: shared_types::realtime::Settings::default(),
-        wait_limit_s,
-    };
+    let model = name(size);
+    let controller_job =
+        controller_process::job::Job::new(info.id, &model, &model, rate, wait_limit_s);
     (info.write_file(controller_process::job::JOB_FILE, &controller_job)).expect("writes");
+    let run = Run {
+        rate,
+        steps,
+        seed: 1,
+        clock: Clock::Lockstep,
+        overrun: OverrunPolicy::CatchUp,
+        deadline: 0.8,
+        on_controller_loss: OnLoss::Abort,
+    };
+    let plan = PlantPlan {
+        model,
+        substeps: 1,
+        parameters: Settings::default(),
+        limits: Vec::new(),
+        safe_command: Settings::default(),
+    };
     let plant_job = plant_process::job::Job {
-        protocol: PROTOCOL,
-        session: info.id,
-        run: Run {
-            rate,
-            steps,
-            seed: 1,
-            clock: Clock::Lockstep,
-            overrun: OverrunPolicy::CatchUp,
-            deadline: 0.8,
-            on_controller_loss: OnLoss::Abort,
-        },
-        plant: PlantPlan {
-            model: name(size),
-            substeps: 1,
-            parameters: Settings::default(),
-            limits: Vec::new(),
-            safe_command: Settings::default(),
-        },
-        stimuli: Vec::new(),
-        faults: Vec::new(),
-        derived: Vec::new(),
-        missed: Vec::new(),
-        law: None,
-        pause_at_s: None,
         observed: false,
-        checkpoints: Checkpoints::default(),
-        realtime: shared_types::realtime::Settings::default(),
-        wait_limit_s,
+        ..plant_process::job::Job::new(info.id, run, plan, wait_limit_s)
     };
     let mut controller = Command::new(names.path(CONTROLLER))
         .arg("--session")
