@@ -72,7 +72,7 @@ pub struct Sample<C: Controller> {
     pub measured: C::Measured,
     /// Reference signals.
     pub reference: C::Reference,
-    /// Flag: every one of these signals is marked valid.
+    /// True if every one of these signals is marked valid.
     pub valid: bool,
     /// For how many steps the plant has been holding the command that it applied last, because a
     /// newer one came too late; 0 except against the clock.
@@ -114,7 +114,7 @@ pub struct Row<'a> {
     pub measured: &'a [f64],
     /// Reference signals in the law's order.
     pub reference: &'a [f64],
-    /// Flag: all of these signals are valid.
+    /// True if all of these signals are valid.
     pub valid: bool,
     /// For how many steps the plant has been holding the command that it applied last, because a
     /// newer one came too late; 0 except against the clock.

@@ -155,7 +155,7 @@ pub struct PlantDescription {
     /// Named faults, besides those on single parameters.
     #[serde(default)]
     pub faults: Vec<FaultDescription>,
-    /// Flag: the plant's state can be saved, so that a run can go on from a checkpoint.
+    /// True if the plant's state can be saved, so that a run can go on from a checkpoint.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub saves: bool,
 }
@@ -244,7 +244,7 @@ pub struct FaultKindDescription {
     /// A list of numbers that an effect may or must give besides.
     #[serde(default)]
     pub list: Option<ListDescription>,
-    /// Flag: the state of such a fault can be saved, so that a run can go on from a checkpoint.
+    /// True if the state of such a fault can be saved, so that a run can go on from a checkpoint.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub saves: bool,
 }
@@ -313,7 +313,7 @@ pub struct LawDescription {
     /// Inner quantities it shows.
     #[serde(default)]
     pub internals: Vec<Field>,
-    /// Flag: the law's state can be saved, so that a run can go on from a checkpoint.
+    /// True if the law's state can be saved, so that a run can go on from a checkpoint.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub saves: bool,
 }

@@ -272,7 +272,7 @@ pub struct Offer<'a> {
     pub steps: u64,
     /// The first of them that is exchanged.
     pub first: Step,
-    /// Flag: the plant does not wait for commands.
+    /// True if the plant does not wait for commands.
     pub against_clock: bool,
     /// Measured signals.
     pub measured: &'a [Field],

@@ -132,7 +132,7 @@ pub struct Status {
     pub time_s: f64,
     /// Steps of the whole run.
     pub steps: u64,
-    /// Flag: the run holds before the next step.
+    /// True if the run holds before the next step.
     pub paused: bool,
 }
 

@@ -75,16 +75,16 @@ pub struct Report {
     pub core: Granted<Option<u32>>,
     /// `SCHED_FIFO` priority; 0 for ordinary scheduling.
     pub priority: Granted<u32>,
-    /// Flag: the memory of the process is locked.
+    /// True if the memory of the process is locked.
     pub lock_memory: Granted<bool>,
-    /// Flag: new memory is at hand before it is used.
+    /// True if new memory is at hand before it is used.
     pub prefault: Granted<bool>,
     /// Strategy for waiting.
     pub wait: Granted<WaitStrategy>,
     /// Slack of the loop's timers: time by which they may be late, in ns. Always asked for: 1. The kernel
     /// counts 0 for `SCHED_FIFO`.
     pub timer_slack_ns: u64,
-    /// Flag: both sides have one core together. Only the process itself needs to know.
+    /// True if both sides have one core together. Only the process itself needs to know.
     #[serde(skip)]
     pub shares_core: bool,
 }

@@ -433,7 +433,7 @@ pub struct FaultTaken {
     pub parameter: String,
     /// Everything that decides its course, in one fixed form; part of the digest.
     pub canonical: String,
-    /// Flag: the fault costs time and changes nothing else, so it is not part of the digest.
+    /// True if the fault costs time and changes nothing else, so it is not part of the digest.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub wall_only: bool,
 }
@@ -447,7 +447,7 @@ pub struct FaultEnded {
     pub effect: u32,
     /// The first step without it.
     pub step: u64,
-    /// Flag: somebody cleared the fault.
+    /// True if somebody cleared the fault.
     pub cleared: bool,
 }
 

@@ -22,9 +22,9 @@ const LEAST_FILES: u64 = 16;
 /// The file system of shared memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SharedMemory {
-    /// Flag: nothing can be written.
+    /// True if nothing can be written.
     pub is_read_only: bool,
-    /// Flag: this process may make files there.
+    /// True if this process may make files there.
     pub is_open: bool,
     /// Room, in bytes.
     pub free_bytes: u64,

@@ -36,7 +36,7 @@ pub struct Field {
     /// Largest legal value.
     #[serde(with = "number", default = "highest")]
     pub max: f64,
-    /// Flag: a fault may change the value while the plant runs.
+    /// True if a fault may change the value while the plant runs.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub faultable: bool,
 }

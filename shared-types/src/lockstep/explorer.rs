@@ -56,7 +56,7 @@ enum Message {
 struct Member {
     side: ControllerSide,
     lives: bool,
-    /// Flag: the controller lives and does nothing any more.
+    /// True if the controller lives and does nothing any more.
     stopped: bool,
     told_gone: bool,
     opened: bool,

@@ -35,9 +35,9 @@ pub struct Verdict {
     pub v3: f64,
     /// V_r.
     pub bound: f64,
-    /// Flag: V_3 is above V_r now, so the estimate adapts.
+    /// True if V_3 is above V_r now, so the estimate adapts.
     pub degraded: bool,
-    /// Flag: V_3 has been above V_r for the whole hold time.
+    /// True if V_3 has been above V_r for the whole hold time.
     pub detected: bool,
 }
 
