@@ -42,7 +42,8 @@ fn credit_rings_the_bell_of_a_plant_that_awaits_it() {
     let session = Session::create(None).expect("a session");
     let bell = Bell::create(session.info(), Owner::Plant).expect("creates");
     let sink = iceoryx::IceoryxSink::create(session.info(), Backpressure::Always);
-    sink.expect("creates").open(&layout()).expect("opens");
+    let mut sink = sink.expect("creates");
+    sink.open(&layout()).expect("opens");
     let mut source = iceoryx::IceoryxSource::open(session.info(), true).expect("opens");
     let rings = bell.announce();
     source.drain(&mut |_| ()).expect("drains");
