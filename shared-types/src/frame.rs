@@ -131,12 +131,10 @@ impl Header {
         self.invalid[index / 64] >> (index % 64) & 1 == 0
     }
 
-    fn sum(&self, values: &[f64]) -> u64 {
-        let header = Self {
-            check_sum: rapidhash_v3(values.as_bytes()),
-            ..*self
-        };
-        rapidhash_v3(header.as_bytes())
+    /// Makes the sum of the values the check sum, and returns that of header and values.
+    fn sum(&mut self, values: &[f64]) -> u64 {
+        self.check_sum = rapidhash_v3(values.as_bytes());
+        rapidhash_v3(self.as_bytes())
     }
 }
 
@@ -279,17 +277,18 @@ impl<const N: usize> Frame<N> {
     /// # Errors
     /// What is wrong with it; `values` are then untouched.
     pub fn open(&self, identity: FrameIdentity, values: &mut [f64]) -> Result<Header, FrameError> {
-        let header = &self.header;
+        let mut header = self.header;
         let carried = self.values.get(..header.count as usize);
         let carried = carried.ok_or(FrameError::Count)?;
-        if header.check_sum != header.sum(carried) {
+        if self.header.check_sum != header.sum(carried) {
             return Err(FrameError::Corrupt);
         }
-        identity.check(header, values.len())?;
+        header.check_sum = self.header.check_sum;
+        identity.check(&header, values.len())?;
         if !carried.is_empty() {
             values.copy_from_slice(carried);
         }
-        Ok(*header)
+        Ok(header)
     }
 }
 
