@@ -1,8 +1,9 @@
 //! One scenario has one digest: however often, over whatever link and clock, on whatever cores, next
 //! to whatever else, compiled whichever way.
 
-use std::process::{Child, Command};
+use std::process::Command;
 
+use crate::support::company::BusyLoop;
 use crate::support::harness::Rig;
 use crate::support::mcap_reader::{Record, Recording};
 use crate::support::programs::{other_hil, program, skip};
@@ -79,25 +80,6 @@ fn one_core_gives_the_digest_of_two() {
     let rig = Rig::new();
     let run = rig.start_with(on_core_0(), SCENARIO).finish().expect(0);
     assert_eq!(run.digest(), reference(&rig, ""));
-}
-
-/// A process that wants a whole core.
-struct BusyLoop(Child);
-
-impl BusyLoop {
-    fn on_core(core: usize) -> Self {
-        let mut shell = Command::new("taskset");
-        shell.args(["-c", &core.to_string(), "sh", "-c", "while :; do :; done"]);
-        Self(shell.spawn().expect("taskset can be run"))
-    }
-}
-
-impl Drop for BusyLoop {
-    fn drop(&mut self) {
-        // It never ends by itself.
-        self.0.kill().expect("it is our child");
-        self.0.wait().expect("it is our child");
-    }
 }
 
 #[test]

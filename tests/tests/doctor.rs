@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 
 use serde_json::Value;
 
+use crate::support::company::BusyLoop;
 use crate::support::harness::{Rig, Run, until};
 use crate::support::mcap_reader::Recording;
 
@@ -29,7 +30,13 @@ const READ: [&str; 18] = [
     "throttling",
     "virtualisation",
 ];
-const MEASURED: [&str; 4] = ["gaps", "ping_pong", "wake_up_idle", "wake_up_loaded"];
+const MEASURED: [&str; 5] = [
+    "company",
+    "gaps",
+    "ping_pong",
+    "wake_up_idle",
+    "wake_up_loaded",
+];
 
 /// A report that holds these checks, each once, and nothing that does not follow from them.
 #[track_caller]
@@ -115,9 +122,30 @@ fn what_is_measured_holds_together() {
         assert!(of("longest_ns") <= of("lost_ns"), "{core}");
         assert!(of("lost_ns") <= of("watched_ns"), "{core}");
     }
-    for measured in ["wake-ups", "holes", "under load"] {
+    for measured in ["company", "wake-ups", "holes", "under load"] {
         assert!(run.stderr.contains(measured), "{}", run.stderr);
     }
+}
+
+#[test]
+fn a_busy_core_is_named() {
+    let rig = Rig::new();
+    let cores = finding_of_company(&rig);
+    let (core, _) = cores[0];
+    let _busy = BusyLoop::on_core(core as u32);
+    let (_, others) = finding_of_company(&rig)[0];
+    // The loop is always ready to run.
+    assert!(others > 0.7, "{others}");
+}
+
+/// The shares that other programs take of the judged cores, by core.
+fn finding_of_company(rig: &Rig) -> Vec<(u64, f64)> {
+    let run = rig.hil(&["doctor", "--seconds", "0.5", "--json"]);
+    let report = report(&run, &[&READ[..], &MEASURED].concat());
+    let cores = finding(&report, "company")["measured"]["cores"].as_array();
+    let share = |core: &Value| Some((core["core"].as_u64()?, core["others"].as_f64()?));
+    let shares = cores.expect("cores").iter().map(share);
+    shares.collect::<Option<_>>().expect("shares by core")
 }
 
 #[test]

@@ -5,12 +5,11 @@
 //! for the command that mends it instead.
 
 use std::process::Command;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use serde_json::Value;
-use shared_types::realtime::pin;
 use shared_types::surroundings::ThreadStatistics;
 
+use crate::support::company::BusyLoop;
 use crate::support::harness::{Rig, Run, until};
 use crate::support::mcap_reader::Recording;
 use crate::support::programs::program;
@@ -84,45 +83,25 @@ fn no_setting_moves_the_digest_and_each_figure_names_the_wait() {
 fn busy_loops_on_each_core_move_no_digest_and_are_named() {
     let rig = Rig::new();
     let wanted = run(&rig, "--no-record --link in-process").digest();
-    let stop = &AtomicBool::new(false);
-    std::thread::scope(|scope| {
-        let _loops_end = Finally(|| stop.store(true, Ordering::Relaxed));
-        for core in cores() {
-            scope.spawn(move || {
-                pin(core).expect("a core of this process");
-                while !stop.load(Ordering::Relaxed) {
-                    std::hint::spin_loop();
-                }
-            });
-        }
-        for arguments in ["--wait hybrid", "--wait sleep", "--pace 2"] {
-            let run = run(&rig, &format!("--no-record {arguments}"));
-            assert_eq!(run.digest(), wanted, "{arguments}");
-            let summary = run.summary();
-            let company = |key: &str| summary["company"][key].as_f64().expect("a number");
-            // Each loop has at least the core's half, and nobody has more than the cores.
-            let count = cores().len() as f64;
-            assert_eq!(company("cores"), count);
-            let others_cores = company("others_cores");
-            assert!(
-                (0.3 * count..=count).contains(&others_cores),
-                "{others_cores}"
-            );
-            assert!(
-                run.stdout.contains("  other programs kept "),
-                "{}",
-                run.stdout
-            );
-        }
-    });
-}
-
-/// Does something at its end, also at a panic.
-struct Finally<F: FnMut()>(F);
-
-impl<F: FnMut()> Drop for Finally<F> {
-    fn drop(&mut self) {
-        (self.0)();
+    let _busy: Vec<BusyLoop> = (cores().into_iter()).map(BusyLoop::on_core).collect();
+    for arguments in ["--wait hybrid", "--wait sleep", "--pace 2"] {
+        let run = run(&rig, &format!("--no-record {arguments}"));
+        assert_eq!(run.digest(), wanted, "{arguments}");
+        let summary = run.summary();
+        let company = |key: &str| summary["company"][key].as_f64().expect("a number");
+        // Each loop has at least the core's half, and nobody has more than the cores.
+        let count = cores().len() as f64;
+        assert_eq!(company("cores"), count);
+        let others_cores = company("others_cores");
+        assert!(
+            (0.3 * count..=count).contains(&others_cores),
+            "{others_cores}"
+        );
+        assert!(
+            run.stdout.contains("  other programs kept "),
+            "{}",
+            run.stdout
+        );
     }
 }
 

@@ -39,7 +39,7 @@ use crate::terminal::output;
 use cores::Cores;
 use finding::{Finding, Grade};
 use interrupts::{Interval, Snapshot};
-use measure::{Class, gaps, ping_pong, wake_up};
+use measure::{Class, company, gaps, ping_pong, wake_up};
 use report::{Report, Verdict};
 use tree::{Root, Tree};
 
@@ -178,6 +178,8 @@ impl Measurement<'_> {
     fn undisturbed(&self) -> Result<Vec<Finding>, Failure> {
         let (seconds, class) = (self.seconds, self.class);
         let core = self.first_core()?;
+        self.announce(&format!("company on cores {}", self.cores.chosen));
+        let company = company::measure(&Root::machine(), &self.cores.chosen, seconds);
         self.announce(&format!("wake-ups on core {core}"));
         let wake_ups = wake_up::measure(core, seconds).map_err(|e| self.unusable(&e))?;
         let idle = wake_up::finding(wake_up::IDLE, &wake_ups, core, seconds, class);
@@ -198,7 +200,7 @@ impl Measurement<'_> {
             holes.push(gaps::measure(core, seconds).map_err(|e| self.unusable(&e))?);
         }
         let holes = self.with_priority(gaps::finding(&holes, seconds, class));
-        Ok(vec![self.with_priority(idle), exchange, holes])
+        Ok(vec![company, self.with_priority(idle), exchange, holes])
     }
 
     /// Wake-ups while every core works.

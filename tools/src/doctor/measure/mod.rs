@@ -4,6 +4,7 @@
 //! that `hil` was started with; threads besides are a [partner](ping_pong) and a [load](wake_up).
 //! Nothing here is the project's own link or loop: it is the machine that is measured.
 
+pub(crate) mod company;
 pub mod gaps;
 pub(crate) mod ping_pong;
 pub(crate) mod wake_up;

@@ -1,0 +1,193 @@
+//! Company: the time of the cores that other programs take while `hil` sleeps.
+
+use std::time::Duration;
+
+use serde_json::json;
+
+use crate::doctor::cores::CoreList;
+use crate::doctor::finding::{Check, Finding};
+use crate::doctor::tree::{Tree, Unread};
+
+const CHECK: Check = Check::new(
+    "company",
+    "a step waits while another program has its core; a core of its own is what helps most",
+);
+
+/// Least shares of a core that are fair and poor.
+const FAIR: f64 = 0.1;
+const POOR: f64 = 0.5;
+
+/// Processor time so far.
+#[derive(Clone, Debug)]
+struct Times {
+    /// Ticks that each core was busy, and all its ticks.
+    cores: Vec<(u32, u64, u64)>,
+    programs: Vec<Program>,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Program {
+    process: u32,
+    name: String,
+    ticks: u64,
+}
+
+/// Sleeps for so long and judges the time that others took of these cores meanwhile.
+pub(crate) fn measure(tree: &dyn Tree, cores: &CoreList, seconds: f64) -> Finding {
+    let judge = || {
+        let before = Times::read(tree, cores)?;
+        std::thread::sleep(Duration::from_secs_f64(seconds));
+        Ok(finding(&before, &Times::read(tree, cores)?))
+    };
+    judge().unwrap_or_else(|unread| CHECK.unread(&unread))
+}
+
+impl Times {
+    /// Reads those of these cores and of all programs.
+    fn read(tree: &dyn Tree, cores: &CoreList) -> Result<Self, Unread> {
+        let stat = tree.read("proc/stat")?;
+        let core = |line: &str| {
+            let mut words = line.split_ascii_whitespace();
+            let core = words.next()?.strip_prefix("cpu")?.parse().ok()?;
+            // user nice system idle iowait irq softirq; what a host takes, behind them, is no program here
+            let ticks: Vec<u64> = words.take(7).filter_map(|word| word.parse().ok()).collect();
+            let all: u64 = ticks.iter().sum();
+            let idle: u64 = ticks.iter().skip(3).take(2).sum();
+            cores.contains(core).then_some((core, all - idle, all))
+        };
+        let program = |name: String| {
+            let process = name.parse().ok()?;
+            Program::of(process, &tree.read(&format!("proc/{process}/stat")).ok()?)
+        };
+        Ok(Self {
+            cores: stat.lines().filter_map(core).collect(),
+            programs: (tree.names("proc").into_iter())
+                .filter_map(program)
+                .collect(),
+        })
+    }
+}
+
+impl Program {
+    /// Reads its `stat`: behind the name, which may hold anything, user and system time are the 12th and
+    /// 13th word.
+    fn of(process: u32, stat: &str) -> Option<Self> {
+        let (head, rest) = stat.rsplit_once(')')?;
+        let (_, name) = head.split_once('(')?;
+        let times = rest.split_ascii_whitespace().skip(11).take(2);
+        Some(Self {
+            process,
+            name: name.to_owned(),
+            ticks: times.filter_map(|word| word.parse::<u64>().ok()).sum(),
+        })
+    }
+}
+
+fn finding(before: &Times, after: &Times) -> Finding {
+    let share = |(core, busy, all): &(u32, u64, u64)| {
+        let then = before.cores.iter().find(|(other, ..)| other == core)?;
+        let (busy, all) = (busy.checked_sub(then.1)?, all.checked_sub(then.2)?);
+        (all > 0).then(|| (*core, busy as f64 / all as f64))
+    };
+    let shares: Vec<(u32, f64)> = after.cores.iter().filter_map(share).collect();
+    let Some((_, most)) = shares.iter().max_by(|a, b| a.1.total_cmp(&b.1)) else {
+        return CHECK.unknown("/proc/stat tells nothing of these cores");
+    };
+    let spent = |program: &Program| {
+        let same = |other: &&Program| other.process == program.process;
+        let then = before.programs.iter().find(same);
+        program.ticks - then.map_or(0, |then| then.ticks.min(program.ticks))
+    };
+    let busiest = (after.programs.iter())
+        .max_by_key(|program| spent(program))
+        .filter(|program| spent(program) > 0);
+
+    let told: Vec<String> = (shares.iter())
+        .map(|(core, share)| format!("{:.0} % of core {core}", 100.0 * share))
+        .collect();
+    let mut found = format!("other programs take {}", told.join(" and "));
+    let grade = if *most < FAIR {
+        Check::good
+    } else if *most < POOR {
+        Check::fair
+    } else {
+        Check::poor
+    };
+    let mut mend = None;
+    if let Some(Program { process, name, .. }) = busiest
+        && *most >= FAIR
+    {
+        found += &format!(", most of it {} ({process})", name.escape_default());
+        mend = Some(format!("kill -STOP {process} # and later kill -CONT"));
+    }
+    let cores = shares
+        .iter()
+        .map(|(core, share)| json!({"core": core, "others": share}));
+    (grade(CHECK, found).mend_if(mend)).measured(json!({"cores": cores.collect::<Vec<_>>()}))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::doctor::finding::Grade;
+    use crate::doctor::tree::Fake;
+
+    /// A machine of which the second core was busy for so many ticks of 1000, all of them with one program.
+    fn machine(busy: u64) -> Fake {
+        let idle = 1000 - busy;
+        let stat = format!(
+            "cpu  9 9 9 9\ncpu0 7 0 0 1000 0 0 0 50\ncpu1 {busy} 0 0 {idle} 0 0 0\ncpu2 5 0 0 0 0\nintr 7"
+        );
+        let program = format!("41 (cc) 1 plus) R 1 1 1 0 -1 0 0 0 0 0 {busy} 7 1 1 20 0");
+        Fake::new(&[
+            ("proc/stat", stat.as_str()),
+            ("proc/41/stat", program.as_str()),
+            (
+                "proc/12/stat",
+                "12 (idle) S 1 1 1 0 -1 0 0 0 0 0 3 3 1 1 20 0",
+            ),
+            (
+                "proc/self/stat",
+                "99 (hil) R 1 1 1 0 -1 0 0 0 0 0 3 3 1 1 20 0",
+            ),
+        ])
+    }
+
+    #[test]
+    fn others_are_named_with_the_core_that_they_take() {
+        let idle = Times {
+            cores: vec![(0, 0, 0), (1, 0, 0)],
+            programs: Vec::new(),
+        };
+        let stop = Some("kill -STOP 41 # and later kill -CONT");
+        for (busy, grade, found, mend) in [
+            (60, Grade::Good, "6 % of core 1", None),
+            (
+                200,
+                Grade::Fair,
+                "20 % of core 1, most of it cc) 1 plus (41)",
+                stop,
+            ),
+            (
+                970,
+                Grade::Poor,
+                "97 % of core 1, most of it cc) 1 plus (41)",
+                stop,
+            ),
+        ] {
+            let now = Times::read(&machine(busy), &CoreList::parse("0-1")).expect("told");
+            let finding = finding(&idle, &now);
+            let found = format!("other programs take 1 % of core 0 and {found}");
+            assert_eq!((finding.grade, finding.found), (grade, found));
+            assert_eq!(finding.mend.as_deref(), mend);
+        }
+    }
+
+    #[test]
+    fn cores_of_which_nothing_is_told_are_unknown() {
+        for (machine, core) in [(machine(0), "7"), (Fake::default(), "0")] {
+            let finding = measure(&machine, &CoreList::parse(core), 0.0);
+            assert_eq!(finding.grade, Grade::Unknown, "{}", finding.found);
+        }
+    }
+}
