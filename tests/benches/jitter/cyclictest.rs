@@ -2,7 +2,10 @@
 
 use std::process::Command;
 
-use crate::{Class, HOLE_NS, Jitter, PRIORITY, Setting};
+use crate::{Class, Jitter, PRIORITY, Setting};
+
+/// Most classes of a histogram; more are of a microsecond each, not of a nanosecond.
+const MOST_CLASSES: u64 = 1_000_000;
 
 /// The program.
 pub(crate) struct Cyclictest;
@@ -20,12 +23,18 @@ impl Cyclictest {
     /// If it does not run to its end or says something else than a histogram.
     pub(crate) fn measure(&self, setting: &Setting) -> Jitter {
         let mut command = Command::new("cyclictest");
-        // Quiet, in ns, with locked memory, one thread; its own tuning of idle states as it comes.
-        command.args(["--quiet", "--nsecs", "--mlockall", "--threads=1"]);
+        // Quiet, with locked memory, one thread; its own tuning of idle states as it comes.
+        command.args(["--quiet", "--mlockall", "--threads=1"]);
+        let class_ns = if setting.hole_ns() > MOST_CLASSES {
+            1000
+        } else {
+            command.arg("--nsecs");
+            1
+        };
         command.arg(format!("--affinity={}", setting.core));
         command.arg(format!("--interval={}", setting.period_ns() / 1000));
         command.arg(format!("--loops={}", setting.samples));
-        command.arg(format!("--histogram={HOLE_NS}"));
+        command.arg(format!("--histogram={}", setting.hole_ns() / class_ns));
         match setting.class {
             // With a priority, even of 0, it would take the real-time class.
             Class::Other => command.arg("--policy=other"),
@@ -36,7 +45,8 @@ impl Cyclictest {
         let output = command.output().expect("cyclictest");
         assert!(output.status.success(), "{command:?}: {}", output.status);
         let text = String::from_utf8_lossy(&output.stdout);
-        let histogram: Vec<(u64, u64)> = text.lines().filter_map(bucket).collect();
+        let scaled = |(late, count)| (late * class_ns, count);
+        let histogram: Vec<(u64, u64)> = text.lines().filter_map(bucket).map(scaled).collect();
         let overflows = text
             .lines()
             .find_map(|line| line.strip_prefix("# Histogram Overflows:"));
@@ -45,6 +55,7 @@ impl Cyclictest {
         Jitter {
             p50_ns: percentile(&histogram, 0.5),
             p99_ns: percentile(&histogram, 0.99),
+            p999_ns: percentile(&histogram, 0.999),
             // It leaves out the releases that it slept through: each overflow is a hole.
             holes_hz: holes as f64 / setting.seconds(),
             removed: holes as f64 / setting.samples as f64,
@@ -52,10 +63,10 @@ impl Cyclictest {
     }
 }
 
-/// A line of the histogram: a lateness in ns and how often it was seen.
+/// A line of the histogram: a lateness and how often it was seen.
 fn bucket(line: &str) -> Option<(u64, u64)> {
-    let (late_ns, count) = line.split_once(' ')?;
-    Some((late_ns.parse().ok()?, count.parse().ok()?))
+    let (late, count) = line.split_once(' ')?;
+    Some((late.parse().ok()?, count.parse().ok()?))
 }
 
 /// The least lateness that this share of the samples does not exceed.

@@ -22,12 +22,17 @@
 //! core, and its holes a second stand beside the removed ones. Where the plant's are not about as
 //! frequent as the detector's and `cyclictest`'s, they are its own.
 //!
+//! **Busy loops**, one on each core in a session of its own, take slices of milliseconds. That is what is
+//! measured there: no hole is removed, and p99.9 is printed too. `-- busy` measures only these.
+//!
 //! **Drift** is how much later than the grid of the first sample the last tenth of the samples was sent
 //! than the first tenth, as medians, against the monotonic clock.
 //!
 //! Largest values are not printed: on a virtual machine they are the hypervisor's. No number has a
 //! limit. `HIL_BENCH_QUICK=1` only tries whether it works.
 
+#[path = "../shared/busy.rs"]
+mod busy;
 mod cyclictest;
 #[path = "../shared/effort.rs"]
 mod effort;
@@ -40,6 +45,7 @@ mod releases;
 use serde_json::{Value, json};
 use tools::testing::{UNFIT_NS, gaps};
 
+use self::busy::BusyLoop;
 use self::cyclictest::Cyclictest;
 use self::effort::{rounds, shortened};
 use self::measure::{Bystanders, cores, machine, median};
@@ -48,8 +54,14 @@ use self::releases::Releases;
 
 /// From this lateness on it is a hole.
 const HOLE_NS: u64 = UNFIT_NS;
-/// Rates and the samples of one run at each.
-const RATES: [(u64, u64); 2] = [(1000, 10_000), (4000, 40_000)];
+/// The same beside busy loops, where slices are measured.
+const LONGEST_NS: u64 = 1_000_000_000;
+/// Rates, the samples of one run at each, and whether busy loops are beside it.
+const SETTINGS: [(u64, u64, bool); 3] = [
+    (1000, 10_000, false),
+    (4000, 40_000, false),
+    (1000, 10_000, true),
+];
 /// Time for which the gap detector spins before each pair, in s.
 const GAPS_S: f64 = 2.0;
 /// Priority in the real-time class.
@@ -81,6 +93,8 @@ struct Setting {
     core: usize,
     /// Of the controller; the same where there is only one.
     other_core: usize,
+    /// True if a busy loop is on each core.
+    busy: bool,
 }
 
 impl Setting {
@@ -91,6 +105,11 @@ impl Setting {
     fn seconds(&self) -> f64 {
         self.samples as f64 / self.rate_hz as f64
     }
+
+    /// The lateness from which on it is a hole.
+    const fn hole_ns(&self) -> u64 {
+        if self.busy { LONGEST_NS } else { HOLE_NS }
+    }
 }
 
 /// Jitter in one run.
@@ -98,6 +117,7 @@ impl Setting {
 struct Jitter {
     p50_ns: f64,
     p99_ns: f64,
+    p999_ns: f64,
     /// Holes a second.
     holes_hz: f64,
     /// The share of the samples that fell into them.
@@ -112,6 +132,9 @@ struct Pair {
 }
 
 fn main() {
+    if busy::burned() {
+        return;
+    }
     // `cargo test --all-targets` starts benches too, without this argument.
     if !std::env::args().any(|argument| argument == "--bench") {
         println!("run me with `cargo bench -p tests --bench jitter`");
@@ -125,20 +148,27 @@ fn main() {
     }
     let cores = cores();
     let (core, other_core) = (cores[cores.len() - 1], cores[0]);
+    let only_busy = std::env::args().any(|argument| argument == "busy");
     for class in [Class::Other, Class::Fifo] {
         if class == Class::Fifo && !releases::may_be_real_time(&programs) {
             println!("SCHED_FIFO is not permitted: no numbers for it");
             continue;
         }
-        for (rate_hz, samples) in RATES {
+        for (rate_hz, samples, busy) in SETTINGS {
             let setting = Setting {
                 class,
                 rate_hz,
                 samples: shortened(samples),
                 core,
                 other_core,
+                busy,
             };
-            compare(&programs, cyclictest.as_ref(), &setting);
+            if busy || !only_busy {
+                let loops = cores.iter().filter(|_| busy);
+                let loops = loops.map(|core| BusyLoop::start(0, Some(*core), true));
+                let _busy: Vec<BusyLoop> = loops.map(|it| it.expect("a busy loop")).collect();
+                compare(&programs, cyclictest.as_ref(), &setting);
+            }
         }
     }
 }
@@ -156,18 +186,23 @@ fn compare(programs: &Programs, cyclictest: Option<&Cyclictest>, setting: &Setti
     let others = bystanders.share();
 
     println!(
-        "\n{} at {} Hz on core {}, medians of {} pairs of {} s, other programs took {:.0} % of the \
+        "\n{} at {} Hz on core {}{}, medians of {} pairs of {} s, other programs took {:.0} % of the \
          machine",
         setting.class.name(),
         setting.rate_hz,
         setting.core,
+        if setting.busy {
+            ", a busy loop on each core"
+        } else {
+            ""
+        },
         rounds(),
         setting.seconds(),
         100.0 * others
     );
     println!(
-        "{:<14} {:>10} {:>10} {:>10} {:>12}",
-        "", "p50 [us]", "p99 [us]", "holes a s", "removed [%]"
+        "{:<14} {:>10} {:>10} {:>11} {:>10} {:>12}",
+        "", "p50 [us]", "p99 [us]", "p99.9 [us]", "holes a s", "removed [%]"
     );
     let ours = summary(pairs.iter().map(|pair| pair.ours.jitter));
     row("hil run", &ours);
@@ -179,17 +214,21 @@ fn compare(programs: &Programs, cyclictest: Option<&Cyclictest>, setting: &Setti
             .collect();
         ratios.map(median)
     };
-    let ratios = [ratio(|jitter| jitter.p50_ns), ratio(|jitter| jitter.p99_ns)];
-    if let (Some(theirs), [Some(p50), Some(p99)]) = (&theirs, ratios) {
+    let ratios = [
+        ratio(|jitter| jitter.p50_ns),
+        ratio(|jitter| jitter.p99_ns),
+        ratio(|jitter| jitter.p999_ns),
+    ];
+    if let (Some(theirs), [Some(p50), Some(p99), Some(p999)]) = (&theirs, ratios) {
         row("cyclictest", theirs);
-        println!("{:<14} {p50:>10.3} {p99:>10.3}", "ratio");
+        println!("{:<14} {p50:>10.3} {p99:>10.3} {p999:>11.3}", "ratio");
     }
     let detected_hz = median(pairs.iter().map(|pair| pair.holes_hz));
     let drift_ns = median(pairs.iter().map(|pair| pair.ours.drift_ns));
     let lost: u64 = pairs.iter().map(|pair| pair.ours.lost_steps).sum();
     println!(
-        "{:<14} {:>10} {:>10} {detected_hz:>10.2}",
-        "gap detector", "", ""
+        "{:<14} {:>10} {:>10} {:>11} {detected_hz:>10.2}",
+        "gap detector", "", "", ""
     );
     println!("drift {drift_ns:.0} ns, {lost} steps lost in all");
     let line = json!({
@@ -200,12 +239,14 @@ fn compare(programs: &Programs, cyclictest: Option<&Cyclictest>, setting: &Setti
         "core": setting.core,
         "pairs": rounds(),
         "seconds": setting.seconds(),
-        "hole_ns": HOLE_NS,
+        "busy": setting.busy,
+        "hole_ns": setting.hole_ns(),
         "others_share": others,
         "hil_run": figures(&ours),
         "cyclictest": theirs.as_ref().map(figures),
         "ratio_p50": ratios[0],
         "ratio_p99": ratios[1],
+        "ratio_p999": ratios[2],
         "detected_holes_hz": detected_hz,
         "drift_ns": drift_ns,
         "lost_steps": lost,
@@ -226,6 +267,7 @@ fn summary(all: impl Iterator<Item = Jitter> + Clone) -> Jitter {
     Jitter {
         p50_ns: median(all.clone().map(|jitter| jitter.p50_ns)),
         p99_ns: median(all.clone().map(|jitter| jitter.p99_ns)),
+        p999_ns: median(all.clone().map(|jitter| jitter.p999_ns)),
         holes_hz: median(all.clone().map(|jitter| jitter.holes_hz)),
         removed: median(all.map(|jitter| jitter.removed)),
     }
@@ -233,9 +275,10 @@ fn summary(all: impl Iterator<Item = Jitter> + Clone) -> Jitter {
 
 fn row(name: &str, jitter: &Jitter) {
     println!(
-        "{name:<14} {:>10.2} {:>10.2} {:>10.2} {:>12.2}",
+        "{name:<14} {:>10.2} {:>10.2} {:>11.2} {:>10.2} {:>12.2}",
         1e-3 * jitter.p50_ns,
         1e-3 * jitter.p99_ns,
+        1e-3 * jitter.p999_ns,
         jitter.holes_hz,
         100.0 * jitter.removed
     );
@@ -245,6 +288,7 @@ fn figures(jitter: &Jitter) -> Value {
     json!({
         "p50_ns": jitter.p50_ns,
         "p99_ns": jitter.p99_ns,
+        "p999_ns": jitter.p999_ns,
         "holes_hz": jitter.holes_hz,
         "removed_share": jitter.removed,
     })

@@ -8,7 +8,7 @@ use tempfile::TempDir;
 
 use crate::measure::median;
 use crate::programs::Programs;
-use crate::{Class, HOLE_NS, Jitter, PRIORITY, Setting};
+use crate::{Class, Jitter, PRIORITY, Setting};
 
 /// One run.
 pub(crate) struct Releases {
@@ -137,17 +137,19 @@ fn drift(late_ns: &[f64]) -> f64 {
     median(last.iter().copied()) - median(first.iter().copied())
 }
 
-/// Returns the jitter that is left when all that was due before the end of a hole is removed.
+/// Returns the jitter that is left when all that was due before the one before was sent, or before the end of
+/// a hole, is removed.
 fn without_holes(sent: &[Sent], late_ns: &[f64], setting: &Setting) -> Jitter {
-    let (mut left, mut holes, mut hole_end_ns) = (Vec::with_capacity(sent.len()), 0, 0.0);
+    let (mut left, mut holes, mut busy_until_ns) = (Vec::with_capacity(sent.len()), 0, 0.0);
     for (sample, &late_ns) in sent.iter().zip(late_ns) {
         let sent_ns = sample.sent_ns as f64;
-        let began_in_hole = sent_ns - late_ns <= hole_end_ns;
-        if late_ns > HOLE_NS as f64 {
-            holes += u64::from(!began_in_hole);
-            hole_end_ns = sent_ns;
-        } else if !began_in_hole {
+        let was_due_before = sent_ns - late_ns <= busy_until_ns;
+        if late_ns > setting.hole_ns() as f64 {
+            holes += u64::from(!was_due_before);
+            busy_until_ns = sent_ns;
+        } else if !was_due_before {
             left.push(late_ns);
+            busy_until_ns = sent_ns;
         }
     }
     left.sort_by(f64::total_cmp);
@@ -158,6 +160,7 @@ fn without_holes(sent: &[Sent], late_ns: &[f64], setting: &Setting) -> Jitter {
     Jitter {
         p50_ns: at(0.5),
         p99_ns: at(0.99),
+        p999_ns: at(0.999),
         holes_hz: holes as f64 / setting.seconds(),
         removed: 1.0 - left.len() as f64 / sent.len() as f64,
     }

@@ -2,16 +2,13 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use shared_types::realtime::{Settings, pin};
 
+use crate::busy::BusyLoop;
 use crate::measure::cores;
-
-/// Variable that makes this program a busy loop: its nice value, core and session.
-const BURN: &str = "HIL_BENCH_BURN";
 
 /// A situation of a run.
 pub(crate) struct Cell {
@@ -87,7 +84,7 @@ pub(crate) fn cells() -> Vec<Cell> {
 
 /// Situation of a cell, kept until it is dropped.
 pub(crate) struct Within {
-    loops: Vec<Child>,
+    loops: Vec<BusyLoop>,
     free: CpuSet,
     group: Option<(PathBuf, PathBuf)>,
 }
@@ -118,15 +115,9 @@ impl Cell {
         if let Some(quota) = self.quota {
             within.group = Some(limited(quota)?);
         }
-        let own = std::env::current_exe().map_err(|e| e.to_string())?;
         for (nice, core) in &self.loops {
-            let core = core.map_or("-".into(), |core| core.to_string());
-            let burn = format!("{nice} {core} {}", self.elsewhere);
-            let child = Command::new(&own)
-                .env(BURN, burn)
-                .stdin(Stdio::null())
-                .spawn();
-            within.loops.push(child.map_err(|e| e.to_string())?);
+            let busy = BusyLoop::start(*nice, *core, self.elsewhere);
+            within.loops.push(busy.map_err(|e| e.to_string())?);
         }
         std::thread::sleep(Duration::from_millis(300)); // until all of them are at work
         Ok(within)
@@ -135,10 +126,7 @@ impl Cell {
 
 impl Drop for Within {
     fn drop(&mut self) {
-        for child in &mut self.loops {
-            let _ = child.kill();
-            let _ = child.wait();
-        }
+        self.loops.clear();
         let _ = sched_setaffinity(None, &self.free);
         if let Some((group, before)) = &self.group {
             let _ = join(before);
@@ -184,29 +172,4 @@ fn limited(quota: f64) -> Result<(PathBuf, PathBuf), String> {
 
 fn join(group: &Path) -> std::io::Result<()> {
     fs::write(group.join("cgroup.procs"), std::process::id().to_string())
-}
-
-/// Is a busy loop, if this process was started as one; it ends with the bench.
-pub(crate) fn burned() -> bool {
-    let Ok(asked) = std::env::var(BURN) else {
-        return false;
-    };
-    let mut words = asked.split(' ');
-    let mut next = || words.next().expect("three words");
-    let nice = next().parse().expect("a nice value");
-    rustix::process::nice(nice).expect("less is always allowed");
-    if let Ok(core) = next().parse() {
-        pin(core).expect("a core");
-    }
-    if next() == "true" {
-        rustix::process::setsid().expect("no leader of a group");
-    }
-    let parent = rustix::process::getppid();
-    let mut count = 0_u64;
-    loop {
-        count = std::hint::black_box(count + 1);
-        if count.is_multiple_of(1 << 26) && rustix::process::getppid() != parent {
-            return true;
-        }
-    }
 }
