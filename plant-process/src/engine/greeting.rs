@@ -18,7 +18,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             return Ok(Progress::Controller);
         };
         let before = self.side.standing();
-        match self.told(&message, 1) {
+        match self.take_message(&message, 1) {
             PlantAction::Welcome(welcome) => self.welcome(*welcome)?,
             PlantAction::Refuse(reason) => {
                 let refusal = Control::Refusal {

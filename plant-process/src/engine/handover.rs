@@ -119,7 +119,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     }
 
     /// Tells the protocol what the controller of this epoch said.
-    pub(super) fn told(&mut self, message: &Control, epoch: u32) -> PlantAction {
+    pub(super) fn take_message(&mut self, message: &Control, epoch: u32) -> PlantAction {
         match message {
             Control::Hello(hello) => {
                 let described = (self.job.law.as_ref()).filter(|_| self.side.is_greeting());
@@ -157,7 +157,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         };
         let standing = self.side.standing();
         let before = (self.side.is_alone(), self.side.waits_for_controller());
-        match self.told(&message, self.handover.expected) {
+        match self.take_message(&message, self.handover.expected) {
             PlantAction::Welcome(welcome) => {
                 self.link.open_frames(&FrameSpec {
                     identity: welcome.frame_identity(),

@@ -133,7 +133,7 @@ pub enum Abort {
     #[error("{0}")]
     Failed(String),
     /// The other side gave up.
-    #[error("{peer} gave up at step {at}: {}", told(*code))]
+    #[error("{peer} gave up at step {at}: {}", describe(*code))]
     ByPeer {
         /// Name of the other side.
         peer: &'static str,
@@ -144,7 +144,7 @@ pub enum Abort {
     },
 }
 
-const fn told(code: AbortCode) -> &'static str {
+const fn describe(code: AbortCode) -> &'static str {
     match code {
         AbortCode::Stopped => "it was asked to stop",
         AbortCode::Late => "it found this side late",

@@ -34,7 +34,7 @@ impl Choice {
 
     /// As the recording tells of it.
     #[must_use]
-    pub fn told(&self) -> String {
+    pub fn describe(&self) -> String {
         let mut parts = Vec::new();
         if !self.signals.is_empty() {
             parts.push(format!("signals {}", self.signals.join(" ")));

@@ -67,7 +67,7 @@ enum State {
 /// If nothing can be had of the recording, it is being written, or the new one cannot be written.
 pub(crate) fn recover(arguments: &RecoverArguments) -> Result<Exit, Failure> {
     let recovered = recovered(&arguments.run, arguments.output.as_deref())?;
-    output::result(arguments.json, &recovered, || recovered.told())?;
+    output::result(arguments.json, &recovered, || recovered.describe())?;
     Ok(Exit::Pass)
 }
 
@@ -235,7 +235,7 @@ fn summarise(
 
 impl Recovered {
     /// As a person reads it.
-    fn told(&self) -> String {
+    fn describe(&self) -> String {
         let Self {
             run,
             records,

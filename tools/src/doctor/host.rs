@@ -38,7 +38,7 @@ pub(crate) fn virtualisation(tree: &dyn Tree, cores: &Cores, interval: &Interval
     };
     let stolen = interval.stolen_percent(&cores.chosen);
     let told = match &stolen {
-        Ok(percent) => format!("{percent:.1} % of time stolen {}", interval.told()),
+        Ok(percent) => format!("{percent:.1} % of time stolen {}", interval.describe()),
         Err(unread) => unread.to_string(),
     };
     let mut found = "bare metal".to_owned();

@@ -85,7 +85,7 @@ impl Interval {
 
     /// Describes the interval in words.
     #[must_use]
-    pub(crate) fn told(&self) -> String {
+    pub(crate) fn describe(&self) -> String {
         match (&self.earlier, self.seconds()) {
             (Some(_), Ok(seconds)) => format!("in {seconds:.1} s"),
             _ => "since boot".into(),
@@ -195,7 +195,7 @@ pub(crate) fn interrupts(tree: &dyn Tree, cores: &Cores, interval: &Interval) ->
     let came_hz: f64 = rates.iter().map(|(_, hz)| hz).sum();
     let aimed = |(line, _): &&(Line, f64)| aim(tree, &line.number).meets(&cores.chosen);
     let aimed: Vec<&(Line, f64)> = rates.iter().filter(aimed).collect();
-    let mut found = format!("{came_hz:.0}/s {}", interval.told());
+    let mut found = format!("{came_hz:.0}/s {}", interval.describe());
     if let Some((busiest, _)) = rates.first().filter(|(_, hz)| *hz >= FEW_INTERRUPTS_HZ) {
         found += &format!(", most from {}", busiest.device);
     }

@@ -197,7 +197,7 @@ impl FaultLog {
 impl Fault {
     /// The fault as a person reads it, in a line or more.
     #[must_use]
-    pub fn told(&self) -> String {
+    pub fn describe(&self) -> String {
         let live = match self.source {
             FaultSource::Scenario => "",
             FaultSource::Cli => " (live)",

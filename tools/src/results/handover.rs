@@ -125,7 +125,7 @@ impl Laws {
     }
 
     /// As a person reads it: the first, and each other one with its begin.
-    pub(crate) fn told(&self, rate: Rate) -> String {
+    pub(crate) fn describe(&self, rate: Rate) -> String {
         let told = self.0.iter().map(|(step, law)| {
             let law = (law.as_ref()).map_or_else(|| "no controller".into(), Law::to_string);
             match step {
@@ -205,7 +205,7 @@ pub(crate) fn tenures(
 
 impl Tenure {
     /// As a person reads it.
-    pub(crate) fn told(&self) -> String {
+    pub(crate) fn describe(&self) -> String {
         let Self { epoch, law, .. } = self;
         let mut text = format!("controller {epoch}");
         let law = law.iter().chain(&self.set).map(String::as_str);
@@ -236,7 +236,7 @@ impl Tenure {
 }
 
 /// A change as it is told while the run goes on.
-pub(crate) fn told(change: &ControllerChange) -> String {
+pub(crate) fn describe(change: &ControllerChange) -> String {
     let ControllerChange {
         epoch,
         step,
@@ -285,7 +285,7 @@ mod tests {
         let laws = [joined(2, 2500, "hold"), lost(2, 4000)];
         let laws = Laws::of("pid", &laws, |_| None);
         assert_eq!(
-            laws.told(rate),
+            laws.describe(rate),
             "pid, hold from 2.5 s, no controller from 4 s"
         );
         for (window_s, law) in [
@@ -313,13 +313,13 @@ mod tests {
             },
         );
         let laws = [lost(1, 10), joined(2, 10, "pid"), refused];
-        assert_eq!(Laws::of("pid", &laws, |_| None).told(rate), "pid");
+        assert_eq!(Laws::of("pid", &laws, |_| None).describe(rate), "pid");
         let at_once = [
             joined(2, 0, "hold"),
             joined(3, 7, "pid"),
             joined(4, 7, "hold"),
         ];
-        assert_eq!(Laws::of("pid", &at_once, |_| None).told(rate), "hold");
+        assert_eq!(Laws::of("pid", &at_once, |_| None).describe(rate), "hold");
     }
 
     #[test]
@@ -343,7 +343,7 @@ mod tests {
         ];
         let laws = Laws::of("pid", &laws, facts);
         assert_eq!(
-            laws.told(rate),
+            laws.describe(rate),
             "pid, pid (pid.gain=2) from 1 s, pid (mine abcdefgh) from 2 s, pid from 3 s"
         );
         for (window_s, law) in [

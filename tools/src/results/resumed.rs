@@ -19,7 +19,7 @@ pub(crate) struct Made {
 impl Made {
     /// As a person reads it.
     #[must_use]
-    pub(crate) fn told(&self, run_dir: &Path) -> String {
+    pub(crate) fn describe(&self, run_dir: &Path) -> String {
         let (step, time_s) = (self.step, self.time_s);
         let folder = run_dir.join(&self.folder);
         format!(
@@ -61,7 +61,7 @@ impl Resumed {
     }
 
     /// As a person reads it.
-    pub(crate) fn told(&self) -> String {
+    pub(crate) fn describe(&self) -> String {
         let Self {
             checkpoint,
             step,

@@ -29,7 +29,7 @@ pub(crate) struct Recorder {
 impl Realtime {
     /// As a person reads it.
     #[must_use]
-    pub(crate) fn told(&self) -> String {
+    pub(crate) fn describe(&self) -> String {
         let mut text = format!("{} waits", self.wait.name());
         for (side, report) in [("plant", &self.plant), ("controller", &self.controller)] {
             let Some(report) = report else { continue };

@@ -116,11 +116,11 @@ impl Missed {
     /// Describes the steps and commands of a run that came too late, as a person reads it.
     pub(crate) fn of_end(end: &RunEnd) -> impl Iterator<Item = String> {
         let counts = [(end.overruns, OVERRAN), (end.missed_commands, MISSED)];
-        (counts.into_iter()).filter_map(|(streaks, what)| Self::from(streaks).told(what))
+        (counts.into_iter()).filter_map(|(streaks, what)| Self::from(streaks).describe(what))
     }
 
     /// As a person reads it, if there is anything to tell.
-    fn told(&self, what: &str) -> Option<String> {
+    fn describe(&self, what: &str) -> Option<String> {
         let first_step = self.first_step?;
         let (count, longest) = (self.count, self.longest_streak);
         Some(format!(
@@ -324,7 +324,7 @@ impl Summary {
     }
 
     fn write_table(&self, text: &mut String, plan: &Plan, run_dir: &Path) -> std::fmt::Result {
-        let (law, model) = (self.laws.told(plan.run.rate), &plan.plant.model);
+        let (law, model) = (self.laws.describe(plan.run.rate), &plan.plant.model);
         writeln!(
             text,
             "{}: {}  ({law} on {model}, {})",
@@ -339,24 +339,24 @@ impl Summary {
             self.steps, self.sim_time_s, self.wall_time_s, self.realtime_factor
         )?;
         if let Some(resumed) = &self.resumed {
-            writeln!(text, "  {}", resumed.told())?;
+            writeln!(text, "  {}", resumed.describe())?;
         }
         let overruns = self.overruns.as_ref();
-        let overran = overruns.and_then(|overruns| overruns.steps.told(OVERRAN));
-        let missed = (self.missed_commands.as_ref()).and_then(|missed| missed.told(MISSED));
+        let overran = overruns.and_then(|overruns| overruns.steps.describe(OVERRAN));
+        let missed = (self.missed_commands.as_ref()).and_then(|missed| missed.describe(MISSED));
         for told in overran.iter().chain(&missed) {
             writeln!(text, "  {told}")?;
         }
         for controller in &self.controllers {
-            writeln!(text, "  {}", controller.told())?;
+            writeln!(text, "  {}", controller.describe())?;
         }
         for fault in &self.faults {
-            writeln!(text, "  {}", fault.told())?;
+            writeln!(text, "  {}", fault.describe())?;
         }
         write_metrics(text, &self.metrics, plan, &self.laws, self.steps)?;
         requirements::write(text, &self.requirements)?;
         self.write_latency(text)?;
-        writeln!(text, "  {}", self.realtime.told())?;
+        writeln!(text, "  {}", self.realtime.describe())?;
         if let Some(company) = self.company.filter(Company::is_worth_telling) {
             writeln!(text, "  {company}")?;
         }
@@ -383,7 +383,7 @@ impl Summary {
             String::new()
         };
         for checkpoint in &self.checkpoints {
-            writeln!(text, "  {}", checkpoint.told(run_dir))?;
+            writeln!(text, "  {}", checkpoint.describe(run_dir))?;
         }
         let run_dir = run_dir.display();
         match file {
@@ -411,7 +411,7 @@ impl Summary {
             "  round trip {p50} p50, {p99} p99, {p9999} p99.99, {max} max: {grade}"
         )?;
         match self.spikes.first() {
-            Some(worst) => writeln!(text, "  worst: {}", worst.told()),
+            Some(worst) => writeln!(text, "  worst: {}", worst.describe()),
             None => Ok(()),
         }
     }

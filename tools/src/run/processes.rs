@@ -15,7 +15,7 @@ use super::realtime::Watched;
 use super::side::{GRACE, Side};
 use super::termination::termination;
 use crate::results::ended::Ended;
-use crate::results::handover::told;
+use crate::results::handover::describe;
 use crate::run::open_files;
 use crate::run::recorder::Recorder;
 use crate::run::swap::{self, SwapContext, Wanted};
@@ -151,7 +151,7 @@ impl Watch<'_> {
             .recorder
             .changes_after(self.controllers.known_changes());
         for change in &changes {
-            self.progress.tell(&told(change));
+            self.progress.tell(&describe(change));
         }
         (self.controllers).hear(self.session, self.plant, &changes);
         if self.ending_since.is_none() {

@@ -71,7 +71,7 @@ pub(super) fn of(
         .as_ref()
         .filter(|one| !one.choice.is_all())
     {
-        facts.insert(EXCERPT.into(), recording.choice.told());
+        facts.insert(EXCERPT.into(), recording.choice.describe());
     }
     let json = |value: &Description| serde_json::to_string_pretty(value).unwrap_or_default();
     let enclosure = |name, media_type, text| Enclosure {

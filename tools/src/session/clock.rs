@@ -20,14 +20,14 @@ pub(crate) fn clock(choice: &SessionChoice, request: &Request) -> Result<Exit, F
     output::write(&if choice.json {
         live::to_json(&Response::Status(status))?
     } else {
-        format!("{}\n", told(&status))
+        format!("{}\n", describe(&status))
     })?;
     Ok(Exit::Pass)
 }
 
 /// Describes the position of a run for a person.
 #[must_use]
-pub(crate) fn told(status: &Status) -> String {
+pub(crate) fn describe(status: &Status) -> String {
     let Status {
         step,
         time_s,
@@ -55,11 +55,11 @@ mod tests {
             paused,
         };
         assert_eq!(
-            told(&status(true)),
+            describe(&status(true)),
             "paused before step 70000 of 200000 (7 s)"
         );
         assert_eq!(
-            told(&status(false)),
+            describe(&status(false)),
             "running at step 70000 of 200000 (7 s)"
         );
     }

@@ -39,7 +39,7 @@ pub fn inject(arguments: &InjectArguments) -> Result<Exit, Failure> {
                 if json {
                     Ok(live::to_json(&response)?)
                 } else {
-                    told(&response)
+                    describe(&response)
                 }
             })
     };
@@ -84,7 +84,7 @@ pub(crate) fn possible(session: &SessionInfo) -> Result<Possible, RequestError> 
 }
 
 /// An answer as a person reads it.
-pub(crate) fn told(response: &Response) -> Result<String, RequestError> {
+pub(crate) fn describe(response: &Response) -> Result<String, RequestError> {
     let mut text = String::new();
     match response {
         Response::Injected { faults } => faults.iter().for_each(|fault| text += &injected(fault)),
@@ -122,7 +122,7 @@ fn injected(fault: &Injected) -> String {
 }
 
 fn active(status: &Status, faults: &[FaultState]) -> String {
-    let mut text = format!("{}\n", clock::told(status));
+    let mut text = format!("{}\n", clock::describe(status));
     if faults.is_empty() {
         text += "no fault acts or waits\n";
     }
@@ -187,8 +187,8 @@ mod tests {
 fault 3 bias takes hold at step 12345 (1.2345 s)
 fault 4 bias waits for `truth.x_m > 1`
 ";
-        assert_eq!(told(&answer).expect("an answer"), expected);
-        let cleared = |ids| told(&Response::Cleared { ids, step: 7 }).expect("an answer");
+        assert_eq!(describe(&answer).expect("an answer"), expected);
+        let cleared = |ids| describe(&Response::Cleared { ids, step: 7 }).expect("an answer");
         assert_eq!(cleared(vec![]), "there was no fault to end\n");
         assert_eq!(
             cleared(vec![2]),

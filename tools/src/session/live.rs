@@ -123,7 +123,7 @@ fn choose(mut running: Vec<SessionInfo>, wanted: Option<&str>) -> Result<Session
         Some(wanted) => format!("no session `{wanted}` is running"),
         None if names.is_empty() => "no session is running".into(),
         None => {
-            let told: Vec<String> = running.iter().map(told).collect();
+            let told: Vec<String> = running.iter().map(describe).collect();
             format!("{} sessions are running: {}", names.len(), told.join("; "))
         }
     };
@@ -141,7 +141,7 @@ fn choose(mut running: Vec<SessionInfo>, wanted: Option<&str>) -> Result<Session
 }
 
 /// A session among others: its name, its scenario, for how long it has run, and where to.
-fn told(session: &SessionInfo) -> String {
+fn describe(session: &SessionInfo) -> String {
     let name = &session.name;
     let Some(notice) = Notice::read(session) else {
         return format!("`{name}`, which is starting");

@@ -84,7 +84,7 @@ pub(crate) fn command(arguments: &CompareArguments, name: &str) -> Result<Exit, 
     }
     let baseline = file.find(name)?;
     let judgement = judge(&arguments.a, name, baseline, &file)?;
-    output::result(arguments.json, &judgement, || judgement.told())?;
+    output::result(arguments.json, &judgement, || judgement.describe())?;
     Ok(judgement.verdict.exit())
 }
 
@@ -195,7 +195,7 @@ fn update(
         figures: changes,
     };
     let is_changed = !told.identity.is_empty() || !told.figures.is_empty();
-    output::result(arguments.json, &told, || told.told())?;
+    output::result(arguments.json, &told, || told.describe())?;
     if arguments.dry_run {
         return Ok(if is_changed { Exit::Failed } else { Exit::Pass });
     }
@@ -204,7 +204,7 @@ fn update(
 }
 
 impl Judgement {
-    fn told(&self) -> String {
+    fn describe(&self) -> String {
         output::text(|text| self.write(text))
     }
 
@@ -222,14 +222,14 @@ impl Judgement {
         write_changes(text, &self.figures)?;
         if let Some(comparison) = &self.comparison {
             writeln!(text, "\nsamples: a is the baseline, b the run")?;
-            text.push_str(&comparison.told());
+            text.push_str(&comparison.describe());
         }
         Ok(())
     }
 }
 
 impl Update {
-    fn told(&self) -> String {
+    fn describe(&self) -> String {
         output::text(|text| self.write(text))
     }
 

@@ -146,7 +146,7 @@ pub(crate) fn command(arguments: &CompareArguments) -> Result<Exit, Failure> {
     let tolerances = Tolerances::typed(&arguments.tolerance);
     let comparison = compare(&arguments.a, b, &arguments.signal, &tolerances)?;
     comparison.refuse_nothing()?;
-    output::result(arguments.json, &comparison, || comparison.told())?;
+    output::result(arguments.json, &comparison, || comparison.describe())?;
     Ok(comparison.verdict.exit())
 }
 
@@ -237,7 +237,7 @@ impl Comparison {
 
     /// The comparison as a person reads it.
     #[must_use]
-    pub fn told(&self) -> String {
+    pub fn describe(&self) -> String {
         output::text(|text| self.write(text))
     }
 

@@ -114,7 +114,7 @@ pub(crate) fn replay(arguments: &ReplayArguments) -> Result<Exit, Failure> {
         }
         report => report?,
     };
-    output::result(arguments.json, &report, || report.told())?;
+    output::result(arguments.json, &report, || report.describe())?;
     Ok(report.exit())
 }
 

@@ -114,7 +114,7 @@ pub fn table(
         let json = serde_json::to_string_pretty(&exported).map_err(Failure::infrastructure)?;
         return Ok(Some(json + "\n"));
     }
-    Ok(path.is_some().then(|| exported.told()))
+    Ok(path.is_some().then(|| exported.describe()))
 }
 
 /// The form of the table: what was asked for, else what the file's name ends with.
@@ -209,7 +209,7 @@ struct Exported {
 }
 
 impl Exported {
-    fn told(&self) -> String {
+    fn describe(&self) -> String {
         let Self {
             rows,
             from_s,

@@ -58,7 +58,12 @@ fn read(path: &Path) -> Option<u64> {
 /// Does what the commands do with a file that has the begin of a recording.
 fn commands(path: &Path, folder: &Path) {
     if let Ok(comparison) = compare(path, path, &[], &Tolerances::default()) {
-        assert_eq!(comparison.verdict(), Verdict::Same, "{}", comparison.told());
+        assert_eq!(
+            comparison.verdict(),
+            Verdict::Same,
+            "{}",
+            comparison.describe()
+        );
     }
     let _ = judged(path, None);
     let _ = recorded::case(path, 0);

@@ -199,9 +199,9 @@ fn older(original: &Original) -> Vec<u8> {
 }
 
 /// Recovers a recording; returns the answer, its text form and the content of the new file.
-fn told(path: &Path) -> (Recovered, String, Said) {
+fn describe(path: &Path) -> (Recovered, String, Said) {
     let recovered = recovered(path, None).expect("recovered");
-    let text = recovered.told();
+    let text = recovered.describe();
     let said = Said::by(path);
     let vouched = said.vouched.map(|vouched| vouched as u64);
     assert_eq!(
@@ -222,7 +222,7 @@ fn a_file_of_an_older_version_is_recovered_and_marked_as_a_whole() {
         let caveat = reader.caveat().expect("it broke off");
         let nothing = "no check sum vouches for its records or for what it says of the run";
         assert!(caveat.contains(nothing), "{caveat}");
-        let (recovered, text, said) = told(&path);
+        let (recovered, text, said) = describe(&path);
         assert_eq!((recovered.records, recovered.vouched_records), (60, 0));
         assert!(text.contains(nothing), "{text}");
         assert!(recovered.reason.expect("a reason").contains(nothing));
@@ -244,7 +244,7 @@ fn records_of_a_torn_chunk_are_marked_also_in_a_file_that_breaks_off_again() {
         let original = Original::new(compression);
         let torn = packed(&original)[2];
         let path = original.with(&original.bytes[..usize::midpoint(torn.0, torn.1)]);
-        let (recovered, text, _) = told(&path);
+        let (recovered, text, _) = describe(&path);
         assert!(
             recovered.records > 40,
             "{compression:?}: {}",
@@ -256,7 +256,7 @@ fn records_of_a_torn_chunk_are_marked_also_in_a_file_that_breaks_off_again() {
         // The new sums cover the same records as the old ones did not.
         let again = std::fs::read(&path).expect("read");
         let path = original.with(&again[..again.len() - 1000]);
-        let (recovered, text, _) = told(&path);
+        let (recovered, text, _) = describe(&path);
         assert_eq!(recovered.vouched_records, 40, "{compression:?}");
         assert!(text.contains(first), "{text}");
     }
@@ -269,7 +269,7 @@ fn a_file_that_broke_off_behind_a_sum_is_vouched_for_up_to_there() {
         let mark = 21;
         for (cut, vouched) in [(mark, None), (mark - 1, Some(40)), (0, Some(40))] {
             let path = original.with(&original.bytes[..original.end_of_chunks() + cut]);
-            let (recovered, _, said) = told(&path);
+            let (recovered, _, said) = describe(&path);
             assert_eq!(
                 (recovered.records, said.vouched),
                 (60, vouched),

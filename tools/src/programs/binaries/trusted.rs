@@ -69,7 +69,7 @@ fn walk(path: &Path) -> Result<(PathBuf, Metadata), String> {
         if links > MOST_LINKS {
             return Err(format!("{} leads through too many links", path.display()));
         }
-        let target = fs::read_link(&next).map_err(|error| told(&next, &error))?;
+        let target = fs::read_link(&next).map_err(|error| describe(&next, &error))?;
         if target.is_absolute() {
             at = PathBuf::from("/");
         }
@@ -90,13 +90,13 @@ fn parts(path: &Path) -> Vec<OsString> {
     parts
 }
 
-fn told(path: &Path, error: &std::io::Error) -> String {
+fn describe(path: &Path, error: &std::io::Error) -> String {
     format!("{}: {error}", path.display())
 }
 
 /// Returns the metadata of what is at a path, if only this user and root can have put it there.
 fn looked_at(path: &Path) -> Result<Metadata, String> {
-    let found = fs::symlink_metadata(path).map_err(|error| told(path, &error))?;
+    let found = fs::symlink_metadata(path).map_err(|error| describe(path, &error))?;
     let (shown, user) = (path.display(), geteuid().as_raw());
     let owner = found.uid();
     if owner != user && owner != 0 {

@@ -27,7 +27,7 @@ fn honest() -> Recorded {
     }
 }
 
-fn told(clock: Clock, change: impl FnOnce(&mut Recorded, &mut RunEnd)) -> Option<String> {
+fn describe(clock: Clock, change: impl FnOnce(&mut Recorded, &mut RunEnd)) -> Option<String> {
     let mut plan = plan();
     plan.run.clock = clock;
     let mut recorded = honest();
@@ -39,12 +39,12 @@ fn told(clock: Clock, change: impl FnOnce(&mut Recorded, &mut RunEnd)) -> Option
 
 #[track_caller]
 fn believed(clock: Clock, change: impl FnOnce(&mut Recorded, &mut RunEnd)) {
-    assert_eq!(told(clock, change), None);
+    assert_eq!(describe(clock, change), None);
 }
 
 #[track_caller]
 fn doubted(clock: Clock, wanted: &str, change: impl FnOnce(&mut Recorded, &mut RunEnd)) {
-    let what = told(clock, change).expect("a contradiction");
+    let what = describe(clock, change).expect("a contradiction");
     assert!(what.contains(wanted), "{what}");
 }
 

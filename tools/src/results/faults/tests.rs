@@ -109,11 +109,11 @@ fn a_summary_tells_size_end_and_source_of_every_fault() {
     ]);
     assert_eq!(serde_json::to_value(&faults).expect("JSON"), expected);
     assert_eq!(
-        faults[0].told(),
+        faults[0].describe(),
         "fault 1 bias at step 10, measured.x_m 2.5 m, measured.v NO EFFECT"
     );
     assert_eq!(
-        faults[1].told(),
+        faults[1].describe(),
         "fault 2 bias (live) at step 41, command.u_n 0.5 m (cleared at step 60)"
     );
 }
@@ -159,7 +159,7 @@ fn a_fault_that_never_took_hold_says_why() {
             (None, Some(reason))
         );
         assert_eq!(
-            fault.told(),
+            fault.describe(),
             format!("fault {id} bias never took hold: {reason}")
         );
     }
@@ -180,5 +180,8 @@ fn without_the_plants_last_word_sizes_are_unknown() {
         (effect.max_effect, effect.acted_steps, effect.no_effect),
         (None, None, false)
     );
-    assert_eq!(fault.told(), "fault 1 bias at step 10, x of unknown size");
+    assert_eq!(
+        fault.describe(),
+        "fault 1 bias at step 10, x of unknown size"
+    );
 }

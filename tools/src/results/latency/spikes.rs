@@ -58,7 +58,7 @@ impl Since {
     }
 
     /// In words; `None` if nothing happened.
-    fn told(&self) -> Option<String> {
+    fn describe(&self) -> Option<String> {
         let mut parts = Vec::new();
         if self.from_core != self.core {
             parts.push(format!(
@@ -92,7 +92,7 @@ impl Spike {
             return "no look before it".into();
         }
         let told: Vec<String> = (threads.into_iter())
-            .filter_map(|(who, since)| Some(format!("{who} {}", since?.told()?)))
+            .filter_map(|(who, since)| Some(format!("{who} {}", since?.describe()?)))
             .collect();
         if told.is_empty() {
             "neither thread noticed".into()
@@ -103,7 +103,7 @@ impl Spike {
 
     /// Step, size and surroundings in words.
     #[must_use]
-    pub fn told(&self) -> String {
+    pub fn describe(&self) -> String {
         let round_trip = shown_ns(self.round_trip_ns);
         let controller = shown_ns(self.controller_ns);
         let (step, seen) = (self.step, self.surroundings());
@@ -282,7 +282,7 @@ mod tests {
             assert_eq!((worst.controller_ns, worst.plant_ns), (300, 700));
             assert_eq!(worst.surroundings(), told);
             let whole = format!("step 1000, 812 us, of which controller 300 ns; {told}");
-            assert_eq!(worst.told(), whole);
+            assert_eq!(worst.describe(), whole);
         }
     }
 

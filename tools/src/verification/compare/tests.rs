@@ -143,7 +143,7 @@ fn runs_of_two_lengths_differ_in_length_and_not_in_the_command_that_the_shorter_
             format!("first difference at step 4 (0.004 s): only the {which} run has ended");
         assert_eq!(first(&comparison), expected);
         assert_eq!(comparison.signals, []);
-        let told = comparison.told();
+        let told = comparison.describe();
         assert!(
             told.contains(&format!("lengths differ: {lengths}")),
             "{told}"

@@ -155,7 +155,7 @@ impl Report {
     }
 
     /// The report as a person reads it.
-    pub(super) fn told(&self) -> String {
+    pub(super) fn describe(&self) -> String {
         output::text(|text| self.write(text))
     }
 
@@ -181,7 +181,7 @@ impl Report {
             self.sim_time_s,
             self.wall_time_s,
             self.realtime_factor,
-            told_names(&self.compared)
+            listed(&self.compared)
         )?;
         if self.unanswered_steps > 0 {
             writeln!(
@@ -236,7 +236,7 @@ impl Report {
     }
 }
 
-fn told_names(names: &[String]) -> String {
+fn listed(names: &[String]) -> String {
     let commands = names.iter().filter(|name| name.starts_with("command."));
     let commands = commands.count();
     let internals = (names.len() - commands) as u64;

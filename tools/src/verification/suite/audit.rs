@@ -168,11 +168,11 @@ fn tell(
     output::write(&if json {
         text
     } else {
-        format!("{}{}", reference.table, told(repetitions))
+        format!("{}{}", reference.table, describe(repetitions))
     })
 }
 
-fn told(repetitions: &[Repetition<'_>]) -> String {
+fn describe(repetitions: &[Repetition<'_>]) -> String {
     let mut text = String::from("\n");
     for one in repetitions {
         let condition = one.condition;

@@ -110,11 +110,11 @@ impl Thread {
         let told = match answered {
             Ok(Response::Refused { problems }) => refused_text(&problems),
             Ok(Response::Status(status)) => {
-                let told = clock::told(&status);
+                let told = clock::describe(&status);
                 self.model.lock().hear_status(status);
                 told
             }
-            Ok(response) => match inject::told(&response) {
+            Ok(response) => match inject::describe(&response) {
                 Ok(told) => told,
                 Err(RequestError::Failed(failure)) => failure.to_string(),
                 Err(RequestError::Refused(problems)) => refused_text(&problems),

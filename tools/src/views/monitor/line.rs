@@ -13,7 +13,7 @@ pub(crate) fn ended(model: &Model, ending: &Ending) -> String {
     text += &match (&ending.verdict, ending.outcome) {
         (Some(verdict), _) => verdict.clone(),
         (None, _) if ending.is_abandoned => "hil is gone without a summary".into(),
-        (None, Some(outcome)) => told(outcome).into(),
+        (None, Some(outcome)) => describe(outcome).into(),
         (None, None) if ending.is_gone => "without a word".into(),
         (None, None) => "no record comes any more".into(),
     };
@@ -33,7 +33,7 @@ pub(crate) fn ended(model: &Model, ending: &Ending) -> String {
     text
 }
 
-const fn told(outcome: Outcome) -> &'static str {
+const fn describe(outcome: Outcome) -> &'static str {
     match outcome {
         Outcome::Completed => "completed",
         Outcome::Diverged => "diverged",

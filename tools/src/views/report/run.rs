@@ -142,7 +142,7 @@ impl Run {
             requirements,
             metrics: recorded.metrics.iter().map(Metric::from).collect(),
             spans,
-            told_laws: laws.told(rate),
+            told_laws: laws.describe(rate),
             laws,
             notes,
             recorded_run,

@@ -189,7 +189,7 @@ pub(super) fn events(runs: &[Run]) -> Markup {
             h3 { (swatch(number)) (run.label) }
             @if faults.is_empty() && changes.is_empty() && run.spans.is_empty() { p { "No fault." } }
             ul {
-                @for fault in &faults { li { (fault.told()) } }
+                @for fault in &faults { li { (fault.describe()) } }
                 // Of a scenario that cannot be understood.
                 @if faults.is_empty() { @for span in &run.spans {
                     li { "fault " (span.event) " " (span.kind) " from " (seconds(span.from_s)) " s" }
