@@ -7,11 +7,16 @@
 
 #[doc(hidden)]
 pub mod flag;
+mod names;
+pub mod number;
+pub mod row;
 #[doc(hidden)]
 pub mod rule;
 
 use serde::{Deserialize, Serialize};
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
+
+pub use names::{derivative_of, listed, near, nearest, unit_of_name};
 
 /// One column: a signal or a parameter.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -377,201 +382,6 @@ pub fn canonical(value: f64) -> f64 {
         f64::NAN
     } else {
         value + 0.0
-    }
-}
-
-/// The unit that a name's ending stands for, for example `rad` for `surface_angle_rad`.
-///
-/// For what nothing describes: reference signals that the law does not know, and derived signals and
-/// metrics whose expression has no unit of its signals. The part after `_per_` or `_sqrt_` is a part of a
-/// unit and tells none.
-#[must_use]
-pub fn unit_of_name(name: &str) -> Option<&'static str> {
-    const UNITS: [(&str, &str); 19] = [
-        ("rad", "rad"),
-        ("radps", "rad/s"),
-        ("radps2", "rad/s2"),
-        ("m", "m"),
-        ("mps", "m/s"),
-        ("mps2", "m/s2"),
-        ("pa", "Pa"),
-        ("n", "N"),
-        ("nm", "N m"),
-        ("kg", "kg"),
-        ("m3", "m3"),
-        ("m3ps", "m3/s"),
-        ("a", "A"),
-        ("v", "V"),
-        ("s", "s"),
-        ("hz", "Hz"),
-        ("k", "K"),
-        ("j", "J"),
-        ("w", "W"),
-    ];
-    let (rest, ending) = name.rsplit_once('_')?;
-    if rest.split('_').any(|word| matches!(word, "per" | "sqrt")) {
-        return None;
-    }
-    UNITS
-        .iter()
-        .find(|(suffix, _)| *suffix == ending)
-        .map(|(_, unit)| *unit)
-}
-
-/// The name and unit of a signal's derivative: `surface_angle_rad` gives `surface_angle_d2_radps2`
-/// in `rad/s2` for the second.
-#[must_use]
-pub fn derivative_of(name: &str, unit: &str, order: usize) -> (String, String) {
-    let power = if order == 1 {
-        String::new()
-    } else {
-        order.to_string()
-    };
-    let name = match name.rsplit_once('_') {
-        Some((stem, ending)) => format!("{stem}_d{order}_{ending}ps{power}"),
-        None => format!("{name}_d{order}_ps{power}"),
-    };
-    (name, format!("{unit}/s{power}"))
-}
-
-/// Up to three names that are closest to an unknown one, best first.
-#[must_use]
-pub fn nearest<'a>(wanted: &str, known: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
-    /// Longer than any name that somebody misspells; comparing takes the product of both lengths.
-    const LONGEST: usize = 256;
-    if wanted.len() > LONGEST {
-        return Vec::new();
-    }
-    let mut scored: Vec<(f64, &str)> = known
-        .into_iter()
-        .map(|name| (strsim::jaro_winkler(wanted, name), name))
-        .filter(|(score, _)| *score > 0.6)
-        .collect();
-    scored.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(b.1)));
-    scored.into_iter().take(3).map(|(_, name)| name).collect()
-}
-
-/// Writes names as text: `` `a`, `b` ``.
-#[must_use]
-pub fn listed<S: AsRef<str>>(names: &[S]) -> String {
-    let names: Vec<String> = names
-        .iter()
-        .map(|name| format!("`{}`", name.as_ref()))
-        .collect();
-    names.join(", ")
-}
-
-/// Writes the names closest to an unknown one, to be put behind what is said of it; empty if none is close.
-#[must_use]
-pub fn near<'a>(name: &str, names: impl IntoIterator<Item = &'a str>) -> String {
-    let near = nearest(name, names);
-    match near.is_empty() {
-        true => String::new(),
-        false => format!("; nearest: {}", listed(&near)),
-    }
-}
-
-/// A table's row inside something that serde writes.
-pub mod row {
-    use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
-
-    use super::Table;
-
-    /// Writes the row.
-    #[expect(clippy::missing_errors_doc, reason = "serde's contract")]
-    pub fn serialize<T: Table, S: Serializer>(table: &T, serializer: S) -> Result<S::Ok, S::Error> {
-        table.row().serialize(serializer)
-    }
-
-    /// Reads the row.
-    #[expect(clippy::missing_errors_doc, reason = "serde's contract")]
-    pub fn deserialize<'de, T: Table, D: Deserializer<'de>>(d: D) -> Result<T, D::Error> {
-        let row = Vec::<f64>::deserialize(d)?;
-        if row.len() == T::LEN {
-            Ok(T::from_row(&row))
-        } else {
-            Err(D::Error::invalid_length(
-                row.len(),
-                &"a number for each column",
-            ))
-        }
-    }
-}
-
-/// Numbers in JSON, where `inf`, `-inf` and `nan` travel as text.
-pub mod number {
-    use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
-
-    #[derive(Serialize, Deserialize)]
-    #[serde(untagged)]
-    enum Number {
-        Finite(f64),
-        Text(String),
-    }
-
-    fn wrap(value: f64) -> Number {
-        if value.is_finite() {
-            Number::Finite(value)
-        } else {
-            Number::Text(value.to_string())
-        }
-    }
-
-    fn unwrap<E: Error>(number: Number) -> Result<f64, E> {
-        match number {
-            Number::Finite(value) => Ok(value),
-            Number::Text(text) => text.parse().map_err(E::custom),
-        }
-    }
-
-    /// Writes a number.
-    #[expect(clippy::missing_errors_doc, reason = "serde's contract")]
-    pub fn serialize<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
-        wrap(*value).serialize(serializer)
-    }
-
-    /// Reads a number.
-    #[expect(clippy::missing_errors_doc, reason = "serde's contract")]
-    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
-        unwrap(Number::deserialize(deserializer)?)
-    }
-
-    /// Optional numbers in the same form.
-    pub mod option {
-        use super::{Deserialize, Deserializer, Number, Serialize, Serializer, unwrap, wrap};
-
-        /// Writes a number or null.
-        #[expect(clippy::missing_errors_doc, reason = "serde's contract")]
-        pub fn serialize<S: Serializer>(value: &Option<f64>, s: S) -> Result<S::Ok, S::Error> {
-            value.map(wrap).serialize(s)
-        }
-
-        /// Reads a number or null.
-        #[expect(clippy::missing_errors_doc, reason = "serde's contract")]
-        pub fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<Option<f64>, D::Error> {
-            Option::<Number>::deserialize(d)?.map(unwrap).transpose()
-        }
-    }
-
-    /// Lists of numbers in the same form.
-    pub mod list {
-        use super::{Deserialize, Deserializer, Number, Serialize, Serializer, unwrap, wrap};
-
-        /// Writes numbers.
-        #[expect(clippy::missing_errors_doc, reason = "serde's contract")]
-        pub fn serialize<S: Serializer>(values: &[f64], s: S) -> Result<S::Ok, S::Error> {
-            let numbers: Vec<Number> = values.iter().map(|v| wrap(*v)).collect();
-            numbers.serialize(s)
-        }
-
-        /// Reads numbers.
-        #[expect(clippy::missing_errors_doc, reason = "serde's contract")]
-        pub fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<Vec<f64>, D::Error> {
-            Vec::<Number>::deserialize(d)?
-                .into_iter()
-                .map(unwrap)
-                .collect()
-        }
     }
 }
 

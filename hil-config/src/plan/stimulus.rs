@@ -1,0 +1,147 @@
+//! Courses of the reference signals.
+
+use serde::{Deserialize, Serialize};
+use shared_types::table::{Field, derivative_of};
+
+/// A reference signal with the derivatives its waveform has.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Stimulus {
+    /// Name of the reference signal.
+    pub target: String,
+    /// Its unit.
+    pub unit: String,
+    /// Its course.
+    pub waveform: Waveform,
+}
+
+impl Stimulus {
+    /// The reference signals it makes: the target and its derivatives in rising order.
+    #[must_use]
+    pub fn fields(&self) -> Vec<Field> {
+        let mut fields = vec![Field::signal(
+            &self.target,
+            &self.unit,
+            "Command of the rig.",
+        )];
+        for order in 1..=self.waveform.derivatives() {
+            let (name, unit) = derivative_of(&self.target, &self.unit, order);
+            let text = format!("Time derivative {order} of `{}`.", self.target);
+            fields.push(Field::signal(&name, &unit, &text));
+        }
+        fields
+    }
+}
+
+/// The course of a reference signal. Sizes are in the target's unit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
+pub enum Waveform {
+    /// `atan(a sin(2 pi f t)) (1 - exp(-c t^3))`, section 4 of the paper with a = 0.2, f = 1, c = 0.1.
+    Paper {
+        /// a.
+        amplitude: f64,
+        /// f in Hz.
+        frequency_hz: f64,
+        /// c in 1/s^3.
+        onset_per_s3: f64,
+    },
+    /// `before` until `at_s`, then `after`.
+    Step {
+        /// Time of the step in s.
+        at_s: f64,
+        /// Value before.
+        before: f64,
+        /// Value from then on.
+        after: f64,
+    },
+    /// `start` until `at_s`, then a constant slope until `end`, then `end`.
+    Ramp {
+        /// Begin in s.
+        at_s: f64,
+        /// Length in s, above 0.
+        duration_s: f64,
+        /// Value before.
+        start: f64,
+        /// Value after.
+        end: f64,
+    },
+    /// `offset + amplitude sin(2 pi f t + phase)`.
+    Sine {
+        /// Amplitude.
+        amplitude: f64,
+        /// f in Hz.
+        frequency_hz: f64,
+        /// Phase in rad.
+        phase_rad: f64,
+        /// Offset.
+        offset: f64,
+    },
+    /// `offset + amplitude sin(2 pi n(t))`: a sweep from f0 to f1 in `duration_s`, then on at f1 without
+    /// a jump in phase. [`Sweep`] has the turns n.
+    Chirp {
+        /// Amplitude.
+        amplitude: f64,
+        /// f0 in Hz.
+        start_hz: f64,
+        /// f1 in Hz.
+        end_hz: f64,
+        /// d in s, above 0.
+        duration_s: f64,
+        /// Offset.
+        offset: f64,
+        /// Course of the frequency from f0 to f1.
+        #[serde(default, skip_serializing_if = "Sweep::is_linear")]
+        sweep: Sweep,
+    },
+    /// Straight lines between points, constant before the first and after the last.
+    Table {
+        /// Times in s, strictly rising.
+        time_s: Vec<f64>,
+        /// Values, as many as times.
+        values: Vec<f64>,
+    },
+}
+
+/// Course of a chirp's frequency from f0 to f1 in d, and the turns that the chirp has made at t.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Sweep {
+    /// `f0 + (f1 - f0) t / d`; `n = f0 t + (f1 - f0) t^2 / (2 d)`.
+    #[default]
+    Linear,
+    /// `f0 e^(k t)` with `k = ln(f1 / f0) / d`; `n = f0 (e^(k t) - 1) / k`. Both frequencies are above 0
+    /// and differ.
+    Logarithmic,
+}
+
+impl Sweep {
+    /// Every sweep.
+    pub const ALL: [Self; 2] = [Self::Linear, Self::Logarithmic];
+
+    /// Its name in a scenario.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Linear => "linear",
+            Self::Logarithmic => "logarithmic",
+        }
+    }
+
+    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
+    fn is_linear(&self) -> bool {
+        *self == Self::Linear
+    }
+}
+
+impl Waveform {
+    /// Returns the number of time derivatives that are sent with the signal: those that exist
+    /// everywhere, and for straight lines the slope to the right.
+    #[must_use]
+    pub const fn derivatives(&self) -> usize {
+        match self {
+            Self::Paper { .. } | Self::Sine { .. } | Self::Chirp { .. } => 5,
+            Self::Ramp { .. } | Self::Table { .. } => 1,
+            Self::Step { .. } => 0,
+        }
+    }
+}

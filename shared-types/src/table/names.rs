@@ -1,0 +1,92 @@
+//! Names of signals: their units, and those closest to an unknown one.
+
+/// The unit that a name's ending stands for, for example `rad` for `surface_angle_rad`.
+///
+/// For what nothing describes: reference signals that the law does not know, and derived signals and
+/// metrics whose expression has no unit of its signals. The part after `_per_` or `_sqrt_` is a part of a
+/// unit and tells none.
+#[must_use]
+pub fn unit_of_name(name: &str) -> Option<&'static str> {
+    const UNITS: [(&str, &str); 19] = [
+        ("rad", "rad"),
+        ("radps", "rad/s"),
+        ("radps2", "rad/s2"),
+        ("m", "m"),
+        ("mps", "m/s"),
+        ("mps2", "m/s2"),
+        ("pa", "Pa"),
+        ("n", "N"),
+        ("nm", "N m"),
+        ("kg", "kg"),
+        ("m3", "m3"),
+        ("m3ps", "m3/s"),
+        ("a", "A"),
+        ("v", "V"),
+        ("s", "s"),
+        ("hz", "Hz"),
+        ("k", "K"),
+        ("j", "J"),
+        ("w", "W"),
+    ];
+    let (rest, ending) = name.rsplit_once('_')?;
+    if rest.split('_').any(|word| matches!(word, "per" | "sqrt")) {
+        return None;
+    }
+    UNITS
+        .iter()
+        .find(|(suffix, _)| *suffix == ending)
+        .map(|(_, unit)| *unit)
+}
+
+/// The name and unit of a signal's derivative: `surface_angle_rad` gives `surface_angle_d2_radps2`
+/// in `rad/s2` for the second.
+#[must_use]
+pub fn derivative_of(name: &str, unit: &str, order: usize) -> (String, String) {
+    let power = if order == 1 {
+        String::new()
+    } else {
+        order.to_string()
+    };
+    let name = match name.rsplit_once('_') {
+        Some((stem, ending)) => format!("{stem}_d{order}_{ending}ps{power}"),
+        None => format!("{name}_d{order}_ps{power}"),
+    };
+    (name, format!("{unit}/s{power}"))
+}
+
+/// Up to three names that are closest to an unknown one, best first.
+#[must_use]
+pub fn nearest<'a>(wanted: &str, known: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
+    /// Longer than any name that somebody misspells; comparing takes the product of both lengths.
+    const LONGEST: usize = 256;
+    if wanted.len() > LONGEST {
+        return Vec::new();
+    }
+    let mut scored: Vec<(f64, &str)> = known
+        .into_iter()
+        .map(|name| (strsim::jaro_winkler(wanted, name), name))
+        .filter(|(score, _)| *score > 0.6)
+        .collect();
+    scored.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(b.1)));
+    scored.into_iter().take(3).map(|(_, name)| name).collect()
+}
+
+/// Writes names as text: `` `a`, `b` ``.
+#[must_use]
+pub fn listed<S: AsRef<str>>(names: &[S]) -> String {
+    let names: Vec<String> = names
+        .iter()
+        .map(|name| format!("`{}`", name.as_ref()))
+        .collect();
+    names.join(", ")
+}
+
+/// Writes the names closest to an unknown one, to be put behind what is said of it; empty if none is close.
+#[must_use]
+pub fn near<'a>(name: &str, names: impl IntoIterator<Item = &'a str>) -> String {
+    let near = nearest(name, names);
+    match near.is_empty() {
+        true => String::new(),
+        false => format!("; nearest: {}", listed(&near)),
+    }
+}
