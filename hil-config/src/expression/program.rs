@@ -44,15 +44,38 @@ pub(super) enum Binary {
     Or,
 }
 
+/// Height that the stacks of nearly all expressions have at most: a stack costs the time to clear it.
+const LOW: usize = 4;
+
 /// A bound expression.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Program {
-    ops: Vec<Op>,
+    shape: Shape,
+}
+
+/// Shape of a program. What most expressions are needs no stack and takes a fraction of the time.
+#[derive(Clone, Debug, PartialEq)]
+enum Shape {
+    Constant(f64),
+    Load(usize),
+    Unary(Unary, usize),
+    Binary(Binary, usize, usize),
+    /// Operations on a stack that is low.
+    Low(Vec<Op>),
+    High(Vec<Op>),
 }
 
 impl Program {
-    pub(super) const fn new(ops: Vec<Op>) -> Self {
-        Self { ops }
+    pub(super) fn new(ops: Vec<Op>) -> Self {
+        let shape = match *ops.as_slice() {
+            [Op::Constant(value)] => Shape::Constant(value),
+            [Op::Load(index)] => Shape::Load(index),
+            [Op::Load(index), Op::Unary(operator)] => Shape::Unary(operator, index),
+            [Op::Load(a), Op::Load(b), Op::Binary(operator)] => Shape::Binary(operator, a, b),
+            _ if needed_stack(&ops) <= LOW => Shape::Low(ops),
+            _ => Shape::High(ops),
+        };
+        Self { shape }
     }
 
     /// Its value on a row.
@@ -60,41 +83,43 @@ impl Program {
     /// # Panics
     /// If the row is shorter than the columns that the program was bound to.
     #[must_use]
+    #[inline]
     pub fn evaluate(&self, row: &[f64]) -> f64 {
-        // What most expressions are; without the stack they take a fraction of the time.
-        match *self.ops.as_slice() {
-            [Op::Constant(value)] => return value,
-            [Op::Load(index)] => return row[index],
-            [Op::Load(index), Op::Unary(operator)] => return operator.apply(row[index]),
-            [Op::Load(a), Op::Load(b), Op::Binary(operator)] => {
-                return operator.apply(row[a], row[b]);
-            }
-            _ => {}
+        match &self.shape {
+            Shape::Constant(value) => *value,
+            Shape::Load(index) => row[*index],
+            Shape::Unary(operator, index) => operator.apply(row[*index]),
+            Shape::Binary(operator, a, b) => operator.apply(row[*a], row[*b]),
+            Shape::Low(ops) => evaluate_on([0.0; LOW], ops, row),
+            Shape::High(ops) => evaluate_on([0.0; STACK], ops, row),
         }
-        let mut stack = [0.0; STACK];
-        let mut height = 0;
-        for op in &self.ops {
-            match *op {
-                Op::Constant(value) => {
-                    stack[height] = value;
-                    height += 1;
-                }
-                Op::Load(index) => {
-                    stack[height] = row[index];
-                    height += 1;
-                }
-                Op::Unary(operator) => {
-                    stack[height - 1] = operator.apply(stack[height - 1]);
-                }
-                Op::Binary(operator) => {
-                    height -= 1;
-                    stack[height - 1] = operator.apply(stack[height - 1], stack[height]);
-                }
-                Op::Name(_) | Op::Reduced(_) => unreachable!("a program is bound"),
-            }
-        }
-        stack[0]
     }
+}
+
+#[inline(never)]
+fn evaluate_on<const HEIGHT: usize>(mut stack: [f64; HEIGHT], ops: &[Op], row: &[f64]) -> f64 {
+    let mut height = 0;
+    for op in ops {
+        match *op {
+            Op::Constant(value) => {
+                stack[height] = value;
+                height += 1;
+            }
+            Op::Load(index) => {
+                stack[height] = row[index];
+                height += 1;
+            }
+            Op::Unary(operator) => {
+                stack[height - 1] = operator.apply(stack[height - 1]);
+            }
+            Op::Binary(operator) => {
+                height -= 1;
+                stack[height - 1] = operator.apply(stack[height - 1], stack[height]);
+            }
+            Op::Name(_) | Op::Reduced(_) => unreachable!("a program is bound"),
+        }
+    }
+    stack[0]
 }
 
 /// The largest number of values on the stack at any time.
