@@ -1,6 +1,6 @@
 //! Formulas of requirements: comparisons of expressions, joined by logic and by time.
 //!
-//! Read by the check; a [`Monitor`](crate::monitor::Monitor) judges one while records arrive. Never
+//! Read by the check; [`Monitors`](crate::monitor::Monitors) judge them while records arrive. Never
 //! computes anything itself. `docs/requirements.md` tells a user the same with examples.
 //!
 //! ```text
@@ -200,18 +200,6 @@ impl Relation {
             Self::GreaterOrEqual => Self::Less,
             Self::Equal => Self::NotEqual,
             Self::NotEqual => Self::Equal,
-        }
-    }
-
-    #[inline]
-    pub(crate) fn holds(self, a: f64, b: f64) -> bool {
-        match self {
-            Self::Less => a < b,
-            Self::LessOrEqual => a <= b,
-            Self::Greater => a > b,
-            Self::GreaterOrEqual => a >= b,
-            Self::Equal => a == b,
-            Self::NotEqual => a != b,
         }
     }
 }

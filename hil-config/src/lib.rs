@@ -13,8 +13,8 @@
 //! 4. [`FaultContext`](live_faults::FaultContext) checks the faults that a running plant is asked
 //!    for, by the same code; a [`Watch`](condition::Watch) tells when the condition of one is met.
 //! 5. [`Evaluation`](evaluation::Evaluation) computes the plan's derived signals and metrics while
-//!    records arrive, from its [expressions](expression), and judges its [requirements] by a
-//!    [`Monitor`](monitor::Monitor) of each [`Formula`](formula::Formula).
+//!    records arrive, from its [expressions](expression), and judges its [requirements] by
+//!    [`Monitors`](monitor::Monitors) of all [`Formula`](formula::Formula)s.
 
 mod analysis;
 mod check;

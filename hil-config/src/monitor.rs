@@ -1,30 +1,35 @@
-//! A requirement while records arrive: whether its formula holds at step 0, by how much, and which
+//! Requirements while records arrive: whether each formula holds at step 0, by how much, and which
 //! step says so.
 //!
-//! Made from a [`Formula`] and the columns of a record by an
+//! Made from all [`Formula`]s of a run and the columns of a record by an
 //! [`Evaluation`](crate::evaluation::Evaluation), live or from a recording, then fed one row per
-//! step. Feeding allocates nothing; memory is fixed when a monitor is made. Never looks back at a row.
+//! step. Feeding allocates nothing; memory is fixed when monitors are made. Never looks back at a row.
 //!
-//! 1. [`build`](Monitor::new) takes every `not` to the comparisons, turns bounds into steps, and finds
+//! 1. [`build`](Monitors::new) takes every `not` to the comparisons, turns bounds into steps, and finds
 //!    for each part of the formula at which steps its margin is wanted and how many steps later it
-//!    is known. Parts that are known at different times are joined through delays.
-//! 2. At each row every part that has something to do computes the margin of one step, operands
-//!    first. A window of which only one result is wanted keeps one number, others keep their steps.
+//!    is known. Parts that are known at different times are joined through delays. Equal comparisons
+//!    of all formulas become one part, equal expressions one side.
+//! 2. At each row the sides and parts with something to do there, and no others, compute one value or
+//!    margin each, operands first; the lists of them change at few rows. A window of which only one result is wanted keeps one number, others keep their steps.
 //! 3. As soon as no row to come can change it the [`Verdict`] is certain; when the last step that the
 //!    formula looks at has come, the robustness is known and nothing is computed any more.
 
 mod build;
+mod context;
+mod draft;
+mod due;
 mod margin;
 mod part;
 mod window;
 
-use std::collections::HashSet;
-
 use serde::Serialize;
-use shared_types::time::{Rate, Step};
+use shared_types::time::Step;
 
-use crate::expression::{Columns, ExpressionError};
+use crate::expression::{ExpressionError, Program};
 use crate::formula::Formula;
+use build::Built;
+pub use context::FormulaContext;
+use due::{Due, Span};
 use margin::Margin;
 use part::Part;
 
@@ -52,53 +57,77 @@ impl Verdict {
     }
 }
 
-/// Signals, rate and end of the run that formulas are bound to.
+/// Formulas that are being judged.
 #[derive(Clone, Debug)]
-pub struct FormulaContext<'a> {
-    columns: &'a Columns,
-    /// The derived signals that do not exist in the last row, because they use a command.
-    without_end: HashSet<&'a str>,
-    rate: Rate,
-    /// The last step of the run, whose row has no command.
-    steps: u64,
-}
-
-/// A formula that is being judged.
-#[derive(Clone, Debug)]
-pub struct Monitor {
-    /// Operands before what is made of them; the last is the whole formula.
+pub struct Monitors {
+    /// What comparisons compare.
+    sides: Vec<Side>,
+    /// The parts of all formulas, operands before what is made of them.
     parts: Vec<Part>,
     /// The newest margin of each part.
     margins: Vec<Margin>,
-    /// The parts that the verdict hangs on before they are computed, operands first.
-    deciding: Vec<usize>,
     /// Certainty of the only margin of each part; used of the deciding parts alone.
     certain: Vec<Option<bool>>,
-    /// The first row that any part looks at.
-    from_row: u64,
+    /// The parts that verdicts hang on before they are computed, operands first.
+    deciding: Vec<usize>,
+    judgements: Vec<Judgement>,
+    /// The rows at which each part looks.
+    spans: Vec<Span>,
+    /// The work that is due at the present row.
+    due: Due,
     /// Rows so far.
     rows: u64,
+}
+
+/// An expression that comparisons compare.
+#[derive(Clone, Debug)]
+struct Side {
+    /// Its value in the present row.
+    value: f64,
+    /// None if it is a number.
+    program: Option<Program>,
+}
+
+/// Judgement of a formula by the rows so far.
+#[derive(Clone, Debug)]
+pub struct Judgement {
+    /// The part that is the whole formula.
+    whole: usize,
     decided: Option<(bool, Step)>,
     judged: Option<Margin>,
 }
 
-impl Monitor {
-    /// A formula before the first row.
+impl Monitors {
+    /// Formulas before the first row.
     ///
     /// # Errors
-    /// If a name is unknown, the formula looks beyond the end of the run, has a window without a
+    /// If a name is unknown, a formula looks beyond the end of the run, has a window without a
     /// step, or would keep too many steps.
-    pub fn new(formula: &Formula, context: &FormulaContext<'_>) -> Result<Self, ExpressionError> {
-        let parts = build::parts(formula, context)?;
-        Ok(Self {
-            margins: vec![Margin::BOTTOM; parts.len()],
-            deciding: deciding(&parts),
-            certain: vec![None; parts.len()],
-            from_row: (parts.iter().map(|part| part.from_row).min()).unwrap_or(0),
-            parts,
-            rows: 0,
+    pub fn new<'a>(
+        formulas: impl IntoIterator<Item = &'a Formula>,
+        context: &FormulaContext<'_>,
+    ) -> Result<Self, ExpressionError> {
+        let mut built = Built::default();
+        for formula in formulas {
+            built.add(formula, context)?;
+        }
+        let (parts, spans, places) = draft::parts(&built.drafts);
+        let judgements = built.wholes.iter().map(|whole| Judgement {
+            whole: places[*whole],
             decided: None,
             judged: None,
+        });
+        let judgements: Vec<Judgement> = judgements.collect();
+        Ok(Self {
+            margins: parts.iter().map(Part::first_margin).collect(),
+            certain: vec![None; parts.len()],
+            deciding: deciding(&parts, &judgements),
+            judgements,
+            due: Due::new(parts.len(), &spans),
+            spans,
+            rows: 0,
+            sides: built.sides,
+            parts,
         })
     }
 
@@ -108,25 +137,49 @@ impl Monitor {
     /// If the row is shorter than the columns.
     pub fn observe(&mut self, step: Step, row: &[f64]) {
         self.rows = step.0.saturating_add(1);
-        if self.judged.is_some() || step.0 < self.from_row {
-            return;
+        let Self {
+            sides,
+            parts,
+            margins,
+            due,
+            ..
+        } = self;
+        let mut is_news = step.0 >= due.turns_at;
+        if is_news {
+            due.turn(step.0, &self.spans, parts, sides);
         }
-        for at in 0..self.parts.len() {
-            let (before, own) = self.margins.split_at_mut(at);
-            self.parts[at].observe(step.0, row, before, &mut own[0]);
+        for &at in &due.sides {
+            let side = &mut sides[at];
+            if let Some(program) = &side.program {
+                side.value = program.evaluate(row);
+            }
         }
-        let whole = self.parts.len() - 1;
-        if self.decided.is_none() {
-            self.ascertain(step.0);
-            self.decided = self.certain[whole].map(|holds| (holds, step));
+        for &(at, comparison) in &due.comparisons {
+            margins[at] = comparison.margin(sides, step.0);
         }
-        if self.parts[whole].is_done(step.0) {
-            self.judged = Some(self.margins[whole]);
+        let mut begin = [0; 3];
+        for &end in &due.stages {
+            for &(at, join) in &due.joins[begin[0]..end[0]] {
+                margins[at] = join.margin(margins);
+            }
+            for &(at, window) in &due.growing[begin[1]..end[1]] {
+                let operand = margins[window.operand];
+                is_news |= window.observe(operand, &mut margins[at]);
+            }
+            for &at in &due.others[begin[2]..end[2]] {
+                let (before, own) = margins.split_at_mut(at);
+                is_news |= parts[at].observe(step.0, before, &mut own[0]);
+            }
+            begin = end;
+        }
+        if is_news {
+            self.settle(step);
         }
     }
 
-    /// Finds what is certain after the row of a step.
-    fn ascertain(&mut self, row: u64) {
+    /// Finds what is certain and what is known after the row of a step.
+    fn settle(&mut self, step: Step) {
+        let row = step.0;
         for &at in &self.deciding {
             // What is certain stays so.
             if self.certain[at].is_none() {
@@ -134,12 +187,52 @@ impl Monitor {
                 self.certain[at] = if part.is_done(row) {
                     Some(self.margins[at].holds())
                 } else {
-                    part.certain(&self.certain)
+                    part.certain(&self.certain, self.margins[at])
                 };
+            }
+        }
+        for judgement in &mut self.judgements {
+            let whole = judgement.whole;
+            if judgement.decided.is_none() {
+                judgement.decided = self.certain[whole].map(|holds| (holds, step));
+            }
+            if judgement.judged.is_none() && self.parts[whole].is_done(row) {
+                judgement.judged = Some(self.margins[whole]);
             }
         }
     }
 
+    /// The judgement of each formula, in their order.
+    #[must_use]
+    pub fn judgements(&self) -> &[Judgement] {
+        &self.judgements
+    }
+
+    /// Between which two sizes the robustness of each formula will be, whatever comes; infinite where
+    /// the rows so far say nothing. Of an `always` the second is the least margin so far.
+    #[must_use]
+    pub fn bounds(&self) -> Vec<[f64; 2]> {
+        let last_row = self.rows.checked_sub(1);
+        let mut bounds = vec![margin::ANY; self.parts.len()];
+        for &at in &self.deciding {
+            let part = &self.parts[at];
+            bounds[at] = match last_row {
+                Some(row) if part.is_done(row) => [self.margins[at].size(); 2],
+                _ => part.bounds(&bounds, self.margins[at]),
+            };
+        }
+        let judgements = self.judgements.iter();
+        judgements.map(|one| bounds[one.whole]).collect()
+    }
+
+    /// Bytes that they keep beside themselves, whatever comes.
+    #[must_use]
+    pub fn kept_bytes(&self) -> usize {
+        self.parts.iter().map(Part::kept_bytes).sum()
+    }
+}
+
+impl Judgement {
     /// The verdict so far.
     #[must_use]
     pub const fn verdict(&self) -> Verdict {
@@ -164,57 +257,27 @@ impl Monitor {
     #[must_use]
     pub const fn robustness(&self) -> Option<f64> {
         match self.judged {
-            Some(margin) => Some(margin.size),
+            Some(margin) => Some(margin.size()),
             None => None,
         }
-    }
-
-    /// Between which two sizes the robustness will be, whatever comes; infinite where the rows so far
-    /// say nothing. Of an `always` the second is the least margin so far.
-    #[must_use]
-    pub fn bounds(&self) -> [f64; 2] {
-        match self.judged {
-            Some(margin) => [margin.size; 2],
-            None => self.bounds_so_far(),
-        }
-    }
-
-    fn bounds_so_far(&self) -> [f64; 2] {
-        let last_row = self.rows.checked_sub(1);
-        let mut bounds = vec![margin::ANY; self.parts.len()];
-        for &at in &self.deciding {
-            let part = &self.parts[at];
-            bounds[at] = match last_row {
-                Some(row) if part.is_done(row) => [self.margins[at].size; 2],
-                _ => part.bounds(&bounds),
-            };
-        }
-        bounds[self.parts.len() - 1]
     }
 
     /// The step whose comparison the robustness comes from: the worst for `always`, the best for
     /// `eventually`.
     #[must_use]
     pub fn judged_by(&self) -> Option<Step> {
-        let margin = self.judged.filter(|margin| margin.step != u64::MAX)?;
-        Some(Step(margin.step))
-    }
-
-    /// Bytes that it keeps beside itself, whatever comes.
-    #[must_use]
-    pub fn kept_bytes(&self) -> usize {
-        self.parts.iter().map(Part::kept_bytes).sum()
+        self.judged?.step().map(Step)
     }
 }
 
-/// The parts with a single margin that the whole is made of without a window, operands first.
-fn deciding(parts: &[Part]) -> Vec<usize> {
+/// The parts with a single margin that the wholes are made of without a window, operands first.
+fn deciding(parts: &[Part], judgements: &[Judgement]) -> Vec<usize> {
     let mut is_deciding = vec![false; parts.len()];
-    if let Some(whole) = is_deciding.last_mut() {
-        *whole = true;
+    for judgement in judgements {
+        is_deciding[judgement.whole] = true;
     }
     for (at, part) in parts.iter().enumerate().rev() {
-        is_deciding[at] &= part.is_single();
+        is_deciding[at] &= part.is_single;
         if is_deciding[at] {
             for operand in part.joined().into_iter().flatten() {
                 is_deciding[operand] = true;

@@ -7,7 +7,7 @@ use serde::Serialize;
 use shared_types::time::{Rate, Step};
 
 use crate::expression::{Columns, ExpressionError};
-use crate::monitor::{FormulaContext, Monitor, Verdict};
+use crate::monitor::{FormulaContext, Monitors, Verdict};
 use crate::plan::Plan;
 
 /// The requirements of a run.
@@ -19,7 +19,8 @@ pub(crate) struct Requirements {
     /// The step of the next row.
     next: u64,
     missing: Vec<f64>,
-    monitors: Vec<(Stated, Monitor)>,
+    stated: Vec<Stated>,
+    monitors: Monitors,
 }
 
 /// Name, formula and unit of a requirement.
@@ -54,47 +55,42 @@ impl Requirements {
     /// The requirements of a plan before the first row, whose columns include the derived signals.
     pub(crate) fn new(plan: &Plan, columns: &Columns) -> Result<Self, ExpressionError> {
         let context = FormulaContext::new(columns, &plan.derived, plan.run.rate, plan.run.steps);
-        let monitors = plan.requirements.iter().map(|requirement| {
-            let stated = Stated {
-                name: requirement.name.clone(),
-                formula: requirement.formula.to_string(),
-                unit: requirement.unit.clone(),
-            };
-            Ok((stated, Monitor::new(&requirement.formula, &context)?))
+        let stated = plan.requirements.iter().map(|requirement| Stated {
+            name: requirement.name.clone(),
+            formula: requirement.formula.to_string(),
+            unit: requirement.unit.clone(),
         });
+        let formulas = plan.requirements.iter().map(|one| &one.formula);
         Ok(Self {
             rate: plan.run.rate,
             steps: plan.run.steps,
             next: 0,
             missing: vec![f64::NAN; columns.len()],
-            monitors: monitors.collect::<Result<_, _>>()?,
+            stated: stated.collect(),
+            monitors: Monitors::new(formulas, &context)?,
         })
     }
 
     /// Takes the row of a step. Steps must rise.
     pub(crate) fn observe(&mut self, step: Step, row: &[f64]) {
         while self.next < step.0 && self.next <= self.steps {
-            for (_, monitor) in &mut self.monitors {
-                monitor.observe(Step(self.next), &self.missing);
-            }
+            self.monitors.observe(Step(self.next), &self.missing);
             self.next += 1;
         }
-        for (_, monitor) in &mut self.monitors {
-            monitor.observe(step, row);
-        }
+        self.monitors.observe(step, row);
         self.next = step.0.saturating_add(1);
     }
 
     /// Between which two sizes the robustness of each will be.
     pub(crate) fn bounds(&self) -> Vec<[f64; 2]> {
-        let monitors = self.monitors.iter();
-        monitors.map(|(_, monitor)| monitor.bounds()).collect()
+        self.monitors.bounds()
     }
 
     /// Returns the result of each requirement, in the plan's order.
     pub(crate) fn values(&self) -> Vec<RequirementValue> {
         let seconds = |step: Option<Step>| step.map(|step| self.rate.seconds(step));
-        let values = self.monitors.iter().map(|(stated, monitor)| {
+        let judged = self.stated.iter().zip(self.monitors.judgements());
+        let values = judged.map(|(stated, judgement)| {
             let Stated {
                 name,
                 formula,
@@ -103,11 +99,11 @@ impl Requirements {
             RequirementValue {
                 name,
                 formula,
-                verdict: monitor.verdict(),
-                robustness: monitor.robustness(),
+                verdict: judgement.verdict(),
+                robustness: judgement.robustness(),
                 unit,
-                at_s: seconds(monitor.judged_by()),
-                decided_at_s: seconds(monitor.decided_at()),
+                at_s: seconds(judgement.judged_by()),
+                decided_at_s: seconds(judgement.decided_at()),
             }
         });
         values.collect()

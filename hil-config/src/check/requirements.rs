@@ -6,7 +6,7 @@ use super::run::Grid;
 use super::signals::report;
 use crate::expression::Columns;
 use crate::formula::Formula;
-use crate::monitor::{FormulaContext, Monitor};
+use crate::monitor::{FormulaContext, Monitors};
 use crate::plan::{Derived, Requirement};
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
@@ -81,7 +81,7 @@ fn formula(
                 errors.extend(formula.unit(known).err());
             }
             if let (Some(context), true) = (context, errors.is_empty()) {
-                errors.extend(Monitor::new(&formula, context).err());
+                errors.extend(Monitors::new([&formula], context).err());
             }
             (Some(formula), errors)
         }

@@ -3,66 +3,117 @@
 /// Bounds of a size that may be any.
 pub(super) const ANY: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
-/// The smaller of two sizes, which are never NaN.
+/// The smaller of two sizes.
 pub(super) const fn smaller(a: f64, b: f64) -> f64 {
     if b < a { b } else { a }
 }
 
-/// The larger of two sizes, which are never NaN.
+/// The larger of two sizes.
 pub(super) const fn larger(a: f64, b: f64) -> f64 {
     if b > a { b } else { a }
 }
 
-/// A robustness with the step whose comparison it comes from. Never NaN: what does not exist fails
-/// by minus infinity. The sign bit is the verdict, so -0 fails and +0 holds.
+/// A robustness with the step whose comparison it comes from, as one number that is ordered like both:
+/// by size, -0 below +0, and of equal sizes by step. One order of all margins makes least and greatest
+/// distributive, so that any way to compute a formula finds the same step.
+///
+/// The upper half is the size as [`f64::total_cmp`] orders it, the lower half the step. A size is never
+/// NaN: what does not exist fails by minus infinity. The sign is the verdict, so -0 fails and +0 holds.
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
+pub(super) struct Margin(i128);
+
+/// Choice of one of two margins.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Margin {
-    pub size: f64,
-    pub step: u64,
+pub(super) struct Choice {
+    /// All bits set for the greatest: with all bits of margins turned it is the least.
+    mask: i64,
 }
 
 impl Margin {
     /// Above every other: `always` over nothing.
-    pub(super) const TOP: Self = Self {
-        size: f64::INFINITY,
-        step: u64::MAX,
-    };
+    pub(super) const TOP: Self = Self::new(f64::INFINITY, 0, u64::MAX);
     /// Below every other: `eventually` over nothing.
-    pub(super) const BOTTOM: Self = Self {
-        size: f64::NEG_INFINITY,
-        step: 0,
-    };
+    pub(super) const BOTTOM: Self = Self(!Self::TOP.0);
+
+    /// The margin of a size, or if all bits of `turned` are set of its opposite.
+    #[inline]
+    pub(super) const fn new(size: f64, turned: i64, step: u64) -> Self {
+        let bits = size.to_bits() as i64;
+        // As `f64::total_cmp` does; with all bits turned it is the opposite's.
+        let ordered = bits ^ (((bits >> 63) as u64) >> 1) as i64;
+        Self(((ordered ^ turned) as i128) << 64 | step as i128)
+    }
 
     #[inline]
     pub(super) const fn holds(self) -> bool {
-        self.size.is_sign_positive()
+        self.0 >= 0
     }
 
-    /// Returns true if the margin is below another. Of equal sizes the earlier step is below: one
-    /// order of all margins makes least and greatest distributive, so that any way to compute a
-    /// formula finds the same step.
-    #[inline]
-    fn is_below(self, other: Self) -> bool {
-        if self.size < other.size {
-            return true;
+    pub(super) const fn size(self) -> f64 {
+        let size = (self.0 >> 64) as i64;
+        if size < 0 {
+            -f64::from_bits(!size as u64)
+        } else {
+            f64::from_bits(size as u64)
         }
-        if self.size > other.size {
-            return false;
-        }
-        match (self.holds(), other.holds()) {
-            (false, true) => true,
-            (true, false) => false,
-            _ => self.step < other.step,
-        }
+    }
+
+    /// The step, or none of a margin over nothing.
+    pub(super) const fn step(self) -> Option<u64> {
+        let step = self.0 as u64;
+        if step == u64::MAX { None } else { Some(step) }
     }
 
     #[inline]
     pub(super) fn least(self, other: Self) -> Self {
-        if other.is_below(self) { other } else { self }
+        Self(self.0.min(other.0))
     }
 
     #[inline]
     pub(super) fn greatest(self, other: Self) -> Self {
-        if self.is_below(other) { other } else { self }
+        Self(self.0.max(other.0))
+    }
+}
+
+impl Choice {
+    pub(super) const LEAST: Self = Self { mask: 0 };
+    pub(super) const GREATEST: Self = Self { mask: -1 };
+
+    /// The choice of the formula, or of its opposite.
+    pub(super) const fn least_if(least: bool) -> Self {
+        if least { Self::LEAST } else { Self::GREATEST }
+    }
+
+    /// The choice of nothing.
+    pub(super) const fn none(self) -> Margin {
+        self.turn(Margin::TOP)
+    }
+
+    /// Turns the order of margins if the greatest is chosen, so that the least is the one to choose; a
+    /// second turn gives the margin back.
+    #[inline]
+    pub(super) const fn turn(self, margin: Margin) -> Margin {
+        Margin(margin.0 ^ self.mask as i128)
+    }
+
+    /// Returns true if the first is chosen.
+    #[inline]
+    pub(super) fn prefers(self, a: Margin, b: Margin) -> bool {
+        self.turn(a) < self.turn(b)
+    }
+
+    /// Returns true if the first is not chosen, whatever the steps are.
+    #[inline]
+    pub(super) const fn is_worse(self, a: Margin, b: Margin) -> bool {
+        (a.0 >> 64) as i64 ^ self.mask > (b.0 >> 64) as i64 ^ self.mask
+    }
+
+    /// The bounds of a size whose turned size has these.
+    pub(super) fn turn_bounds(self, [low, high]: [f64; 2]) -> [f64; 2] {
+        if self == Self::LEAST {
+            [low, high]
+        } else {
+            [-high, -low]
+        }
     }
 }

@@ -1,46 +1,62 @@
 //! A part of a formula at work: one margin for each row.
 //!
-//! Made by [`build`](super::build), called by the [`Monitor`](super::Monitor) at every row. At row `r`
-//! a part computes the margin of step `r - delay`.
+//! Made by [`draft`](super::draft), called by [`Monitors`](super::Monitors) at the rows at which the part
+//! is [due](super::due::Due) and no others.
 
-use super::margin::{self, Margin, larger, smaller};
-use super::window::{Greatest, Least, Since, Steps, Stretch, Until};
-use crate::expression::Program;
+use super::Side;
+use super::margin::{self, Choice, Margin, larger, smaller};
+use super::window::{Chain, Extreme, Since, Until};
 use crate::formula::Relation;
 
 /// A part of a formula.
 #[derive(Clone, Debug)]
 pub(super) struct Part {
     pub work: Work,
-    /// The steps whose margin is wanted, both ends included; nothing if the first is above the last.
-    pub first: u64,
-    pub last: u64,
-    /// Number of rows after the row of its own step at which a margin is known.
-    pub delay: u64,
-    /// The first row that it looks at.
-    pub from_row: u64,
+    /// True if only one margin of the part is wanted.
+    pub is_single: bool,
+    /// The row at which every margin that is wanted was computed.
+    pub done_at: u64,
 }
 
 /// Work of a part. Operands are places among the parts before it.
 #[derive(Clone, Debug)]
 pub(super) enum Work {
-    Comparison {
-        relation: Relation,
-        left: Program,
-        right: Program,
-    },
-    And(usize, usize),
-    Or(usize, usize),
+    Comparison(Comparison),
+    Join(Join),
+    Growing(Growing),
     /// An operand that is known earlier than what it is joined with.
     Delay(Delay),
-    /// `always`, `historically`.
-    Every(usize, Window<Least>),
-    /// `eventually`, `once`.
-    Any(usize, Window<Greatest>),
-    Until(Chained, Window<Until<false>>),
-    NotUntil(Chained, Window<Until<true>>),
-    Since(Chained, Window<Since<false>>),
-    NotSince(Chained, Window<Since<true>>),
+    /// A window of `always` and its like that slides.
+    Extreme(usize, Extreme),
+    Until(Chained, Chain<Until>),
+    Since(Chained, Chain<Since>),
+}
+
+/// A comparison of two sides, as one of `left < right` and `left == right` or the opposite of one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct Comparison {
+    /// The sign bit of `left == right`, which fails by the distance, whichever side is the larger.
+    sign: u64,
+    /// All bits set of the opposite.
+    turned: i64,
+    /// Places among the sides.
+    pub left: usize,
+    pub right: usize,
+}
+
+/// `and` or `or`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Join {
+    pub choice: Choice,
+    pub a: usize,
+    pub b: usize,
+}
+
+/// A window of `always` and its like that only grows. Its own margin is what it came to so far.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Growing {
+    pub choice: Choice,
+    pub operand: usize,
 }
 
 /// The operands of `until` and `since`.
@@ -50,248 +66,209 @@ pub(super) struct Chained {
     pub reach: usize,
 }
 
+/// A ring of the margins that are not given yet.
 #[derive(Clone, Debug)]
 pub(super) struct Delay {
     pub operand: usize,
-    /// By how many rows.
-    pub by: u64,
-    /// The last margins of the operand, each at the place of its step modulo their number.
+    /// The last row at which it takes a margin of the operand.
+    pub takes_until: u64,
+    /// The first row at which it gives one.
+    pub gives_from: u64,
     pub kept: Vec<Margin>,
-}
-
-/// The window of a temporal operator.
-#[derive(Clone, Debug)]
-pub(super) struct Window<S> {
-    /// Number of rows by which the operand of a step is taken later than the step's own row.
-    pub delay: u64,
-    /// The steps of the operand that are taken, both ends included; none if the first is above.
-    pub first: u64,
-    pub last: u64,
-    /// Begin of the window from the step that is judged.
-    pub begin: i64,
-    pub steps: Steps<S>,
+    pub next_in: usize,
+    pub next_out: usize,
 }
 
 impl Part {
+    /// The margin before the first row.
+    pub(super) fn first_margin(&self) -> Margin {
+        match self.work {
+            Work::Growing(window) => window.choice.none(),
+            _ => Margin::BOTTOM,
+        }
+    }
+
     /// Returns true if every margin that is wanted was computed.
     #[inline]
     pub(super) const fn is_done(&self, row: u64) -> bool {
-        row >= self.last + self.delay
+        row >= self.done_at
     }
 
-    /// Looks at the row; `operands` are the newest margins of the parts before, `own` becomes its own.
+    /// Looks at a row; `operands` are the newest margins of the parts before, `own` becomes its own.
+    /// Returns true if a margin became certain before it is computed.
     #[inline]
-    pub(super) fn observe(
-        &mut self,
-        row: u64,
-        values: &[f64],
-        operands: &[Margin],
-        own: &mut Margin,
-    ) {
-        if row < self.from_row || row > self.last + self.delay {
-            return;
-        }
-        // While it only gathers there is no such step.
-        let step = row.checked_sub(self.delay);
-        let wanted = step.filter(|step| *step >= self.first);
+    pub(super) fn observe(&mut self, row: u64, operands: &[Margin], own: &mut Margin) -> bool {
         match &mut self.work {
-            Work::Comparison {
-                relation,
-                left,
-                right,
-            } => {
-                let (a, b) = (left.evaluate(values), right.evaluate(values));
-                *own = compared(*relation, a, b, row);
+            Work::Delay(delay) => delay.observe(row, operands, own),
+            Work::Extreme(operand, window) => *own = window.observe(row, operands[*operand]),
+            Work::Until(Chained { hold, reach }, window) => {
+                let before = window.certain();
+                *own = window.observe(row, operands[*hold], operands[*reach]);
+                return before != window.certain();
             }
-            Work::And(a, b) => *own = operands[*a].least(operands[*b]),
-            Work::Or(a, b) => *own = operands[*a].greatest(operands[*b]),
-            Work::Delay(delay) => {
-                let known = row + delay.by - self.delay;
-                let newest = (known <= self.last).then_some(known);
-                delay.observe(newest, wanted, operands, own);
+            Work::Since(Chained { hold, reach }, window) => {
+                *own = window.observe(row, operands[*hold], operands[*reach]);
             }
-            Work::Every(operand, window) => {
-                window.observe(row, wanted, own, || Least(operands[*operand]));
+            Work::Comparison(_) | Work::Join(_) | Work::Growing(_) => {
+                unreachable!("they have lists of their own")
             }
-            Work::Any(operand, window) => {
-                window.observe(row, wanted, own, || Greatest(operands[*operand]));
-            }
-            Work::Until(of, window) => window.observe(row, wanted, own, || {
-                let (hold, reach) = of.margins(operands);
-                Until { hold, reach }
-            }),
-            Work::NotUntil(of, window) => window.observe(row, wanted, own, || {
-                let (hold, reach) = of.margins(operands);
-                Until { hold, reach }
-            }),
-            Work::Since(of, window) => window.observe(row, wanted, own, || {
-                let (hold, reach) = of.margins(operands);
-                Since { hold, reach }
-            }),
-            Work::NotSince(of, window) => window.observe(row, wanted, own, || {
-                let (hold, reach) = of.margins(operands);
-                Since { hold, reach }
-            }),
         }
+        false
     }
 
     /// The operands that it joins or delays, whose margins it has.
     pub(super) const fn joined(&self) -> [Option<usize>; 2] {
         match self.work {
-            Work::And(a, b) | Work::Or(a, b) => [Some(a), Some(b)],
+            Work::Join(Join { a, b, .. }) => [Some(a), Some(b)],
             Work::Delay(Delay { operand, .. }) => [Some(operand), None],
             _ => [None; 2],
         }
     }
 
-    /// Certainty of its only margin before the margin is computed; `of` has that of each part before.
-    #[inline]
-    pub(super) fn certain(&self, of: &[Option<bool>]) -> Option<bool> {
+    /// Certainty of its only margin before the margin is computed; `of` has that of each part before and
+    /// `own` is its margin so far.
+    pub(super) fn certain(&self, of: &[Option<bool>], own: Margin) -> Option<bool> {
         match &self.work {
-            Work::Comparison { .. } => None,
-            Work::And(a, b) => match (of[*a], of[*b]) {
-                (Some(false), _) | (_, Some(false)) => Some(false),
-                (Some(true), Some(true)) => Some(true),
-                _ => None,
-            },
-            Work::Or(a, b) => match (of[*a], of[*b]) {
-                (Some(true), _) | (_, Some(true)) => Some(true),
-                (Some(false), Some(false)) => Some(false),
-                _ => None,
-            },
+            // What is least fails as soon as one fails, what is greatest holds as soon as one holds.
+            Work::Join(Join { choice, a, b }) => {
+                let one = Some(*choice == Choice::GREATEST);
+                if of[*a] == one || of[*b] == one {
+                    one
+                } else {
+                    of[*a].and(of[*b])
+                }
+            }
+            Work::Growing(window) => {
+                let one = window.choice == Choice::GREATEST;
+                (own.holds() == one).then_some(one)
+            }
             Work::Delay(delay) => of[delay.operand],
-            Work::Every(_, window) => window.certain(),
-            Work::Any(_, window) => window.certain(),
             Work::Until(_, window) => window.certain(),
-            Work::NotUntil(_, window) => window.certain(),
-            Work::Since(_, window) => window.certain(),
-            Work::NotSince(_, window) => window.certain(),
+            Work::Comparison(_) | Work::Extreme(..) | Work::Since(..) => None,
         }
     }
-}
 
-impl Part {
     /// Between which two sizes its only margin will be, before that is computed; `of` are those of
-    /// each part before.
-    pub(super) fn bounds(&self, of: &[[f64; 2]]) -> [f64; 2] {
-        let both = |a: usize, b: usize, choose: fn(f64, f64) -> f64| {
-            let ([a_low, a_high], [b_low, b_high]) = (of[a], of[b]);
-            [choose(a_low, b_low), choose(a_high, b_high)]
-        };
+    /// each part before and `own` is its margin so far.
+    pub(super) fn bounds(&self, of: &[[f64; 2]], own: Margin) -> [f64; 2] {
         match &self.work {
-            Work::Comparison { .. } | Work::Since(..) | Work::NotSince(..) => margin::ANY,
-            Work::And(a, b) => both(*a, *b, smaller),
-            Work::Or(a, b) => both(*a, *b, larger),
+            Work::Growing(Growing { choice, .. }) => {
+                choice.turn_bounds([f64::NEG_INFINITY, choice.turn(own).size()])
+            }
+            Work::Join(Join { choice, a, b }) => {
+                let choose = if *choice == Choice::LEAST {
+                    smaller
+                } else {
+                    larger
+                };
+                let ([a_low, a_high], [b_low, b_high]) = (of[*a], of[*b]);
+                [choose(a_low, b_low), choose(a_high, b_high)]
+            }
             Work::Delay(delay) => of[delay.operand],
-            Work::Every(_, window) => window.bounds(),
-            Work::Any(_, window) => window.bounds(),
             Work::Until(_, window) => window.bounds(),
-            Work::NotUntil(_, window) => window.bounds(),
+            Work::Comparison(_) | Work::Extreme(..) | Work::Since(..) => margin::ANY,
         }
-    }
-
-    /// Returns true if only one margin of the part is wanted.
-    #[inline]
-    pub(super) const fn is_single(&self) -> bool {
-        self.first == self.last
     }
 
     /// Bytes that it keeps beside itself.
     pub(super) fn kept_bytes(&self) -> usize {
         match &self.work {
-            Work::Comparison { .. } | Work::And(..) | Work::Or(..) => 0,
-            Work::Delay(delay) => delay.kept.capacity() * size_of::<Margin>(),
-            Work::Every(_, window) => window.steps.kept_bytes(),
-            Work::Any(_, window) => window.steps.kept_bytes(),
-            Work::Until(_, window) => window.steps.kept_bytes(),
-            Work::NotUntil(_, window) => window.steps.kept_bytes(),
-            Work::Since(_, window) => window.steps.kept_bytes(),
-            Work::NotSince(_, window) => window.steps.kept_bytes(),
+            Work::Comparison(_) | Work::Join(_) | Work::Growing(_) => 0,
+            Work::Delay(delay) => size_of_val(delay.kept.as_slice()),
+            Work::Extreme(_, window) => window.candidates.capacity() * size_of::<(u64, Margin)>(),
+            Work::Until(_, window) => window.kept_bytes(),
+            Work::Since(_, window) => window.kept_bytes(),
         }
     }
 }
 
-impl Chained {
+impl Comparison {
+    pub(super) fn new(relation: Relation, left: usize, right: usize) -> Self {
+        // The size is that of `left >= right` or `left == right`, turned or not.
+        let (is_equality, is_turned) = match relation {
+            Relation::Less | Relation::Greater => (false, true),
+            Relation::LessOrEqual | Relation::GreaterOrEqual => (false, false),
+            Relation::Equal => (true, false),
+            Relation::NotEqual => (true, true),
+        };
+        // `a > b` is `b < a`, and `a <= b` the opposite of that.
+        let (left, right) = match relation {
+            Relation::Greater | Relation::LessOrEqual => (right, left),
+            _ => (left, right),
+        };
+        Self {
+            sign: u64::from(is_equality) << 63,
+            turned: -i64::from(is_turned),
+            left,
+            right,
+        }
+    }
+
+    /// The distance of both sides, with the sign that says whether they have the relation.
     #[inline]
-    fn margins(self, operands: &[Margin]) -> (Margin, Margin) {
-        (operands[self.hold], operands[self.reach])
+    pub(super) fn margin(self, sides: &[Side], step: u64) -> Margin {
+        let (a, b) = (sides[self.left].value, sides[self.right].value);
+        let difference = a - b;
+        if difference.is_nan() {
+            return self.margin_without_difference(a, b, step);
+        }
+        self.margin_of(difference, step)
+    }
+
+    /// Without branches: which comparison comes next is nothing that a processor could foresee.
+    #[inline]
+    fn margin_of(self, difference: f64, step: u64) -> Margin {
+        // The sum is no negative zero: of equal sides `==` and `>=` hold, `!=` and `<` fail.
+        let size = f64::from_bits(difference.to_bits() | self.sign) + 0.0;
+        Margin::new(size, self.turned, step)
+    }
+
+    #[cold]
+    fn margin_without_difference(self, a: f64, b: f64, step: u64) -> Margin {
+        if a.is_nan() || b.is_nan() {
+            Margin::new(f64::NEG_INFINITY, 0, step)
+        } else {
+            // Two equal infinities.
+            self.margin_of(0.0, step)
+        }
+    }
+}
+
+impl Join {
+    #[inline]
+    pub(super) fn margin(self, margins: &[Margin]) -> Margin {
+        let (a, b) = (margins[self.a], margins[self.b]);
+        if self.choice.prefers(b, a) { b } else { a }
+    }
+}
+
+impl Growing {
+    /// Takes the operand's step of a row; `own` is the margin so far. Returns true if what the window
+    /// comes to became certain.
+    #[inline]
+    pub(super) fn observe(self, operand: Margin, own: &mut Margin) -> bool {
+        // Of most steps the size alone tells that they change nothing.
+        if self.choice.is_worse(operand, *own) || !self.choice.prefers(operand, *own) {
+            return false;
+        }
+        let before = std::mem::replace(own, operand);
+        before.holds() != operand.holds()
     }
 }
 
 impl Delay {
-    /// Keeps the margin of the operand's newest step and gives that of the wanted one.
+    /// Gives the margin that is wanted and keeps the operand's newest.
     #[inline]
-    fn observe(
-        &mut self,
-        newest: Option<u64>,
-        wanted: Option<u64>,
-        operands: &[Margin],
-        own: &mut Margin,
-    ) {
-        let places = self.kept.len() as u64;
-        if let Some(step) = newest {
-            self.kept[(step % places) as usize] = operands[self.operand];
+    fn observe(&mut self, row: u64, operands: &[Margin], own: &mut Margin) {
+        let last = self.kept.len() - 1;
+        let after = |place: usize| if place == last { 0 } else { place + 1 };
+        if row >= self.gives_from {
+            *own = self.kept[self.next_out];
+            self.next_out = after(self.next_out);
         }
-        if let Some(step) = wanted {
-            *own = self.kept[(step % places) as usize];
+        if row <= self.takes_until {
+            self.kept[self.next_in] = operands[self.operand];
+            self.next_in = after(self.next_in);
         }
     }
-}
-
-impl<S: Stretch> Window<S> {
-    /// Takes the operand's step of this row, if it is one of the window's, and gives what the window
-    /// of the wanted step comes to.
-    #[inline]
-    fn observe(
-        &mut self,
-        row: u64,
-        wanted: Option<u64>,
-        own: &mut Margin,
-        operand: impl FnOnce() -> S,
-    ) {
-        if let Some(step) = wanted {
-            self.steps.begin_at(step.saturating_add_signed(self.begin));
-        }
-        if let Some(step) = row.checked_sub(self.delay)
-            && (self.first..=self.last).contains(&step)
-        {
-            self.steps.push(operand());
-        }
-        if wanted.is_some() {
-            *own = self.steps.total().margin();
-        }
-    }
-
-    #[inline]
-    fn certain(&self) -> Option<bool> {
-        match &self.steps {
-            Steps::Growing(total) => total.certain(),
-            Steps::Sliding(_) => None,
-        }
-    }
-
-    fn bounds(&self) -> [f64; 2] {
-        match &self.steps {
-            Steps::Growing(total) => total.bounds(),
-            Steps::Sliding(_) => margin::ANY,
-        }
-    }
-}
-
-/// The margin of a comparison: the distance of both sides, with the sign that says whether it holds.
-#[inline]
-fn compared(relation: Relation, a: f64, b: f64, step: u64) -> Margin {
-    let size = if a.is_nan() || b.is_nan() {
-        f64::NEG_INFINITY
-    } else {
-        let distance = (a - b).abs();
-        // Two equal infinities have no difference, and so none that is a number.
-        let distance = if distance.is_nan() { 0.0 } else { distance };
-        if relation.holds(a, b) {
-            distance
-        } else {
-            -distance
-        }
-    };
-    Margin { size, step }
 }

@@ -1,15 +1,69 @@
-//! The window of a temporal operator: what its steps come to, in constant time for each step.
+//! The windows of temporal operators: what their steps come to, in constant time for each step.
 //!
-//! Steps in a row are a [`Stretch`], and two stretches in a row are one again. A window that only
-//! grows is one stretch; one that slides is a queue of two stacks (Tangwongsan, Hirzel and Schneider
-//! 2015, section 2): each step is pushed once, turned over once and taken away once.
+//! Of `always` and its like a window keeps the steps that can still become its least margin. Of `until`
+//! and `since` steps in a row are a [`Stretch`], and two stretches in a row are one again: a window that
+//! only grows is one stretch, one that slides is a queue of two stacks (Tangwongsan, Hirzel and
+//! Schneider 2015, section 2), in which each step is pushed once, turned over once and taken away once.
 
-use super::margin::{self, Margin, larger, smaller};
+use std::collections::VecDeque;
+
+use super::margin::{self, Choice, Margin, larger};
+
+/// A window that slides, of `always`, `eventually`, `historically` or `once`.
+#[derive(Clone, Debug)]
+pub(super) struct Extreme {
+    pub choice: Choice,
+    pub taking: Taking,
+    /// The steps that no later one is as good as, each with the row at which it was taken, in both their
+    /// orders. Never more than the capacity that the window was made with.
+    pub candidates: VecDeque<(u64, Margin)>,
+}
+
+/// Rows at which the steps of a window are taken.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Taking {
+    /// The first row at which a step of the operands is taken.
+    pub from: u64,
+    /// Number of rows for which a step stays in the window after the row at which it was taken.
+    pub stays: u64,
+}
+
+impl Extreme {
+    /// Takes the operand's step of this row, if it is one of the window's, and gives what the window
+    /// comes to.
+    #[inline]
+    pub(super) fn observe(&mut self, row: u64, operand: Margin) -> Margin {
+        let Self {
+            choice,
+            taking,
+            candidates,
+        } = self;
+        // Rows follow each other, so no more than one leaves.
+        if candidates
+            .front()
+            .is_some_and(|(taken, _)| taken + taking.stays < row)
+        {
+            candidates.pop_front();
+        }
+        if row >= taking.from {
+            let newest = choice.turn(operand);
+            while candidates.back().is_some_and(|(_, older)| *older >= newest) {
+                candidates.pop_back();
+            }
+            candidates.push_back((row, newest));
+        }
+        let best = candidates.front().map_or(Margin::TOP, |(_, best)| *best);
+        choice.turn(best)
+    }
+}
 
 /// Result of some steps in a row.
 pub(super) trait Stretch: Copy {
     /// Of no step.
     const NONE: Self;
+
+    /// Of one step, at which `f` and `g` have these margins.
+    fn new(hold: Margin, reach: Margin) -> Self;
 
     /// This stretch and the one after it.
     fn then(self, later: Self) -> Self;
@@ -24,107 +78,38 @@ pub(super) trait Stretch: Copy {
     fn bounds(self) -> [f64; 2];
 }
 
-/// `always` and `historically`: the least margin.
+/// `f until g` from the first step of the stretch on.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Least(pub Margin);
-
-/// `eventually` and `once`: the greatest margin.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Greatest(pub Margin);
-
-/// `f until g` from the first step of the stretch on, or with `FALLS` its opposite, in which least
-/// and greatest change places.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Until<const FALLS: bool> {
+pub(super) struct Until {
     /// The least margin of `f`.
-    pub hold: Margin,
+    hold: Margin,
     /// The greatest, over all steps, of the margin of `g` there and of `f` before.
-    pub reach: Margin,
+    reach: Margin,
 }
 
-/// `f since g` at the last step of the stretch, or its opposite.
+/// `f since g` at the last step of the stretch.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Since<const FALLS: bool> {
+pub(super) struct Since {
     /// The least margin of `f`.
-    pub hold: Margin,
+    hold: Margin,
     /// The greatest, over all steps, of the margin of `g` there and of `f` after.
-    pub reach: Margin,
+    reach: Margin,
 }
 
-impl Stretch for Least {
-    const NONE: Self = Self(Margin::TOP);
-
-    #[inline]
-    fn then(self, later: Self) -> Self {
-        Self(self.0.least(later.0))
-    }
-
-    fn margin(self) -> Margin {
-        self.0
-    }
-
-    #[inline]
-    fn certain(self) -> Option<bool> {
-        (!self.0.holds()).then_some(false)
-    }
-
-    fn bounds(self) -> [f64; 2] {
-        [f64::NEG_INFINITY, self.0.size]
-    }
-}
-
-impl Stretch for Greatest {
-    const NONE: Self = Self(Margin::BOTTOM);
-
-    #[inline]
-    fn then(self, later: Self) -> Self {
-        Self(self.0.greatest(later.0))
-    }
-
-    fn margin(self) -> Margin {
-        self.0
-    }
-
-    #[inline]
-    fn certain(self) -> Option<bool> {
-        self.0.holds().then_some(true)
-    }
-
-    fn bounds(self) -> [f64; 2] {
-        [self.0.size, f64::INFINITY]
-    }
-}
-
-/// The least, or with `FALLS` the greatest.
-#[inline]
-fn both<const FALLS: bool>(a: Margin, b: Margin) -> Margin {
-    if FALLS { a.greatest(b) } else { a.least(b) }
-}
-
-/// The margin of holding everywhere over no step; that of reaching is the other one.
-const fn everywhere<const FALLS: bool>() -> Margin {
-    if FALLS { Margin::BOTTOM } else { Margin::TOP }
-}
-
-const fn nowhere<const FALLS: bool>() -> Margin {
-    if FALLS { Margin::TOP } else { Margin::BOTTOM }
-}
-
-impl<const FALLS: bool> Stretch for Until<FALLS> {
+impl Stretch for Until {
     const NONE: Self = Self {
-        hold: everywhere::<FALLS>(),
-        reach: nowhere::<FALLS>(),
+        hold: Margin::TOP,
+        reach: Margin::BOTTOM,
     };
 
+    fn new(hold: Margin, reach: Margin) -> Self {
+        Self { hold, reach }
+    }
+
     fn then(self, later: Self) -> Self {
-        let later_reach = both::<FALLS>(self.hold, later.reach);
         Self {
-            hold: both::<FALLS>(self.hold, later.hold),
-            reach: if FALLS {
-                self.reach.least(later_reach)
-            } else {
-                self.reach.greatest(later_reach)
-            },
+            hold: self.hold.least(later.hold),
+            reach: self.reach.greatest(self.hold.least(later.reach)),
         }
     }
 
@@ -134,41 +119,34 @@ impl<const FALLS: bool> Stretch for Until<FALLS> {
 
     fn certain(self) -> Option<bool> {
         // Reached; or not, and what must hold until then has failed.
-        if self.reach.holds() != FALLS {
-            Some(!FALLS)
-        } else if self.hold.holds() == FALLS {
-            Some(FALLS)
+        if self.reach.holds() {
+            Some(true)
         } else {
-            None
+            (!self.hold.holds()).then_some(false)
         }
     }
 
     fn bounds(self) -> [f64; 2] {
         // What comes reaches no further than what must hold until then.
-        let (reach, hold) = (self.reach.size, self.hold.size);
-        if FALLS {
-            [smaller(reach, hold), reach]
-        } else {
-            [reach, larger(reach, hold)]
-        }
+        let (reach, hold) = (self.reach.size(), self.hold.size());
+        [reach, larger(reach, hold)]
     }
 }
 
-impl<const FALLS: bool> Stretch for Since<FALLS> {
+impl Stretch for Since {
     const NONE: Self = Self {
-        hold: everywhere::<FALLS>(),
-        reach: nowhere::<FALLS>(),
+        hold: Margin::TOP,
+        reach: Margin::BOTTOM,
     };
 
+    fn new(hold: Margin, reach: Margin) -> Self {
+        Self { hold, reach }
+    }
+
     fn then(self, later: Self) -> Self {
-        let earlier_reach = both::<FALLS>(self.reach, later.hold);
         Self {
-            hold: both::<FALLS>(self.hold, later.hold),
-            reach: if FALLS {
-                earlier_reach.least(later.reach)
-            } else {
-                earlier_reach.greatest(later.reach)
-            },
+            hold: self.hold.least(later.hold),
+            reach: self.reach.least(later.hold).greatest(later.reach),
         }
     }
 
@@ -185,6 +163,15 @@ impl<const FALLS: bool> Stretch for Since<FALLS> {
     }
 }
 
+/// The window of `until` or `since`.
+#[derive(Clone, Debug)]
+pub(super) struct Chain<S> {
+    /// The greatest of the opposites, in which least and greatest change places.
+    pub choice: Choice,
+    pub taking: Taking,
+    pub steps: Steps<S>,
+}
+
 /// The steps of a window.
 #[derive(Clone, Debug)]
 pub(super) enum Steps<S> {
@@ -197,7 +184,7 @@ pub(super) enum Steps<S> {
 /// A window that slides. Its contents never exceed the capacity that the window was made with.
 #[derive(Clone, Debug)]
 pub(super) struct Sliding<S> {
-    /// The oldest step in it.
+    /// The row at which the oldest step in it was taken.
     oldest: u64,
     /// For each of the older steps what it and all after it in this stack come to, the oldest on top.
     front: Vec<S>,
@@ -206,63 +193,86 @@ pub(super) struct Sliding<S> {
     back_total: S,
 }
 
-impl<S: Stretch> Steps<S> {
-    /// A window that slides from `first` on and holds at most `capacity` steps.
-    pub(super) fn sliding(first: u64, capacity: usize) -> Self {
-        Self::Sliding(Sliding {
-            oldest: first,
-            front: Vec::with_capacity(capacity),
-            back: Vec::with_capacity(capacity),
-            back_total: S::NONE,
-        })
+impl<S: Stretch> Chain<S> {
+    /// A window before its first step, of which at most `slides` stay if steps ever leave it.
+    pub(super) fn new(choice: Choice, taking: Taking, slides: Option<u64>) -> Self {
+        let steps = match slides {
+            None => Steps::Growing(S::NONE),
+            Some(steps) => Steps::Sliding(Sliding {
+                oldest: taking.from,
+                front: Vec::with_capacity(steps as usize),
+                back: Vec::with_capacity(steps as usize),
+                back_total: S::NONE,
+            }),
+        };
+        Self {
+            choice,
+            taking,
+            steps,
+        }
+    }
+
+    /// Takes the operands' step of this row, if it is one of the window's, and gives what the window
+    /// comes to.
+    pub(super) fn observe(&mut self, row: u64, hold: Margin, reach: Margin) -> Margin {
+        let Self {
+            choice,
+            taking,
+            steps,
+        } = self;
+        let step = (row >= taking.from).then(|| S::new(choice.turn(hold), choice.turn(reach)));
+        let total = match steps {
+            Steps::Growing(total) => {
+                *total = step.map_or(*total, |step| total.then(step));
+                *total
+            }
+            Steps::Sliding(sliding) => sliding.observe(row.saturating_sub(taking.stays), step),
+        };
+        choice.turn(total.margin())
+    }
+
+    pub(super) fn certain(&self) -> Option<bool> {
+        let certain = self.growing()?.certain();
+        certain.map(|holds| holds == (self.choice == Choice::LEAST))
+    }
+
+    pub(super) fn bounds(&self) -> [f64; 2] {
+        let bounds = self.growing().map_or(margin::ANY, Stretch::bounds);
+        self.choice.turn_bounds(bounds)
+    }
+
+    fn growing(&self) -> Option<S> {
+        match &self.steps {
+            Steps::Growing(total) => Some(*total),
+            Steps::Sliding(_) => None,
+        }
     }
 
     /// Bytes that it keeps.
     pub(super) fn kept_bytes(&self) -> usize {
-        match self {
-            Self::Growing(_) => 0,
-            Self::Sliding(Sliding { front, back, .. }) => {
+        match &self.steps {
+            Steps::Growing(_) => 0,
+            Steps::Sliding(Sliding { front, back, .. }) => {
                 (front.capacity() + back.capacity()) * size_of::<S>()
-            }
-        }
-    }
-
-    /// Takes the next step.
-    #[inline]
-    pub(super) fn push(&mut self, step: S) {
-        match self {
-            Self::Growing(total) => *total = total.then(step),
-            Self::Sliding(sliding) => {
-                sliding.back.push(step);
-                sliding.back_total = sliding.back_total.then(step);
-            }
-        }
-    }
-
-    /// Forgets the steps before this one.
-    #[inline]
-    pub(super) fn begin_at(&mut self, step: u64) {
-        if let Self::Sliding(sliding) = self {
-            while sliding.oldest < step {
-                sliding.drop_oldest();
-            }
-        }
-    }
-
-    /// Returns the stretch of all steps.
-    #[inline]
-    pub(super) fn total(&self) -> S {
-        match self {
-            Self::Growing(total) => *total,
-            Self::Sliding(sliding) => {
-                let front = sliding.front.last().copied().unwrap_or(S::NONE);
-                front.then(sliding.back_total)
             }
         }
     }
 }
 
 impl<S: Stretch> Sliding<S> {
+    /// Forgets the steps taken before a row, takes the next, if any, and gives the stretch of all.
+    fn observe(&mut self, from: u64, step: Option<S>) -> S {
+        while self.oldest < from {
+            self.drop_oldest();
+        }
+        if let Some(step) = step {
+            self.back.push(step);
+            self.back_total = self.back_total.then(step);
+        }
+        let front = self.front.last().copied().unwrap_or(S::NONE);
+        front.then(self.back_total)
+    }
+
     fn drop_oldest(&mut self) {
         if self.front.is_empty() {
             let mut total = S::NONE;

@@ -4,7 +4,7 @@ use std::thread;
 
 use hil_config::expression::{Columns, Expression, Group};
 use hil_config::formula::Formula;
-use hil_config::monitor::{FormulaContext, Monitor, Verdict};
+use hil_config::monitor::{FormulaContext, Monitors, Verdict};
 use shared_types::time::{Rate, Step};
 
 /// A thread has 2 MiB; much of it belongs to whoever calls.
@@ -28,16 +28,16 @@ fn columns() -> Columns {
 }
 
 /// A formula after rows in which the signal is the number of the step.
-fn judged(text: &str) -> Monitor {
+fn judged(text: &str) -> Monitors {
     let formula = Formula::parse(text).expect("reads");
     assert_eq!(formula.to_string(), text);
     assert_eq!(formula.unknown_names(&columns()), []);
     let (columns, rate) = (columns(), Rate::new(10.0).expect("a rate"));
     let context = FormulaContext::new(&columns, &[], rate, STEPS);
-    let mut monitor = Monitor::new(&formula.clone(), &context).expect("fits the run");
+    let mut monitor = Monitors::new([&formula.clone()], &context).expect("fits the run");
     for step in 0..=STEPS {
         monitor.observe(Step(step), &[step as f64]);
-        let [low, high] = monitor.bounds();
+        let [low, high] = monitor.bounds()[0];
         assert!(low <= high);
     }
     monitor
@@ -52,17 +52,17 @@ fn chains_of_any_length_are_judged() {
             terms.join(joint)
         };
         let all = judged(&terms(" and "));
-        assert_eq!(all.verdict(), Verdict::Pass);
-        assert_eq!(all.robustness(), Some(1.0));
+        assert_eq!(all.judgements()[0].verdict(), Verdict::Pass);
+        assert_eq!(all.judgements()[0].robustness(), Some(1.0));
         let any = judged(&terms(" or "));
-        assert_eq!(any.robustness(), Some(MANY as f64));
+        assert_eq!(any.judgements()[0].robustness(), Some(MANY as f64));
         let none = judged(&format!("not ({})", terms(" or ")));
-        assert_eq!(none.robustness(), Some(-(MANY as f64)));
+        assert_eq!(none.judgements()[0].robustness(), Some(-(MANY as f64)));
         // At step 3 the first comparison fails by 2; the chain is then not judged at step 0 only.
         let always = judged(&format!("always ({})", terms(" and ")));
-        assert_eq!(always.robustness(), Some(-2.0));
-        assert_eq!(always.judged_by(), Some(Step(3)));
-        assert_eq!(always.decided_at(), Some(Step(1)));
+        assert_eq!(always.judgements()[0].robustness(), Some(-2.0));
+        assert_eq!(always.judgements()[0].judged_by(), Some(Step(3)));
+        assert_eq!(always.judgements()[0].decided_at(), Some(Step(1)));
     });
 }
 
@@ -77,15 +77,15 @@ fn of_equal_margins_in_a_chain_the_earliest_step_is_named() {
             vec![some("[0s,0.2s]"); MANY / 100].join("and ")
         );
         let monitor = judged(chain.trim_end());
-        assert_eq!(monitor.robustness(), Some(2.0));
-        assert_eq!(monitor.judged_by(), Some(Step(2)));
+        assert_eq!(monitor.judgements()[0].robustness(), Some(2.0));
+        assert_eq!(monitor.judgements()[0].judged_by(), Some(Step(2)));
         let mixed = format!(
             "truth.x < 2 {} and always[0.1s,0.1s] truth.x < 3",
             "and eventually[0.1s,0.2s] abs(truth.x - 1) <= 2 ".repeat(MANY / 100)
         );
         let monitor = judged(&mixed);
-        assert_eq!(monitor.robustness(), Some(2.0));
-        assert_eq!(monitor.judged_by(), Some(Step(0)));
+        assert_eq!(monitor.judgements()[0].robustness(), Some(2.0));
+        assert_eq!(monitor.judgements()[0].judged_by(), Some(Step(0)));
     });
 }
 

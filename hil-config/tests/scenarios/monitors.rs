@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 
 use hil_config::expression::{Columns, Group};
 use hil_config::formula::Formula;
-use hil_config::monitor::{FormulaContext, Monitor, Verdict};
+use hil_config::monitor::{FormulaContext, Monitors, Verdict};
 use shared_types::time::{Rate, Step};
 
 /// Numbers at random, always the same ones (SplitMix64, Steele, Lea and Flood 2014).
@@ -336,11 +336,11 @@ fn columns() -> Columns {
     columns
 }
 
-fn monitor(text: &str, end: u64) -> Result<Monitor, String> {
+fn monitor(text: &str, end: u64) -> Result<Monitors, String> {
     let formula = Formula::parse(text).map_err(|error| error.to_string())?;
     let (columns, rate) = (columns(), Rate::new(10.0).expect("a rate"));
     let context = FormulaContext::new(&columns, &[], rate, end);
-    Monitor::new(&formula, &context).map_err(|error| error.to_string())
+    Monitors::new([&formula], &context).map_err(|error| error.to_string())
 }
 
 fn random_trace(draws: &mut Draws) -> Trace {
@@ -399,25 +399,35 @@ fn ten_thousand_random_formulas_are_judged_as_the_definitions_say() {
         for (k, row) in (0..).zip(&trace.rows) {
             monitor.observe(Step(k), row);
             // What is promised of the robustness is kept, and each row promises no less.
-            let [low, high] = monitor.bounds();
+            let [low, high] = monitor.bounds()[0];
             let is_kept = bounds[0] <= low && low <= size && size <= high && high <= bounds[1];
             assert!(is_kept, "{text} at {k}: {low} to {high} for {size}");
             bounds = [low, high];
-            narrowed += u32::from(monitor.robustness().is_none() && low > f64::NEG_INFINITY);
-            narrowed += u32::from(monitor.robustness().is_none() && high < f64::INFINITY);
+            narrowed += u32::from(
+                monitor.judgements()[0].robustness().is_none() && low > f64::NEG_INFINITY,
+            );
+            narrowed +=
+                u32::from(monitor.judgements()[0].robustness().is_none() && high < f64::INFINITY);
             // Once certain it is the verdict that the whole run gives.
-            if monitor.verdict() != Verdict::Undecided {
-                assert_eq!(monitor.verdict(), wanted, "{text} at {k}: {:?}", trace.rows);
-                early += u32::from(monitor.robustness().is_none());
+            if monitor.judgements()[0].verdict() != Verdict::Undecided {
+                assert_eq!(
+                    monitor.judgements()[0].verdict(),
+                    wanted,
+                    "{text} at {k}: {:?}",
+                    trace.rows
+                );
+                early += u32::from(monitor.judgements()[0].robustness().is_none());
             }
         }
-        let found = monitor.robustness().expect("the run is over");
+        let found = monitor.judgements()[0]
+            .robustness()
+            .expect("the run is over");
         assert_eq!(bounds, [found; 2], "{text}");
         let told = || format!("{text}: {found} not {size}, {:?}", trace.rows);
-        assert_eq!(monitor.verdict(), wanted, "{}", told());
+        assert_eq!(monitor.judgements()[0].verdict(), wanted, "{}", told());
         assert_eq!(found.to_bits(), size.to_bits(), "{}", told());
         let expected = (step != u64::MAX).then_some(Step(step));
-        assert_eq!(monitor.judged_by(), expected, "{}", told());
+        assert_eq!(monitor.judgements()[0].judged_by(), expected, "{}", told());
         assert_eq!(found.is_sign_positive(), is_true, "{}", told());
         judged += 1;
         passed += u32::from(is_true);
@@ -431,8 +441,41 @@ fn ten_thousand_random_formulas_are_judged_as_the_definitions_say() {
     assert!(too_long > 100, "{too_long} do not fit their run");
 }
 
+#[test]
+fn formulas_that_share_comparisons_are_judged_as_the_definitions_say() {
+    let mut draws = Draws(2015);
+    let (columns, rate) = (columns(), Rate::new(10.0).expect("a rate"));
+    let mut judged = 0;
+    while judged < 5_000 {
+        let trace = random_trace(&mut draws);
+        let end = trace.end();
+        // Few signals, relations and numbers: most comparisons stand in several formulas, in other windows.
+        let trees = (0..12).map(|_| {
+            let depth = 1 + draws.below(3);
+            Tree::random(&mut draws, depth, true)
+        });
+        let trees: Vec<Tree> = trees.filter(|one| !one.is_too_long(end as i64)).collect();
+        let formulas = trees.iter().map(|tree| Formula::parse(&tree.text()));
+        let formulas: Vec<Formula> = formulas.collect::<Result<_, _>>().expect("reads");
+        let context = FormulaContext::new(&columns, &[], rate, end);
+        let mut monitors = Monitors::new(&formulas, &context).expect("fits the run");
+        for (k, row) in (0..).zip(&trace.rows) {
+            monitors.observe(Step(k), row);
+        }
+        for (tree, judgement) in trees.iter().zip(monitors.judgements()) {
+            let (size, step) = tree.judge(0, true, &trace);
+            let found = judgement.robustness().expect("the run is over");
+            let told = || format!("{}: {found} not {size}, {:?}", tree.text(), trace.rows);
+            assert_eq!(found.to_bits(), size.to_bits(), "{}", told());
+            let expected = (step != u64::MAX).then_some(Step(step));
+            assert_eq!(judgement.judged_by(), expected, "{}", told());
+            judged += 1;
+        }
+    }
+}
+
 /// Feeds one signal and gives the monitor at the end.
-fn watched(text: &str, values: &[f64]) -> Monitor {
+fn watched(text: &str, values: &[f64]) -> Monitors {
     let end = values.len() as u64 - 1;
     let mut monitor = monitor(text, end).unwrap_or_else(|error| panic!("{text}: {error}"));
     for (k, a) in (0..).zip(values) {
@@ -475,9 +518,13 @@ fn a_formula_has_the_robustness_of_a_calculation_by_hand() {
     ];
     for (text, robustness, step) in cases {
         let monitor = watched(text, &a);
-        let found = monitor.robustness().expect(text);
+        let found = monitor.judgements()[0].robustness().expect(text);
         assert_eq!(found.to_bits(), f64::to_bits(robustness), "{text}: {found}");
-        assert_eq!(monitor.judged_by(), Some(Step(step)), "{text}");
+        assert_eq!(
+            monitor.judgements()[0].judged_by(),
+            Some(Step(step)),
+            "{text}"
+        );
     }
 }
 
@@ -528,8 +575,10 @@ fn operators_bind_as_the_grammar_says() {
                 for (k, row) in (0..).zip(&trace.rows) {
                     monitor.observe(Step(k), row);
                 }
-                let size = monitor.robustness().expect("the run is over");
-                (size.to_bits(), monitor.judged_by())
+                let size = monitor.judgements()[0]
+                    .robustness()
+                    .expect("the run is over");
+                (size.to_bits(), monitor.judgements()[0].judged_by())
             });
             assert_eq!(judged[0], judged[1], "{bare}: {:?}", trace.rows);
         }
@@ -552,8 +601,12 @@ fn a_verdict_comes_as_soon_as_it_is_certain_and_the_robustness_with_the_last_ste
         ("truth.a < 4 until[0s,0.4s] truth.a > 2", pass, 2),
     ] {
         let monitor = watched(text, &a);
-        assert_eq!(monitor.verdict(), verdict, "{text}");
-        assert_eq!(monitor.decided_at(), Some(Step(decided_at)), "{text}");
+        assert_eq!(monitor.judgements()[0].verdict(), verdict, "{text}");
+        assert_eq!(
+            monitor.judgements()[0].decided_at(),
+            Some(Step(decided_at)),
+            "{text}"
+        );
     }
 }
 
@@ -602,10 +655,10 @@ fn bounds_of_a_robustness_close_as_rows_come() {
         ),
     ] {
         let mut monitor = monitor(text, 5).expect("right");
-        assert_eq!(monitor.bounds(), NO, "{text}");
+        assert_eq!(monitor.bounds()[0], NO, "{text}");
         for (k, expected) in (0..).zip(expected) {
             monitor.observe(Step(k), &[a[k as usize], 0.0, 0.0]);
-            assert_eq!(monitor.bounds(), expected, "{text} at {k}");
+            assert_eq!(monitor.bounds()[0], expected, "{text} at {k}");
         }
     }
 }
@@ -618,9 +671,15 @@ fn a_run_that_ends_early_leaves_undecided_what_was_not_certain() {
         passing.observe(Step(k), &[1.0, 0.0, 0.0]);
         failing.observe(Step(k), &[1.0, 0.0, 0.0]);
     }
-    assert_eq!(passing.verdict(), Verdict::Undecided);
-    assert_eq!(failing.verdict(), Verdict::Fail);
-    assert_eq!((passing.robustness(), failing.robustness()), (None, None));
+    assert_eq!(passing.judgements()[0].verdict(), Verdict::Undecided);
+    assert_eq!(failing.judgements()[0].verdict(), Verdict::Fail);
+    assert_eq!(
+        (
+            passing.judgements()[0].robustness(),
+            failing.judgements()[0].robustness()
+        ),
+        (None, None)
+    );
 }
 
 #[test]
@@ -637,13 +696,17 @@ fn no_formula_passes_on_a_value_that_does_not_exist() {
         "always(truth.a != 7)",
     ] {
         let monitor = watched(text, &a);
-        assert_eq!(monitor.verdict(), Verdict::Fail, "{text}");
-        assert_eq!(monitor.robustness(), Some(f64::NEG_INFINITY), "{text}");
-        assert_eq!(monitor.judged_by(), Some(Step(1)), "{text}");
+        assert_eq!(monitor.judgements()[0].verdict(), Verdict::Fail, "{text}");
+        assert_eq!(
+            monitor.judgements()[0].robustness(),
+            Some(f64::NEG_INFINITY),
+            "{text}"
+        );
+        assert_eq!(monitor.judgements()[0].judged_by(), Some(Step(1)), "{text}");
     }
     // What does exist may still carry an alternative.
     assert_eq!(
-        watched("always(truth.a > 0 or truth.b < 1)", &a).verdict(),
+        watched("always(truth.a > 0 or truth.b < 1)", &a).judgements()[0].verdict(),
         Verdict::Pass
     );
 }
@@ -659,7 +722,7 @@ fn memory_does_not_grow_with_the_run() {
         let a = (k % 977) as f64;
         monitor.observe(Step(k), &[a, 500.0 - a, 0.0]);
     }
-    assert!(monitor.robustness().is_some());
+    assert!(monitor.judgements()[0].robustness().is_some());
     assert_eq!(monitor.kept_bytes(), before);
     // Windows of up to 1000 steps, not of a million.
     assert!((1_000 * 16..300_000).contains(&before), "{before} bytes");

@@ -5,7 +5,7 @@
 
 use hil_config::expression::{Accumulator, Columns, Expression, ExpressionError, Group};
 use hil_config::formula::Formula;
-use hil_config::monitor::{FormulaContext, Monitor, Verdict};
+use hil_config::monitor::{FormulaContext, Monitors, Verdict};
 use shared_types::time::{Rate, Step};
 
 use super::numbers::OddNumbers;
@@ -88,12 +88,12 @@ fn stated(formula: &Formula, rate: Rate, mut numbers: OddNumbers) {
     let names = unknown.iter().map(|error| &text[error.span.clone()]);
     let columns = columns(names);
     let context = FormulaContext::new(&columns, &[], rate, STEPS);
-    let mut monitor = match Monitor::new(formula, &context) {
+    let mut monitor = match Monitors::new([formula], &context) {
         Ok(monitor) => monitor,
         Err(error) => return refused(&text, &error),
     };
     let opposite = Formula::parse(&format!("not ({text})")).ok();
-    let mut opposite = opposite.and_then(|opposite| Monitor::new(&opposite, &context).ok());
+    let mut opposite = opposite.and_then(|opposite| Monitors::new([&opposite], &context).ok());
     for step in 0..=STEPS {
         let row = numbers.row(columns.len());
         monitor.observe(Step(step), &row);
@@ -101,13 +101,19 @@ fn stated(formula: &Formula, rate: Rate, mut numbers: OddNumbers) {
             opposite.observe(Step(step), &row);
         }
     }
-    assert_ne!(monitor.verdict(), Verdict::Undecided, "{text}");
-    let robustness = monitor.robustness().expect("the run is over");
-    let holds = monitor.verdict() == Verdict::Pass;
+    assert_ne!(
+        monitor.judgements()[0].verdict(),
+        Verdict::Undecided,
+        "{text}"
+    );
+    let robustness = monitor.judgements()[0]
+        .robustness()
+        .expect("the run is over");
+    let holds = monitor.judgements()[0].verdict() == Verdict::Pass;
     assert!(!robustness.is_nan(), "{text}");
     assert_eq!(robustness.is_sign_positive(), holds, "{text}: {robustness}");
     if let Some(opposite) = &opposite {
-        let both = holds && opposite.verdict() == Verdict::Pass;
+        let both = holds && opposite.judgements()[0].verdict() == Verdict::Pass;
         assert!(!both, "{text} and its opposite both hold");
     }
 }

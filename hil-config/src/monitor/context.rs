@@ -1,0 +1,118 @@
+//! Signals, rate and end of the run that formulas are bound to.
+//!
+//! Made once for all formulas of a run, by the check and by its
+//! [`Requirements`](crate::requirements); knows no formula itself.
+
+use std::collections::HashSet;
+
+use shared_types::number::exact as number;
+use shared_types::time::{Rate, Step};
+
+use crate::expression::{Columns, Expression};
+use crate::formula::Window;
+use crate::plan::Derived;
+
+/// Signals, rate and end of the run that formulas are bound to.
+#[derive(Clone, Debug)]
+pub struct FormulaContext<'a> {
+    pub(super) columns: &'a Columns,
+    /// The derived signals that do not exist in the last row, because they use a command.
+    without_end: HashSet<&'a str>,
+    rate: Rate,
+    /// The last step of the run, whose row has no command.
+    pub(super) steps: u64,
+}
+
+impl<'a> FormulaContext<'a> {
+    /// The context of a run to step `steps`. The columns are those of a row with the derived signals.
+    #[must_use]
+    pub fn new(columns: &'a Columns, derived: &'a [Derived], rate: Rate, steps: u64) -> Self {
+        let mut context = Self {
+            columns,
+            without_end: HashSet::new(),
+            rate,
+            steps,
+        };
+        for Derived {
+            name, expression, ..
+        } in derived
+        {
+            if context.is_without_end(expression) {
+                context.without_end.insert(name);
+            }
+        }
+        context
+    }
+
+    /// True of an expression without a value in the last row.
+    pub(super) fn is_without_end(&self, expression: &Expression) -> bool {
+        expression
+            .signals()
+            .any(|signal| match signal.split_once('.') {
+                Some((group, _)) => matches!(group, "command" | "applied" | "internal"),
+                None => self.without_end.contains(signal),
+            })
+    }
+
+    /// Begin and end of a window from the step that is judged, in steps, or the reason why it has none.
+    /// `until` is the last step at which its operands can be judged.
+    pub(super) fn offsets(
+        &self,
+        window: &Window,
+        is_past: bool,
+        at_start: bool,
+        until: u64,
+    ) -> Result<(i64, i64), String> {
+        let Some((begin_s, end_s)) = window.bounds_s else {
+            if is_past {
+                return Ok((-(self.steps as i64), 0));
+            }
+            if at_start {
+                return Ok((0, until as i64));
+            }
+            let message = "without bounds it goes as far as the run does, which only an outermost operator can; give it bounds, such as [0s,1s]";
+            return Err(message.into());
+        };
+        let rate = self.rate;
+        let first = rate.step_at_or_after(begin_s);
+        let Some(last) = last_step(rate, end_s).filter(|last| *last >= first) else {
+            let period_s = number(rate.period_s());
+            let message = format!("no step lies in this window; steps are {period_s} s apart");
+            return Err(message);
+        };
+        // Longer than any run: kept from overflowing, and refused where it matters.
+        let steps = |step: Step| step.0.min(1 << 41) as i64;
+        let (first, last) = (steps(first), steps(last));
+        if is_past {
+            Ok((-last, -first))
+        } else {
+            Ok((first, last))
+        }
+    }
+
+    /// Explains that a window goes further than its operands can be judged.
+    pub(super) fn beyond_the_run(&self, until: u64) -> String {
+        let Self { rate, steps, .. } = self;
+        let last_s = number(rate.seconds(Step(until)));
+        let why = if until == *steps {
+            format!("the run ends at {last_s} s")
+        } else if until + 1 == *steps {
+            format!("there is a command for the last time at {last_s} s, a step before the end")
+        } else {
+            format!("what is inside looks ahead itself and can be judged until {last_s} s only")
+        };
+        format!(
+            "the window reaches too far: {why}; shorten it, or leave out the bounds of an outermost operator to go as far as the run does"
+        )
+    }
+}
+
+/// The last step that is not after a time.
+fn last_step(rate: Rate, at_s: f64) -> Option<Step> {
+    let after = rate.step_at_or_after(at_s);
+    if rate.seconds(after) > at_s {
+        after.0.checked_sub(1).map(Step)
+    } else {
+        Some(after)
+    }
+}
