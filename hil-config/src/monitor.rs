@@ -10,7 +10,8 @@
 //!    is known. Parts that are known at different times are joined through delays. Equal comparisons
 //!    of all formulas become one part, equal expressions one side.
 //! 2. At each row the sides and parts with something to do there, and no others, compute one value or
-//!    margin each, operands first; the lists of them change at few rows. A window of which only one result is wanted keeps one number, others keep their steps.
+//!    margin each, operands first; the lists of them change at few rows. A window of which only one
+//!    result is wanted keeps one number, others keep their steps.
 //! 3. As soon as no row to come can change it the [`Verdict`] is certain; when the last step that the
 //!    formula looks at has come, the robustness is known and nothing is computed any more.
 

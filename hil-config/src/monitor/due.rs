@@ -110,9 +110,12 @@ mod tests {
     /// The last step of the run.
     const END: u64 = 30;
 
+    /// First and last step of each window.
+    type Windows = &'static [(u64, u64)];
+
     /// Formulas over `a`, `b` and `abs(a - b)`, with the steps at which each looks at these three; a step
     /// is 100 ms.
-    const FORMULAS: [(&str, [&[(u64, u64)]; 3]); 7] = [
+    const FORMULAS: [(&str, [Windows; 3]); 7] = [
         ("always[1s,2s] truth.a < 1", [&[(10, 20)], &[], &[]]),
         ("always[0s,500ms](2 > truth.a)", [&[(0, 5)], &[], &[]]),
         ("always[1500ms,2s] truth.a < 1", [&[(15, 20)], &[], &[]]),
