@@ -294,6 +294,8 @@ fn private_folder(path: &Path) -> io::Result<()> {
 #[derive(Debug)]
 pub struct Session {
     info: SessionInfo,
+    /// Processes may be started in it, which share memory.
+    is_shared: bool,
     // Held, never read: the kernel releases it with the process.
     _lock: File,
 }
@@ -304,6 +306,19 @@ impl Session {
     /// # Errors
     /// If the name is taken or unusable, or shared memory cannot be used.
     pub fn create(name: Option<&str>) -> Result<Self, SessionError> {
+        Self::new(name, true)
+    }
+
+    /// Creates a session of this process alone: a folder without links, in which no process may be
+    /// started.
+    ///
+    /// # Errors
+    /// If the name is taken or unusable, or the folder cannot be made.
+    pub fn of_one_process(name: Option<&str>) -> Result<Self, SessionError> {
+        Self::new(name, false)
+    }
+
+    fn new(name: Option<&str>, is_shared: bool) -> Result<Self, SessionError> {
         let id = random_number();
         let name = name.map_or_else(|| format!("s{:08x}", id >> 32), str::to_owned);
         let legal = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
@@ -331,9 +346,18 @@ impl Session {
             run_dir: None,
             folder,
         };
-        let made = info.make();
+        let made = info.make().and_then(|lock| {
+            if is_shared {
+                info.make_links()?;
+            }
+            Ok(lock)
+        });
         match made {
-            Ok(lock) => Ok(Self { info, _lock: lock }),
+            Ok(lock) => Ok(Self {
+                info,
+                is_shared,
+                _lock: lock,
+            }),
             Err(error) => {
                 let _ = info.remove(); // the first error tells more
                 Err(error)
@@ -389,9 +413,14 @@ impl SessionInfo {
             .map_err(|e| SessionError::io("lock", &path)(e.into()))?;
         self.note_prefix(&lock)
             .map_err(SessionError::io("write", &path))?;
+        self.write_file("session.json", self)?;
+        Ok(lock)
+    }
+
+    /// Makes what iceoryx2 needs; after `session.json`, which tells a sweep of it.
+    fn make_links(&self) -> Result<(), SessionError> {
         let root = self.folder.join("i");
         private_folder(&root).map_err(SessionError::io("create", &root))?;
-        self.write_file("session.json", self)?;
         let counter = self.node_counter();
         (self.make_node_counter()).map_err(SessionError::io("create", &counter))?;
         // The first node shows that iceoryx2 takes that file for its own.
@@ -400,15 +429,18 @@ impl SessionInfo {
             path: root,
             error: io::Error::other(format!("shared memory: {reason}")),
         })?;
-        (self.check_node_counter()).map_err(SessionError::io("use", &counter))?;
-        Ok(lock)
+        (self.check_node_counter()).map_err(SessionError::io("use", &counter))
     }
 }
 
 impl Drop for Session {
     fn drop(&mut self) {
         // Nobody is left to tell; the next sweep tries again.
-        let _ = self.info.remove();
+        let _ = if self.is_shared {
+            self.info.remove()
+        } else {
+            remove_folder(&self.info.folder)
+        };
         drop(AllSessions::lock());
     }
 }

@@ -17,6 +17,8 @@ use crate::process::ProcessId;
 
 /// Time that another `hil` may hold the lock over all sessions while it creates or sweeps.
 const LOCK_LIMIT: Duration = Duration::from_secs(10);
+/// Time between two looks at that lock, which is held for about as long.
+const LOCK_LOOK: Duration = Duration::from_micros(200);
 
 /// The folder of all sessions of this user.
 fn all_sessions() -> PathBuf {
@@ -46,7 +48,7 @@ impl AllSessions {
             if since.elapsed() > limit {
                 return Err(obstacle);
             }
-            std::thread::sleep(Duration::from_millis(2));
+            std::thread::sleep(LOCK_LOOK);
         }
     }
 

@@ -22,6 +22,24 @@ fn a_dropped_session_leaves_nothing() {
 }
 
 #[test]
+fn a_session_of_one_process_is_a_folder_that_others_find_and_nothing_else() {
+    let session = Session::of_one_process(None).expect("a session");
+    let info = session.info().clone();
+    assert!(list().expect("lists").contains(&info));
+    let taken = Session::create(Some(&info.name)).expect_err("taken");
+    assert!(matches!(taken, SessionError::Taken { .. }));
+    assert_eq!(info.segments(), Vec::<PathBuf>::new());
+    assert_eq!(info.open_to_others(), Vec::<PathBuf>::new());
+    drop(session);
+    assert!(!info.folder.exists());
+    // What a dead one left is swept as of any other.
+    let dead = Session::of_one_process(None).expect("a session");
+    flock(&dead._lock, FlockOperation::Unlock).expect("unlocks");
+    sweep().expect("sweeps");
+    assert!(!dead.info().folder.exists());
+}
+
+#[test]
 fn everything_is_closed_to_others() {
     let session = Session::create(None).expect("a session");
     let _node = session.info().node("test").expect("a node");
