@@ -87,10 +87,7 @@ impl Program for PlantProgram {
 
     fn check(&self, job: &Path) -> Result<(), String> {
         let job: Job = program::read_job(job)?;
-        let (link, _) = shared_types::link::in_process::pair();
-        let (sink, _) = shared_types::stream::in_process::pair();
-        let engine = Engine::new(self.kind(&job)?, &self.faults, job, link, sink);
-        engine.map(|_| ()).map_err(|e| e.to_string())
+        check(self.kind(&job)?, &self.faults, job)
     }
 
     fn serve(&self, session: &SessionInfo, supervision: &Supervision) -> Result<u8, String> {
@@ -123,6 +120,17 @@ impl Program for PlantProgram {
             Outcome::Stopped | Outcome::Failed => FAILED,
         })
     }
+}
+
+/// Builds the engine of a job once, to see whether the job can be run.
+///
+/// # Errors
+/// The reason for which it cannot.
+pub fn check(kind: &PlantKind, faults: &[FaultKindEntry], job: Job) -> Result<(), String> {
+    let (link, _) = shared_types::link::in_process::pair();
+    let (sink, _) = shared_types::stream::in_process::pair();
+    let engine = Engine::new(kind, faults, job, link, sink);
+    engine.map(|_| ()).map_err(|e| e.to_string())
 }
 
 /// Polls an engine to its end; every wait is bounded.

@@ -1,5 +1,7 @@
 //! `hil config`: check a scenario, show it complete, print its schema.
 
+use std::sync::Arc;
+
 use hil_config::plan::Plan;
 use hil_recording::excerpt::Choice;
 use hil_recording::size;
@@ -55,7 +57,7 @@ pub(crate) fn config(arguments: &ConfigArguments) -> Result<Exit, Failure> {
     Ok(Exit::Pass)
 }
 
-fn checked(arguments: &ScenarioArguments) -> Result<(Plan, Binaries, Interruption), Failure> {
+fn checked(arguments: &ScenarioArguments) -> Result<(Plan, Arc<Binaries>, Interruption), Failure> {
     let interruption = Interruption::listen()?;
     let (changes, json) = (&arguments.changes, arguments.json);
     let mut finder = Finder::new(&arguments.binaries, &interruption);

@@ -30,7 +30,15 @@ pub(crate) fn create(
             folder.display()
         ))
     };
-    fs::create_dir_all(&folder).map_err(cannot)?;
+    if let Some(parent) = folder.parent() {
+        fs::create_dir_all(parent).map_err(cannot)?;
+    }
+    match fs::create_dir(&folder) {
+        // Nobody else put anything into it, and its owner may write to it.
+        Ok(()) => return Ok(folder),
+        Err(error) if error.kind() == ErrorKind::AlreadyExists && folder.is_dir() => {}
+        Err(error) => return Err(cannot(error)),
+    }
     part_file::sweep(&folder);
     if fs::read_dir(&folder).map_err(cannot)?.next().is_some() {
         let shown = folder.display();

@@ -8,6 +8,7 @@ use std::io;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ExitStatus};
+use std::sync::Arc;
 
 use hil_config::plan::{ControllerProgram, Plan, Programs};
 use hil_config::scenario::Advice;
@@ -99,11 +100,11 @@ impl Choices {
     ///
     /// # Errors
     /// If one is missing, cannot be executed or does not speak the protocol.
-    pub(crate) fn find(&self, interruption: &Interruption) -> Result<Binaries, Failure> {
-        Ok(Binaries {
+    pub(crate) fn find(&self, interruption: &Interruption) -> Result<Arc<Binaries>, Failure> {
+        Ok(Arc::new(Binaries {
             plant: Binary::of_plant(&self.plant, interruption)?,
             controller: Binary::of_controller(&self.controller, interruption)?,
-        })
+        }))
     }
 }
 
@@ -325,11 +326,13 @@ impl Binary {
             return Ok(());
         }
         let said = String::from_utf8_lossy(&output.stderr);
-        let said = text::printable(said.trim().trim_start_matches("error: "));
-        Err(Failure::usage(format!(
-            "{}: {said}",
-            self.description.program
-        )))
+        Err(self.refused_job(said.trim().trim_start_matches("error: ")))
+    }
+
+    /// Makes the failure of a job that it refuses, with its reason.
+    pub(crate) fn refused_job(&self, why: &str) -> Failure {
+        let (program, why) = (&self.description.program, text::printable(why));
+        Failure::usage(format!("{program}: {why}"))
     }
 }
 

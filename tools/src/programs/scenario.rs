@@ -1,5 +1,7 @@
 //! A scenario read, checked against its programs and shown complete.
 
+use std::sync::Arc;
+
 use hil_config::plan::Plan;
 use hil_config::problem::Problems;
 use hil_config::scenario::Scenario;
@@ -32,7 +34,7 @@ pub(crate) struct Finder<'a> {
     arguments: &'a BinaryArguments,
     interruption: &'a Interruption,
     /// Binaries of the scenarios before: each is asked once.
-    found: Vec<(Choices, Binaries)>,
+    found: Vec<(Choices, Arc<Binaries>)>,
 }
 
 impl<'a> Finder<'a> {
@@ -57,7 +59,7 @@ impl<'a> Finder<'a> {
         path: &std::path::Path,
         changes: &Changes,
         json: bool,
-    ) -> Result<(Plan, Binaries), Failure> {
+    ) -> Result<(Plan, Arc<Binaries>), Failure> {
         changes.check()?;
         let read = || Scenario::read(path).map(|scenario| scenario.set(&changes.as_set()));
         let scenario = self.interruption.at_once(read)?;
@@ -65,11 +67,11 @@ impl<'a> Finder<'a> {
         let choices = Choices::of(self.arguments, &Named::by(&scenario))?;
         let known = self.found.iter().find(|(known, _)| *known == choices);
         let binaries = match known {
-            Some((_, binaries)) => binaries.clone(),
+            Some((_, binaries)) => Arc::clone(binaries),
             None => choices.find(self.interruption)?,
         };
         if known.is_none() {
-            self.found.push((choices, binaries.clone()));
+            self.found.push((choices, Arc::clone(&binaries)));
         }
         let plan = (self.interruption).at_once(|| finish(scenario, &binaries, json))??;
         Ok((plan, binaries))

@@ -4,6 +4,7 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use hil_config::plan::Plan;
 use plant_process::repeat::Missed;
@@ -25,7 +26,7 @@ use crate::terminal::interruption::Interruption;
 /// Surroundings of a run, whatever its scenario.
 #[derive(Clone)]
 pub(crate) struct Environment {
-    pub(crate) binaries: Binaries,
+    pub(crate) binaries: Arc<Binaries>,
     pub(crate) settings: Settings,
     pub(crate) interruption: Interruption,
 }
@@ -93,7 +94,7 @@ impl Environment {
     /// If the programs do not go with the settings.
     pub(crate) fn new(
         settings: &Settings,
-        binaries: Binaries,
+        binaries: Arc<Binaries>,
         interruption: &Interruption,
     ) -> Result<Self, Failure> {
         refuse_in_process(settings.link, &[&binaries.plant, &binaries.controller])?;

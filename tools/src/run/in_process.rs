@@ -1,10 +1,15 @@
 //! A run in one process: both sides in one thread, taking turns.
 
+use std::sync::LazyLock;
+use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
+use controller_process::controller::LawKind;
 use controller_process::runner::{Runner, choose};
 use plant_process::engine::{self, Engine};
+use plant_process::faults::FaultKindEntry;
 use plant_process::live::{self, LiveContext};
+use plant_process::plant::PlantKind;
 use plant_process::program::HELD;
 use shared_types::link::{LinkError, in_process};
 use shared_types::lockstep::{ControllerEvent, PlantEvent};
@@ -18,8 +23,49 @@ use shared_types::wait::{WaitLimit, Waiter};
 use super::attach::refuse_other_layout;
 use super::prepare::Prepared;
 use super::realtime::Watched;
+use crate::programs::binaries::Binaries;
 use crate::results::ended::Ended;
 use crate::terminal::exit::Failure;
+
+/// Time between two looks at what may end a run before its time.
+const LOOK: Duration = Duration::from_millis(2);
+
+/// The plants, kinds of faults and laws that are built into `hil`, for all runs of this process.
+static PLANTS: LazyLock<Vec<PlantKind>> = LazyLock::new(plant_process::models::all);
+static FAULTS: LazyLock<Vec<FaultKindEntry>> = LazyLock::new(plant_process::faults::kinds::all);
+static LAWS: LazyLock<Vec<LawKind>> = LazyLock::new(controller_process::laws::all);
+
+fn plant_of(job: &plant_process::job::Job) -> Result<&'static PlantKind, String> {
+    let model = &job.plant.model;
+    let kind = PLANTS.iter().find(|kind| kind.description.name == *model);
+    kind.ok_or_else(|| format!("hil has no plant `{model}`"))
+}
+
+fn runner(
+    job: controller_process::job::Job,
+    link: in_process::InProcessLink,
+) -> Result<Runner<'static, in_process::InProcessLink>, String> {
+    let law = choose(&LAWS, &job.law, &job.plant).map_err(|e| e.to_string())?;
+    Runner::new(law, job, link).map_err(|e| e.to_string())
+}
+
+/// Checks both jobs as `--check` of their programs does.
+///
+/// # Errors
+/// Objection of a side to its job.
+pub(super) fn check(
+    plant: &plant_process::job::Job,
+    controller: &controller_process::job::Job,
+    binaries: &Binaries,
+) -> Result<(), Failure> {
+    plant_of(plant)
+        .and_then(|kind| plant_process::program::check(kind, &FAULTS, plant.clone()))
+        .map_err(|why| binaries.plant.refused_job(&why))?;
+    let (link, _) = in_process::pair();
+    runner(controller.clone(), link)
+        .map(|_| ())
+        .map_err(|why| binaries.controller.refused_job(&why))
+}
 
 /// A sink that tells the recorder the layout when the stream opens.
 struct TellingSink {
@@ -52,12 +98,12 @@ impl RecordSink for TellingSink {
 /// If a side cannot begin, or the recorder broke.
 pub(super) fn run(prepared: &Prepared, realtime: &mut Watched) -> Result<Ended, Failure> {
     let (sink, source) = stream::in_process::pair();
-    let (tell, told) = std::sync::mpsc::channel();
+    let (tell, told) = channel();
     let described = prepared.layout.clone();
     let recorder = prepared.recorder(realtime.recorder_core(), move || {
         let mut source = Some(source);
         move || {
-            let Ok(said) = told.try_recv() else {
+            let Ok(said) = told.recv_timeout(LOOK) else {
                 return Ok(None);
             };
             refuse_other_layout(&described, &said)?;
@@ -69,12 +115,14 @@ pub(super) fn run(prepared: &Prepared, realtime: &mut Watched) -> Result<Ended, 
 
     let (plant, controller) = (prepared.plant.clone(), prepared.controller.clone());
     let (theirs, session) = (supervision.clone(), prepared.session.clone());
+    let (over, ended) = channel::<()>();
     let sides = std::thread::spawn(move || {
+        let _over = over; // dropped when the thread ends, in whatever way
         let sink = TellingSink { sink, tell };
         take_turns(&session, plant, controller, sink, &theirs)
     });
     let mut progress = prepared.progress();
-    while !sides.is_finished() {
+    while ended.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout) {
         if prepared.interruption.came() {
             supervision.stop("interrupted");
         }
@@ -85,7 +133,6 @@ pub(super) fn run(prepared: &Prepared, realtime: &mut Watched) -> Result<Ended, 
         if let Some(refused) = realtime.look() {
             progress.tell(&refused);
         }
-        std::thread::sleep(Duration::from_millis(2));
     }
     drop(progress);
     let ran = sides
@@ -121,20 +168,13 @@ fn take_turns(
     supervision: &Supervision,
 ) -> Result<RunEnd, String> {
     let (limit, settings) = (WaitLimit::from_seconds(plant.wait_limit_s), plant.realtime);
-    let plants = plant_process::models::all();
-    let kind = plants
-        .iter()
-        .find(|kind| kind.description.name == plant.plant.model);
-    let kind = kind.ok_or_else(|| format!("hil has no plant `{}`", plant.plant.model))?;
-    let laws = controller_process::laws::all();
-    let law = choose(&laws, &controller.law, &controller.plant).map_err(|e| e.to_string())?;
+    let kind = plant_of(&plant)?;
     let (plant_link, controller_link) = in_process::pair();
-    let kinds = plant_process::faults::kinds::all();
-    let context = LiveContext::new(kind, &kinds, &plant);
-    let engine = Engine::new(kind, &kinds, plant, plant_link, sink);
+    let context = LiveContext::new(kind, &FAULTS, &plant);
+    let engine = Engine::new(kind, &FAULTS, plant, plant_link, sink);
     let mut engine = engine.map_err(|e| e.to_string())?;
     let _listening = live::serve(session, context, engine.queue(), engine.builder())?;
-    let mut runner = Runner::new(law, controller, controller_link).map_err(|e| e.to_string())?;
+    let mut runner = runner(controller, controller_link)?;
     // Both sides run in this thread: the plant's settings are those of both.
     let report = settings.apply();
     let told = session.write_file(PLANT_FILE, &report);

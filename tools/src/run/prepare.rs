@@ -3,6 +3,7 @@
 //! Nothing of a side runs yet, except that both programs look at their jobs.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use hil_config::plan::{Clock, Plan};
 use hil_recording::excerpt::Choice;
@@ -20,11 +21,11 @@ use shared_types::time::Step;
 use super::execute::{Environment, Origin};
 use super::realtime::RecorderCore;
 use super::settings::Settings;
-use super::{jobs, provenance, realtime};
+use super::{in_process, jobs, provenance, realtime};
 use crate::arguments::run::LinkKind;
 use crate::checkpoint;
 use crate::checkpoint::past::PastRecords;
-use crate::files::{folder, part_file};
+use crate::files::folder;
 use crate::programs::binaries::Binaries;
 use crate::programs::scenario;
 use crate::results::resumed::Resumed;
@@ -41,7 +42,7 @@ const SUMMARY_BYTES: u64 = 256 << 10;
 /// A run that can begin.
 pub(super) struct Prepared {
     pub(super) plan: Plan,
-    pub(super) binaries: Binaries,
+    pub(super) binaries: Arc<Binaries>,
     pub(super) settings: Settings,
     pub(super) interruption: Interruption,
     pub(super) session: SessionInfo,
@@ -115,11 +116,16 @@ pub(super) fn prepare(
     tell_size(&plan, &layout, &settings)?;
     let effective = scenario::show(&plan, &binaries)?;
 
-    let mut session =
-        Session::create(settings.session.as_deref()).map_err(|error| match error {
-            SessionError::Name(_) | SessionError::Taken { .. } => Failure::usage(error),
-            other => Failure::infrastructure(other),
-        })?;
+    let is_in_process = settings.link == LinkKind::InProcess;
+    let create = if is_in_process {
+        Session::of_one_process
+    } else {
+        Session::create
+    };
+    let mut session = create(settings.session.as_deref()).map_err(|error| match error {
+        SessionError::Name(_) | SessionError::Taken { .. } => Failure::usage(error),
+        other => Failure::infrastructure(other),
+    })?;
     let info = session.info().clone();
     let (mut plant, mut controller) = jobs::of(&plan, &binaries, &info, &settings, &checkpoints);
     let mut marks: Vec<u64> = checkpoints.iter().map(|step| step.0).collect();
@@ -139,27 +145,27 @@ pub(super) fn prepare(
             resumed = Some(from.resumed(branch));
         }
     }
-    let plant_file = plant_process::job::JOB_FILE;
-    jobs::check(&binaries.plant, &info, plant_file, &plant, &interruption)?;
-    let controller_file = controller_process::job::JOB_FILE;
-    jobs::check(
-        &binaries.controller,
-        &info,
-        controller_file,
-        &controller,
-        &interruption,
-    )?;
-    let is_in_process = settings.link == LinkKind::InProcess;
+    if is_in_process {
+        in_process::check(&plant, &controller, &binaries)?;
+    } else {
+        let plant_file = plant_process::job::JOB_FILE;
+        jobs::check(&binaries.plant, &info, plant_file, &plant, &interruption)?;
+        let controller_file = controller_process::job::JOB_FILE;
+        jobs::check(
+            &binaries.controller,
+            &info,
+            controller_file,
+            &controller,
+            &interruption,
+        )?;
+    }
     Notice::write(&info, &effective, &binaries, is_in_process)?;
     let folder = folder::create(settings.out.as_deref(), &plan.name, &info.name)?;
     let absolute = std::path::absolute(&folder);
     session
         .set_run_dir(absolute.as_ref().unwrap_or(&folder))
         .map_err(Failure::infrastructure)?;
-    part_file::write_text(&folder.join("scenario.toml"), &effective).inspect_err(|_| {
-        // Nothing was run: the next try finds the folder as this one did.
-        let _ = std::fs::remove_dir(&folder);
-    })?;
+    write_scenario(&folder, &effective)?;
     let recording = (settings.recording.as_ref()).map(|recording| {
         let mut provenance = provenance::of(&plan, &info, &binaries, &settings, &effective);
         let resumed = resumed.iter().flat_map(Resumed::facts);
@@ -178,7 +184,9 @@ pub(super) fn prepare(
         settings,
         interruption,
         session: info,
-        reserve: Reserve::of(&folder, SUMMARY_BYTES),
+        // Where nothing is recorded, the run itself takes no room from its summary.
+        reserve: (recording.as_ref())
+            .map_or_else(Reserve::default, |_| Reserve::of(&folder, SUMMARY_BYTES)),
         folder,
         effective,
         plant,
@@ -191,6 +199,18 @@ pub(super) fn prepare(
         resumed,
     };
     Ok((prepared, session))
+}
+
+/// Writes the scenario into the new folder, which has its results only once they are whole: it takes no
+/// detour, and is not awaited on the disk.
+fn write_scenario(folder: &Path, effective: &str) -> Result<(), Failure> {
+    let path = folder.join("scenario.toml");
+    std::fs::write(&path, effective).map_err(|error| {
+        // Nothing was run: the next try finds the folder as this one did.
+        let _ = std::fs::remove_file(&path);
+        let _ = std::fs::remove_dir(folder);
+        Failure::infrastructure(format!("cannot write {}: {error}", path.display()))
+    })
 }
 
 /// Refuses what the plan and the settings cannot have together; gives the steps of the checkpoints.

@@ -1,5 +1,6 @@
 //! A run in two processes: starting them, watching over them, and ending both whatever happens.
 
+use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
@@ -67,7 +68,7 @@ pub(super) fn run(
         info,
         SwapContext {
             plan: prepared.plan.clone(),
-            binaries: binaries.clone(),
+            binaries: Arc::clone(binaries),
             job: prepared.controller.clone(),
             saves: prepared.plant.checkpoints.any(),
             interruption: prepared.interruption.clone(),

@@ -95,15 +95,18 @@ impl Recorder {
         S: RecordSource,
         A: FnMut() -> Result<Option<(S, RecordLayout)>, String>,
     {
-        let shared = Arc::new(Shared::default());
+        let shared = Arc::new(Shared {
+            recalled: AtomicBool::new(past.is_none()),
+            ..Shared::default()
+        });
         let theirs = Arc::clone(&shared);
         let thread = std::thread::spawn(move || {
             let mut attach = prepare();
             let mut work = Work::new(plan, recording, marks, Arc::clone(&theirs));
             if let Some(past) = &past {
                 work.recall(past);
+                theirs.recalled.store(true, Ordering::Release);
             }
-            theirs.recalled.store(true, Ordering::Release);
             loop {
                 match attach() {
                     Ok(Some((mut source, layout))) => {
@@ -197,6 +200,7 @@ impl Recorder {
     fn join(&mut self) -> Option<thread::Result<Recorded>> {
         self.shared.finish.store(true, Ordering::Release);
         let thread = self.thread.take()?;
+        thread.thread().unpark(); // it may have lain down for a nap
         if let Some(unblock) = &self.unblock {
             let mut since = Instant::now();
             while !thread.is_finished() {

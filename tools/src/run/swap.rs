@@ -5,6 +5,7 @@
 //! answers once the plant has taken it, or has not.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 
@@ -79,7 +80,7 @@ pub(crate) struct Wanted {
 /// Context that a new controller is checked against.
 pub(crate) struct SwapContext {
     pub(crate) plan: Plan,
-    pub(crate) binaries: Binaries,
+    pub(crate) binaries: Arc<Binaries>,
     pub(crate) job: Job,
     pub(crate) saves: bool,
     pub(crate) interruption: Interruption,

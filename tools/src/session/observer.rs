@@ -16,7 +16,7 @@ use shared_types::session::{SessionError, SessionInfo};
 use shared_types::stream::iceoryx::{BUFFER, IceoryxSource, WATCHERS};
 use shared_types::stream::{Item, RecordSource};
 
-use crate::programs::binaries::Binaries;
+use crate::programs::binaries::{Binaries, Binary};
 use crate::programs::checked::checked;
 use crate::terminal::exit::Failure;
 
@@ -38,9 +38,9 @@ pub(crate) struct Notice {
     pub is_in_process: bool,
     /// The complete scenario.
     pub scenario: String,
-    /// Description of the plant.
+    /// Description of the plant; of one process only its name.
     pub plant: Description,
-    /// Description of the controller.
+    /// Description of the controller; of one process only its name.
     pub controller: Description,
 }
 
@@ -55,11 +55,16 @@ impl Notice {
         binaries: &Binaries,
         is_in_process: bool,
     ) -> Result<(), Failure> {
+        // They are for those who watch records.
+        let description = |binary: &Binary| match &binary.description {
+            all if is_in_process => Description::new(&all.program, &all.version),
+            all => all.clone(),
+        };
         let notice = Self {
             is_in_process,
             scenario: scenario.into(),
-            plant: binaries.plant.description.clone(),
-            controller: binaries.controller.description.clone(),
+            plant: description(&binaries.plant),
+            controller: description(&binaries.controller),
         };
         (session.write_file(FILE, &notice)).map_err(Failure::infrastructure)
     }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 use shared_types::time::{Rate, Step};
 
 use crate::terminal::output;
@@ -25,10 +25,12 @@ impl Progress {
     /// A bar for so many steps; not shown if several share the terminal.
     #[must_use]
     pub(crate) fn new(steps: u64, rate: Rate, shown: bool) -> Self {
-        let bar = ProgressBar::new(steps);
-        if !shown || !crate::terminal::output::person_watches() {
-            bar.set_draw_target(ProgressDrawTarget::hidden());
-        }
+        let is_drawn = shown && output::person_watches();
+        let bar = if is_drawn {
+            ProgressBar::new(steps)
+        } else {
+            ProgressBar::hidden()
+        };
         let total_s = rate.seconds(Step(steps));
         let simulated = move |state: &ProgressState, text: &mut dyn std::fmt::Write| {
             let _ = write!(
@@ -49,7 +51,9 @@ impl Progress {
                     .with_key("speed", speed),
             );
         }
-        bar.enable_steady_tick(Duration::from_millis(200));
+        if is_drawn {
+            bar.enable_steady_tick(Duration::from_millis(200));
+        }
         Self {
             bar,
             rate,

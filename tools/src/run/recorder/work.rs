@@ -146,7 +146,7 @@ impl Work {
             let finishing = self.shared.finish.load(Ordering::Acquire);
             match source.drain(&mut |item| self.take(item)) {
                 Ok(0) if finishing => break,
-                Ok(0) => std::thread::sleep(NAP),
+                Ok(0) => std::thread::park_timeout(NAP),
                 Ok(_) => {}
                 Err(failed) => {
                     error = Some(format!("the record stream failed: {failed}"));
