@@ -12,7 +12,8 @@
 //! - `idle`: what a held and a slowly paced run cost;
 //! - `faults`: what the fault layer costs with no fault and with ten;
 //! - `requirements`: what twenty requirements cost;
-//! - `monitor`: what `hil monitor` in a terminal costs the run that it watches.
+//! - `monitor`: what `hil monitor` in a terminal costs the run that it watches;
+//! - `many`: what each of very many short runs costs, and whether the thousandth costs more than the first.
 //!
 //! What is compared is measured in turns. There is no time limit on any number; how much of the
 //! machine other programs took meanwhile is printed beside them. `HIL_BENCH_QUICK=1` only tries whether
@@ -25,6 +26,7 @@ mod effort;
 mod experiment;
 mod faults;
 mod idle;
+mod many;
 #[path = "../shared/measure.rs"]
 mod measure;
 mod monitor;
@@ -54,7 +56,7 @@ fn main() -> ExitCode {
         println!("machine: {}\n", measure::machine());
         let programs = programs::Programs::built();
         let names = null::Names::given();
-        let tables: [(&str, &dyn Fn()); 8] = [
+        let tables: [(&str, &dyn Fn()); 9] = [
             ("runs", &|| runs::compare(&programs)),
             ("steps", &steps::compare),
             ("costs", &|| costs::compare(&programs, &names)),
@@ -63,6 +65,7 @@ fn main() -> ExitCode {
             ("faults", &|| faults::compare(&programs)),
             ("requirements", &|| requirements::compare(&programs)),
             ("monitor", &|| monitor::compare(&programs)),
+            ("many", &|| many::compare(&programs)),
         ];
         let wanted: Vec<String> = (std::env::args().skip(1))
             .filter(|argument| !argument.starts_with('-'))

@@ -1,0 +1,227 @@
+//! Very many short runs by one `hil run`: what each costs, and what is left of them.
+
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::Instant;
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use crate::effort::{rounds, shortened};
+use crate::measure::{Bystanders, machine, median};
+use crate::programs::Programs;
+
+/// Runs in each suite of short ones.
+const SHORT: u64 = 500;
+/// Runs in the suite that shows whether they slow down.
+const LASTING: u64 = 1000;
+/// Simulated time of a run of 10 steps, and of one that lasts, at 1 kHz.
+const SHORT_S: f64 = 0.01;
+const LASTING_S: f64 = 1.0;
+
+/// A process that goes on.
+#[derive(Clone, Copy, Default)]
+struct Held {
+    threads: u64,
+    files: u64,
+    memory_mib: f64,
+}
+
+impl Held {
+    fn by(pid: u32) -> Self {
+        let process = format!("/proc/{pid}");
+        let status = std::fs::read_to_string(format!("{process}/status")).unwrap_or_default();
+        let number = |name: &str| -> u64 {
+            let line = status.lines().find_map(|line| line.strip_prefix(name));
+            let word = line.and_then(|line| line.split_ascii_whitespace().next());
+            word.and_then(|word| word.parse().ok()).unwrap_or_default()
+        };
+        let files = std::fs::read_dir(format!("{process}/fd"));
+        Self {
+            threads: number("Threads:"),
+            files: files.map_or(0, |files| files.count() as u64),
+            memory_mib: number("VmRSS:") as f64 / 1024.0,
+        }
+    }
+
+    /// The larger of each number.
+    fn most(self, other: Self) -> Self {
+        Self {
+            threads: self.threads.max(other.threads),
+            files: self.files.max(other.files),
+            memory_mib: if self.memory_mib > other.memory_mib {
+                self.memory_mib
+            } else {
+                other.memory_mib
+            },
+        }
+    }
+}
+
+/// A suite as it went.
+struct Suite {
+    /// Time from the start of `hil` to its end, for each run.
+    each_ms: f64,
+    /// Times between the ends of two runs.
+    between_ms: Vec<f64>,
+    /// Process as it was after each run.
+    held: Vec<Held>,
+}
+
+/// Runs one scenario so often.
+fn suite(hil: &Path, seconds: f64, count: u64, arguments: &[&str]) -> Suite {
+    let folder = TempDir::new().expect("a folder");
+    let scenario = folder.path().join("many.toml");
+    let text = format!(
+        "schema = 1\nname = \"many\"\n[run]\nduration_s = {seconds}\nrate_hz = 1000\n\
+         [plant]\nmodel = \"spring-mass\"\n[controller]\nlaw = \"pid\"\n\
+         [[stimuli]]\ntarget = \"position_m\"\nkind = \"step\"\nafter = 0.01\n"
+    );
+    std::fs::write(&scenario, text).expect("written");
+    let begun = Instant::now();
+    let mut running = Command::new(hil)
+        .args(["run", "--repeat", &count.to_string()])
+        .arg("--out")
+        .arg(folder.path().join("runs"))
+        .args(arguments)
+        .arg(&scenario)
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("hil");
+    let said = BufReader::new(running.stderr.take().expect("piped"));
+    let (mut ends_ms, mut held) = (Vec::new(), Vec::new());
+    for line in said.lines().map_while(Result::ok) {
+        assert!(line.ends_with(": pass"), "{line}");
+        ends_ms.push(1e3 * begun.elapsed().as_secs_f64());
+        held.push(Held::by(running.id()));
+    }
+    assert!(running.wait().expect("our child").success());
+    let each_ms = 1e3 * begun.elapsed().as_secs_f64() / count as f64;
+    assert_eq!(ends_ms.len() as u64, count);
+    let between_ms = ends_ms.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    Suite {
+        each_ms,
+        between_ms,
+        held,
+    }
+}
+
+/// Everything of sessions in shared memory.
+fn in_shared_memory() -> Vec<String> {
+    let uid = rustix::process::geteuid().as_raw();
+    let folders = ["/dev/shm".to_owned(), format!("/dev/shm/hil-{uid}")];
+    let entries = folders.iter().flat_map(std::fs::read_dir).flatten();
+    let names = entries.flatten().map(|entry| entry.path());
+    let names = names.map(|path| path.display().to_string());
+    names
+        .filter(|path| path.contains("/hil_") || path.contains("/s"))
+        .collect()
+}
+
+/// Prints what a short run costs, and whether the thousandth costs more than the first.
+pub(crate) fn compare(programs: &Programs) {
+    let hil = &programs.hil;
+    let count = shortened(SHORT);
+    let ways: [(&str, &[&str]); 5] = [
+        ("in-process", &["--link", "in-process", "--no-record"]),
+        (
+            "in-process, --jobs 1",
+            &["--link", "in-process", "--no-record", "--jobs", "1"],
+        ),
+        ("in-process, recorded", &["--link", "in-process"]),
+        ("two processes", &["--no-record"]),
+        ("two processes, recorded", &[]),
+    ];
+    let mut each_ms = ways.map(|_| Vec::new());
+    let bystanders = Bystanders::watch();
+    for _ in 0..rounds() {
+        for ((_, arguments), each_ms) in ways.iter().zip(&mut each_ms) {
+            // Of those that start processes fewer, for they take longer.
+            let count = if arguments.contains(&"in-process") {
+                count
+            } else {
+                count / 10
+            };
+            each_ms.push(suite(hil, SHORT_S, count, arguments).each_ms);
+        }
+    }
+    let others = bystanders.share();
+    println!(
+        "suites of {count} runs of 10 steps (of {} in two processes), medians of {}, other programs took {:.0} % of the machine",
+        count / 10,
+        rounds(),
+        100.0 * others
+    );
+    println!("{:<26} {:>12}", "", "ms a run");
+    let each_ms = each_ms.map(median);
+    for ((name, _), each_ms) in ways.iter().zip(each_ms) {
+        println!("{name:<26} {each_ms:>12.3}");
+    }
+    let lines = ways.iter().zip(each_ms);
+    let lines: Vec<Value> = lines
+        .map(|((name, _), each_ms)| json!({"way": name, "each_ms": each_ms}))
+        .collect();
+    let line = json!({
+        "bench": "loop/many",
+        "machine": machine(),
+        "rounds": rounds(),
+        "others_share": others,
+        "ways": lines,
+    });
+    println!("{line}\n");
+    last_and_first(hil);
+}
+
+fn last_and_first(hil: &Path) {
+    let count = shortened(LASTING);
+    let part = (count / 10) as usize;
+    let before = in_shared_memory();
+    let bystanders = Bystanders::watch();
+    let arguments = ["--link", "in-process", "--no-record"];
+    let suite = suite(hil, LASTING_S, count, &arguments);
+    let others = bystanders.share();
+    let left = in_shared_memory().into_iter();
+    let left = left.filter(|path| !before.contains(path)).count();
+    let of = |times: &[f64], held: &[Held]| {
+        let most = held.iter().copied().fold(Held::default(), Held::most);
+        (median(times.iter().copied()), most)
+    };
+    let (times, held) = (&suite.between_ms, &suite.held);
+    let first = of(&times[..part], &held[..part]);
+    let last = of(&times[times.len() - part..], &held[held.len() - part..]);
+    println!(
+        "{count} runs of {LASTING_S} s simulated in one process, other programs took {:.0} % of the machine",
+        100.0 * others
+    );
+    println!(
+        "{:<12} {:>12} {:>9} {:>11} {:>12}",
+        "", "ms a run", "threads", "open files", "memory MiB"
+    );
+    let row = |name: &str, (ms, most): (f64, Held)| {
+        let Held {
+            threads,
+            files,
+            memory_mib,
+        } = most;
+        println!("{name:<12} {ms:>12.3} {threads:>9} {files:>11} {memory_mib:>12.1}");
+        json!({"part": name, "ms": ms, "threads": threads, "open_files": files, "memory_mib": memory_mib})
+    };
+    let parts = [
+        row(&format!("first {part}"), first),
+        row(&format!("last {part}"), last),
+    ];
+    let ratio = last.0 / first.0;
+    println!("last over first {ratio:.2}; left in shared memory: {left}");
+    let line = json!({
+        "bench": "loop/many/lasting",
+        "machine": machine(),
+        "others_share": others,
+        "each_ms": suite.each_ms,
+        "parts": parts,
+        "ratio": ratio,
+        "left": left,
+    });
+    println!("{line}\n");
+}
