@@ -1,8 +1,15 @@
 //! Several runs by one command: one verdict table, one exit code, runs that do not disturb each other.
 
-use serde_json::Value;
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
 
-use crate::support::harness::Rig;
+use rustix::process::Signal;
+use serde_json::Value;
+use shared_types::process::ProcessId;
+use shared_types::session::SessionInfo;
+
+use crate::support::harness::{Rig, Running, until};
 use crate::support::programs::program_of_tests;
 
 /// A quarter of a second of the teaching plant at 1 kHz, or one that leaves its limits.
@@ -117,4 +124,128 @@ fn what_cannot_be_run_is_refused_before_anything_starts() {
         assert!(run.stderr.contains(message), "{arguments}: {}", run.stderr);
         assert!(!run.folder.exists(), "{arguments}");
     }
+}
+
+fn summary_in(folder: &Path) -> Value {
+    let text = fs::read(folder.join("summary.json")).expect("it is there");
+    serde_json::from_slice(&text).expect("JSON")
+}
+
+/// The parts of a summary that do not depend on when and beside whom a run was.
+fn lasting(summary: &Value) -> Value {
+    let mut lasting = summary.clone();
+    let parts = lasting.as_object_mut().expect("an object");
+    for passing in [
+        "session",
+        "wall_time_s",
+        "realtime_factor",
+        "latency_ns",
+        "spikes",
+        "grade",
+        "company",
+    ] {
+        parts.remove(passing);
+    }
+    lasting
+}
+
+fn files(folder: &Path) -> BTreeSet<String> {
+    let entries = fs::read_dir(folder).expect("a folder").flatten();
+    let names = entries.map(|entry| entry.file_name().to_string_lossy().into_owned());
+    names.collect()
+}
+
+/// Sessions of a suite that are there, by the name that they begin with.
+fn sessions(rig: &Rig) -> Vec<SessionInfo> {
+    let all = rig.session_folder();
+    let entries = fs::read_dir(all.parent().expect("a folder")).into_iter();
+    let own = format!("{}-", rig.session());
+    (entries.flatten().flatten())
+        .filter(|entry| entry.file_name().to_string_lossy().starts_with(&own))
+        .filter_map(|entry| SessionInfo::read(&entry.path()).ok())
+        .collect()
+}
+
+/// The processes that this one started.
+fn children(running: &Running<'_>) -> Vec<String> {
+    let threads = fs::read_dir(format!("/proc/{}/task", running.pid()));
+    let of = |thread: fs::DirEntry| fs::read_to_string(thread.path().join("children")).ok();
+    let lists = threads.into_iter().flatten().flatten().filter_map(of);
+    lists.filter(|list| !list.is_empty()).collect()
+}
+
+#[test]
+fn runs_side_by_side_in_one_process_are_those_that_they_are_alone() {
+    let rig = Rig::new();
+    let scenarios = [
+        ("good", "pid", 1.0),
+        ("bad", "pid", 1e-9),
+        ("idle", "hold", 1.0),
+    ];
+    let paths = scenarios.map(|(name, law, limit_m)| {
+        let file = format!("{name}.toml");
+        rig.write(&file, &scenario(name, law, limit_m))
+            .display()
+            .to_string()
+    });
+    for recorded in ["", "--no-record"] {
+        let link = format!("--link in-process {recorded}");
+        let all = rig.run(&format!(
+            "{} {link} --json --repeat 3 --jobs 2",
+            paths.join(" ")
+        ));
+        let all = all.expect(1);
+        assert!(sessions(&rig).is_empty(), "{:?}", sessions(&rig));
+        let told: Value = serde_json::from_str(&all.stdout).expect("JSON");
+        let runs = told["runs"].as_array().expect("a list of runs");
+        assert_eq!(runs.len(), 9);
+        for (number, path) in paths.iter().enumerate() {
+            let alone = rig.run(&format!("{path} {link}"));
+            let wanted = lasting(&alone.summary());
+            assert_eq!(wanted["evidence"], "in-process");
+            for run in runs.iter().skip(number).step_by(3) {
+                let folder = all.folder.join(run["label"].as_str().expect("a label"));
+                assert_eq!(lasting(&summary_in(&folder)), wanted, "{path}");
+                assert_eq!(files(&folder), files(&alone.folder));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_suite_in_one_process_takes_requests_starts_nothing_and_ends_on_ctrl_c() {
+    let rig = Rig::new();
+    let good = rig.write("good.toml", &scenario("good", "pid", 1.0));
+    let endless = "--set run.duration_s=1000 --pace 1 --no-record --link in-process";
+    let suite = rig.start(&format!("{} {endless} --repeat 4 --jobs 2", good.display()));
+    let has_stepped = |info: &SessionInfo| {
+        let at = ["inject", "--active", "--json", "--session", &info.name];
+        let told: Value = serde_json::from_str(&rig.beside(&at).stdout).unwrap_or_default();
+        told["status"]["step"].as_u64() > Some(0)
+    };
+    until("two of four go on", || {
+        let there = sessions(&rig);
+        there.len() == 2 && there.iter().all(has_stepped)
+    });
+    let listed = rig.beside(&["sessions", "--json"]).expect(0).stdout;
+    for info in sessions(&rig) {
+        assert!(listed.contains(&info.name), "{listed}");
+        assert_eq!(info.owner, ProcessId::of(suite.pid()).expect("alive"));
+        assert_eq!((info.children.len(), info.segments().len()), (0, 0));
+        let fault = ["inject", "bias", "measured.position_m", "0.001"];
+        let session = ["--session", &info.name];
+        rig.beside(&[&fault[..], &session].concat()).expect(0);
+    }
+    assert_eq!(children(&suite), [""; 0]);
+    suite.signal(Signal::INT);
+    let suite = suite.finish().expect(130);
+    assert!(sessions(&rig).is_empty());
+    assert_eq!(
+        files(&suite.folder),
+        ["good-1", "good-2"].map(String::from).into()
+    );
+    let ended = summary_in(&suite.folder.join("good-2"));
+    assert_eq!(ended["verdict"], "aborted");
+    let reason = ended["reason"].as_str().expect("a reason");
+    assert!(reason.starts_with("interrupted; "), "{reason}");
 }

@@ -27,7 +27,8 @@ Examples:
   hil run --from runs/severe/checkpoint-69000 --set 'faults[0].effects[0].coefficient_m3ps_per_sqrt_pa=2e-7'
   hil run scenarios/spring-mass.toml --controller-bin target/release/my-controller --json
   hil run scenarios/severe-leakage.toml --record 'truth.*' --record-every 100 --record-around-faults 0.1 0.5
-  hil run scenarios/*.toml --repeat 3 --junit verdicts.xml --markdown verdicts.md";
+  hil run scenarios/*.toml --repeat 3 --junit verdicts.xml --markdown verdicts.md
+  hil run scenarios/*.toml --repeat 1000 --link in-process --no-record --out runs/many";
 
 /// Arguments of `hil run`.
 #[derive(Debug, Args)]
@@ -39,7 +40,7 @@ pub struct RunArguments {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub repeat: u32,
     /// So many runs at a time, at most as many as there are cores [default: half the cores, as each
-    /// run wants two; in real time and paced 1]
+    /// run wants two; all with --link in-process, where it wants one; in real time and paced 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub jobs: Option<u32>,
     /// Write the verdicts as JUnit XML, for CI servers
@@ -176,7 +177,7 @@ impl Changes {
 pub enum LinkKind {
     /// Two processes over shared memory.
     Iceoryx2,
-    /// One process, for comparison and for machines without shared memory.
+    /// Threads of hil, for comparison and for very many runs; no process is started for any.
     InProcess,
 }
 

@@ -1,8 +1,8 @@
 //! `hil run`: one scenario or several, once, repeatedly or under the conditions of an audit, from the
 //! command line to the verdicts.
 //!
-//! Every run has a session, a folder and processes of its own; so many of them go on at a time as
-//! there are cores for. All scenarios are checked before the first run starts. What repeats a
+//! Every run has a session, a folder and processes or threads of its own; so many of them go on at a time
+//! as there are cores for. All scenarios are checked before the first run starts. What repeats a
 //! scenario must have its digest: that is a verdict too.
 
 mod audit;
@@ -18,7 +18,7 @@ use std::path::Path;
 use hil_config::plan::Clock;
 use serde_json::json;
 
-use crate::arguments::run::RunArguments;
+use crate::arguments::run::{LinkKind, RunArguments};
 use crate::checkpoint::past::{self, Past};
 use crate::files::part_file;
 use crate::programs::binaries::Choices;
@@ -191,13 +191,17 @@ fn jobs(arguments: &RunArguments, cases: &[Case]) -> Result<usize, Failure> {
     let against_clock = cases
         .iter()
         .any(|case| case.plan.run.clock != Clock::Lockstep);
+    let (each, wants) = match arguments.options.link {
+        LinkKind::Iceoryx2 => (2, "two"),
+        LinkKind::InProcess => (1, "one"),
+    };
     match arguments.jobs.map(|jobs| jobs as usize) {
         Some(jobs) if jobs > cores => Err(Failure::usage(format!(
-            "--jobs {jobs} is more than the {cores} cores there are; every run wants two"
+            "--jobs {jobs} is more than the {cores} cores there are; every run wants {wants}"
         ))),
         Some(jobs) => Ok(jobs),
         None if against_clock => Ok(1),
-        None => Ok((cores / 2).max(1)),
+        None => Ok((cores / each).max(1)),
     }
 }
 

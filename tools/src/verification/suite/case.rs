@@ -1,6 +1,7 @@
 //! One run that is wanted and the row of the verdict table that comes of it.
 
 use std::fmt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use hil_config::plan::{Clock, Plan};
 
@@ -84,7 +85,7 @@ impl Case {
             return Err(Failure::Interrupted);
         }
         let _noise = self.noise.then(Noise::begin);
-        run::execute(self.plan.clone(), self.environment.clone(), origin)
+        isolated(|| run::execute(self.plan.clone(), self.environment.clone(), origin))
     }
 
     /// Makes the row of it; `None` of a case that was skipped.
@@ -113,6 +114,17 @@ impl Case {
     pub(super) fn repeats(&self) -> bool {
         self.plan.run.clock != Clock::Realtime
     }
+}
+
+/// Makes a panic of a run its failure: other runs go on in other threads.
+fn isolated<T>(run: impl FnOnce() -> Result<T, Failure>) -> Result<T, Failure> {
+    // What the run was about goes with it; nothing of it is looked at again.
+    catch_unwind(AssertUnwindSafe(run)).unwrap_or_else(|panic| {
+        let said = panic.downcast_ref::<String>().map(String::as_str);
+        let said = said.or_else(|| panic.downcast_ref::<&str>().copied());
+        let said = said.unwrap_or("no reason given");
+        Err(Failure::infrastructure(format!("the run panicked: {said}")))
+    })
 }
 
 impl Row {
@@ -164,5 +176,26 @@ impl Row {
             difference: difference.cloned(),
         });
         self.exit = Exit::Failed;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_run_that_panics_fails_with_what_it_said() {
+        let told = |run: fn() -> Result<(), Failure>| isolated(run).map_err(|why| why.to_string());
+        let said = "error: the run panicked: no ";
+        assert_eq!(
+            told(|| panic!("no such thing")),
+            Err(format!("{said}such thing"))
+        );
+        assert_eq!(told(|| panic!("no {}", 7)), Err(format!("{said}7")));
+        assert_eq!(
+            told(|| std::panic::panic_any(7)),
+            Err(format!("{said}reason given"))
+        );
+        assert_eq!(told(|| Ok(())), Ok(()));
     }
 }
