@@ -106,16 +106,19 @@ impl Releases {
                 });
             }
         }
-        let late_ns = lateness(&sent, setting.period_ns());
+        let lost_steps = setting.samples - sent.len() as u64;
+        // Time begins when the first sample is answered.
+        let sent = &sent[1..];
+        let late_ns = lateness(sent, setting.period_ns());
         Self {
             drift_ns: drift(&late_ns),
-            lost_steps: setting.samples - sent.len() as u64,
-            jitter: without_holes(&sent, &late_ns, setting),
+            lost_steps,
+            jitter: without_holes(sent, &late_ns, setting),
         }
     }
 }
 
-/// Returns the lateness of each sample against the grid that the first one began, in ns.
+/// Returns the lateness of each sample against the grid of the first one, in ns.
 fn lateness(sent: &[Sent], period_ns: u64) -> Vec<f64> {
     let first = sent.first().expect("a sample");
     let start_ns = first.sent_ns - first.late_ns;

@@ -69,10 +69,13 @@ struct Suite {
     held: Vec<Held>,
 }
 
-/// Runs one scenario so often.
-fn suite(hil: &Path, seconds: f64, count: u64, arguments: &[&str]) -> Suite {
-    let folder = TempDir::new().expect("a folder");
-    let scenario = folder.path().join("many.toml");
+/// Runs one scenario so often, with all results below a folder, and looks at the process if it is `watched`.
+///
+/// Results are not removed until the bench ends: a file system may be slow after that for seconds.
+fn suite(hil: &Path, folder: &Path, length: (f64, u64), watched: bool, ways: &[&str]) -> Suite {
+    let (seconds, count) = length;
+    let folder = tempfile::tempdir_in(folder).expect("a folder").keep();
+    let scenario = folder.join("many.toml");
     let text = format!(
         "schema = 1\nname = \"many\"\n[run]\nduration_s = {seconds}\nrate_hz = 1000\n\
          [plant]\nmodel = \"spring-mass\"\n[controller]\nlaw = \"pid\"\n\
@@ -83,8 +86,8 @@ fn suite(hil: &Path, seconds: f64, count: u64, arguments: &[&str]) -> Suite {
     let mut running = Command::new(hil)
         .args(["run", "--repeat", &count.to_string()])
         .arg("--out")
-        .arg(folder.path().join("runs"))
-        .args(arguments)
+        .arg(folder.join("runs"))
+        .args(ways)
         .arg(&scenario)
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
@@ -95,7 +98,9 @@ fn suite(hil: &Path, seconds: f64, count: u64, arguments: &[&str]) -> Suite {
     for line in said.lines().map_while(Result::ok) {
         assert!(line.ends_with(": pass"), "{line}");
         ends_ms.push(1e3 * begun.elapsed().as_secs_f64());
-        held.push(Held::by(running.id()));
+        if watched {
+            held.push(Held::by(running.id()));
+        }
     }
     assert!(running.wait().expect("our child").success());
     let each_ms = 1e3 * begun.elapsed().as_secs_f64() / count as f64;
@@ -124,27 +129,33 @@ fn in_shared_memory() -> Vec<String> {
 pub(crate) fn compare(programs: &Programs) {
     let hil = &programs.hil;
     let count = shortened(SHORT);
-    let ways: [(&str, &[&str]); 5] = [
-        ("in-process", &["--link", "in-process", "--no-record"]),
+    let disk = TempDir::new().expect("a folder");
+    let memory = TempDir::new_in("/dev/shm").expect("a folder");
+    let unrecorded = ["--link", "in-process", "--no-record"];
+    let ways: [(&str, &TempDir, &[&str]); 6] = [
+        ("in-process", &disk, &unrecorded),
+        ("in-process, results in memory", &memory, &unrecorded),
         (
             "in-process, --jobs 1",
+            &disk,
             &["--link", "in-process", "--no-record", "--jobs", "1"],
         ),
-        ("in-process, recorded", &["--link", "in-process"]),
-        ("two processes", &["--no-record"]),
-        ("two processes, recorded", &[]),
+        ("in-process, recorded", &disk, &["--link", "in-process"]),
+        ("two processes", &disk, &["--no-record"]),
+        ("two processes, recorded", &disk, &[]),
     ];
-    let mut each_ms = ways.map(|_| Vec::new());
+    let mut each_ms = [const { Vec::new() }; 6];
     let bystanders = Bystanders::watch();
     for _ in 0..rounds() {
-        for ((_, arguments), each_ms) in ways.iter().zip(&mut each_ms) {
+        for ((_, folder, arguments), each_ms) in ways.iter().zip(&mut each_ms) {
             // Of those that start processes fewer, for they take longer.
             let count = if arguments.contains(&"in-process") {
                 count
             } else {
                 count / 10
             };
-            each_ms.push(suite(hil, SHORT_S, count, arguments).each_ms);
+            let length = (SHORT_S, count);
+            each_ms.push(suite(hil, folder.path(), length, false, arguments).each_ms);
         }
     }
     let others = bystanders.share();
@@ -154,14 +165,14 @@ pub(crate) fn compare(programs: &Programs) {
         rounds(),
         100.0 * others
     );
-    println!("{:<26} {:>12}", "", "ms a run");
+    println!("{:<30} {:>12}", "", "ms a run");
     let each_ms = each_ms.map(median);
-    for ((name, _), each_ms) in ways.iter().zip(each_ms) {
-        println!("{name:<26} {each_ms:>12.3}");
+    for ((name, ..), each_ms) in ways.iter().zip(each_ms) {
+        println!("{name:<30} {each_ms:>12.3}");
     }
     let lines = ways.iter().zip(each_ms);
     let lines: Vec<Value> = lines
-        .map(|((name, _), each_ms)| json!({"way": name, "each_ms": each_ms}))
+        .map(|((name, ..), each_ms)| json!({"way": name, "each_ms": each_ms}))
         .collect();
     let line = json!({
         "bench": "loop/many",
@@ -171,16 +182,16 @@ pub(crate) fn compare(programs: &Programs) {
         "ways": lines,
     });
     println!("{line}\n");
-    last_and_first(hil);
+    last_and_first(hil, disk.path());
 }
 
-fn last_and_first(hil: &Path) {
+fn last_and_first(hil: &Path, folder: &Path) {
     let count = shortened(LASTING);
     let part = (count / 10) as usize;
     let before = in_shared_memory();
     let bystanders = Bystanders::watch();
     let arguments = ["--link", "in-process", "--no-record"];
-    let suite = suite(hil, LASTING_S, count, &arguments);
+    let suite = suite(hil, folder, (LASTING_S, count), true, &arguments);
     let others = bystanders.share();
     let left = in_shared_memory().into_iter();
     let left = left.filter(|path| !before.contains(path)).count();

@@ -184,9 +184,12 @@ pub(super) fn prepare(
         settings,
         interruption,
         session: info,
-        // Where nothing is recorded, the run itself takes no room from its summary.
-        reserve: (recording.as_ref())
-            .map_or_else(Reserve::default, |_| Reserve::of(&folder, SUMMARY_BYTES)),
+        // A run in one process that is not recorded is short, and takes no room itself.
+        reserve: if is_in_process && recording.is_none() {
+            Reserve::default()
+        } else {
+            Reserve::of(&folder, SUMMARY_BYTES)
+        },
         folder,
         effective,
         plant,
