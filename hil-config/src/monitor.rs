@@ -99,7 +99,7 @@ pub struct Judgement {
 }
 
 impl Monitors {
-    /// Formulas before the first row.
+    /// Makes formulas ready for the first row.
     ///
     /// # Errors
     /// If a name is unknown, a formula looks beyond the end of the run, has a window without a
@@ -271,7 +271,7 @@ impl Judgement {
     }
 }
 
-/// The parts with a single margin that the wholes are made of without a window, operands first.
+/// Finds the parts with a single margin that make up a whole formula without a window, operands first.
 fn deciding(parts: &[Part], judgements: &[Judgement]) -> Vec<usize> {
     let mut is_deciding = vec![false; parts.len()];
     for judgement in judgements {

@@ -294,7 +294,7 @@ fn private_folder(path: &Path) -> io::Result<()> {
 #[derive(Debug)]
 pub struct Session {
     info: SessionInfo,
-    /// Processes may be started in it, which share memory.
+    /// True if processes share memory in it.
     is_shared: bool,
     // Held, never read: the kernel releases it with the process.
     _lock: File,
@@ -385,6 +385,7 @@ impl Session {
     /// # Errors
     /// If `session.json` cannot be written.
     pub fn add_child(&mut self, pid: u32) -> Result<(), SessionError> {
+        debug_assert!(self.is_shared, "a session of one process has no others");
         self.info.children.extend(ProcessId::of(pid));
         self.info.write_file("session.json", &self.info)
     }

@@ -166,12 +166,12 @@ fn sessions(rig: &Rig) -> Vec<SessionInfo> {
         .collect()
 }
 
-/// The processes that this one started.
-fn children(running: &Running<'_>) -> Vec<String> {
-    let threads = fs::read_dir(format!("/proc/{}/task", running.pid()));
-    let of = |thread: fs::DirEntry| fs::read_to_string(thread.path().join("children")).ok();
-    let lists = threads.into_iter().flatten().flatten().filter_map(of);
-    lists.filter(|list| !list.is_empty()).collect()
+/// Page faults of the processes that a process waited for: more with each that it starts.
+fn faults_of_children(running: &Running<'_>) -> u64 {
+    let stat = fs::read_to_string(format!("/proc/{}/stat", running.pid())).expect("it runs");
+    let (_, behind_name) = stat.rsplit_once(')').expect("a name");
+    let field = behind_name.split_ascii_whitespace().nth(8);
+    field.and_then(|count| count.parse().ok()).expect("a count")
 }
 
 #[test]
@@ -213,7 +213,27 @@ fn runs_side_by_side_in_one_process_are_those_that_they_are_alone() {
 }
 
 #[test]
-fn a_suite_in_one_process_takes_requests_starts_nothing_and_ends_on_ctrl_c() {
+fn a_suite_in_one_process_starts_no_process_for_a_run() {
+    let rig = Rig::new();
+    let good = rig.write("good.toml", &scenario("good", "pid", 1.0));
+    let suite = rig.start(&format!(
+        "{} --repeat 4 --jobs 1 --pace 1 --link in-process",
+        good.display()
+    ));
+    let begun = |label: &str| rig.path("run").join(label).join("scenario.toml").exists();
+    until("the first run goes on", || begun("good-1"));
+    let before = faults_of_children(&suite);
+    assert!(
+        before > 0,
+        "both programs were asked for their descriptions"
+    );
+    until("the last run goes on", || begun("good-4"));
+    assert_eq!(faults_of_children(&suite), before);
+    suite.finish().expect(0);
+}
+
+#[test]
+fn a_suite_in_one_process_takes_requests_and_ends_on_ctrl_c() {
     let rig = Rig::new();
     let good = rig.write("good.toml", &scenario("good", "pid", 1.0));
     let endless = "--set run.duration_s=1000 --pace 1 --no-record --link in-process";
@@ -236,7 +256,6 @@ fn a_suite_in_one_process_takes_requests_starts_nothing_and_ends_on_ctrl_c() {
         let session = ["--session", &info.name];
         rig.beside(&[&fault[..], &session].concat()).expect(0);
     }
-    assert_eq!(children(&suite), [""; 0]);
     suite.signal(Signal::INT);
     let suite = suite.finish().expect(130);
     assert!(sessions(&rig).is_empty());

@@ -56,7 +56,7 @@ impl Built {
         Err(formula.error(0..formula.to_string().len(), message))
     }
 
-    /// The place of an expression among the sides.
+    /// Finds the place of an expression among the sides.
     fn side(&mut self, program: Program, constant: Option<f64>) -> usize {
         let next = self.sides.len();
         // Equal operations on equal columns; its text may have other spaces.

@@ -203,7 +203,7 @@ impl Draft {
         })
     }
 
-    /// `places` has the part of each draft before.
+    /// Makes the part; `places` has that of each draft before.
     fn part(&self, places: &[usize]) -> Part {
         let (first, last) = self.wanted.unwrap_or_default();
         let slides = self.slides();

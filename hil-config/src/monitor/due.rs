@@ -35,7 +35,7 @@ pub(super) struct Due {
 }
 
 impl Due {
-    /// Empty lists, with room for all parts.
+    /// Makes empty lists with room for all parts.
     pub(super) fn new(parts: usize, spans: &[Span]) -> Self {
         let stages = spans.last().map_or(0, |span| span.stage + 1);
         Self {

@@ -35,7 +35,7 @@ impl Margin {
     /// Below every other: `eventually` over nothing.
     pub(super) const BOTTOM: Self = Self(!Self::TOP.0);
 
-    /// The margin of a size, or if all bits of `turned` are set of its opposite.
+    /// Makes the margin of a size, or if all bits of `turned` are set of its opposite.
     #[inline]
     pub(super) const fn new(size: f64, turned: i64, step: u64) -> Self {
         let bits = size.to_bits() as i64;
@@ -79,12 +79,12 @@ impl Choice {
     pub(super) const LEAST: Self = Self { mask: 0 };
     pub(super) const GREATEST: Self = Self { mask: -1 };
 
-    /// The choice of the formula, or of its opposite.
+    /// Gives the choice of the formula, or of its opposite.
     pub(super) const fn least_if(least: bool) -> Self {
         if least { Self::LEAST } else { Self::GREATEST }
     }
 
-    /// The choice of nothing.
+    /// Gives what is chosen of nothing.
     pub(super) const fn none(self) -> Margin {
         self.turn(Margin::TOP)
     }
@@ -108,7 +108,7 @@ impl Choice {
         (a.0 >> 64) as i64 ^ self.mask > (b.0 >> 64) as i64 ^ self.mask
     }
 
-    /// The bounds of a size whose turned size has these.
+    /// Gives the bounds of a size whose turned size has these.
     pub(super) fn turn_bounds(self, [low, high]: [f64; 2]) -> [f64; 2] {
         if self == Self::LEAST {
             [low, high]

@@ -204,7 +204,7 @@ impl Comparison {
         }
     }
 
-    /// The distance of both sides, with the sign that says whether they have the relation.
+    /// Gives the distance of both sides, with the sign that says whether they have the relation.
     #[inline]
     pub(super) fn margin(self, sides: &[Side], step: u64) -> Margin {
         let (a, b) = (sides[self.left].value, sides[self.right].value);
@@ -215,7 +215,7 @@ impl Comparison {
         self.margin_of(difference, step)
     }
 
-    /// Without branches: which comparison comes next is nothing that a processor could foresee.
+    /// Gives the margin without a branch: which comparison comes next is nothing that a processor could foresee.
     #[inline]
     fn margin_of(self, difference: f64, step: u64) -> Margin {
         // The sum is no negative zero: of equal sides `==` and `>=` hold, `!=` and `<` fail.

@@ -458,9 +458,23 @@ fn formulas_that_share_comparisons_are_judged_as_the_definitions_say() {
         let formulas = trees.iter().map(|tree| Formula::parse(&tree.text()));
         let formulas: Vec<Formula> = formulas.collect::<Result<_, _>>().expect("reads");
         let context = FormulaContext::new(&columns, &[], rate, end);
-        let mut monitors = Monitors::new(&formulas, &context).expect("fits the run");
+        let of = |formulas| Monitors::new(formulas, &context).expect("fits the run");
+        let mut monitors = of(&formulas[..]);
+        let mut alone: Vec<Monitors> = formulas.chunks(1).map(of).collect();
         for (k, row) in (0..).zip(&trace.rows) {
             monitors.observe(Step(k), row);
+            let bounds = monitors.bounds();
+            for (at, one) in alone.iter_mut().enumerate() {
+                one.observe(Step(k), row);
+                let (together, alone) = (&monitors.judgements()[at], &one.judgements()[0]);
+                assert_eq!(
+                    together.decided_at(),
+                    alone.decided_at(),
+                    "{}",
+                    formulas[at]
+                );
+                assert_eq!(bounds[at], one.bounds()[0], "{}", formulas[at]);
+            }
         }
         for (tree, judgement) in trees.iter().zip(monitors.judgements()) {
             let (size, step) = tree.judge(0, true, &trace);

@@ -23,7 +23,8 @@
 //! frequent as the detector's and `cyclictest`'s, they are its own.
 //!
 //! **Busy loops**, one on each core in a session of its own, take slices of milliseconds. That is what is
-//! measured there: no hole is removed, and p99.9 is printed too. `-- busy` measures only these.
+//! measured there: no hole is removed, but what was due before the sample before was sent is left out there
+//! too, and p99.9 is printed. `-- busy` measures only these.
 //!
 //! **Drift** is how much later than the grid of the first sample the last tenth of the samples was sent
 //! than the first tenth, as medians, against the monotonic clock.
@@ -120,7 +121,7 @@ struct Jitter {
     p999_ns: f64,
     /// Holes a second.
     holes_hz: f64,
-    /// The share of the samples that fell into them.
+    /// The share of the samples that fell into them or were due before the one before was sent.
     removed: f64,
 }
 
@@ -254,7 +255,7 @@ fn compare(programs: &Programs, cyclictest: Option<&Cyclictest>, setting: &Setti
     println!("{line}");
 }
 
-/// Holes a second on a core that nothing of ours but the detector uses.
+/// Holes a second on a core that nothing of ours uses but the detector and, if asked for, a busy loop.
 fn holes_hz(core: usize) -> f64 {
     let watched = gaps::measure(core as u32, GAPS_S).expect("a core that this process may use");
     let holes = (gaps::CLASSES_NS.iter().zip(watched.holes)).filter(|(from, _)| **from >= HOLE_NS);

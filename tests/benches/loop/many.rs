@@ -116,12 +116,14 @@ fn suite(hil: &Path, folder: &Path, length: (f64, u64), watched: bool, ways: &[&
 /// Everything of sessions in shared memory.
 fn in_shared_memory() -> Vec<String> {
     let uid = rustix::process::geteuid().as_raw();
-    let folders = ["/dev/shm".to_owned(), format!("/dev/shm/hil-{uid}")];
-    let entries = folders.iter().flat_map(std::fs::read_dir).flatten();
-    let names = entries.flatten().map(|entry| entry.path());
-    let names = names.map(|path| path.display().to_string());
+    let sessions = format!("/dev/shm/hil-{uid}");
+    let entries = ["/dev/shm", &sessions]
+        .into_iter()
+        .flat_map(std::fs::read_dir);
+    let names = entries.flatten().flatten().map(|entry| entry.path());
     names
-        .filter(|path| path.contains("/hil_") || path.contains("/s"))
+        .map(|path| path.display().to_string())
+        .filter(|path| path.starts_with("/dev/shm/hil_") || path.starts_with(&sessions))
         .collect()
 }
 
@@ -145,6 +147,8 @@ pub(crate) fn compare(programs: &Programs) {
         ("two processes, recorded", &disk, &[]),
     ];
     let mut each_ms = [const { Vec::new() }; 6];
+    // A suite has two runs at least.
+    let few = if count < 20 { 2 } else { count / 10 };
     let bystanders = Bystanders::watch();
     for _ in 0..rounds() {
         for ((_, folder, arguments), each_ms) in ways.iter().zip(&mut each_ms) {
@@ -152,7 +156,7 @@ pub(crate) fn compare(programs: &Programs) {
             let count = if arguments.contains(&"in-process") {
                 count
             } else {
-                count / 10
+                few
             };
             let length = (SHORT_S, count);
             each_ms.push(suite(hil, folder.path(), length, false, arguments).each_ms);
@@ -161,7 +165,7 @@ pub(crate) fn compare(programs: &Programs) {
     let others = bystanders.share();
     println!(
         "suites of {count} runs of 10 steps (of {} in two processes), medians of {}, other programs took {:.0} % of the machine",
-        count / 10,
+        few,
         rounds(),
         100.0 * others
     );

@@ -30,7 +30,7 @@ impl Drop for BusyLoop {
     }
 }
 
-/// Is a busy loop, if this process was started as one; it ends with the bench.
+/// Computes until the bench ends, if this process was started for that; returns true then.
 pub(crate) fn burned() -> bool {
     let Ok(asked) = std::env::var(BURN) else {
         return false;

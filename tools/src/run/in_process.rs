@@ -137,7 +137,7 @@ pub(super) fn run(prepared: &Prepared, realtime: &mut Watched) -> Result<Ended, 
     drop(progress);
     let ran = sides
         .join()
-        .map_err(|_| Failure::infrastructure("plant or controller panicked"))?;
+        .map_err(|panic| Failure::panicked("plant or controller", &*panic))?;
     let recorded = recorder.finish().map_err(Failure::infrastructure)?;
     let end = ran.map_err(Failure::infrastructure)?;
     let (mut outcome, mut reason) = (end.outcome, end.reason);

@@ -25,7 +25,7 @@ use super::{in_process, jobs, provenance, realtime};
 use crate::arguments::run::LinkKind;
 use crate::checkpoint;
 use crate::checkpoint::past::PastRecords;
-use crate::files::folder;
+use crate::files::{folder, part_file};
 use crate::programs::binaries::Binaries;
 use crate::programs::scenario;
 use crate::results::resumed::Resumed;
@@ -165,7 +165,8 @@ pub(super) fn prepare(
     session
         .set_run_dir(absolute.as_ref().unwrap_or(&folder))
         .map_err(Failure::infrastructure)?;
-    write_scenario(&folder, &effective)?;
+    let in_place = is_in_process && settings.recording.is_none();
+    write_scenario(&folder, &effective, in_place)?;
     let recording = (settings.recording.as_ref()).map(|recording| {
         let mut provenance = provenance::of(&plan, &info, &binaries, &settings, &effective);
         let resumed = resumed.iter().flat_map(Resumed::facts);
@@ -184,7 +185,7 @@ pub(super) fn prepare(
         settings,
         interruption,
         session: info,
-        // A run in one process that is not recorded is short, and takes no room itself.
+        // Where thousands of runs keep nothing but their summaries, this would take longer than they do.
         reserve: if is_in_process && recording.is_none() {
             Reserve::default()
         } else {
@@ -204,15 +205,21 @@ pub(super) fn prepare(
     Ok((prepared, session))
 }
 
-/// Writes the scenario into the new folder, which has its results only once they are whole: it takes no
-/// detour, and is not awaited on the disk.
-fn write_scenario(folder: &Path, effective: &str) -> Result<(), Failure> {
+/// Writes the scenario into the new folder, whole or not at all; `in_place` in less time: a folder counts
+/// only with its summary.
+fn write_scenario(folder: &Path, effective: &str, in_place: bool) -> Result<(), Failure> {
     let path = folder.join("scenario.toml");
-    std::fs::write(&path, effective).map_err(|error| {
+    let written = if in_place {
+        std::fs::write(&path, effective).map_err(|error| {
+            Failure::infrastructure(format!("cannot write {}: {error}", path.display()))
+        })
+    } else {
+        part_file::write_text(&path, effective)
+    };
+    written.inspect_err(|_| {
         // Nothing was run: the next try finds the folder as this one did.
         let _ = std::fs::remove_file(&path);
         let _ = std::fs::remove_dir(folder);
-        Failure::infrastructure(format!("cannot write {}: {error}", path.display()))
     })
 }
 

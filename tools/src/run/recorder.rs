@@ -108,13 +108,15 @@ impl Recorder {
                 theirs.recalled.store(true, Ordering::Release);
             }
             loop {
+                // Asked before the last look: a short run may be over between the two.
+                let is_over = theirs.finish.load(Ordering::Acquire);
                 match attach() {
                     Ok(Some((mut source, layout))) => {
                         work.attach(layout);
                         work.drain(&mut source);
                         break;
                     }
-                    Ok(None) if theirs.finish.load(Ordering::Acquire) => break,
+                    Ok(None) if is_over => break,
                     Ok(None) => std::thread::sleep(LOOK),
                     Err(error) => {
                         work.fail(error);

@@ -1,5 +1,6 @@
 //! Exit codes and the failures behind them.
 
+use std::any::Any;
 use std::fmt::Display;
 use std::process::ExitCode;
 
@@ -47,6 +48,14 @@ impl Failure {
     /// An infrastructure failure.
     pub fn infrastructure(message: impl Display) -> Self {
         Self::Infrastructure(message.to_string())
+    }
+
+    /// Makes an infrastructure failure of a panic, with what the panic said.
+    pub fn panicked(who: &str, panic: &(dyn Any + Send)) -> Self {
+        let said = panic.downcast_ref::<String>().map(String::as_str);
+        let said = said.or_else(|| panic.downcast_ref::<&str>().copied());
+        let said = said.unwrap_or("no reason given");
+        Self::infrastructure(format!("{who} panicked: {said}"))
     }
 
     /// Its exit code.

@@ -22,6 +22,7 @@ const POOR: f64 = 0.5;
 struct Times {
     /// Ticks that each core was busy, and all its ticks.
     cores: Vec<(u32, u64, u64)>,
+    /// The programs that ran last on one of these cores.
     programs: Vec<Program>,
 }
 
@@ -57,7 +58,8 @@ impl Times {
         };
         let program = |name: String| {
             let process = name.parse().ok()?;
-            Program::of(process, &tree.read(&format!("proc/{process}/stat")).ok()?)
+            let stat = tree.read(&format!("proc/{process}/stat")).ok()?;
+            Program::of(process, &stat, cores)
         };
         Ok(Self {
             cores: stat.lines().filter_map(core).collect(),
@@ -70,15 +72,17 @@ impl Times {
 
 impl Program {
     /// Reads its `stat`: behind the name, which may hold anything, user and system time are the 12th and
-    /// 13th word.
-    fn of(process: u32, stat: &str) -> Option<Self> {
+    /// 13th word and the core is the 37th; nothing of one that ran elsewhere.
+    fn of(process: u32, stat: &str, cores: &CoreList) -> Option<Self> {
         let (head, rest) = stat.rsplit_once(')')?;
         let (_, name) = head.split_once('(')?;
-        let times = rest.split_ascii_whitespace().skip(11).take(2);
-        Some(Self {
+        let words: Vec<&str> = rest.split_ascii_whitespace().collect();
+        let ticks = |place: usize| words.get(place)?.parse::<u64>().ok();
+        let core = words.get(36)?.parse().ok()?;
+        cores.contains(core).then_some(Self {
             process,
             name: name.to_owned(),
-            ticks: times.filter_map(|word| word.parse::<u64>().ok()).sum(),
+            ticks: ticks(11)? + ticks(12)?,
         })
     }
 }
@@ -117,7 +121,7 @@ fn finding(before: &Times, after: &Times) -> Finding {
     if let Some(Program { process, name, .. }) = busiest
         && *most >= FAIR
     {
-        found += &format!(", most of it {} ({process})", name.escape_default());
+        found += &format!("; the busiest is {} ({process})", name.escape_default());
         mend = Some(format!("kill -STOP {process} # and later kill -CONT"));
     }
     let cores = shares
@@ -138,19 +142,20 @@ mod tests {
         let stat = format!(
             "cpu  9 9 9 9\ncpu0 7 0 0 1000 0 0 0 50\ncpu1 {busy} 0 0 {idle} 0 0 0\ncpu2 5 0 0 0 0\nintr 7"
         );
-        let program = format!("41 (cc) 1 plus) R 1 1 1 0 -1 0 0 0 0 0 {busy} 7 1 1 20 0");
-        Fake::new(&[
-            ("proc/stat", stat.as_str()),
-            ("proc/41/stat", program.as_str()),
-            (
-                "proc/12/stat",
-                "12 (idle) S 1 1 1 0 -1 0 0 0 0 0 3 3 1 1 20 0",
-            ),
-            (
-                "proc/self/stat",
-                "99 (hil) R 1 1 1 0 -1 0 0 0 0 0 3 3 1 1 20 0",
-            ),
-        ])
+        let program = |name: &str, ticks: u64, core: u32| {
+            let zeros = "0 ".repeat(23);
+            format!("9 ({name}) R 1 1 1 0 -1 0 0 0 0 0 {ticks} 7 {zeros}{core} 0 0 0")
+        };
+        Fake::new(
+            &[
+                ("proc/stat", stat),
+                ("proc/41/stat", program("cc) 1 plus", busy, 1)),
+                ("proc/12/stat", program("idle", 0, 0)),
+                ("proc/13/stat", program("elsewhere", 2000, 2)),
+                ("proc/self/stat", program("hil", 3000, 1)),
+            ]
+            .map(|(path, text)| (path.to_owned(), text)),
+        )
     }
 
     #[test]
@@ -165,13 +170,13 @@ mod tests {
             (
                 200,
                 Grade::Fair,
-                "20 % of core 1, most of it cc) 1 plus (41)",
+                "20 % of core 1; the busiest is cc) 1 plus (41)",
                 stop,
             ),
             (
                 970,
                 Grade::Poor,
-                "97 % of core 1, most of it cc) 1 plus (41)",
+                "97 % of core 1; the busiest is cc) 1 plus (41)",
                 stop,
             ),
         ] {

@@ -119,12 +119,8 @@ impl Case {
 /// Makes a panic of a run its failure: other runs go on in other threads.
 fn isolated<T>(run: impl FnOnce() -> Result<T, Failure>) -> Result<T, Failure> {
     // What the run was about goes with it; nothing of it is looked at again.
-    catch_unwind(AssertUnwindSafe(run)).unwrap_or_else(|panic| {
-        let said = panic.downcast_ref::<String>().map(String::as_str);
-        let said = said.or_else(|| panic.downcast_ref::<&str>().copied());
-        let said = said.unwrap_or("no reason given");
-        Err(Failure::infrastructure(format!("the run panicked: {said}")))
-    })
+    catch_unwind(AssertUnwindSafe(run))
+        .unwrap_or_else(|panic| Err(Failure::panicked("the run", &*panic)))
 }
 
 impl Row {
