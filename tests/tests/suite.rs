@@ -217,17 +217,17 @@ fn a_suite_in_one_process_starts_no_process_for_a_run() {
     let rig = Rig::new();
     let good = rig.write("good.toml", &scenario("good", "pid", 1.0));
     let suite = rig.start(&format!(
-        "{} --repeat 4 --jobs 1 --pace 1 --link in-process",
+        "{} --repeat 3 --jobs 1 --pace 1 --set run.duration_s=1 --link in-process",
         good.display()
     ));
-    let begun = |label: &str| rig.path("run").join(label).join("scenario.toml").exists();
+    let begun = |label: &str| suite.folder().join(label).join("scenario.toml").exists();
     until("the first run goes on", || begun("good-1"));
     let before = faults_of_children(&suite);
     assert!(
         before > 0,
         "both programs were asked for their descriptions"
     );
-    until("the last run goes on", || begun("good-4"));
+    until("the last run goes on", || begun("good-3"));
     assert_eq!(faults_of_children(&suite), before);
     suite.finish().expect(0);
 }

@@ -340,6 +340,11 @@ impl<'r> Running<'r> {
         children.expect("both are there")
     }
 
+    /// Its run folder, or that of all its runs.
+    pub(crate) fn folder(&self) -> &Path {
+        &self.folder
+    }
+
     /// Its process number.
     pub(crate) fn pid(&self) -> u32 {
         self.process.id()
