@@ -30,6 +30,19 @@ pub struct ProcessorTime {
     own: u64,
 }
 
+/// Reads each core of `/proc/stat`, with the ticks that programs used and all its ticks.
+pub(crate) fn core_times(stat: &str) -> impl Iterator<Item = (u32, u64, u64)> {
+    stat.lines().filter_map(|line| {
+        let mut words = line.split_ascii_whitespace();
+        let core = words.next()?.strip_prefix("cpu")?.parse().ok()?;
+        // user nice system idle iowait irq softirq; what a host takes, behind them, is no program here
+        let ticks: Vec<u64> = words.take(7).filter_map(|word| word.parse().ok()).collect();
+        let all: u64 = ticks.iter().sum();
+        let idle: u64 = ticks.iter().skip(3).take(2).sum();
+        Some((core, all - idle, all))
+    })
+}
+
 impl ProcessorTime {
     /// Reads it now; nothing where the system does not tell it.
     #[must_use]
@@ -43,20 +56,10 @@ impl ProcessorTime {
     fn of(machine: &str, own: &str, is_allowed: impl Fn(usize) -> bool) -> Self {
         let number = |word: &str| word.parse::<u64>().unwrap_or_default();
         let mut time = Self::default();
-        for line in machine.lines() {
-            let mut words = line.split_ascii_whitespace();
-            let core = words.next().and_then(|word| word.strip_prefix("cpu"));
-            if core
-                .and_then(|core| core.parse().ok())
-                .is_some_and(&is_allowed)
-            {
-                // user nice system idle iowait irq softirq; what a host takes, behind them, is no program here
-                let ticks: Vec<u64> = words.take(7).map(number).collect();
-                let all: u64 = ticks.iter().sum();
-                time.cores += 1;
-                time.all += all;
-                time.busy += all - ticks.iter().skip(3).take(2).sum::<u64>();
-            }
+        for (_, busy, all) in core_times(machine).filter(|(core, ..)| is_allowed(*core as usize)) {
+            time.cores += 1;
+            time.all += all;
+            time.busy += busy;
         }
         // Behind the name, which may hold anything: user and system time, then those of children.
         let (_, rest) = own.rsplit_once(')').unwrap_or_default();

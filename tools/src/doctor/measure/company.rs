@@ -7,6 +7,7 @@ use serde_json::json;
 use crate::doctor::cores::CoreList;
 use crate::doctor::finding::{Check, Finding};
 use crate::doctor::tree::{Tree, Unread};
+use crate::results::company::core_times;
 
 const CHECK: Check = Check::new(
     "company",
@@ -22,7 +23,6 @@ const POOR: f64 = 0.5;
 struct Times {
     /// Ticks that each core was busy, and all its ticks.
     cores: Vec<(u32, u64, u64)>,
-    /// The programs that ran last on one of these cores.
     programs: Vec<Program>,
 }
 
@@ -30,6 +30,8 @@ struct Times {
 struct Program {
     process: u32,
     name: String,
+    /// Core that it ran on last.
+    core: u32,
     ticks: u64,
 }
 
@@ -47,22 +49,14 @@ impl Times {
     /// Reads those of these cores and of all programs.
     fn read(tree: &dyn Tree, cores: &CoreList) -> Result<Self, Unread> {
         let stat = tree.read("proc/stat")?;
-        let core = |line: &str| {
-            let mut words = line.split_ascii_whitespace();
-            let core = words.next()?.strip_prefix("cpu")?.parse().ok()?;
-            // user nice system idle iowait irq softirq; what a host takes, behind them, is no program here
-            let ticks: Vec<u64> = words.take(7).filter_map(|word| word.parse().ok()).collect();
-            let all: u64 = ticks.iter().sum();
-            let idle: u64 = ticks.iter().skip(3).take(2).sum();
-            cores.contains(core).then_some((core, all - idle, all))
-        };
         let program = |name: String| {
             let process = name.parse().ok()?;
-            let stat = tree.read(&format!("proc/{process}/stat")).ok()?;
-            Program::of(process, &stat, cores)
+            Program::of(process, &tree.read(&format!("proc/{process}/stat")).ok()?)
         };
         Ok(Self {
-            cores: stat.lines().filter_map(core).collect(),
+            cores: core_times(&stat)
+                .filter(|(core, ..)| cores.contains(*core))
+                .collect(),
             programs: (tree.names("proc").into_iter())
                 .filter_map(program)
                 .collect(),
@@ -72,16 +66,16 @@ impl Times {
 
 impl Program {
     /// Reads its `stat`: behind the name, which may hold anything, user and system time are the 12th and
-    /// 13th word and the core is the 37th; nothing of one that ran elsewhere.
-    fn of(process: u32, stat: &str, cores: &CoreList) -> Option<Self> {
+    /// 13th word and the core is the 37th.
+    fn of(process: u32, stat: &str) -> Option<Self> {
         let (head, rest) = stat.rsplit_once(')')?;
         let (_, name) = head.split_once('(')?;
         let words: Vec<&str> = rest.split_ascii_whitespace().collect();
         let ticks = |place: usize| words.get(place)?.parse::<u64>().ok();
-        let core = words.get(36)?.parse().ok()?;
-        cores.contains(core).then_some(Self {
+        Some(Self {
             process,
             name: name.to_owned(),
+            core: words.get(36)?.parse().ok()?,
             ticks: ticks(11)? + ticks(12)?,
         })
     }
@@ -102,7 +96,12 @@ fn finding(before: &Times, after: &Times) -> Finding {
         let then = before.programs.iter().find(same);
         program.ticks - then.map_or(0, |then| then.ticks.min(program.ticks))
     };
-    let busiest = (after.programs.iter())
+    // This process sleeps: it is never what disturbs a run.
+    let is_other = |program: &&Program| {
+        program.process != std::process::id()
+            && shares.iter().any(|(core, _)| *core == program.core)
+    };
+    let busiest = (after.programs.iter().filter(is_other))
         .max_by_key(|program| spent(program))
         .filter(|program| spent(program) > 0);
 
@@ -151,6 +150,7 @@ mod tests {
                 ("proc/stat", stat),
                 ("proc/41/stat", program("cc) 1 plus", busy, 1)),
                 ("proc/12/stat", program("idle", 0, 0)),
+                ("proc/14/stat", program("moved", 5000, 1)),
                 ("proc/13/stat", program("elsewhere", 2000, 2)),
                 ("proc/self/stat", program("hil", 3000, 1)),
             ]
@@ -162,7 +162,13 @@ mod tests {
     fn others_are_named_with_the_core_that_they_take() {
         let idle = Times {
             cores: vec![(0, 0, 0), (1, 0, 0)],
-            programs: Vec::new(),
+            // It came to core 1 meanwhile and has done nothing there.
+            programs: vec![Program {
+                process: 14,
+                name: "moved".into(),
+                core: 2,
+                ticks: 5007,
+            }],
         };
         let stop = Some("kill -STOP 41 # and later kill -CONT");
         for (busy, grade, found, mend) in [
