@@ -61,7 +61,7 @@ impl Verdict {
 /// Formulas that are being judged.
 #[derive(Clone, Debug)]
 pub struct Monitors {
-    /// What comparisons compare.
+    /// Operands of the comparisons.
     sides: Vec<Side>,
     /// The parts of all formulas, operands before what is made of them.
     parts: Vec<Part>,

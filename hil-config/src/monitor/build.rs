@@ -22,7 +22,7 @@ pub(super) struct Built {
     pub drafts: Vec<Draft>,
     /// The part that is the whole of each formula.
     pub wholes: Vec<usize>,
-    /// What comparisons compare, each expression once.
+    /// Operands of the comparisons, each expression once.
     pub sides: Vec<Side>,
     /// The place of each expression.
     places: HashMap<String, usize>,

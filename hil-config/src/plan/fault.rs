@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use shared_types::describe::{Operation, Settings};
 use shared_types::time::Step;
 
-/// One event: all its effects take hold at the same step, apart from a wanted skew.
+/// Event whose effects all take hold at the same step, apart from a wanted skew.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FaultEvent {
     /// Number in the order of the file, from 1; a live event's is the next free one.
@@ -31,7 +31,7 @@ pub struct FaultEvent {
 pub enum FaultSource {
     /// The scenario.
     Scenario,
-    /// Somebody at a command line, while the run went on.
+    /// A command line, while the run went on.
     Cli,
 }
 
@@ -50,7 +50,7 @@ pub enum Trigger {
     Now,
     /// Condition: an expression has held for a while.
     Condition(Condition),
-    /// So many steps after another event took hold.
+    /// Number of steps after another event took hold.
     After {
         /// The other event's number.
         event: u32,
@@ -84,7 +84,7 @@ pub struct FaultEnd {
     pub condition: Option<Condition>,
 }
 
-/// One effect of an event.
+/// Effect of an event.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FaultEffect {
     /// The target as scenarios name it: `actuator1`, `measured.surface_angle_rad`,

@@ -7,7 +7,7 @@ fn limit() -> WaitLimit {
     WaitLimit::from_seconds(5.0)
 }
 
-/// How often the calling thread has slept.
+/// Reads the number of times that the calling thread has slept.
 fn sleeps() -> u64 {
     let status = std::fs::read_to_string("/proc/thread-self/status").expect("reads");
     let line = (status.lines()).find_map(|line| line.strip_prefix("voluntary_ctxt_switches:"));

@@ -18,7 +18,7 @@ pub struct DoctorArguments {
     /// The two cores to judge [default: isolated ones, or the last two that share no physical core]
     #[arg(long, value_name = "A,B", value_parser = two_cores)]
     pub cores: Option<[u32; 2]>,
-    /// How long each measurement takes
+    /// Time that each measurement takes
     #[arg(long, value_name = "SECONDS", default_value = "2", value_parser = measurable)]
     pub seconds: f64,
     /// Only read what the kernel tells; measure nothing
