@@ -6,7 +6,6 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use shared_types::describe::Description;
-use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{Link, LinkError};
 use shared_types::lockstep::ControllerEvent;
 use shared_types::program::{self, COMPLETED, FAILED, Program};
@@ -73,7 +72,7 @@ impl Program for ControllerProgram {
     fn serve(&self, session: &SessionInfo, supervision: &Supervision) -> Result<u8, String> {
         let job: Job = program::read_job(&session.folder.join(JOB_FILE))?;
         let (limit, settings) = (WaitLimit::from_seconds(job.wait_limit_s), job.realtime);
-        let link = attach(session, job.epoch, limit, supervision)?;
+        let link = program::attach(session, job.epoch, limit, supervision)?;
         supervision.ring_at_news(link.bell());
         let mut runner = self.runner(job, link)?;
         // Threads that there are by now keep ordinary scheduling.
@@ -90,43 +89,6 @@ impl Program for ControllerProgram {
             None => Err("the run ended without saying how".into()),
         }
     }
-}
-
-/// Opens the session's link, waiting for the plant to create it, and for another process to leave that
-/// is in the controller's place and is not to be there.
-fn attach(
-    session: &SessionInfo,
-    epoch: u32,
-    limit: WaitLimit,
-    supervision: &Supervision,
-) -> Result<IceoryxLink, String> {
-    let mut waiter = Waiter::new(limit);
-    loop {
-        match IceoryxLink::open(session, epoch) {
-            Ok(link) => return Ok(link),
-            Err(LinkError::Absent { .. } | LinkError::Taken { .. }) if supervision.wants_stop() => {
-                return Err("stopped before the session's link was there".into());
-            }
-            Err(LinkError::Absent { .. } | LinkError::Taken { .. })
-                if supervision.is_peer_gone() =>
-            {
-                return Err("the plant ended before the session's link was there".into());
-            }
-            Err(LinkError::Absent { .. }) if !waiter.pause() => {}
-            // The plant tells one to leave that was not launched.
-            Err(LinkError::Taken { .. }) if is_launched(session, epoch) && !waiter.pause() => {}
-            Err(error) => return Err(error.to_string()),
-        }
-    }
-}
-
-/// Checks whether this process is the controller that was launched.
-fn is_launched(session: &SessionInfo, epoch: u32) -> bool {
-    let session = SessionInfo::read(&session.folder);
-    let launched = session.ok().and_then(|session| session.controller);
-    launched.is_some_and(|launched| {
-        launched.epoch == epoch && launched.process.leads(std::process::id())
-    })
 }
 
 /// Polls a runner to its end; every wait is bounded.

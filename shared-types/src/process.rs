@@ -4,12 +4,14 @@
 //! Used by sessions and by the launcher's supervision; read from `/proc`.
 
 use std::fs;
+use std::io;
 use std::os::unix::fs::MetadataExt;
+use std::process::{Child, ExitStatus};
 use std::time::{Duration, Instant};
 
 use rustix::process::{
-    Pid, PidfdFlags, Signal, getpgid, kill_process, kill_process_group, pidfd_open,
-    pidfd_send_signal,
+    Pid, PidfdFlags, Signal, WaitId, WaitIdOptions, getpgid, kill_process, kill_process_group,
+    pidfd_open, pidfd_send_signal, waitid,
 };
 use serde::{Deserialize, Serialize};
 
@@ -106,6 +108,26 @@ impl ProcessId {
             let _ = kill_process(pid, Signal::KILL);
         }
     }
+}
+
+/// Kills a child that was started as a group of its own, with what it started.
+pub fn end_group(child: &Child) {
+    // There may be nobody left in it.
+    let _ = kill_process_group(Pid::from_child(child), Signal::KILL);
+}
+
+/// The status of a child that has ended. What is left of its group is killed before the child is
+/// reaped: from then on its number may be another's.
+///
+/// # Errors
+/// If there is no such child.
+pub fn reap(child: &mut Child) -> io::Result<Option<ExitStatus>> {
+    let ended = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
+    if waitid(WaitId::Pid(Pid::from_child(child)), ended)?.is_none() {
+        return Ok(None);
+    }
+    end_group(child);
+    child.try_wait()
 }
 
 /// Ends every process of this user with this value of [`MARK`], also one that made a group or a

@@ -10,8 +10,14 @@ use std::process::ExitCode;
 use clap::Parser;
 
 use crate::describe::{Description, PROTOCOL};
+use crate::link::LinkError;
+use crate::link::iceoryx::IceoryxLink;
 use crate::session::SessionInfo;
 use crate::supervision::Supervision;
+use crate::wait::{WaitLimit, Waiter};
+
+/// Name of a controller's job in the session's folder.
+pub const CONTROLLER_JOB: &str = "controller.json";
 
 /// Exit code of a completed run.
 pub const COMPLETED: u8 = 0;
@@ -112,4 +118,44 @@ pub fn check_protocol(theirs: u32) -> Result<(), String> {
             "the launcher speaks protocol {theirs}, this binary {PROTOCOL}; build both of one version"
         ))
     }
+}
+
+/// Opens the end of the controller of an epoch, once the plant has made its link, and once another process has left
+/// that is in the controller's place and is not to be there.
+///
+/// # Errors
+/// The reason for which it is not there within the limit.
+pub fn attach(
+    session: &SessionInfo,
+    epoch: u32,
+    limit: WaitLimit,
+    supervision: &Supervision,
+) -> Result<IceoryxLink, String> {
+    let mut waiter = Waiter::new(limit);
+    loop {
+        match IceoryxLink::open(session, epoch) {
+            Ok(link) => return Ok(link),
+            Err(LinkError::Absent { .. } | LinkError::Taken { .. }) if supervision.wants_stop() => {
+                return Err("stopped before the session's link was there".into());
+            }
+            Err(LinkError::Absent { .. } | LinkError::Taken { .. })
+                if supervision.is_peer_gone() =>
+            {
+                return Err("the plant ended before the session's link was there".into());
+            }
+            Err(LinkError::Absent { .. }) if !waiter.pause() => {}
+            // The plant tells one to leave that was not launched.
+            Err(LinkError::Taken { .. }) if is_launched(session, epoch) && !waiter.pause() => {}
+            Err(error) => return Err(error.to_string()),
+        }
+    }
+}
+
+/// Checks whether this process is the controller that was launched.
+fn is_launched(session: &SessionInfo, epoch: u32) -> bool {
+    let session = SessionInfo::read(&session.folder);
+    let launched = session.ok().and_then(|session| session.controller);
+    launched.is_some_and(|launched| {
+        launched.epoch == epoch && launched.process.leads(std::process::id())
+    })
 }
