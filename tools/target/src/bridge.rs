@@ -1,0 +1,415 @@
+//! The bridge: has the controller's place in a run's session at the desk, and says there what the controller on the target
+//! says.
+//!
+//! For `hil` it is the controller: it is started, told, logged and ended as one.
+
+use std::io::Write;
+use std::net::SocketAddr;
+use std::path::Path;
+use std::sync::{Arc, OnceLock};
+
+use serde_json::Value;
+use shared_types::clock::monotonic_ns;
+use shared_types::frame::FrameIdentity;
+use shared_types::hello::Control;
+use shared_types::link::bell::Bell;
+use shared_types::link::iceoryx::IceoryxLink;
+use shared_types::link::{FrameSpec, Link, LinkError};
+use shared_types::program::{self, COMPLETED, CONTROLLER_JOB, FAILED};
+use shared_types::realtime::CONTROLLER_FILE;
+use shared_types::session::SessionInfo;
+use shared_types::supervision::{PEER_GONE, STOP, Supervision};
+use shared_types::table::number;
+use shared_types::text;
+use shared_types::time::Rate;
+use shared_types::wait::WaitLimit;
+
+use crate::channel::Heard;
+use crate::contact::Contact;
+use crate::exchange::Desk;
+use crate::machine::{Findings, hash};
+use crate::message::{Missed, RunRequest, ToAgent, ToDesk, from_hex, prologue, to_hex};
+use crate::packet::Packet;
+use crate::path::Wire;
+use crate::seal::{Key, begin};
+use crate::sleep::{Awaited, Either, waiter};
+use crate::way::Way;
+
+/// Share of the wait limit after which a silent target is given up: before the plant gives up, which knows no target.
+const SHARE: f64 = 0.9;
+/// Sample periods without a sample after which a target's output is the safe command.
+pub const MISSED_PERIODS: u32 = 20;
+/// Silence of the datagrams after which the frames go through the channel as well.
+const PATH_NS: u64 = 1_000_000_000;
+/// Time between two signs of life through the channel, and two looks at what changes seldom.
+const SIGN_NS: u64 = 250_000_000;
+/// Time that the last frames of a controller may take once it has ended.
+const PARTING_NS: u64 = 1_000_000_000;
+
+/// The parts of a controller's job that the bridge deals with.
+#[derive(serde::Deserialize)]
+struct Job {
+    epoch: u32,
+    rate: Rate,
+    #[serde(with = "number")]
+    wait_limit_s: f64,
+}
+
+/// Runs the controller of a session on a target; returns the exit code of a controller.
+///
+/// # Errors
+/// The reason for which it could not be run, or was lost.
+pub fn run(way: &Way, file: &Path, folder: &Path) -> Result<u8, String> {
+    let supervision = Supervision::from_stdin();
+    let session = SessionInfo::read(folder).map_err(|e| e.to_string())?;
+    let mut job: Value = session
+        .read_file(CONTROLLER_JOB)
+        .map_err(|e| e.to_string())?;
+    // Of the target's cores the plant has none.
+    if let Some(core) = job.pointer_mut("/realtime/peer_core") {
+        *core = Value::Null;
+    }
+    let known: Job = serde_json::from_value(job.clone()).map_err(|e| e.to_string())?;
+    let job = job.to_string();
+
+    let bell = Arc::new(OnceLock::<Bell>::new());
+    let rung = Arc::clone(&bell);
+    let ring = move || {
+        if let Some(bell) = rung.get() {
+            bell.ring();
+        }
+    };
+    let is_interrupted = || supervision.wants_stop() || supervision.is_peer_gone();
+    let blake3 = hash(file).map_err(|error| format!("cannot read {}: {error}", file.display()))?;
+    let contact = Contact::open(way, ring, &is_interrupted).map_err(|e| e.to_string())?;
+    contact
+        .provide(file, &blake3, &is_interrupted)
+        .map_err(|e| e.to_string())?;
+    let key = Key::random().map_err(|e| e.to_string())?;
+    let (begun, first) =
+        begin(&key, &prologue(&blake3, &job, known.epoch)).map_err(|e| e.to_string())?;
+    // Only the plant knows whether it waits; the rule is for those that do not, and harmless for others.
+    let missed = Missed {
+        period_s: known.rate.period_s(),
+        periods: MISSED_PERIODS,
+    };
+    let boot_id = Findings::own().boot_id;
+    contact.mouth.say(&ToAgent::Run(Box::new(RunRequest {
+        job,
+        epoch: known.epoch,
+        limit_s: known.wait_limit_s.is_finite().then_some(known.wait_limit_s),
+        key: key.to_hex(),
+        handshake: to_hex(&first),
+        missed,
+        boot_id: boot_id.clone(),
+    })));
+    let running = contact
+        .wait_to_run(&is_interrupted)
+        .map_err(|e| e.to_string())?;
+    let handshake = from_hex(&running.handshake).unwrap_or_default();
+    let seal = begun
+        .end(&handshake)
+        .map_err(|e| format!("target {}: {e}", way.target))?;
+    let address: Option<SocketAddr> = running.address.and_then(|address| address.parse().ok());
+    let wire = address.and_then(|address| Wire::desk(address, seal).ok());
+    let limit = WaitLimit::from_seconds(known.wait_limit_s);
+    let link = program::attach(&session, known.epoch, limit, &supervision)?;
+    let _ = bell.set(link.bell()); // one link in the life of the process
+    supervision.ring_at_news(link.bell());
+    Bridge {
+        both_here: contact.findings().boot_id == boot_id,
+        contact,
+        link,
+        session,
+        wire,
+        address,
+        desk: Desk::new(false),
+        open: None,
+        values: Vec::new(),
+        bytes: Vec::new(),
+        at_step: 0,
+        heard_ns: monotonic_ns(),
+        datagram_ns: monotonic_ns(),
+        goes_through_channel: false,
+        against_clock: false,
+        ended: None,
+        told_stop: false,
+        told_gone: false,
+    }
+    .drive(
+        WaitLimit::from_seconds(SHARE * known.wait_limit_s),
+        &supervision,
+    )
+}
+
+/// The end of the controller's process.
+struct Ended {
+    code: Option<i32>,
+    fate: Option<String>,
+    said: u64,
+    since_ns: u64,
+}
+
+struct Bridge {
+    // Before the link: while it goes, the plant still sees who speaks.
+    contact: Contact,
+    /// Both ends are on this machine.
+    both_here: bool,
+    link: IceoryxLink,
+    session: SessionInfo,
+    wire: Option<Wire>,
+    address: Option<SocketAddr>,
+    desk: Desk,
+    /// What the frames must carry, and the number of values from the target.
+    open: Option<(FrameIdentity, usize)>,
+    /// Values of a sample.
+    values: Vec<f64>,
+    bytes: Vec<u8>,
+    at_step: u64,
+    /// Time at which anything of the target came.
+    heard_ns: u64,
+    /// Time at which a datagram of it came.
+    datagram_ns: u64,
+    goes_through_channel: bool,
+    against_clock: bool,
+    ended: Option<Ended>,
+    told_stop: bool,
+    told_gone: bool,
+}
+
+impl Bridge {
+    fn drive(mut self, limit: WaitLimit, supervision: &Supervision) -> Result<u8, String> {
+        let mut waiter = waiter(self.both_here);
+        let awaited = Awaited::default();
+        waiter.sleep_on(Some(Box::new(Either {
+            bell: self.link.bell(),
+            socket: self.wire.as_ref().map(Wire::socket),
+            awaited: awaited.clone(),
+        })));
+        let mut sign_ns = 0;
+        loop {
+            self.pass_on(supervision);
+            let mut busy = self.hear_plant().map_err(told)?;
+            busy |= self.hear_wire().map_err(told)?;
+            busy |= self.hear_channel()?;
+            let now_ns = monotonic_ns();
+            self.speak(now_ns);
+            if let Some(code) = self.has_ended(now_ns) {
+                return code;
+            }
+            if busy {
+                waiter.done();
+                continue;
+            }
+            if now_ns.saturating_sub(self.heard_ns) > limit.ns() {
+                return Err(format!(
+                    "target {}: nothing received since step {} for {} s",
+                    self.contact.way.target,
+                    self.at_step,
+                    limit.ms() as f64 / 1e3
+                ));
+            }
+            if now_ns >= sign_ns {
+                sign_ns = now_ns + SIGN_NS;
+                self.contact.mouth.try_say(&ToAgent::Beat);
+                self.look_at_path(now_ns);
+            }
+            awaited.set(
+                self.desk.awaits_answer() && !self.goes_through_channel,
+                self.against_clock,
+            );
+            let _ = waiter.pause_until(self.desk.due_ns().min(sign_ns)); // the limit is looked at above
+        }
+    }
+
+    /// Passes on what `hil` wants.
+    fn pass_on(&mut self, supervision: &Supervision) {
+        let word = |is_wanted: bool, has_told: &mut bool, line: &str| {
+            if is_wanted && !std::mem::replace(has_told, true) {
+                self.contact.mouth.say(&ToAgent::Word { line: line.into() });
+            }
+        };
+        word(supervision.wants_stop(), &mut self.told_stop, STOP);
+        word(supervision.is_peer_gone(), &mut self.told_gone, PEER_GONE);
+    }
+
+    fn hear_plant(&mut self) -> Result<bool, LinkError> {
+        let mut came = false;
+        // Once samples flow, the plant has nothing more to say there.
+        if self.at_step == 0 {
+            while let Some(content) = self.link.receive_control()? {
+                came = true;
+                self.control(&content)?;
+            }
+        }
+        if self.open.is_some()
+            && let Some(header) = self.link.receive(&mut self.values)?
+        {
+            came = true;
+            self.at_step = header.step;
+            self.desk.say(&header, &self.values);
+        }
+        Ok(came)
+    }
+
+    /// Passes a control message on; opens the frames that it agrees on.
+    fn control(&mut self, content: &[u8]) -> Result<(), LinkError> {
+        if let Ok(Control::Welcome(welcome)) = Control::from_bytes(content) {
+            let spec = FrameSpec {
+                identity: welcome.frame_identity(),
+                outgoing: welcome.command.len(),
+                incoming: welcome.sample.len(),
+            };
+            self.link.open_frames(&spec)?;
+            self.values = vec![0.0; spec.incoming];
+            self.desk = Desk::new(welcome.against_clock);
+            self.against_clock = welcome.against_clock;
+            self.open = Some((spec.identity, spec.outgoing));
+        }
+        let content = String::from_utf8_lossy(content).into_owned();
+        self.contact.mouth.say(&ToAgent::Control { content });
+        Ok(())
+    }
+
+    fn hear_wire(&mut self) -> Result<bool, LinkError> {
+        let Some(packet) = self.wire.as_mut().and_then(Wire::receive) else {
+            return Ok(false);
+        };
+        self.datagram_ns = monotonic_ns();
+        self.goes_through_channel = false;
+        self.take(packet)?;
+        Ok(true)
+    }
+
+    fn take(&mut self, packet: Packet) -> Result<(), LinkError> {
+        let now_ns = monotonic_ns();
+        self.heard_ns = now_ns;
+        let Some((identity, count)) = self.open else {
+            return Ok(());
+        };
+        let Some(frame) = self.desk.take(packet, now_ns) else {
+            return Ok(());
+        };
+        if identity.check(&frame.header, count).is_err() {
+            return Ok(()); // the target is authentic, so it is of another version
+        }
+        self.link.send(&frame.header, &frame.values)
+    }
+
+    fn hear_channel(&mut self) -> Result<bool, String> {
+        let Some(heard) = self.contact.ear.next() else {
+            return Ok(false);
+        };
+        self.heard_ns = monotonic_ns();
+        match heard {
+            Heard::Packet(bytes) => {
+                if let Some(packet) = Packet::read(&bytes) {
+                    self.take(packet).map_err(told)?;
+                }
+            }
+            Heard::Message(message) => self.hear(message)?,
+            Heard::Part(_) => {}
+            // After the end of the controller nothing more is to come.
+            Heard::Closed(_) if self.ended.is_some() => {}
+            Heard::Closed(why) => {
+                let step = self.at_step;
+                return Err(format!("{}, at step {step}", self.contact.lost(&why)));
+            }
+        }
+        Ok(true)
+    }
+
+    fn hear(&mut self, message: ToDesk) -> Result<(), String> {
+        match message {
+            ToDesk::Control { content } => {
+                self.link.send_control(content.as_bytes()).map_err(told)?
+            }
+            ToDesk::Log { text } => {
+                // A log that cannot take it must not end the run.
+                let _ = std::io::stderr().write_all(text::printable(&text).as_bytes());
+            }
+            ToDesk::Realtime { report } => {
+                if let Ok(report) = serde_json::from_str::<Value>(&report) {
+                    self.session
+                        .write_file(CONTROLLER_FILE, &report)
+                        .map_err(|e| e.to_string())?;
+                }
+            }
+            ToDesk::Output { what } => {
+                program::say(&format!("target {}: {what}", self.contact.way.target))
+            }
+            ToDesk::Ended { code, fate, said } => {
+                let since_ns = monotonic_ns();
+                self.ended = Some(Ended {
+                    code,
+                    fate,
+                    said,
+                    since_ns,
+                });
+            }
+            ToDesk::Refused { reason, .. } => {
+                return Err(format!("target {}: {reason}", self.contact.way.target));
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Sends the packet that is due.
+    fn speak(&mut self, now_ns: u64) {
+        if now_ns < self.desk.due_ns() {
+            return;
+        }
+        self.desk.packet(now_ns, &mut self.bytes);
+        if let Some(wire) = &mut self.wire {
+            wire.send(&self.bytes);
+        }
+        if self.goes_through_channel || self.wire.is_none() {
+            self.contact.mouth.packet(&self.bytes);
+        }
+    }
+
+    /// Goes through the channel while no datagram gets through.
+    fn look_at_path(&mut self, now_ns: u64) {
+        let is_silent = now_ns.saturating_sub(self.datagram_ns) > PATH_NS || self.wire.is_none();
+        if is_silent && !self.goes_through_channel {
+            self.goes_through_channel = true;
+            let to = self
+                .address
+                .map_or_else(String::new, |address| format!(" to {address}"));
+            program::say(&format!(
+                "target {}: no datagram gets through{to}; the frames go through the connection, which takes longer",
+                self.contact.way.target
+            ));
+        }
+    }
+
+    /// The exit code, once the controller has ended and its last frame was given to the plant.
+    fn has_ended(&self, now_ns: u64) -> Option<Result<u8, String>> {
+        let ended = self.ended.as_ref()?;
+        let is_complete = self.desk.heard() >= ended.said || self.open.is_none();
+        if !is_complete && now_ns.saturating_sub(ended.since_ns) < PARTING_NS {
+            return None;
+        }
+        if let Some(fate) = &ended.fate {
+            let target = &self.contact.way.target;
+            return Some(Err(format!(
+                "target {target}: the controller {fate} at step {}",
+                self.at_step
+            )));
+        }
+        let code = ended
+            .code
+            .and_then(|code| u8::try_from(code).ok())
+            .unwrap_or(FAILED);
+        Some(Ok(if ended.code == Some(0) {
+            COMPLETED
+        } else {
+            code
+        }))
+    }
+}
+
+fn told(error: LinkError) -> String {
+    error.to_string()
+}

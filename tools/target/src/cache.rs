@@ -1,0 +1,244 @@
+//! Programs that an agent may run: those of its own cache, named by their hashes alone, or those that were listed
+//! when it was started.
+
+use std::fs;
+use std::io::{self, Write};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
+use std::path::{Path, PathBuf};
+
+use crate::machine::hash;
+
+/// Most files in a cache.
+const MOST_FILES: usize = 8;
+/// Longest program in bytes.
+pub const MOST_BYTES: u64 = 512 << 20;
+
+/// Programs that may be run.
+#[derive(Debug)]
+pub enum Programs {
+    /// Whatever is sent, kept in this folder.
+    Cached(PathBuf),
+    /// These and no others.
+    Listed(Vec<PathBuf>),
+}
+
+impl Programs {
+    /// Makes the cache in the folder of the running agent, which the desk's script put there.
+    ///
+    /// # Errors
+    /// If the folder is not this user's alone.
+    pub fn cached() -> Result<Self, String> {
+        let own = std::env::current_exe().map_err(|error| error.to_string())?;
+        let folder = own.parent().unwrap_or(Path::new("/")).to_owned();
+        let found =
+            fs::metadata(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+        if found.uid() != rustix::process::geteuid().as_raw() || found.mode() & 0o022 != 0 {
+            return Err(format!(
+                "{} is not a folder of this user alone",
+                folder.display()
+            ));
+        }
+        Ok(Self::Cached(folder))
+    }
+
+    /// Takes the programs that were listed.
+    ///
+    /// # Errors
+    /// If one cannot be read.
+    pub fn listed(programs: &[PathBuf]) -> Result<Self, String> {
+        for program in programs {
+            hash(program).map_err(|error| format!("{}: {error}", program.display()))?;
+        }
+        Ok(Self::Listed(programs.to_vec()))
+    }
+
+    /// Returns the file of a program, whose content is checked at each call.
+    #[must_use]
+    pub fn find(&self, blake3: &str) -> Option<PathBuf> {
+        let is_it = |file: &PathBuf| hash(file).is_ok_and(|found| found == blake3);
+        match self {
+            Self::Cached(folder) => Some(folder.join(blake3)).filter(is_it),
+            Self::Listed(programs) => programs.iter().find(|file| is_it(file)).cloned(),
+        }
+    }
+
+    /// Begins to store a program.
+    ///
+    /// # Errors
+    /// If the programs are listed, or there is no room.
+    pub fn store(&self, blake3: &str, bytes: u64) -> Result<Storing, String> {
+        let Self::Cached(folder) = self else {
+            return Err(
+                "this agent runs only the programs that were listed when it was started".into(),
+            );
+        };
+        if blake3::Hash::from_hex(blake3).is_err() || bytes > MOST_BYTES {
+            return Err("that is no program".into());
+        }
+        make_room(folder);
+        let part = folder.join(format!("{blake3}.part{}", std::process::id()));
+        let mut options = fs::OpenOptions::new();
+        let file = options
+            .write(true)
+            .create(true)
+            .truncate(true)
+            .mode(0o600)
+            .open(&part);
+        let file = file.map_err(|error| format!("{}: {error}", part.display()))?;
+        Ok(Storing {
+            file,
+            blake3: blake3.into(),
+            part,
+            left: bytes,
+        })
+    }
+
+    /// Removes every program; returns how many there were.
+    #[must_use]
+    pub fn clean(&self) -> u32 {
+        let Self::Cached(folder) = self else { return 0 };
+        let files = files(folder);
+        files
+            .iter()
+            .filter(|file| fs::remove_file(file).is_ok())
+            .count() as u32
+    }
+}
+
+/// A program that is arriving. Dropped before it is whole, it leaves nothing.
+#[derive(Debug)]
+pub struct Storing {
+    file: fs::File,
+    blake3: String,
+    part: PathBuf,
+    left: u64,
+}
+
+impl Storing {
+    /// Takes a part; true when the program is there, whole and as its hash says.
+    ///
+    /// # Errors
+    /// If it is longer than it was to be, another than it was to be, or there is no room.
+    pub fn take(&mut self, part: &[u8]) -> Result<bool, String> {
+        let told = |error: io::Error| format!("cannot keep the program: {error}");
+        let left = self.left.checked_sub(part.len() as u64);
+        self.left = left.ok_or("the program is longer than it was to be")?;
+        self.file.write_all(part).map_err(told)?;
+        if self.left > 0 {
+            return Ok(false);
+        }
+        self.file.sync_all().map_err(told)?;
+        if hash(&self.part).map_err(told)? != self.blake3 {
+            return Err("the program arrived otherwise than its hash says".into());
+        }
+        self.file
+            .set_permissions(fs::Permissions::from_mode(0o500))
+            .map_err(told)?;
+        fs::rename(&self.part, self.part.with_file_name(&self.blake3)).map_err(told)?;
+        Ok(true)
+    }
+}
+
+impl Drop for Storing {
+    fn drop(&mut self) {
+        let _ = fs::remove_file(&self.part); // it has its own name by now, or is of no use
+    }
+}
+
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let is_hash = |name: &str| name.split('.').next().is_some_and(|stem| stem.len() == 64);
+    let files = entries.filter(|entry| entry.file_name().to_str().is_some_and(is_hash));
+    files.map(|entry| entry.path()).collect()
+}
+
+/// Removes the oldest programs, so that one more has room, and what is left of copies that were cut off.
+fn make_room(folder: &Path) {
+    let mut files: Vec<_> = files(folder)
+        .into_iter()
+        .map(|file| {
+            (
+                fs::metadata(&file).and_then(|found| found.modified()).ok(),
+                file,
+            )
+        })
+        .collect();
+    files.sort();
+    let own = std::env::current_exe().ok();
+    files.retain(|(_, file)| Some(file) != own.as_ref());
+    let surplus = (files.len() + 2).saturating_sub(MOST_FILES);
+    for (_, file) in files.into_iter().take(surplus) {
+        let _ = fs::remove_file(file); // the next one tries again
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn store(programs: &Programs, content: &[u8]) -> Result<String, String> {
+        let hash = blake3::hash(content).to_hex().to_string();
+        let mut storing = programs.store(&hash, content.len() as u64)?;
+        let (first, second) = content.split_at(content.len() / 2);
+        assert_eq!(storing.take(first), Ok(false));
+        assert_eq!(storing.take(second), Ok(true));
+        Ok(hash)
+    }
+
+    #[test]
+    fn a_program_is_kept_by_its_hash_and_found_unchanged_alone() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let programs = Programs::Cached(folder.path().into());
+        let hash = store(&programs, b"a program").expect("kept");
+        let file = programs.find(&hash).expect("found");
+        assert_eq!(fs::metadata(&file).expect("there").mode() & 0o777, 0o500);
+        fs::set_permissions(&file, fs::Permissions::from_mode(0o600)).expect("writable");
+        fs::write(&file, "another").expect("changed");
+        assert_eq!(programs.find(&hash), None);
+    }
+
+    #[test]
+    fn what_arrives_otherwise_leaves_nothing() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let programs = Programs::Cached(folder.path().into());
+        let hash = blake3::hash(b"a program").to_hex().to_string();
+        let mut other = programs.store(&hash, 9).expect("begins");
+        assert!(other.take(b"a PROGRAM").is_err());
+        drop(other);
+        let mut longer = programs.store(&hash, 9).expect("begins");
+        assert!(longer.take(b"a program!").is_err());
+        drop(longer);
+        drop(programs.store(&hash, 9).expect("begins"));
+        assert_eq!(files(folder.path()), Vec::<PathBuf>::new());
+        for name in ["", "../x", "a"] {
+            assert!(programs.store(name, 9).is_err(), "{name}");
+        }
+    }
+
+    #[test]
+    fn the_cache_is_bounded_and_can_be_emptied() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let programs = Programs::Cached(folder.path().into());
+        for number in 0..3 * MOST_FILES {
+            store(&programs, format!("program {number}").as_bytes()).expect("kept");
+            assert!(files(folder.path()).len() <= MOST_FILES);
+        }
+        let last = format!("program {}", 3 * MOST_FILES - 1);
+        assert!(
+            programs
+                .find(&blake3::hash(last.as_bytes()).to_hex())
+                .is_some()
+        );
+        assert!(programs.clean() > 0);
+        assert!(files(folder.path()).is_empty());
+    }
+
+    #[test]
+    fn an_agent_with_a_list_takes_no_program() {
+        let own = std::env::current_exe().expect("this");
+        let programs = Programs::listed(std::slice::from_ref(&own)).expect("there");
+        assert_eq!(programs.find(&hash(&own).expect("read")), Some(own));
+        assert_eq!(programs.find(&blake3::hash(b"").to_hex()), None);
+        assert!(programs.store(&blake3::hash(b"x").to_hex(), 1).is_err());
+    }
+}

@@ -1,0 +1,330 @@
+//! The channel between desk and agent: messages, parts of a file and, where no datagram gets through, packets, in
+//! order, over anything that carries bytes.
+//!
+//! A frame is its length (32 bits, little-endian), its kind, and its content. Over `ssh` that is all; over a bare
+//! connection each frame is sealed. What arrives is bounded before it is read, and checked before it is used.
+
+use std::io::{self, BufReader, Read, Write};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, channel, sync_channel};
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use crate::seal::Seal;
+
+/// Longest content of a frame.
+const LONGEST_FRAME: usize = 32 << 10;
+/// Longest message, of several frames; the description of 100 plants with 512 signals is shorter.
+const LONGEST_MESSAGE: usize = 32 << 20;
+/// Bytes that a seal and the kind add at most.
+const AROUND: usize = 64;
+/// Frames that may wait to be written. A packet that finds no room is lost, as a datagram would be.
+const WAITING: usize = 256;
+
+/// Kind of a frame. One that more of the same message follows has the highest bit set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+enum Kind {
+    Message = 1,
+    Part = 2,
+    Packet = 3,
+}
+
+const MORE: u8 = 0x80;
+
+/// Something that came through the channel.
+#[derive(Debug)]
+pub enum Heard<M> {
+    /// A message.
+    Message(M),
+    /// A part of a file.
+    Part(Vec<u8>),
+    /// A packet that would have been a datagram.
+    Packet(Vec<u8>),
+    /// The end, with its reason.
+    Closed(String),
+}
+
+/// The end that is heard, on a thread of its own.
+pub struct Ear<M>(Receiver<Heard<M>>);
+
+/// The end that speaks, on a thread of its own: nobody who speaks ever waits for the other end.
+#[derive(Clone)]
+pub struct Mouth(SyncSender<(Kind, Vec<u8>)>);
+
+impl<M: DeserializeOwned + Send + 'static> Ear<M> {
+    /// Listens from now on; `ring` is called after each thing that came.
+    pub fn listen(
+        from: impl Read + Send + 'static,
+        seal: Option<Arc<Seal>>,
+        ring: impl Fn() + Send + 'static,
+    ) -> Self {
+        let (sender, heard) = channel();
+        std::thread::spawn(move || {
+            let mut reader = Reader {
+                from: BufReader::new(from),
+                seal,
+                number: 0,
+            };
+            loop {
+                let next = reader
+                    .next()
+                    .unwrap_or_else(|error| Heard::Closed(error.to_string()));
+                let is_closed = matches!(next, Heard::Closed(_));
+                let is_gone = sender.send(next).is_err();
+                ring();
+                if is_closed || is_gone {
+                    return;
+                }
+            }
+        });
+        Self(heard)
+    }
+
+    /// The next thing that came, if there is one.
+    #[must_use]
+    pub fn next(&self) -> Option<Heard<M>> {
+        self.0.try_recv().ok()
+    }
+
+    /// Waits for the next thing, at most so long.
+    #[must_use]
+    pub fn wait(&self, limit: std::time::Duration) -> Option<Heard<M>> {
+        self.0.recv_timeout(limit).ok()
+    }
+}
+
+struct Reader<R> {
+    from: R,
+    seal: Option<Arc<Seal>>,
+    number: u64,
+}
+
+impl<R: Read> Reader<R> {
+    fn next<M: DeserializeOwned>(&mut self) -> io::Result<Heard<M>> {
+        let mut whole = Vec::new();
+        loop {
+            let (kind, content) = self.frame()?;
+            if whole.len() + content.len() > LONGEST_MESSAGE {
+                return Err(wrong("a message is too long"));
+            }
+            whole.extend(content);
+            if kind & MORE != 0 {
+                continue;
+            }
+            const MESSAGE: u8 = Kind::Message as u8;
+            const PART: u8 = Kind::Part as u8;
+            const PACKET: u8 = Kind::Packet as u8;
+            return match kind {
+                MESSAGE => serde_json::from_slice(&whole)
+                    .map(Heard::Message)
+                    .map_err(|_| wrong("a message is none")),
+                PART => Ok(Heard::Part(whole)),
+                PACKET => Ok(Heard::Packet(whole)),
+                _ => Err(wrong("a frame has an unknown kind")),
+            };
+        }
+    }
+
+    fn frame(&mut self) -> io::Result<(u8, Vec<u8>)> {
+        let mut length = [0; 4];
+        self.from
+            .read_exact(&mut length)
+            .map_err(|error| match error.kind() {
+                io::ErrorKind::UnexpectedEof => io::Error::new(error.kind(), "it was closed"),
+                _ => error,
+            })?;
+        let length = u32::from_le_bytes(length) as usize;
+        if length == 0 || length > LONGEST_FRAME + AROUND {
+            return Err(wrong("a frame has an impossible length"));
+        }
+        let mut frame = vec![0; length];
+        self.from.read_exact(&mut frame)?;
+        if let Some(seal) = &self.seal {
+            let mut content = Vec::new();
+            let opened = seal.open(self.number, &frame, &mut content);
+            opened.map_err(|unsealed| wrong(&unsealed.to_string()))?;
+            self.number += 1;
+            frame = content;
+        }
+        match frame.split_first() {
+            Some((kind, content)) => Ok((*kind, content.to_vec())),
+            None => Err(wrong("a frame is empty")),
+        }
+    }
+}
+
+fn wrong(what: &str) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidData, what)
+}
+
+impl Mouth {
+    /// Speaks into this from now on.
+    pub fn speak(into: impl Write + Send + 'static, seal: Option<Arc<Seal>>) -> Self {
+        let (sender, frames) = sync_channel::<(Kind, Vec<u8>)>(WAITING);
+        std::thread::spawn(move || {
+            let mut writer = Writer {
+                into,
+                seal,
+                number: 0,
+            };
+            while let Ok((kind, content)) = frames.recv() {
+                if writer.write(kind, &content).is_err() {
+                    return; // the ear hears that it is closed
+                }
+            }
+        });
+        Self(sender)
+    }
+
+    /// Says a message. It waits if many do.
+    ///
+    /// # Panics
+    /// Never: messages are plain data, which always serialises.
+    pub fn say(&self, message: &impl Serialize) {
+        let content = serde_json::to_vec(message).expect("plain data serialises");
+        let _ = self.0.send((Kind::Message, content)); // closed: the ear hears it
+    }
+
+    /// Says a message unless many wait; false if they do.
+    ///
+    /// # Panics
+    /// Never: messages are plain data, which always serialises.
+    pub fn try_say(&self, message: &impl Serialize) -> bool {
+        let content = serde_json::to_vec(message).expect("plain data serialises");
+        !matches!(
+            self.0.try_send((Kind::Message, content)),
+            Err(TrySendError::Full(_))
+        )
+    }
+
+    /// Sends a part of a file.
+    pub fn part(&self, part: Vec<u8>) {
+        let _ = self.0.send((Kind::Part, part)); // closed: the ear hears it
+    }
+
+    /// Sends a packet, or loses it if many things wait.
+    pub fn packet(&self, packet: &[u8]) {
+        let _ = self.0.try_send((Kind::Packet, packet.to_vec()));
+    }
+}
+
+struct Writer<W> {
+    into: W,
+    seal: Option<Arc<Seal>>,
+    number: u64,
+}
+
+impl<W: Write> Writer<W> {
+    fn write(&mut self, kind: Kind, content: &[u8]) -> io::Result<()> {
+        let mut pieces = content.chunks(LONGEST_FRAME).peekable();
+        if pieces.peek().is_none() {
+            self.frame(kind as u8, &[])?;
+        }
+        while let Some(piece) = pieces.next() {
+            let more = if pieces.peek().is_some() { MORE } else { 0 };
+            self.frame(kind as u8 | more, piece)?;
+        }
+        self.into.flush()
+    }
+
+    fn frame(&mut self, kind: u8, piece: &[u8]) -> io::Result<()> {
+        let mut plain = Vec::with_capacity(piece.len() + AROUND);
+        plain.push(kind);
+        plain.extend(piece);
+        if let Some(seal) = &self.seal {
+            let mut sealed = Vec::with_capacity(plain.len() + AROUND);
+            seal.close(self.number, &plain, &mut sealed)
+                .map_err(io::Error::other)?;
+            self.number += 1;
+            plain = sealed;
+        }
+        // At once: two writes would wait for each other on a connection.
+        let mut frame = (plain.len() as u32).to_le_bytes().to_vec();
+        frame.extend(plain);
+        self.into.write_all(&frame)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::net::UnixStream;
+    use std::time::Duration;
+
+    use super::*;
+    use crate::seal::{Key, answer, begin};
+
+    const LONG: Duration = Duration::from_secs(20);
+
+    fn heard(ear: &Ear<String>) -> String {
+        match ear.wait(LONG) {
+            Some(Heard::Message(text)) => format!("message of {}", text.len()),
+            Some(Heard::Part(part)) => format!("part of {}", part.len()),
+            Some(Heard::Packet(packet)) => format!("packet of {}", packet.len()),
+            Some(Heard::Closed(why)) => format!("closed: {why}"),
+            None => "nothing".into(),
+        }
+    }
+
+    fn seals() -> [Arc<Seal>; 2] {
+        let key = Key::random().expect("random");
+        let (begun, first) = begin(&key, b"").expect("begins");
+        let (theirs, second) = answer(&key, b"", &first).expect("answers");
+        [begun.end(&second).expect("ends"), theirs].map(Arc::new)
+    }
+
+    fn through(mouth_seal: Option<Arc<Seal>>, ear_seal: Option<Arc<Seal>>) -> (Mouth, Ear<String>) {
+        let (one, other) = UnixStream::pair().expect("a pair");
+        (
+            Mouth::speak(one, mouth_seal),
+            Ear::listen(other, ear_seal, || ()),
+        )
+    }
+
+    #[test]
+    fn everything_arrives_in_order_whatever_its_length() {
+        let [ours, theirs] = seals();
+        for (mouth, ear) in [through(None, None), through(Some(ours), Some(theirs))] {
+            mouth.say(&"x".repeat(100_000));
+            mouth.part(vec![1; LONGEST_FRAME]);
+            mouth.part(Vec::new());
+            mouth.packet(&[2; 5]);
+            drop(mouth);
+            let all: Vec<String> = (0..5).map(|_| heard(&ear)).collect();
+            let part = format!("part of {LONGEST_FRAME}");
+            let wanted = [
+                "message of 100000",
+                &part,
+                "part of 0",
+                "packet of 5",
+                "closed: it was closed",
+            ];
+            assert_eq!(all, wanted);
+        }
+    }
+
+    #[test]
+    fn another_seal_closes_the_channel() {
+        let ([ours, _], [_, others]) = (seals(), seals());
+        let (mouth, ear) = through(Some(ours), Some(others));
+        mouth.say(&"a");
+        assert!(heard(&ear).starts_with("closed: the seal"));
+    }
+
+    #[test]
+    fn garbage_closes_the_channel_and_takes_no_memory() {
+        let too_long = [0xff, 0xff, 0xff, 0xff, 1];
+        for garbage in [
+            &too_long[..],
+            &[0, 0, 0, 0],
+            &[1, 0, 0, 0, 9],
+            &[2, 0, 0, 0, 1, b'{'],
+        ] {
+            let (mut one, other) = UnixStream::pair().expect("a pair");
+            let ear: Ear<String> = Ear::listen(other, None, || ());
+            one.write_all(garbage).expect("written");
+            assert!(heard(&ear).starts_with("closed: "), "{garbage:?}");
+        }
+    }
+}

@@ -1,0 +1,61 @@
+//! A connection to an agent that listens.
+
+use std::io;
+use std::net::{TcpStream, ToSocketAddrs};
+use std::sync::Arc;
+use std::time::Duration;
+
+use crate::channel::{Ear, Mouth};
+use crate::key::{get, prologue, put, read_key};
+use crate::leash::Leash;
+use crate::message::ToDesk;
+use crate::seal::{Seal, begin};
+use crate::way::{TargetError, Way};
+
+/// Time for a connection to be made.
+const CONNECT: Duration = Duration::from_secs(10);
+
+/// Connects to an agent that listens.
+pub(crate) fn connect(
+    way: &Way,
+    address: &str,
+    ring: Box<dyn Fn() + Send>,
+) -> Result<(Ear<ToDesk>, Mouth, Leash), TargetError> {
+    let Some(key_file) = &way.key_file else {
+        return Err(way.usage("an agent that listens needs its key: --key-file FILE"));
+    };
+    let key = read_key(key_file).map_err(|error| way.usage(error))?;
+    let mut addresses =
+        (address.to_socket_addrs()).map_err(|error| way.usage(format!("unknown host: {error}")))?;
+    let address = addresses.next().ok_or_else(|| way.usage("unknown host"))?;
+    let connection =
+        TcpStream::connect_timeout(&address, CONNECT).map_err(|error| way.infrastructure(error))?;
+    let hands = || -> io::Result<Seal> {
+        let mut connection = &connection;
+        connection.set_nodelay(true)?;
+        connection.set_read_timeout(Some(CONNECT))?;
+        connection.set_write_timeout(Some(CONNECT))?;
+        let (begun, first) = begin(&key, &prologue()).map_err(io::Error::other)?;
+        put(&mut connection, &first)?;
+        let seal = begun
+            .end(&get(&mut connection)?)
+            .map_err(io::Error::other)?;
+        connection.set_read_timeout(None)?;
+        connection.set_write_timeout(None)?;
+        Ok(seal)
+    };
+    let seal = hands().map_err(|error| {
+        way.infrastructure(format!(
+            "no handshake ({error}): another key, another version, or it serves another session"
+        ))
+    })?;
+    let seal = Arc::new(seal);
+    let cannot = |error: io::Error| way.infrastructure(error);
+    let ear = Ear::listen(
+        connection.try_clone().map_err(cannot)?,
+        Some(seal.clone()),
+        ring,
+    );
+    let mouth = Mouth::speak(connection.try_clone().map_err(cannot)?, Some(seal));
+    Ok((ear, mouth, Leash::Connection(connection)))
+}

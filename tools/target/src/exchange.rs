@@ -1,0 +1,266 @@
+//! The exchange of frames over a wire that loses, repeats, reorders and delays: two state machines without input or
+//! output.
+//!
+//! Each end has a newest frame and knows the newest of the other that it gave to its peer. A packet carries both.
+//! So whatever is lost is made good by any later packet, whatever comes twice or too late changes nothing, and a frame is
+//! given to the peer once.
+//!
+//! The desk asks, the target answers. In lockstep the desk repeats its newest frame until it is answered, after a
+//! time that it takes from the round trips; the target answers a frame that it had before with the answer that it has
+//! stored, so the law steps once. Against the clock a sample is never repeated: the next is newer.
+//!
+//! There the target keeps a sample from the controller as long as the desk has not heard the answer before. So
+//! at most two answers in a row are unseen by the plant, however many packets are lost, and the two that each command
+//! names ([`Answered`](shared_types::directive::Answered)) complete the list of all.
+
+use shared_types::frame::{FrameKind, Header};
+
+use crate::packet::{Numbered, Packet, write};
+
+/// Least time before a frame is repeated.
+const LEAST_NS: u64 = 1_000_000;
+/// Longest time before a frame is repeated.
+const MOST_NS: u64 = 50_000_000;
+/// Time before a frame is repeated as long as no round trip is known.
+const FIRST_NS: u64 = 20_000_000;
+/// Time between two packets where nothing has to be said: each end hears that the other lives.
+pub const BEAT_NS: u64 = 100_000_000;
+
+/// What both ends know.
+#[derive(Debug, Default)]
+struct Ends {
+    /// Newest frame of this end.
+    own: Option<Numbered>,
+    /// Highest number of this end's frames that the other has heard.
+    answered: u64,
+    /// Highest number of the other end's frames that was given to the peer here.
+    heard: u64,
+}
+
+impl Ends {
+    fn next(&mut self, header: &Header, values: &[f64]) {
+        let number = self.own.as_ref().map_or(0, |own| own.number) + 1;
+        let count = usize::from(header.count).min(values.len());
+        let own = self.own.get_or_insert_with(|| Numbered {
+            number,
+            header: *header,
+            values: Vec::new(),
+        });
+        own.number = number;
+        own.header = *header;
+        own.values.clear();
+        own.values.extend_from_slice(&values[..count]);
+    }
+
+    fn is_heard(&self) -> bool {
+        self.own
+            .as_ref()
+            .is_none_or(|own| own.number <= self.answered)
+    }
+
+    fn packet(&self, bytes: &mut Vec<u8>) {
+        let unheard = self.own.as_ref().filter(|own| own.number > self.answered);
+        write(self.heard, unheard, bytes);
+    }
+
+    /// Takes what the other end has heard; nothing that was never said.
+    fn note(&mut self, heard: u64) {
+        let newest = self.own.as_ref().map_or(0, |own| own.number);
+        if heard <= newest && heard > self.answered {
+            self.answered = heard;
+        }
+    }
+}
+
+/// Times of round trips, as TCP keeps them (RFC 6298).
+#[derive(Clone, Copy, Debug, Default)]
+struct Trips {
+    smooth_ns: u64,
+    spread_ns: u64,
+}
+
+impl Trips {
+    fn note(&mut self, trip_ns: u64) {
+        if self.smooth_ns == 0 {
+            (self.smooth_ns, self.spread_ns) = (trip_ns, trip_ns / 2);
+            return;
+        }
+        let apart = self.smooth_ns.abs_diff(trip_ns);
+        self.spread_ns = self.spread_ns - self.spread_ns / 4 + apart / 4;
+        self.smooth_ns = self.smooth_ns - self.smooth_ns / 8 + trip_ns / 8;
+    }
+
+    fn patience_ns(self) -> u64 {
+        if self.smooth_ns == 0 {
+            return FIRST_NS;
+        }
+        (self.smooth_ns + 4 * self.spread_ns).clamp(LEAST_NS, MOST_NS)
+    }
+}
+
+/// The desk's end.
+#[derive(Debug)]
+pub struct Desk {
+    ends: Ends,
+    against_clock: bool,
+    trips: Trips,
+    /// The newest frame wants an answer, a frame of the target that was not there when it was sent.
+    wants_answer: bool,
+    /// Packets of the newest frame.
+    sent: u32,
+    first_ns: u64,
+    last_ns: u64,
+    patience_ns: u64,
+    repeated: u64,
+}
+
+impl Desk {
+    /// Makes the end of a run; `against_clock` if its plant waits for nobody.
+    #[must_use]
+    pub fn new(against_clock: bool) -> Self {
+        Self {
+            ends: Ends::default(),
+            against_clock,
+            trips: Trips::default(),
+            wants_answer: false,
+            sent: 0,
+            first_ns: 0,
+            last_ns: 0,
+            patience_ns: FIRST_NS,
+            repeated: 0,
+        }
+    }
+
+    /// Takes a frame of the plant; its packet is due at once.
+    pub fn say(&mut self, header: &Header, values: &[f64]) {
+        self.ends.next(header, values);
+        self.sent = 0;
+        self.patience_ns = self.trips.patience_ns();
+        self.wants_answer = match header.kind() {
+            Some(FrameKind::Sample) => !self.against_clock,
+            Some(FrameKind::End) => true,
+            _ => false,
+        };
+    }
+
+    /// Time of the monotonic clock at which the next packet is due.
+    #[must_use]
+    pub fn due_ns(&self) -> u64 {
+        if self.sent == 0 && !self.ends.is_heard() {
+            return 0;
+        }
+        let is_sample =
+            self.ends.own.as_ref().and_then(|own| own.header.kind()) == Some(FrameKind::Sample);
+        let is_open =
+            self.wants_answer || !self.ends.is_heard() && !(self.against_clock && is_sample);
+        self.last_ns + if is_open { self.patience_ns } else { BEAT_NS }
+    }
+
+    /// Writes the packet that is due now.
+    pub fn packet(&mut self, now_ns: u64, bytes: &mut Vec<u8>) {
+        if self.sent == 0 {
+            self.first_ns = now_ns;
+        } else {
+            // Longer each time: a controller may compute for long, and the wire may be full.
+            self.patience_ns = (2 * self.patience_ns).min(MOST_NS);
+            self.repeated += u64::from(!self.ends.is_heard() || self.wants_answer);
+        }
+        self.sent += 1;
+        self.last_ns = now_ns;
+        self.ends.packet(bytes);
+    }
+
+    /// Takes a packet of the target; returns the frame in it if it is to be given to the plant.
+    pub fn take(&mut self, packet: Packet, now_ns: u64) -> Option<Numbered> {
+        self.ends.note(packet.heard);
+        let frame = packet
+            .frame
+            .filter(|frame| frame.number > self.ends.heard)?;
+        // A frame of the target answers one of the desk that it has heard.
+        if !self.ends.is_heard() && self.wants_answer {
+            return None;
+        }
+        self.ends.heard = frame.number;
+        if self.sent == 1 && self.first_ns > 0 {
+            self.trips.note(now_ns.saturating_sub(self.first_ns));
+        }
+        self.wants_answer = false;
+        Some(frame)
+    }
+
+    /// Number of the last frame that was given to the plant.
+    #[must_use]
+    pub const fn heard(&self) -> u64 {
+        self.ends.heard
+    }
+
+    /// Returns true as long as the plant's newest frame is not answered.
+    #[must_use]
+    pub fn awaits_answer(&self) -> bool {
+        self.wants_answer || !self.ends.is_heard()
+    }
+
+    /// Packets that repeated a frame.
+    #[must_use]
+    pub const fn repeated(&self) -> u64 {
+        self.repeated
+    }
+}
+
+/// The target's end.
+#[derive(Debug)]
+pub struct TargetEnd {
+    ends: Ends,
+    against_clock: bool,
+}
+
+impl TargetEnd {
+    /// Makes the end of a run; `against_clock` if its plant waits for nobody.
+    #[must_use]
+    pub fn new(against_clock: bool) -> Self {
+        Self {
+            ends: Ends::default(),
+            against_clock,
+        }
+    }
+
+    /// Takes a packet of the desk; returns the frame in it if it is to be given to the controller. Otherwise the packet
+    /// wants an answer at once.
+    pub fn take(&mut self, packet: Packet) -> Option<Numbered> {
+        self.ends.note(packet.heard);
+        let frame = packet
+            .frame
+            .filter(|frame| frame.number > self.ends.heard)?;
+        let is_sample = frame.header.kind() == Some(FrameKind::Sample);
+        if self.against_clock && is_sample && !self.ends.is_heard() {
+            return None;
+        }
+        self.ends.heard = frame.number;
+        Some(frame)
+    }
+
+    /// Takes a frame of the controller; its packet is due at once.
+    pub fn say(&mut self, header: &Header, values: &[f64]) {
+        self.ends.next(header, values);
+    }
+
+    /// Writes the packet that answers.
+    pub fn packet(&self, bytes: &mut Vec<u8>) {
+        self.ends.packet(bytes);
+    }
+
+    /// Number of the controller's last frame.
+    #[must_use]
+    pub fn said(&self) -> u64 {
+        self.ends.own.as_ref().map_or(0, |own| own.number)
+    }
+
+    /// Returns true if the desk has heard the controller's last frame.
+    #[must_use]
+    pub fn is_heard(&self) -> bool {
+        self.ends.is_heard()
+    }
+}
+
+#[cfg(test)]
+mod tests;

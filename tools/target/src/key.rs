@@ -1,0 +1,100 @@
+//! Key files, and the handshake of a connection without `ssh`.
+
+use std::fs;
+use std::io::{self, Read, Write};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+
+use crate::message::PROTOCOL;
+use crate::seal::Key;
+
+/// Longest handshake message.
+const LONGEST: usize = 256;
+
+/// A key file cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum KeyError {
+    /// The system refused.
+    #[error("key file {}: {error}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// Error of the system.
+        error: io::Error,
+    },
+    /// Others can read it, or it is somebody else's.
+    #[error("key file {} can be read by others, or is not yours: `chmod 600 {}`", .0.display(), .0.display())]
+    Open(PathBuf),
+    /// It has something else in it.
+    #[error("key file {} holds no key; `hil target key FILE` makes one", .0.display())]
+    NoKey(PathBuf),
+}
+
+/// Makes a new key file, which nobody else can read.
+///
+/// # Errors
+/// If it is there already, or cannot be made.
+pub fn make_key(path: &Path) -> Result<(), KeyError> {
+    let failed = |error| KeyError::Io {
+        path: path.into(),
+        error,
+    };
+    let key = Key::random().map_err(failed)?;
+    let mut options = fs::OpenOptions::new();
+    let mut file = options
+        .write(true)
+        .create_new(true)
+        .mode(0o600)
+        .open(path)
+        .map_err(failed)?;
+    writeln!(file, "{}", key.to_hex())
+        .and_then(|()| file.sync_all())
+        .map_err(failed)
+}
+
+/// Reads a key file.
+///
+/// # Errors
+/// If others can read it, or it holds no key.
+pub fn read_key(path: &Path) -> Result<Key, KeyError> {
+    let failed = |error| KeyError::Io {
+        path: path.into(),
+        error,
+    };
+    let file = fs::File::open(path).map_err(failed)?;
+    let found = file.metadata().map_err(failed)?;
+    let own = rustix::process::geteuid().as_raw();
+    if !found.is_file() || found.mode() & 0o077 != 0 || !(found.uid() == own || found.uid() == 0) {
+        return Err(KeyError::Open(path.into()));
+    }
+    let mut digits = String::new();
+    file.take(1024)
+        .read_to_string(&mut digits)
+        .map_err(|_| KeyError::NoKey(path.into()))?;
+    Key::from_hex(&digits).ok_or_else(|| KeyError::NoKey(path.into()))
+}
+
+pub(crate) fn prologue() -> Vec<u8> {
+    format!("hil-target {PROTOCOL} serve").into_bytes()
+}
+
+pub(crate) fn put(into: &mut impl Write, message: &[u8]) -> io::Result<()> {
+    let mut whole = (message.len() as u16).to_le_bytes().to_vec();
+    whole.extend(message);
+    into.write_all(&whole)
+}
+
+pub(crate) fn get(from: &mut impl Read) -> io::Result<Vec<u8>> {
+    let mut length = [0; 2];
+    from.read_exact(&mut length)?;
+    let length = usize::from(u16::from_le_bytes(length));
+    if length > LONGEST {
+        return Err(io::Error::new(
+            io::ErrorKind::InvalidData,
+            "a handshake is too long",
+        ));
+    }
+    let mut message = vec![0; length];
+    from.read_exact(&mut message)?;
+    Ok(message)
+}

@@ -1,0 +1,143 @@
+//! Machines: what the agent finds of its own, and the machine that a program was built for.
+
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use shared_types::text::line_of;
+
+/// Findings of an agent about the machine that it runs on.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Findings {
+    /// Name of the host, as it calls itself.
+    #[serde(deserialize_with = "line_of")]
+    pub host: String,
+    /// Type of the machine, as `uname -m` has it.
+    #[serde(deserialize_with = "line_of")]
+    pub machine: String,
+    /// Release and version of the kernel.
+    #[serde(deserialize_with = "line_of")]
+    pub kernel: String,
+    /// Random number of the boot: two that differ are two kernels.
+    #[serde(deserialize_with = "line_of")]
+    pub boot_id: String,
+    /// Cores that the agent may use.
+    pub cores: u32,
+    /// Highest real-time priority that the agent may ask for.
+    pub most_priority: u32,
+    /// Bytes free in `/dev/shm`, if it is there.
+    pub free_bytes: Option<u64>,
+}
+
+impl Findings {
+    /// Looks at this machine.
+    #[must_use]
+    pub fn own() -> Self {
+        let host = rustix::system::uname();
+        let text = |text: &std::ffi::CStr| text.to_string_lossy().into_owned();
+        let boot_id =
+            std::fs::read_to_string("/proc/sys/kernel/random/boot_id").unwrap_or_default();
+        let disk = rustix::fs::statvfs("/dev/shm").ok();
+        Self {
+            host: text(host.nodename()),
+            machine: text(host.machine()),
+            kernel: format!("{} {}", text(host.release()), text(host.version())),
+            boot_id: boot_id.trim().into(),
+            cores: std::thread::available_parallelism().map_or(1, |cores| cores.get() as u32),
+            most_priority: most_priority(),
+            free_bytes: disk.map(|disk| disk.f_bavail.saturating_mul(disk.f_frsize)),
+        }
+    }
+}
+
+/// Returns the highest real-time priority that this process may have.
+fn most_priority() -> u32 {
+    if rustix::process::geteuid().is_root() {
+        return 99;
+    }
+    let limit = rustix::process::getrlimit(rustix::process::Resource::Rtprio).current;
+    limit.unwrap_or(99).min(99) as u32
+}
+
+/// Names the machine that an ELF file was built for as `uname -m` does; `None` if it is no ELF file, as a script is
+/// none.
+///
+/// # Errors
+/// If the file cannot be read.
+pub fn built_for(program: &Path) -> io::Result<Option<String>> {
+    let mut head = [0; 20];
+    let mut file = File::open(program)?;
+    let mut filled = 0;
+    while filled < head.len() {
+        match file.read(&mut head[filled..])? {
+            0 => return Ok(None),
+            more => filled += more,
+        }
+    }
+    if head[..4] != *b"\x7fELF" {
+        return Ok(None);
+    }
+    let number = [head[18], head[19]];
+    let is_little = head[5] == 1;
+    let machine = if is_little {
+        u16::from_le_bytes(number)
+    } else {
+        u16::from_be_bytes(number)
+    };
+    Ok(Some(match machine {
+        3 => "i686".into(),
+        40 => "armv7l".into(),
+        62 => "x86_64".into(),
+        183 => "aarch64".into(),
+        243 => "riscv64".into(),
+        other => format!("machine {other}"),
+    }))
+}
+
+/// Hash of a program's file, as the agent checks it.
+///
+/// # Errors
+/// If it cannot be read.
+pub fn hash(program: &Path) -> io::Result<String> {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update_reader(File::open(program)?)?;
+    Ok(hasher.finalize().to_hex().to_string())
+}
+
+/// Names the target of `cargo build` whose programs need nothing but a kernel of this machine.
+#[must_use]
+pub fn triple(machine: &str) -> Option<&'static str> {
+    Some(match machine {
+        "x86_64" => "x86_64-unknown-linux-musl",
+        "aarch64" => "aarch64-unknown-linux-musl",
+        "armv7l" => "armv7-unknown-linux-musleabihf",
+        "riscv64" => "riscv64gc-unknown-linux-musl",
+        _ => return None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_program_tells_its_machine_and_a_script_none() {
+        let own = std::env::current_exe().expect("this");
+        assert_eq!(
+            built_for(&own).expect("read"),
+            Some(Findings::own().machine)
+        );
+        let folder = tempfile::tempdir().expect("a folder");
+        let script = folder.path().join("script");
+        std::fs::write(&script, "#!/bin/sh\nexec true\n# and so on").expect("written");
+        assert_eq!(built_for(&script).expect("read"), None);
+        let mut other = std::fs::read(&own).expect("read");
+        (other[18], other[19]) = (183, 0);
+        std::fs::write(&script, &other[..64]).expect("written");
+        assert_eq!(
+            built_for(&script).expect("read").as_deref(),
+            Some("aarch64")
+        );
+    }
+}

@@ -1,0 +1,99 @@
+//! The program of both ends: `hil` starts it at the desk in the controller's place, and `ssh` or a service manager starts it
+//! on the target.
+
+use std::io;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use hil_target::cache::Programs;
+use hil_target::name::Target;
+use hil_target::way::Way;
+use hil_target::{agent, bridge, serve};
+use shared_types::program::{FAILED, say};
+
+/// The controller of a hil run on another machine
+#[derive(Debug, Parser)]
+#[command(version)]
+struct Arguments {
+    #[command(subcommand)]
+    end: End,
+}
+
+#[derive(Debug, Subcommand)]
+enum End {
+    /// Serve one desk through standard input and output; started by hil through ssh
+    Agent,
+    /// Serve one desk after another that has the key; for boards without ssh
+    Serve {
+        /// Address to listen on, as 192.0.2.7:7000
+        #[arg(long, value_name = "ADDRESS:PORT")]
+        listen: SocketAddr,
+        /// File of the key, which `hil target key FILE` makes
+        #[arg(long, value_name = "FILE")]
+        key_file: PathBuf,
+        /// Program that may be run; may be given several times
+        #[arg(long, value_name = "PROGRAM", required = true)]
+        allow: Vec<PathBuf>,
+    },
+    /// Have the controller's place in a session; started by hil
+    Bridge {
+        /// The target
+        #[arg(long)]
+        target: Target,
+        /// Agent that was named
+        #[arg(long)]
+        agent: Option<PathBuf>,
+        /// File of the key of an agent that listens
+        #[arg(long)]
+        key_file: Option<PathBuf>,
+        /// The controller's file
+        #[arg(long)]
+        program: PathBuf,
+        /// Folder of the session
+        #[arg(long)]
+        session: PathBuf,
+    },
+}
+
+fn main() -> ExitCode {
+    let ended = match Arguments::parse().end {
+        End::Agent => serve_ssh().map(|()| 0),
+        End::Serve {
+            listen,
+            key_file,
+            allow,
+        } => serve::serve(listen, &key_file, &allow, say).map(|()| 0),
+        End::Bridge {
+            target,
+            agent,
+            key_file,
+            program,
+            session,
+        } => {
+            let way = Way {
+                target,
+                agent,
+                key_file,
+            };
+            bridge::run(&way, &program, &session)
+        }
+    };
+    ExitCode::from(ended.unwrap_or_else(|reason| {
+        say(&format!("error: {reason}"));
+        FAILED
+    }))
+}
+
+/// Serves the desk behind `ssh`, which says on which address it came in.
+fn serve_ssh() -> Result<(), String> {
+    let connection = std::env::var("SSH_CONNECTION").unwrap_or_default();
+    let own = connection
+        .split(' ')
+        .nth(2)
+        .and_then(|own| own.parse().ok());
+    let address: IpAddr = own.unwrap_or(IpAddr::V4(Ipv4Addr::LOCALHOST));
+    let programs = Programs::cached()?;
+    agent::run(io::stdin(), io::stdout(), None, &programs, address)
+}

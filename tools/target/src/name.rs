@@ -1,0 +1,102 @@
+//! Names of targets: `[user@]host` or a name of the user's ssh configuration, or `serve://HOST:PORT` of an agent that
+//! listens.
+
+use std::fmt;
+use std::str::FromStr;
+
+/// Longest name in bytes.
+const LONGEST: usize = 255;
+
+/// A target, checked: its text can be given to `ssh` as a host.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Target {
+    /// Host that `ssh` knows.
+    Ssh(String),
+    /// Address of an agent that listens.
+    Serve(String),
+}
+
+/// Text that is no name of a target.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "`{0}` is no target: [user@]host or a name of your ssh configuration, of letters, digits and ._@:[]- and not \
+     beginning with -; or serve://HOST:PORT"
+)]
+pub struct NoTarget(String);
+
+impl FromStr for Target {
+    type Err = NoTarget;
+
+    fn from_str(text: &str) -> Result<Self, NoTarget> {
+        let refused = || NoTarget(shared_types::text::printable(text).into_owned());
+        let (host, is_served) = match text.strip_prefix("serve://") {
+            Some(address) => (address, true),
+            None => (text, false),
+        };
+        let is_legal = |c: char| c.is_ascii_alphanumeric() || "._@:[]-".contains(c);
+        if host.is_empty() || host.len() > LONGEST || host.starts_with('-') {
+            return Err(refused());
+        }
+        if !host.chars().all(is_legal) {
+            return Err(refused());
+        }
+        if !is_served {
+            return Ok(Self::Ssh(host.into()));
+        }
+        let port = host.rsplit_once(':').map(|(_, port)| port.parse::<u16>());
+        match port {
+            Some(Ok(port)) if port > 0 && !host.contains('@') => Ok(Self::Serve(host.into())),
+            _ => Err(refused()),
+        }
+    }
+}
+
+impl fmt::Display for Target {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Ssh(host) => f.write_str(host),
+            Self::Serve(address) => write!(f, "serve://{address}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hosts_and_addresses_are_targets() {
+        for name in [
+            "board",
+            "me@board.local",
+            "me@192.0.2.1",
+            "a@[2001:db8::1]",
+            "serve://board:7000",
+        ] {
+            assert_eq!(name.parse::<Target>().expect(name).to_string(), name);
+        }
+    }
+
+    #[test]
+    fn what_ssh_or_a_shell_could_take_for_something_else_is_none() {
+        let long = "a".repeat(LONGEST + 1);
+        for name in [
+            "",
+            "-oProxyCommand=x",
+            "a b",
+            "a;b",
+            "a$(b)",
+            "a\nb",
+            "a/b",
+            "serve://",
+            "serve://a",
+            "serve://-a:1",
+            "serve://a:0",
+            "serve://a:99999",
+            "ssh://a",
+            &long,
+        ] {
+            assert!(name.parse::<Target>().is_err(), "{name}");
+        }
+    }
+}

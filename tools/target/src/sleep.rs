@@ -1,0 +1,80 @@
+//! Sleeping until either the own shared memory or the wire has something: on the one that is awaited, with a look at the
+//! other after a slice.
+
+use std::cell::Cell;
+use std::net::UdpSocket;
+use std::rc::Rc;
+use std::sync::Arc;
+
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::time::Timespec;
+use shared_types::link::bell::Bell;
+use shared_types::wait::{Sleeper, WaitLimit, WaitStrategy, Waiter};
+
+/// Longest sleep on one of them while the other may have news too.
+const SLICE_NS: u64 = 200_000;
+
+/// Makes the waiter of one end, whose limit is looked at elsewhere. With fewer cores than loops it sleeps at once: what it
+/// polled would be the others' time.
+pub(crate) fn waiter(both_here: bool) -> Waiter {
+    let loops = if both_here { 4 } else { 2 };
+    let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let strategy = if cores < loops {
+        WaitStrategy::Sleep
+    } else {
+        WaitStrategy::Hybrid
+    };
+    Waiter::with(WaitLimit::from_seconds(f64::INFINITY), strategy, cores == 1)
+}
+
+/// What is awaited next.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Awaited {
+    wire: Rc<Cell<bool>>,
+    both: Rc<Cell<bool>>,
+}
+
+impl Awaited {
+    /// Notes that the wire has the next news, or else the shared memory; `both` if either may.
+    pub(crate) fn set(&self, wire: bool, both: bool) {
+        self.wire.set(wire);
+        self.both.set(both);
+    }
+}
+
+/// The place to sleep.
+#[derive(Debug)]
+pub(crate) struct Either {
+    pub(crate) bell: Bell,
+    pub(crate) socket: Option<Arc<UdpSocket>>,
+    pub(crate) awaited: Awaited,
+}
+
+impl Sleeper for Either {
+    fn announce(&self) -> u32 {
+        self.bell.announce()
+    }
+
+    fn sleep(&self, announced: u32, ns: u64) {
+        let ns = if self.awaited.both.get() {
+            ns.min(SLICE_NS)
+        } else {
+            ns
+        };
+        match &self.socket {
+            Some(socket) if self.awaited.wire.get() => {
+                let limit = Timespec {
+                    tv_sec: (ns / 1_000_000_000) as i64,
+                    tv_nsec: (ns % 1_000_000_000) as _,
+                };
+                // Readable, the end of the time and a signal all mean the same: look again.
+                let _ = poll(&mut [PollFd::new(&**socket, PollFlags::IN)], Some(&limit));
+            }
+            _ => self.bell.sleep(announced, ns),
+        }
+    }
+
+    fn retire(&self) {
+        self.bell.retire();
+    }
+}

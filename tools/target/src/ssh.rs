@@ -1,0 +1,239 @@
+//! Starting an agent through the user's own `ssh`: keys, configuration and jump hosts all work.
+//!
+//! The remote command is a constant. Everything else goes by its standard input, once its marker was seen, so nothing of
+//! a scenario or of a command line ever gets near the shell there. The agent's file is kept there by its SHA-256,
+//! which is checked before every start.
+
+use std::io::{self, Read, Write};
+use std::process::{Child, ChildStdout, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::time::Timespec;
+use sha2::{Digest, Sha256};
+use shared_types::text;
+
+use crate::channel::{Ear, Mouth};
+use crate::leash::{Leash, Said};
+use crate::message::ToDesk;
+use crate::way::{TargetError, Way};
+
+/// Script of the remote command, for any POSIX shell. It has no single quotes, so that it can stand in them.
+const SCRIPT: &str = r#"umask 077; c="${XDG_CACHE_HOME:-$HOME/.cache}/hil-target"; mkdir -p "$c" && chmod 700 "$c" && [ -O "$c" ] || { echo "HIL-TARGET no-cache $c"; exit 1; }; echo "HIL-TARGET 1 $(uname -m)"; read -r h n || exit 1; case "$h" in *[!0-9a-f]*|"") exit 1;; esac; f="$c/$h"; ok() { [ -f "$f" ] && [ -O "$f" ] && [ "$(sha256sum <"$f" | cut -c1-64)" = "$h" ]; }; if ok; then echo have; else echo send; head -c "$n" >"$f.part$$" && sync && chmod 500 "$f.part$$" && mv -f "$f.part$$" "$f"; if ok; then echo stored; else rm -f "$f" "$f.part$$"; echo broken; exit 1; fi; fi; exec "$f" agent"#;
+/// Beginning of the line that says that the script runs.
+const MARKER: &str = "HIL-TARGET ";
+/// Most bytes that a noisy profile may print before it.
+const MOST_NOISE: usize = 64 << 10;
+/// Time for `ssh` to connect, in s.
+const CONNECT_S: u32 = 10;
+/// Longest silence before the agent runs; a copy over a slow line takes long.
+const SILENCE: Duration = Duration::from_secs(60);
+
+type Opened = (Ear<ToDesk>, Mouth, Leash);
+
+/// Starts an agent on a host.
+pub(crate) fn open(
+    way: &Way,
+    host: &str,
+    ring: Box<dyn Fn() + Send>,
+    is_interrupted: &dyn Fn() -> bool,
+) -> Result<Opened, TargetError> {
+    use std::os::unix::process::CommandExt;
+    let mut child = Command::new("ssh")
+        .args([
+            "-T",
+            "-oBatchMode=yes",
+            "-oClearAllForwardings=yes",
+            "-oRemoteCommand=none",
+        ])
+        .arg(format!("-oConnectTimeout={CONNECT_S}"))
+        .args(["--", host])
+        .arg(format!("exec /bin/sh -c '{SCRIPT}'"))
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .process_group(0)
+        .spawn()
+        .map_err(|error| way.infrastructure(format!("cannot start ssh: {error}")))?;
+    let said = Said::default();
+    if let Some(stderr) = child.stderr.take() {
+        said.listen(stderr);
+    }
+    let (Some(mut input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
+        return Err(way.infrastructure("ssh has no input or output"));
+    };
+    let mut start = Start {
+        way,
+        output,
+        child,
+        said,
+        is_interrupted,
+    };
+    match start.up_to_agent(&mut input) {
+        Ok(()) => {}
+        Err(error) => {
+            drop(input);
+            let _ = start.child.kill(); // it may have ended by itself
+            let _ = start.child.wait();
+            return Err(error);
+        }
+    }
+    let Start {
+        output,
+        child,
+        said,
+        ..
+    } = start;
+    let mouth = Mouth::speak(input, None);
+    let ear = Ear::listen(output, None, ring);
+    Ok((ear, mouth, Leash::Ssh(child, said)))
+}
+
+struct Start<'a> {
+    way: &'a Way,
+    output: ChildStdout,
+    child: Child,
+    said: Said,
+    is_interrupted: &'a dyn Fn() -> bool,
+}
+
+impl Start<'_> {
+    /// Talks to the script until it becomes the agent.
+    fn up_to_agent(&mut self, input: &mut impl Write) -> Result<(), TargetError> {
+        let way = self.way;
+        let machine = self.marker()?;
+        let agent = way.agent_for(&machine)?;
+        let content = std::fs::read(&agent).map_err(|error| {
+            way.infrastructure(format!("cannot read {}: {error}", agent.display()))
+        })?;
+        let hash = crate::message::to_hex(&Sha256::digest(&content));
+        let closed =
+            |_: io::Error| way.infrastructure("connection lost while the agent was started");
+        writeln!(input, "{hash} {}", content.len())
+            .and_then(|()| input.flush())
+            .map_err(closed)?;
+        if self.answer()? == "send" {
+            input
+                .write_all(&content)
+                .and_then(|()| input.flush())
+                .map_err(closed)?;
+            let stored = self.answer()?;
+            if stored != "stored" {
+                return Err(way.infrastructure(
+                    "the agent did not arrive there whole; is there room in its cache folder?",
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads up to the marker; returns the type of the machine.
+    fn marker(&mut self) -> Result<String, TargetError> {
+        let mut noise = 0;
+        loop {
+            let line = self.line()?;
+            // A profile may print the beginning of a line before it.
+            if let Some((_, marked)) = line.split_once(MARKER) {
+                if let Some(folder) = marked.strip_prefix("no-cache ") {
+                    return Err(self.way.usage(format!(
+                        "its cache folder {folder} cannot be made, or is not that user's alone"
+                    )));
+                }
+                let machine = marked.strip_prefix("1 ").unwrap_or_default().trim();
+                let is_name = !machine.is_empty()
+                    && machine
+                        .chars()
+                        .all(|c| c.is_ascii_alphanumeric() || c == '_');
+                return match is_name {
+                    true => Ok(machine.to_owned()),
+                    false => Err(self
+                        .way
+                        .infrastructure("it does not say what machine it is")),
+                };
+            }
+            noise += line.len() + 1;
+            if noise > MOST_NOISE {
+                return Err(self.way.usage("its shell profile prints without end; it must print nothing where no terminal is"));
+            }
+        }
+    }
+
+    fn answer(&mut self) -> Result<String, TargetError> {
+        let line = self.line()?;
+        match line.as_str() {
+            "have" | "send" | "stored" | "broken" => Ok(line),
+            _ => Err(self
+                .way
+                .infrastructure(format!("it answers `{}`", text::line(&line)))),
+        }
+    }
+
+    /// Reads a line, byte by byte: what follows the last is the agent's.
+    fn line(&mut self) -> Result<String, TargetError> {
+        let mut line = Vec::new();
+        let mut since = Instant::now();
+        loop {
+            if (self.is_interrupted)() {
+                return Err(TargetError::Interrupted);
+            }
+            if since.elapsed() > SILENCE {
+                let limit_s = SILENCE.as_secs();
+                return Err(self
+                    .way
+                    .infrastructure(format!("no answer within {limit_s} s")));
+            }
+            let limit = Timespec {
+                tv_sec: 0,
+                tv_nsec: 50_000_000,
+            };
+            let mut ready = [PollFd::new(&self.output, PollFlags::IN)];
+            if !matches!(poll(&mut ready, Some(&limit)), Ok(1..)) {
+                continue;
+            }
+            let mut byte = [0];
+            match self.output.read(&mut byte) {
+                Ok(1..) if byte[0] == b'\n' => {
+                    let line = String::from_utf8_lossy(&line);
+                    return Ok(text::line(line.trim_end_matches('\r')));
+                }
+                Ok(1..) if line.len() < MOST_NOISE => line.push(byte[0]),
+                Ok(1..) => return Err(self.way.usage("its shell profile prints without end")),
+                Ok(0) => return Err(self.refused()),
+                Err(error) => return Err(self.way.infrastructure(error)),
+            }
+            since = Instant::now();
+        }
+    }
+
+    /// Says why `ssh` ended.
+    fn refused(&self) -> TargetError {
+        let last = self.said.last_line(Duration::from_millis(500));
+        let text = self.said.text();
+        let reason = last.unwrap_or_else(|| "ssh ended without a word".into());
+        let is_usage = [
+            "Could not resolve hostname",
+            "Host key verification failed",
+            "host key",
+            "Permission denied",
+            "Bad configuration option",
+            "no such identity",
+        ]
+        .iter()
+        .any(|known| text.contains(known));
+        if is_usage {
+            self.way.usage(reason)
+        } else {
+            self.way.infrastructure(reason)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_script_can_stand_in_single_quotes_and_is_one_line() {
+        assert!(!SCRIPT.contains('\'') && !SCRIPT.contains('\n'));
+    }
+}

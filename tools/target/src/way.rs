@@ -1,0 +1,101 @@
+//! The way to a target: its name, its agent and its key, and the errors that name it.
+
+use std::path::{Path, PathBuf};
+
+use shared_types::text;
+
+use crate::machine::{built_for, triple};
+use crate::name::Target;
+
+/// A target cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum TargetError {
+    /// Mended where it was typed or configured.
+    #[error("target {target}: {reason}")]
+    Usage {
+        /// Name of the target.
+        target: String,
+        /// Reason for it.
+        reason: String,
+    },
+    /// The machine or the way to it is in the way.
+    #[error("target {target}: {reason}")]
+    Infrastructure {
+        /// Name of the target.
+        target: String,
+        /// Reason for it.
+        reason: String,
+    },
+    /// Somebody interrupted it.
+    #[error("interrupted")]
+    Interrupted,
+}
+
+/// The way to a target.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Way {
+    /// The target.
+    pub target: Target,
+    /// The agent that was named, if one was.
+    pub agent: Option<PathBuf>,
+    /// File of the key, of an agent that listens.
+    pub key_file: Option<PathBuf>,
+}
+
+impl Way {
+    pub(crate) fn usage(&self, reason: impl std::fmt::Display) -> TargetError {
+        TargetError::Usage {
+            target: self.target.to_string(),
+            reason: text::line(&reason.to_string()),
+        }
+    }
+
+    pub(crate) fn infrastructure(&self, reason: impl std::fmt::Display) -> TargetError {
+        TargetError::Infrastructure {
+            target: self.target.to_string(),
+            reason: text::line(&reason.to_string()),
+        }
+    }
+
+    /// Finds the agent for a type of machine: the one that was named, else a static build beside this program's folder,
+    /// else the one beside this program.
+    ///
+    /// # Errors
+    /// If there is none for this machine; the error says how to build one.
+    pub(crate) fn agent_for(&self, machine: &str) -> Result<PathBuf, TargetError> {
+        let is_for =
+            |file: &Path| built_for(file).is_ok_and(|built| built.as_deref() == Some(machine));
+        if let Some(named) = &self.agent {
+            let built = built_for(named)
+                .map_err(|error| self.usage(format!("cannot read {}: {error}", named.display())))?;
+            let built = built.unwrap_or_else(|| "no machine".into());
+            return match is_for(named) {
+                true => Ok(named.clone()),
+                false => Err(self.usage(format!(
+                    "{} is built for {built}, the target is {machine}",
+                    named.display()
+                ))),
+            };
+        }
+        let own = std::env::current_exe().map_err(|error| self.infrastructure(error))?;
+        let beside = own.with_file_name("hil-target");
+        let profile = own.parent().and_then(Path::file_name);
+        let built = own
+            .parent()
+            .and_then(Path::parent)
+            .zip(profile)
+            .zip(triple(machine));
+        let built = built.map(|((folder, profile), triple)| {
+            folder.join(triple).join(profile).join("hil-target")
+        });
+        let found = built.into_iter().chain([beside]).find(|file| is_for(file));
+        found.ok_or_else(|| {
+            self.usage(match triple(machine) {
+                Some(triple) => format!(
+                    "no agent for its machine, {machine}: build one with `cargo build --release -p hil-target --target {triple}`, or name one with --target-agent"
+                ),
+                None => format!("no agent for its machine, {machine}: name one with --target-agent"),
+            })
+        })
+    }
+}
