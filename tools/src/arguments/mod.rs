@@ -20,6 +20,7 @@ pub(crate) mod replay;
 pub(crate) mod report;
 pub(crate) mod run;
 pub(crate) mod swap;
+pub(crate) mod target;
 pub(crate) mod tolerance;
 
 use std::ffi::OsString;
@@ -44,6 +45,7 @@ use replay::ReplayArguments;
 use report::ReportArguments;
 use run::{RerunArguments, RunArguments};
 use swap::ControllerArguments;
+use target::TargetCommand;
 
 /// Hardware-in-the-loop runs of a plant and a controller in deterministic lockstep
 ///
@@ -122,6 +124,9 @@ Examples:
     /// List running sessions, or clean up after dead ones
     #[command(after_help = "Examples:\n  hil sessions\n  hil sessions --clean")]
     Sessions(SessionsArguments),
+    /// Check, clean or serve the machines that controllers run on
+    #[command(after_help = target::EXAMPLES)]
+    Target(TargetCommand),
     /// Check whether this machine is fit for timing claims
     #[command(after_help = doctor::EXAMPLES)]
     Doctor(DoctorArguments),
@@ -156,7 +161,14 @@ const GROUPS: [(&str, &[&str]); 4] = [
     ),
     (
         "Machine and sessions",
-        &["doctor", "latency", "sessions", "completions", "help"],
+        &[
+            "doctor",
+            "latency",
+            "target",
+            "sessions",
+            "completions",
+            "help",
+        ],
     ),
 ];
 

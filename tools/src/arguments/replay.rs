@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::run::LinkKind;
+use super::target::TargetArguments;
 use crate::arguments::tolerance::Tolerance;
 
 pub(super) const HELP: &str = "\
@@ -14,6 +15,7 @@ this controller; 3 the controller died or did not answer; 130 interrupted.
 Examples:
   hil replay runs/demo
   hil replay runs/demo --controller-bin target/release/my-controller
+  hil replay runs/demo --target me@board
   hil replay runs/demo --controller-bin my-controller --tolerance internal.lyapunov_v3=1e-9 --json";
 
 /// Arguments of `hil replay`.
@@ -26,6 +28,9 @@ pub struct ReplayArguments {
     /// beside hil]
     #[arg(long, value_name = "PATH")]
     pub controller_bin: Option<PathBuf>,
+    /// Where the controller runs
+    #[command(flatten)]
+    pub target: TargetArguments,
     /// Commands and internals that differ by no more than this, in their own unit, count as the same:
     /// all of them, or one; may be given several times
     #[arg(long, value_name = "[SIGNAL=]X", allow_hyphen_values = true)]

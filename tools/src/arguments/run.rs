@@ -10,6 +10,7 @@ use super::BinaryArguments;
 use super::checkpoint::{CheckpointArguments, FromArguments};
 use super::realtime::RealtimeArguments;
 use super::recording::{ChoiceArguments, compression};
+use super::target::TargetArguments;
 use crate::terminal::duration::seconds;
 use crate::terminal::exit::Failure;
 
@@ -22,6 +23,7 @@ Examples:
   hil run scenarios/spring-mass.toml --clock realtime --set run.overrun=skip
   hil run scenarios/spring-mass.toml --pace 1 --plant-core 2 --controller-core 3 --priority 80 --prefault
   hil run my-scenario.toml --audit
+  hil run scenarios/severe-leakage.toml --target me@board
   hil run scenarios/severe-leakage.toml --session demo --pause-at 7
   hil run scenarios/severe-leakage.toml --checkpoint-at 6.9 --out runs/severe
   hil run --from runs/severe/checkpoint-69000 --set 'faults[0].effects[0].coefficient_m3ps_per_sqrt_pa=2e-7'
@@ -81,6 +83,9 @@ pub struct RunOptions {
     /// Which binaries run
     #[command(flatten)]
     pub binaries: BinaryArguments,
+    /// Where the controller runs
+    #[command(flatten)]
+    pub target: TargetArguments,
     /// What connects plant and controller
     #[arg(long, value_enum, default_value_t = LinkKind::Iceoryx2, value_name = "LINK")]
     pub link: LinkKind,

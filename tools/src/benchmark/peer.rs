@@ -14,6 +14,7 @@ use controller_process::runner::{End, Runner};
 use shared_types::checkpoint::Side;
 use shared_types::link::bare::Blackboard;
 use shared_types::link::iceoryx::IceoryxLink;
+use shared_types::process::{end_group, reap};
 use shared_types::realtime::CONTROLLER_FILE;
 use shared_types::session::{Session, SessionInfo};
 use shared_types::supervision::Supervision;
@@ -22,7 +23,6 @@ use shared_types::wait::WaitLimit;
 use super::exchange::{Trips, follow};
 use super::null;
 use crate::arguments::latency::{LatencyPeerArguments, PeerWork};
-use crate::programs::binaries::{end_group, reap};
 use crate::run::open_files;
 use crate::terminal::exit::{Exit, Failure};
 

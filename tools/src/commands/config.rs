@@ -47,7 +47,7 @@ pub(crate) fn config(arguments: &ConfigArguments) -> Result<Exit, Failure> {
             output::write(&interruption.at_once(|| show(&plan, &binaries))??)?;
         }
         ConfigAction::Schema { binaries } => {
-            let choices = Choices::of(binaries, &Named::Nothing)?;
+            let choices = Choices::of(binaries, &Named::Nothing, None)?;
             let binaries = choices.find(&Interruption::listen()?)?;
             let (plants, laws, kinds) = binaries.described();
             let schema = hil_config::schema::schema(plants, laws, kinds);
@@ -60,7 +60,7 @@ pub(crate) fn config(arguments: &ConfigArguments) -> Result<Exit, Failure> {
 fn checked(arguments: &ScenarioArguments) -> Result<(Plan, Arc<Binaries>, Interruption), Failure> {
     let interruption = Interruption::listen()?;
     let (changes, json) = (&arguments.changes, arguments.json);
-    let mut finder = Finder::new(&arguments.binaries, &interruption);
+    let mut finder = Finder::new(&arguments.binaries, None, &interruption);
     let (plan, binaries) = finder.read(&arguments.scenario, changes, json)?;
     Ok((plan, binaries, interruption))
 }

@@ -5,6 +5,7 @@ pub(crate) mod config;
 pub(crate) mod recover;
 pub(crate) mod sessions;
 pub(crate) mod swap;
+pub(crate) mod target;
 
 use std::process::ExitCode;
 
@@ -79,6 +80,7 @@ fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
         },
         Command::Config(arguments) => config::config(arguments),
         Command::Sessions(arguments) => sessions::sessions(arguments),
+        Command::Target(arguments) => target::target(&arguments.action),
         Command::Doctor(arguments) => doctor::doctor(arguments),
         Command::Latency(arguments) => benchmark::latency(arguments),
         Command::LatencyPeer(arguments) => benchmark::peer::peer(arguments),

@@ -1,19 +1,21 @@
 //! Plant and controller binaries: where they are, what they say of themselves, what they are.
 //!
 //! 1. `named` chooses which program a side has; `trusted` and `seal` say what a file may name.
-//! 2. `asking` runs it for its description, after its hash was taken.
+//! 2. It is asked for its description after its hash was taken: here, or where it runs ([`reached`]).
 
+use std::ffi::OsStr;
 use std::fs;
 use std::io;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
-use std::process::{Child, ExitStatus};
+use std::process::Command;
 use std::sync::Arc;
 
 use hil_config::plan::{ControllerProgram, Plan, Programs};
 use hil_config::scenario::Advice;
+use hil_target::asking::{NoAnswer, ask};
+use hil_target::contact::Answer;
 use rustix::fs::{Access, access};
-use rustix::process::{Pid, Signal, WaitId, WaitIdOptions, kill_process_group, waitid};
 use serde_json::Value;
 use shared_types::describe::{
     Description, FaultKindDescription, LawDescription, PROTOCOL, PlantDescription,
@@ -21,15 +23,15 @@ use shared_types::describe::{
 use shared_types::record::RecordLayout;
 use shared_types::text;
 
-use asking::ask;
 use named::{CONTROLLER, Choice, Named, NamedBy, PLANT, Role};
+use reached::Reached;
 
 use crate::arguments::BinaryArguments;
 use crate::terminal::exit::Failure;
 use crate::terminal::interruption::Interruption;
 
-mod asking;
 pub(crate) mod named;
+pub(crate) mod reached;
 pub(crate) mod seal;
 mod trusted;
 
@@ -44,6 +46,8 @@ pub(crate) struct Binary {
     pub blake3: String,
     /// Source that named the binary.
     pub(crate) by: NamedBy,
+    /// Machine that it runs on, if that is another.
+    pub(crate) at: Option<Reached>,
     /// The file that was hashed.
     file: FileIdentity,
 }
@@ -82,6 +86,7 @@ pub(crate) struct Binaries {
 pub(crate) struct Choices {
     plant: Choice,
     controller: Choice,
+    at: Option<Reached>,
 }
 
 impl Choices {
@@ -89,10 +94,15 @@ impl Choices {
     ///
     /// # Errors
     /// If what a file names must not be run.
-    pub(crate) fn of(arguments: &BinaryArguments, named: &Named<'_>) -> Result<Self, Failure> {
+    pub(crate) fn of(
+        arguments: &BinaryArguments,
+        named: &Named<'_>,
+        at: Option<&Reached>,
+    ) -> Result<Self, Failure> {
         Ok(Self {
-            plant: named.choice(&PLANT, arguments.plant_bin.as_deref())?,
-            controller: named.choice(&CONTROLLER, arguments.controller_bin.as_deref())?,
+            plant: named.choice(&PLANT, arguments.plant_bin.as_deref(), None)?,
+            controller: named.choice(&CONTROLLER, arguments.controller_bin.as_deref(), at)?,
+            at: at.cloned(),
         })
     }
 
@@ -103,7 +113,7 @@ impl Choices {
     pub(crate) fn find(&self, interruption: &Interruption) -> Result<Arc<Binaries>, Failure> {
         Ok(Arc::new(Binaries {
             plant: Binary::of_plant(&self.plant, interruption)?,
-            controller: Binary::of_controller(&self.controller, interruption)?,
+            controller: Binary::of_controller(&self.controller, self.at.as_ref(), interruption)?,
         }))
     }
 }
@@ -112,8 +122,11 @@ impl Binaries {
     /// Tells which ones run, where that does not follow from the command line.
     pub(crate) fn tell(&self) {
         let all = [(&PLANT, &self.plant), (&CONTROLLER, &self.controller)];
-        for (role, Binary { path, by, .. }) in all {
-            tell!("{}: {} ({by})", role.side, path.display());
+        for (role, Binary { path, by, at, .. }) in all {
+            let on = at
+                .as_ref()
+                .map_or_else(String::new, |at| format!(" on {}", at.target()));
+            tell!("{}: {} ({by}){on}", role.side, path.display());
         }
     }
 
@@ -175,7 +188,7 @@ impl Binary {
         named: &Named<'_>,
         interruption: &Interruption,
     ) -> Result<Self, Failure> {
-        Self::of_plant(&named.choice(&PLANT, given)?, interruption)
+        Self::of_plant(&named.choice(&PLANT, given, None)?, interruption)
     }
 
     /// Finds the controller that is named and asks what it is.
@@ -185,9 +198,10 @@ impl Binary {
     pub(crate) fn controller(
         given: Option<&Path>,
         named: &Named<'_>,
+        at: Option<&Reached>,
         interruption: &Interruption,
     ) -> Result<Self, Failure> {
-        Self::of_controller(&named.choice(&CONTROLLER, given)?, interruption)
+        Self::of_controller(&named.choice(&CONTROLLER, given, at)?, at, interruption)
     }
 
     /// Asks a controller what it is that was named with this flag.
@@ -197,6 +211,7 @@ impl Binary {
     pub(crate) fn asked_for(
         path: &Path,
         flag: &'static str,
+        at: Option<&Reached>,
         interruption: &Interruption,
     ) -> Result<Self, Failure> {
         let choice = Choice {
@@ -204,19 +219,23 @@ impl Binary {
             by: NamedBy::Person(flag),
             blake3: None,
         };
-        Self::of_controller(&choice, interruption)
+        Self::of_controller(&choice, at, interruption)
     }
 
     fn of_plant(choice: &Choice, interruption: &Interruption) -> Result<Self, Failure> {
-        let plant = Self::find(choice, &PLANT, interruption)?;
+        let plant = Self::find(choice, &PLANT, None, interruption)?;
         if plant.description.plants.is_empty() {
             return Err(plant.refused("describes no plant"));
         }
         Ok(plant)
     }
 
-    fn of_controller(choice: &Choice, interruption: &Interruption) -> Result<Self, Failure> {
-        let controller = Self::find(choice, &CONTROLLER, interruption)?;
+    fn of_controller(
+        choice: &Choice,
+        at: Option<&Reached>,
+        interruption: &Interruption,
+    ) -> Result<Self, Failure> {
+        let controller = Self::find(choice, &CONTROLLER, at, interruption)?;
         if controller.description.laws.is_empty() {
             return Err(controller.refused("describes no control law"));
         }
@@ -266,7 +285,12 @@ impl Binary {
         )))
     }
 
-    fn find(choice: &Choice, role: &Role, interruption: &Interruption) -> Result<Self, Failure> {
+    fn find(
+        choice: &Choice,
+        role: &Role,
+        at: Option<&Reached>,
+        interruption: &Interruption,
+    ) -> Result<Self, Failure> {
         let Choice { path, by, blake3 } = choice;
         let shown = path.display();
         let hashed = hashed(path).map_err(|error| cannot_run(choice, role, &error));
@@ -277,10 +301,13 @@ impl Binary {
                 "{shown} is not the {side} program that was {by} any more: it has hash {found}, that one had {wanted}; {flag} {shown} runs it as it is"
             )));
         }
-        let output = ask(path, &["--describe"], interruption)?
-            .map_err(|error| cannot_run(choice, role, &error))?;
-        let description: Description = serde_json::from_slice(&output.stdout).map_err(|error| {
-            let said = String::from_utf8_lossy(&output.stderr);
+        let answer = match at {
+            Some(at) => at.describe(path, &found, interruption)?,
+            None => asked(path, &["--describe"], interruption)?
+                .map_err(|error| cannot_run(choice, role, &error))?,
+        };
+        let description: Description = serde_json::from_str(&answer.stdout).map_err(|error| {
+            let said = &answer.stderr;
             let said = said.lines().next().map_or(String::new(), |said| format!(" ({})", text::line(said)));
             Failure::usage(format!(
                 "{shown} does not speak the protocol: its answer to --describe is not a description: {error}{said}"
@@ -306,6 +333,7 @@ impl Binary {
             description,
             blake3: found,
             by: by.clone(),
+            at: at.cloned(),
             file,
         };
         binary.refuse_changed()?;
@@ -318,21 +346,54 @@ impl Binary {
     /// If the binary refuses the parameters; the error gives its reason.
     pub(crate) fn check(&self, job: &Path, interruption: &Interruption) -> Result<(), Failure> {
         let arguments = ["--check".as_ref(), job.as_os_str()];
-        let output = ask(&self.path, &arguments, interruption)?.map_err(|error| {
-            let path = self.path.display();
-            Failure::infrastructure(format!("{path} --check: {error}"))
-        })?;
-        if output.status.success() {
+        let answer = match &self.at {
+            Some(at) => at.check(&self.path, &self.blake3, job, interruption)?,
+            None => asked(&self.path, &arguments, interruption)?.map_err(|error| {
+                let path = self.path.display();
+                Failure::infrastructure(format!("{path} --check: {error}"))
+            })?,
+        };
+        if answer.is_success {
             return Ok(());
         }
-        let said = String::from_utf8_lossy(&output.stderr);
-        Err(self.refused_job(said.trim().trim_start_matches("error: ")))
+        let said = answer.stderr.trim().trim_start_matches("error: ");
+        Err(self.refused_job(said))
+    }
+
+    /// The command that starts it in a session, here or where it runs.
+    ///
+    /// # Errors
+    /// If the program that stands here for one elsewhere cannot be found.
+    pub(crate) fn command(&self, session: &Path) -> Result<Command, Failure> {
+        if let Some(at) = &self.at {
+            return at.bridge(&self.path, session);
+        }
+        let mut command = Command::new(&self.path);
+        command.arg("--session").arg(session);
+        Ok(command)
     }
 
     /// Makes the failure of a job that it refuses, with its reason.
     pub(crate) fn refused_job(&self, why: &str) -> Failure {
         let (program, why) = (&self.description.program, text::printable(why));
         Failure::usage(format!("{program}: {why}"))
+    }
+}
+
+/// Asks a program on this machine; the inner error is its own.
+fn asked<S: AsRef<OsStr>>(
+    path: &Path,
+    arguments: &[S],
+    interruption: &Interruption,
+) -> Result<Result<Answer, String>, Failure> {
+    match ask(path, arguments, &|| interruption.came()) {
+        Ok(answer) => Ok(Ok(Answer {
+            is_success: answer.status.success(),
+            stdout: String::from_utf8_lossy(&answer.stdout).into_owned(),
+            stderr: String::from_utf8_lossy(&answer.stderr).into_owned(),
+        })),
+        Err(NoAnswer::Interrupted) => Err(Failure::Interrupted),
+        Err(NoAnswer::Failed(why)) => Ok(Err(why)),
     }
 }
 
@@ -395,26 +456,6 @@ fn unprintable(described: &Value) -> Option<&str> {
 fn beside(name: &str) -> Result<PathBuf, Failure> {
     let own = std::env::current_exe().map_err(Failure::infrastructure)?;
     Ok(own.with_file_name(name))
-}
-
-/// Kills a child that was started as a group of its own, with what it started.
-pub(crate) fn end_group(child: &Child) {
-    // There may be nobody left in it.
-    let _ = kill_process_group(Pid::from_child(child), Signal::KILL);
-}
-
-/// The status of a child that has ended. What is left of its group is killed before the child is
-/// reaped: from then on its number may be another's.
-///
-/// # Errors
-/// If there is no such child.
-pub(crate) fn reap(child: &mut Child) -> io::Result<Option<ExitStatus>> {
-    let ended = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
-    if waitid(WaitId::Pid(Pid::from_child(child)), ended)?.is_none() {
-        return Ok(None);
-    }
-    end_group(child);
-    child.try_wait()
 }
 
 #[cfg(test)]

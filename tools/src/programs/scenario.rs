@@ -13,6 +13,7 @@ use toml_edit::DocumentMut;
 use crate::arguments::BinaryArguments;
 use crate::arguments::run::Changes;
 use crate::programs::binaries::named::Named;
+use crate::programs::binaries::reached::Reached;
 use crate::terminal::exit::Failure;
 use crate::terminal::interruption::Interruption;
 
@@ -32,6 +33,7 @@ pub(crate) fn show(plan: &Plan, binaries: &Binaries) -> Result<String, Failure> 
 /// Reads scenarios and finds the programs that each is for.
 pub(crate) struct Finder<'a> {
     arguments: &'a BinaryArguments,
+    at: Option<&'a Reached>,
     interruption: &'a Interruption,
     /// Binaries of the scenarios before: each is asked once.
     found: Vec<(Choices, Arc<Binaries>)>,
@@ -40,10 +42,12 @@ pub(crate) struct Finder<'a> {
 impl<'a> Finder<'a> {
     pub(crate) const fn new(
         arguments: &'a BinaryArguments,
+        at: Option<&'a Reached>,
         interruption: &'a Interruption,
     ) -> Self {
         Self {
             arguments,
+            at,
             interruption,
             found: Vec::new(),
         }
@@ -64,7 +68,7 @@ impl<'a> Finder<'a> {
         let read = || Scenario::read(path).map(|scenario| scenario.set(&changes.as_set()));
         let scenario = self.interruption.at_once(read)?;
         let scenario = scenario.or_else(|problems| refused(&problems, json))?;
-        let choices = Choices::of(self.arguments, &Named::by(&scenario))?;
+        let choices = Choices::of(self.arguments, &Named::by(&scenario), self.at)?;
         let known = self.found.iter().find(|(known, _)| *known == choices);
         let binaries = match known {
             Some((_, binaries)) => Arc::clone(binaries),

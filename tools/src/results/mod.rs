@@ -18,6 +18,7 @@ pub(crate) mod requirements;
 pub(crate) mod resumed;
 pub(crate) mod settings;
 pub(crate) mod summary;
+pub(crate) mod target;
 
 #[cfg(test)]
 #[path = "../../recording/tests/shared/fixture.rs"]

@@ -27,6 +27,7 @@ use crate::results::latency::spikes::Spike;
 use crate::results::requirements::{self, Requirement};
 use crate::results::resumed::{Made, Resumed};
 use crate::results::settings::Realtime;
+use crate::results::target::Target;
 use crate::terminal::duration::shown_ns;
 use crate::terminal::output;
 use crate::terminal::table::{Table, left, right};
@@ -41,6 +42,8 @@ pub(crate) struct Summary {
     pub(crate) scenario: String,
     pub(crate) session: String,
     evidence: &'static str,
+    /// Null if the controller was on this machine.
+    target: Option<Target>,
     pub(crate) verdict: &'static str,
     pub(crate) reason: Option<String>,
     clock: &'static str,
@@ -184,6 +187,7 @@ struct Program {
 struct Origin {
     session: String,
     evidence: &'static str,
+    target: Option<Target>,
     plant: Program,
     controller: Program,
 }
@@ -212,6 +216,7 @@ impl Summary {
         let origin = Origin {
             session: session.name.clone(),
             evidence,
+            target: Target::of(&binaries.controller),
             plant: Program::of(&binaries.plant),
             controller: Program::of(&binaries.controller),
         };
@@ -246,6 +251,7 @@ impl Summary {
             scenario: plan.name.clone(),
             session: origin.session,
             evidence: origin.evidence,
+            target: origin.target,
             verdict: match recorded.error {
                 None => requirements::verdict(ended.outcome, &requirements),
                 Some(_) => requirements::verdict(Outcome::Failed, &requirements),
@@ -346,6 +352,9 @@ impl Summary {
         let missed = (self.missed_commands.as_ref()).and_then(|missed| missed.describe(MISSED));
         for told in overran.iter().chain(&missed) {
             writeln!(text, "  {told}")?;
+        }
+        if let Some(target) = &self.target {
+            writeln!(text, "  {target} ({})", self.evidence)?;
         }
         for controller in &self.controllers {
             writeln!(text, "  {}", controller.describe())?;

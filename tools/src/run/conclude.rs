@@ -63,7 +63,7 @@ pub(super) fn conclude(
         &prepared.plan,
         &prepared.binaries,
         &prepared.session,
-        prepared.settings.evidence(),
+        (prepared.settings).evidence(&prepared.plan, &prepared.binaries.controller),
         recorded_to,
         realtime,
         &ended,

@@ -243,11 +243,18 @@ fn check(
             "--clock realtime needs two processes: in one thread no side can be late for the other; leave out --link in-process",
         ));
     }
-    realtime::check(&plan.realtime, settings.link)?;
+    let is_here = binaries.controller.at.is_none();
+    realtime::check(&plan.realtime, settings.link, is_here)?;
     let first = origin.first();
     let steps = checkpoint::steps(&settings.checkpoints_at_s, plan, first)?;
     if !steps.is_empty() || first > Step(0) {
         checkpoint::refuse_unsaveable(plan, binaries)?;
+        if let Some(at) = &binaries.controller.at {
+            let target = at.target();
+            return Err(Failure::usage(format!(
+                "checkpoints with --target {target}: the controller's state is on the target, where nothing is kept"
+            )));
+        }
     }
     if !steps.is_empty() && plan.run.on_controller_loss != OnLoss::Abort {
         return Err(Failure::usage(format!(

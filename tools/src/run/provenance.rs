@@ -9,6 +9,7 @@ use shared_types::session::SessionInfo;
 use super::settings::Settings;
 use crate::doctor;
 use crate::programs::binaries::{Binaries, seal};
+use crate::results::target::Target;
 use hil_recording::reader::EXCERPT;
 use hil_recording::writer::{Enclosure, Provenance};
 
@@ -25,7 +26,14 @@ pub(super) fn of(
     fact("scenario", plan.name.clone());
     fact("session", session.name.clone());
     fact("session_id", format!("{:016x}", session.id));
-    fact("evidence", settings.evidence().into());
+    let evidence = settings.evidence(plan, &binaries.controller);
+    fact("evidence", evidence.into());
+    for (name, found) in Target::of(&binaries.controller)
+        .iter()
+        .flat_map(Target::facts)
+    {
+        fact(name, found);
+    }
     fact("seed", plan.run.seed.to_string());
     fact("rate_hz", plan.run.rate.hz().to_string());
     fact("steps", plan.run.steps.to_string());

@@ -63,7 +63,13 @@ impl RecorderCore {
 ///
 /// # Errors
 /// If a core cannot be used; the error names the setting and the cores that there are.
-pub(crate) fn check(asked: &plan::Realtime, link: LinkKind) -> Result<(), Failure> {
+pub(crate) fn check(
+    asked: &plan::Realtime,
+    link: LinkKind,
+    is_controller_here: bool,
+) -> Result<(), Failure> {
+    // The cores of a target are not this machine's: what it does not grant is told when it runs.
+    let controller_core = asked.controller_core.filter(|_| is_controller_here);
     if asked.priority == 0
         && [asked.plant_core, asked.controller_core, asked.recorder_core] == [None; 3]
     {
@@ -72,7 +78,7 @@ pub(crate) fn check(asked: &plan::Realtime, link: LinkKind) -> Result<(), Failur
     let cores = Cores::choose(&Root::machine(), None)?;
     for (key, core) in [
         ("plant_core", asked.plant_core),
-        ("controller_core", asked.controller_core),
+        ("controller_core", controller_core),
         ("recorder_core", asked.recorder_core),
     ] {
         let Some(core) = core else { continue };
@@ -86,7 +92,7 @@ pub(crate) fn check(asked: &plan::Realtime, link: LinkKind) -> Result<(), Failur
         }
     }
     let loops = match link {
-        LinkKind::Iceoryx2 => vec![asked.plant_core, asked.controller_core],
+        LinkKind::Iceoryx2 => vec![asked.plant_core, controller_core],
         // One thread for both sides, with the settings of the plant.
         LinkKind::InProcess => vec![asked.plant_core],
     };

@@ -5,6 +5,8 @@
 
 use std::path::PathBuf;
 
+use hil_config::plan::{Clock, Plan};
+
 use crate::arguments::run::{LinkKind, RunOptions};
 use crate::programs::binaries::Binary;
 use crate::terminal::exit::Failure;
@@ -81,10 +83,13 @@ impl Settings {
     }
 
     /// Names the kind of evidence that a run gives, as its recording and its summary have it.
-    pub(crate) const fn evidence(&self) -> &'static str {
-        match self.link {
-            LinkKind::Iceoryx2 => "sil",
-            LinkKind::InProcess => "in-process",
+    pub(crate) fn evidence(&self, plan: &Plan, controller: &Binary) -> &'static str {
+        match (self.link, &controller.at) {
+            (LinkKind::InProcess, _) => "in-process",
+            (LinkKind::Iceoryx2, None) => "sil",
+            (LinkKind::Iceoryx2, Some(at)) => {
+                at.evidence(&controller.path, plan.run.clock == Clock::Realtime)
+            }
         }
     }
 }
@@ -94,14 +99,21 @@ impl Settings {
 /// # Errors
 /// If there is one.
 pub(crate) fn refuse_in_process(link: LinkKind, binaries: &[&Binary]) -> Result<(), Failure> {
+    if link != LinkKind::InProcess {
+        return Ok(());
+    }
+    if let Some(at) = binaries.iter().find_map(|binary| binary.at.as_ref()) {
+        let target = at.target();
+        return Err(Failure::usage(format!(
+            "--link in-process runs the law in hil; --target {target} needs a process there"
+        )));
+    }
     let named = binaries.iter().find(|binary| binary.named().is_some());
     match named {
-        Some(Binary { path, by, .. }) if link == LinkKind::InProcess => {
-            Err(Failure::usage(format!(
-                "--link in-process runs what is built into hil; {} ({by}) needs a process",
-                path.display()
-            )))
-        }
-        _ => Ok(()),
+        Some(Binary { path, by, .. }) => Err(Failure::usage(format!(
+            "--link in-process runs what is built into hil; {} ({by}) needs a process",
+            path.display()
+        ))),
+        None => Ok(()),
     }
 }

@@ -4,15 +4,15 @@
 use std::io::Write;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::Path;
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Child, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
-use shared_types::process::{MARK, ProcessId};
+use shared_types::process::{MARK, ProcessId, end_group, reap};
 use shared_types::session::SessionInfo;
 
 use super::log::Log;
 use super::open_files;
-use crate::programs::binaries::{Binary, end_group, reap};
+use crate::programs::binaries::Binary;
 use crate::terminal::exit::Failure;
 
 /// Time that a process may take to end once it was told to.
@@ -51,9 +51,7 @@ impl Side {
             Failure::infrastructure(format!("cannot start {}: {error}", binary.path.display()))
         };
         let log = Log::create(folder.join(log)).map_err(cannot)?;
-        let process = Command::new(&binary.path)
-            .arg("--session")
-            .arg(&session.folder)
+        let process = (binary.command(&session.folder)?)
             .stdin(Stdio::piped())
             .stdout(log.output().map_err(cannot)?)
             .stderr(log.output().map_err(cannot)?)

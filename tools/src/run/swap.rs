@@ -131,11 +131,13 @@ impl SwapContext {
             );
         }
         let told = |failure: Failure| failure.to_string().trim_start_matches("error: ").to_owned();
+        // Where the first runs, the next does too.
+        let at = self.binaries.controller.at.as_ref();
         let binary = match &request.binary {
-            Some(path) => Binary::asked_for(path, "--bin", &self.interruption).map_err(told)?,
+            Some(path) => Binary::asked_for(path, "--bin", at, &self.interruption).map_err(told)?,
             None => {
                 let first = &self.binaries.controller;
-                let binary = Binary::asked_for(&first.path, "--bin", &self.interruption);
+                let binary = Binary::asked_for(&first.path, "--bin", at, &self.interruption);
                 let mut binary = binary
                     .map_err(|failure| format!("{}; --bin PATH names another", told(failure)))?;
                 binary.by = first.by.clone();

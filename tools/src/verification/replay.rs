@@ -40,6 +40,7 @@ use crate::arguments::run::LinkKind;
 use crate::arguments::tolerance::Tolerances;
 use crate::programs::binaries::Binary;
 use crate::programs::binaries::named::{Named, Recorded};
+use crate::programs::binaries::reached::Reached;
 use crate::run::jobs;
 use crate::run::processes::LOOK;
 use crate::run::settings::refuse_in_process;
@@ -85,7 +86,13 @@ pub(crate) fn replay(arguments: &ReplayArguments) -> Result<Exit, Failure> {
     let original = interruption.at_once(|| Original::of(&reader, &arguments.run))??;
     let recorded = Recorded::of(&reader, &arguments.run);
     let given = arguments.controller_bin.as_deref();
-    let controller = Binary::controller(given, &Named::Recorded(&recorded), &interruption)?;
+    let at = Reached::by(&arguments.target, &interruption)?;
+    let controller = Binary::controller(
+        given,
+        &Named::Recorded(&recorded),
+        at.as_ref(),
+        &interruption,
+    )?;
     refuse_in_process(arguments.link, &[&controller])?;
     let plan = original.plan_for(&controller)?;
     let prepared = Prepared {

@@ -10,6 +10,7 @@ use crate::arguments::run::{ClockKind, RerunArguments};
 use crate::arguments::tolerance::Tolerances;
 use crate::programs::binaries::Choices;
 use crate::programs::binaries::named::{Named, refuse_set};
+use crate::programs::binaries::reached::Reached;
 use crate::programs::scenario;
 use crate::run::{self, Environment, Origin, Repeated};
 use crate::terminal::exit::{Exit, Failure};
@@ -56,7 +57,9 @@ pub(crate) fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
     }
     refuse_set(&options.changes.set, |role| role.flag)?;
     let (settings, interruption) = run::begin(options)?;
-    let choices = Choices::of(&options.binaries, &Named::Recorded(&recorded.programs))?;
+    let at = Reached::by(&options.target, &interruption)?;
+    let named = Named::Recorded(&recorded.programs);
+    let choices = Choices::of(&options.binaries, &named, at.as_ref())?;
     let binaries = choices.find(&interruption)?;
     let environment = Environment::new(&settings, binaries, &interruption)?;
     let binaries = &environment.binaries;

@@ -23,6 +23,7 @@ use crate::checkpoint::past::{self, Past};
 use crate::files::part_file;
 use crate::programs::binaries::Choices;
 use crate::programs::binaries::named::Named;
+use crate::programs::binaries::reached::Reached;
 use crate::programs::scenario::Finder;
 use crate::run::settings::Settings;
 use crate::run::{self, Environment, Origin};
@@ -134,7 +135,8 @@ fn resumed(
     }
     let options = &arguments.options;
     let recorded = interruption.at_once(|| past::recorded(from))??;
-    let choices = Choices::of(&options.binaries, &Named::Recorded(&recorded))?;
+    let at = Reached::by(&options.target, interruption)?;
+    let choices = Choices::of(&options.binaries, &Named::Recorded(&recorded), at.as_ref())?;
     let binaries = choices.find(interruption)?;
     binaries.tell();
     let environment = Environment::new(settings, binaries, interruption)?;
@@ -156,7 +158,8 @@ fn cases(
     let options = &arguments.options;
     let mut plans = Vec::new();
     let mut problems = Vec::new();
-    let mut finder = Finder::new(&options.binaries, interruption);
+    let at = Reached::by(&options.target, interruption)?;
+    let mut finder = Finder::new(&options.binaries, at.as_ref(), interruption);
     for scenario in &arguments.scenarios {
         match finder.read(scenario, &options.changes, options.json) {
             Ok((plan, binaries)) => {

@@ -13,6 +13,7 @@ use hil_config::plan::{ControllerProgram, Programs};
 use hil_config::scenario::{Scenario, read_regular};
 use hil_recording::reader::RunReader;
 
+use super::reached::Reached;
 use super::{beside, seal, trusted};
 use crate::terminal::exit::Failure;
 
@@ -199,7 +200,7 @@ impl<'a> Named<'a> {
         }
     }
 
-    /// The program of a side; `given` is that of the command line.
+    /// The program of a side; `given` is that of the command line, `at` the machine that it runs on.
     ///
     /// # Errors
     /// If what a file names must not be run.
@@ -207,6 +208,7 @@ impl<'a> Named<'a> {
         &self,
         role: &'static Role,
         given: Option<&Path>,
+        at: Option<&Reached>,
     ) -> Result<Choice, Failure> {
         let variable = std::env::var_os(role.variable).filter(|value| !value.is_empty());
         let person = match (given, &variable) {
@@ -229,7 +231,7 @@ impl<'a> Named<'a> {
                 file,
                 text,
                 programs,
-            } => by_scenario(role, file, text, programs)?,
+            } => by_scenario(role, file, text, programs, at)?,
             Self::Recorded(recorded) => recorded.choice(role)?,
         };
         match named {
@@ -248,18 +250,20 @@ fn by_scenario(
     file: &Path,
     text: &str,
     programs: &Programs,
+    at: Option<&Reached>,
 ) -> Result<Option<Choice>, Failure> {
     let (key, flag, shown) = (role.key, role.flag, file.display());
     let path = match (&programs.controller, role == &PLANT) {
         (_, true) => programs.plant.as_deref(),
         (None, false) => None,
         (Some(program), false) => {
-            let machine = rustix::system::uname();
-            let machine = machine.machine().to_string_lossy();
-            let found = program.for_machine(&machine);
+            let here = rustix::system::uname();
+            let here = here.machine().to_string_lossy();
+            let machine = at.map_or(&*here, |at| &at.findings().machine);
+            let found = program.for_machine(machine);
             Some(found.ok_or_else(|| {
                 Failure::usage(format!(
-                    "{shown}: `{key}` has no program for this machine, {machine}; add one, or name it with {flag} PATH"
+                    "{shown}: `{key}` has no program for the machine that runs it, {machine}; add one, or name it with {flag} PATH"
                 ))
             })?)
         }

@@ -12,9 +12,10 @@ use crate::results::ended::Ended;
 use crate::results::handover::Laws;
 use crate::results::recorded_run::RecordedRun;
 use crate::results::settings::{Realtime, Recorder};
+use crate::results::target::Target;
 
 /// Levels of evidence, as facts have them.
-const EVIDENCE: [&str; 4] = ["in-process", "sil", "pil", "hil"];
+const EVIDENCE: [&str; 5] = ["in-process", "sil", "sil-emulated", "pil", "hil"];
 
 impl Summary {
     /// The summary of a run by what its recording says.
@@ -31,6 +32,7 @@ impl Summary {
         let origin = Origin {
             session: fact("session").to_owned(),
             evidence: evidence.unwrap_or_default(),
+            target: Target::recorded(|name| reader.fact(name)),
             plant: program(&run.plant_program, "plant_blake3"),
             controller: program(&run.controller_program, "controller_blake3"),
         };

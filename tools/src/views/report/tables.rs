@@ -14,7 +14,7 @@ use crate::results::summary::{Metric, of_law};
 use crate::terminal::duration::shown_ns;
 
 /// Meanings of the levels of evidence.
-const EVIDENCE: [(&str, &str); 4] = [
+const EVIDENCE: [(&str, &str); 5] = [
     (
         "in-process",
         "both sides in one process: about the algorithms, not about processes or targets",
@@ -23,10 +23,17 @@ const EVIDENCE: [(&str, &str); 4] = [
         "sil",
         "software in the loop: two processes on one machine; no evidence about target hardware",
     ),
-    ("pil", "processor in the loop: the controller on its target"),
+    (
+        "sil-emulated",
+        "software in the loop: the controller of another processor, emulated on this machine",
+    ),
+    (
+        "pil",
+        "processor in the loop: the controller on its target, in lockstep",
+    ),
     (
         "hil",
-        "hardware in the loop: the controller on its target with its interfaces",
+        "hardware in the loop: the controller on its target, against the clock",
     ),
 ];
 

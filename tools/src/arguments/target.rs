@@ -1,0 +1,135 @@
+//! The flags that put the controller on another machine, and the command line of `hil target`.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+use hil_target::name::Target;
+use hil_target::way::Way;
+
+use crate::terminal::exit::Failure;
+
+pub(super) const EXAMPLES: &str = "\
+Examples:
+  hil target check me@board
+  hil target clean me@board
+  hil target key board.key
+  hil target serve --listen 192.0.2.7:7000 --key-file board.key --allow ./controller-process
+  hil run scenarios/severe-leakage.toml --target me@board
+  hil run scenarios/severe-leakage.toml --target serve://192.0.2.7:7000 --key-file board.key";
+
+/// The machine that the controller runs on.
+#[derive(Clone, Debug, Default, Args)]
+pub struct TargetArguments {
+    /// Run the controller on this machine: [user@]host or a name of your ssh configuration, or
+    /// serve://HOST:PORT of an agent that listens there
+    #[arg(long, value_name = "TARGET")]
+    pub target: Option<Target>,
+    /// The hil-target program for that machine [default: a static build of this workspace, else the
+    /// one beside hil]
+    #[arg(long, value_name = "PATH", requires = "target")]
+    pub target_agent: Option<PathBuf>,
+    /// The key of an agent that listens
+    #[arg(long, value_name = "FILE", requires = "target")]
+    pub key_file: Option<PathBuf>,
+}
+
+impl TargetArguments {
+    /// Makes the way to the target that was typed, if one was.
+    ///
+    /// # Errors
+    /// If the flags do not go together.
+    pub(crate) fn way(&self) -> Result<Option<Way>, Failure> {
+        let Some(target) = self.target.clone() else {
+            return Ok(None);
+        };
+        if matches!(target, Target::Ssh(_)) && self.key_file.is_some() {
+            return Err(Failure::usage(
+                "--key-file is for an agent that listens, --target serve://HOST:PORT; ssh has keys of its own",
+            ));
+        }
+        Ok(Some(Way {
+            target,
+            agent: self.target_agent.clone(),
+            key_file: self.key_file.clone(),
+        }))
+    }
+}
+
+/// Arguments of `hil target`.
+#[derive(Debug, Args)]
+pub struct TargetCommand {
+    /// What to do.
+    #[command(subcommand)]
+    pub action: TargetAction,
+}
+
+/// The actions on targets.
+#[derive(Debug, Subcommand)]
+pub enum TargetAction {
+    /// Check whether a target can be reached and what it is fit for
+    #[command(
+        after_help = "Exit codes: 0 it can be used; 2 it cannot as it was named; 3 it does not answer, or has no room.\n\nExample:\n  hil target check me@board"
+    )]
+    Check(TargetContact),
+    /// Remove the programs that are kept on a target
+    #[command(after_help = "Example:\n  hil target clean me@board")]
+    Clean(TargetContact),
+    /// Make the key of an agent that listens, in a file that nobody else can read
+    #[command(after_help = "Example:\n  hil target key board.key")]
+    Key {
+        /// The file, which must not be there
+        #[arg(value_name = "FILE")]
+        file: PathBuf,
+    },
+    /// Listen for a desk that has the key; on the target, where it has no ssh
+    #[command(after_help = "\
+Runs the listed programs and no others, one session at a time, until it is interrupted.
+On a board without hil, `hil-target serve` with the same flags does the same.
+
+Example:
+  hil target serve --listen 192.0.2.7:7000 --key-file board.key --allow ./controller-process")]
+    Serve(ServeArguments),
+}
+
+/// A target to be contacted.
+#[derive(Debug, Args)]
+pub struct TargetContact {
+    /// [user@]host or a name of your ssh configuration, or serve://HOST:PORT
+    #[arg(value_name = "TARGET")]
+    pub target: Target,
+    /// The hil-target program for that machine [default: a static build of this workspace, else the
+    /// one beside hil]
+    #[arg(long, value_name = "PATH")]
+    pub target_agent: Option<PathBuf>,
+    /// The key of an agent that listens
+    #[arg(long, value_name = "FILE")]
+    pub key_file: Option<PathBuf>,
+    /// Print as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl TargetContact {
+    /// Makes the flags of it that a run takes.
+    pub(crate) fn arguments(&self) -> TargetArguments {
+        TargetArguments {
+            target: Some(self.target.clone()),
+            target_agent: self.target_agent.clone(),
+            key_file: self.key_file.clone(),
+        }
+    }
+}
+
+/// Arguments of `hil target serve`.
+#[derive(Debug, Args)]
+pub struct ServeArguments {
+    /// Address to listen on
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    pub listen: std::net::SocketAddr,
+    /// File of the key
+    #[arg(long, value_name = "FILE")]
+    pub key_file: PathBuf,
+    /// Program that may be run; may be given several times
+    #[arg(long, value_name = "PROGRAM", required = true)]
+    pub allow: Vec<PathBuf>,
+}

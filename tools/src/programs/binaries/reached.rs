@@ -1,0 +1,143 @@
+//! A controller's program on another machine: described, checked and started where it runs.
+
+use std::path::Path;
+use std::process::Command;
+
+use hil_target::contact::{Answer, Contact};
+use hil_target::machine::{Findings, built_for};
+use hil_target::name::Target;
+use hil_target::way::{TargetError, Way};
+
+use super::beside;
+use crate::arguments::target::TargetArguments;
+use crate::terminal::exit::Failure;
+use crate::terminal::interruption::Interruption;
+
+/// A target that answered, and what its agent found there.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Reached {
+    way: Way,
+    findings: Findings,
+}
+
+impl Reached {
+    /// Reaches the target that was typed, if one was.
+    ///
+    /// # Errors
+    /// If it cannot be reached or used.
+    pub(crate) fn by(
+        arguments: &TargetArguments,
+        interruption: &Interruption,
+    ) -> Result<Option<Self>, Failure> {
+        let Some(way) = arguments.way()? else {
+            return Ok(None);
+        };
+        let contact = open(&way, interruption)?;
+        let findings = contact.findings().clone();
+        match findings.free_bytes {
+            None => Err(failed(TargetError::Infrastructure {
+                target: way.target.to_string(),
+                reason: "there is no /dev/shm there".into(),
+            })),
+            Some(_) => Ok(Some(Self { way, findings })),
+        }
+    }
+
+    /// The target, as it was named.
+    pub(crate) const fn target(&self) -> &Target {
+        &self.way.target
+    }
+
+    /// Findings of the agent.
+    pub(crate) const fn findings(&self) -> &Findings {
+        &self.findings
+    }
+
+    /// Opens a contact.
+    ///
+    /// # Errors
+    /// If the target cannot be reached any more.
+    pub(crate) fn contact(&self, interruption: &Interruption) -> Result<Contact, Failure> {
+        open(&self.way, interruption)
+    }
+
+    /// Asks a program, there, what it is.
+    pub(super) fn describe(
+        &self,
+        program: &Path,
+        blake3: &str,
+        interruption: &Interruption,
+    ) -> Result<Answer, Failure> {
+        let is_interrupted = || interruption.came();
+        let contact = self.contact(interruption)?;
+        let provided = contact.provide(program, blake3, &is_interrupted);
+        provided
+            .and_then(|()| contact.describe(&is_interrupted))
+            .map_err(failed)
+    }
+
+    /// Has a program, there, look at its job.
+    pub(super) fn check(
+        &self,
+        program: &Path,
+        blake3: &str,
+        job: &Path,
+        interruption: &Interruption,
+    ) -> Result<Answer, Failure> {
+        let is_interrupted = || interruption.came();
+        let job = std::fs::read_to_string(job).map_err(Failure::infrastructure)?;
+        let contact = self.contact(interruption)?;
+        let provided = contact.provide(program, blake3, &is_interrupted);
+        provided
+            .and_then(|()| contact.check(job, &is_interrupted))
+            .map_err(failed)
+    }
+
+    /// The command that stands here for a program there, with this session.
+    ///
+    /// # Errors
+    /// If this program's own place cannot be found.
+    pub(super) fn bridge(&self, program: &Path, session: &Path) -> Result<Command, Failure> {
+        let Way {
+            target,
+            agent,
+            key_file,
+        } = &self.way;
+        let mut command = Command::new(beside("hil-target")?);
+        command.args(["bridge", "--target", &target.to_string()]);
+        command.arg("--program").arg(program);
+        command.arg("--session").arg(session);
+        for (name, file) in [("--agent", agent), ("--key-file", key_file)] {
+            if let Some(file) = file {
+                command.arg(name).arg(file);
+            }
+        }
+        Ok(command)
+    }
+
+    /// Names the evidence that a run with this program there gives.
+    pub(crate) fn evidence(&self, program: &Path, is_against_clock: bool) -> &'static str {
+        let is_here = self.findings.boot_id == Findings::own().boot_id;
+        let built = built_for(program).ok().flatten();
+        let is_emulated = built.is_some_and(|built| built != self.findings.machine);
+        match (is_here, is_emulated) {
+            (true, true) => "sil-emulated",
+            (true, false) => "sil",
+            (false, _) if is_against_clock => "hil",
+            (false, _) => "pil",
+        }
+    }
+}
+
+fn open(way: &Way, interruption: &Interruption) -> Result<Contact, Failure> {
+    Contact::open(way, || (), &|| interruption.came()).map_err(failed)
+}
+
+/// The failure of a command whose target let it down.
+pub(crate) fn failed(error: TargetError) -> Failure {
+    match error {
+        TargetError::Usage { .. } => Failure::usage(error),
+        TargetError::Infrastructure { .. } => Failure::infrastructure(error),
+        TargetError::Interrupted => Failure::Interrupted,
+    }
+}
