@@ -42,7 +42,7 @@ pub struct RunArguments {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub repeat: u32,
     /// So many runs at a time, at most as many as there are cores [default: half the cores, as each
-    /// run wants two; all with --link in-process, where it wants one; in real time and paced 1]
+    /// run wants two; all with --link in-process, where it wants one; in real time, paced and on a target 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub jobs: Option<u32>,
     /// Write the verdicts as JUnit XML, for CI servers

@@ -34,6 +34,11 @@ pub struct TargetArguments {
 }
 
 impl TargetArguments {
+    /// Returns true if the target serves one session at a time.
+    pub(crate) const fn serves_one(&self) -> bool {
+        matches!(self.target, Some(Target::Serve(_)))
+    }
+
     /// Makes the way to the target that was typed, if one was.
     ///
     /// # Errors

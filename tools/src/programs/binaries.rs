@@ -366,7 +366,7 @@ impl Binary {
     /// If the program that stands here for one elsewhere cannot be found.
     pub(crate) fn command(&self, session: &Path) -> Result<Command, Failure> {
         if let Some(at) = &self.at {
-            return at.bridge(&self.path, session);
+            return at.bridge(&self.path, &self.blake3, session);
         }
         let mut command = Command::new(&self.path);
         command.arg("--session").arg(session);

@@ -12,6 +12,7 @@ use std::time::Duration;
 use controller_process::job::Job;
 use hil_config::plan::{ControllerPlan, Plan};
 use hil_config::scenario::{Advice, Scenario};
+use hil_target::name::Target;
 use serde::{Deserialize, Serialize};
 use shared_types::describe::LawDescription;
 use shared_types::live::{self, Listening, Refusal};
@@ -19,6 +20,7 @@ use shared_types::session::SessionInfo;
 use toml_edit::{DocumentMut, Item, TableLike};
 
 use super::jobs;
+use crate::programs::binaries::reached::Reached;
 use crate::programs::binaries::{Binaries, Binary};
 use crate::programs::scenario::{self, kept};
 use crate::terminal::exit::Failure;
@@ -133,6 +135,14 @@ impl SwapContext {
         let told = |failure: Failure| failure.to_string().trim_start_matches("error: ").to_owned();
         // Where the first runs, the next does too.
         let at = self.binaries.controller.at.as_ref();
+        if let Some(target) = at
+            .map(Reached::target)
+            .filter(|target| matches!(target, Target::Serve(_)))
+        {
+            return Err(format!(
+                "{target} serves one session at a time, so no other controller can start there beside this one"
+            ));
+        }
         let binary = match &request.binary {
             Some(path) => Binary::asked_for(path, "--bin", at, &self.interruption).map_err(told)?,
             None => {

@@ -202,8 +202,11 @@ fn jobs(arguments: &RunArguments, cases: &[Case]) -> Result<usize, Failure> {
         Some(jobs) if jobs > cores => Err(Failure::usage(format!(
             "--jobs {jobs} is more than the {cores} cores there are; every run wants {wants}"
         ))),
+        Some(2..) if arguments.options.target.serves_one() => Err(Failure::usage(
+            "--jobs: an agent that listens serves one session at a time",
+        )),
         Some(jobs) => Ok(jobs),
-        None if against_clock => Ok(1),
+        None if against_clock || arguments.options.target.target.is_some() => Ok(1),
         None => Ok((cores / each).max(1)),
     }
 }

@@ -59,7 +59,7 @@ struct Job {
 ///
 /// # Errors
 /// The reason for which it could not be run, or was lost.
-pub fn run(way: &Way, file: &Path, folder: &Path) -> Result<u8, String> {
+pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8, String> {
     let supervision = Supervision::from_stdin();
     let session = SessionInfo::read(folder).map_err(|e| e.to_string())?;
     let mut job: Value = session
@@ -71,6 +71,11 @@ pub fn run(way: &Way, file: &Path, folder: &Path) -> Result<u8, String> {
     }
     let known: Job = serde_json::from_value(job.clone()).map_err(|e| e.to_string())?;
     let job = job.to_string();
+    // A controller waits one sample period longer than the plant does.
+    let patience_s = match known.wait_limit_s - known.rate.period_s() {
+        left if left > 0.0 => left,
+        _ => known.wait_limit_s,
+    };
 
     let bell = Arc::new(OnceLock::<Bell>::new());
     let rung = Arc::clone(&bell);
@@ -80,14 +85,20 @@ pub fn run(way: &Way, file: &Path, folder: &Path) -> Result<u8, String> {
         }
     };
     let is_interrupted = || supervision.wants_stop() || supervision.is_peer_gone();
-    let blake3 = hash(file).map_err(|error| format!("cannot read {}: {error}", file.display()))?;
+    let found = hash(file).map_err(|error| format!("cannot read {}: {error}", file.display()))?;
+    if found != blake3 {
+        let file = file.display();
+        return Err(format!(
+            "{file} was changed after it was checked, so it is not run"
+        ));
+    }
     let contact = Contact::open(way, ring, &is_interrupted).map_err(|e| e.to_string())?;
     contact
-        .provide(file, &blake3, &is_interrupted)
+        .provide(file, blake3, &is_interrupted)
         .map_err(|e| e.to_string())?;
     let key = Key::random().map_err(|e| e.to_string())?;
     let (begun, first) =
-        begin(&key, &prologue(&blake3, &job, known.epoch)).map_err(|e| e.to_string())?;
+        begin(&key, &prologue(blake3, &job, known.epoch)).map_err(|e| e.to_string())?;
     // Only the plant knows whether it waits; the rule is for those that do not, and harmless for others.
     let missed = Missed {
         period_s: known.rate.period_s(),
@@ -136,10 +147,7 @@ pub fn run(way: &Way, file: &Path, folder: &Path) -> Result<u8, String> {
         told_stop: false,
         told_gone: false,
     }
-    .drive(
-        WaitLimit::from_seconds(SHARE * known.wait_limit_s),
-        &supervision,
-    )
+    .drive(WaitLimit::from_seconds(SHARE * patience_s), &supervision)
 }
 
 /// The end of the controller's process.

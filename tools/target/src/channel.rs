@@ -6,7 +6,7 @@
 
 use std::io::{self, BufReader, Read, Write};
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, channel, sync_channel};
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -19,7 +19,8 @@ const LONGEST_FRAME: usize = 32 << 10;
 const LONGEST_MESSAGE: usize = 32 << 20;
 /// Bytes that a seal and the kind add at most.
 const AROUND: usize = 64;
-/// Frames that may wait to be written. A packet that finds no room is lost, as a datagram would be.
+/// Frames that may wait to be written, and things that may wait to be heard. A packet that finds no room to be written is
+/// lost, as a datagram would be; who says more than is heard waits.
 const WAITING: usize = 256;
 
 /// Kind of a frame. One that more of the same message follows has the highest bit set.
@@ -60,7 +61,7 @@ impl<M: DeserializeOwned + Send + 'static> Ear<M> {
         seal: Option<Arc<Seal>>,
         ring: impl Fn() + Send + 'static,
     ) -> Self {
-        let (sender, heard) = channel();
+        let (sender, heard) = sync_channel(WAITING);
         std::thread::spawn(move || {
             let mut reader = Reader {
                 from: BufReader::new(from),

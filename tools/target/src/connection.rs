@@ -3,10 +3,10 @@
 use std::io;
 use std::net::{TcpStream, ToSocketAddrs};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use crate::channel::{Ear, Mouth};
-use crate::key::{get, prologue, put, read_key};
+use crate::key::{Until, get, prologue, prove, put, read_key};
 use crate::leash::Leash;
 use crate::message::ToDesk;
 use crate::seal::{Seal, begin};
@@ -32,14 +32,15 @@ pub(crate) fn connect(
         TcpStream::connect_timeout(&address, CONNECT).map_err(|error| way.infrastructure(error))?;
     let hands = || -> io::Result<Seal> {
         let mut connection = &connection;
+        let deadline = Instant::now() + CONNECT;
         connection.set_nodelay(true)?;
-        connection.set_read_timeout(Some(CONNECT))?;
         connection.set_write_timeout(Some(CONNECT))?;
         let (begun, first) = begin(&key, &prologue()).map_err(io::Error::other)?;
         put(&mut connection, &first)?;
         let seal = begun
-            .end(&get(&mut connection)?)
+            .end(&get(&mut Until(connection, deadline))?)
             .map_err(io::Error::other)?;
+        prove(&mut connection, &seal)?;
         connection.set_read_timeout(None)?;
         connection.set_write_timeout(None)?;
         Ok(seal)

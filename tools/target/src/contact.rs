@@ -113,7 +113,8 @@ impl Contact {
         };
         let machine = &self.findings.machine;
         let built = built_for(program).map_err(cannot)?;
-        if let Some(built) = built.filter(|built| built != machine) {
+        let runs = |built: &String| built == machine || self.findings.emulates.contains(built);
+        if let Some(built) = built.filter(|built| !runs(built)) {
             let how = match triple(machine) {
                 Some(triple) => format!("build with `cargo build --release --target {triple}`"),
                 None => "build it for that machine".into(),

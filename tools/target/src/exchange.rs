@@ -152,7 +152,7 @@ impl Desk {
         let is_sample =
             self.ends.own.as_ref().and_then(|own| own.header.kind()) == Some(FrameKind::Sample);
         let is_open =
-            self.wants_answer || !self.ends.is_heard() && !(self.against_clock && is_sample);
+            self.wants_answer || !(self.ends.is_heard() || self.against_clock && is_sample);
         self.last_ns + if is_open { self.patience_ns } else { BEAT_NS }
     }
 

@@ -2,11 +2,13 @@
 
 use std::fs;
 use std::io::{self, Read, Write};
+use std::net::TcpStream;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use crate::message::PROTOCOL;
-use crate::seal::Key;
+use crate::seal::{Key, Seal};
 
 /// Longest handshake message.
 const LONGEST: usize = 256;
@@ -82,6 +84,44 @@ pub(crate) fn put(into: &mut impl Write, message: &[u8]) -> io::Result<()> {
     let mut whole = (message.len() as u16).to_le_bytes().to_vec();
     whole.extend(message);
     into.write_all(&whole)
+}
+
+/// Number of the seal that ends a handshake; the messages after it count from 0.
+const PROOF: u64 = 1 << 62;
+
+/// Shows the other end that the handshake came to its end here: nobody who only repeats old messages can.
+///
+/// # Errors
+/// If the connection failed.
+pub(crate) fn prove(into: &mut impl Write, seal: &Seal) -> io::Result<()> {
+    let mut proof = Vec::new();
+    seal.close(PROOF, b"here", &mut proof)
+        .map_err(io::Error::other)?;
+    put(into, &proof)
+}
+
+/// Sees that the handshake came to its end at the other end.
+///
+/// # Errors
+/// If it did not.
+pub(crate) fn see_proof(from: &mut impl Read, seal: &Seal) -> io::Result<()> {
+    let (proof, mut content) = (get(from)?, Vec::new());
+    seal.open(PROOF, &proof, &mut content)
+        .map_err(io::Error::other)
+}
+
+/// A connection that may take until a time, all reads together.
+pub(crate) struct Until<'a>(pub(crate) &'a TcpStream, pub(crate) Instant);
+
+impl Read for Until<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let left = self.1.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            return Err(io::ErrorKind::TimedOut.into());
+        }
+        self.0.set_read_timeout(Some(left))?;
+        self.0.read(buffer)
+    }
 }
 
 pub(crate) fn get(from: &mut impl Read) -> io::Result<Vec<u8>> {

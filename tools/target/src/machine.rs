@@ -26,6 +26,9 @@ pub struct Findings {
     pub cores: u32,
     /// Highest real-time priority that the agent may ask for.
     pub most_priority: u32,
+    /// Other types of machines whose programs its kernel hands to an emulator.
+    #[serde(default)]
+    pub emulates: Vec<String>,
     /// Bytes free in `/dev/shm`, if it is there.
     pub free_bytes: Option<u64>,
 }
@@ -46,9 +49,22 @@ impl Findings {
             boot_id: boot_id.trim().into(),
             cores: std::thread::available_parallelism().map_or(1, |cores| cores.get() as u32),
             most_priority: most_priority(),
+            emulates: emulated(),
             free_bytes: disk.map(|disk| disk.f_bavail.saturating_mul(disk.f_frsize)),
         }
     }
+}
+
+/// Returns the machines that qemu-user is registered for, as Debian's package does it.
+fn emulated() -> Vec<String> {
+    let entries = std::fs::read_dir("/proc/sys/fs/binfmt_misc");
+    let names = entries
+        .into_iter()
+        .flatten()
+        .flatten()
+        .map(|entry| entry.file_name());
+    let machine = |name: std::ffi::OsString| Some(name.to_str()?.strip_prefix("qemu-")?.to_owned());
+    names.filter_map(machine).collect()
 }
 
 /// Returns the highest real-time priority that this process may have.

@@ -51,6 +51,9 @@ enum End {
         /// The controller's file
         #[arg(long)]
         program: PathBuf,
+        /// Hash that the file must have
+        #[arg(long)]
+        blake3: String,
         /// Folder of the session
         #[arg(long)]
         session: PathBuf,
@@ -70,6 +73,7 @@ fn main() -> ExitCode {
             agent,
             key_file,
             program,
+            blake3,
             session,
         } => {
             let way = Way {
@@ -77,7 +81,7 @@ fn main() -> ExitCode {
                 agent,
                 key_file,
             };
-            bridge::run(&way, &program, &session)
+            bridge::run(&way, (&program, &blake3), &session)
         }
     };
     ExitCode::from(ended.unwrap_or_else(|reason| {

@@ -5,11 +5,11 @@ use std::io;
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use crate::agent;
 use crate::cache::Programs;
-use crate::key::{get, prologue, put, read_key};
+use crate::key::{Until, get, prologue, put, read_key, see_proof};
 use crate::seal::{Key, Seal, answer};
 
 /// Longest time that a handshake may take: a stranger who says nothing holds the place no longer.
@@ -54,11 +54,12 @@ pub fn serve(
 
 fn greet(mut connection: &TcpStream, key: &Key) -> io::Result<Seal> {
     connection.set_nodelay(true)?;
-    connection.set_read_timeout(Some(HANDSHAKE))?;
+    let mut from = Until(connection, Instant::now() + HANDSHAKE);
     connection.set_write_timeout(Some(HANDSHAKE))?;
-    let first = get(&mut connection)?;
+    let first = get(&mut from)?;
     let (seal, second) = answer(key, &prologue(), &first).map_err(io::Error::other)?;
     put(&mut connection, &second)?;
+    see_proof(&mut from, &seal)?;
     connection.set_read_timeout(None)?;
     connection.set_write_timeout(None)?;
     Ok(seal)

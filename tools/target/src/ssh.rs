@@ -44,6 +44,8 @@ pub(crate) fn open(
             "-T",
             "-oBatchMode=yes",
             "-oClearAllForwardings=yes",
+            "-oForwardAgent=no",
+            "-oForwardX11=no",
             "-oRemoteCommand=none",
         ])
         .arg(format!("-oConnectTimeout={CONNECT_S}"))

@@ -97,7 +97,12 @@ impl Reached {
     ///
     /// # Errors
     /// If this program's own place cannot be found.
-    pub(super) fn bridge(&self, program: &Path, session: &Path) -> Result<Command, Failure> {
+    pub(super) fn bridge(
+        &self,
+        program: &Path,
+        blake3: &str,
+        session: &Path,
+    ) -> Result<Command, Failure> {
         let Way {
             target,
             agent,
@@ -107,6 +112,7 @@ impl Reached {
         command.args(["bridge", "--target", &target.to_string()]);
         command.arg("--program").arg(program);
         command.arg("--session").arg(session);
+        command.arg("--blake3").arg(blake3);
         for (name, file) in [("--agent", agent), ("--key-file", key_file)] {
             if let Some(file) = file {
                 command.arg(name).arg(file);
@@ -117,11 +123,18 @@ impl Reached {
 
     /// Names the evidence that a run with this program there gives.
     pub(crate) fn evidence(&self, program: &Path, is_against_clock: bool) -> &'static str {
-        let is_here = self.findings.boot_id == Findings::own().boot_id;
+        let own = Findings::own();
+        let is_here = self.findings.boot_id == own.boot_id;
+        // One that is emulated on this machine takes the emulated one for its own.
+        let machine = if is_here {
+            &own.machine
+        } else {
+            &self.findings.machine
+        };
         let built = built_for(program).ok().flatten();
-        let is_emulated = built.is_some_and(|built| built != self.findings.machine);
+        let is_emulated = built.is_some_and(|built| built != *machine);
         match (is_here, is_emulated) {
-            (true, true) => "sil-emulated",
+            (_, true) => "sil-emulated",
             (true, false) => "sil",
             (false, _) if is_against_clock => "hil",
             (false, _) => "pil",

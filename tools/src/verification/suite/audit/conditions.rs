@@ -1,9 +1,11 @@
 //! What must not matter to a run: the conditions of an audit, made for a plan and this machine.
 
 use std::num::NonZero;
+use std::sync::Arc;
 
 use hil_config::live_faults::FaultContext;
 use hil_config::plan::{Clock, Plan};
+use hil_target::machine::built_for;
 use rustix::thread::{CpuSet, sched_getaffinity};
 use shared_types::time::Step;
 
@@ -69,7 +71,7 @@ fn under_conditions(reference: &Case, wall_time_s: f64) -> Vec<Case> {
     if cores.len() < 2 {
         apart.skipped = Some("there is one core only".into());
     }
-    vec![
+    let mut conditions = vec![
         condition("the same again", &|_| {}),
         speed,
         condition("both processes on one core", &on(cores[0], cores[0])),
@@ -79,7 +81,26 @@ fn under_conditions(reference: &Case, wall_time_s: f64) -> Vec<Case> {
             ..condition("busy cores", &|_| {})
         },
         delayed(reference, wall_time_s),
-    ]
+    ];
+    conditions.extend(here(reference));
+    conditions
+}
+
+/// The controller of a target on this machine, if there is one.
+fn here(reference: &Case) -> Option<Case> {
+    let at = reference.environment.binaries.controller.at.as_ref()?;
+    let mut case = reference.clone();
+    case.label = format!("on this machine in place of {}", at.target());
+    let mut binaries = (*case.environment.binaries).clone();
+    binaries.controller.at = None;
+    let built = built_for(&binaries.controller.path).ok().flatten();
+    let own = rustix::system::uname();
+    let own = own.machine().to_string_lossy();
+    case.skipped = built
+        .filter(|built| *built != own)
+        .map(|built| format!("the controller is built for {built}"));
+    case.environment.binaries = Arc::new(binaries);
+    Some(case)
 }
 
 /// A pace that makes the sides wait for the clock.
