@@ -12,17 +12,19 @@ use crate::support::programs::workspace;
 
 /// Package and what it may depend on, when it is built and when it is tested. What moves to a target,
 /// the controller, knows neither simulator nor scenario.
-const ARROWS: [(&str, &[&str], &[&str]); 7] = [
+const ARROWS: [(&str, &[&str], &[&str]); 8] = [
     ("shared-types", &[], &[]),
     ("hil-config", &["shared-types"], &[]),
     ("plant-process", &["shared-types", "hil-config"], &[]),
     ("controller-process", &["shared-types"], &[]),
     ("hil-recording", &["shared-types"], &[]),
+    ("hil-target", &["shared-types"], &[]),
     (
         "tools",
         &[
             "shared-types",
             "hil-recording",
+            "hil-target",
             "hil-config",
             "plant-process",
             "controller-process",
@@ -43,7 +45,7 @@ const ARROWS: [(&str, &[&str], &[&str]); 7] = [
     ),
 ];
 
-const PROGRAMS: [&str; 3] = ["controller-process", "hil", "plant-process"];
+const PROGRAMS: [&str; 4] = ["controller-process", "hil", "hil-target", "plant-process"];
 
 fn packages() -> Vec<Value> {
     let output = Command::new(env!("CARGO"))
@@ -71,7 +73,7 @@ fn list(value: &Value) -> &[Value] {
 }
 
 #[test]
-fn there_are_seven_packages() {
+fn there_are_eight_packages() {
     let found: BTreeSet<String> = packages()
         .iter()
         .map(|package| text(&package["name"]).to_owned())
@@ -101,7 +103,7 @@ fn packages_depend_only_on_what_is_below_them() {
 }
 
 #[test]
-fn there_are_three_programs() {
+fn there_are_four_programs() {
     let packages = packages();
     let targets = packages
         .iter()

@@ -41,6 +41,7 @@
 //! | [`succession`] | lost controllers, and others that take over |
 //! | [`suite`] | several runs by one command |
 //! | [`survival`] | every law with every kind of fault |
+//! | [`target`] | the controller on another machine: the same digest, whatever happens on the way |
 //! | [`viewers`] | recordings in the programs that engineers look at them with |
 //!
 //! [`support::programs`] builds what is run; [`support::harness`] gives each test a place of its own and a watchdog, and
@@ -104,4 +105,5 @@ mod suite;
 mod support;
 mod survival;
 mod tables;
+mod target;
 mod viewers;

@@ -1,7 +1,8 @@
 //! Shared pieces of the tests, none of them a test: a place of its own and a watchdog for each run
-//! ([`harness`]), the programs that are run ([`programs`]), others beside them ([`company`]), a terminal
+//! ([`harness`]), the programs that are run ([`programs`]), a board for the controller ([`board`]), others beside them ([`company`]), a terminal
 //! ([`terminal`]), a Python interpreter ([`python`]) and a reader of recordings without the project's code ([`mcap_reader`]).
 
+pub(crate) mod board;
 pub(crate) mod company;
 pub(crate) mod harness;
 pub(crate) mod mcap_reader;

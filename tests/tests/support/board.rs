@@ -1,0 +1,78 @@
+//! A board for the controller: a machine that `hil` reaches by `ssh`, played by this one.
+//!
+//! The `ssh` of a [`Board`] is a script that runs the remote command here, with a home of its own. Everything but the network
+//! and its keys is real.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::support::harness::Rig;
+use crate::support::programs::{program, workspace};
+
+/// A board in a test's folder.
+pub(crate) struct Board {
+    home: PathBuf,
+    bin: PathBuf,
+}
+
+impl Board {
+    /// A board that is reached without trouble.
+    pub(crate) fn new(rig: &Rig) -> Self {
+        Self::reached_by(rig, "export SSH_CONNECTION='127.0.0.1 1 127.0.0.1 2'")
+    }
+
+    /// A board whose `ssh` does this before the remote command runs, the host's name in `$host`.
+    pub(crate) fn reached_by(rig: &Rig, first: &str) -> Self {
+        let (home, bin) = (rig.path("home"), rig.path("bin"));
+        for folder in [&home, &bin] {
+            std::fs::create_dir_all(folder).expect("a folder");
+        }
+        let shown = home.display();
+        rig.script(
+            "bin/ssh",
+            &format!(
+                "#!/bin/sh\n\
+                 while [ \"$1\" != -- ]; do shift; done\n\
+                 host=$2; command=$3\n\
+                 export HOME={shown}\nunset XDG_CACHE_HOME\n\
+                 {first}\n\
+                 exec /bin/sh -c \"$command\"\n"
+            ),
+        );
+        Self { home, bin }
+    }
+
+    /// A `hil` that finds this board's `ssh`.
+    pub(crate) fn hil(&self) -> Command {
+        let mut hil = Command::new(program("hil"));
+        let path = std::env::var_os("PATH").unwrap_or_default();
+        let mut all = vec![self.bin.clone()];
+        all.extend(std::env::split_paths(&path));
+        hil.env("PATH", std::env::join_paths(all).expect("plain names"));
+        hil.current_dir(workspace());
+        hil
+    }
+
+    /// The folder of programs there.
+    pub(crate) fn cache(&self) -> PathBuf {
+        self.home.join(".cache/hil-target")
+    }
+
+    /// Process numbers of those that run a program of the cache with this first argument.
+    pub(crate) fn processes(&self, argument: &str) -> Vec<u32> {
+        let own = self.cache();
+        let own = own.to_str().expect("plain text");
+        let processes = std::fs::read_dir("/proc")
+            .expect("/proc is there")
+            .flatten();
+        let pids = processes.filter_map(|entry| entry.file_name().to_str()?.parse::<u32>().ok());
+        let runs = |pid: &u32| {
+            let line = std::fs::read(Path::new("/proc").join(pid.to_string()).join("cmdline"));
+            let line = line.unwrap_or_default();
+            let mut words = line.split(|byte| *byte == 0).map(String::from_utf8_lossy);
+            words.next().is_some_and(|program| program.starts_with(own))
+                && words.next().is_some_and(|first| first == argument)
+        };
+        pids.filter(runs).collect()
+    }
+}

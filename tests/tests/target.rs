@@ -1,0 +1,516 @@
+//! The controller on another machine: the same digest, whatever happens on the way, and nothing left on either side.
+
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
+
+use rustix::process::{Pid, Signal, kill_process};
+use serde_json::Value;
+
+use crate::support::board::Board;
+use crate::support::harness::{Rig, Run, until};
+use crate::support::programs::program;
+
+/// Half a second of the teaching run, with a requirement less.
+const SHORT: &str =
+    "scenarios/spring-mass.toml --set run.duration_s=0.8 --set metrics=[] --set requirements=[]";
+const ON_BOARD: &str = "--target me@board";
+
+fn run(rig: &Rig, board: &Board, arguments: &str) -> Run {
+    rig.start_with(board.hil(), arguments).finish()
+}
+
+fn hil(rig: &Rig, board: &Board, arguments: &[&str]) -> Run {
+    let mut hil = board.hil();
+    hil.args(arguments);
+    rig.program(hil)
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("plain text")
+}
+
+fn log(run: &Run) -> String {
+    std::fs::read_to_string(run.folder.join("controller.log")).unwrap_or_default()
+}
+
+fn kill(pid: u32, signal: Signal) {
+    let pid = Pid::from_raw(pid as i32).expect("a number");
+    kill_process(pid, signal).expect("it is there");
+}
+
+/// The process there with this first argument, once it is there.
+fn there(board: &Board, argument: &str) -> u32 {
+    let mut found = None;
+    until("it runs there", || {
+        found = board.processes(argument).first().copied();
+        found.is_some()
+    });
+    found.expect("it runs there")
+}
+
+/// Waits until steps are being exchanged.
+fn under_way(rig: &Rig) {
+    until("steps are exchanged", || {
+        let told = rig.beside(&["inject", "--active", "--json", "--session", rig.session()]);
+        let status: Value = serde_json::from_str(&told.stdout).unwrap_or_default();
+        status["status"]["step"].as_u64() > Some(10)
+    });
+}
+
+fn no_process_there(board: &Board) {
+    until("nothing runs there any more", || {
+        board.processes("agent").is_empty() && board.processes("--session").is_empty()
+    });
+}
+
+#[test]
+fn a_run_there_has_the_digest_of_the_desk_and_says_where_it_was() {
+    let rig = Rig::new();
+    let board = Board::new(&rig);
+    let here = rig.run(SHORT).expect(0).summary();
+    let run = run(&rig, &board, &format!("{SHORT} {ON_BOARD}")).expect(0);
+    let there = run.summary();
+    assert_eq!(there["digest"], here["digest"]);
+    assert_eq!(here["target"], Value::Null);
+    let target = &there["target"];
+    assert_eq!(target["name"], "me@board");
+    let kernel = std::fs::read_to_string("/proc/sys/kernel/random/boot_id").expect("it is there");
+    assert_eq!(target["boot_id"], kernel.trim());
+    // Two ends on one machine prove nothing about another.
+    assert_eq!(there["evidence"], "sil");
+    // The file that ran there is the file that runs here.
+    assert_eq!(there["controller"]["blake3"], here["controller"]["blake3"]);
+    assert!(
+        run.stdout.contains("controller on target me@board"),
+        "{}",
+        run.stdout
+    );
+
+    // The agent and the program are kept, by their hashes, for this user alone; and can be removed.
+    let kept = |board: &Board| -> Vec<(String, u32)> {
+        let files = std::fs::read_dir(board.cache()).expect("the cache");
+        let files = files.flatten().map(|file| {
+            let mode = file.metadata().expect("there").permissions().mode();
+            (
+                file.file_name().to_string_lossy().into_owned(),
+                mode & 0o777,
+            )
+        });
+        files.collect()
+    };
+    let files = kept(&board);
+    assert!(
+        files
+            .iter()
+            .any(|(name, _)| *name == here["controller"]["blake3"])
+    );
+    assert!(
+        files.len() == 2
+            && files
+                .iter()
+                .all(|(name, mode)| name.len() == 64 && *mode == 0o500),
+        "{files:?}"
+    );
+    let mode = std::fs::metadata(board.cache())
+        .expect("there")
+        .permissions()
+        .mode();
+    assert_eq!(mode & 0o777, 0o700);
+    hil(&rig, &board, &["target", "clean", "me@board"]).expect(0);
+    assert_eq!(kept(&board), []);
+}
+
+#[test]
+fn recordings_of_either_side_are_replayed_and_repeated_on_the_other() {
+    let rig = Rig::new();
+    let board = Board::new(&rig);
+    let here = rig.run(SHORT).expect(0);
+    let there = run(&rig, &board, &format!("{SHORT} {ON_BOARD}")).expect(0);
+    let folders = [text(&here.folder), text(&there.folder)];
+    let replayed = hil(
+        &rig,
+        &board,
+        &["replay", folders[0], "--target", "me@board", "--json"],
+    )
+    .expect(0);
+    let replayed: Value = serde_json::from_str(&replayed.stdout).expect("JSON");
+    assert_eq!(replayed["verdict"], "same", "{replayed}");
+    rig.hil(&["replay", folders[1]]).expect(0);
+    rig.hil(&["compare", folders[0], folders[1]]).expect(0);
+    let again = rig.path("again");
+    hil(
+        &rig,
+        &board,
+        &[
+            "rerun",
+            folders[0],
+            "--target",
+            "me@board",
+            "--out",
+            text(&again),
+        ],
+    )
+    .expect(0);
+}
+
+#[test]
+fn against_the_clock_a_run_there_repeats_here_to_the_same_digest() {
+    let rig = Rig::new();
+    let board = Board::new(&rig);
+    let overrun = "--clock realtime";
+    let there = run(&rig, &board, &format!("{SHORT} {ON_BOARD} {overrun}")).expect(0);
+    let again = rig.path("again");
+    rig.hil(&["rerun", text(&there.folder), "--out", text(&again)])
+        .expect(0);
+}
+
+#[test]
+fn frames_go_through_the_connection_where_no_datagram_does() {
+    let rig = Rig::new();
+    // No address of this machine: the agent has no socket there.
+    let board = Board::reached_by(&rig, "export SSH_CONNECTION='203.0.113.1 1 203.0.113.2 2'");
+    let here = rig.run(SHORT).expect(0).summary();
+    let there = run(&rig, &board, &format!("{SHORT} {ON_BOARD}")).expect(0);
+    assert_eq!(there.summary()["digest"], here["digest"]);
+    assert!(
+        log(&there).contains("no datagram gets through"),
+        "{}",
+        log(&there)
+    );
+}
+
+#[test]
+fn a_shell_profile_that_talks_is_no_harm_and_one_without_end_is_named() {
+    let rig = Rig::new();
+    let local = "export SSH_CONNECTION='127.0.0.1 1 127.0.0.1 2'";
+    let board = Board::reached_by(&rig, &format!("{local}\necho Welcome; printf 'to the '"));
+    hil(&rig, &board, &["target", "check", "me@board"]).expect(0);
+    let board = Board::reached_by(&rig, &format!("{local}\nyes"));
+    let refused = hil(&rig, &board, &["target", "check", "me@board"]).expect(2);
+    refused.says(&["its shell profile prints without end"]);
+}
+
+#[test]
+fn a_check_says_what_is_there() {
+    let rig = Rig::new();
+    let board = Board::new(&rig);
+    let checked = hil(&rig, &board, &["target", "check", "me@board", "--json"]).expect(0);
+    let checked: Value = serde_json::from_str(&checked.stdout).expect("JSON");
+    let machine = rustix::system::uname();
+    assert_eq!(checked["machine"], *machine.machine().to_string_lossy());
+    assert_eq!(checked["host"], *machine.nodename().to_string_lossy());
+    let trip = &checked["round_trip_ns"];
+    assert!(
+        trip["p50"].as_u64() > Some(0) && trip["p99"].as_u64() >= trip["p50"].as_u64(),
+        "{checked}"
+    );
+    assert!(checked["fit_for_hz"].as_f64() > Some(0.0), "{checked}");
+}
+
+#[test]
+fn live_faults_and_another_controller_come_to_a_run_there() {
+    let rig = Rig::new();
+    let board = Board::new(&rig);
+    let held = "scenarios/spring-mass.toml --set requirements=[] --pause-at 0.5 --wait-limit 60";
+    let running = rig.start_with(board.hil(), &format!("{held} {ON_BOARD}"));
+    let session = ["--session", rig.session()];
+    let beside = |arguments: &[&str]| {
+        let mut hil = board.hil();
+        hil.args(arguments).args(session);
+        rig.program(hil)
+    };
+    until("the run is held", || {
+        let told = beside(&["inject", "--active", "--json"]).stdout;
+        let status: Value = serde_json::from_str(&told).unwrap_or_default();
+        status["status"]["paused"] == true
+    });
+    let first = there(&board, "--session");
+    beside(&["inject", "bias", "measured.position_m", "0.001"]).expect(0);
+    let swap = std::thread::scope(|scope| {
+        let swap = scope.spawn(|| beside(&["controller", "swap", "--set", "controller.law=hold"]));
+        // The handover is between two steps, so the run goes on; the next is on the board too.
+        until("another is there", || {
+            board.processes("--session").iter().any(|pid| *pid != first)
+        });
+        beside(&["resume"]);
+        swap.join().expect("ends")
+    });
+    swap.expect(0);
+    let run = running.finish().expect(0);
+    let summary = run.summary();
+    assert_eq!(
+        summary["controllers"].as_array().map(Vec::len),
+        Some(2),
+        "{summary}"
+    );
+    assert_eq!(summary["faults"][0]["source"], "cli");
+    no_process_there(&board);
+}
+
+#[test]
+fn a_controller_that_dies_there_is_named_and_the_policy_is_applied() {
+    let rig = Rig::new();
+    let board = Board::new(&rig);
+    let long = "scenarios/spring-mass.toml --pace 1 --set requirements=[]";
+    let running = rig.start_with(board.hil(), &format!("{long} {ON_BOARD}"));
+    under_way(&rig);
+    kill(there(&board, "--session"), Signal::KILL);
+    let run = running.finish().expect(3);
+    let said = [&run.stderr, &*log(&run)].concat();
+    assert!(
+        said.contains("target me@board: the controller was killed by signal 9"),
+        "{said}"
+    );
+    no_process_there(&board);
+
+    let restart = "--set run.on_controller_loss=wait-for-restart --set metrics=[]";
+    let running = rig.start_with(board.hil(), &format!("{long} {restart} {ON_BOARD}"));
+    under_way(&rig);
+    kill(there(&board, "--session"), Signal::KILL);
+    let summary = running.finish().expect(0).summary();
+    assert_eq!(
+        summary["controllers"].as_array().map(Vec::len),
+        Some(2),
+        "{summary}"
+    );
+    no_process_there(&board);
+}
+
+#[test]
+fn an_agent_that_is_killed_ends_the_run_and_the_next_contact_removes_what_it_left() {
+    let rig = Rig::alone();
+    let board = Board::new(&rig);
+    let running = rig.start_with(
+        board.hil(),
+        &format!("scenarios/spring-mass.toml --pace 1 {ON_BOARD}"),
+    );
+    running.children_at_once();
+    there(&board, "--session");
+    kill(there(&board, "agent"), Signal::KILL);
+    let run = running.finish_beside_another().expect(3);
+    let said = [&run.stderr, &*log(&run)].concat();
+    assert!(said.contains("target me@board: connection lost"), "{said}");
+    hil(&rig, &board, &["target", "check", "me@board"]).expect(0);
+    no_process_there(&board);
+    rig.assert_nothing_left();
+}
+
+#[test]
+fn whatever_ends_the_desk_nothing_goes_on_there() {
+    let rig = Rig::alone();
+    let board = Board::new(&rig);
+    let paced = format!("scenarios/spring-mass.toml --pace 1 {ON_BOARD}");
+    let running = rig.start_with(board.hil(), &paced);
+    running.children_at_once();
+    there(&board, "--session");
+    running.signal(Signal::INT);
+    running.finish().expect(130);
+    no_process_there(&board);
+
+    let running = rig.start_with(board.hil(), &paced);
+    running.children_at_once();
+    there(&board, "--session");
+    running.kill();
+    no_process_there(&board);
+    hil(&rig, &board, &["sessions", "--clean"]).expect(0);
+    rig.assert_nothing_left();
+}
+
+#[test]
+fn a_silent_target_is_given_up_by_name_and_ends_by_itself() {
+    let rig = Rig::alone();
+    let board = Board::new(&rig);
+    let paced = format!("scenarios/spring-mass.toml --pace 1 --wait-limit 1 {ON_BOARD}");
+    let running = rig.start_with(board.hil(), &paced);
+    running.children_at_once();
+    there(&board, "--session");
+    let agent = there(&board, "agent");
+    kill(agent, Signal::STOP);
+    let run = running.finish_beside_another().expect(3);
+    assert!(
+        log(&run).contains("target me@board: nothing received since step"),
+        "{}",
+        log(&run)
+    );
+    // What was silent hears when it is back that nobody is there any more.
+    let _ = kill_process(Pid::from_raw(agent as i32).expect("a number"), Signal::CONT); // `ssh` may have ended it
+    no_process_there(&board);
+    rig.assert_nothing_left();
+}
+
+#[test]
+fn an_agent_that_listens_serves_who_has_the_key_and_runs_what_is_listed() {
+    let rig = Rig::new();
+    // Not in the test's folder: one who serves goes on after a run.
+    let folder = tempfile::tempdir().expect("a folder");
+    let key = folder.path().join("board.key");
+    let key = text(&key);
+    rig.hil(&["target", "key", key]).expect(0);
+    assert_eq!(
+        std::fs::metadata(key).expect("there").permissions().mode() & 0o777,
+        0o600
+    );
+    rig.hil(&["target", "key", key]).expect(2).says(&["exists"]);
+    let listed = program("controller-process");
+    let mut serve = std::process::Command::new(program("hil"));
+    serve.args([
+        "target",
+        "serve",
+        "--listen",
+        "127.0.0.1:0",
+        "--key-file",
+        key,
+        "--allow",
+    ]);
+    serve.arg(&listed).stderr(std::process::Stdio::piped());
+    let mut serving = Serving(serve.spawn().expect("it starts"));
+    let address = serving.address();
+    let target = format!("--target serve://{address} --key-file {key}");
+
+    let here = rig.run(SHORT).expect(0).summary();
+    let there = rig.run(&format!("{SHORT} {target}")).expect(0).summary();
+    assert_eq!(there["digest"], here["digest"]);
+    let again = rig.run(&format!("{SHORT} {target}")).expect(0).summary();
+    assert_eq!(again["digest"], here["digest"]);
+
+    let unlisted = rig.path("unlisted");
+    std::fs::copy(program("plant-process"), &unlisted).expect("copied");
+    rig.run(&format!(
+        "{SHORT} {target} --controller-bin {}",
+        text(&unlisted)
+    ))
+    .expect(2)
+    .says(&["runs only the programs that were listed"]);
+    let stranger = rig.path("stranger.key");
+    rig.hil(&["target", "key", text(&stranger)]).expect(0);
+    rig.hil(&[
+        "target",
+        "check",
+        &format!("serve://{address}"),
+        "--key-file",
+        text(&stranger),
+    ])
+    .expect(3)
+    .says(&["no handshake", "another key"]);
+    // It serves on.
+    rig.hil(&[
+        "target",
+        "check",
+        &format!("serve://{address}"),
+        "--key-file",
+        key,
+    ])
+    .expect(0);
+}
+
+/// An agent that listens, until it is dropped.
+struct Serving(std::process::Child);
+
+impl Serving {
+    fn address(&mut self) -> String {
+        use std::io::BufRead;
+        let stderr = self.0.stderr.take().expect("piped");
+        let mut lines = std::io::BufReader::new(stderr).lines();
+        let first = lines.next().expect("a line").expect("text");
+        // Read on, or it would wait.
+        std::thread::spawn(move || lines.count());
+        first
+            .strip_prefix("listening on ")
+            .expect("an address")
+            .to_owned()
+    }
+}
+
+impl Drop for Serving {
+    fn drop(&mut self) {
+        let _ = self.0.kill(); // it may have ended
+        let _ = self.0.wait();
+    }
+}
+
+#[test]
+fn what_cannot_be_meant_is_refused_and_nothing_is_started() {
+    let rig = Rig::new();
+    let board = Board::new(&rig);
+    let foreign = rig.path("foreign");
+    let mut content = std::fs::read(program("controller-process")).expect("read");
+    (content[18], content[19]) = (183, 0); // an aarch64 ELF file
+    std::fs::write(&foreign, content).expect("written");
+    std::fs::set_permissions(&foreign, std::fs::Permissions::from_mode(0o755)).expect("executable");
+    let open = rig.path("open.key");
+    rig.hil(&["target", "key", text(&open)]).expect(0);
+    std::fs::set_permissions(&open, std::fs::Permissions::from_mode(0o644)).expect("opened");
+    let nothing = rig.write("no.key", "nothing");
+    std::fs::set_permissions(&nothing, std::fs::Permissions::from_mode(0o600)).expect("closed");
+    let (foreign, open, nothing) = (text(&foreign), text(&open), text(&nothing));
+    for (arguments, told) in [
+        ("--target -oProxyCommand=x", "unexpected argument"),
+        ("--target=-oProxyCommand=x", "is no target"),
+        ("--target a;b", "is no target"),
+        ("--target serve://board", "is no target"),
+        ("--key-file board.key", "--target <TARGET>"),
+        (
+            &format!("{ON_BOARD} --key-file {open}"),
+            "ssh has keys of its own",
+        ),
+        ("--target serve://127.0.0.1:1", "needs its key"),
+        (
+            &format!("--target serve://127.0.0.1:1 --key-file {open}"),
+            "can be read by others",
+        ),
+        (
+            &format!("--target serve://127.0.0.1:1 --key-file {nothing}"),
+            "holds no key",
+        ),
+        (
+            &format!("{ON_BOARD} --controller-bin {foreign}"),
+            "is built for aarch64, the target is",
+        ),
+        (
+            &format!("{ON_BOARD} --target-agent {foreign}"),
+            "is built for aarch64, the target is",
+        ),
+        (
+            &format!("{ON_BOARD} --link in-process"),
+            "needs a process there",
+        ),
+        (
+            &format!("{ON_BOARD} --checkpoint-at 0.1"),
+            "checkpoints with --target",
+        ),
+    ] {
+        let run = run(&rig, &board, &format!("{SHORT} {arguments}")).expect(2);
+        assert!(!run.folder.exists(), "{arguments}");
+        run.says(&[told]);
+    }
+    let key = rig.path("own.key");
+    rig.hil(&["target", "key", text(&key)]).expect(0);
+    let nobody = format!(
+        "{SHORT} --target serve://127.0.0.1:1 --key-file {}",
+        text(&key)
+    );
+    rig.run(&nobody).expect(3).says(&["Connection refused"]);
+}
+
+#[test]
+fn what_ssh_says_is_passed_on_with_the_exit_code_that_fits() {
+    let rig = Rig::new();
+    for (said, code) in [
+        (
+            "ssh: Could not resolve hostname board: Name or service not known",
+            2,
+        ),
+        ("Host key verification failed.", 2),
+        ("me@board: Permission denied (publickey).", 2),
+        (
+            "ssh: connect to host board port 22: Connection timed out",
+            3,
+        ),
+        ("ssh: connect to host board port 22: No route to host", 3),
+    ] {
+        let board = Board::reached_by(&rig, &format!("echo '{said}' >&2; exit 255"));
+        let run = run(&rig, &board, &format!("{SHORT} {ON_BOARD}")).expect(code);
+        assert!(!run.folder.exists(), "{said}");
+        run.says(&["target me@board", said]);
+    }
+}
