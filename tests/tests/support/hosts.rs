@@ -1,0 +1,188 @@
+//! Two hosts on one machine, each with a network of its own, joined by a wire that can be spoiled and cut; `sshd` on the
+//! board, which has processes and a `/dev/shm` of its own too. `tests/hosts/hosts.py` makes them.
+
+use std::io::{BufRead, BufReader, Write};
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+
+use tempfile::TempDir;
+
+use crate::support::programs::{program, skip, workspace};
+
+/// Both hosts, until it is dropped.
+pub(crate) struct Hosts {
+    wire: Child,
+    orders: ChildStdin,
+    answers: BufReader<ChildStdout>,
+    /// Processes to enter the namespaces by.
+    desk: String,
+    board: String,
+    /// Keys and configuration. Not in a test's folder: an `sshd` goes on after a run.
+    folder: TempDir,
+}
+
+impl Hosts {
+    /// Makes both, or says what this machine lacks for that.
+    pub(crate) fn new(test: &str) -> Option<Self> {
+        let succeeds = |command: &[&str]| {
+            let mut run = Command::new(command[0]);
+            let run = run.args(&command[1..]).stdin(Stdio::null());
+            let output = run.output();
+            output.is_ok_and(|output| output.status.success())
+        };
+        if !succeeds(&[
+            "unshare", "--net", "--mount", "--pid", "--fork", "ip", "link", "show", "lo",
+        ]) {
+            skip(
+                test,
+                "this user may not make hosts, or `ip` is missing",
+                "HIL_TEST_NETNS",
+            );
+            return None;
+        }
+        if !Path::new("/usr/sbin/sshd").exists() || !succeeds(&["python3", "--version"]) {
+            skip(test, "there is no sshd or no python3", "HIL_TEST_SSHD");
+            return None;
+        }
+        let folder = TempDir::with_prefix("hil-hosts-").expect("a temporary folder");
+        let place = folder.path().to_str().expect("plain text").to_owned();
+        for key in ["host", "own", "other"] {
+            let file = format!("{place}/{key}");
+            assert!(succeeds(&[
+                "ssh-keygen",
+                "-q",
+                "-t",
+                "ed25519",
+                "-N",
+                "",
+                "-f",
+                &file
+            ]));
+        }
+        let write = |name: &str, text: &str| {
+            std::fs::write(folder.path().join(name), text).expect("written")
+        };
+        let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).expect("read");
+        write(
+            "sshd_config",
+            &format!(
+                "HostKey {place}/host\nAuthorizedKeysFile {place}/own.pub\nStrictModes no\nUsePAM no\n\
+                 PidFile none\nSetEnv XDG_CACHE_HOME={place}/cache\n"
+            ),
+        );
+        write("known", &format!("10.77.0.2 {}", read("host.pub")));
+        write("unknown", "");
+        let user = |name: &str, key: &str, known: &str| {
+            format!(
+                "Host {name}\n HostName 10.77.0.2\n User root\n IdentityFile {place}/{key}\n IdentitiesOnly yes\n \
+                 UserKnownHostsFile {place}/{known}\n GlobalKnownHostsFile none\n"
+            )
+        };
+        write(
+            "ssh_config",
+            &[
+                user("board", "own", "known"),
+                user("stranger", "other", "known"),
+                user("impostor", "own", "unknown"),
+                "Host elsewhere\n HostName 10.77.0.9\n".into(),
+            ]
+            .concat(),
+        );
+        std::fs::create_dir(folder.path().join("bin")).expect("a folder");
+        let ssh = folder.path().join("bin/ssh");
+        let found = which("ssh");
+        std::fs::write(
+            &ssh,
+            format!(
+                "#!/bin/sh\nexec {} -F {place}/ssh_config \"$@\"\n",
+                found.display()
+            ),
+        )
+        .expect("written");
+        assert!(succeeds(&[
+            "chmod",
+            "755",
+            ssh.to_str().expect("plain text")
+        ]));
+        let mut wire = Command::new("python3");
+        wire.arg(workspace().join("tests/hosts/hosts.py"))
+            .arg(folder.path());
+        wire.stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .process_group(0);
+        let mut wire = wire.spawn().expect("python3 starts");
+        let orders = wire.stdin.take().expect("piped");
+        let mut hosts = Self {
+            orders,
+            answers: BufReader::new(wire.stdout.take().expect("piped")),
+            wire,
+            desk: String::new(),
+            board: String::new(),
+            folder,
+        };
+        let ready = hosts.answer();
+        let mut words = ready.split_ascii_whitespace().skip(1).map(str::to_owned);
+        hosts.desk = words.next().expect("the desk");
+        hosts.board = words.next().expect("the board");
+        Some(hosts)
+    }
+
+    fn answer(&mut self) -> String {
+        let mut line = String::new();
+        self.answers.read_line(&mut line).expect("the wire answers");
+        assert!(!line.is_empty(), "the wire has ended");
+        line
+    }
+
+    /// Has the wire do something.
+    pub(crate) fn order(&mut self, order: &str) -> String {
+        writeln!(self.orders, "{order}").expect("the wire listens");
+        self.answer()
+    }
+
+    /// A `hil` at the desk.
+    pub(crate) fn hil(&self) -> Command {
+        let mut hil = Command::new("nsenter");
+        hil.args(["-t", &self.desk, "-n"]).arg(program("hil"));
+        let path = std::env::var_os("PATH").unwrap_or_default();
+        let mut all = vec![self.folder.path().join("bin")];
+        all.extend(std::env::split_paths(&path));
+        hil.env("PATH", std::env::join_paths(all).expect("plain names"));
+        hil.current_dir(workspace());
+        hil
+    }
+
+    /// What is in the board's shared memory, and the processes there that are not its `sshd`'s.
+    pub(crate) fn left_on_board(&self) -> Vec<String> {
+        let script = "find /dev/shm -mindepth 2; find /dev/shm -mindepth 1 -maxdepth 1 -type f; \
+                      ps -eo args= | grep hil-target/ | grep -v grep";
+        let inside = Command::new("nsenter")
+            .args(["-t", &self.board, "-m", "-p", "sh", "-c", script])
+            .output();
+        let found = inside.expect("nsenter runs").stdout;
+        let found = String::from_utf8_lossy(&found);
+        // The lock over all sessions stays.
+        let left = found
+            .lines()
+            .filter(|line| !line.ends_with("/lock") || line.matches('/').count() > 4);
+        left.map(str::to_owned).collect()
+    }
+}
+
+impl Drop for Hosts {
+    fn drop(&mut self) {
+        let group = rustix::process::Pid::from_child(&self.wire);
+        let _ = rustix::process::kill_process_group(group, rustix::process::Signal::TERM); // it may have ended
+        let _ = self.wire.wait();
+        let _ = rustix::process::kill_process_group(group, rustix::process::Signal::KILL); // nobody may be left
+    }
+}
+
+fn which(name: &str) -> PathBuf {
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let found = std::env::split_paths(&path)
+        .map(|folder| folder.join(name))
+        .find(|file| file.exists());
+    found.unwrap_or_else(|| name.into())
+}
