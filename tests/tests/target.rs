@@ -1,5 +1,7 @@
 //! The controller on another machine: the same digest, whatever happens on the way, and nothing left on either side.
 
+mod long;
+
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::Command;

@@ -1,0 +1,98 @@
+//! What takes minutes: many runs over a spoiled wire, many cuts, whole scenarios on another processor. `.ci/run long`.
+
+use std::time::Duration;
+
+use shared_types::random::RandomStream;
+
+use super::{log, nothing_left_on_board, on_another_processor};
+use crate::support::harness::Rig;
+use crate::support::hosts::Hosts;
+
+const ALL_OF_IT: &str = "scenarios/spring-mass.toml --no-record";
+
+#[test]
+#[ignore = "long: .ci/run long"]
+fn a_hundred_runs_over_a_spoiled_wire_have_one_digest() {
+    let Some(mut hosts) = Hosts::new("a_hundred_runs_over_a_spoiled_wire_have_one_digest") else {
+        return;
+    };
+    let rig = Rig::new();
+    let here = rig.run(ALL_OF_IT).expect(0).summary();
+    for seed in 0..100 {
+        hosts.order(&format!("spoil 5 {seed}"));
+        let there = rig.start_with(hosts.hil(), &format!("{ALL_OF_IT} --target board"));
+        assert_eq!(
+            there.finish().expect(0).summary()["digest"],
+            here["digest"],
+            "seed {seed}"
+        );
+    }
+    nothing_left_on_board(&hosts);
+}
+
+#[test]
+#[ignore = "long: .ci/run long"]
+fn the_papers_severe_leakage_over_a_spoiled_wire_has_its_digest() {
+    let Some(mut hosts) =
+        Hosts::new("the_papers_severe_leakage_over_a_spoiled_wire_has_its_digest")
+    else {
+        return;
+    };
+    let rig = Rig::new();
+    let severe = "scenarios/severe-leakage.toml --no-record";
+    let here = rig.run(severe).expect(0).summary();
+    hosts.order("spoil 5 1");
+    let there = rig.start_with(hosts.hil(), &format!("{severe} --target board"));
+    assert_eq!(
+        there.finish_late().expect(0).summary()["digest"],
+        here["digest"]
+    );
+    nothing_left_on_board(&hosts);
+}
+
+#[test]
+#[ignore = "long: .ci/run long"]
+fn two_hundred_cuts_at_random_times_leave_no_hang_no_stale_command_and_nothing_else() {
+    let test = "two_hundred_cuts_at_random_times_leave_no_hang_no_stale_command_and_nothing_else";
+    let Some(mut hosts) = Hosts::new(test) else {
+        return;
+    };
+    let rig = Rig::new();
+    let paced = "scenarios/spring-mass.toml --no-record --set run.duration_s=0.8 --set metrics=[] --set requirements=[] --pace 0.8";
+    let here = rig.run(paced).expect(0).summary();
+    let mut random = RandomStream::new(1, "cuts");
+    let (mut whole, mut cut) = (0, 0);
+    for number in 0..200 {
+        let running = rig.start_with(
+            hosts.hil(),
+            &format!("{paced} --wait-limit 1 --target board"),
+        );
+        std::thread::sleep(Duration::from_millis((random.uniform() * 2500.0) as u64));
+        hosts.order("cut");
+        // Every second cut is mended before anybody gives up.
+        if number % 2 == 0 {
+            std::thread::sleep(Duration::from_millis((random.uniform() * 500.0) as u64));
+            hosts.order("mend");
+        }
+        let run = running.finish();
+        match run.code {
+            // A whole run is that of the desk: no command of another step was ever taken.
+            Some(0) => {
+                assert_eq!(run.summary()["digest"], here["digest"], "cut {number}");
+                whole += 1;
+            }
+            Some(3) => cut += 1,
+            code => panic!("cut {number}: {code:?}\n{}{}", run.stderr, log(&run)),
+        }
+        hosts.order("mend");
+        nothing_left_on_board(&hosts);
+    }
+    assert!(whole > 20 && cut > 20, "{whole} whole, {cut} cut");
+}
+
+#[test]
+#[ignore = "long: .ci/run long"]
+fn the_papers_severe_leakage_on_another_processor_has_its_digests() {
+    let test = "the_papers_severe_leakage_on_another_processor_has_its_digests";
+    on_another_processor(test, "scenarios/severe-leakage.toml");
+}
