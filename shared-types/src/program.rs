@@ -16,6 +16,9 @@ use crate::session::SessionInfo;
 use crate::supervision::Supervision;
 use crate::wait::{WaitLimit, Waiter};
 
+/// Name of a plant's job in the session's folder.
+pub const PLANT_JOB: &str = "plant.json";
+
 /// Name of a controller's job in the session's folder.
 pub const CONTROLLER_JOB: &str = "controller.json";
 

@@ -9,6 +9,7 @@ and answers each with `done`; when that closes, everything ends:
     spoil PERCENT SEED   of the datagrams, so many percent each are lost, doubled, held back and changed by one bit
     cut                  nothing gets through
     mend                 everything gets through again
+    block                no datagram gets through
     burst COUNT          the next so many datagrams of the board are lost
     counts               answers with `counts PASSED LOST DOUBLED HELD CHANGED`
 """
@@ -70,7 +71,7 @@ class Wire:
         self.ends = {desk_end.fileno(): (desk_end, board_end), board_end.fileno(): (board_end, desk_end)}
         self.board = board_end
         self.percent, self.random = 0, random.Random(0)
-        self.is_cut, self.burst = False, 0
+        self.is_cut, self.is_blocked, self.burst = False, False, 0
         self.held = []
         self.counts = {"passed": 0, "lost": 0, "doubled": 0, "held": 0, "changed": 0}
 
@@ -85,6 +86,8 @@ class Wire:
         is_datagram = frame[12:14] == b"\x08\x00" and frame[23] == socket.IPPROTO_UDP
         if not is_datagram:
             return self.send(other, frame)
+        if self.is_blocked:
+            return None
         if end is self.board and self.burst > 0:
             self.burst -= 1
             self.counts["lost"] += 1
@@ -136,7 +139,9 @@ class Wire:
             case ["cut"]:
                 self.is_cut = True
             case ["mend"]:
-                self.is_cut = False
+                self.is_cut = self.is_blocked = False
+            case ["block"]:
+                self.is_blocked = True
             case ["burst", count]:
                 self.burst = int(count)
             case ["counts"]:

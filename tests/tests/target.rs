@@ -61,6 +61,21 @@ fn under_way(rig: &Rig) {
     });
 }
 
+/// Sessions of this user without a name of their own, as agents make them.
+fn sessions() -> Vec<String> {
+    let uid = rustix::process::geteuid().as_raw();
+    let found = std::fs::read_dir(format!("/dev/shm/hil-{uid}"));
+    let names = found
+        .into_iter()
+        .flatten()
+        .flatten()
+        .map(|entry| entry.file_name());
+    names
+        .map(|name| name.to_string_lossy().into_owned())
+        .filter(|name| name.starts_with('s'))
+        .collect()
+}
+
 fn no_process_there(board: &Board) {
     until("nothing runs there any more", || {
         board.processes("agent").is_empty() && board.processes("--session").is_empty()
@@ -283,6 +298,7 @@ fn a_controller_that_dies_there_is_named_and_the_policy_is_applied() {
 #[test]
 fn an_agent_that_is_killed_ends_the_run_and_the_next_contact_removes_what_it_left() {
     let rig = Rig::alone();
+    let before = sessions();
     let board = Board::new(&rig);
     let running = rig.start_with(
         board.hil(),
@@ -294,14 +310,16 @@ fn an_agent_that_is_killed_ends_the_run_and_the_next_contact_removes_what_it_lef
     let run = running.finish_beside_another().expect(3);
     let said = [&run.stderr, &*log(&run)].concat();
     assert!(said.contains("target me@board: connection lost"), "{said}");
+    assert_ne!(sessions(), before, "the agent was killed");
     hil(&rig, &board, &["target", "check", "me@board"]).expect(0);
     no_process_there(&board);
-    rig.assert_nothing_left();
+    assert_eq!(sessions(), before);
 }
 
 #[test]
 fn whatever_ends_the_desk_nothing_goes_on_there() {
     let rig = Rig::alone();
+    let before = sessions();
     let board = Board::new(&rig);
     let paced = format!("scenarios/spring-mass.toml --pace 1 {ON_BOARD}");
     let running = rig.start_with(board.hil(), &paced);
@@ -316,7 +334,9 @@ fn whatever_ends_the_desk_nothing_goes_on_there() {
     there(&board, "--session");
     running.kill();
     no_process_there(&board);
-    hil(&rig, &board, &["sessions", "--clean"]).expect(0);
+    // The desk's is left for the next `hil`, the board's agent removed its own.
+    assert_eq!(sessions(), before);
+    rig.hil(&["sessions", "--clean"]).expect(0);
     rig.assert_nothing_left();
 }
 
@@ -562,6 +582,26 @@ fn over_a_wire_that_loses_doubles_reorders_and_corrupts_the_digest_is_that_of_th
         counts.len() == 5 && counts.iter().all(|count| *count > 50),
         "{counts:?}"
     );
+}
+
+#[test]
+fn behind_a_firewall_frames_go_through_the_connection_and_back_when_it_opens() {
+    let test = "behind_a_firewall_frames_go_through_the_connection_and_back_when_it_opens";
+    let Some(mut hosts) = Hosts::new(test) else {
+        return;
+    };
+    let rig = Rig::new();
+    let here = rig.run(SHORT).expect(0).summary();
+    let paced = format!("{SHORT} --pace 0.3 --wait-limit 0.5 --target board");
+    hosts.order("block");
+    let running = rig.start_with(hosts.hil(), &paced);
+    log_until(running.folder(), "no datagram gets through");
+    hosts.order("mend");
+    assert_eq!(
+        running.finish().expect(0).summary()["digest"],
+        here["digest"]
+    );
+    nothing_left_on_board(&hosts);
 }
 
 #[test]

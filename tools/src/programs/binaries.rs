@@ -14,6 +14,7 @@ use std::sync::Arc;
 use hil_config::plan::{ControllerProgram, Plan, Programs};
 use hil_config::scenario::Advice;
 use hil_target::asking::{NoAnswer, ask};
+use hil_target::bridge::ready_file;
 use hil_target::contact::Answer;
 use rustix::fs::{Access, access};
 use serde_json::Value;
@@ -21,6 +22,7 @@ use shared_types::describe::{
     Description, FaultKindDescription, LawDescription, PROTOCOL, PlantDescription,
 };
 use shared_types::record::RecordLayout;
+use shared_types::session::SessionInfo;
 use shared_types::text;
 
 use named::{CONTROLLER, Choice, Named, NamedBy, PLANT, Role};
@@ -269,6 +271,12 @@ impl Binary {
     /// Its path, if somebody named it.
     pub(crate) fn named(&self) -> Option<&Path> {
         (self.by != NamedBy::Nobody).then_some(&self.path)
+    }
+
+    /// Returns true if what was started of it as the controller of this epoch may be expected to say hello: on a
+    /// target it must run there first, which takes as long as `ssh` does.
+    pub(crate) fn is_ready(&self, session: &SessionInfo, epoch: u32) -> bool {
+        self.at.is_none() || session.folder.join(ready_file(epoch)).exists()
     }
 
     /// Refuses a file that is not the one that was hashed any more.

@@ -10,15 +10,17 @@ use std::time::{Duration, Instant};
 use controller_process::job::{JOB_FILE, Job};
 use shared_types::lockstep::OnLoss;
 use shared_types::record::{Change, ControllerChange};
-use shared_types::session::Session;
+use shared_types::session::{Session, SessionInfo};
 use shared_types::supervision::{EXPECT, MOST_EPOCHS, PEER_GONE};
 
 use super::jobs;
+use super::processes::LOOK;
 use super::side::Side;
 use crate::programs::binaries::Binary;
 use crate::results::ended::Started;
 use crate::run::swap::{Swapped, Wanted};
 use crate::terminal::exit::Failure;
+use crate::terminal::interruption::Interruption;
 
 /// Most restarts of a lost controller in one run.
 const RESTARTS: u32 = 3;
@@ -30,6 +32,7 @@ pub(super) struct Controllers {
     members: Vec<Member>,
     policy: OnLoss,
     run_dir: PathBuf,
+    session: SessionInfo,
     restarts: u32,
     /// Reason for which no controller is started anew any more.
     exhausted: Option<String>,
@@ -50,6 +53,8 @@ struct Member {
     /// Values of the scenario that were changed for it.
     set: Vec<String>,
     standing: Standing,
+    /// The plant was told that it comes.
+    is_announced: bool,
     /// Time at which the plant was told that the controller ended.
     told_gone: Option<Instant>,
     /// The controller was told that the run is over.
@@ -75,6 +80,21 @@ enum Standing {
 }
 
 impl Controllers {
+    /// Waits until the first may be expected to say hello, which on a target takes as long as `ssh` does; or until it
+    /// has ended, or somebody interrupted that.
+    pub(super) fn wait_until_ready(&mut self, interruption: &Interruption) {
+        let Self {
+            members, session, ..
+        } = self;
+        while let Some(member) = members.first_mut()
+            && !member.binary.is_ready(session, member.epoch)
+            && !member.side.has_ended()
+            && !interruption.came()
+        {
+            std::thread::sleep(LOOK);
+        }
+    }
+
     /// Starts the first one.
     ///
     /// # Errors
@@ -89,6 +109,7 @@ impl Controllers {
             members: Vec::new(),
             policy,
             run_dir,
+            session: session.info().clone(),
             restarts: 0,
             exhausted: None,
             known: 0,
@@ -133,6 +154,7 @@ impl Controllers {
             job,
             set,
             standing: Standing::Coming,
+            is_announced: epoch == 1,
             told_gone: None,
             told_over: false,
             asked: None,
@@ -251,7 +273,7 @@ impl Controllers {
     }
 
     /// Somebody wants another one.
-    pub(super) fn swap(&mut self, session: &mut Session, plant: &mut Side, wanted: Wanted) {
+    pub(super) fn swap(&mut self, session: &mut Session, wanted: Wanted) {
         let Wanted {
             binary,
             law,
@@ -267,8 +289,7 @@ impl Controllers {
         let place = self.place_in_office();
         let job = jobs::with_law(self.members[place].job.clone(), law);
         match self.add(session, binary, job, set) {
-            Ok(epoch) => {
-                plant.tell(&format!("{EXPECT} {epoch}"));
+            Ok(_) => {
                 if let Some(member) = self.members.last_mut() {
                     member.asked = Some(Asked { answer, left_out });
                 }
@@ -370,7 +391,7 @@ impl Controllers {
             member.set.clone(),
         );
         match self.add(session, binary, job, set) {
-            Ok(epoch) => plant.tell(&format!("{EXPECT} {epoch}")),
+            Ok(_) => {} // announced once it can say hello
             Err(failure) => {
                 let why = failure.to_string();
                 let why = why.trim_start_matches("error: ");
@@ -384,6 +405,12 @@ impl Controllers {
     pub(super) fn look(&mut self, plant: &mut Side) {
         for member in &mut self.members {
             let has_ended = member.side.has_ended();
+            if !member.is_announced
+                && (has_ended || member.binary.is_ready(&self.session, member.epoch))
+            {
+                member.is_announced = true;
+                plant.tell(&format!("{EXPECT} {}", member.epoch));
+            }
             match member.standing {
                 Standing::Past(since) if !has_ended && since.elapsed() > PARTING => {
                     member.side.kill();

@@ -48,6 +48,20 @@ pub(super) fn run(
     let recorder = recorder.unblocked_by(move || theirs.remove_unfinished());
     recorder.recall(&prepared.interruption)?;
     let binaries = &prepared.binaries;
+    let start = |session: &mut Session| {
+        Controllers::start(
+            session,
+            prepared.folder.clone(),
+            prepared.plan.run.on_controller_loss,
+            (binaries.controller.clone(), prepared.controller.clone()),
+        )
+    };
+    // The plant awaits the controller from its own start on.
+    let mut early = None;
+    if binaries.controller.at.is_some() {
+        let controllers: &mut Controllers = early.insert(start(session)?);
+        controllers.wait_until_ready(&prepared.interruption);
+    }
     let mut plant = Side::start(
         "plant",
         &binaries.plant,
@@ -58,12 +72,10 @@ pub(super) fn run(
     session
         .add_child(plant.process_id())
         .map_err(Failure::infrastructure)?;
-    let mut controllers = Controllers::start(
-        session,
-        prepared.folder.clone(),
-        prepared.plan.run.on_controller_loss,
-        (binaries.controller.clone(), prepared.controller.clone()),
-    )?;
+    let mut controllers = match early {
+        Some(controllers) => controllers,
+        None => start(session)?,
+    };
     let door = swap::listen(
         info,
         SwapContext {
@@ -158,7 +170,7 @@ impl Watch<'_> {
         if self.ending_since.is_none() {
             self.controllers.look(self.plant);
             if let Ok(wanted) = self.wanted.try_recv() {
-                self.controllers.swap(self.session, self.plant, wanted);
+                self.controllers.swap(self.session, wanted);
             }
         }
         for started in self.controllers.unrecorded() {

@@ -173,7 +173,7 @@ impl Prepared {
             LinkKind::InProcess => (std::thread::spawn(move || loops.in_one_thread(job)), None),
             LinkKind::Iceoryx2 => {
                 let controller = &self.controller;
-                let child = Side::start(
+                let mut child = Side::start(
                     "controller",
                     controller,
                     &info,
@@ -183,6 +183,12 @@ impl Prepared {
                 session
                     .add_child(child.process_id())
                     .map_err(Failure::infrastructure)?;
+                while !controller.is_ready(&info, 1)
+                    && !child.has_ended()
+                    && !self.interruption.came()
+                {
+                    std::thread::sleep(LOOK);
+                }
                 (
                     std::thread::spawn(move || loops.with_a_process()),
                     Some(child),

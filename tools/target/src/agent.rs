@@ -42,6 +42,8 @@ const IDLE: Duration = Duration::from_secs(60);
 const COMPLAINT: usize = 16 << 10;
 /// Time between two looks at what changes seldom.
 const LOOK_NS: u64 = 5_000_000;
+/// Time that what a program wrote before its end may take.
+const LAST_WORDS_NS: u64 = 100_000_000;
 /// Time between two signs of life through the channel.
 const SIGN_NS: u64 = 250_000_000;
 
@@ -54,7 +56,7 @@ pub fn run(
     into: impl Write + Send + 'static,
     seal: Option<Arc<crate::seal::Seal>>,
     programs: &Programs,
-    address: IpAddr,
+    address: Option<IpAddr>,
 ) -> Result<(), String> {
     let bell = Arc::new(OnceLock::<Bell>::new());
     let rung = Arc::clone(&bell);
@@ -74,7 +76,8 @@ pub fn run(
     let _ = sweep(); // what cannot be removed now the next one tries again
     let served = agent.serve();
     if let Err((is_usage, reason)) = &served {
-        agent.mouth.say(&ToDesk::Refused {
+        // A desk that does not listen will not hear this either.
+        agent.mouth.try_say(&ToDesk::Refused {
             is_usage: *is_usage,
             reason: reason.clone(),
         });
@@ -97,7 +100,8 @@ struct Agent<'a> {
     mouth: Mouth,
     bell: Arc<OnceLock<Bell>>,
     programs: &'a Programs,
-    address: IpAddr,
+    /// Address that the desk reached; without one there are no datagrams.
+    address: Option<IpAddr>,
     program: Option<(String, PathBuf)>,
 }
 
@@ -137,7 +141,9 @@ impl Agent<'_> {
                     let Some((blake3, begun)) = &mut storing else {
                         return Err((false, "a part of no file came".into()));
                     };
-                    if begun.take(&part).map_err(|reason| (false, reason))? {
+                    if !begun.take(&part).map_err(|reason| (false, reason))? {
+                        self.mouth.say(&ToDesk::Taken);
+                    } else {
                         let path = self.programs.find(blake3);
                         let path = path.ok_or((false, "the program is gone again".to_owned()))?;
                         let blake3 = blake3.clone();
@@ -203,7 +209,7 @@ impl Agent<'_> {
         let believed = prologue(blake3, &request.job, request.epoch);
         let (seal, second) = answer(&key, &believed, &first).map_err(|e| failed(&e))?;
         // Without a socket the frames go through the channel.
-        let socket = listen(self.address).ok();
+        let socket = self.address.and_then(|address| listen(address).ok());
         let at = socket.as_ref().and_then(|socket| socket.local_addr().ok());
         let mut session = Session::create(None).map_err(|e| failed(&e))?;
         let info = session.info().clone();
@@ -247,6 +253,8 @@ struct Started {
     child: Child,
     stdin: Option<ChildStdin>,
     has_ended: Arc<AtomicBool>,
+    /// Held by each thread that passes on what the program writes.
+    passing_on: Arc<()>,
     prefix: String,
 }
 
@@ -266,11 +274,12 @@ impl Started {
             .env(MARK, &session.prefix)
             .process_group(0)
             .spawn()?;
+        let passing_on = Arc::new(());
         if let Some(output) = child.stdout.take() {
-            pass_on(output, mouth.clone());
+            pass_on(output, mouth.clone(), Arc::clone(&passing_on));
         }
         if let Some(output) = child.stderr.take() {
-            pass_on(output, mouth.clone());
+            pass_on(output, mouth.clone(), Arc::clone(&passing_on));
         }
         let has_ended = Arc::new(AtomicBool::new(false));
         let (ended, pid) = (Arc::clone(&has_ended), Pid::from_child(&child));
@@ -287,6 +296,7 @@ impl Started {
             stdin: child.stdin.take(),
             child,
             has_ended,
+            passing_on,
             prefix: session.prefix.clone(),
         })
     }
@@ -295,6 +305,11 @@ impl Started {
         if let Some(stdin) = &mut self.stdin {
             let _ = writeln!(stdin, "{line}").and_then(|()| stdin.flush()); // its end shows elsewhere
         }
+    }
+
+    /// Returns true once all that it wrote was passed on.
+    fn is_silent(&self) -> bool {
+        Arc::strong_count(&self.passing_on) == 1
     }
 
     /// How it ended, if it has; what it started in its group ends with it.
@@ -322,8 +337,9 @@ impl Drop for Started {
 }
 
 /// Passes on what a program writes, as far as the channel has room.
-fn pass_on(mut from: impl Read + Send + 'static, mouth: Mouth) {
+fn pass_on(mut from: impl Read + Send + 'static, mouth: Mouth, held: Arc<()>) {
     std::thread::spawn(move || {
+        let _held = held;
         let mut buffer = [0; 4096];
         let mut lost = 0;
         while let Ok(count @ 1..) = from.read(&mut buffer) {
@@ -375,6 +391,8 @@ struct Run<'a> {
     is_safe: bool,
     has_reported: bool,
     has_told_end: bool,
+    /// How the program ended, and when that was seen.
+    ended: Option<(ExitStatus, u64)>,
     bytes: Vec<u8>,
     values: Vec<f64>,
 }
@@ -407,6 +425,7 @@ impl<'a> Run<'a> {
             is_safe: false,
             has_reported: false,
             has_told_end: false,
+            ended: None,
             bytes: Vec::new(),
             values: Vec::new(),
         }
@@ -429,27 +448,25 @@ impl<'a> Run<'a> {
                 None => return Ok(()),
             }
             busy |= self.hear_controller().map_err(told)?;
-            if busy {
-                waiter.done();
-                continue;
-            }
             let now_ns = monotonic_ns();
             if now_ns >= look_ns {
                 look_ns = now_ns + LOOK_NS;
                 self.look(now_ns).map_err(told)?;
                 if now_ns.saturating_sub(self.heard_ns) > limit.ns() {
-                    return Err(format!(
-                        "nothing was heard of the desk for {} s",
-                        limit.ms() as f64 / 1e3
-                    ));
+                    let limit_s = limit.ms() as f64 / 1e3;
+                    return Err(format!("nothing was heard of the desk for {limit_s} s"));
                 }
                 if now_ns >= sign_ns {
-                    sign_ns = now_ns + SIGN_NS;
+                    sign_ns = now_ns + SIGN_NS.min(limit.ns() / 4);
                     self.mouth.try_say(&ToDesk::Beat);
                     if let Peer::Stranger(what) = self.link.peer().map_err(told)? {
                         return Err(what);
                     }
                 }
+            }
+            if busy {
+                waiter.done();
+                continue;
             }
             let on_wire = !self.is_at_work && self.way == Way::Datagram;
             awaited.set(on_wire, self.against_clock);
@@ -505,6 +522,20 @@ impl<'a> Run<'a> {
     fn take(&mut self, packet: Packet, way: Way) -> Result<(), LinkError> {
         self.heard_ns = monotonic_ns();
         self.way = way;
+        let sample = packet
+            .frame
+            .as_ref()
+            .filter(|frame| self.end.is_news(frame));
+        if let Some(sample) = sample.filter(|frame| frame.header.kind() == Some(FrameKind::Sample))
+        {
+            self.sample_ns = self.heard_ns;
+            if std::mem::take(&mut self.is_safe) {
+                let step = sample.header.step;
+                let what =
+                    format!("step {step}: samples come again, the output follows the controller");
+                self.mouth.try_say(&ToDesk::Output { what });
+            }
+        }
         let Some(frame) = self.end.take(packet) else {
             self.answer();
             return Ok(());
@@ -521,17 +552,7 @@ impl<'a> Run<'a> {
     fn give(&mut self, frame: &Numbered) -> Result<(), LinkError> {
         self.link.send(&frame.header, &frame.values)?;
         match frame.header.kind() {
-            Some(FrameKind::Sample) => {
-                self.is_at_work = true;
-                self.sample_ns = self.heard_ns;
-                if std::mem::take(&mut self.is_safe) {
-                    let what = format!(
-                        "step {}: samples come again, the output follows the controller",
-                        frame.header.step
-                    );
-                    self.mouth.try_say(&ToDesk::Output { what });
-                }
-            }
+            Some(FrameKind::Sample) => self.is_at_work = true,
             Some(FrameKind::End) => (self.is_at_work, self.sample_ns) = (true, 0),
             // Nothing answers a hold or an abort: the desk hears that it came.
             _ => {
@@ -578,17 +599,20 @@ impl<'a> Run<'a> {
             });
         }
         self.look_for_samples(now_ns);
-        if !self.has_told_end
-            && let Some(status) = self.started.status()
-        {
-            // What it sent before it ended still counts.
+        if self.ended.is_none() {
+            self.ended = self.started.status().map(|status| (status, now_ns));
+        }
+        let Some((status, since_ns)) = self.ended else {
+            return Ok(());
+        };
+        // What it wrote and sent before it ended still counts.
+        let is_silent = self.started.is_silent() || now_ns.saturating_sub(since_ns) > LAST_WORDS_NS;
+        if !self.has_told_end && is_silent {
             while self.hear_controller()? {}
-            self.has_told_end = true;
-            self.mouth.say(&ToDesk::Ended {
+            let signal = status.signal();
+            self.has_told_end = self.mouth.try_say(&ToDesk::Ended {
                 code: status.code(),
-                fate: status
-                    .signal()
-                    .map(|signal| format!("was killed by signal {signal}")),
+                fate: signal.map(|signal| format!("was killed by signal {signal}")),
                 said: self.end.said(),
             });
         }

@@ -15,7 +15,7 @@ use shared_types::hello::Control;
 use shared_types::link::bell::Bell;
 use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{FrameSpec, Link, LinkError};
-use shared_types::program::{self, COMPLETED, CONTROLLER_JOB, FAILED};
+use shared_types::program::{self, COMPLETED, CONTROLLER_JOB, FAILED, PLANT_JOB};
 use shared_types::realtime::CONTROLLER_FILE;
 use shared_types::session::SessionInfo;
 use shared_types::supervision::{PEER_GONE, STOP, Supervision};
@@ -26,7 +26,7 @@ use shared_types::wait::WaitLimit;
 
 use crate::channel::Heard;
 use crate::contact::Contact;
-use crate::exchange::Desk;
+use crate::exchange::{BEAT_NS, Desk};
 use crate::machine::{Findings, hash};
 use crate::message::{Missed, RunRequest, ToAgent, ToDesk, from_hex, prologue, to_hex};
 use crate::packet::Packet;
@@ -43,14 +43,29 @@ pub const MISSED_PERIODS: u32 = 20;
 const PATH_NS: u64 = 1_000_000_000;
 /// Time between two signs of life through the channel, and two looks at what changes seldom.
 const SIGN_NS: u64 = 250_000_000;
+/// Time that a controller may take to stop.
+const STOPPING_NS: u64 = 3_000_000_000;
 /// Time that the last frames of a controller may take once it has ended.
 const PARTING_NS: u64 = 1_000_000_000;
+
+/// Name of the file in a session's folder that tells that the controller of this epoch runs on its target.
+#[must_use]
+pub fn ready_file(epoch: u32) -> String {
+    format!("target-{epoch}.json")
+}
 
 /// The parts of a controller's job that the bridge deals with.
 #[derive(serde::Deserialize)]
 struct Job {
     epoch: u32,
     rate: Rate,
+    #[serde(with = "number")]
+    wait_limit_s: f64,
+}
+
+/// The wait limit of a job.
+#[derive(serde::Deserialize)]
+struct Limit {
     #[serde(with = "number")]
     wait_limit_s: f64,
 }
@@ -71,11 +86,11 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
     }
     let known: Job = serde_json::from_value(job.clone()).map_err(|e| e.to_string())?;
     let job = job.to_string();
-    // A controller waits one sample period longer than the plant does.
-    let patience_s = match known.wait_limit_s - known.rate.period_s() {
-        left if left > 0.0 => left,
-        _ => known.wait_limit_s,
-    };
+    // The controller's job has the plant's limit and a step of a paced run; where there is no plant's, as in a
+    // replay, its own is that.
+    let plant: Result<Limit, _> = session.read_file(PLANT_JOB);
+    let limit_s = plant.map_or(known.wait_limit_s, |plant| plant.wait_limit_s);
+    let limit = WaitLimit::from_seconds(SHARE * limit_s);
 
     let bell = Arc::new(OnceLock::<Bell>::new());
     let rung = Arc::clone(&bell);
@@ -108,14 +123,14 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
     contact.mouth.say(&ToAgent::Run(Box::new(RunRequest {
         job,
         epoch: known.epoch,
-        limit_s: known.wait_limit_s.is_finite().then_some(known.wait_limit_s),
+        limit_s: limit_s.is_finite().then_some(limit_s),
         key: key.to_hex(),
         handshake: to_hex(&first),
         missed,
         boot_id: boot_id.clone(),
     })));
     let running = contact
-        .wait_to_run(&is_interrupted)
+        .wait_to_run(&is_interrupted, log)
         .map_err(|e| e.to_string())?;
     let handshake = from_hex(&running.handshake).unwrap_or_default();
     let seal = begun
@@ -123,7 +138,8 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
         .map_err(|e| format!("target {}: {e}", way.target))?;
     let address: Option<SocketAddr> = running.address.and_then(|address| address.parse().ok());
     let wire = address.and_then(|address| Wire::desk(address, seal).ok());
-    let limit = WaitLimit::from_seconds(known.wait_limit_s);
+    let told = session.write_file(&ready_file(known.epoch), &way.target.to_string());
+    told.map_err(|e| e.to_string())?;
     let link = program::attach(&session, known.epoch, limit, &supervision)?;
     let _ = bell.set(link.bell()); // one link in the life of the process
     supervision.ring_at_news(link.bell());
@@ -134,20 +150,22 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
         session,
         wire,
         address,
-        desk: Desk::new(false),
+        desk: Desk::new(false, BEAT_NS),
+        beat_ns: BEAT_NS.min(limit.ns() / 4),
         open: None,
         values: Vec::new(),
         bytes: Vec::new(),
         at_step: 0,
         heard_ns: monotonic_ns(),
         datagram_ns: monotonic_ns(),
-        goes_through_channel: false,
+        goes_through_channel: true,
+        has_told_way: false,
         against_clock: false,
         ended: None,
-        told_stop: false,
+        stopping_ns: 0,
         told_gone: false,
     }
-    .drive(WaitLimit::from_seconds(SHARE * patience_s), &supervision)
+    .drive(limit, &supervision)
 }
 
 /// The end of the controller's process.
@@ -179,9 +197,12 @@ struct Bridge {
     /// Time at which a datagram of it came.
     datagram_ns: u64,
     goes_through_channel: bool,
+    has_told_way: bool,
+    beat_ns: u64,
     against_clock: bool,
     ended: Option<Ended>,
-    told_stop: bool,
+    /// Time at which the controller was told to stop; 0 if it was not.
+    stopping_ns: u64,
     told_gone: bool,
 }
 
@@ -204,6 +225,10 @@ impl Bridge {
             self.speak(now_ns);
             if let Some(code) = self.has_ended(now_ns) {
                 return code;
+            }
+            // Nobody may be left to end this process.
+            if self.stopping_ns > 0 && now_ns.saturating_sub(self.stopping_ns) > STOPPING_NS {
+                return Err("it was asked to stop, and the target said nothing".into());
             }
             if busy {
                 waiter.done();
@@ -232,13 +257,15 @@ impl Bridge {
 
     /// Passes on what `hil` wants.
     fn pass_on(&mut self, supervision: &Supervision) {
-        let word = |is_wanted: bool, has_told: &mut bool, line: &str| {
-            if is_wanted && !std::mem::replace(has_told, true) {
-                self.contact.mouth.say(&ToAgent::Word { line: line.into() });
-            }
-        };
-        word(supervision.wants_stop(), &mut self.told_stop, STOP);
-        word(supervision.is_peer_gone(), &mut self.told_gone, PEER_GONE);
+        let mouth = &self.contact.mouth;
+        let word = |line: &str| mouth.try_say(&ToAgent::Word { line: line.into() });
+        if self.stopping_ns == 0 && supervision.wants_stop() {
+            word(STOP);
+            self.stopping_ns = monotonic_ns();
+        }
+        if !self.told_gone && supervision.is_peer_gone() {
+            self.told_gone = word(PEER_GONE);
+        }
     }
 
     fn hear_plant(&mut self) -> Result<bool, LinkError> {
@@ -270,12 +297,12 @@ impl Bridge {
             };
             self.link.open_frames(&spec)?;
             self.values = vec![0.0; spec.incoming];
-            self.desk = Desk::new(welcome.against_clock);
+            self.desk = Desk::new(welcome.against_clock, self.beat_ns);
             self.against_clock = welcome.against_clock;
             self.open = Some((spec.identity, spec.outgoing));
         }
         let content = String::from_utf8_lossy(content).into_owned();
-        self.contact.mouth.say(&ToAgent::Control { content });
+        self.contact.mouth.say(&ToAgent::Control { content }); // few, and before the first step
         Ok(())
     }
 
@@ -283,8 +310,11 @@ impl Bridge {
         let Some(packet) = self.wire.as_mut().and_then(Wire::receive) else {
             return Ok(false);
         };
-        self.datagram_ns = monotonic_ns();
-        self.goes_through_channel = false;
+        // Small ones may get through where frames do not.
+        if packet.frame.is_some() || !self.goes_through_channel {
+            self.datagram_ns = monotonic_ns();
+            self.goes_through_channel = false;
+        }
         self.take(packet)?;
         Ok(true)
     }
@@ -320,6 +350,7 @@ impl Bridge {
             // After the end of the controller nothing more is to come.
             Heard::Closed(_) if self.ended.is_some() => {}
             Heard::Closed(why) => {
+                log(&self.contact.leash.said());
                 let step = self.at_step;
                 return Err(format!("{}, at step {step}", self.contact.lost(&why)));
             }
@@ -333,8 +364,7 @@ impl Bridge {
                 self.link.send_control(content.as_bytes()).map_err(told)?
             }
             ToDesk::Log { text } => {
-                // A log that cannot take it must not end the run.
-                let _ = std::io::stderr().write_all(text::printable(&text).as_bytes());
+                log(&text);
             }
             ToDesk::Realtime { report } => {
                 if let Ok(report) = serde_json::from_str::<Value>(&report) {
@@ -380,8 +410,9 @@ impl Bridge {
     /// Goes through the channel while no datagram gets through.
     fn look_at_path(&mut self, now_ns: u64) {
         let is_silent = now_ns.saturating_sub(self.datagram_ns) > PATH_NS || self.wire.is_none();
-        if is_silent && !self.goes_through_channel {
-            self.goes_through_channel = true;
+        self.goes_through_channel |= is_silent;
+        let matters = self.open.is_some() || self.wire.is_none();
+        if is_silent && matters && !std::mem::replace(&mut self.has_told_way, true) {
             let to = self
                 .address
                 .map_or_else(String::new, |address| format!(" to {address}"));
@@ -416,6 +447,11 @@ impl Bridge {
             code
         }))
     }
+}
+
+/// Writes what the controller wrote. A log that cannot take it must not end the run.
+fn log(text: &str) {
+    let _ = std::io::stderr().write_all(text::printable(text).as_bytes());
 }
 
 fn told(error: LinkError) -> String {

@@ -18,8 +18,8 @@ pub const MOST_BYTES: u64 = 512 << 20;
 pub enum Programs {
     /// Whatever is sent, kept in this folder.
     Cached(PathBuf),
-    /// These and no others.
-    Listed(Vec<PathBuf>),
+    /// These and no others, as they were when they were listed.
+    Listed(Vec<(PathBuf, String)>),
 }
 
 impl Programs {
@@ -38,6 +38,7 @@ impl Programs {
                 folder.display()
             ));
         }
+        make_room(&folder);
         Ok(Self::Cached(folder))
     }
 
@@ -46,20 +47,31 @@ impl Programs {
     /// # Errors
     /// If one cannot be read.
     pub fn listed(programs: &[PathBuf]) -> Result<Self, String> {
-        for program in programs {
-            hash(program).map_err(|error| format!("{}: {error}", program.display()))?;
-        }
-        Ok(Self::Listed(programs.to_vec()))
+        let listed = |program: &PathBuf| match hash(program) {
+            Ok(hash) => Ok((program.clone(), hash)),
+            Err(error) => Err(format!("{}: {error}", program.display())),
+        };
+        programs
+            .iter()
+            .map(listed)
+            .collect::<Result<_, _>>()
+            .map(Self::Listed)
     }
 
     /// Returns the file of a program, whose content is checked at each call.
     #[must_use]
     pub fn find(&self, blake3: &str) -> Option<PathBuf> {
-        let is_it = |file: &PathBuf| hash(file).is_ok_and(|found| found == blake3);
-        match self {
-            Self::Cached(folder) => Some(folder.join(blake3)).filter(is_it),
-            Self::Listed(programs) => programs.iter().find(|file| is_it(file)).cloned(),
-        }
+        blake3::Hash::from_hex(blake3).ok()?;
+        let file = match self {
+            Self::Cached(folder) => folder.join(blake3),
+            Self::Listed(programs) => {
+                let is_it = |(_, listed): &&(PathBuf, String)| listed == blake3;
+                programs.iter().find(is_it)?.0.clone()
+            }
+        };
+        hash(&file)
+            .is_ok_and(|found| found == blake3)
+            .then_some(file)
     }
 
     /// Begins to store a program.

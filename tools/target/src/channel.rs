@@ -16,11 +16,12 @@ use crate::seal::Seal;
 /// Longest content of a frame.
 const LONGEST_FRAME: usize = 32 << 10;
 /// Longest message, of several frames; the description of 100 plants with 512 signals is shorter.
-const LONGEST_MESSAGE: usize = 32 << 20;
+const LONGEST_MESSAGE: usize = 17 << 20;
 /// Bytes that a seal and the kind add at most.
 const AROUND: usize = 64;
-/// Frames that may wait to be written, and things that may wait to be heard. A packet that finds no room to be written is
-/// lost, as a datagram would be; who says more than is heard waits.
+/// Things that may wait to be heard; who says more waits.
+const HEARD: usize = 16;
+/// Frames that may wait to be written. A packet that finds no room is lost, as a datagram would be.
 const WAITING: usize = 256;
 
 /// Kind of a frame. One that more of the same message follows has the highest bit set.
@@ -61,7 +62,7 @@ impl<M: DeserializeOwned + Send + 'static> Ear<M> {
         seal: Option<Arc<Seal>>,
         ring: impl Fn() + Send + 'static,
     ) -> Self {
-        let (sender, heard) = sync_channel(WAITING);
+        let (sender, heard) = sync_channel(HEARD);
         std::thread::spawn(move || {
             let mut reader = Reader {
                 from: BufReader::new(from),

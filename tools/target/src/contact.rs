@@ -15,8 +15,11 @@ use crate::{connection, ssh};
 
 /// Longest time until an agent says that it is there, and until it answers.
 const ANSWER_LIMIT: Duration = Duration::from_secs(30);
-/// Longest silence of an agent that is receiving a file.
+/// Longest silence of an agent that is receiving a part of a file.
 const COPY_LIMIT: Duration = Duration::from_secs(60);
+/// Parts of a file under way, and the bytes of each.
+const PARTS: u32 = 4;
+const PART_BYTES: u64 = 256 << 10;
 /// Time between two looks at an interruption.
 const LOOK: Duration = Duration::from_millis(20);
 /// Time that the last word of `ssh` may take.
@@ -126,6 +129,9 @@ impl Contact {
         }
         let mut file = File::open(program).map_err(cannot)?;
         let bytes = file.metadata().map_err(cannot)?.len();
+        if bytes == 0 {
+            return Err(self.way.usage(format!("{} is empty", program.display())));
+        }
         self.mouth.say(&ToAgent::Program {
             protocol: PROTOCOL,
             blake3: blake3.into(),
@@ -136,19 +142,20 @@ impl Contact {
             ToDesk::Send => {}
             _ => return Err(self.out_of_turn()),
         }
-        let mut left = bytes;
-        while left > 0 {
-            let mut part = vec![0; left.min(1 << 20) as usize];
-            file.read_exact(&mut part).map_err(cannot)?;
-            left -= part.len() as u64;
-            self.mouth.part(part);
-            if is_interrupted() {
-                return Err(TargetError::Interrupted);
+        let (mut left, mut under_way) = (bytes, 0);
+        loop {
+            while left > 0 && under_way < PARTS {
+                let mut part = vec![0; left.min(PART_BYTES) as usize];
+                file.read_exact(&mut part).map_err(cannot)?;
+                left -= part.len() as u64;
+                under_way += 1;
+                self.mouth.part(part);
             }
-        }
-        match self.wait(COPY_LIMIT, is_interrupted)? {
-            ToDesk::Have => Ok(()),
-            _ => Err(self.out_of_turn()),
+            match self.wait(COPY_LIMIT, is_interrupted)? {
+                ToDesk::Taken => under_way -= 1,
+                ToDesk::Have => return Ok(()),
+                _ => return Err(self.out_of_turn()),
+            }
         }
     }
 
@@ -225,14 +232,20 @@ impl Contact {
         Ok(trips)
     }
 
-    /// Waits until the agent has started the program.
+    /// Waits until the agent has started the program; `log` takes what that writes at once.
     pub(crate) fn wait_to_run(
         &self,
         is_interrupted: &dyn Fn() -> bool,
+        log: impl Fn(&str),
     ) -> Result<Running, TargetError> {
-        match self.wait(ANSWER_LIMIT, is_interrupted)? {
-            ToDesk::Running { address, handshake } => Ok(Running { address, handshake }),
-            _ => Err(self.out_of_turn()),
+        loop {
+            match self.wait(ANSWER_LIMIT, is_interrupted)? {
+                ToDesk::Running { address, handshake } => {
+                    return Ok(Running { address, handshake });
+                }
+                ToDesk::Log { text } => log(&text),
+                _ => return Err(self.out_of_turn()),
+            }
         }
     }
 
@@ -248,9 +261,12 @@ impl Contact {
         is_interrupted: &dyn Fn() -> bool,
     ) -> Result<ToDesk, TargetError> {
         let since = Instant::now();
-        loop {
+        while since.elapsed() <= limit {
+            if is_interrupted() {
+                return Err(TargetError::Interrupted);
+            }
             match self.ear.wait(LOOK) {
-                Some(Heard::Message(ToDesk::Beat)) => {}
+                None | Some(Heard::Message(ToDesk::Beat)) => {}
                 Some(Heard::Message(ToDesk::Refused { is_usage, reason })) => {
                     return Err(if is_usage {
                         self.way.usage(reason)
@@ -261,16 +277,11 @@ impl Contact {
                 Some(Heard::Message(message)) => return Ok(message),
                 Some(Heard::Part(_) | Heard::Packet(_)) => return Err(self.out_of_turn()),
                 Some(Heard::Closed(why)) => return Err(self.lost(&why)),
-                None if is_interrupted() => return Err(TargetError::Interrupted),
-                None if since.elapsed() > limit => {
-                    let limit_s = limit.as_secs();
-                    return Err(self
-                        .way
-                        .infrastructure(format!("its agent gave no answer within {limit_s} s")));
-                }
-                None => {}
             }
         }
+        let limit_s = limit.as_secs();
+        let told = format!("its agent gave no answer within {limit_s} s");
+        Err(self.way.infrastructure(told))
     }
 
     /// Describes the end of the channel, with what `ssh` said of it.

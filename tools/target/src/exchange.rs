@@ -9,9 +9,9 @@
 //! time that it takes from the round trips; the target answers a frame that it had before with the answer that it has
 //! stored, so the law steps once. Against the clock a sample is never repeated: the next is newer.
 //!
-//! There the target keeps a sample from the controller as long as the desk has not heard the answer before. So
-//! at most two answers in a row are unseen by the plant, however many packets are lost, and the two that each command
-//! names ([`Answered`](shared_types::directive::Answered)) complete the list of all.
+//! There the target keeps a sample from the controller as long as the plant has not seen the last answer but one, which the
+//! sample itself tells. So at most two answers in a row are unseen by the plant, however many packets are lost, and the two
+//! that each command names ([`Answered`](shared_types::directive::Answered)) complete the list of all.
 
 use shared_types::frame::{FrameKind, Header};
 
@@ -103,6 +103,7 @@ impl Trips {
 pub struct Desk {
     ends: Ends,
     against_clock: bool,
+    beat_ns: u64,
     trips: Trips,
     /// The newest frame wants an answer, a frame of the target that was not there when it was sent.
     wants_answer: bool,
@@ -111,23 +112,23 @@ pub struct Desk {
     first_ns: u64,
     last_ns: u64,
     patience_ns: u64,
-    repeated: u64,
 }
 
 impl Desk {
-    /// Makes the end of a run; `against_clock` if its plant waits for nobody.
+    /// Makes the end of a run, `against_clock` if its plant waits for nobody; says something each `beat_ns` at
+    /// least.
     #[must_use]
-    pub fn new(against_clock: bool) -> Self {
+    pub fn new(against_clock: bool, beat_ns: u64) -> Self {
         Self {
             ends: Ends::default(),
             against_clock,
+            beat_ns,
             trips: Trips::default(),
             wants_answer: false,
             sent: 0,
             first_ns: 0,
             last_ns: 0,
             patience_ns: FIRST_NS,
-            repeated: 0,
         }
     }
 
@@ -149,25 +150,37 @@ impl Desk {
         if self.sent == 0 && !self.ends.is_heard() {
             return 0;
         }
-        let is_sample =
-            self.ends.own.as_ref().and_then(|own| own.header.kind()) == Some(FrameKind::Sample);
-        let is_open =
-            self.wants_answer || !(self.ends.is_heard() || self.against_clock && is_sample);
-        self.last_ns + if is_open { self.patience_ns } else { BEAT_NS }
+        let is_open = self.wants_answer || !(self.ends.is_heard() || self.is_passing());
+        self.last_ns
+            + if is_open {
+                self.patience_ns
+            } else {
+                self.beat_ns
+            }
+    }
+
+    /// Returns true if the newest frame is one that the next replaces: it is sent once.
+    fn is_passing(&self) -> bool {
+        let newest = self.ends.own.as_ref().and_then(|own| own.header.kind());
+        self.against_clock && newest == Some(FrameKind::Sample)
     }
 
     /// Writes the packet that is due now.
     pub fn packet(&mut self, now_ns: u64, bytes: &mut Vec<u8>) {
-        if self.sent == 0 {
+        let is_first = self.sent == 0;
+        if is_first {
             self.first_ns = now_ns;
         } else {
             // Longer each time: a controller may compute for long, and the wire may be full.
             self.patience_ns = (2 * self.patience_ns).min(MOST_NS);
-            self.repeated += u64::from(!self.ends.is_heard() || self.wants_answer);
         }
         self.sent += 1;
         self.last_ns = now_ns;
-        self.ends.packet(bytes);
+        if is_first || !self.is_passing() {
+            self.ends.packet(bytes);
+        } else {
+            write(self.ends.heard, None, bytes);
+        }
     }
 
     /// Takes a packet of the target; returns the frame in it if it is to be given to the plant.
@@ -199,12 +212,6 @@ impl Desk {
     pub fn awaits_answer(&self) -> bool {
         self.wants_answer || !self.ends.is_heard()
     }
-
-    /// Packets that repeated a frame.
-    #[must_use]
-    pub const fn repeated(&self) -> u64 {
-        self.repeated
-    }
 }
 
 /// The target's end.
@@ -212,6 +219,8 @@ impl Desk {
 pub struct TargetEnd {
     ends: Ends,
     against_clock: bool,
+    /// Steps of the last answer and of the last but one.
+    answers: [Option<u64>; 2],
 }
 
 impl TargetEnd {
@@ -221,27 +230,44 @@ impl TargetEnd {
         Self {
             ends: Ends::default(),
             against_clock,
+            answers: [None; 2],
         }
+    }
+
+    /// Checks whether a frame came that is newer than those that were given to the controller.
+    #[must_use]
+    pub const fn is_news(&self, frame: &Numbered) -> bool {
+        frame.number > self.ends.heard
     }
 
     /// Takes a packet of the desk; returns the frame in it if it is to be given to the controller. Otherwise the packet
     /// wants an answer at once.
     pub fn take(&mut self, packet: Packet) -> Option<Numbered> {
         self.ends.note(packet.heard);
-        let frame = packet
-            .frame
-            .filter(|frame| frame.number > self.ends.heard)?;
-        let is_sample = frame.header.kind() == Some(FrameKind::Sample);
-        if self.against_clock && is_sample && !self.ends.is_heard() {
+        let frame = packet.frame.filter(|frame| self.is_news(frame))?;
+        if self.against_clock && !self.is_seen(&frame.header) {
             return None;
         }
         self.ends.heard = frame.number;
         Some(frame)
     }
 
+    /// Checks whether the plant had seen the last answer but one when it made a sample.
+    fn is_seen(&self, sample: &Header) -> bool {
+        let [_, Some(answer)] = self.answers else {
+            return true;
+        };
+        // The step before the sample met the command that the plant holds since so many steps.
+        let held = u64::from(sample.held_steps) + 1;
+        sample.kind() != Some(FrameKind::Sample) || answer + held <= sample.step
+    }
+
     /// Takes a frame of the controller; its packet is due at once.
     pub fn say(&mut self, header: &Header, values: &[f64]) {
         self.ends.next(header, values);
+        if header.kind() == Some(FrameKind::Command) {
+            self.answers = [Some(header.step), self.answers[0]];
+        }
     }
 
     /// Writes the packet that answers.
@@ -253,12 +279,6 @@ impl TargetEnd {
     #[must_use]
     pub fn said(&self) -> u64 {
         self.ends.own.as_ref().map_or(0, |own| own.number)
-    }
-
-    /// Returns true if the desk has heard the controller's last frame.
-    #[must_use]
-    pub fn is_heard(&self) -> bool {
-        self.ends.is_heard()
     }
 }
 

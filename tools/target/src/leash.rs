@@ -3,20 +3,30 @@
 use std::io::Read;
 use std::net::{Shutdown, TcpStream};
 use std::process::Child;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use shared_types::text;
 
 /// Time that `ssh` may take to end once its input is closed.
-const PARTING: Duration = Duration::from_secs(2);
+const PARTING: Duration = Duration::from_secs(1);
 
 /// What keeps an agent alive: when it goes, the agent ends.
 pub(crate) enum Leash {
-    /// The `ssh` that started it, and the beginning of what that said.
+    /// The `ssh` that started it, and the last of what that said.
     Ssh(Child, Said),
     /// The connection itself.
     Connection(TcpStream),
+}
+
+impl Leash {
+    /// The last of what `ssh` said.
+    pub(crate) fn said(&self) -> String {
+        match self {
+            Self::Ssh(_, said) => said.text(),
+            Self::Connection(_) => String::new(),
+        }
+    }
 }
 
 impl Drop for Leash {
@@ -38,9 +48,15 @@ impl Drop for Leash {
     }
 }
 
-/// Beginning of what `ssh`, and the agent before its first word, wrote to standard error.
+/// The last of what `ssh`, and the agent through it, wrote to standard error.
 #[derive(Clone, Default)]
-pub(crate) struct Said(Arc<Mutex<Vec<u8>>>);
+pub(crate) struct Said(Arc<Mutex<Text>>);
+
+#[derive(Default)]
+struct Text {
+    tail: Vec<u8>,
+    has_ended: bool,
+}
 
 impl Said {
     const LONGEST: usize = 16 << 10;
@@ -50,28 +66,31 @@ impl Said {
         std::thread::spawn(move || {
             let mut buffer = [0; 1024];
             while let Ok(count @ 1..) = from.read(&mut buffer) {
-                let mut said = said.0.lock().unwrap_or_else(PoisonError::into_inner);
-                let room = Self::LONGEST.saturating_sub(said.len());
-                said.extend(&buffer[..count.min(room)]);
+                let tail = &mut said.lock().tail;
+                tail.extend(&buffer[..count]);
+                let surplus = tail.len().saturating_sub(Self::LONGEST);
+                tail.drain(..surplus);
             }
+            said.lock().has_ended = true;
         });
     }
 
-    pub(crate) fn text(&self) -> String {
-        let said = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        text::printable(&String::from_utf8_lossy(&said)).into_owned()
+    fn lock(&self) -> MutexGuard<'_, Text> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The last line, once there is one; waits for it a little.
+    pub(crate) fn text(&self) -> String {
+        text::printable(&String::from_utf8_lossy(&self.lock().tail)).into_owned()
+    }
+
+    /// The last line, once all is said or the limit is over.
     pub(crate) fn last_line(&self, limit: Duration) -> Option<String> {
         let since = Instant::now();
-        loop {
-            let text = self.text();
-            let line = text.lines().rev().find(|line| !line.trim().is_empty());
-            if line.is_some() || since.elapsed() > limit {
-                return line.map(|line| line.trim().to_owned());
-            }
+        while !self.lock().has_ended && since.elapsed() < limit {
             std::thread::sleep(Duration::from_millis(5));
         }
+        let text = self.text();
+        let line = text.lines().rev().find(|line| !line.trim().is_empty());
+        line.map(|line| line.trim().to_owned())
     }
 }

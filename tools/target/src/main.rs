@@ -2,7 +2,7 @@
 //! on the target.
 
 use std::io;
-use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -97,7 +97,7 @@ fn serve_ssh() -> Result<(), String> {
         .split(' ')
         .nth(2)
         .and_then(|own| own.parse().ok());
-    let address: IpAddr = own.unwrap_or(IpAddr::V4(Ipv4Addr::LOCALHOST));
+    let own: Option<IpAddr> = own;
     let programs = Programs::cached()?;
-    agent::run(io::stdin(), io::stdout(), None, &programs, address)
+    agent::run(io::stdin(), io::stdout(), None, &programs, own)
 }

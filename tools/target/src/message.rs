@@ -89,6 +89,8 @@ pub enum ToDesk {
     },
     /// The program is not here: send its parts.
     Send,
+    /// A part of it came; there are more.
+    Taken,
     /// The program is here, whole.
     Have,
     /// The program's answer.

@@ -23,15 +23,7 @@ pub struct Packet {
     pub frame: Option<Numbered>,
 }
 
-/// Bytes before the header of a frame: two numbers.
-const BEFORE: usize = 16;
-
 impl Packet {
-    /// Writes it.
-    pub fn write(&self, bytes: &mut Vec<u8>) {
-        write(self.heard, self.frame.as_ref(), bytes);
-    }
-
     /// Reads one.
     #[must_use]
     pub fn read(bytes: &[u8]) -> Option<Self> {
@@ -61,7 +53,6 @@ pub(crate) fn write(heard: u64, frame: Option<&Numbered>, bytes: &mut Vec<u8>) {
     bytes.clear();
     bytes.extend(heard.to_le_bytes());
     bytes.extend(frame.map_or(0, |frame| frame.number).to_le_bytes());
-    debug_assert_eq!(bytes.len(), BEFORE);
     if let Some(frame) = frame {
         bytes.extend(frame.header.as_bytes());
         bytes.extend(frame.values.as_bytes());
@@ -82,7 +73,7 @@ mod tests {
 
     fn written(packet: &Packet) -> Vec<u8> {
         let mut bytes = vec![7];
-        packet.write(&mut bytes);
+        write(packet.heard, packet.frame.as_ref(), &mut bytes);
         bytes
     }
 

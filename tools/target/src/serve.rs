@@ -32,7 +32,10 @@ pub fn serve(
     let at = listener.local_addr().map_err(|error| error.to_string())?;
     say(&format!("listening on {at}"));
     for connection in listener.incoming() {
-        let Ok(connection) = connection else { continue };
+        let Ok(connection) = connection else {
+            std::thread::sleep(Duration::from_millis(100)); // no file to be had, and nobody else to wait for
+            continue;
+        };
         let from = connection
             .peer_addr()
             .map_or_else(|_| "somebody".into(), |address| address.to_string());
@@ -70,7 +73,7 @@ fn session(connection: TcpStream, seal: &Arc<Seal>, programs: &Programs) -> Resu
     let address = connection.local_addr().map_err(told)?.ip();
     let reader = connection.try_clone().map_err(told)?;
     let writer = connection.try_clone().map_err(told)?;
-    let ended = agent::run(reader, writer, Some(seal.clone()), programs, address);
+    let ended = agent::run(reader, writer, Some(seal.clone()), programs, Some(address));
     let _ = connection.shutdown(std::net::Shutdown::Both); // it may be closed by now
     ended
 }

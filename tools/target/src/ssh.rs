@@ -5,10 +5,12 @@
 //! which is checked before every start.
 
 use std::io::{self, Read, Write};
-use std::process::{Child, ChildStdout, Command, Stdio};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags, poll};
+use rustix::fs::{OFlags, fcntl_setfl};
+use rustix::io::Errno;
 use rustix::time::Timespec;
 use sha2::{Digest, Sha256};
 use shared_types::text;
@@ -19,14 +21,19 @@ use crate::message::ToDesk;
 use crate::way::{TargetError, Way};
 
 /// Script of the remote command, for any POSIX shell. It has no single quotes, so that it can stand in them.
-const SCRIPT: &str = r#"umask 077; c="${XDG_CACHE_HOME:-$HOME/.cache}/hil-target"; mkdir -p "$c" && chmod 700 "$c" && [ -O "$c" ] || { echo "HIL-TARGET no-cache $c"; exit 1; }; echo "HIL-TARGET 1 $(uname -m)"; read -r h n || exit 1; case "$h" in *[!0-9a-f]*|"") exit 1;; esac; f="$c/$h"; ok() { [ -f "$f" ] && [ -O "$f" ] && [ "$(sha256sum <"$f" | cut -c1-64)" = "$h" ]; }; if ok; then echo have; else echo send; head -c "$n" >"$f.part$$" && sync && chmod 500 "$f.part$$" && mv -f "$f.part$$" "$f"; if ok; then echo stored; else rm -f "$f" "$f.part$$"; echo broken; exit 1; fi; fi; exec "$f" agent"#;
+const SCRIPT: &str = r#"umask 077; c="${XDG_CACHE_HOME:-$HOME/.cache}/hil-target"; mkdir -p "$c" && chmod 700 "$c" && [ -O "$c" ] || { echo "HIL-TARGET no-cache $c"; exit 1; }; echo "HIL-TARGET 1 $(uname -m)"; read -r h n || exit 1; case "$h" in *[!0-9a-f]*|"") exit 1;; esac; f="$c/$h"; ok() { [ -f "$1" ] && [ -O "$1" ] && [ "$(sha256sum <"$1" | cut -c1-64)" = "$h" ]; }; if ok "$f"; then echo have; else p="$f.part$$"; echo send; head -c "$n" >"$p" && sync; if ok "$p" && chmod 500 "$p" && mv -f "$p" "$f"; then echo stored; else rm -f "$p"; echo broken; exit 1; fi; fi; exec "$f" agent"#;
 /// Beginning of the line that says that the script runs.
 const MARKER: &str = "HIL-TARGET ";
 /// Most bytes that a noisy profile may print before it.
 const MOST_NOISE: usize = 64 << 10;
 /// Time for `ssh` to connect, in s.
 const CONNECT_S: u32 = 10;
-/// Longest silence before the agent runs; a copy over a slow line takes long.
+/// Time between two looks at an interruption.
+const LOOK: Timespec = Timespec {
+    tv_sec: 0,
+    tv_nsec: 50_000_000,
+};
+/// Longest time for a line, and for a part of the agent to get on its way.
 const SILENCE: Duration = Duration::from_secs(60);
 
 type Opened = (Ear<ToDesk>, Mouth, Leash);
@@ -44,6 +51,8 @@ pub(crate) fn open(
             "-T",
             "-oBatchMode=yes",
             "-oClearAllForwardings=yes",
+            // A connection that is there is used; none of a run outlives it.
+            "-oControlMaster=no",
             "-oForwardAgent=no",
             "-oForwardX11=no",
             "-oRemoteCommand=none",
@@ -101,7 +110,7 @@ struct Start<'a> {
 
 impl Start<'_> {
     /// Talks to the script until it becomes the agent.
-    fn up_to_agent(&mut self, input: &mut impl Write) -> Result<(), TargetError> {
+    fn up_to_agent(&mut self, input: &mut ChildStdin) -> Result<(), TargetError> {
         let way = self.way;
         let machine = self.marker()?;
         let agent = way.agent_for(&machine)?;
@@ -115,10 +124,7 @@ impl Start<'_> {
             .and_then(|()| input.flush())
             .map_err(closed)?;
         if self.answer()? == "send" {
-            input
-                .write_all(&content)
-                .and_then(|()| input.flush())
-                .map_err(closed)?;
+            self.copy(input, &content)?;
             let stored = self.answer()?;
             if stored != "stored" {
                 return Err(way.infrastructure(
@@ -129,10 +135,40 @@ impl Start<'_> {
         Ok(())
     }
 
+    /// Writes the agent's file. A script that has ended says why in its answer.
+    fn copy(&self, input: &mut ChildStdin, content: &[u8]) -> Result<(), TargetError> {
+        let failed = |error: Errno| self.way.infrastructure(error);
+        fcntl_setfl(&*input, OFlags::NONBLOCK).map_err(failed)?;
+        let (mut left, mut since) = (content, Instant::now());
+        while !left.is_empty() {
+            if (self.is_interrupted)() {
+                return Err(TargetError::Interrupted);
+            }
+            if since.elapsed() > SILENCE {
+                let limit_s = SILENCE.as_secs();
+                let told = format!("nothing of the agent could be sent for {limit_s} s");
+                return Err(self.way.infrastructure(told));
+            }
+            match input.write(left) {
+                Ok(count) => (left, since) = (&left[count..], Instant::now()),
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
+                    let mut ready = [PollFd::new(&*input, PollFlags::OUT)];
+                    let _ = poll(&mut ready, Some(&LOOK)); // a signal means the same: look again
+                }
+                Err(error) if error.kind() == io::ErrorKind::BrokenPipe => break,
+                Err(error) => return Err(self.way.infrastructure(error)),
+            }
+        }
+        fcntl_setfl(&*input, OFlags::empty()).map_err(failed)
+    }
+
     /// Reads up to the marker; returns the type of the machine.
     fn marker(&mut self) -> Result<String, TargetError> {
-        let mut noise = 0;
+        let (mut noise, since) = (0, Instant::now());
         loop {
+            if since.elapsed() > SILENCE {
+                return Err(self.way.usage("its shell profile does not come to an end"));
+            }
             let line = self.line()?;
             // A profile may print the beginning of a line before it.
             if let Some((_, marked)) = line.split_once(MARKER) {
@@ -172,8 +208,7 @@ impl Start<'_> {
 
     /// Reads a line, byte by byte: what follows the last is the agent's.
     fn line(&mut self) -> Result<String, TargetError> {
-        let mut line = Vec::new();
-        let mut since = Instant::now();
+        let (mut line, since) = (Vec::new(), Instant::now());
         loop {
             if (self.is_interrupted)() {
                 return Err(TargetError::Interrupted);
@@ -184,12 +219,8 @@ impl Start<'_> {
                     .way
                     .infrastructure(format!("no answer within {limit_s} s")));
             }
-            let limit = Timespec {
-                tv_sec: 0,
-                tv_nsec: 50_000_000,
-            };
             let mut ready = [PollFd::new(&self.output, PollFlags::IN)];
-            if !matches!(poll(&mut ready, Some(&limit)), Ok(1..)) {
+            if !matches!(poll(&mut ready, Some(&LOOK)), Ok(1..)) {
                 continue;
             }
             let mut byte = [0];
@@ -203,7 +234,6 @@ impl Start<'_> {
                 Ok(0) => return Err(self.refused()),
                 Err(error) => return Err(self.way.infrastructure(error)),
             }
-            since = Instant::now();
         }
     }
 
