@@ -10,6 +10,7 @@ and answers each with `done`; when that closes, everything ends:
     cut                  nothing gets through
     mend                 everything gets through again
     block                no datagram gets through
+    intrude              after each datagram come an old one, one sent back to who sent it, a shorter one and garbage
     burst COUNT          the next so many datagrams of the board are lost
     counts               answers with `counts PASSED LOST DOUBLED HELD CHANGED`
 """
@@ -73,6 +74,7 @@ class Wire:
         self.percent, self.random = 0, random.Random(0)
         self.is_cut, self.is_blocked, self.burst = False, False, 0
         self.held = []
+        self.is_intruded, self.old = False, []
         self.counts = {"passed": 0, "lost": 0, "doubled": 0, "held": 0, "changed": 0}
 
     def hits(self):
@@ -105,7 +107,10 @@ class Wire:
             self.held.append((time.monotonic() + self.random.uniform(0, 0.01), other, frame))
             return None
         self.counts["passed"] += 1
-        return self.send(other, frame)
+        self.send(other, frame)
+        if self.is_intruded:
+            self.intrude(end, other, frame)
+        return None
 
     def changed(self, frame):
         """Inverts a bit of the content, and takes away the check sum of UDP, which would hide it from the other end."""
@@ -117,6 +122,18 @@ class Wire:
         place = content + self.random.randrange(length)
         frame[place] ^= 1 << self.random.randrange(8)
         return bytes(frame)
+
+    def intrude(self, end, other, frame):
+        """Sends what somebody on the wire could make of what passes there."""
+        if len(self.old) < 1000:
+            self.old.append((other, frame))
+        old_end, old = self.random.choice(self.old)
+        self.send(old_end, old)
+        back = frame[6:12] + frame[:6] + frame[12:26] + frame[30:34] + frame[26:30]
+        back += frame[36:38] + frame[34:36] + frame[38:40] + b"\0\0" + frame[42:]
+        self.send(end, back)
+        for content in (frame[42 : 42 + self.random.randrange(len(frame) - 42)], self.random.randbytes(400)):
+            self.send(other, datagram(frame, content))
 
     def send(self, end, frame):
         try:
@@ -140,6 +157,8 @@ class Wire:
                 self.is_cut = True
             case ["mend"]:
                 self.is_cut = self.is_blocked = False
+            case ["intrude"]:
+                self.is_intruded = True
             case ["block"]:
                 self.is_blocked = True
             case ["burst", count]:
@@ -147,6 +166,18 @@ class Wire:
             case ["counts"]:
                 return "counts " + " ".join(str(count) for count in self.counts.values())
         return "done"
+
+
+def datagram(frame, content):
+    """A frame with the addresses and ports of another, and this content."""
+    udp = frame[34:38] + struct.pack("!HH", 8 + len(content), 0)
+    header = bytearray(frame[14:34])
+    header[2:4] = struct.pack("!H", 28 + len(content))
+    header[10:12] = b"\0\0"
+    total = sum(struct.unpack("!10H", header))
+    total = (total & 0xFFFF) + (total >> 16)
+    header[10:12] = struct.pack("!H", ~((total & 0xFFFF) + (total >> 16)) & 0xFFFF)
+    return frame[:14] + bytes(header) + udp + content
 
 
 def raw(interface):

@@ -585,6 +585,30 @@ fn over_a_wire_that_loses_doubles_reorders_and_corrupts_the_digest_is_that_of_th
 }
 
 #[test]
+fn who_is_on_the_wire_gets_nothing_in() {
+    let Some(mut hosts) = Hosts::new("who_is_on_the_wire_gets_nothing_in") else {
+        return;
+    };
+    let rig = Rig::new();
+    let here = rig.run(SHORT).expect(0).summary();
+    hosts.order("intrude");
+    let run = rig.start_with(hosts.hil(), &format!("{SHORT} --target board"));
+    let run = run.finish().expect(0);
+    assert_eq!(run.summary()["digest"], here["digest"]);
+    assert!(!log(&run).contains("no datagram"), "{}", log(&run));
+    // Against the clock an old sample that got in would be answered, and the run not repeat.
+    let there = rig.start_with(
+        hosts.hil(),
+        &format!("{SHORT} --target board --clock realtime"),
+    );
+    let there = there.finish().expect(0);
+    let again = rig.path("again");
+    rig.hil(&["rerun", text(&there.folder), "--out", text(&again)])
+        .expect(0);
+    nothing_left_on_board(&hosts);
+}
+
+#[test]
 fn behind_a_firewall_frames_go_through_the_connection_and_back_when_it_opens() {
     let test = "behind_a_firewall_frames_go_through_the_connection_and_back_when_it_opens";
     let Some(mut hosts) = Hosts::new(test) else {

@@ -24,7 +24,7 @@ impl Programs {
             .args(["build", "--profile", profile, "--target-dir"])
             .arg(target)
             .args(["-p", "tools", "-p", "plant-process"])
-            .args(["-p", "controller-process"])
+            .args(["-p", "controller-process", "-p", "hil-target"])
             .status()
             .expect("cargo");
         assert!(status.success(), "the programs do not build");

@@ -1,0 +1,240 @@
+//! Bench `target`: what does a controller on another machine cost?
+//!
+//! `cargo bench -p tests --bench target` runs the paper's scenario here and with `--target`, in turns, beside a bare exchange
+//! of datagrams with as many bytes over the same wire, blocking and spinning. The target is this machine, reached by a
+//! script in place of `ssh`, and the wire its loopback: so both ends share the cores, and what is shown is the work of bridge and
+//! agent, not that of a network.
+//! Each is measured idle and beside a busy loop on each core; medians of `HIL_BENCH_ROUNDS` (5) in turns.
+
+#[path = "../shared/busy.rs"]
+mod busy;
+#[path = "../shared/measure.rs"]
+#[expect(dead_code, reason = "others beside it are part of what is measured")]
+mod measure;
+#[path = "../shared/programs.rs"]
+#[expect(dead_code, reason = "its runs have a search path of their own")]
+mod programs;
+
+use std::net::UdpSocket;
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
+use std::process::{Child, Command, ExitCode, Stdio};
+use std::time::Instant;
+
+use busy::BusyLoop;
+use measure::{machine, median};
+use programs::Programs;
+
+/// Bytes of a bare datagram: a frame of the scenario, sealed.
+const BYTES: usize = 400;
+/// Variable that makes this program the other end of the bare exchange: whether it spins.
+const ECHO: &str = "HIL_BENCH_ECHO";
+/// Steps of the scenario, and bare exchanges.
+const STEPS: u32 = 20_000;
+
+fn main() -> ExitCode {
+    if busy::burned() || echoed() {
+        return ExitCode::SUCCESS;
+    }
+    // `cargo test --all-targets` starts benches too, without this argument.
+    if !std::env::args().any(|argument| argument == "--bench") {
+        println!("run me with `cargo bench -p tests --bench target`");
+        return ExitCode::SUCCESS;
+    }
+    let rounds = std::env::var("HIL_BENCH_ROUNDS")
+        .ok()
+        .and_then(|rounds| rounds.parse().ok());
+    let rounds: usize = rounds.unwrap_or(5);
+    let programs = Programs::built();
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = ssh_in(folder.path());
+    println!(
+        "{}\nus a step, p50 of round trips in us; medians of {rounds}\n",
+        machine()
+    );
+    println!(
+        "{:<28} {:<34} {:>9} {:>9} {:>7}",
+        "beside", "what", "us/step", "p50", "spread"
+    );
+    let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let mut digests = std::collections::BTreeSet::new();
+    for busy in [false, true] {
+        let start = |core| BusyLoop::start(0, Some(core), true).expect("a busy loop");
+        let _loops: Vec<BusyLoop> = if busy {
+            (0..cores).map(start).collect()
+        } else {
+            Vec::new()
+        };
+        let beside = if busy {
+            "a busy loop on each core"
+        } else {
+            "nobody"
+        };
+        let mut rows: [Vec<[f64; 2]>; 4] = Default::default();
+        for _ in 0..rounds {
+            rows[0].push(bare(false));
+            rows[1].push(bare(true));
+            for (row, target) in [(2, None), (3, Some("board"))] {
+                let (figures, digest) = run(&programs, &path, target);
+                rows[row].push(figures);
+                digests.insert(digest);
+            }
+        }
+        let names = [
+            "bare datagrams, blocking",
+            "bare datagrams, spinning",
+            "hil run",
+            "hil run --target",
+        ];
+        for (name, figures) in names.iter().zip(&rows) {
+            let of = |place: usize| {
+                figures
+                    .iter()
+                    .map(|figures| figures[place])
+                    .collect::<Vec<f64>>()
+            };
+            let steps = of(0);
+            let most = steps
+                .iter()
+                .copied()
+                .fold(0.0, |most, one| if one > most { one } else { most });
+            let least =
+                steps.iter().copied().fold(
+                    f64::INFINITY,
+                    |least, one| if one < least { one } else { least },
+                );
+            let (step, p50) = (median(steps.iter().copied()), median(of(1)));
+            println!(
+                "{beside:<28} {name:<34} {step:>9.1} {p50:>9.1} {:>7.2}",
+                most / least
+            );
+        }
+    }
+    println!("\n{} digest", digests.len());
+    if digests.len() == 1 {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::FAILURE
+    }
+}
+
+/// Makes a script in place of `ssh`; returns the search path with it.
+fn ssh_in(folder: &Path) -> String {
+    let script = folder.join("ssh");
+    let text = format!(
+        "#!/bin/sh\nwhile [ \"$1\" != -- ]; do shift; done\nexport XDG_CACHE_HOME={}\n\
+         export SSH_CONNECTION='127.0.0.1 1 127.0.0.1 2'\nexec /bin/sh -c \"$3\"\n",
+        folder.display()
+    );
+    std::fs::write(&script, text).expect("written");
+    std::fs::set_permissions(&script, std::fs::Permissions::from_mode(0o755)).expect("own files");
+    format!(
+        "{}:{}",
+        folder.display(),
+        std::env::var("PATH").unwrap_or_default()
+    )
+}
+
+/// A run of the paper's scenario: us a step, p50 of the round trips in us, and its digest.
+fn run(programs: &Programs, path: &str, target: Option<&str>) -> ([f64; 2], String) {
+    let duration_s = f64::from(STEPS) / 10_000.0;
+    let mut hil = Command::new(&programs.hil);
+    hil.args([
+        "run",
+        "scenarios/severe-leakage.toml",
+        "--no-record",
+        "--json",
+        "--set",
+        "metrics=[]",
+    ]);
+    hil.args([
+        "--set",
+        "requirements=[]",
+        "--set",
+        "faults[0].at_s=1",
+        "--set",
+        &format!("run.duration_s={duration_s}"),
+    ]);
+    hil.current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
+        .env("PATH", path);
+    hil.args(target.map(|target| ["--target", target]).iter().flatten());
+    let out = tempfile::tempdir().expect("a folder");
+    let output = hil.arg("--out").arg(out.path()).output().expect("hil runs");
+    let said = String::from_utf8_lossy(&output.stderr);
+    let summary: serde_json::Value =
+        serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {said}"));
+    let number = |value: &serde_json::Value| value.as_f64().unwrap_or_else(|| panic!("{said}"));
+    let step_us = 1e6 * number(&summary["wall_time_s"]) / f64::from(STEPS);
+    let p50_us = number(&summary["latency_ns"]["round_trip"]["p50"]) / 1e3;
+    (
+        [step_us, p50_us],
+        summary["digest"].as_str().expect("a digest").to_owned(),
+    )
+}
+
+/// Bare exchanges with another process: us each on average, and p50 in us.
+fn bare(spins: bool) -> [f64; 2] {
+    let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
+    let address = socket.local_addr().expect("an address");
+    let mut other = Ended(
+        Command::new(std::env::current_exe().expect("this"))
+            .env(ECHO, format!("{address} {spins}"))
+            .stdin(Stdio::null())
+            .spawn()
+            .expect("it starts"),
+    );
+    let mut bytes = [0; BYTES];
+    let (_, peer) = socket.recv_from(&mut bytes).expect("it is there");
+    socket.connect(peer).expect("connected");
+    socket.set_nonblocking(spins).expect("set");
+    let mut trips = Vec::with_capacity(STEPS as usize);
+    let since = Instant::now();
+    for _ in 0..STEPS {
+        let sent = Instant::now();
+        socket.send(&bytes).expect("sent");
+        receive(&socket, &mut bytes);
+        trips.push(sent.elapsed().as_secs_f64() * 1e6);
+    }
+    let each_us = since.elapsed().as_secs_f64() * 1e6 / f64::from(STEPS);
+    other.0.kill().expect("it is there");
+    [each_us, median(trips)]
+}
+
+/// A process that is ended when it is dropped.
+struct Ended(Child);
+
+impl Drop for Ended {
+    fn drop(&mut self) {
+        let _ = self.0.kill(); // it may have ended
+        let _ = self.0.wait();
+    }
+}
+
+fn receive(socket: &UdpSocket, bytes: &mut [u8]) {
+    loop {
+        match socket.recv(bytes) {
+            Ok(_) => return,
+            Err(error) if error.kind() == std::io::ErrorKind::WouldBlock => std::hint::spin_loop(),
+            Err(error) => panic!("{error}"),
+        }
+    }
+}
+
+/// Answers bare datagrams until this process is ended, if it was started for that; returns true then.
+fn echoed() -> bool {
+    let Ok(asked) = std::env::var(ECHO) else {
+        return false;
+    };
+    let (address, spins) = asked.split_once(' ').expect("two words");
+    let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
+    socket.connect(address).expect("connected");
+    socket.send(&[0; BYTES]).expect("sent");
+    socket.set_nonblocking(spins == "true").expect("set");
+    let mut bytes = [0; BYTES];
+    loop {
+        receive(&socket, &mut bytes);
+        if socket.send(&bytes).is_err() {
+            return true;
+        }
+    }
+}
