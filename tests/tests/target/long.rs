@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use shared_types::random::RandomStream;
 
-use super::{log, nothing_left_on_board, on_another_processor};
+use super::{log, nothing_left_on_board, on_another_processor, under_way};
 use crate::support::harness::Rig;
 use crate::support::hosts::Hosts;
 
@@ -58,7 +58,7 @@ fn two_hundred_cuts_at_random_times_leave_no_hang_no_stale_command_and_nothing_e
         return;
     };
     let rig = Rig::new();
-    let paced = "scenarios/spring-mass.toml --no-record --set run.duration_s=0.8 --set metrics=[] --set requirements=[] --pace 0.8";
+    let paced = "scenarios/spring-mass.toml --no-record --set run.duration_s=0.8 --set metrics=[] --set requirements=[] --pace 0.5";
     let here = rig.run(paced).expect(0).summary();
     let mut random = RandomStream::new(1, "cuts");
     let (mut whole, mut cut) = (0, 0);
@@ -67,7 +67,11 @@ fn two_hundred_cuts_at_random_times_leave_no_hang_no_stale_command_and_nothing_e
             hosts.hil(),
             &format!("{paced} --wait-limit 1 --target board"),
         );
-        std::thread::sleep(Duration::from_millis((random.uniform() * 2500.0) as u64));
+        // Some cuts before the first step, most of them while steps are exchanged.
+        if number % 8 > 0 {
+            under_way(&rig);
+        }
+        std::thread::sleep(Duration::from_millis((random.uniform() * 800.0) as u64));
         hosts.order("cut");
         // Every second cut is mended before anybody gives up.
         if number % 2 == 0 {

@@ -14,7 +14,7 @@ use crate::way::{TargetError, Way};
 use crate::{connection, ssh};
 
 /// Longest time until an agent says that it is there, and until it answers.
-const ANSWER_LIMIT: Duration = Duration::from_secs(30);
+const ANSWER_LIMIT: Duration = Duration::from_secs(15);
 /// Longest silence of an agent that is receiving a part of a file.
 const COPY_LIMIT: Duration = Duration::from_secs(60);
 /// Parts of a file under way, and the bytes of each.

@@ -33,8 +33,10 @@ const LOOK: Timespec = Timespec {
     tv_sec: 0,
     tv_nsec: 50_000_000,
 };
-/// Longest time for a line, and for a part of the agent to get on its way.
-const SILENCE: Duration = Duration::from_secs(60);
+/// Longest time until the script speaks, and until it answers.
+const SPEAKS: Duration = Duration::from_secs(20);
+/// Longest time for a part of the agent to get on its way, and for the last to arrive.
+const COPIES: Duration = Duration::from_secs(60);
 
 type Opened = (Ear<ToDesk>, Mouth, Leash);
 
@@ -58,6 +60,8 @@ pub(crate) fn open(
             "-oRemoteCommand=none",
         ])
         .arg(format!("-oConnectTimeout={CONNECT_S}"))
+        // A line that is dead is noticed in this time, wherever it stands.
+        .args(["-oServerAliveInterval=5", "-oServerAliveCountMax=2"])
         .args(["--", host])
         .arg(format!("exec /bin/sh -c '{SCRIPT}'"))
         .stdin(Stdio::piped())
@@ -123,9 +127,9 @@ impl Start<'_> {
         writeln!(input, "{hash} {}", content.len())
             .and_then(|()| input.flush())
             .map_err(closed)?;
-        if self.answer()? == "send" {
+        if self.answer(SPEAKS)? == "send" {
             self.copy(input, &content)?;
-            let stored = self.answer()?;
+            let stored = self.answer(COPIES)?;
             if stored != "stored" {
                 return Err(way.infrastructure(
                     "the agent did not arrive there whole; is there room in its cache folder?",
@@ -144,8 +148,8 @@ impl Start<'_> {
             if (self.is_interrupted)() {
                 return Err(TargetError::Interrupted);
             }
-            if since.elapsed() > SILENCE {
-                let limit_s = SILENCE.as_secs();
+            if since.elapsed() > COPIES {
+                let limit_s = COPIES.as_secs();
                 let told = format!("nothing of the agent could be sent for {limit_s} s");
                 return Err(self.way.infrastructure(told));
             }
@@ -166,10 +170,10 @@ impl Start<'_> {
     fn marker(&mut self) -> Result<String, TargetError> {
         let (mut noise, since) = (0, Instant::now());
         loop {
-            if since.elapsed() > SILENCE {
+            if since.elapsed() > SPEAKS {
                 return Err(self.way.usage("its shell profile does not come to an end"));
             }
-            let line = self.line()?;
+            let line = self.line(SPEAKS)?;
             // A profile may print the beginning of a line before it.
             if let Some((_, marked)) = line.split_once(MARKER) {
                 if let Some(folder) = marked.strip_prefix("no-cache ") {
@@ -196,8 +200,8 @@ impl Start<'_> {
         }
     }
 
-    fn answer(&mut self) -> Result<String, TargetError> {
-        let line = self.line()?;
+    fn answer(&mut self, limit: Duration) -> Result<String, TargetError> {
+        let line = self.line(limit)?;
         match line.as_str() {
             "have" | "send" | "stored" | "broken" => Ok(line),
             _ => Err(self
@@ -207,14 +211,14 @@ impl Start<'_> {
     }
 
     /// Reads a line, byte by byte: what follows the last is the agent's.
-    fn line(&mut self) -> Result<String, TargetError> {
+    fn line(&mut self, limit: Duration) -> Result<String, TargetError> {
         let (mut line, since) = (Vec::new(), Instant::now());
         loop {
             if (self.is_interrupted)() {
                 return Err(TargetError::Interrupted);
             }
-            if since.elapsed() > SILENCE {
-                let limit_s = SILENCE.as_secs();
+            if since.elapsed() > limit {
+                let limit_s = limit.as_secs();
                 return Err(self
                     .way
                     .infrastructure(format!("no answer within {limit_s} s")));
