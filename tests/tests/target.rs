@@ -227,6 +227,22 @@ fn a_check_says_what_is_there() {
 }
 
 #[test]
+fn an_audit_compares_the_target_with_this_machine() {
+    let rig = Rig::new();
+    let board = Board::new(&rig);
+    let audit = run(&rig, &board, &format!("{SHORT} {ON_BOARD} --audit")).expect(0);
+    let line = audit
+        .stdout
+        .lines()
+        .find(|line| line.contains("on this machine in place of me@board"));
+    assert!(
+        line.is_some_and(|line| line.contains("same")),
+        "{}",
+        audit.stdout
+    );
+}
+
+#[test]
 fn live_faults_and_another_controller_come_to_a_run_there() {
     let rig = Rig::new();
     let board = Board::new(&rig);
