@@ -260,10 +260,14 @@ fn by_scenario(
             let here = rustix::system::uname();
             let here = here.machine().to_string_lossy();
             let machine = at.map_or(&*here, |at| &at.findings().machine);
+            let place = at.map_or_else(
+                || "this machine".to_owned(),
+                |at| format!("target {}", at.target()),
+            );
             let found = program.for_machine(machine);
             Some(found.ok_or_else(|| {
                 Failure::usage(format!(
-                    "{shown}: `{key}` has no program for the machine that runs it, {machine}; add one, or name it with {flag} PATH"
+                    "{shown}: `{key}` has no program for {place}, {machine}; add one, or name it with {flag} PATH"
                 ))
             })?)
         }
