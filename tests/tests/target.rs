@@ -10,11 +10,11 @@ use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 
 use crate::support::board::Board;
-use crate::support::harness::{Rig, Run, until};
-use crate::support::hosts::Hosts;
+use crate::support::harness::{Rig, Run, WATCHDOG, until};
+use crate::support::hosts::{Hosts, lines};
 use crate::support::programs::{program, skip, workspace};
 
-/// Half a second of the teaching run, with a requirement less.
+/// Less than a second of the teaching run, without metrics and requirements.
 const SHORT: &str =
     "scenarios/spring-mass.toml --set run.duration_s=0.8 --set metrics=[] --set requirements=[]";
 const ON_BOARD: &str = "--target me@board";
@@ -357,7 +357,7 @@ fn whatever_ends_the_desk_nothing_goes_on_there() {
 }
 
 #[test]
-fn a_silent_target_is_given_up_by_name_and_ends_by_itself() {
+fn a_silent_target_is_given_up_by_name() {
     let rig = Rig::alone();
     let board = Board::new(&rig);
     let paced = format!("scenarios/spring-mass.toml --pace 1 --wait-limit 1 {ON_BOARD}");
@@ -448,16 +448,12 @@ struct Serving(std::process::Child);
 
 impl Serving {
     fn address(&mut self) -> String {
-        use std::io::BufRead;
-        let stderr = self.0.stderr.take().expect("piped");
-        let mut lines = std::io::BufReader::new(stderr).lines();
-        let first = lines.next().expect("a line").expect("text");
-        // Read on, or it would wait.
-        std::thread::spawn(move || lines.count());
-        first
-            .strip_prefix("listening on ")
-            .expect("an address")
-            .to_owned()
+        let lines = lines(self.0.stderr.take().expect("piped"));
+        let first = lines
+            .recv_timeout(WATCHDOG)
+            .expect("watchdog: it says where it listens");
+        let address = first.strip_prefix("listening on ");
+        address.expect("an address").to_owned()
     }
 }
 
@@ -682,6 +678,12 @@ fn a_cut_is_survived_or_named_and_the_board_is_clean_either_way() {
     // A short cut costs time; the controller stays the same.
     let running = rig.start_with(hosts.hil(), &format!("{paced} --wait-limit 60"));
     under_way(&rig);
+    let there = hosts.left_on_board();
+    let has = |what: &str| there.iter().any(|found| found.contains(what));
+    assert!(
+        has("/session.json") && has(" agent") && has("--session"),
+        "{there:?}"
+    );
     hosts.order("cut");
     std::thread::sleep(std::time::Duration::from_millis(700)); // how long is of no account
     hosts.order("mend");

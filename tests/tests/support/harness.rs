@@ -23,7 +23,7 @@ use tempfile::TempDir;
 use crate::support::programs::{program, workspace};
 
 /// Time that anything may take before it counts as hanging.
-const WATCHDOG: Duration = Duration::from_secs(120);
+pub(crate) const WATCHDOG: Duration = Duration::from_secs(120);
 /// Time between two looks at something that is awaited.
 const LOOK: Duration = Duration::from_millis(2);
 

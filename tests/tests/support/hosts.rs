@@ -1,20 +1,22 @@
 //! Two hosts on one machine, each with a network of its own, joined by a wire that can be spoiled and cut; `sshd` on the
 //! board, which has processes and a `/dev/shm` of its own too. `tests/hosts/hosts.py` makes them.
 
-use std::io::{BufRead, BufReader, Write};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
 
 use tempfile::TempDir;
 
+use crate::support::harness::WATCHDOG;
 use crate::support::programs::{program, skip, workspace};
 
 /// Both hosts, until it is dropped.
 pub(crate) struct Hosts {
     wire: Child,
     orders: ChildStdin,
-    answers: BufReader<ChildStdout>,
+    answers: Receiver<String>,
     /// Processes to enter the namespaces by.
     desk: String,
     board: String,
@@ -115,7 +117,7 @@ impl Hosts {
         let orders = wire.stdin.take().expect("piped");
         let mut hosts = Self {
             orders,
-            answers: BufReader::new(wire.stdout.take().expect("piped")),
+            answers: lines(wire.stdout.take().expect("piped")),
             wire,
             desk: String::new(),
             board: String::new(),
@@ -129,10 +131,8 @@ impl Hosts {
     }
 
     fn answer(&mut self) -> String {
-        let mut line = String::new();
-        self.answers.read_line(&mut line).expect("the wire answers");
-        assert!(!line.is_empty(), "the wire has ended");
-        line
+        let answer = self.answers.recv_timeout(WATCHDOG);
+        answer.expect("watchdog: the wire has ended or does not answer")
     }
 
     /// Has the wire do something.
@@ -153,30 +153,38 @@ impl Hosts {
         hil
     }
 
-    /// What is in the board's shared memory, and the processes there that are not its `sshd`'s.
+    /// Lists the files in the board's shared memory, and the processes there that are not its `sshd`'s.
     pub(crate) fn left_on_board(&self) -> Vec<String> {
-        let script = "find /dev/shm -mindepth 2; find /dev/shm -mindepth 1 -maxdepth 1 -type f; \
-                      ps -eo args= | grep hil-target/ | grep -v grep";
+        let script =
+            "find /dev/shm -mindepth 1 -type f && ps -eo args= | sed -n '/[h]il-target\\//p'";
         let inside = Command::new("nsenter")
             .args(["-t", &self.board, "-m", "-p", "sh", "-c", script])
             .output();
-        let found = inside.expect("nsenter runs").stdout;
-        let found = String::from_utf8_lossy(&found);
-        // The lock over all sessions stays.
-        let left = found
-            .lines()
-            .filter(|line| !line.ends_with("/lock") || line.matches('/').count() > 4);
-        left.map(str::to_owned).collect()
+        let inside = inside.expect("nsenter runs");
+        assert!(inside.status.success(), "{inside:?}");
+        let found = String::from_utf8_lossy(&inside.stdout);
+        found.lines().map(str::to_owned).collect()
     }
 }
 
 impl Drop for Hosts {
     fn drop(&mut self) {
         let group = rustix::process::Pid::from_child(&self.wire);
-        let _ = rustix::process::kill_process_group(group, rustix::process::Signal::TERM); // it may have ended
+        // Both hosts are in its group, and what runs on the board ends with its first process.
+        let _ = rustix::process::kill_process_group(group, rustix::process::Signal::KILL); // it may have ended
         let _ = self.wire.wait();
-        let _ = rustix::process::kill_process_group(group, rustix::process::Signal::KILL); // nobody may be left
     }
+}
+
+/// Reads lines on a thread of its own, so that who awaits one can give up.
+pub(crate) fn lines(from: impl Read + Send + 'static) -> Receiver<String> {
+    let (sender, lines) = channel();
+    std::thread::spawn(move || {
+        let read = BufReader::new(from).lines().map_while(Result::ok);
+        // To the end, also when nobody listens any more: who writes must not wait.
+        read.for_each(|line| drop(sender.send(line)));
+    });
+    lines
 }
 
 fn which(name: &str) -> PathBuf {

@@ -1,4 +1,4 @@
-//! What takes minutes: many runs over a spoiled wire, many cuts, whole scenarios on another processor. `.ci/run long`.
+//! Tests that take minutes: many runs over a spoiled wire, many cuts, whole scenarios on another processor. `.ci/run long`.
 
 use std::time::Duration;
 
