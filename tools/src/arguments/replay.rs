@@ -28,7 +28,7 @@ pub struct ReplayArguments {
     /// beside hil]
     #[arg(long, value_name = "PATH")]
     pub controller_bin: Option<PathBuf>,
-    /// Where the controller runs
+    /// Machine of the controller
     #[command(flatten)]
     pub target: TargetArguments,
     /// Commands and internals that differ by no more than this, in their own unit, count as the same:

@@ -83,7 +83,7 @@ pub struct RunOptions {
     /// Which binaries run
     #[command(flatten)]
     pub binaries: BinaryArguments,
-    /// Where the controller runs
+    /// Machine of the controller
     #[command(flatten)]
     pub target: TargetArguments,
     /// What connects plant and controller

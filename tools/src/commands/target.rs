@@ -18,7 +18,7 @@ const TRIPS: u32 = 200;
 /// Share of a step that a round trip may take at the rate that a target is called fit for.
 const SHARE: f64 = 0.5;
 
-/// What a check found.
+/// Findings of a check.
 #[derive(Serialize)]
 struct Checked<'a> {
     schema: u32,

@@ -16,6 +16,7 @@ use hil_config::scenario::Advice;
 use hil_target::asking::{NoAnswer, ask};
 use hil_target::bridge::ready_file;
 use hil_target::contact::Answer;
+use hil_target::machine::hash;
 use rustix::fs::{Access, access};
 use serde_json::Value;
 use shared_types::describe::{
@@ -429,9 +430,7 @@ fn hashed(path: &Path) -> io::Result<(FileIdentity, String)> {
     }
     access(path, Access::EXEC_OK)?;
     let file = FileIdentity::of(path)?;
-    let mut hasher = blake3::Hasher::new();
-    hasher.update_reader(fs::File::open(path)?)?;
-    Ok((file, hasher.finalize().to_hex().to_string()))
+    Ok((file, hash(path)?))
 }
 
 fn cannot_run(choice: &Choice, role: &Role, error: &dyn std::fmt::Display) -> Failure {

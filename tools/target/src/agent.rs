@@ -1,15 +1,14 @@
 //! The agent: owns a session on the target, starts the controller's file in it, and speaks to it as the plant.
 //!
-//! One contact after the other end's first word, then one run at most. Whatever ends it, an order, a cut, a silent desk, the
-//! program and the session are gone afterwards; after `kill -9` the next agent removes them.
+//! Serves one contact, with one run at most. At its end, by an order, a cut or a silent desk, program and session are gone; after `kill -9` the next agent removes them.
 
 use std::io::{Read, Write};
 use std::net::IpAddr;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, WaitId, WaitIdOptions, waitid};
@@ -34,7 +33,7 @@ use crate::message::{Missed, PROTOCOL, RunRequest, ToAgent, ToDesk, from_hex, pr
 use crate::packet::{Numbered, Packet};
 use crate::path::{Wire, listen};
 use crate::seal::{Key, answer};
-use crate::sleep::{Awaited, Either, waiter};
+use crate::sleep::{LateBell, waiter};
 
 /// Longest time that a desk may say nothing before a run.
 const IDLE: Duration = Duration::from_secs(60);
@@ -58,13 +57,9 @@ pub fn run(
     programs: &Programs,
     address: Option<IpAddr>,
 ) -> Result<(), String> {
-    let bell = Arc::new(OnceLock::<Bell>::new());
-    let rung = Arc::clone(&bell);
-    let ring = move || {
-        if let Some(bell) = rung.get() {
-            bell.ring();
-        }
-    };
+    let bell = LateBell::default();
+    let rung = bell.clone();
+    let ring = move || rung.ring();
     let mut agent = Agent {
         ear: Ear::listen(from, seal.clone(), ring),
         mouth: Mouth::speak(into, seal),
@@ -98,7 +93,7 @@ type Refusal = (bool, String);
 struct Agent<'a> {
     ear: Ear<ToAgent>,
     mouth: Mouth,
-    bell: Arc<OnceLock<Bell>>,
+    bell: LateBell,
     programs: &'a Programs,
     /// Address that the desk reached; without one there are no datagrams.
     address: Option<IpAddr>,
@@ -220,7 +215,7 @@ impl Agent<'_> {
         if request.epoch != 1 {
             link.expect(request.epoch).map_err(|e| failed(&e))?;
         }
-        let _ = self.bell.set(link.bell()); // there is one run at most
+        self.bell.is(link.bell());
         let started = Started::start(program, &info, &self.mouth, link.bell())
             .map_err(|e| (true, cannot_run(&e)))?;
         session
@@ -312,7 +307,7 @@ impl Started {
         Arc::strong_count(&self.passing_on) == 1
     }
 
-    /// How it ended, if it has; what it started in its group ends with it.
+    /// Returns its exit status, once it has ended; all that it started in its group ends with it.
     fn status(&mut self) -> Option<ExitStatus> {
         if !self.has_ended.load(Ordering::Acquire) {
             return None;
@@ -379,8 +374,8 @@ struct Run<'a> {
     both_here: bool,
     /// The plant waits for nobody.
     against_clock: bool,
-    /// What the frames must carry, and the number of values in each direction.
-    open: Option<(FrameIdentity, usize, usize)>,
+    /// Identity that the frames must carry, and the number of values from the desk.
+    open: Option<(FrameIdentity, usize)>,
     end: TargetEnd,
     way: Way,
     /// A frame was given to the controller, and it has not answered.
@@ -391,7 +386,7 @@ struct Run<'a> {
     is_safe: bool,
     has_reported: bool,
     has_told_end: bool,
-    /// How the program ended, and when that was seen.
+    /// Exit status of the program, and the time at which it was seen.
     ended: Option<(ExitStatus, u64)>,
     bytes: Vec<u8>,
     values: Vec<f64>,
@@ -433,13 +428,7 @@ impl<'a> Run<'a> {
 
     /// Serves until the channel closes or the desk is silent for the limit.
     fn serve(&mut self, limit: WaitLimit) -> Result<(), String> {
-        let mut waiter = waiter(self.both_here);
-        let awaited = Awaited::default();
-        waiter.sleep_on(Some(Box::new(Either {
-            bell: self.link.bell(),
-            socket: self.wire.as_ref().map(Wire::socket),
-            awaited: awaited.clone(),
-        })));
+        let (mut waiter, awaited) = waiter(self.both_here, self.link.bell(), self.wire.as_ref());
         let (mut look_ns, mut sign_ns) = (0, 0);
         loop {
             let mut busy = self.hear_wire().map_err(told)?;
@@ -514,7 +503,7 @@ impl<'a> Run<'a> {
             self.end = TargetEnd::new(welcome.against_clock);
             self.against_clock = welcome.against_clock;
             self.values = vec![0.0; spec.incoming];
-            self.open = Some((spec.identity, spec.outgoing, spec.incoming));
+            self.open = Some((spec.identity, spec.outgoing));
         }
         self.link.send_control(content.as_bytes())
     }
@@ -531,8 +520,7 @@ impl<'a> Run<'a> {
             self.sample_ns = self.heard_ns;
             if std::mem::take(&mut self.is_safe) {
                 let step = sample.header.step;
-                let what =
-                    format!("step {step}: samples come again, the output follows the controller");
+                let what = format!("step {step}: samples come again");
                 self.mouth.try_say(&ToDesk::Output { what });
             }
         }
@@ -540,7 +528,7 @@ impl<'a> Run<'a> {
             self.answer();
             return Ok(());
         };
-        let Some((identity, count, _)) = self.open else {
+        let Some((identity, count)) = self.open else {
             return Ok(());
         };
         if identity.check(&frame.header, count).is_err() {
@@ -619,7 +607,7 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// Switches the output to the safe command once samples have been missing for long, by this machine's clock.
+    /// Announces the safe command once samples have been missing for long, by this machine's clock.
     fn look_for_samples(&mut self, now_ns: u64) {
         let Missed { period_s, periods } = self.missed;
         if !self.against_clock {
@@ -628,7 +616,9 @@ impl<'a> Run<'a> {
         let limit_ns = (period_s * f64::from(periods) * 1e9) as u64;
         if self.sample_ns > 0 && !self.is_safe && now_ns.saturating_sub(self.sample_ns) > limit_ns {
             self.is_safe = true;
-            let what = format!("no sample for {periods} periods: the output is the safe command");
+            let what = format!(
+                "no sample for {periods} periods: outputs of the target should be the safe command; this agent drives none"
+            );
             self.mouth.try_say(&ToDesk::Output { what });
         }
     }

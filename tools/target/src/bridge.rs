@@ -6,16 +6,14 @@
 use std::io::Write;
 use std::net::SocketAddr;
 use std::path::Path;
-use std::sync::{Arc, OnceLock};
 
 use serde_json::Value;
 use shared_types::clock::monotonic_ns;
 use shared_types::frame::FrameIdentity;
 use shared_types::hello::Control;
-use shared_types::link::bell::Bell;
 use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{FrameSpec, Link, LinkError};
-use shared_types::program::{self, COMPLETED, CONTROLLER_JOB, FAILED, PLANT_JOB};
+use shared_types::program::{self, CONTROLLER_JOB, FAILED, PLANT_JOB};
 use shared_types::realtime::CONTROLLER_FILE;
 use shared_types::session::SessionInfo;
 use shared_types::supervision::{PEER_GONE, STOP, Supervision};
@@ -32,12 +30,12 @@ use crate::message::{Missed, RunRequest, ToAgent, ToDesk, from_hex, prologue, to
 use crate::packet::Packet;
 use crate::path::Wire;
 use crate::seal::{Key, begin};
-use crate::sleep::{Awaited, Either, waiter};
+use crate::sleep::{LateBell, waiter};
 use crate::way::Way;
 
 /// Share of the wait limit after which a silent target is given up: before the plant gives up, which knows no target.
 const SHARE: f64 = 0.9;
-/// Sample periods without a sample after which a target's output is the safe command.
+/// Sample periods without a sample after which a target announces the safe command.
 pub const MISSED_PERIODS: u32 = 20;
 /// Silence of the datagrams after which the frames go through the channel as well.
 const PATH_NS: u64 = 1_000_000_000;
@@ -92,13 +90,9 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
     let limit_s = plant.map_or(known.wait_limit_s, |plant| plant.wait_limit_s);
     let limit = WaitLimit::from_seconds(SHARE * limit_s);
 
-    let bell = Arc::new(OnceLock::<Bell>::new());
-    let rung = Arc::clone(&bell);
-    let ring = move || {
-        if let Some(bell) = rung.get() {
-            bell.ring();
-        }
-    };
+    let bell = LateBell::default();
+    let rung = bell.clone();
+    let ring = move || rung.ring();
     let is_interrupted = || supervision.wants_stop() || supervision.is_peer_gone();
     let found = hash(file).map_err(|error| format!("cannot read {}: {error}", file.display()))?;
     if found != blake3 {
@@ -141,7 +135,7 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
     let told = session.write_file(&ready_file(known.epoch), &way.target.to_string());
     told.map_err(|e| e.to_string())?;
     let link = program::attach(&session, known.epoch, limit, &supervision)?;
-    let _ = bell.set(link.bell()); // one link in the life of the process
+    bell.is(link.bell());
     supervision.ring_at_news(link.bell());
     Bridge {
         both_here: contact.findings().boot_id == boot_id,
@@ -177,7 +171,6 @@ struct Ended {
 }
 
 struct Bridge {
-    // Before the link: while it goes, the plant still sees who speaks.
     contact: Contact,
     /// Both ends are on this machine.
     both_here: bool,
@@ -186,7 +179,7 @@ struct Bridge {
     wire: Option<Wire>,
     address: Option<SocketAddr>,
     desk: Desk,
-    /// What the frames must carry, and the number of values from the target.
+    /// Identity that the frames must carry, and the number of values from the target.
     open: Option<(FrameIdentity, usize)>,
     /// Values of a sample.
     values: Vec<f64>,
@@ -208,13 +201,7 @@ struct Bridge {
 
 impl Bridge {
     fn drive(mut self, limit: WaitLimit, supervision: &Supervision) -> Result<u8, String> {
-        let mut waiter = waiter(self.both_here);
-        let awaited = Awaited::default();
-        waiter.sleep_on(Some(Box::new(Either {
-            bell: self.link.bell(),
-            socket: self.wire.as_ref().map(Wire::socket),
-            awaited: awaited.clone(),
-        })));
+        let (mut waiter, awaited) = waiter(self.both_here, self.link.bell(), self.wire.as_ref());
         let mut sign_ns = 0;
         loop {
             self.pass_on(supervision);
@@ -363,9 +350,7 @@ impl Bridge {
             ToDesk::Control { content } => {
                 self.link.send_control(content.as_bytes()).map_err(told)?
             }
-            ToDesk::Log { text } => {
-                log(&text);
-            }
+            ToDesk::Log { text } => log(&text),
             ToDesk::Realtime { report } => {
                 if let Ok(report) = serde_json::from_str::<Value>(&report) {
                     self.session
@@ -441,11 +426,7 @@ impl Bridge {
             .code
             .and_then(|code| u8::try_from(code).ok())
             .unwrap_or(FAILED);
-        Some(Ok(if ended.code == Some(0) {
-            COMPLETED
-        } else {
-            code
-        }))
+        Some(Ok(code))
     }
 }
 

@@ -67,7 +67,7 @@ pub struct RunRequest {
     pub boot_id: String,
 }
 
-/// Rule for a target that hears no sample any more: then its output is the safe command.
+/// Rule for a target that hears no sample any more: then it announces the safe command.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Missed {
     /// Sample period in s.
@@ -125,7 +125,7 @@ pub enum ToDesk {
         /// The file.
         report: String,
     },
-    /// The target's output went to the safe command, or came back.
+    /// Samples have been missing for long, or came back.
     Output {
         /// What happened.
         #[serde(deserialize_with = "line_of")]

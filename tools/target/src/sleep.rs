@@ -4,19 +4,21 @@
 use std::cell::Cell;
 use std::net::UdpSocket;
 use std::rc::Rc;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::time::Timespec;
 use shared_types::link::bell::Bell;
 use shared_types::wait::{Sleeper, WaitLimit, WaitStrategy, Waiter};
 
+use crate::path::Wire;
+
 /// Longest sleep on one of them while the other may have news too.
 const SLICE_NS: u64 = 200_000;
 
-/// Makes the waiter of one end, whose limit is looked at elsewhere. With fewer cores than loops it sleeps at once: what it
-/// polled would be the others' time.
-pub(crate) fn waiter(both_here: bool) -> Waiter {
+/// Makes the waiter of one end, whose limit is looked at elsewhere, and what tells it where to sleep. With fewer cores than
+/// loops it sleeps at once: what it polled would be the others' time.
+pub(crate) fn waiter(both_here: bool, bell: Bell, wire: Option<&Wire>) -> (Waiter, Awaited) {
     let loops = if both_here { 4 } else { 2 };
     let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let strategy = if cores < loops {
@@ -24,10 +26,35 @@ pub(crate) fn waiter(both_here: bool) -> Waiter {
     } else {
         WaitStrategy::Hybrid
     };
-    Waiter::with(WaitLimit::from_seconds(f64::INFINITY), strategy, cores == 1)
+    let mut waiter = Waiter::with(WaitLimit::from_seconds(f64::INFINITY), strategy, cores == 1);
+    let awaited = Awaited::default();
+    waiter.sleep_on(Some(Box::new(Either {
+        bell,
+        socket: wire.map(Wire::socket),
+        awaited: awaited.clone(),
+    })));
+    (waiter, awaited)
 }
 
-/// What is awaited next.
+/// A bell that is made later than those who will ring it.
+#[derive(Clone, Default)]
+pub(crate) struct LateBell(Arc<OnceLock<Bell>>);
+
+impl LateBell {
+    /// Rings this bell from now on.
+    pub(crate) fn is(&self, bell: Bell) {
+        let _ = self.0.set(bell); // a process has one link in its life
+    }
+
+    /// Rings it, if it is there.
+    pub(crate) fn ring(&self) {
+        if let Some(bell) = self.0.get() {
+            bell.ring();
+        }
+    }
+}
+
+/// Source of the next news.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Awaited {
     wire: Rc<Cell<bool>>,
@@ -44,10 +71,10 @@ impl Awaited {
 
 /// The place to sleep.
 #[derive(Debug)]
-pub(crate) struct Either {
-    pub(crate) bell: Bell,
-    pub(crate) socket: Option<Arc<UdpSocket>>,
-    pub(crate) awaited: Awaited,
+struct Either {
+    bell: Bell,
+    socket: Option<Arc<UdpSocket>>,
+    awaited: Awaited,
 }
 
 impl Sleeper for Either {
