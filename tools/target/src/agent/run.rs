@@ -1,0 +1,303 @@
+//! A run of one controller on a target: what the desk says goes to its program, and what that says to the desk.
+
+use std::os::unix::process::ExitStatusExt;
+use std::process::ExitStatus;
+
+use shared_types::clock::monotonic_ns;
+use shared_types::frame::{FrameIdentity, FrameKind};
+use shared_types::hello::Control;
+use shared_types::link::iceoryx::IceoryxLink;
+use shared_types::link::{FrameSpec, Link, LinkError, Peer};
+use shared_types::realtime::CONTROLLER_FILE;
+use shared_types::session::SessionInfo;
+use shared_types::wait::WaitLimit;
+
+use super::started::Started;
+use crate::channel::{Ear, Heard, Mouth};
+use crate::exchange::{BEAT_NS, TargetEnd};
+use crate::machine::Findings;
+use crate::message::{Missed, RunRequest, ToAgent, ToDesk};
+use crate::packet::{Numbered, Packet};
+use crate::path::Wire;
+use crate::sleep::waiter;
+
+/// Time between two looks at what changes seldom.
+const LOOK_NS: u64 = 5_000_000;
+/// Time that what a program wrote before its end may take.
+const LAST_WORDS_NS: u64 = 100_000_000;
+/// Time between two signs of life through the channel.
+const SIGN_NS: u64 = 250_000_000;
+
+/// Way that a packet came.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Way {
+    Datagram,
+    Channel,
+}
+
+/// A run of one controller.
+pub(super) struct Run<'a> {
+    ear: &'a Ear<ToAgent>,
+    mouth: &'a Mouth,
+    link: IceoryxLink,
+    started: Started,
+    wire: Option<Wire>,
+    session: SessionInfo,
+    missed: Missed,
+    /// Both ends are on this machine.
+    both_here: bool,
+    /// The plant waits for nobody.
+    against_clock: bool,
+    /// Identity that the frames must carry, and the number of values from the desk.
+    open: Option<(FrameIdentity, usize)>,
+    end: TargetEnd,
+    way: Way,
+    /// A frame was given to the controller, and it has not answered.
+    is_at_work: bool,
+    heard_ns: u64,
+    /// Time at which the last sample came; 0 before the first and while the run is held.
+    sample_ns: u64,
+    is_safe: bool,
+    has_reported: bool,
+    has_told_end: bool,
+    /// Exit status of the program, and the time at which it was seen.
+    ended: Option<(ExitStatus, u64)>,
+    bytes: Vec<u8>,
+    values: Vec<f64>,
+}
+
+impl<'a> Run<'a> {
+    pub(super) fn new(
+        (ear, mouth): (&'a Ear<ToAgent>, &'a Mouth),
+        link: IceoryxLink,
+        started: Started,
+        wire: Option<Wire>,
+        session: &SessionInfo,
+        request: &RunRequest,
+    ) -> Self {
+        Self {
+            ear,
+            mouth,
+            link,
+            started,
+            wire,
+            session: session.clone(),
+            missed: request.missed,
+            both_here: Findings::own().boot_id == request.boot_id,
+            against_clock: false,
+            open: None,
+            end: TargetEnd::new(false),
+            way: Way::Channel,
+            is_at_work: false,
+            heard_ns: monotonic_ns(),
+            sample_ns: 0,
+            is_safe: false,
+            has_reported: false,
+            has_told_end: false,
+            ended: None,
+            bytes: Vec::new(),
+            values: Vec::new(),
+        }
+    }
+
+    /// Serves until the channel closes or the desk is silent for the limit.
+    pub(super) fn serve(&mut self, limit: WaitLimit) -> Result<(), String> {
+        let (mut waiter, awaited) = waiter(self.both_here, self.link.bell(), self.wire.as_ref());
+        let (mut look_ns, mut sign_ns) = (0, 0);
+        loop {
+            let mut busy = self.hear_wire().map_err(told)?;
+            match self.hear_channel().map_err(told)? {
+                Some(came) => busy |= came,
+                None => return Ok(()),
+            }
+            busy |= self.hear_controller().map_err(told)?;
+            let now_ns = monotonic_ns();
+            if now_ns >= look_ns {
+                look_ns = now_ns + LOOK_NS;
+                self.look(now_ns).map_err(told)?;
+                if now_ns.saturating_sub(self.heard_ns) > limit.ns() {
+                    let limit_s = limit.ms() as f64 / 1e3;
+                    return Err(format!("nothing was heard of the desk for {limit_s} s"));
+                }
+                if now_ns >= sign_ns {
+                    sign_ns = now_ns + SIGN_NS.min(limit.ns() / 4);
+                    self.mouth.try_say(&ToDesk::Beat);
+                    if let Peer::Stranger(what) = self.link.peer().map_err(told)? {
+                        return Err(what);
+                    }
+                }
+            }
+            if busy {
+                waiter.done();
+                continue;
+            }
+            let on_wire = !self.is_at_work && self.way == Way::Datagram;
+            awaited.set(on_wire, self.against_clock);
+            let _ = waiter.pause_until(now_ns + BEAT_NS); // the limit is looked at above
+        }
+    }
+
+    fn hear_wire(&mut self) -> Result<bool, LinkError> {
+        let Some(packet) = self.wire.as_mut().and_then(Wire::receive) else {
+            return Ok(false);
+        };
+        self.take(packet, Way::Datagram)?;
+        Ok(true)
+    }
+
+    /// True if something came; nothing at the end of the channel.
+    fn hear_channel(&mut self) -> Result<Option<bool>, LinkError> {
+        let Some(heard) = self.ear.next() else {
+            return Ok(Some(false));
+        };
+        self.heard_ns = monotonic_ns();
+        match heard {
+            Heard::Closed(_) => return Ok(None),
+            Heard::Packet(bytes) => {
+                if let Some(packet) = Packet::read(&bytes) {
+                    self.take(packet, Way::Channel)?;
+                }
+            }
+            Heard::Message(ToAgent::Control { content }) => self.control(&content)?,
+            Heard::Message(ToAgent::Word { line }) => self.started.tell(&line),
+            Heard::Message(_) | Heard::Part(_) => {}
+        }
+        Ok(Some(true))
+    }
+
+    /// Passes a control message of the plant on; the frames are open before the controller hears of them.
+    fn control(&mut self, content: &str) -> Result<(), LinkError> {
+        if let Ok(Control::Welcome(welcome)) = Control::from_bytes(content.as_bytes()) {
+            let spec = FrameSpec {
+                identity: welcome.frame_identity(),
+                outgoing: welcome.sample.len(),
+                incoming: welcome.command.len(),
+            };
+            self.link.open_frames(&spec)?;
+            self.end = TargetEnd::new(welcome.against_clock);
+            self.against_clock = welcome.against_clock;
+            self.values = vec![0.0; spec.incoming];
+            self.open = Some((spec.identity, spec.outgoing));
+        }
+        self.link.send_control(content.as_bytes())
+    }
+
+    fn take(&mut self, packet: Packet, way: Way) -> Result<(), LinkError> {
+        self.heard_ns = monotonic_ns();
+        self.way = way;
+        let sample = packet
+            .frame
+            .as_ref()
+            .filter(|frame| self.end.is_news(frame));
+        if let Some(sample) = sample.filter(|frame| frame.header.kind() == Some(FrameKind::Sample))
+        {
+            self.sample_ns = self.heard_ns;
+            if std::mem::take(&mut self.is_safe) {
+                let step = sample.header.step;
+                let what = format!("step {step}: samples come again");
+                self.mouth.try_say(&ToDesk::Output { what });
+            }
+        }
+        let Some(frame) = self.end.take(packet) else {
+            self.answer();
+            return Ok(());
+        };
+        let Some((identity, count)) = self.open else {
+            return Ok(());
+        };
+        if identity.check(&frame.header, count).is_err() {
+            return Ok(()); // the desk is authentic, so it is of another version
+        }
+        self.give(&frame)
+    }
+
+    fn give(&mut self, frame: &Numbered) -> Result<(), LinkError> {
+        self.link.send(&frame.header, &frame.values)?;
+        match frame.header.kind() {
+            Some(FrameKind::Sample) => self.is_at_work = true,
+            Some(FrameKind::End) => (self.is_at_work, self.sample_ns) = (true, 0),
+            // Nothing answers a hold or an abort: the desk hears that it came.
+            _ => {
+                self.sample_ns = 0;
+                self.answer();
+            }
+        }
+        Ok(())
+    }
+
+    fn answer(&mut self) {
+        self.end.packet(&mut self.bytes);
+        match (&mut self.wire, self.way) {
+            (Some(wire), Way::Datagram) => wire.send(&self.bytes),
+            _ => self.mouth.packet(&self.bytes),
+        }
+    }
+
+    fn hear_controller(&mut self) -> Result<bool, LinkError> {
+        let mut came = false;
+        if self.open.is_some()
+            && let Some(header) = self.link.receive(&mut self.values)?
+        {
+            self.is_at_work = false;
+            self.end.say(&header, &self.values);
+            self.answer();
+            came = true;
+        }
+        Ok(came)
+    }
+
+    /// Looks at what changes seldom.
+    fn look(&mut self, now_ns: u64) -> Result<(), LinkError> {
+        while let Some(content) = self.link.receive_control()? {
+            let content = String::from_utf8_lossy(&content).into_owned();
+            self.mouth.say(&ToDesk::Control { content });
+        }
+        if !self.has_reported
+            && let Ok(report) = self.session.read_file::<serde_json::Value>(CONTROLLER_FILE)
+        {
+            self.has_reported = true;
+            self.mouth.say(&ToDesk::Realtime {
+                report: report.to_string(),
+            });
+        }
+        self.look_for_samples(now_ns);
+        if self.ended.is_none() {
+            self.ended = self.started.status().map(|status| (status, now_ns));
+        }
+        let Some((status, since_ns)) = self.ended else {
+            return Ok(());
+        };
+        // What it wrote and sent before it ended still counts.
+        let is_silent = self.started.is_silent() || now_ns.saturating_sub(since_ns) > LAST_WORDS_NS;
+        if !self.has_told_end && is_silent {
+            while self.hear_controller()? {}
+            let signal = status.signal();
+            self.has_told_end = self.mouth.try_say(&ToDesk::Ended {
+                code: status.code(),
+                fate: signal.map(|signal| format!("was killed by signal {signal}")),
+                said: self.end.said(),
+            });
+        }
+        Ok(())
+    }
+
+    /// Announces the safe command once samples have been missing for long, by this machine's clock.
+    fn look_for_samples(&mut self, now_ns: u64) {
+        let Missed { period_s, periods } = self.missed;
+        if !self.against_clock {
+            return;
+        }
+        let limit_ns = (period_s * f64::from(periods) * 1e9) as u64;
+        if self.sample_ns > 0 && !self.is_safe && now_ns.saturating_sub(self.sample_ns) > limit_ns {
+            self.is_safe = true;
+            let what = format!(
+                "no sample for {periods} periods: outputs of the target should be the safe command; this agent drives none"
+            );
+            self.mouth.try_say(&ToDesk::Output { what });
+        }
+    }
+}
+
+fn told(error: LinkError) -> String {
+    error.to_string()
+}

@@ -1,0 +1,131 @@
+//! The controller's program on a target: started, told, passed on what it writes, and ended with all that it started.
+
+use std::io::{Read, Write};
+use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::path::Path;
+use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use rustix::process::{Pid, WaitId, WaitIdOptions, waitid};
+use shared_types::link::bell::Bell;
+use shared_types::process::{MARK, end_group, end_marked, reap};
+use shared_types::session::SessionInfo;
+
+use crate::channel::Mouth;
+use crate::message::ToDesk;
+
+/// The program, in a group of its own. Dropped, it ends with all that it started.
+pub(super) struct Started {
+    child: Child,
+    stdin: Option<ChildStdin>,
+    has_ended: Arc<AtomicBool>,
+    /// Held by each thread that passes on what the program writes.
+    passing_on: Arc<()>,
+    prefix: String,
+}
+
+impl Started {
+    pub(super) fn start(
+        program: &Path,
+        session: &SessionInfo,
+        mouth: &Mouth,
+        bell: Bell,
+    ) -> std::io::Result<Self> {
+        let mut child = Command::new(program)
+            .arg("--session")
+            .arg(&session.folder)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .env(MARK, &session.prefix)
+            .process_group(0)
+            .spawn()?;
+        let passing_on = Arc::new(());
+        if let Some(output) = child.stdout.take() {
+            pass_on(output, mouth.clone(), Arc::clone(&passing_on));
+        }
+        if let Some(output) = child.stderr.take() {
+            pass_on(output, mouth.clone(), Arc::clone(&passing_on));
+        }
+        let has_ended = Arc::new(AtomicBool::new(false));
+        let (ended, pid) = (Arc::clone(&has_ended), Pid::from_child(&child));
+        std::thread::spawn(move || {
+            // It is not reaped here: until then its number is nobody else's.
+            let _ = waitid(
+                WaitId::Pid(pid),
+                WaitIdOptions::EXITED | WaitIdOptions::NOWAIT,
+            );
+            ended.store(true, Ordering::Release);
+            bell.ring();
+        });
+        Ok(Self {
+            stdin: child.stdin.take(),
+            child,
+            has_ended,
+            passing_on,
+            prefix: session.prefix.clone(),
+        })
+    }
+
+    pub(super) fn tell(&mut self, line: &str) {
+        if let Some(stdin) = &mut self.stdin {
+            let _ = writeln!(stdin, "{line}").and_then(|()| stdin.flush()); // its end shows elsewhere
+        }
+    }
+
+    pub(super) fn process_id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// Returns true once all that it wrote was passed on.
+    pub(super) fn is_silent(&self) -> bool {
+        Arc::strong_count(&self.passing_on) == 1
+    }
+
+    /// Returns its exit status, once it has ended; all that it started in its group ends with it.
+    pub(super) fn status(&mut self) -> Option<ExitStatus> {
+        if !self.has_ended.load(Ordering::Acquire) {
+            return None;
+        }
+        Some(match reap(&mut self.child) {
+            Ok(status) => status?,
+            Err(_) => self
+                .child
+                .wait()
+                .unwrap_or_else(|_| ExitStatus::from_raw(0xff00)),
+        })
+    }
+}
+
+impl Drop for Started {
+    fn drop(&mut self) {
+        self.stdin = None;
+        end_group(&self.child);
+        let _ = self.child.wait(); // it was killed, or had ended before
+        end_marked(&self.prefix);
+    }
+}
+
+/// Passes on what a program writes, as far as the channel has room.
+fn pass_on(mut from: impl Read + Send + 'static, mouth: Mouth, held: Arc<()>) {
+    std::thread::spawn(move || {
+        let _held = held;
+        let mut buffer = [0; 4096];
+        let mut lost = 0;
+        while let Ok(count @ 1..) = from.read(&mut buffer) {
+            let mut text = String::from_utf8_lossy(&buffer[..count]).into_owned();
+            if lost > 0 {
+                text.insert_str(
+                    0,
+                    &format!("\n[{lost} bytes were written faster than they could be passed on]\n"),
+                );
+            }
+            if mouth.try_say(&ToDesk::Log { text }) {
+                lost = 0;
+            } else {
+                lost += count;
+            }
+        }
+    });
+}
