@@ -4,7 +4,9 @@ use std::time::Duration;
 
 use shared_types::random::RandomStream;
 
-use super::{log, nothing_left_on_board, on_another_processor, under_way};
+use super::processor::on_another_processor;
+use super::wire::nothing_left_on_board;
+use super::{log, under_way};
 use crate::support::harness::Rig;
 use crate::support::hosts::Hosts;
 

@@ -1,0 +1,78 @@
+//! The laws built for another processor.
+
+use std::process::Command;
+
+use super::text;
+use crate::support::harness::Rig;
+use crate::support::programs::{self, skip, workspace};
+
+/// The three laws on the paper's plant, by the same source built for another processor: arithmetic and layout are the
+/// same. An emulator keeps this machine's memory order, so nothing is shown of a weaker one.
+pub(super) fn on_another_processor(test: &str, scenario: &str) {
+    const TRIPLE: &str = "aarch64-unknown-linux-musl";
+    let installed = Command::new("rustup")
+        .args(["target", "list", "--installed"])
+        .output();
+    let has_target =
+        installed.is_ok_and(|found| String::from_utf8_lossy(&found.stdout).contains(TRIPLE));
+    let qemu = Command::new("qemu-aarch64-static")
+        .arg("--version")
+        .output();
+    if !has_target || qemu.is_err() {
+        return skip(
+            test,
+            "rustup has no target for aarch64, or qemu-user is missing",
+            "HIL_TEST_AARCH64",
+        );
+    }
+    let target = programs::target().join("other-processor");
+    let mut cargo = Command::new(env!("CARGO"));
+    cargo.args([
+        "build",
+        "--release",
+        "--locked",
+        "-p",
+        "controller-process",
+        "-p",
+        "hil-target",
+    ]);
+    cargo
+        .args(["--target", TRIPLE, "--target-dir"])
+        .arg(&target)
+        .current_dir(workspace());
+    // No C compiler and no other linker: a stray one would fail here.
+    cargo.env("CARGO_TARGET_AARCH64_UNKNOWN_LINUX_MUSL_LINKER", "rust-lld");
+    cargo.env("CC_aarch64_unknown_linux_musl", "/nonexistent/cc");
+    let built = cargo.output().expect("cargo runs");
+    assert!(
+        built.status.success(),
+        "{}",
+        String::from_utf8_lossy(&built.stderr)
+    );
+    let rig = Rig::new();
+    let program = target.join(TRIPLE).join("release/controller-process");
+    let emulated = rig.script(
+        "emulated",
+        &format!(
+            "#!/bin/sh\nexec qemu-aarch64-static {} \"$@\"\n",
+            text(&program)
+        ),
+    );
+    for law in ["pid", "nrsc", "ftsc"] {
+        let run =
+            format!("{scenario} --no-record --set requirements=[] --set controller.law={law}");
+        let here = rig.run(&run).expect(0).summary();
+        let there = rig
+            .run(&format!("{run} --controller-bin {}", text(&emulated)))
+            .expect(0)
+            .summary();
+        assert!(here["digest"].is_string());
+        assert_eq!(there["digest"], here["digest"], "{law}");
+    }
+}
+
+#[test]
+fn the_same_source_for_another_processor_has_the_same_digest() {
+    let test = "the_same_source_for_another_processor_has_the_same_digest";
+    on_another_processor(test, "tests/scenarios/leakage.toml");
+}
