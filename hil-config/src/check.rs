@@ -306,7 +306,7 @@ fn name(reader: &mut Reader, root: &Section<'_>, scenario: &Scenario) -> String 
 }
 
 /// Returns true if a text can be the name of a signal.
-fn is_signal_name(name: &str) -> bool {
+pub(crate) fn is_signal_name(name: &str) -> bool {
     let mut characters = name.chars();
     characters
         .next()

@@ -58,6 +58,24 @@ pub(crate) fn apply(root: &mut Table, flag: &str, source: usize) -> Result<(), F
     })
 }
 
+/// Returns the key of a flag.
+pub(crate) fn key_of(flag: &str) -> Option<&str> {
+    flag.split_once('=').map(|(key, _)| key)
+}
+
+/// Checks the form of a flag, whatever scenario it is for.
+pub(crate) fn check(flag: &str) -> Result<(), String> {
+    let found = flag
+        .split_once('=')
+        .ok_or_else(|| format!("`{flag}` has no `=`"));
+    let (key, value) = found?;
+    parts(key).map_err(|error| error.message)?;
+    match value.trim() {
+        "" => Err(format!("`{flag}` has no value behind the `=`")),
+        _ => Ok(()),
+    }
+}
+
 fn error(span: Range<usize>, key: &str, message: impl Into<String>) -> FlagError {
     FlagError {
         message: message.into(),

@@ -10,6 +10,7 @@ mod plots;
 mod realtime;
 mod requirements;
 mod stimuli;
+mod study;
 
 use shared_types::time::Rate;
 
@@ -20,6 +21,7 @@ pub(crate) use plots::PLOT;
 pub(crate) use realtime::REALTIME;
 pub(crate) use requirements::REQUIREMENT;
 pub(crate) use stimuli::{STIMULUS, WAVEFORMS};
+pub(crate) use study::{MOST_CASES, SPREADS, STUDY, VARY};
 
 /// Version of the scenario format that is understood.
 pub(crate) const SCHEMA: i64 = 1;
@@ -79,6 +81,8 @@ pub(crate) enum Kind {
     Numbers,
     /// A list of texts.
     Texts,
+    /// A list of numbers, of texts, or of true and false.
+    Values,
     /// Two numbers.
     Pair,
     /// A list of pairs of numbers.

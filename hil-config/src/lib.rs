@@ -15,6 +15,7 @@
 //! 5. [`Evaluation`](evaluation::Evaluation) computes the plan's derived signals and metrics while
 //!    records arrive, from its [expressions](expression), and judges its [requirements] by
 //!    [`Monitors`](monitor::Monitors) of all [`Formula`](formula::Formula)s.
+//! 6. A [`Study`](study::Study) names a scenario and what varies in it, for a campaign of very many runs.
 
 mod analysis;
 mod check;
@@ -37,5 +38,6 @@ pub mod requirements;
 pub mod scenario;
 pub mod schema;
 pub mod show;
+pub mod study;
 
 pub use source::Excerpt;

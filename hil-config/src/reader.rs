@@ -165,6 +165,7 @@ impl Reader {
 
     fn unknown_key(&mut self, section: &Section<'_>, entry: &Entry, known: &[&str]) {
         let wherein = match section.path.as_str() {
+            "" if std::ptr::eq(section.keys, crate::keys::STUDY) => "in a study".into(),
             "" => "in a scenario".into(),
             path => format!("in `{path}`"),
         };
@@ -615,6 +616,7 @@ pub(crate) fn describe(kind: &Kind) -> String {
         Kind::Boolean { .. } => "true or false".into(),
         Kind::Numbers => "a list of numbers".into(),
         Kind::Texts => "a list of texts, at least one".into(),
+        Kind::Values => "a list of numbers, of texts, or of true and false".into(),
         Kind::Pair => "two numbers".into(),
         Kind::Pairs => "a list of pairs of numbers".into(),
         Kind::Event => "the name or number of a fault event".into(),

@@ -62,6 +62,20 @@ pub fn schema(
     root
 }
 
+/// The JSON schema (draft 2020-12) of a study.
+#[must_use]
+pub fn study() -> Value {
+    let mut root = section(keys::STUDY);
+    root["$schema"] = json!("https://json-schema.org/draft/2020-12/schema");
+    root["title"] = json!("hil study");
+    let kinds = keys::SPREADS.iter();
+    root["properties"]["vary"]["items"] = of_kinds(
+        keys::VARY,
+        kinds.map(|kind| (kind.name, kind.text, kind.keys)),
+    );
+    root
+}
+
 /// A table with known keys and no others.
 fn section(keys: &[Key]) -> Value {
     let properties: Map<String, Value> = keys
@@ -121,6 +135,10 @@ fn property(key: &Key) -> Value {
         Kind::Boolean { default } => json!({"type": "boolean", "default": default}),
         Kind::Numbers => json!({"type": "array", "items": {"type": "number"}, "minItems": 1}),
         Kind::Texts => json!({"type": "array", "items": {"type": "string"}, "minItems": 1}),
+        Kind::Values => {
+            let values = json!({"type": ["number", "string", "boolean"]});
+            json!({"type": "array", "items": values, "minItems": 1})
+        }
         Kind::Pair => pair(),
         Kind::Pairs => json!({"type": "array", "items": pair(), "minItems": 1}),
         Kind::Event => json!({"type": ["string", "integer"]}),

@@ -1,0 +1,246 @@
+//! Keys of a study, the file of a campaign.
+
+use super::{Key, Kind, SCHEMA, TEXT, integer, number, number_or};
+
+/// Most cases of a campaign.
+pub(crate) const MOST_CASES: i64 = 100_000_000;
+
+/// A kind of variation.
+pub(crate) struct SpreadKind {
+    /// Its name.
+    pub(crate) name: &'static str,
+    /// Meaning.
+    pub(crate) text: &'static str,
+    /// Its keys, besides those of every variation.
+    pub(crate) keys: &'static [Key],
+}
+
+const ANY: f64 = f64::MAX;
+
+const MIN: Key = Key::new("min", number("", f64::MIN, ANY), "Smallest value.").required();
+const MAX: Key = Key::new("max", number("", f64::MIN, ANY), "Largest value.").required();
+const CUT_MIN: Key = Key::new(
+    "min",
+    number("", f64::MIN, ANY),
+    "Smallest value; the distribution is truncated there. Default: none.",
+);
+const CUT_MAX: Key = Key::new(
+    "max",
+    number("", f64::MIN, ANY),
+    "Largest value; the distribution is truncated there. Default: none.",
+);
+
+/// The whole study.
+pub(crate) const STUDY: &[Key] = &[
+    Key::new(
+        "schema",
+        Kind::Integer {
+            min: SCHEMA,
+            max: SCHEMA,
+            default: None,
+        },
+        "Version of this format.",
+    )
+    .required(),
+    Key::new(
+        "name",
+        TEXT,
+        "Name of the study: letters, digits, - and _. Default: the file's name.",
+    ),
+    Key::new("description", TEXT, "What the study asks."),
+    Key::new("scenario", TEXT, "The scenario, relative to the study.").required(),
+    Key::new(
+        "set",
+        Kind::Texts,
+        "Values of the scenario that are changed for every case, each as --set takes it.",
+    ),
+    Key::new(
+        "cases",
+        Kind::Integer {
+            min: 1,
+            max: MOST_CASES,
+            default: None,
+        },
+        "Number of draws; each is a case of every variant. A grid has as many as its points.",
+    ),
+    Key::new(
+        "seed",
+        integer(0, i64::MAX, 1),
+        "Seed of the draws and of run.seed in each case, which is drawn too unless the study sets or varies it.",
+    ),
+    Key::new(
+        "sampling",
+        Kind::Text {
+            choices: &["independent", "latin-hypercube", "sobol", "grid"],
+            default: Some("independent"),
+        },
+        "How values are drawn: independent draws give probabilities with bounds; a Latin hypercube and Sobol' points cover the space more evenly and give none; a grid takes all combinations of lists and ranges.",
+    ),
+    Key::new(
+        "confidence",
+        number_or("1", 0.5, 0.999_999, 0.95),
+        "Confidence of the bounds.",
+    ),
+    Key::new(
+        "case_limit_s",
+        number_or("s", 0.1, 1e6, 600.0),
+        "Time after which a case counts as hung; its worker ends and another one tries.",
+    ),
+    Key::new("vary", Kind::List(VARY), "What differs from case to case."),
+    Key::new(
+        "variants",
+        Kind::List(VARIANT),
+        "Versions that are compared on the same draws, such as control laws. Default: the scenario alone.",
+    ),
+    Key::new(
+        "correlate",
+        Kind::List(CORRELATE),
+        "Correlations of normal and lognormal values.",
+    ),
+    Key::new(
+        "goals",
+        Kind::List(GOAL),
+        "What the campaign itself must show to pass.",
+    ),
+];
+
+/// `[[vary]]`.
+pub(crate) const VARY: &[Key] = &[
+    Key::new(
+        "key",
+        TEXT,
+        "The value of the scenario that varies, as --set names it. Default: none, for a value that only expressions use.",
+    ),
+    Key::new(
+        "name",
+        TEXT,
+        "Name in expressions and tables. Default: the last part of the key.",
+    ),
+    Key::new("kind", TEXT, "How it varies.").required(),
+];
+
+/// Kinds of `[[vary]]`.
+pub(crate) const SPREADS: &[SpreadKind] = &[
+    SpreadKind {
+        name: "uniform",
+        text: "Any value between two, all alike.",
+        keys: &[MIN, MAX],
+    },
+    SpreadKind {
+        name: "normal",
+        text: "A normal distribution, truncated and not clamped if it is bounded.",
+        keys: &[
+            Key::new(
+                "mean",
+                number("", f64::MIN, ANY),
+                "Mean of the whole distribution.",
+            )
+            .required(),
+            Key::new(
+                "deviation",
+                number("", f64::MIN_POSITIVE, ANY),
+                "Standard deviation of the whole distribution.",
+            )
+            .required(),
+            CUT_MIN,
+            CUT_MAX,
+        ],
+    },
+    SpreadKind {
+        name: "lognormal",
+        text: "A value whose logarithm has a normal distribution.",
+        keys: &[
+            Key::new("median", number("", f64::MIN_POSITIVE, ANY), "Median.").required(),
+            Key::new(
+                "sigma",
+                number("1", f64::MIN_POSITIVE, 100.0),
+                "Standard deviation of the natural logarithm.",
+            )
+            .required(),
+            CUT_MIN,
+            CUT_MAX,
+        ],
+    },
+    SpreadKind {
+        name: "list",
+        text: "One of these values, all alike; numbers, texts, true or false.",
+        keys: &[Key::new("values", Kind::Values, "The values, all of one type.").required()],
+    },
+    SpreadKind {
+        name: "grid",
+        text: "One of so many numbers at equal distances.",
+        keys: &[
+            MIN,
+            MAX,
+            Key::new(
+                "points",
+                Kind::Integer {
+                    min: 2,
+                    max: 1_000_000,
+                    default: None,
+                },
+                "How many, both ends included.",
+            )
+            .required(),
+            Key::new(
+                "scale",
+                Kind::Text {
+                    choices: &["linear", "log"],
+                    default: Some("linear"),
+                },
+                "Equal differences, or equal ratios.",
+            ),
+        ],
+    },
+    SpreadKind {
+        name: "expression",
+        text: "Computed from values that are varied before it.",
+        keys: &[Key::new(
+            "expression",
+            TEXT,
+            "Its value, from the names of the others.",
+        )
+        .required()],
+    },
+];
+
+/// `[[variants]]`.
+pub(crate) const VARIANT: &[Key] = &[
+    Key::new("name", TEXT, "Name: letters, digits, - and _.").required(),
+    Key::new(
+        "set",
+        Kind::Texts,
+        "Values of the scenario that make it, each as --set takes it. Default: none.",
+    ),
+];
+
+/// `[[correlate]]`.
+pub(crate) const CORRELATE: &[Key] = &[
+    Key::new("names", Kind::Texts, "Names of two varied values.").required(),
+    Key::new(
+        "coefficient",
+        number("1", -1.0, 1.0),
+        "Correlation; of lognormal values that of their logarithms, of truncated ones that before the truncation.",
+    )
+    .required(),
+];
+
+/// `[[goals]]`.
+pub(crate) const GOAL: &[Key] = &[
+    Key::new(
+        "requirement",
+        TEXT,
+        "The requirement of the scenario that it is about. Default: all of them, that is, the case passes.",
+    ),
+    Key::new(
+        "variant",
+        TEXT,
+        "The variant that it is about. Default: every one.",
+    ),
+    Key::new("probability", number("1", 0.0, 1.0), "Least probability.").required(),
+    Key::new(
+        "confidence",
+        number("1", 0.5, 0.999_999),
+        "Confidence with which it must be shown, as a one-sided bound. Default: that of the study.",
+    ),
+];

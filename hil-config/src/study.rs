@@ -1,0 +1,262 @@
+//! Studies: a scenario, what varies in it, how many cases, from which seed.
+//!
+//! Read by `hil campaign`, which draws the values of each case and puts them over the scenario as `--set`
+//! does. Draws nothing, and knows neither plant nor law: whether a value fits the scenario shows when the
+//! scenario of a case is checked, and [`Study::at_home`] moves what is wrong with it to its place here.
+
+mod read;
+
+use std::path::{Path, PathBuf};
+
+use crate::expression::Expression;
+use crate::flag::key_of;
+use crate::problem::{FLAG, Problem, Problems};
+use crate::reader::Reader;
+use crate::source::{Place, Sources};
+
+/// Most values that Sobol' points can have.
+pub const MOST_SOBOL: usize = 64;
+
+/// A study that was checked as far as it can be without its scenario.
+#[derive(Clone, Debug)]
+pub struct Study {
+    /// Its name, which becomes part of folder names.
+    pub name: String,
+    /// Description of what it asks; may be empty.
+    pub description: String,
+    /// Its scenario, relative to the working directory.
+    pub scenario: PathBuf,
+    /// Flags `KEY=VALUE` for every case.
+    pub set: Vec<String>,
+    /// Number of draws.
+    pub draws: u64,
+    /// Seed of the draws.
+    pub seed: u64,
+    /// How values are drawn.
+    pub sampling: Sampling,
+    /// Confidence of bounds.
+    pub confidence: f64,
+    /// Time in s after which a case counts as hung.
+    pub case_limit_s: f64,
+    /// Varied values; each uses only earlier ones.
+    pub varied: Vec<Varied>,
+    /// Versions compared on the same draws; at least one.
+    pub variants: Vec<Variant>,
+    /// Correlations of varied values.
+    pub correlations: Vec<Correlation>,
+    /// What the campaign must show.
+    pub goals: Vec<Goal>,
+    sources: Sources,
+    /// Where flags come from, by their keys.
+    homes: Vec<(String, Place)>,
+}
+
+/// Way in which values are drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sampling {
+    /// Each value of each draw by itself.
+    Independent,
+    /// Each value once from each of as many equally likely ranges as there are draws.
+    LatinHypercube,
+    /// Points of Sobol's sequence, moved by a random shift.
+    Sobol,
+    /// Every combination.
+    Grid,
+}
+
+impl Sampling {
+    /// Name in a study.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Independent => "independent",
+            Self::LatinHypercube => "latin-hypercube",
+            Self::Sobol => "sobol",
+            Self::Grid => "grid",
+        }
+    }
+}
+
+/// A varied value.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Varied {
+    /// Name in expressions and tables.
+    pub name: String,
+    /// Key of the scenario, as `--set` takes it; none for one that only expressions use.
+    pub key: Option<String>,
+    /// How it varies.
+    pub spread: Spread,
+}
+
+/// Distribution or set of a varied value.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Spread {
+    /// Any value between two.
+    Uniform {
+        /// Smallest.
+        min: f64,
+        /// Largest.
+        max: f64,
+    },
+    /// Normal, truncated to a range that may be infinite.
+    Normal {
+        /// Mean before truncation.
+        mean: f64,
+        /// Standard deviation before truncation.
+        deviation: f64,
+        /// Range.
+        within: [f64; 2],
+    },
+    /// Lognormal, truncated to a range that may be infinite.
+    Lognormal {
+        /// Median before truncation.
+        median: f64,
+        /// Standard deviation of the natural logarithm before truncation.
+        sigma: f64,
+        /// Range.
+        within: [f64; 2],
+    },
+    /// One of these values.
+    Choice(Vec<Item>),
+    /// Computed from values that are varied before it.
+    Expression(Expression),
+}
+
+/// A value from a list.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Item {
+    /// A number, as TOML writes it.
+    Number(f64, String),
+    /// A text.
+    Text(String),
+    /// True or false.
+    Flag(bool),
+}
+
+/// A version of the scenario.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Variant {
+    /// Its name.
+    pub name: String,
+    /// Flags `KEY=VALUE` that make it.
+    pub set: Vec<String>,
+}
+
+/// A correlation of two varied values.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Correlation {
+    /// Places of both among the varied values, the smaller one first.
+    pub of: [usize; 2],
+    /// Coefficient between the underlying normal values.
+    pub coefficient: f64,
+}
+
+/// A requirement on the whole campaign.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Goal {
+    /// Requirement of the scenario; none for a case that passes.
+    pub requirement: Option<String>,
+    /// Variant; none for each of them.
+    pub variant: Option<String>,
+    /// Least probability.
+    pub probability: f64,
+    /// Confidence with which it must be shown.
+    pub confidence: f64,
+}
+
+impl Study {
+    /// Reads a study file.
+    ///
+    /// # Errors
+    /// With everything that is wrong.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, Problems> {
+        read::file(path.as_ref())
+    }
+
+    /// Reads the text of a study; `origin` is its file, which need not exist.
+    ///
+    /// # Errors
+    /// With everything that is wrong.
+    pub fn parse(text: &str, origin: impl Into<PathBuf>) -> Result<Self, Problems> {
+        read::text(text, origin.into())
+    }
+
+    /// Returns its text.
+    #[must_use]
+    pub fn text(&self) -> &str {
+        self.sources.whole(Sources::SCENARIO)
+    }
+
+    /// Number of its cases: each draw for each variant.
+    #[must_use]
+    pub const fn cases(&self) -> u64 {
+        self.draws * self.variants.len() as u64
+    }
+
+    /// Tells whether a key of the scenario has a value from here, whatever the case.
+    #[must_use]
+    pub fn sets(&self, key: &str) -> bool {
+        self.homes.iter().any(|(home, _)| home == key)
+    }
+
+    /// Makes the problem of a scenario's case a problem of the study, if a flag of the study brought it about.
+    #[must_use]
+    pub fn at_home(&self, problem: Problem) -> Problem {
+        let Some(flag) = problem.source.strip_prefix(FLAG) else {
+            return problem;
+        };
+        let (key, value) = flag.split_once('=').unwrap_or((flag, ""));
+        let home = self.homes.iter().find(|(home, _)| home == key);
+        let Some((_, place)) = home else {
+            return problem;
+        };
+        let help = format!("a case has {key}={value}");
+        Problem {
+            source: self.sources.name(place.source).into(),
+            excerpt: Some(self.sources.excerpt(place)),
+            help: Some(
+                problem
+                    .help
+                    .map_or(help.clone(), |known| format!("{known}; {help}")),
+            ),
+            ..problem
+        }
+    }
+
+    /// Makes a problem of a varied value, for whoever finds out later that it cannot be as it is.
+    #[must_use]
+    pub fn problem_of(&self, varied: usize, message: &str, help: &str) -> Problems {
+        let key = self.varied[varied].key.clone().unwrap_or_default();
+        let start = Place {
+            source: Sources::SCENARIO,
+            span: 0..0,
+        };
+        let home = self.homes.iter().find(|(home, _)| *home == key);
+        let place = home.map_or(&start, |(_, place)| place);
+        let mut reader = Reader::new(self.sources.clone(), Vec::new());
+        reader
+            .report(crate::problem::ProblemKind::OutOfRange, key, place, message)
+            .help(help);
+        Problems(reader.problems)
+    }
+}
+
+impl Item {
+    /// Writes it as `--set` takes it.
+    #[must_use]
+    pub fn toml(&self) -> String {
+        match self {
+            Self::Number(_, text) => text.clone(),
+            Self::Text(text) => toml::Value::String(text.clone()).to_string(),
+            Self::Flag(value) => value.to_string(),
+        }
+    }
+}
+
+/// Returns the key of a flag `KEY=VALUE`.
+fn flag_key(flag: &str) -> &str {
+    key_of(flag).unwrap_or(flag)
+}
+
+#[cfg(test)]
+mod tests;

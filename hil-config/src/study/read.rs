@@ -1,0 +1,623 @@
+//! Reading of a study: from text to checked values, or everything that is wrong with it.
+
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+
+use super::{Correlation, Goal, Item, Sampling, Spread, Study, Variant, Varied, flag_key};
+use crate::check::is_signal_name;
+use crate::document::Value;
+use crate::expression::{Columns, Expression, Group, is_reserved};
+use crate::flag;
+use crate::keys::{MOST_CASES, SPREADS, STUDY};
+use crate::problem::{Problem, ProblemKind, Problems, listed};
+use crate::reader::{Reader, Section};
+use crate::scenario::{Scenario, read_regular};
+use crate::source::{Place, Sources};
+
+/// Columns of the table of results beside the varied values.
+const TAKEN: [&str; 9] = [
+    "case", "draw", "variant", "seed", "class", "steps", "digest", "reason", "margin",
+];
+
+pub(super) fn file(path: &Path) -> Result<Study, Problems> {
+    let text = read_regular(path).map_err(|error| {
+        Problems(vec![Problem {
+            kind: ProblemKind::Unreadable,
+            key: String::new(),
+            message: format!("the study cannot be read: {error}"),
+            expected: None,
+            nearest: Vec::new(),
+            help: None,
+            source: path.display().to_string(),
+            excerpt: None,
+        }])
+    })?;
+    self::text(&text, path.to_owned())
+}
+
+pub(super) fn text(text: &str, origin: PathBuf) -> Result<Study, Problems> {
+    let Scenario {
+        path,
+        sources,
+        table,
+        ..
+    } = Scenario::parse(text, origin)?;
+    let mut reader = Reader::new(sources.clone(), Vec::new());
+    let start = Place {
+        source: Sources::SCENARIO,
+        span: 0..0,
+    };
+    let root = Section {
+        table: &table,
+        keys: STUDY,
+        path: String::new(),
+        place: &start,
+    };
+    let is_other_schema =
+        root.table.get("schema").is_some() && reader.integer(&root, "schema").is_none();
+    let study = if is_other_schema {
+        None
+    } else {
+        study(&mut reader, &root, &path, sources)
+    };
+    reader.finish(study)
+}
+
+fn study(reader: &mut Reader, root: &Section<'_>, path: &Path, sources: Sources) -> Option<Study> {
+    reader.integer(root, "schema");
+    reader.refuse_unknown(root, &[]);
+    let stem = path
+        .file_stem()
+        .map(|stem| stem.to_string_lossy().into_owned());
+    let name = reader
+        .text(root, "name")
+        .map_or(stem.unwrap_or_default(), Into::into);
+    if !is_name(&name) {
+        let message = format!("the study's name is `{name}`");
+        reader
+            .report_at(root, "name", ProblemKind::OutOfRange, message)
+            .expected("1 to 64 letters, digits, - and _");
+    }
+    let description = reader.text(root, "description").unwrap_or_default().into();
+    let scenario = reader.text(root, "scenario").map(|file| {
+        let folder = path.parent().unwrap_or(Path::new(""));
+        folder.join(file)
+    });
+    let mut homes = Homes::default();
+    let set = homes.flags(reader, root, &[]);
+    let sampling = match reader.text(root, "sampling")? {
+        "latin-hypercube" => Sampling::LatinHypercube,
+        "sobol" => Sampling::Sobol,
+        "grid" => Sampling::Grid,
+        _ => Sampling::Independent,
+    };
+    let varied = varied(reader, root, sampling, &mut homes);
+    let variants = variants(reader, root, &mut homes);
+    let correlations = correlations(reader, root, sampling, &varied);
+    let confidence = reader.number(root, "confidence");
+    let goals = goals(reader, root, confidence, sampling, &variants);
+    let draws = draws(reader, root, sampling, &varied, variants.len() as u64);
+    let seed = reader
+        .integer(root, "seed")
+        .and_then(|seed| u64::try_from(seed).ok());
+    let case_limit_s = reader.number(root, "case_limit_s");
+    Some(Study {
+        name,
+        description,
+        scenario: scenario?,
+        set,
+        draws: draws?,
+        seed: seed?,
+        sampling,
+        confidence: confidence?,
+        case_limit_s: case_limit_s?,
+        varied,
+        variants,
+        correlations,
+        goals,
+        sources,
+        homes: homes.all,
+    })
+}
+
+fn is_name(name: &str) -> bool {
+    let legal = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
+    (1..=64).contains(&name.len()) && name.chars().all(legal)
+}
+
+/// Where the flags of a study come from.
+#[derive(Default)]
+struct Homes {
+    all: Vec<(String, Place)>,
+}
+
+impl Homes {
+    /// Takes a key that nothing else may set; those of variants may be set by each of them.
+    fn take(&mut self, reader: &mut Reader, key: &str, place: &Place, allowed: &[String]) {
+        let is_taken = self.all.iter().any(|(known, _)| known == key);
+        if is_taken && !allowed.iter().any(|one| one == key) {
+            let message = format!("`{key}` has a value from this study already");
+            reader.report(ProblemKind::Duplicate, key, place, message);
+        }
+        self.all.push((key.into(), place.clone()));
+    }
+
+    /// Reads the flags of a section.
+    fn flags(
+        &mut self,
+        reader: &mut Reader,
+        section: &Section<'_>,
+        allowed: &[String],
+    ) -> Vec<String> {
+        if section.table.get("set").is_none() {
+            return Vec::new();
+        }
+        let texts = reader.texts(section, "set").unwrap_or_default();
+        let mut flags = Vec::new();
+        for (path, place, text) in texts {
+            if let Err(message) = flag::check(text) {
+                reader
+                    .report(ProblemKind::Syntax, path, place, message)
+                    .expected("KEY=VALUE, as --set takes it");
+                continue;
+            }
+            self.take(reader, flag_key(text), place, allowed);
+            flags.push(text.into());
+        }
+        flags
+    }
+}
+
+fn varied(
+    reader: &mut Reader,
+    root: &Section<'_>,
+    sampling: Sampling,
+    homes: &mut Homes,
+) -> Vec<Varied> {
+    let mut all: Vec<Varied> = Vec::new();
+    let mut columns = Columns::default();
+    let kinds = SPREADS.iter().map(|kind| (kind.name, kind.keys));
+    for section in &reader.list(root, "vary") {
+        let Some((kind, own)) = reader.of_kind(section, "variation", kinds.clone()) else {
+            continue;
+        };
+        let key = reader.text(section, "key");
+        if let Some(key) = key {
+            let place = section.place_of("key");
+            match flag::check(&format!("{key}=0")) {
+                Ok(()) => homes.take(reader, key, place, &[]),
+                Err(message) => {
+                    reader
+                        .report(ProblemKind::Syntax, section.path_of("key"), place, message)
+                        .expected("a key as --set takes it, for example faults[0].at_s");
+                }
+            }
+        }
+        let name = name(reader, section, key, &all);
+        let spread = spread(reader, &own, kind, &columns);
+        let (Some(name), Some(spread)) = (name, spread) else {
+            continue;
+        };
+        if sampling == Sampling::Grid
+            && !matches!(spread, Spread::Choice(_) | Spread::Expression(_))
+        {
+            let message = format!("`{name}` is {kind} in a grid, which has points");
+            reader
+                .report_at(section, "kind", ProblemKind::OutOfRange, message)
+                .expected("list, grid or expression, or another sampling");
+        }
+        let is_number = match &spread {
+            Spread::Choice(items) => items.iter().all(|item| matches!(item, Item::Number(..))),
+            _ => true,
+        };
+        if is_number {
+            columns.push(Group::Derived, &name);
+        }
+        let key = key.map(Into::into);
+        all.push(Varied { name, key, spread });
+    }
+    all
+}
+
+/// Returns the name of a variation: its own, or the last part of its key.
+fn name(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    key: Option<&str>,
+    others: &[Varied],
+) -> Option<String> {
+    let given = reader.text(section, "name");
+    let name = given.or_else(|| key.and_then(|key| key.rsplit('.').next()));
+    let Some(name) = name else {
+        reader.missing(section, &section.path_of("name"), "a name or a key".into());
+        return None;
+    };
+    let place = if given.is_some() { "name" } else { "key" };
+    let message = if !is_signal_name(name) || is_reserved(name) {
+        format!("`{name}` cannot be a name in expressions")
+    } else if TAKEN.contains(&name) {
+        format!("`{name}` is a column of every table of results")
+    } else if others.iter().any(|other| other.name == name) {
+        format!("another value that varies has the name `{name}`")
+    } else {
+        return Some(name.into());
+    };
+    reader
+        .report_at(section, place, ProblemKind::OutOfRange, message)
+        .help("give it a `name` of its own");
+    None
+}
+
+fn spread(reader: &mut Reader, own: &Section<'_>, kind: &str, columns: &Columns) -> Option<Spread> {
+    match kind {
+        "uniform" => {
+            let [min, max] = rising(reader, own)?;
+            Some(Spread::Uniform { min, max })
+        }
+        "normal" | "lognormal" => {
+            let (first, second) = match kind {
+                "normal" => ("mean", "deviation"),
+                _ => ("median", "sigma"),
+            };
+            let (first, second) = (reader.number(own, first), reader.number(own, second));
+            let within = bounds(reader, own)?;
+            Some(match kind {
+                "normal" => Spread::Normal {
+                    mean: first?,
+                    deviation: second?,
+                    within,
+                },
+                _ => Spread::Lognormal {
+                    median: first?,
+                    sigma: second?,
+                    within,
+                },
+            })
+        }
+        "list" => values(reader, own).map(Spread::Choice),
+        "grid" => grid(reader, own).map(Spread::Choice),
+        _ => expression(reader, own, columns).map(Spread::Expression),
+    }
+}
+
+/// Returns the range of a section that must have one.
+fn rising(reader: &mut Reader, own: &Section<'_>) -> Option<[f64; 2]> {
+    let (min, max) = (reader.number(own, "min"), reader.number(own, "max"));
+    let range = [min?, max?];
+    ordered(reader, own, range)
+}
+
+/// Returns the range that a distribution is truncated to, if it is.
+fn bounds(reader: &mut Reader, own: &Section<'_>) -> Option<[f64; 2]> {
+    let mut range = [f64::NEG_INFINITY, f64::INFINITY];
+    for (key, bound) in ["min", "max"].into_iter().zip(&mut range) {
+        if own.table.get(key).is_some() {
+            *bound = reader.number(own, key)?;
+        }
+    }
+    ordered(reader, own, range)
+}
+
+fn ordered(reader: &mut Reader, own: &Section<'_>, [min, max]: [f64; 2]) -> Option<[f64; 2]> {
+    if min < max {
+        return Some([min, max]);
+    }
+    let path = own.path_of("min");
+    reader
+        .report_at(
+            own,
+            "min",
+            ProblemKind::OutOfRange,
+            format!("`{path}` is not below max"),
+        )
+        .expected("min below max");
+    None
+}
+
+fn values(reader: &mut Reader, own: &Section<'_>) -> Option<Vec<Item>> {
+    let path = own.path_of("values");
+    let expected = "a list of numbers, of texts, or of true and false";
+    let Some(entry) = own.table.get("values") else {
+        reader.missing(own, &path, expected.into());
+        return None;
+    };
+    let Value::List(nodes) = &entry.node.value else {
+        reader.wrong_type(&path, &entry.node, expected);
+        return None;
+    };
+    let mut items: Vec<Item> = Vec::new();
+    for (index, node) in nodes.iter().enumerate() {
+        let path = format!("{path}[{index}]");
+        let text = || reader_text(reader, &node.place);
+        let item = match &node.value {
+            Value::Integer(number) => Item::Number(*number as f64, text()),
+            Value::Float(number) if number.is_finite() => Item::Number(*number, text()),
+            Value::Text(text) => Item::Text(text.clone()),
+            Value::Boolean(value) => Item::Flag(*value),
+            _ => {
+                reader.wrong_type(&path, node, expected);
+                return None;
+            }
+        };
+        let is_other =
+            |first: &Item| std::mem::discriminant(first) != std::mem::discriminant(&item);
+        if items.first().is_some_and(is_other) {
+            reader.wrong_type(&path, node, "a value of the type of the first");
+            return None;
+        }
+        if items.contains(&item) {
+            let message = format!("`{path}` is there already");
+            reader.report(ProblemKind::Duplicate, path, &node.place, message);
+            return None;
+        }
+        items.push(item);
+    }
+    if items.len() < 2 {
+        let message = format!("`{path}` has {} values: nothing varies", items.len());
+        reader
+            .report_at(own, "values", ProblemKind::OutOfRange, message)
+            .expected("at least two values");
+        return None;
+    }
+    Some(items)
+}
+
+fn reader_text(reader: &Reader, place: &Place) -> String {
+    reader.sources.text(place).into()
+}
+
+fn grid(reader: &mut Reader, own: &Section<'_>) -> Option<Vec<Item>> {
+    let [min, max] = rising(reader, own)?;
+    let points = reader.integer(own, "points")?;
+    let is_log = reader.text(own, "scale")? == "log";
+    if is_log && min <= 0.0 {
+        reader
+            .report_at(
+                own,
+                "min",
+                ProblemKind::OutOfRange,
+                "equal ratios from 0 or below",
+            )
+            .expected("min above 0, or scale = \"linear\"");
+        return None;
+    }
+    let point = |index: i64| {
+        let share = index as f64 / (points - 1) as f64;
+        let value = match (index, is_log) {
+            (0, _) => min,
+            (last, _) if last == points - 1 => max,
+            (_, true) => min * libm::pow(max / min, share),
+            (_, false) => min + (max - min) * share,
+        };
+        Item::Number(value, format!("{value:?}"))
+    };
+    Some((0..points).map(point).collect())
+}
+
+fn expression(reader: &mut Reader, own: &Section<'_>, columns: &Columns) -> Option<Expression> {
+    let text = reader.text(own, "expression")?;
+    let parsed = Expression::parse(text).and_then(|parsed| {
+        parsed.refuse_reduction()?;
+        Ok(parsed)
+    });
+    let (expression, errors) = match parsed {
+        Ok(parsed) => {
+            let unknown = parsed.unknown_names(columns);
+            (Some(parsed), unknown)
+        }
+        Err(error) => (None, vec![error]),
+    };
+    let is_known = errors.is_empty();
+    for error in errors {
+        let place = reader
+            .sources
+            .inside(own.place_of("expression"), text, error.span.clone());
+        let message = error
+            .message
+            .replace("unknown derived signal", "unknown value");
+        let known: Vec<&str> = columns.names().collect();
+        reader
+            .report(
+                ProblemKind::UnknownName,
+                own.path_of("expression"),
+                &place,
+                message,
+            )
+            .expected(format!(
+                "numbers that are varied before it: {}",
+                listed(known)
+            ));
+    }
+    expression.filter(|_| is_known)
+}
+
+fn variants(reader: &mut Reader, root: &Section<'_>, homes: &mut Homes) -> Vec<Variant> {
+    let mut all: Vec<Variant> = Vec::new();
+    let mut names = HashSet::new();
+    let mut allowed: Vec<String> = Vec::new();
+    for section in &reader.list(root, "variants") {
+        reader.refuse_unknown(section, &[]);
+        let name = reader.text(section, "name");
+        let set = homes.flags(reader, section, &allowed);
+        allowed.extend(set.iter().map(|flag| flag_key(flag).to_owned()));
+        let Some(name) = name else { continue };
+        if !is_name(name) || !names.insert(name.to_owned()) {
+            let message = format!("`{}` is `{name}`", section.path_of("name"));
+            reader
+                .report_at(section, "name", ProblemKind::OutOfRange, message)
+                .expected("1 to 64 letters, digits, - and _, and no name twice");
+        }
+        let name = name.into();
+        all.push(Variant { name, set });
+    }
+    if all.is_empty() {
+        let (name, set) = ("scenario".into(), Vec::new());
+        all.push(Variant { name, set });
+    }
+    all
+}
+
+fn correlations(
+    reader: &mut Reader,
+    root: &Section<'_>,
+    sampling: Sampling,
+    varied: &[Varied],
+) -> Vec<Correlation> {
+    let mut all: Vec<Correlation> = Vec::new();
+    for section in &reader.list(root, "correlate") {
+        reader.refuse_unknown(section, &[]);
+        let coefficient = reader.number(section, "coefficient");
+        let Some(names) = reader.texts(section, "names") else {
+            continue;
+        };
+        let normal =
+            |one: &&Varied| matches!(one.spread, Spread::Normal { .. } | Spread::Lognormal { .. });
+        let known: Vec<&str> = varied.iter().filter(normal).map(|one| &*one.name).collect();
+        let mut of = Vec::new();
+        for (path, place, name) in &names {
+            match varied
+                .iter()
+                .position(|one| one.name == *name && normal(&one))
+            {
+                Some(found) => of.push(found),
+                None => {
+                    reader
+                        .report(
+                            ProblemKind::UnknownName,
+                            path.clone(),
+                            place,
+                            format!("`{name}` is no normal or lognormal value"),
+                        )
+                        .expected(format!("one of {}", listed(known.iter().copied())))
+                        .nearest(name, known.iter().copied());
+                }
+            }
+        }
+        if of.len() != names.len() {
+            continue;
+        }
+        of.sort_unstable();
+        let &[first, second] = &of[..] else {
+            let message = format!("`{}` has {} names", section.path_of("names"), of.len());
+            reader
+                .report_at(section, "names", ProblemKind::OutOfRange, message)
+                .expected("two names");
+            continue;
+        };
+        let of = [first, second];
+        if first == second || all.iter().any(|other| other.of == of) {
+            let message = "a correlation of a value with itself, or one that is given twice";
+            reader.report_at(section, "names", ProblemKind::Duplicate, message);
+        }
+        if matches!(sampling, Sampling::LatinHypercube | Sampling::Grid) {
+            let message = format!(
+                "correlations do not go with sampling = \"{}\"",
+                sampling.name()
+            );
+            reader
+                .report_at(section, "names", ProblemKind::OutOfRange, message)
+                .expected("independent or sobol");
+        }
+        if let Some(coefficient) = coefficient {
+            all.push(Correlation { of, coefficient });
+        }
+    }
+    all
+}
+
+fn goals(
+    reader: &mut Reader,
+    root: &Section<'_>,
+    confidence: Option<f64>,
+    sampling: Sampling,
+    variants: &[Variant],
+) -> Vec<Goal> {
+    let mut all = Vec::new();
+    for section in &reader.list(root, "goals") {
+        reader.refuse_unknown(section, &[]);
+        if sampling != Sampling::Independent {
+            let message = format!(
+                "a probability from sampling = \"{}\" has no bounds",
+                sampling.name()
+            );
+            reader
+                .report_at(section, "probability", ProblemKind::OutOfRange, message)
+                .expected("sampling = \"independent\"");
+        }
+        let variant = reader.text(section, "variant");
+        if let Some(name) = variant
+            && !variants.iter().any(|known| known.name == name)
+        {
+            let names: Vec<&str> = variants.iter().map(|one| &*one.name).collect();
+            reader
+                .report_at(
+                    section,
+                    "variant",
+                    ProblemKind::UnknownName,
+                    format!("there is no variant `{name}`"),
+                )
+                .expected(format!("one of {}", listed(names.iter().copied())))
+                .nearest(name, names.iter().copied());
+        }
+        let own = match section.table.get("confidence") {
+            Some(_) => reader.number(section, "confidence"),
+            None => confidence,
+        };
+        let requirement = reader.text(section, "requirement").map(Into::into);
+        let probability = reader.number(section, "probability");
+        if let (Some(probability), Some(confidence)) = (probability, own) {
+            all.push(Goal {
+                requirement,
+                variant: variant.map(Into::into),
+                probability,
+                confidence,
+            });
+        }
+    }
+    all
+}
+
+/// Returns the number of draws, which a grid has of itself.
+fn draws(
+    reader: &mut Reader,
+    root: &Section<'_>,
+    sampling: Sampling,
+    varied: &[Varied],
+    variants: u64,
+) -> Option<u64> {
+    let given = match root.table.get("cases") {
+        Some(_) => Some(reader.integer(root, "cases")?),
+        None => None,
+    };
+    let most = MOST_CASES.cast_unsigned();
+    let draws = match (sampling, given) {
+        (Sampling::Grid, Some(_)) => {
+            let message = "a grid has as many cases as points; `cases` says something else";
+            reader
+                .report_at(root, "cases", ProblemKind::OutOfRange, message)
+                .help("leave out `cases`, or choose another sampling");
+            return None;
+        }
+        (Sampling::Grid, None) => varied.iter().fold(1_u64, |product, one| match &one.spread {
+            Spread::Choice(items) => product.saturating_mul(items.len() as u64),
+            _ => product,
+        }),
+        (_, Some(given)) => given.cast_unsigned(),
+        (_, None) => {
+            reader.missing(root, "cases", "a whole number of draws".into());
+            return None;
+        }
+    };
+    if draws.saturating_mul(variants) > most {
+        let message = format!("{draws} draws of {variants} variants are more than {most} cases");
+        reader.report_at(root, "cases", ProblemKind::OutOfRange, message);
+        return None;
+    }
+    let sobol = 1 << 32;
+    if sampling == Sampling::Sobol && (draws > sobol || varied.len() > super::MOST_SOBOL) {
+        let message = format!("Sobol' points have at most {} values", super::MOST_SOBOL);
+        reader.report_at(root, "sampling", ProblemKind::OutOfRange, message);
+        return None;
+    }
+    Some(draws)
+}

@@ -1,0 +1,191 @@
+use super::*;
+
+const HEAD: &str = "schema = 1\nscenario = \"a.toml\"\n";
+
+fn study(text: &str) -> Study {
+    let read = Study::parse(&format!("{HEAD}{text}"), "studies/demo.toml");
+    read.unwrap_or_else(|problems| panic!("{problems}"))
+}
+
+fn refused(text: &str) -> String {
+    let read = Study::parse(&format!("{HEAD}{text}"), "studies/demo.toml");
+    read.expect_err("refused").to_string()
+}
+
+#[test]
+fn a_study_is_read_with_its_defaults() {
+    let study = study(
+        r#"
+cases = 10
+set = ["run.duration_s=2"]
+[[vary]]
+key = "faults[0].at_s"
+kind = "uniform"
+min = 1
+max = 2
+[[vary]]
+name = "half"
+key = "plant.parameters.a"
+kind = "expression"
+expression = "at_s / 2"
+[[variants]]
+name = "pid"
+set = ["controller.law=pid"]
+[[variants]]
+name = "ftsc"
+set = ["controller.law=ftsc"]
+[[goals]]
+variant = "ftsc"
+probability = 0.9
+"#,
+    );
+    assert_eq!((&*study.name, study.seed, study.cases()), ("demo", 1, 20));
+    assert_eq!(study.scenario, Path::new("studies/a.toml"));
+    assert_eq!(study.sampling, Sampling::Independent);
+    assert_eq!(study.varied[0].name, "at_s");
+    assert_eq!(
+        study.varied[0].spread,
+        Spread::Uniform { min: 1.0, max: 2.0 }
+    );
+    assert_eq!(study.goals[0].confidence, 0.95);
+    assert!(
+        study.sets("controller.law") && study.sets("run.duration_s") && !study.sets("run.seed")
+    );
+}
+
+#[test]
+fn a_grid_has_as_many_draws_as_points() {
+    let study = study(
+        r#"
+sampling = "grid"
+[[vary]]
+key = "a.b"
+kind = "grid"
+min = 0.1
+max = 10
+points = 3
+scale = "log"
+[[vary]]
+key = "a.c"
+kind = "list"
+values = ["x", "y", "z", "w"]
+"#,
+    );
+    assert_eq!(study.draws, 12);
+    let Spread::Choice(items) = &study.varied[0].spread else {
+        panic!("{:?}", study.varied[0])
+    };
+    let numbers: Vec<String> = items.iter().map(Item::toml).collect();
+    assert_eq!(numbers, ["0.1", "1.0", "10.0"]);
+    let Spread::Choice(items) = &study.varied[1].spread else {
+        panic!("{:?}", study.varied[1])
+    };
+    assert_eq!(items[1].toml(), "\"y\"");
+}
+
+#[test]
+fn each_mistake_is_told_with_its_place_and_the_nearest_name() {
+    let uniform = "[[vary]]\nkey = \"a.b\"\nkind = \"uniform\"\nmin = 0\nmax = 1\n";
+    let normal = "[[vary]]\nkey = \"a.n\"\nkind = \"normal\"\nmean = 0\ndeviation = 1\n";
+    for (text, told) in [
+        (uniform.to_owned(), "`cases` is missing"),
+        ("cases = 1\nsampels = 2\n".into(), "nearest: `sampling`"),
+        (
+            format!("cases = 1\n{}", uniform.replace("uniform", "unifrom")),
+            "nearest: `uniform`",
+        ),
+        (
+            format!("cases = 1\n{}", uniform.replace("max = 1", "max = 0")),
+            "`vary[0].min` is not below max",
+        ),
+        (
+            format!("cases = 1\n{uniform}{uniform}"),
+            "`a.b` has a value from this study already",
+        ),
+        (
+            format!("cases = 1\nset = [\"a.b=3\"]\n{uniform}"),
+            "`a.b` has a value from this study already",
+        ),
+        ("cases = 1\nset = [\"a.b\"]\n".into(), "`a.b` has no `=`"),
+        (
+            format!("cases = 1\n{}", uniform.replace("a.b", "a..b")),
+            "`` is not a key",
+        ),
+        (
+            format!("cases = 1\n{}", uniform.replace("a.b", "a.class")),
+            "a column of every table of results",
+        ),
+        (
+            format!("sampling = \"grid\"\n{uniform}"),
+            "`b` is uniform in a grid",
+        ),
+        (
+            "sampling = \"grid\"\ncases = 3\n".into(),
+            "a grid has as many cases as points",
+        ),
+        (
+            "cases = 1\n[[vary]]\nkey = \"a.b\"\nkind = \"list\"\nvalues = [1, \"x\"]\n".into(),
+            "a value of the type of the first",
+        ),
+        (
+            "cases = 1\n[[vary]]\nkey = \"a.b\"\nkind = \"list\"\nvalues = [1]\n".into(),
+            "nothing varies",
+        ),
+        (
+            format!(
+                "cases = 1\n{uniform}[[vary]]\nname = \"c\"\nkind = \"expression\"\nexpression = \"2 * d\"\n"
+            ),
+            "numbers that are varied before it: `b`",
+        ),
+        (
+            format!(
+                "cases = 1\n{normal}{uniform}[[correlate]]\nnames = [\"n\", \"b\"]\ncoefficient = 0.5\n"
+            ),
+            "`b` is no normal or lognormal value",
+        ),
+        (
+            "cases = 1\nsampling = \"sobol\"\n[[goals]]\nprobability = 0.9\n".into(),
+            "has no bounds",
+        ),
+        (
+            "cases = 1\n[[goals]]\nprobability = 0.9\nvariant = \"senario\"\n".into(),
+            "nearest: `scenario`",
+        ),
+        (
+            "cases = 100000001\n".into(),
+            "a whole number from 1 to 100000000",
+        ),
+        (
+            "cases = 1\n[[variants]]\nname = \"a b\"\n".into(),
+            "no name twice",
+        ),
+    ] {
+        let said = refused(&text);
+        assert!(said.contains(told), "{text}\n{said}");
+        assert!(said.contains("--> studies/demo.toml:"), "{said}");
+    }
+}
+
+#[test]
+fn a_problem_of_a_case_is_told_at_the_variation_that_brought_it_about() {
+    let study = study(
+        "cases = 1\n[[vary]]\nkey = \"run.duraton_s\"\nkind = \"uniform\"\nmin = 0\nmax = 1\n",
+    );
+    let scenario = crate::scenario::Scenario::parse("schema = 1\n[run]\nrate_hz = 10\n", "a.toml");
+    let checked = scenario
+        .expect("TOML")
+        .set(&["run.duraton_s=0.5"])
+        .check(&[], &[], &[]);
+    let problems = checked.expect_err("refused").0;
+    let told: Vec<String> = problems
+        .into_iter()
+        .map(|one| study.at_home(one).to_string())
+        .collect();
+    let one = told
+        .iter()
+        .find(|one| one.contains("duraton_s"))
+        .expect("told");
+    assert!(one.contains("--> studies/demo.toml:5:7"), "{one}");
+    assert!(one.contains("nearest: `duration_s`"), "{one}");
+    assert!(one.contains("a case has run.duraton_s=0.5"), "{one}");
+}
