@@ -6,7 +6,7 @@
 use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
-use crate::document::Table;
+use crate::document::{Table, Value};
 use crate::flag;
 use crate::problem::{FLAG, Problem, ProblemKind, Problems};
 use crate::reader::Reader;
@@ -103,6 +103,14 @@ impl Scenario {
         self.sources.whole(Sources::SCENARIO)
     }
 
+    /// Lists the tables of points that it names, by their keys.
+    #[must_use]
+    pub fn files(&self) -> Vec<(String, String)> {
+        let mut found = Vec::new();
+        files(&self.table, "", &mut found);
+        found
+    }
+
     /// Puts `KEY=VALUE` flags over it, one after the other; none may replace what an earlier one set.
     /// Flags that cannot be applied are reported by the [check](Self::check), with everything else.
     #[must_use]
@@ -135,6 +143,32 @@ impl Scenario {
             }
         }
         self
+    }
+}
+
+/// Finds every `file` below a table.
+fn files(table: &Table, path: &str, found: &mut Vec<(String, String)>) {
+    for entry in table.entries() {
+        let path = match path {
+            "" => entry.key.clone(),
+            path => format!("{path}.{}", entry.key),
+        };
+        match &entry.node.value {
+            Value::Text(name) if entry.key == "file" => found.push((path, name.clone())),
+            value => files_in(value, &path, found),
+        }
+    }
+}
+
+fn files_in(value: &Value, path: &str, found: &mut Vec<(String, String)>) {
+    match value {
+        Value::Table(table) => files(table, path, found),
+        Value::List(items) => {
+            for (index, item) in items.iter().enumerate() {
+                files_in(&item.value, &format!("{path}[{index}]"), found);
+            }
+        }
+        _ => {}
     }
 }
 

@@ -6,6 +6,7 @@
 //! | Room | What lives there |
 //! |---|---|
 //! | [`commands`] | verbs without a room of their own, and which verb goes where |
+//! | [`campaign`] | very many cases of one scenario, on cores and clusters |
 //! | [`views`] | monitor, report, export, layout, and the chooser of their plots |
 //! | [`verification`] | compare, baselines, judge, replay, rerun, audit, suite: is it the same, is it right? |
 //! | [`benchmark`] | what `hil latency` measures |
@@ -35,7 +36,8 @@
 //! in `commands::execute`. Then `HIL_WRITE_BOOK=1 cargo test -p tests book::references` writes
 //! the reference of the book.
 //!
-//! Recordings are the work of a package of their own, [`hil_recording`], in `tools/recording`.
+//! Recordings are the work of a package of their own, [`hil_recording`], in `tools/recording`, and so are the
+//! draws, folders, tables and statistics of campaigns, [`hil_campaign`], in `tools/campaign`.
 //!
 //! The loop is the work of other packages. Three parts run on it: the idle plant and law of
 //! [`benchmark`], the [replay](verification::replay) in the plant's place, and [`run`] where it
@@ -52,6 +54,7 @@ mod terminal;
 
 mod arguments;
 mod benchmark;
+mod campaign;
 mod checkpoint;
 mod commands;
 mod doctor;

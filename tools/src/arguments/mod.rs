@@ -3,6 +3,7 @@
 //!
 //! One file for each group of commands, and here the parts that they share.
 
+pub(crate) mod campaign;
 pub(crate) mod checkpoint;
 pub(crate) mod clock;
 pub(crate) mod config;
@@ -31,6 +32,7 @@ use clap::error::{ContextKind, ErrorKind};
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 
+use campaign::CampaignCommand;
 use clock::{ClockArguments, StepArguments};
 use config::{ConfigArguments, SessionsArguments};
 use doctor::DoctorArguments;
@@ -83,6 +85,9 @@ pub enum Command {
     Monitor(MonitorArguments),
     /// Change the controller of a running session
     Controller(ControllerArguments),
+    /// Run very many cases of a scenario: check, plan, run, submit, show
+    #[command(after_help = campaign::EXAMPLES)]
+    Campaign(CampaignCommand),
     /// Repeat a recorded run with its late commands; compare digests
     #[command(
         after_help = "Exit codes: 0 the same digest; 1 another.\n\nExample:\n  hil rerun runs/demo"
@@ -148,7 +153,7 @@ Examples:
 
 /// Subcommands as `hil --help` groups them; clap has one heading for all.
 const GROUPS: [(&str, &[&str]); 4] = [
-    ("Run", &["run", "config", "rerun"]),
+    ("Run", &["run", "campaign", "config", "rerun"]),
     (
         "While a session runs",
         &["monitor", "inject", "pause", "resume", "step", "controller"],

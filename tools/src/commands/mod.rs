@@ -20,7 +20,7 @@ use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::{advice, interruption, output};
 use crate::verification::{compare, judge, repetition, replay, rerun, suite};
 use crate::views::{export, layout, monitor, report};
-use crate::{benchmark, doctor};
+use crate::{benchmark, campaign, doctor};
 
 /// Does what the command line of this process says, and tells why if that cannot be done.
 #[must_use]
@@ -67,6 +67,7 @@ fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
         Command::Controller(arguments) => match &arguments.action {
             ControllerAction::Swap(arguments) => swap::swap(arguments),
         },
+        Command::Campaign(arguments) => campaign::campaign(&arguments.action),
         Command::Rerun(arguments) => rerun::rerun(arguments),
         Command::Replay(arguments) => replay::replay(arguments),
         Command::Compare(arguments) => compare::command(arguments),

@@ -109,6 +109,13 @@ impl Choices {
         })
     }
 
+    /// Tells whether one of them was named, by whatever means.
+    pub(crate) fn names_one(&self) -> bool {
+        [&self.plant, &self.controller]
+            .iter()
+            .any(|choice| choice.by != NamedBy::Nobody)
+    }
+
     /// Asks both what they are.
     ///
     /// # Errors

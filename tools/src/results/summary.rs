@@ -52,7 +52,7 @@ pub(crate) struct Summary {
     /// Null unless the run was against the clock or repeats one that was.
     missed_commands: Option<Missed>,
     rate_hz: f64,
-    steps: u64,
+    pub(crate) steps: u64,
     sim_time_s: f64,
     pub(crate) wall_time_s: f64,
     pub(crate) realtime_factor: f64,

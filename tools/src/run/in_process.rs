@@ -31,17 +31,18 @@ use crate::terminal::exit::Failure;
 const LOOK: Duration = Duration::from_millis(2);
 
 /// The plants, kinds of faults and laws that are built into `hil`, for all runs of this process.
-static PLANTS: LazyLock<Vec<PlantKind>> = LazyLock::new(plant_process::models::all);
-static FAULTS: LazyLock<Vec<FaultKindEntry>> = LazyLock::new(plant_process::faults::kinds::all);
-static LAWS: LazyLock<Vec<LawKind>> = LazyLock::new(controller_process::laws::all);
+pub(super) static PLANTS: LazyLock<Vec<PlantKind>> = LazyLock::new(plant_process::models::all);
+pub(super) static FAULTS: LazyLock<Vec<FaultKindEntry>> =
+    LazyLock::new(plant_process::faults::kinds::all);
+pub(super) static LAWS: LazyLock<Vec<LawKind>> = LazyLock::new(controller_process::laws::all);
 
-fn plant_of(job: &plant_process::job::Job) -> Result<&'static PlantKind, String> {
+pub(super) fn plant_of(job: &plant_process::job::Job) -> Result<&'static PlantKind, String> {
     let model = &job.plant.model;
     let kind = PLANTS.iter().find(|kind| kind.description.name == *model);
     kind.ok_or_else(|| format!("hil has no plant `{model}`"))
 }
 
-fn runner(
+pub(super) fn runner(
     job: controller_process::job::Job,
     link: in_process::InProcessLink,
 ) -> Result<Runner<'static, in_process::InProcessLink>, String> {
@@ -179,24 +180,28 @@ fn take_turns(
     let report = settings.apply();
     let told = session.write_file(PLANT_FILE, &report);
     told.map_err(|e| e.to_string())?;
-    turns(&mut engine, &mut runner, report.waiter(limit), supervision)
-        .map_err(|e| e.to_string())?;
+    let waiter = report.waiter(limit);
+    turns(&mut engine, &mut runner, waiter, || {
+        supervision.wants_stop()
+    })
+    .map_err(|e| e.to_string())?;
     engine
         .end()
         .cloned()
         .ok_or_else(|| "the run ended without saying how".into())
 }
 
-fn turns<S: RecordSink>(
+/// Polls both sides in turns until the engine is over.
+pub(super) fn turns<S: RecordSink>(
     engine: &mut Engine<in_process::InProcessLink, S>,
     runner: &mut Runner<'_, in_process::InProcessLink>,
     mut waiter: Waiter,
-    supervision: &Supervision,
+    wants_stop: impl Fn() -> bool,
 ) -> Result<(), LinkError> {
     let queue = engine.queue();
     runner.begin()?;
     loop {
-        if supervision.wants_stop() {
+        if wants_stop() {
             engine.interrupt(&PlantEvent::Stop)?;
             runner.interrupt(&ControllerEvent::Stop)?;
         }
@@ -205,9 +210,7 @@ fn turns<S: RecordSink>(
             engine::Progress::Over => return Ok(()),
             engine::Progress::Busy => waiter.done(),
             engine::Progress::Until(target_ns) => {
-                waiter.until_ns(target_ns, || {
-                    supervision.wants_stop() || queue.wants_attention()
-                });
+                waiter.until_ns(target_ns, || wants_stop() || queue.wants_attention());
                 waiter.done();
             }
             engine::Progress::Held => {

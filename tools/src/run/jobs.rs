@@ -41,7 +41,7 @@ pub(super) fn of(
     let controller = controller_process::job::Job {
         checkpoints: plant.checkpoints.clone(),
         realtime: plan.realtime.controller(),
-        ..controller(plan, session, wait_limit_s + between_s)
+        ..controller(plan, session.id, wait_limit_s + between_s)
     };
     (plant, controller)
 }
@@ -49,12 +49,11 @@ pub(super) fn of(
 /// Makes the job of a controller that saves nothing and asks nothing of its machine.
 pub(crate) fn controller(
     plan: &Plan,
-    session: &SessionInfo,
+    session: u64,
     wait_limit_s: f64,
 ) -> controller_process::job::Job {
     let (plant, law) = (&plan.plant.model, &plan.controller.law);
-    let job =
-        controller_process::job::Job::new(session.id, plant, law, plan.run.rate, wait_limit_s);
+    let job = controller_process::job::Job::new(session, plant, law, plan.run.rate, wait_limit_s);
     with_law(job, plan.controller.clone())
 }
 

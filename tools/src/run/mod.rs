@@ -7,7 +7,10 @@
 //!    `processes` ends a run whose side died; `controllers` says whether the loss of one ends it,
 //!    `termination` why it ended.
 //! 4. `conclude` makes checkpoints, summary and exit code of what came of it.
+//!
+//! [`alone`] is a run in one thread with neither session nor folder, for very many.
 
+pub(crate) mod alone;
 mod attach;
 mod conclude;
 mod controllers;

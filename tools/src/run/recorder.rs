@@ -27,6 +27,7 @@ use crate::terminal::exit::Failure;
 use crate::terminal::interruption::Interruption;
 use work::Work;
 
+pub(crate) mod direct;
 mod heard;
 mod work;
 

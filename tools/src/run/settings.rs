@@ -13,6 +13,9 @@ use crate::terminal::exit::Failure;
 use hil_recording::compression::Compression;
 use hil_recording::excerpt::Choice;
 
+/// Longest silence of a living process in s, unless another one is asked for.
+pub(crate) const WAIT_LIMIT_S: f64 = 5.0;
+
 /// Checked settings of a run, whatever its scenario.
 #[derive(Clone, Debug)]
 pub(crate) struct Settings {
@@ -80,6 +83,31 @@ impl Settings {
             checkpoints_at_s,
             is_one_of_many: false,
         })
+    }
+
+    /// Makes the settings of a run whose recording nobody needs.
+    pub(crate) const fn without_recording(link: LinkKind, out: Option<PathBuf>) -> Self {
+        Self {
+            link,
+            out,
+            session: None,
+            recording: None,
+            wait_limit_s: WAIT_LIMIT_S,
+            pause_at_s: None,
+            checkpoints_at_s: Vec::new(),
+            is_one_of_many: false,
+        }
+    }
+
+    /// Makes the settings of a run with a whole recording.
+    pub(crate) fn with_recording(link: LinkKind, out: Option<PathBuf>) -> Self {
+        Self {
+            recording: Some(RecordingSettings {
+                compression: Compression::Lz4,
+                choice: Choice::default(),
+            }),
+            ..Self::without_recording(link, out)
+        }
     }
 
     /// Names the kind of evidence that a run gives, as its recording and its summary have it.

@@ -150,7 +150,7 @@ impl Prepared {
 
     fn run(self, mut session: Session, reader: RunReader) -> Result<Report, Failure> {
         let info = session.info().clone();
-        let job = jobs::controller(&self.plan, &info, self.wait_limit_s);
+        let job = jobs::controller(&self.plan, info.id, self.wait_limit_s);
         info.write_file(JOB_FILE, &job)
             .map_err(Failure::infrastructure)?;
         self.controller

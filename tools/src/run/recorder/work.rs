@@ -160,7 +160,7 @@ impl Work {
         }
     }
 
-    fn take(&mut self, item: Item<'_>) {
+    pub(super) fn take(&mut self, item: Item<'_>) {
         if self.collector.recorded.end.is_some() {
             return self.refuse("the record stream went on after the end of the run".into());
         }

@@ -1,0 +1,320 @@
+//! Values of the cases of a campaign.
+//!
+//! Case `i` is a pure function of the study, with its seed and number of draws, and of `i`: whoever computes it,
+//! on whatever machine and in whatever order, gets the same bits. Independent draws and Sobol' points do not
+//! depend on the number of draws either.
+
+use hil_config::expression::{Columns, Group, Program};
+use hil_config::problem::Problems;
+use hil_config::study::{Item, MOST_SOBOL, Sampling, Spread, Study};
+use shared_types::random::RandomStream;
+
+use crate::table::Cell;
+use crate::{normal, permutation, sobol};
+
+/// Largest seed of a case plus 1: a number that JSON and TOML carry exactly.
+const SEEDS: f64 = (1_u64 << 53) as f64;
+
+const _: () = assert!(
+    MOST_SOBOL == sobol::MOST_DIMENSIONS,
+    "a study admits no more"
+);
+
+/// Values of a study, ready to be drawn.
+pub struct Draws {
+    study: Study,
+    sources: Vec<Source>,
+    /// Lower triangle of the Cholesky factor of the correlations, for the places in `normals`.
+    factor: Vec<Vec<f64>>,
+    /// Varied values that have correlations.
+    normals: Vec<usize>,
+}
+
+/// Source of a varied value.
+enum Source {
+    /// The random number of this dimension; the key is that of a permutation or a shift.
+    Random { dimension: usize, key: u64 },
+    /// Values before it, by their columns.
+    Computed { program: Program, from: Vec<usize> },
+}
+
+/// A drawn value.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Drawn {
+    /// A number.
+    Number(f64),
+    /// An entry of a list.
+    Item(Item),
+}
+
+impl Drawn {
+    /// Writes it as `--set` takes it.
+    #[must_use]
+    pub fn toml(&self) -> String {
+        match self {
+            Self::Number(value) if value.is_nan() => "nan".into(),
+            Self::Number(value) => format!("{value:?}"),
+            Self::Item(item) => item.toml(),
+        }
+    }
+
+    /// Makes the cell of a table of it.
+    #[must_use]
+    pub fn cell(&self) -> Cell {
+        match self {
+            Self::Number(value) | Self::Item(Item::Number(value, _)) => Cell::number(*value),
+            Self::Item(Item::Text(text)) => Cell::Text(text.clone()),
+            Self::Item(Item::Flag(value)) => Cell::Text(value.to_string()),
+        }
+    }
+
+    const fn number(&self) -> f64 {
+        match self {
+            Self::Number(value) | Self::Item(Item::Number(value, _)) => *value,
+            Self::Item(_) => f64::NAN,
+        }
+    }
+}
+
+impl Draws {
+    /// Prepares the draws of a study.
+    ///
+    /// # Errors
+    /// If its correlations cannot be those of any values.
+    pub fn new(study: Study) -> Result<Self, Problems> {
+        let mut columns = Columns::default();
+        let mut places = Vec::new();
+        let mut sources = Vec::new();
+        let mut dimension = 0;
+        for (place, one) in study.varied.iter().enumerate() {
+            let bound = match &one.spread {
+                Spread::Expression(expression) => Some(expression.compile_signal(&columns)),
+                _ => None,
+            };
+            sources.push(match bound.and_then(Result::ok) {
+                Some(program) => Source::Computed {
+                    program,
+                    from: places.clone(),
+                },
+                None => {
+                    dimension += 1;
+                    Source::Random {
+                        dimension: dimension - 1,
+                        key: key(study.seed, &one.name),
+                    }
+                }
+            });
+            columns.push(Group::Derived, &one.name);
+            places.push(place);
+        }
+        let mut normals: Vec<usize> = study.correlations.iter().flat_map(|one| one.of).collect();
+        normals.sort_unstable();
+        normals.dedup();
+        let factor = factor(&study, &normals)?;
+        Ok(Self {
+            study,
+            sources,
+            factor,
+            normals,
+        })
+    }
+
+    /// Returns the study.
+    #[must_use]
+    pub const fn study(&self) -> &Study {
+        &self.study
+    }
+
+    /// Returns the draw and the variant of a case: draws follow each other, each with all variants.
+    #[must_use]
+    pub fn of_case(&self, case: u64) -> (u64, usize) {
+        let variants = self.study.variants.len() as u64;
+        let variant = usize::try_from(case % variants).unwrap_or_default();
+        (case / variants, variant)
+    }
+
+    /// Draws `run.seed` of a draw.
+    #[must_use]
+    pub fn seed(&self, draw: u64) -> u64 {
+        let path = format!("campaign/run.seed/{draw}");
+        (RandomStream::new(self.study.seed, &path).uniform() * SEEDS) as u64
+    }
+
+    /// Draws the varied values of a draw, in their order.
+    #[must_use]
+    pub fn values(&self, draw: u64) -> Vec<Drawn> {
+        let mut uniform: Vec<f64> = self
+            .sources
+            .iter()
+            .map(|source| self.uniform(source, draw))
+            .collect();
+        self.correlate(&mut uniform);
+        let mut values: Vec<Drawn> = Vec::with_capacity(uniform.len());
+        for ((source, u), one) in self.sources.iter().zip(uniform).zip(&self.study.varied) {
+            let value = match (source, &one.spread) {
+                (Source::Computed { program, from }, _) => {
+                    let row: Vec<f64> = from.iter().map(|place| values[*place].number()).collect();
+                    Drawn::Number(program.evaluate(&row))
+                }
+                (Source::Random { .. }, Spread::Choice(items)) => {
+                    let last = items.len() - 1;
+                    let index = self.chosen(draw, values.len(), (u * items.len() as f64) as usize);
+                    Drawn::Item(items[if index < last { index } else { last }].clone())
+                }
+                (Source::Random { .. }, spread) => Drawn::Number(value(spread, u)),
+            };
+            values.push(value);
+        }
+        values
+    }
+
+    /// Returns the flags that make a case of the scenario, in the order in which they are applied.
+    #[must_use]
+    pub fn flags(&self, case: u64) -> Vec<String> {
+        let (draw, variant) = self.of_case(case);
+        self.flags_of(variant, self.seed(draw), &self.values(draw))
+    }
+
+    /// Returns the flags of a case with these values.
+    #[must_use]
+    pub fn flags_of(&self, variant: usize, seed: u64, values: &[Drawn]) -> Vec<String> {
+        let study = &self.study;
+        let mut flags = study.set.clone();
+        flags.extend(study.variants[variant].set.iter().cloned());
+        for (one, value) in study.varied.iter().zip(values) {
+            flags.extend(one.key.iter().map(|key| format!("{key}={}", value.toml())));
+        }
+        if !study.sets("run.seed") {
+            flags.push(format!("run.seed={seed}"));
+        }
+        flags
+    }
+
+    /// Returns a number in (0, 1) for a dimension of a draw.
+    fn uniform(&self, source: &Source, draw: u64) -> f64 {
+        let Source::Random { dimension, key } = source else {
+            return 0.5;
+        };
+        let seed = self.study.seed;
+        let random = |path: &str| {
+            RandomStream::new(seed, &format!("campaign/{path}/{key:x}/{draw}")).uniform()
+        };
+        match self.study.sampling {
+            Sampling::Grid => 0.5,
+            // Half a step up: neither 0 nor 1 has a finite normal quantile.
+            Sampling::Independent => random("independent") + 0.5 / SEEDS,
+            Sampling::LatinHypercube => {
+                let draws = self.study.draws;
+                let range = permutation::permuted(draw, draws, *key);
+                let u = (range as f64 + random("hypercube") + 0.5 / SEEDS) / draws as f64;
+                if u < 1.0 { u } else { 1.0 - 0.5 / SEEDS }
+            }
+            Sampling::Sobol => {
+                let index = u32::try_from(draw).unwrap_or_default();
+                let shifted = sobol::point(index, *dimension) ^ (*key >> 32) as u32;
+                (f64::from(shifted) + 0.5) / (1_u64 << 32) as f64
+            }
+        }
+    }
+
+    /// Returns the entry of a list in a grid, the last value changing fastest; elsewhere the drawn one.
+    fn chosen(&self, draw: u64, place: usize, drawn: usize) -> usize {
+        if self.study.sampling != Sampling::Grid {
+            return drawn;
+        }
+        let length = |spread: &Spread| match spread {
+            Spread::Choice(items) => items.len() as u64,
+            _ => 1,
+        };
+        let after = self.study.varied[place + 1..].iter();
+        let period: u64 = after.map(|one| length(&one.spread)).product();
+        let index = draw / period % length(&self.study.varied[place].spread);
+        usize::try_from(index).unwrap_or_default()
+    }
+
+    fn correlate(&self, uniform: &mut [f64]) {
+        let free: Vec<f64> = self
+            .normals
+            .iter()
+            .map(|place| normal::quantile(uniform[*place]))
+            .collect();
+        for (row, place) in self.factor.iter().zip(&self.normals) {
+            let z = row
+                .iter()
+                .zip(&free)
+                .fold(0.0, |sum, (weight, z)| sum + weight * z);
+            uniform[*place] = normal::cumulative(z);
+        }
+    }
+}
+
+/// Key of a varied value.
+fn key(seed: u64, name: &str) -> u64 {
+    let stream = format!("campaign/key/{name}");
+    let mut stream = RandomStream::new(seed, &stream);
+    let half = |u: f64| (u * (1_u64 << 32) as f64) as u64;
+    (half(stream.uniform()) << 32) | half(stream.uniform())
+}
+
+/// Returns the value of a distribution at the probability `u`.
+fn value(spread: &Spread, u: f64) -> f64 {
+    let inside = |value: f64, [min, max]: [f64; 2]| {
+        let value = if value < min { min } else { value };
+        if value > max { max } else { value }
+    };
+    match *spread {
+        Spread::Uniform { min, max } => inside(min + (max - min) * u, [min, max]),
+        Spread::Normal {
+            mean,
+            deviation,
+            within: [min, max],
+        } => normal::truncated(mean, deviation, min, max, u),
+        Spread::Lognormal {
+            median,
+            sigma,
+            within,
+        } => {
+            let log = |bound: f64| match bound {
+                bound if bound > 0.0 => libm::log(bound),
+                _ => f64::NEG_INFINITY,
+            };
+            let exponent =
+                normal::truncated(libm::log(median), sigma, log(within[0]), log(within[1]), u);
+            inside(libm::exp(exponent), within)
+        }
+        Spread::Choice(_) | Spread::Expression(_) => f64::NAN,
+    }
+}
+
+/// Returns the lower triangle `L` with `L L' = R` for the matrix `R` of correlations (Golub and Van Loan, Matrix
+/// Computations, 4th ed., algorithm 4.2.1).
+fn factor(study: &Study, normals: &[usize]) -> Result<Vec<Vec<f64>>, Problems> {
+    let correlation = |row: usize, column: usize| {
+        let of = [normals[column], normals[row]];
+        let found = study.correlations.iter().find(|one| one.of == of);
+        found.map_or(0.0, |one| one.coefficient)
+    };
+    let mut factor: Vec<Vec<f64>> = Vec::new();
+    for row in 0..normals.len() {
+        let mut new: Vec<f64> = Vec::new();
+        for column in 0..row {
+            let above: &Vec<f64> = &factor[column];
+            let known = above.iter().zip(&new).fold(0.0, |sum, (a, b)| sum + a * b);
+            new.push((correlation(row, column) - known) / above[column]);
+        }
+        let rest = new.iter().fold(1.0, |rest, one| rest - one * one);
+        if rest <= 1e-12 {
+            return Err(study.problem_of(
+                normals[row],
+                "no values have these correlations: their matrix is not positive definite",
+                "make the coefficients smaller, or leave one out",
+            ));
+        }
+        new.push(rest.sqrt());
+        factor.push(new);
+    }
+    Ok(factor)
+}
+
+#[cfg(test)]
+mod tests;

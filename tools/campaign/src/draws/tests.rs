@@ -1,0 +1,199 @@
+use super::*;
+
+fn draws(text: &str) -> Draws {
+    let text = format!("schema = 1\nscenario = \"a.toml\"\n{text}");
+    let study = Study::parse(&text, "demo.toml").unwrap_or_else(|problems| panic!("{problems}"));
+    Draws::new(study).unwrap_or_else(|problems| panic!("{problems}"))
+}
+
+const TWO: &str = r#"
+[[vary]]
+key = "a.x"
+kind = "uniform"
+min = 2.0
+max = 4.0
+[[vary]]
+key = "a.n"
+kind = "normal"
+mean = 10.0
+deviation = 2.0
+[[vary]]
+key = "a.double"
+kind = "expression"
+expression = "2 * x + n"
+[[vary]]
+key = "a.law"
+kind = "list"
+values = ["pid", "ftsc"]
+[[variants]]
+name = "one"
+[[variants]]
+name = "two"
+set = ["b.c=3"]
+"#;
+
+fn numbers(draws: &Draws, draw: u64) -> Vec<f64> {
+    draws.values(draw).iter().map(Drawn::number).collect()
+}
+
+#[test]
+fn variants_have_the_same_draws_and_their_own_flags() {
+    let draws = draws(&format!("cases = 5\nset = [\"z=1\"]\n{TWO}"));
+    assert_eq!((draws.of_case(6), draws.of_case(7)), ((3, 0), (3, 1)));
+    let (one, two) = (draws.flags(6), draws.flags(7));
+    assert_eq!((&*one[0], &*two[0], &*two[1]), ("z=1", "z=1", "b.c=3"));
+    assert_eq!(one[1..], two[2..]);
+    let [x, n, double, _] = numbers(&draws, 3)[..] else {
+        panic!("four values")
+    };
+    assert_eq!(double, 2.0 * x + n);
+    assert_eq!(one[1], format!("a.x={x:?}"));
+    assert!(one[4] == "a.law=\"pid\"" || one[4] == "a.law=\"ftsc\"");
+    assert_eq!(one[5], format!("run.seed={}", draws.seed(3)));
+}
+
+#[test]
+fn a_seed_that_the_study_gives_is_not_drawn() {
+    let draws = draws(&format!("cases = 5\nset = [\"run.seed=7\"]\n{TWO}"));
+    assert_eq!(
+        draws
+            .flags(0)
+            .iter()
+            .filter(|flag| flag.starts_with("run.seed"))
+            .count(),
+        1
+    );
+}
+
+#[test]
+fn independent_and_sobol_draws_stay_when_a_campaign_grows_and_those_of_a_hypercube_do_not() {
+    for (sampling, stays) in [
+        ("independent", true),
+        ("sobol", true),
+        ("latin-hypercube", false),
+    ] {
+        let of = |cases: u64| {
+            draws(&format!(
+                "cases = {cases}\nsampling = \"{sampling}\"\n{TWO}"
+            ))
+        };
+        let (few, many) = (of(100), of(1000));
+        let same = (0..100).all(|draw| few.values(draw) == many.values(draw));
+        assert_eq!(same, stays, "{sampling}");
+    }
+}
+
+#[test]
+fn each_seed_gives_other_values_and_each_value_its_own() {
+    let of = |seed: u64| draws(&format!("cases = 9\nseed = {seed}\n{TWO}"));
+    assert_ne!(of(1).values(0), of(2).values(0));
+    assert_ne!(of(1).values(0), of(1).values(1));
+    assert_ne!(of(1).seed(0), of(1).seed(1));
+}
+
+#[test]
+fn a_hypercube_has_one_draw_in_each_of_as_many_equal_ranges() {
+    let draws = draws(&format!(
+        "cases = 1000\nsampling = \"latin-hypercube\"\n{TWO}"
+    ));
+    let mut seen = [0; 1000];
+    for draw in 0..1000 {
+        let x = numbers(&draws, draw)[0];
+        seen[((x - 2.0) / 2.0 * 1000.0) as usize] += 1;
+    }
+    assert_eq!(seen, [1; 1000]);
+}
+
+#[test]
+fn shifted_sobol_points_fill_each_dyadic_range_once() {
+    let draws = draws(&format!("cases = 256\nsampling = \"sobol\"\n{TWO}"));
+    let mut seen = [0; 256];
+    for draw in 0..256 {
+        seen[((numbers(&draws, draw)[0] - 2.0) * 128.0) as usize] += 1;
+    }
+    assert_eq!(seen, [1; 256]);
+}
+
+#[test]
+fn a_grid_has_every_combination_once_and_its_last_value_changes_fastest() {
+    let draws = draws(
+        "sampling = \"grid\"\n[[vary]]\nkey = \"a.b\"\nkind = \"grid\"\nmin = 0\nmax = 2\npoints = 3\n\
+         [[vary]]\nkey = \"a.c\"\nkind = \"list\"\nvalues = [true, false]\n",
+    );
+    let all: Vec<String> = (0..6)
+        .map(|case| draws.flags(case)[..2].join(" "))
+        .collect();
+    assert_eq!(
+        all,
+        [
+            "a.b=0.0 a.c=true",
+            "a.b=0.0 a.c=false",
+            "a.b=1.0 a.c=true",
+            "a.b=1.0 a.c=false",
+            "a.b=2.0 a.c=true",
+            "a.b=2.0 a.c=false"
+        ]
+    );
+}
+
+/// Mean, deviation and correlation of the first two numbers of 20,000 draws.
+fn moments(draws: &Draws) -> ([f64; 2], [f64; 2], f64) {
+    let all: Vec<Vec<f64>> = (0..20_000).map(|draw| numbers(draws, draw)).collect();
+    let count = all.len() as f64;
+    let mean = [0, 1].map(|one| all.iter().map(|row| row[one]).sum::<f64>() / count);
+    let product = |a: usize, b: usize| {
+        let of = |row: &Vec<f64>| (row[a] - mean[a]) * (row[b] - mean[b]);
+        all.iter().map(of).sum::<f64>() / count
+    };
+    let deviation = [product(0, 0).sqrt(), product(1, 1).sqrt()];
+    (mean, deviation, product(0, 1) / deviation[0] / deviation[1])
+}
+
+#[test]
+fn moments_and_correlations_are_those_of_the_distributions() {
+    let text = |coefficient: f64| {
+        format!(
+            "cases = 20000\n[[vary]]\nname = \"a\"\nkind = \"normal\"\nmean = 5\ndeviation = 2\n\
+             [[vary]]\nname = \"b\"\nkind = \"normal\"\nmean = -1\ndeviation = 0.5\n\
+             [[correlate]]\nnames = [\"b\", \"a\"]\ncoefficient = {coefficient}\n"
+        )
+    };
+    for coefficient in [0.8, -0.5] {
+        // Five standard errors of 20,000 draws.
+        let (mean, deviation, correlation) = moments(&draws(&text(coefficient)));
+        assert!(
+            (mean[0] - 5.0).abs() < 0.071 && (mean[1] + 1.0).abs() < 0.018,
+            "{mean:?}"
+        );
+        assert!((deviation[0] - 2.0).abs() < 0.05 && (deviation[1] - 0.5).abs() < 0.0125);
+        assert!((correlation - coefficient).abs() < 0.027, "{correlation}");
+    }
+    let (mean, deviation, correlation) = moments(&draws(&format!("cases = 20000\n{TWO}")));
+    assert!((mean[0] - 3.0).abs() < 0.0205 && (deviation[0] - 1.0 / 3.0_f64.sqrt()).abs() < 0.01);
+    assert!((mean[1] - 10.0).abs() < 0.071 && correlation.abs() < 0.036);
+}
+
+#[test]
+fn correlations_that_no_values_can_have_are_refused_with_their_place() {
+    let one = |name: &str| {
+        format!("[[vary]]\nkey = \"a.{name}\"\nkind = \"normal\"\nmean = 0\ndeviation = 1\n")
+    };
+    let with = |a: &str, b: &str, c: f64| {
+        format!("[[correlate]]\nnames = [\"{a}\", \"{b}\"]\ncoefficient = {c}\n")
+    };
+    let text = format!(
+        "schema = 1\nscenario = \"a.toml\"\ncases = 2\n{}{}{}{}{}{}",
+        one("x"),
+        one("y"),
+        one("z"),
+        with("x", "y", 0.9),
+        with("y", "z", 0.9),
+        with("x", "z", -0.9),
+    );
+    let study = Study::parse(&text, "demo.toml").unwrap_or_else(|problems| panic!("{problems}"));
+    let told = Draws::new(study).err().expect("refused").to_string();
+    assert!(
+        told.contains("not positive definite") && told.contains("a.z"),
+        "{told}"
+    );
+}

@@ -1,0 +1,231 @@
+//! The journal of an attempt at a shard: each case before it starts, each row when it is there.
+//!
+//! A line is JSON and the begin of its hash, so that a torn or damaged line is known and ends what counts. The
+//! owner holds a lock on the file, which the kernel drops with the process: whoever gets the lock knows that the
+//! attempt is dead. Rows of the dead are taken over; rows of the living are read but not waited for.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use rustix::fs::{FlockOperation, flock};
+use serde::{Deserialize, Serialize};
+
+use crate::table::{Cell, Row};
+
+/// Longest time for which rows are not on the disk.
+const UNSYNCED: Duration = Duration::from_millis(200);
+/// First and last part of the names of journals.
+const PREFIX: &str = "attempt-";
+const SUFFIX: &str = ".journal";
+
+/// A line.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Line {
+    /// First line: the campaign, and where the attempt is made.
+    Of { campaign: String, host: String },
+    /// A case starts.
+    Start(u64),
+    /// A case is left, through no fault of its own.
+    Left(u64),
+    /// A case ended.
+    Row { wall_s: f64, cells: Row },
+}
+
+/// Circumstances of a row, which may differ from one run of its case to the next.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Circumstances {
+    /// Time that the case took, in s.
+    pub wall_s: f64,
+    /// Machine that it ran on.
+    pub host: String,
+    /// Name of the attempt.
+    pub attempt: String,
+    /// Attempts that started it, this one included.
+    pub tries: u64,
+}
+
+/// A journal being written.
+pub struct Journal {
+    file: File,
+    path: PathBuf,
+    name: String,
+    host: String,
+    synced: Instant,
+}
+
+/// Content of a journal.
+pub(crate) struct Found {
+    pub(crate) path: PathBuf,
+    pub(crate) name: String,
+    /// True if nobody writes it any more.
+    pub(crate) is_dead: bool,
+    pub(crate) host: String,
+    pub(crate) started: Vec<u64>,
+    pub(crate) rows: BTreeMap<u64, (Row, f64)>,
+}
+
+impl Journal {
+    /// Begins a journal in the folder of a shard.
+    ///
+    /// # Errors
+    /// If it cannot be written or locked.
+    pub fn begin(shard: &Path, campaign: &str) -> io::Result<Self> {
+        let (file, path) = tempfile::Builder::new()
+            .prefix(PREFIX)
+            .suffix(SUFFIX)
+            .rand_bytes(10)
+            .append(true)
+            .tempfile_in(shard)?
+            .keep()
+            .map_err(|error| error.error)?;
+        flock(&file, FlockOperation::NonBlockingLockExclusive)?;
+        let host = rustix::system::uname()
+            .nodename()
+            .to_string_lossy()
+            .into_owned();
+        let mut journal = Self {
+            file,
+            name: name_of(&path),
+            path,
+            host: host.clone(),
+            synced: Instant::now(),
+        };
+        journal.write(&Line::Of {
+            campaign: campaign.into(),
+            host,
+        })?;
+        Ok(journal)
+    }
+
+    /// Notes that a case starts.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn start(&mut self, case: u64) -> io::Result<()> {
+        self.write(&Line::Start(case))
+    }
+
+    /// Notes that a case that started is left: its worker is asked to end.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn leave(&mut self, case: u64) -> io::Result<()> {
+        self.write(&Line::Left(case))
+    }
+
+    /// Notes the row of a case; it is on the disk soon, and at once if the case took long.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn row(&mut self, cells: &Row, wall_s: f64) -> io::Result<()> {
+        self.write(&Line::Row {
+            wall_s,
+            cells: cells.clone(),
+        })?;
+        if self.synced.elapsed() >= UNSYNCED {
+            self.file.sync_data()?;
+            self.synced = Instant::now();
+        }
+        Ok(())
+    }
+
+    /// Returns its name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Returns the machine that it is written on.
+    #[must_use]
+    pub fn host(&self) -> &str {
+        &self.host
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    fn write(&mut self, line: &Line) -> io::Result<()> {
+        let mut text = serde_json::to_string(line)?;
+        let sum = sum(&text);
+        text.push(' ');
+        text += &sum;
+        text.push('\n');
+        self.file.write_all(text.as_bytes())
+    }
+}
+
+fn sum(text: &str) -> String {
+    blake3::hash(text.as_bytes()).to_hex()[..16].to_owned()
+}
+
+fn name_of(path: &Path) -> String {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let name = name.strip_prefix(PREFIX).unwrap_or(&name);
+    name.strip_suffix(SUFFIX).unwrap_or(name).into()
+}
+
+/// Lists the journals of a shard.
+pub(crate) fn paths(shard: &Path) -> io::Result<Vec<PathBuf>> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(shard)? {
+        let path = entry?.path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        if name.starts_with(PREFIX) && name.ends_with(SUFFIX) {
+            found.push(path);
+        }
+    }
+    found.sort();
+    Ok(found)
+}
+
+/// Reads a journal of this campaign, up to the first line that is not whole; none if it is gone or another's.
+pub(crate) fn read(path: &Path, campaign: &str) -> io::Result<Option<Found>> {
+    let file = match File::open(path) {
+        Ok(file) => file,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        Err(error) => return Err(error),
+    };
+    // Asked before it is read: what the dead wrote is all there is.
+    let is_dead = flock(&file, FlockOperation::NonBlockingLockShared).is_ok();
+    let text = std::fs::read(path)?;
+    let text = String::from_utf8_lossy(&text);
+    let whole = text.split_inclusive('\n').map_while(|line| {
+        let (json, told) = line.strip_suffix('\n')?.rsplit_once(' ')?;
+        (told == sum(json)).then(|| serde_json::from_str::<Line>(json).ok())?
+    });
+    let mut lines = whole;
+    let Some(Line::Of { campaign: of, host }) = lines.next() else {
+        return Ok(None);
+    };
+    if of != campaign {
+        return Ok(None);
+    }
+    let mut found = Found {
+        path: path.to_owned(),
+        name: name_of(path),
+        is_dead,
+        host,
+        started: Vec::new(),
+        rows: BTreeMap::new(),
+    };
+    for line in lines {
+        match line {
+            Line::Start(case) => found.started.push(case),
+            Line::Left(case) => {
+                let last = found.started.iter().rposition(|started| *started == case);
+                last.map(|last| found.started.remove(last));
+            }
+            Line::Row { wall_s, cells } => {
+                let case = cells.first().map_or(0, Cell::as_count);
+                found.rows.insert(case, (cells, wall_s));
+            }
+            Line::Of { .. } => break,
+        }
+    }
+    Ok(Some(found))
+}

@@ -1,0 +1,31 @@
+//! Campaigns: very many runs of one scenario whose values vary, as the folder that all workers share.
+//!
+//! The folder is the protocol. Whoever starts workers, and on which machine, is nobody's business here; what has
+//! no result is missing, and any worker may compute it.
+//!
+//! 1. [`Draws`](draws::Draws) gives the values of each case, a pure function of study and case number.
+//! 2. A [`Manifest`](manifest::Manifest) says what a folder is for: study, scenario and programs by their hashes.
+//! 3. A worker claims a [`Shard`](shard::Shard), some cases in a row, notes every [`Row`](table::Row) in the journal
+//!    of its attempt, and publishes the whole once: the first result counts, and a second one is compared.
+//! 4. [`collect`] joins the parts into one [table] and gives the campaign's digest.
+//! 5. Statistics say what follows: [`binomial`] bounds of probabilities, bounds of quantiles ([`order`]), [`rank`]
+//!    correlation, [`mcnemar`]'s test.
+//!
+//! No run is made here, and neither scenario nor plant is known.
+
+pub mod binomial;
+pub mod collect;
+pub mod draws;
+pub mod folder;
+pub mod journal;
+pub mod manifest;
+pub mod mcnemar;
+pub mod normal;
+pub mod order;
+mod permutation;
+pub mod rank;
+pub mod shard;
+mod sobol;
+pub mod table;
+mod tail;
+mod truncated;

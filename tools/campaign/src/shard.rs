@@ -1,0 +1,469 @@
+//! Shards: cases in a row that one worker computes and publishes as a whole.
+//!
+//! A claim saves work and decides nothing: a shard that two workers compute is published by the one that links its
+//! result first. The other one's rows are compared with it, so that a double execution, which no engine excludes,
+//! becomes a check that runs repeat.
+
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::{self, ErrorKind};
+use std::ops::Range;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+
+use rustix::fs::{FlockOperation, flock};
+
+use crate::folder::{Conflict, Folder, SHARDS};
+use crate::journal::{self, Circumstances, Journal};
+use crate::table::{self, Cell, Column, Kind, Row, TableError, Writer};
+
+/// Times that a case may end its worker before it is set aside.
+pub const MOST_TRIES: u64 = 3;
+/// Name of a published result.
+const PART: &str = "part.parquet";
+
+/// Facts in a part.
+const CAMPAIGN: &str = "campaign";
+const SUM: &str = "sum";
+
+/// A shard.
+#[derive(Clone, Copy, Debug)]
+pub struct Shard<'a> {
+    folder: &'a Folder,
+    number: u64,
+}
+
+/// Claim on a shard, until it is dropped or its process ends.
+pub struct Claim(#[expect(dead_code, reason = "held, never read: it has the lock")] File);
+
+/// Published rows.
+pub struct Part {
+    /// Rows of results in the order of cases.
+    pub rows: Vec<Row>,
+    /// Their circumstances.
+    pub circumstances: Vec<Circumstances>,
+}
+
+/// Reason for which a part does not count.
+#[derive(Debug, thiserror::Error)]
+pub enum PartError {
+    /// There is none.
+    #[error("it has no result")]
+    Missing,
+    /// It is damaged or another campaign's.
+    #[error("its result is broken: {0}")]
+    Broken(String),
+    /// The system refused.
+    #[error(transparent)]
+    Io(io::Error),
+}
+
+impl From<TableError> for PartError {
+    fn from(error: TableError) -> Self {
+        match error {
+            TableError::Io(error) if error.kind() == ErrorKind::NotFound => Self::Missing,
+            TableError::Io(error) => Self::Io(error),
+            TableError::Other(what) => Self::Broken(what),
+        }
+    }
+}
+
+/// Columns of the circumstances of a row.
+#[must_use]
+pub fn circumstance_columns() -> Vec<Column> {
+    let seconds = Column {
+        unit: "s".into(),
+        ..Column::new("wall_time_s", Kind::Number)
+    };
+    vec![
+        seconds,
+        Column::new("host", Kind::Text),
+        Column::new("attempt", Kind::Text),
+        Column::new("tries", Kind::Count),
+    ]
+}
+
+impl Circumstances {
+    /// Returns them as cells.
+    #[must_use]
+    pub fn cells(&self) -> [Cell; 4] {
+        [
+            Cell::number(self.wall_s),
+            Cell::Text(self.host.clone()),
+            Cell::Text(self.attempt.clone()),
+            Cell::Count(self.tries),
+        ]
+    }
+}
+
+impl<'a> Shard<'a> {
+    pub(crate) const fn new(folder: &'a Folder, number: u64) -> Self {
+        Self { folder, number }
+    }
+
+    /// Returns its number.
+    #[must_use]
+    pub const fn number(&self) -> u64 {
+        self.number
+    }
+
+    /// Returns its cases.
+    #[must_use]
+    pub const fn cases(&self) -> Range<u64> {
+        self.folder.manifest().cases_of(self.number)
+    }
+
+    fn path(&self) -> PathBuf {
+        let name = format!("{:08}", self.number);
+        self.folder.path().join(SHARDS).join(name)
+    }
+
+    /// Tells whether it has a result.
+    #[must_use]
+    pub fn is_published(&self) -> bool {
+        self.path().join(PART).exists()
+    }
+
+    /// Claims it; none if another worker has it.
+    ///
+    /// # Errors
+    /// If the folder cannot be written.
+    pub fn claim(&self) -> io::Result<Option<Claim>> {
+        let path = self.path();
+        fs::create_dir_all(&path)?;
+        let mut options = File::options();
+        let file = options
+            .create(true)
+            .truncate(false)
+            .write(true)
+            .open(path.join("claim"))?;
+        match flock(&file, FlockOperation::NonBlockingLockExclusive) {
+            Ok(()) => Ok(Some(Claim(file))),
+            Err(rustix::io::Errno::WOULDBLOCK) => Ok(None),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// Begins an attempt, with what earlier attempts left.
+    ///
+    /// # Errors
+    /// If the folder cannot be read or written.
+    pub fn attempt(self) -> io::Result<Attempt<'a>> {
+        let path = self.path();
+        fs::create_dir_all(&path)?;
+        let journal = Journal::begin(&path, self.folder.id())?;
+        let mut attempt = Attempt {
+            shard: self,
+            journal,
+            rows: BTreeMap::new(),
+            tries: BTreeMap::new(),
+            stale: Vec::new(),
+            conflict: None,
+        };
+        for path in journal::paths(&path)? {
+            if path != attempt.journal.path() {
+                attempt.take_over(&path)?;
+            }
+        }
+        Ok(attempt)
+    }
+
+    /// Counts the rows that there are before the result is published.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub fn begun(&self) -> io::Result<(u64, bool)> {
+        let path = self.path();
+        let mut cases = BTreeMap::new();
+        let mut is_alive = false;
+        let paths = match journal::paths(&path) {
+            Err(error) if error.kind() == ErrorKind::NotFound => Vec::new(),
+            paths => paths?,
+        };
+        for path in paths {
+            if let Some(found) = journal::read(&path, self.folder.id())? {
+                is_alive |= !found.is_dead;
+                cases.extend(found.rows.into_keys().map(|case| (case, ())));
+            }
+        }
+        Ok((cases.len() as u64, is_alive))
+    }
+
+    /// Reads its result.
+    ///
+    /// # Errors
+    /// If it has none, or one that does not count.
+    pub fn part(&self) -> Result<Part, PartError> {
+        let columns = self.folder.manifest().columns.clone();
+        let results = columns.len();
+        let all: Vec<Column> = columns.into_iter().chain(circumstance_columns()).collect();
+        let path = self.path().join(PART);
+        let reader = table::Reader::open(&path, &all)?;
+        if reader.fact(CAMPAIGN) != Some(self.folder.id()) {
+            return Err(PartError::Broken("it is of another campaign".into()));
+        }
+        let told = reader.fact(SUM).unwrap_or_default().to_owned();
+        drop(reader);
+        let mut rows = table::read(&path, &all)?;
+        let circumstances: Vec<Circumstances> = rows
+            .iter_mut()
+            .map(|row| circumstances(row.split_off(results)))
+            .collect();
+        let cases = rows.iter().map(|row| row[0].as_count());
+        if !cases.eq(self.cases()) {
+            return Err(PartError::Broken("it has other cases".into()));
+        }
+        if sum(&rows, &circumstances) != told {
+            return Err(PartError::Broken("its check sum is another".into()));
+        }
+        Ok(Part {
+            rows,
+            circumstances,
+        })
+    }
+
+    /// Sets a result that does not count aside, so that it is computed again; gives its new name.
+    ///
+    /// # Errors
+    /// If it cannot be renamed.
+    pub fn set_aside(&self) -> io::Result<PathBuf> {
+        let path = self.path();
+        let free = (1..).map(|number| path.join(format!("broken-{number}.parquet")));
+        let free = free
+            .into_iter()
+            .find(|path| !path.exists())
+            .unwrap_or_default();
+        fs::rename(path.join(PART), &free)?;
+        Ok(free)
+    }
+}
+
+fn circumstances(cells: Row) -> Circumstances {
+    let text = |place: usize| cells[place].as_text().to_owned();
+    Circumstances {
+        wall_s: cells[0].as_number().unwrap_or_default(),
+        host: text(1),
+        attempt: text(2),
+        tries: cells[3].as_count(),
+    }
+}
+
+fn sum(rows: &[Row], circumstances: &[Circumstances]) -> String {
+    let mut hasher = blake3::Hasher::new();
+    for (row, circumstances) in rows.iter().zip(circumstances) {
+        (row.iter().chain(&circumstances.cells())).for_each(|cell| cell.hash(&mut hasher));
+    }
+    hasher.finalize().to_hex().to_string()
+}
+
+/// An attempt at a shard.
+pub struct Attempt<'a> {
+    shard: Shard<'a>,
+    journal: Journal,
+    rows: BTreeMap<u64, (Row, Circumstances)>,
+    /// Dead attempts that started a case and have no row of it.
+    tries: BTreeMap<u64, u64>,
+    /// Journals of the dead.
+    stale: Vec<PathBuf>,
+    conflict: Option<Conflict>,
+}
+
+/// End of an attempt.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Published {
+    /// Its result counts.
+    First,
+    /// Another one was first, with the same rows.
+    Again,
+    /// Another one was first, with other rows.
+    Otherwise(Conflict),
+}
+
+impl Attempt<'_> {
+    fn take_over(&mut self, path: &Path) -> io::Result<()> {
+        let campaign = self.shard.folder.id();
+        let Some(found) = journal::read(path, campaign)? else {
+            return Ok(());
+        };
+        let columns = &self.shard.folder.manifest().columns;
+        for case in found
+            .started
+            .iter()
+            .filter(|case| !found.rows.contains_key(case))
+        {
+            *self.tries.entry(*case).or_default() += u64::from(found.is_dead);
+        }
+        for (case, (row, wall_s)) in found.rows {
+            if !self.shard.cases().contains(&case) || !table::fits(&row, columns) {
+                continue;
+            }
+            let circumstances = Circumstances {
+                wall_s,
+                host: found.host.clone(),
+                attempt: found.name.clone(),
+                tries: 1,
+            };
+            self.keep(case, row, circumstances);
+        }
+        if found.is_dead {
+            self.stale.push(found.path);
+        }
+        Ok(())
+    }
+
+    /// Keeps the first row of a case, and compares later ones with it.
+    fn keep(&mut self, case: u64, row: Row, circumstances: Circumstances) {
+        match self.rows.get(&case) {
+            Some((first, _)) => {
+                let columns = &self.shard.folder.manifest().columns;
+                let found = difference(first, &row, columns, &circumstances);
+                self.conflict = self.conflict.take().or(found);
+            }
+            None => {
+                self.rows.insert(case, (row, circumstances));
+            }
+        }
+    }
+
+    /// Tells whether a case has its row.
+    #[must_use]
+    pub fn has(&self, case: u64) -> bool {
+        self.rows.contains_key(&case)
+    }
+
+    /// Counts the workers that a case has ended.
+    #[must_use]
+    pub fn tries(&self, case: u64) -> u64 {
+        self.tries.get(&case).copied().unwrap_or_default()
+    }
+
+    /// Notes that a case starts.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn start(&mut self, case: u64) -> io::Result<()> {
+        self.journal.start(case)
+    }
+
+    /// Notes that a case that started is left: the worker is asked to end.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn leave(&mut self, case: u64) -> io::Result<()> {
+        self.journal.leave(case)
+    }
+
+    /// Takes the row of a case.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn row(&mut self, row: Row, wall_s: f64) -> io::Result<()> {
+        self.journal.row(&row, wall_s)?;
+        let case = row[0].as_count();
+        let circumstances = Circumstances {
+            wall_s,
+            host: self.journal.host().into(),
+            attempt: self.journal.name().into(),
+            tries: self.tries(case) + 1,
+        };
+        self.keep(case, row, circumstances);
+        Ok(())
+    }
+
+    /// Publishes the rows, of which there must be one for each case, and removes what is not needed any more.
+    ///
+    /// # Errors
+    /// If they cannot be written, or an earlier result not be read.
+    pub fn publish(self) -> Result<Published, PartError> {
+        let io = PartError::Io;
+        let path = self.shard.path();
+        let place = path.join(PART);
+        let (rows, circumstances): (Vec<Row>, Vec<Circumstances>) = self.rows.into_values().unzip();
+        let columns = &self.shard.folder.manifest().columns;
+        let all: Vec<Column> = (columns.iter().cloned())
+            .chain(circumstance_columns())
+            .collect();
+        // In the folder of the shard: some file systems refuse links across folders.
+        let part = tempfile::Builder::new()
+            .prefix("part-")
+            .tempfile_in(&path)
+            .map_err(io)?;
+        let mut writer = Writer::new(part.as_file().try_clone().map_err(io)?, &all)?;
+        for (row, circumstances) in rows.iter().zip(&circumstances) {
+            writer.row(row.iter().chain(&circumstances.cells()))?;
+        }
+        let facts = [
+            (CAMPAIGN, self.shard.folder.id().to_owned()),
+            (SUM, sum(&rows, &circumstances)),
+        ];
+        writer.finish(&facts)?;
+        part.as_file().sync_all().map_err(io)?;
+        let linked = fs::hard_link(part.path(), &place);
+        // A network file system may lose the answer to a link that it made.
+        let is_there = linked.is_ok()
+            || part
+                .as_file()
+                .metadata()
+                .is_ok_and(|file| file.nlink() == 2);
+        let mut published = Published::First;
+        if is_there {
+            File::open(&path)
+                .and_then(|folder| folder.sync_all())
+                .map_err(io)?;
+        } else if let Err(error) = linked
+            && error.kind() != ErrorKind::AlreadyExists
+        {
+            return Err(PartError::Io(error));
+        } else {
+            let first = self.shard.part()?;
+            let pairs = first.rows.iter().zip(&rows).zip(&circumstances);
+            let found = pairs
+                .filter_map(|((first, second), by)| difference(first, second, columns, by))
+                .next();
+            published = found.map_or(Published::Again, Published::Otherwise);
+        }
+        if let Some(conflict) = self.conflict {
+            published = Published::Otherwise(conflict);
+        }
+        if let Published::Otherwise(conflict) = &published {
+            self.shard.folder.note(conflict).map_err(io)?;
+        }
+        for path in self
+            .stale
+            .iter()
+            .map(PathBuf::as_path)
+            .chain([self.journal.path()])
+        {
+            let _ = fs::remove_file(path); // another worker may have done so
+        }
+        Ok(published)
+    }
+}
+
+/// Class of a case that was set aside.
+pub const LOST: &str = "lost";
+
+/// Finds the first column in which two rows of a case differ. A case that was set aside contradicts nothing.
+fn difference(
+    first: &Row,
+    second: &Row,
+    columns: &[Column],
+    by: &Circumstances,
+) -> Option<Conflict> {
+    let is_lost = |row: &Row| row.iter().any(|cell| cell.as_text() == LOST);
+    if first == second || is_lost(first) || is_lost(second) {
+        return None;
+    }
+    let pairs = columns.iter().zip(first.iter().zip(second));
+    let (column, (one, other)) = pairs.into_iter().find(|(_, (one, other))| one != other)?;
+    Some(Conflict {
+        case: first[0].as_count(),
+        column: column.name.clone(),
+        first: one.to_string(),
+        second: other.to_string(),
+        by: format!("{} (attempt {})", by.host, by.attempt),
+    })
+}
+
+#[cfg(test)]
+mod tests;

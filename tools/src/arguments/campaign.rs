@@ -1,0 +1,249 @@
+//! The command lines of `hil campaign`.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+
+use super::BinaryArguments;
+
+pub(super) const EXAMPLES: &str = "\
+Examples:
+  hil campaign check studies/common-mode.toml
+  hil campaign plan studies/common-mode.toml -o runs/common-mode
+  hil campaign run runs/common-mode
+  hil campaign show runs/common-mode
+  hil campaign case runs/common-mode 4711";
+
+/// Arguments of `hil campaign`.
+#[derive(Debug, Args)]
+pub struct CampaignCommand {
+    /// Action on a campaign.
+    #[command(subcommand)]
+    pub action: CampaignAction,
+}
+
+/// The actions on campaigns.
+#[derive(Debug, Subcommand)]
+pub enum CampaignAction {
+    /// Check a study and every case of it; tell how many there are and how long they take
+    #[command(after_help = "\
+Exit codes: 0 it can be run; 2 something is wrong with it.
+
+Example:
+  hil campaign check studies/common-mode.toml")]
+    Check(CheckArguments),
+    /// Write the folder of a campaign: its cases, and copies of all that they need
+    #[command(
+        after_help = "Example:\n  hil campaign plan studies/common-mode.toml -o runs/common-mode"
+    )]
+    Plan(PlanArguments),
+    /// Run what is missing on the cores of this machine
+    #[command(after_help = "\
+Whatever ends it, the same command goes on; at most the cases under way are lost.
+Exit codes: 0 all cases are there; 1 two results of a case differ, or a goal of the study is not met; 3 cases were
+set aside, or something let it down.
+
+Example:
+  hil campaign run runs/common-mode --jobs 4")]
+    Run(RunCampaignArguments),
+    /// Have a cluster run what is missing
+    #[command(after_help = "\
+Job arrays over the shards without a result; what is behind -- goes to sbatch. Again, it submits only what is missing.
+
+Example:
+  hil campaign submit runs/common-mode --slurm -- --partition short --time 30")]
+    Submit(SubmitArguments),
+    /// Run shards until none is free: the worker that every engine starts
+    #[command(after_help = "\
+Examples:
+  hil campaign work runs/common-mode
+  hil campaign work runs/common-mode --shards 0-9,12
+  seq 0 99 | parallel runs/common-mode/programs/hil campaign work runs/common-mode --shards {}")]
+    Work(WorkArguments),
+    /// Tell what is done, missing and under way
+    #[command(
+        after_help = "Examples:\n  hil campaign status runs/common-mode\n  hil campaign status runs/common-mode --watch"
+    )]
+    Status(StatusArguments),
+    /// Join all results into one Parquet table, with the digest over its rows
+    #[command(after_help = "Example:\n  hil campaign collect runs/common-mode")]
+    Collect(CollectArguments),
+    /// Tell what the campaign shows: probabilities with bounds, margins, worst cases
+    #[command(after_help = "\
+Exit codes: 0 every goal of the study is met; 1 one is not; 3 cases are missing.
+
+Example:
+  hil campaign show runs/common-mode")]
+    Show(ShowArguments),
+    /// Run one case again, with a recording
+    #[command(after_help = "\
+Exit codes: those of hil run; 1 also if the digest is not that of the campaign.
+
+Example:
+  hil campaign case runs/common-mode 4711 --out runs/worst")]
+    Case(CaseArguments),
+    /// Compare two campaigns case by case: which flipped, and is that chance?
+    #[command(after_help = "Example:\n  hil campaign compare runs/before runs/after")]
+    Compare(CompareCampaignArguments),
+}
+
+/// Arguments of `hil campaign check`.
+#[derive(Debug, Args)]
+pub struct CheckArguments {
+    /// The study
+    #[arg(value_name = "STUDY.toml")]
+    pub study: PathBuf,
+    /// Programs of the cases
+    #[command(flatten)]
+    pub binaries: BinaryArguments,
+    /// Print as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `hil campaign plan`.
+#[derive(Debug, Args)]
+pub struct PlanArguments {
+    /// The study
+    #[command(flatten)]
+    pub check: CheckArguments,
+    /// The folder, which must not exist or be empty [default: runs/STUDY]
+    #[arg(short, long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+}
+
+/// Arguments of `hil campaign run`.
+#[derive(Debug, Args)]
+pub struct RunCampaignArguments {
+    /// The campaign's folder
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
+    /// So many workers at a time [default: as many as cores; half as many with programs of its own]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub jobs: Option<u32>,
+    /// Try cases again that were set aside
+    #[arg(long)]
+    pub again: bool,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `hil campaign submit`.
+#[derive(Debug, Args)]
+pub struct SubmitArguments {
+    /// The campaign's folder, on a file system that the nodes share
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
+    /// To Slurm, by sbatch
+    #[arg(long, required = true)]
+    pub slurm: bool,
+    /// Time that a task of the array should take, in s
+    #[arg(long, value_name = "SECONDS", default_value_t = 600.0)]
+    pub task_s: f64,
+    /// Print the command and submit nothing
+    #[arg(long)]
+    pub dry_run: bool,
+    /// Options of sbatch
+    #[arg(last = true, value_name = "SBATCH OPTIONS")]
+    pub options: Vec<String>,
+}
+
+/// Arguments of `hil campaign work`.
+#[derive(Debug, Args)]
+pub struct WorkArguments {
+    /// The campaign's folder
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
+    /// Only these shards, as 0-9,12 [default: all without a result]
+    #[arg(long, value_name = "LIST", conflicts_with = "task")]
+    pub shards: Option<String>,
+    /// Only this part of them, as 0/16: the first of 16
+    #[arg(long, value_name = "K/N")]
+    pub task: Option<String>,
+    /// Take shards that other workers have claimed, too
+    #[arg(long)]
+    pub ignore_claims: bool,
+    /// Write a line for each case to standard output
+    #[arg(long)]
+    pub tell: bool,
+    /// End with standard input
+    #[arg(long, hide = true)]
+    pub leash: bool,
+}
+
+/// Arguments of `hil campaign status`.
+#[derive(Debug, Args)]
+pub struct StatusArguments {
+    /// The campaign's folder
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
+    /// Again every second, until nothing is missing
+    #[arg(long)]
+    pub watch: bool,
+    /// Print as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `hil campaign collect`.
+#[derive(Debug, Args)]
+pub struct CollectArguments {
+    /// The campaign's folder
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
+    /// Take what there is, although cases are missing
+    #[arg(long)]
+    pub partial: bool,
+    /// Print as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `hil campaign show`.
+#[derive(Debug, Args)]
+pub struct ShowArguments {
+    /// The campaign's folder
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
+    /// Print as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `hil campaign case`.
+#[derive(Debug, Args)]
+pub struct CaseArguments {
+    /// The campaign's folder
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
+    /// Number of the case
+    #[arg(value_name = "CASE")]
+    pub case: u64,
+    /// Write the run to this folder, which must not exist or be empty [default: runs/SCENARIO-TIME-SESSION]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// In one process
+    #[arg(long)]
+    pub in_process: bool,
+    /// Run nothing; print the case as a scenario
+    #[arg(long, conflicts_with_all = ["out", "in_process", "json"])]
+    pub show: bool,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `hil campaign compare`.
+#[derive(Debug, Args)]
+pub struct CompareCampaignArguments {
+    /// The campaign that was before
+    #[arg(value_name = "A")]
+    pub first: PathBuf,
+    /// The one to compare with it
+    #[arg(value_name = "B")]
+    pub second: PathBuf,
+    /// Print as JSON
+    #[arg(long)]
+    pub json: bool,
+}

@@ -1,0 +1,397 @@
+//! What a complete campaign shows: classes, probabilities with bounds, margins with quantiles, worst cases, rank
+//! correlations, and whether the study's goals are met.
+//!
+//! Bounds only where draws are independent. A diverged case has not passed and is worse than any other; an undecided
+//! one has not passed either and is a class of its own; a case that was set aside makes every probability a matter
+//! of belief, so there is none.
+
+use std::path::Path;
+
+use hil_campaign::binomial::{self, Sided};
+use hil_campaign::manifest::Manifest;
+use hil_campaign::shard::LOST;
+use hil_campaign::table::{Cell, Column, Kind, Reader, Row, TableError, Values};
+use hil_campaign::{order, rank};
+use hil_config::study::{Goal, Sampling, Study};
+use serde::Serialize;
+
+/// Classes of cases.
+pub(super) const CLASSES: [&str; 5] = ["pass", "fail", "diverged", "undecided", LOST];
+/// Quantiles of margins that are told.
+const QUANTILES: [f64; 3] = [0.01, 0.05, 0.5];
+/// Number of worst cases and of correlations that are told.
+const MOST: usize = 5;
+
+/// Answers of a campaign.
+#[derive(Debug, Serialize)]
+pub(super) struct Answers {
+    pub(super) name: String,
+    pub(super) cases: u64,
+    pub(super) draws: u64,
+    pub(super) sampling: &'static str,
+    pub(super) confidence: f64,
+    pub(super) digest: Option<String>,
+    /// Cases that were set aside.
+    pub(super) lost: Vec<u64>,
+    pub(super) variants: Vec<VariantAnswer>,
+    pub(super) goals: Vec<GoalAnswer>,
+}
+
+/// A share of cases, with bounds of the probability behind it.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(super) struct Share {
+    pub(super) count: u64,
+    pub(super) of: u64,
+    pub(super) bounds: Option<BoundsAnswer>,
+}
+
+/// Clopper-Pearson bounds.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(super) struct BoundsAnswer {
+    pub(super) lower: f64,
+    pub(super) upper: f64,
+    /// `both`, or the one side that a share of none or all has.
+    pub(super) sided: &'static str,
+}
+
+/// Answers for a variant.
+#[derive(Debug, Serialize)]
+pub(super) struct VariantAnswer {
+    pub(super) name: String,
+    /// Cases of each class, in the order of [`CLASSES`].
+    pub(super) classes: [u64; 5],
+    pub(super) passes: Share,
+    pub(super) requirements: Vec<RequirementAnswer>,
+    /// Cases that diverged, the first few.
+    pub(super) diverged: Vec<u64>,
+}
+
+/// Answers for a requirement of a variant.
+#[derive(Debug, Serialize)]
+pub(super) struct RequirementAnswer {
+    pub(super) name: String,
+    pub(super) unit: String,
+    pub(super) holds: Share,
+    pub(super) quantiles: Vec<QuantileAnswer>,
+    /// Cases without a margin, neither good nor bad.
+    pub(super) without: u64,
+    pub(super) worst: Vec<WorstAnswer>,
+    /// Rank correlations of the margin with varied values, the strongest first.
+    pub(super) correlations: Vec<(String, f64)>,
+}
+
+/// A quantile of a margin.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(super) struct QuantileAnswer {
+    pub(super) p: f64,
+    #[serde(serialize_with = "finite")]
+    pub(super) value: f64,
+    /// Bounds, if there are enough independent draws.
+    pub(super) bounds: Option<[f64; 2]>,
+}
+
+/// A case and its margin.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(super) struct WorstAnswer {
+    pub(super) case: u64,
+    #[serde(serialize_with = "finite")]
+    pub(super) margin: f64,
+}
+
+/// Answer to a goal.
+#[derive(Debug, Serialize)]
+pub(super) struct GoalAnswer {
+    pub(super) variant: String,
+    /// None if it is about cases that pass.
+    pub(super) requirement: Option<String>,
+    pub(super) probability: f64,
+    pub(super) confidence: f64,
+    pub(super) share: Share,
+    /// One-sided lower bound of the probability.
+    pub(super) lower: f64,
+    pub(super) is_met: bool,
+}
+
+/// Writes a number; null for infinities, which JSON does not know.
+fn finite<S: serde::Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
+    use serde::Serialize as _;
+    value.is_finite().then_some(*value).serialize(to)
+}
+
+/// Returns the class of a row.
+pub(super) fn class_of<'a>(manifest: &Manifest, row: &'a Row) -> &'a str {
+    let place = manifest
+        .columns
+        .iter()
+        .position(|column| column.name == "class");
+    place.map_or("", |place| row[place].as_text())
+}
+
+/// Cases of one variant by columns.
+#[derive(Default)]
+struct Cases {
+    case: Vec<u64>,
+    classes: [u64; 5],
+    diverged: Vec<u64>,
+    /// Varied numbers.
+    varied: Vec<Vec<f64>>,
+    /// For each requirement: cases that meet it, and the margin of each.
+    holds: Vec<u64>,
+    margins: Vec<Vec<f64>>,
+}
+
+/// Computes the answers of a table of results.
+///
+/// # Errors
+/// If the table cannot be read.
+pub(super) fn of(
+    manifest: &Manifest,
+    study: &Study,
+    results: &Path,
+    digest: Option<String>,
+    lost: Vec<u64>,
+) -> Result<Answers, TableError> {
+    let requirements = requirements(manifest);
+    let varied: Vec<&Column> = (manifest.columns.iter())
+        .filter(|column| study.varied.iter().any(|one| one.name == column.name))
+        .filter(|column| column.kind == Kind::Number)
+        .collect();
+    let cases = read(manifest, study, results, &varied, &requirements)?;
+    let is_sure = study.sampling == Sampling::Independent && lost.is_empty() && digest.is_some();
+    let variants: Vec<VariantAnswer> = (study.variants.iter().zip(cases))
+        .map(|(variant, cases)| {
+            answer(&variant.name, cases, study, &varied, &requirements, is_sure)
+        })
+        .collect();
+    let goals = study.goals.iter().flat_map(|goal| {
+        let of = variants
+            .iter()
+            .filter(|one| goal.variant.as_ref().is_none_or(|name| *name == one.name));
+        of.map(|variant| goal_answer(goal, variant, is_sure))
+            .collect::<Vec<_>>()
+    });
+    Ok(Answers {
+        name: manifest.name.clone(),
+        cases: manifest.cases,
+        draws: study.draws,
+        sampling: study.sampling.name(),
+        confidence: study.confidence,
+        digest,
+        lost,
+        goals: goals.collect(),
+        variants,
+    })
+}
+
+/// Lists the requirements by name and unit.
+fn requirements(manifest: &Manifest) -> Vec<(String, String)> {
+    let columns = manifest.columns.iter();
+    let found = columns.filter_map(|column| {
+        let name = column.name.strip_prefix("robustness.")?;
+        Some((name.to_owned(), column.unit.clone()))
+    });
+    found.collect()
+}
+
+fn read(
+    manifest: &Manifest,
+    study: &Study,
+    results: &Path,
+    varied: &[&Column],
+    requirements: &[(String, String)],
+) -> Result<Vec<Cases>, TableError> {
+    let empty = || Cases {
+        varied: vec![Vec::new(); varied.len()],
+        holds: vec![0; requirements.len()],
+        margins: vec![Vec::new(); requirements.len()],
+        ..Cases::default()
+    };
+    let mut all: Vec<Cases> = study.variants.iter().map(|_| empty()).collect();
+    let is_wanted = |column: &Column| {
+        let name = &*column.name;
+        name == "case"
+            || name == "class"
+            || name.starts_with("verdict.")
+            || name.starts_with("robustness.")
+            || varied.iter().any(|one| one.name == column.name)
+    };
+    let names: Vec<&str> = (manifest.columns.iter())
+        .filter(|one| is_wanted(one))
+        .map(|one| &*one.name)
+        .collect();
+    let place = |name: &str| {
+        names
+            .iter()
+            .position(|known| *known == name)
+            .unwrap_or_default()
+    };
+    let (case, class) = (place("case"), place("class"));
+    let varied: Vec<usize> = varied.iter().map(|one| place(&one.name)).collect();
+    let verdicts: Vec<(usize, usize)> = requirements
+        .iter()
+        .map(|(name, _)| {
+            (
+                place(&format!("verdict.{name}")),
+                place(&format!("robustness.{name}")),
+            )
+        })
+        .collect();
+    let mut reader = Reader::open(results, &manifest.columns)?;
+    while let Some(group) = reader.group(is_wanted)? {
+        let rows = group.first().map_or(0, Values::len);
+        let number = |place: usize, row: usize| match &group[place] {
+            Values::Numbers(values) => values[row],
+            Values::Counts(_) | Values::Texts(_) => f64::NAN,
+        };
+        let text = |place: usize, row: usize| match &group[place] {
+            Values::Texts(values) => &*values[row],
+            Values::Counts(_) | Values::Numbers(_) => "",
+        };
+        for row in 0..rows {
+            let Values::Counts(numbers) = &group[case] else {
+                break;
+            };
+            let number_of = numbers[row];
+            let variant =
+                usize::try_from(number_of % study.variants.len() as u64).unwrap_or_default();
+            let of = &mut all[variant];
+            let class = text(class, row);
+            let known = CLASSES
+                .iter()
+                .position(|known| *known == class)
+                .unwrap_or(4);
+            of.classes[known] += 1;
+            of.case.push(number_of);
+            let has_diverged = class == "diverged";
+            if has_diverged {
+                of.diverged.push(number_of);
+            }
+            for (values, place) in of.varied.iter_mut().zip(&varied) {
+                values.push(number(*place, row));
+            }
+            for (index, (verdict, robustness)) in verdicts.iter().enumerate() {
+                let verdict = text(*verdict, row);
+                of.holds[index] += u64::from(verdict == "pass" && !has_diverged);
+                of.margins[index].push(match (verdict, number(*robustness, row)) {
+                    _ if has_diverged => f64::NEG_INFINITY,
+                    ("fail", margin) if margin.is_nan() => f64::NEG_INFINITY,
+                    ("pass", margin) if margin.is_nan() => f64::INFINITY,
+                    (_, margin) => margin,
+                });
+            }
+        }
+    }
+    Ok(all)
+}
+
+fn answer(
+    name: &str,
+    cases: Cases,
+    study: &Study,
+    varied: &[&Column],
+    requirements: &[(String, String)],
+    is_sure: bool,
+) -> VariantAnswer {
+    let of = cases.case.len() as u64;
+    let confidence = is_sure.then_some(study.confidence);
+    let ranks: Vec<Vec<f64>> = cases
+        .varied
+        .iter()
+        .map(|values| rank::ranks(values))
+        .collect();
+    let answers = requirements.iter().zip(&cases.holds).zip(&cases.margins);
+    let requirements = answers.map(|(((name, unit), holds), margins)| {
+        let mut order: Vec<usize> = (0..margins.len())
+            .filter(|place| !margins[*place].is_nan())
+            .collect();
+        order.sort_by(|a, b| margins[*a].total_cmp(&margins[*b]).then(a.cmp(b)));
+        let sorted: Vec<f64> = order.iter().map(|place| margins[*place]).collect();
+        let worst = order.iter().take(MOST).map(|place| WorstAnswer {
+            case: cases.case[*place],
+            margin: margins[*place],
+        });
+        let margin_ranks = rank::ranks(margins);
+        let correlations = varied.iter().zip(&ranks).filter_map(|(column, ranks)| {
+            let rho = rank::of_ranks(ranks, &margin_ranks)?;
+            Some((column.name.clone(), rho))
+        });
+        let mut correlations: Vec<(String, f64)> = correlations.collect();
+        correlations.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+        correlations.truncate(MOST);
+        RequirementAnswer {
+            name: name.clone(),
+            unit: unit.clone(),
+            holds: share(*holds, of, confidence),
+            quantiles: QUANTILES.map(|p| quantile(&sorted, p, confidence)).into(),
+            without: (margins.len() - sorted.len()) as u64,
+            worst: worst.collect(),
+            correlations,
+        }
+    });
+    let mut diverged = cases.diverged;
+    diverged.truncate(MOST);
+    VariantAnswer {
+        name: name.into(),
+        classes: cases.classes,
+        passes: share(cases.classes[0], of, confidence),
+        requirements: requirements.collect(),
+        diverged,
+    }
+}
+
+fn share(count: u64, of: u64, confidence: Option<f64>) -> Share {
+    let bounds = confidence.and_then(|confidence| binomial::bounds(count, of, confidence));
+    let bounds = bounds.map(|bounds| BoundsAnswer {
+        lower: bounds.lower,
+        upper: bounds.upper,
+        sided: match bounds.sided {
+            Sided::Both => "both",
+            Sided::Upper => "upper",
+            Sided::Lower => "lower",
+        },
+    });
+    Share { count, of, bounds }
+}
+
+fn quantile(sorted: &[f64], p: f64, confidence: Option<f64>) -> QuantileAnswer {
+    let bounds = confidence.and_then(|confidence| {
+        let (low, high) = order::quantile_bounds(sorted.len() as u64, p, confidence)?;
+        let at = |place: u64| sorted.get(usize::try_from(place).ok()?).copied();
+        let both = [at(low)?, at(high)?];
+        both.iter().all(|bound| bound.is_finite()).then_some(both)
+    });
+    QuantileAnswer {
+        p,
+        value: order::quantile(sorted, p),
+        bounds,
+    }
+}
+
+/// Judges a goal for a variant; without independent draws of every case none is met.
+fn goal_answer(goal: &Goal, variant: &VariantAnswer, is_sure: bool) -> GoalAnswer {
+    let share = match &goal.requirement {
+        None => variant.passes,
+        Some(name) => {
+            let found = variant.requirements.iter().find(|one| one.name == *name);
+            found.map_or(variant.passes, |one| one.holds)
+        }
+    };
+    let lower = match is_sure {
+        true => binomial::lower(share.count, share.of, goal.confidence),
+        false => 0.0,
+    };
+    GoalAnswer {
+        variant: variant.name.clone(),
+        requirement: goal.requirement.clone(),
+        probability: goal.probability,
+        confidence: goal.confidence,
+        share,
+        lower,
+        is_met: is_sure && lower >= goal.probability,
+    }
+}
+
+/// Returns a cell's text, for whoever compares campaigns.
+pub(super) fn text(cell: Option<&Cell>) -> &str {
+    cell.map_or("", Cell::as_text)
+}

@@ -1,0 +1,460 @@
+//! The cases of a study: the plan of each, and the row that comes of running it.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+use hil_campaign::draws::Draws;
+use hil_campaign::folder::Folder;
+use hil_campaign::shard::LOST;
+use hil_campaign::table::{Cell, Column, Kind, Row};
+use hil_config::plan::Plan;
+use hil_config::problem::Problems;
+use hil_config::scenario::Scenario;
+use hil_config::study::{Item, Spread, Study};
+use shared_types::describe::{Description, FaultKindDescription, LawDescription, PlantDescription};
+use shared_types::record::Outcome;
+
+use crate::arguments::BinaryArguments;
+use crate::arguments::run::LinkKind;
+use crate::programs::binaries::named::Named;
+use crate::programs::binaries::{Binaries, Choices};
+use crate::results::requirements::Requirement;
+use crate::results::summary::Metric;
+use crate::run::settings::Settings;
+use crate::run::{self, Environment, Origin, alone};
+use crate::terminal::exit::{Exit, Failure};
+use crate::terminal::interruption::Interruption;
+
+/// Cases that can be planned and run.
+pub(super) struct Cases {
+    pub(super) draws: Draws,
+    scenario: Scenario,
+    rig: Rig,
+    /// Copies of tables of points, by the names that scenario and study have for them.
+    tables: BTreeMap<String, String>,
+    /// Keys of the scenario that name such tables.
+    files: Vec<(String, String)>,
+}
+
+/// Programs of the cases.
+enum Rig {
+    /// Plants and laws that are built into `hil`.
+    BuiltIn(Box<[Description; 2]>),
+    /// Programs of their own.
+    Own(Arc<Binaries>),
+}
+
+/// Descriptions that scenarios are checked against.
+type Described<'a> = (
+    &'a [PlantDescription],
+    &'a [LawDescription],
+    &'a [FaultKindDescription],
+);
+
+/// Result of a case.
+pub(super) struct CaseResult {
+    class: &'static str,
+    steps: u64,
+    digest: String,
+    reason: String,
+    requirements: Vec<Requirement>,
+    metrics: Vec<Metric>,
+    /// Time that it took, in s.
+    pub(super) wall_s: f64,
+}
+
+impl Cases {
+    /// Joins a study with the scenario and the programs that it names.
+    ///
+    /// # Errors
+    /// If something is wrong with one of them.
+    pub(super) fn of_study(
+        study: Study,
+        binaries: &BinaryArguments,
+        interruption: &Interruption,
+    ) -> Result<Self, Failure> {
+        let scenario = Scenario::read(&study.scenario).map_err(told)?;
+        let choices = Choices::of(binaries, &Named::by(&scenario), None)?;
+        let rig = match choices.names_one() {
+            true => Rig::Own(choices.find(interruption)?),
+            false => Rig::BuiltIn(Box::new(alone::built_in())),
+        };
+        Self::new(study, scenario, rig, BTreeMap::new())
+    }
+
+    /// Takes the cases of a campaign from its folder, with the copies there.
+    ///
+    /// # Errors
+    /// If something there is not as it was.
+    pub(super) fn of_folder(folder: &Folder, interruption: &Interruption) -> Result<Self, Failure> {
+        let (manifest, path) = (folder.manifest(), folder.path());
+        let study = Study::read(path.join(&manifest.study.path)).map_err(told)?;
+        let scenario = Scenario::read(path.join(&manifest.scenario.path)).map_err(told)?;
+        let rig = match (&manifest.plant, &manifest.controller) {
+            (Some(plant), Some(controller)) => {
+                let arguments = BinaryArguments {
+                    plant_bin: Some(path.join(&plant.path)),
+                    controller_bin: Some(path.join(&controller.path)),
+                };
+                let choices = Choices::of(&arguments, &Named::Nothing, None)?;
+                Rig::Own(choices.find(interruption)?)
+            }
+            _ => Rig::BuiltIn(Box::new(alone::built_in())),
+        };
+        let copies = manifest.tables.iter();
+        let tables = copies.map(|(name, copy)| (name.clone(), copy.path.clone()));
+        Self::new(study, scenario, rig, tables.collect())
+    }
+
+    fn new(
+        study: Study,
+        scenario: Scenario,
+        rig: Rig,
+        tables: BTreeMap<String, String>,
+    ) -> Result<Self, Failure> {
+        let draws = Draws::new(study).map_err(told)?;
+        let files = scenario.files();
+        Ok(Self {
+            draws,
+            scenario,
+            rig,
+            tables,
+            files,
+        })
+    }
+
+    /// Returns the study.
+    pub(super) const fn study(&self) -> &Study {
+        self.draws.study()
+    }
+
+    /// Returns the text of the scenario.
+    pub(super) const fn scenario(&self) -> &Scenario {
+        &self.scenario
+    }
+
+    /// Returns the programs of their own, if the cases have some.
+    pub(super) fn binaries(&self) -> Option<&Binaries> {
+        match &self.rig {
+            Rig::BuiltIn(_) => None,
+            Rig::Own(binaries) => Some(binaries),
+        }
+    }
+
+    fn described(&self) -> Described<'_> {
+        match &self.rig {
+            Rig::BuiltIn(both) => {
+                let [plant, controller] = &**both;
+                (&plant.plants, &controller.laws, &plant.faults)
+            }
+            Rig::Own(binaries) => binaries.described(),
+        }
+    }
+
+    /// Lists the tables of points that scenario and study name.
+    pub(super) fn named_tables(&self) -> Vec<String> {
+        let study = self.study();
+        let variants = study.variants.iter().flat_map(|variant| &variant.set);
+        let set = study.set.iter().chain(variants).filter_map(|flag| {
+            let (key, value) = flag.split_once('=')?;
+            names_file(key).then(|| unquoted(value))
+        });
+        let varied = study
+            .varied
+            .iter()
+            .filter(|one| one.key.as_deref().is_some_and(names_file));
+        let items = varied.flat_map(|one| match &one.spread {
+            Spread::Choice(items) => items.iter().collect(),
+            _ => Vec::new(),
+        });
+        let items = items.filter_map(|item| match item {
+            Item::Text(name) => Some(name.clone()),
+            _ => None,
+        });
+        let mut all: Vec<String> = self.files.iter().map(|(_, name)| name.clone()).collect();
+        all.extend(set.chain(items));
+        all.sort();
+        all.dedup();
+        all
+    }
+
+    /// Returns the flags of a case, with the copies of tables in place of the tables.
+    fn flags(&self, flags: Vec<String>) -> Vec<String> {
+        let copy = |name: &str| self.tables.get(name).map(|path| toml_string(path));
+        let mut all: Vec<String> = flags
+            .into_iter()
+            .map(|flag| match flag.split_once('=') {
+                Some((key, value)) if names_file(key) => {
+                    let copied = copy(&unquoted(value));
+                    copied.map_or(flag.clone(), |path| format!("{key}={path}"))
+                }
+                _ => flag,
+            })
+            .collect();
+        for (key, name) in &self.files {
+            if let Some(path) = copy(name)
+                && !self.study().sets(key)
+            {
+                all.push(format!("{key}={path}"));
+            }
+        }
+        all
+    }
+
+    /// Makes the plan of a case.
+    ///
+    /// # Errors
+    /// Everything that is wrong with it, at the places of the study that brought it about.
+    pub(super) fn plan(&self, case: u64) -> Result<Plan, Problems> {
+        self.planned(self.draws.flags(case))
+    }
+
+    /// Makes the plan of a case with these flags.
+    ///
+    /// # Errors
+    /// As of [`plan`](Self::plan).
+    pub(super) fn planned(&self, flags: Vec<String>) -> Result<Plan, Problems> {
+        let (plants, laws, kinds) = self.described();
+        let scenario = self.scenario.clone().set(&self.flags(flags));
+        let plan = scenario.check(plants, laws, kinds);
+        let plan = plan.map_err(|problems| {
+            let at_home = |problem| self.study().at_home(problem);
+            Problems(problems.0.into_iter().map(at_home).collect())
+        })?;
+        Ok(match self.binaries() {
+            Some(binaries) => Plan {
+                programs: binaries.programs(),
+                ..plan
+            },
+            None => plan,
+        })
+    }
+
+    /// Makes the plan of a case and has its sides look at it, where that starts no process.
+    ///
+    /// # Errors
+    /// As of [`plan`](Self::plan), or the objection of a side.
+    pub(super) fn check(&self, case: u64) -> Result<(), Failure> {
+        let plan = self.plan(case).map_err(told)?;
+        match &self.rig {
+            Rig::BuiltIn(described) => alone::check(&plan, described),
+            Rig::Own(_) => Ok(()),
+        }
+    }
+
+    /// Writes a plan as a complete scenario.
+    ///
+    /// # Errors
+    /// If it is not of these cases.
+    pub(super) fn shown(&self, plan: &Plan) -> Result<String, Failure> {
+        let (plants, laws, kinds) = self.described();
+        hil_config::show::show(plan, plants, laws, kinds).map_err(Failure::usage)
+    }
+
+    /// Runs a plan.
+    ///
+    /// # Errors
+    /// If it did not end by itself: that is no result.
+    pub(super) fn run(
+        &self,
+        plan: &Plan,
+        interruption: &Interruption,
+    ) -> Result<CaseResult, Failure> {
+        let began = Instant::now();
+        let mut result = match &self.rig {
+            Rig::BuiltIn(described) => {
+                let ended = alone::run(plan, described, interruption)?;
+                let requirements = ended.recorded.requirements.iter().map(Requirement::from);
+                let requirements: Vec<Requirement> = requirements.collect();
+                CaseResult {
+                    class: class(ended.outcome, &requirements, ended.reason.as_deref())?,
+                    steps: ended.recorded.end.as_ref().map_or(0, |end| end.steps),
+                    digest: ended.recorded.digest.unwrap_or_default(),
+                    reason: ended.reason.unwrap_or_default(),
+                    requirements,
+                    metrics: ended.recorded.metrics.iter().map(Metric::from).collect(),
+                    wall_s: 0.0,
+                }
+            }
+            Rig::Own(binaries) => in_processes(plan, binaries, interruption)?,
+        };
+        result.wall_s = began.elapsed().as_secs_f64();
+        Ok(result)
+    }
+
+    /// Lists the columns of the table of results, as the result of a case has them.
+    pub(super) fn columns(&self, result: &CaseResult) -> Vec<Column> {
+        let mut columns = vec![
+            Column::new("case", Kind::Count),
+            Column::new("draw", Kind::Count),
+            Column::new("variant", Kind::Text),
+            Column::new("seed", Kind::Count),
+        ];
+        for (one, value) in self.study().varied.iter().zip(self.draws.values(0)) {
+            let kind = match value.cell() {
+                Cell::Number(_) => Kind::Number,
+                _ => Kind::Text,
+            };
+            columns.push(Column::new(&one.name, kind));
+        }
+        columns.push(Column::new("class", Kind::Text));
+        columns.push(Column::new("steps", Kind::Count));
+        for requirement in &result.requirements {
+            let name = &requirement.name;
+            columns.push(Column::new(&format!("verdict.{name}"), Kind::Text));
+            columns.push(Column {
+                unit: requirement.unit.clone(),
+                ..Column::new(&format!("robustness.{name}"), Kind::Number)
+            });
+        }
+        for metric in &result.metrics {
+            let same = result
+                .metrics
+                .iter()
+                .filter(|other| other.name == metric.name);
+            let [from, to] = metric.window_s;
+            let name = match same.count() {
+                1 => metric.name.clone(),
+                _ => format!("{}[{from},{to}]", metric.name),
+            };
+            columns.push(Column {
+                unit: metric.unit.clone(),
+                ..Column::new(&name, Kind::Number)
+            });
+        }
+        columns.push(Column::new("digest", Kind::Text));
+        columns.push(Column::new("reason", Kind::Text));
+        columns
+    }
+
+    /// Makes the row of a case.
+    pub(super) fn row(&self, case: u64, result: CaseResult) -> Row {
+        let number = |value: Option<f64>| Cell::number(value.unwrap_or(f64::NAN));
+        let mut row = self.head(case);
+        row.push(Cell::Text(result.class.into()));
+        row.push(Cell::Count(result.steps));
+        for requirement in &result.requirements {
+            row.push(Cell::Text(requirement.verdict.into()));
+            row.push(number(requirement.robustness));
+        }
+        row.extend(result.metrics.iter().map(|metric| number(metric.value)));
+        row.push(Cell::Text(result.digest));
+        row.push(Cell::Text(result.reason));
+        row
+    }
+
+    /// Makes the row of a case that was set aside.
+    pub(super) fn lost(&self, case: u64, columns: &[Column], reason: &str) -> Row {
+        let mut row = self.head(case);
+        let rest = columns.get(row.len()..).unwrap_or_default();
+        row.extend(
+            rest.iter()
+                .map(|column| match (&*column.name, column.kind) {
+                    ("class", _) => Cell::Text(LOST.into()),
+                    ("reason", _) => Cell::Text(reason.into()),
+                    (_, Kind::Count) => Cell::Count(0),
+                    (_, Kind::Number) => Cell::number(f64::NAN),
+                    (_, Kind::Text) => Cell::Text(String::new()),
+                }),
+        );
+        row
+    }
+
+    /// Makes the cells of a case that are known before it runs.
+    pub(super) fn head(&self, case: u64) -> Row {
+        let (draw, variant) = self.draws.of_case(case);
+        let mut row = vec![
+            Cell::Count(case),
+            Cell::Count(draw),
+            Cell::Text(self.study().variants[variant].name.clone()),
+            Cell::Count(self.draws.seed(draw)),
+        ];
+        row.extend(self.draws.values(draw).iter().map(|value| value.cell()));
+        row
+    }
+}
+
+/// Makes a failure of problems.
+pub(super) fn told(problems: Problems) -> Failure {
+    Failure::Usage(problems.to_string())
+}
+
+/// Tells whether a key names a table of points.
+fn names_file(key: &str) -> bool {
+    key.rsplit('.').next() == Some("file")
+}
+
+/// Takes the quotes from a text of TOML; what has none is a text as it is.
+fn unquoted(value: &str) -> String {
+    let parsed: Result<toml_edit::Value, _> = value.trim().parse();
+    let text = parsed
+        .ok()
+        .and_then(|value| value.as_str().map(str::to_owned));
+    text.unwrap_or_else(|| value.trim().into())
+}
+
+fn toml_string(text: &str) -> String {
+    toml_edit::Value::from(text).to_string()
+}
+
+/// Names the class of a run that ended by itself.
+fn class(
+    outcome: Outcome,
+    requirements: &[Requirement],
+    reason: Option<&str>,
+) -> Result<&'static str, Failure> {
+    let any = |verdict| requirements.iter().any(|one| one.verdict == verdict);
+    match outcome {
+        Outcome::Diverged => Ok("diverged"),
+        Outcome::Completed if any("fail") => Ok("fail"),
+        Outcome::Completed if any("undecided") => Ok("undecided"),
+        Outcome::Completed => Ok("pass"),
+        Outcome::Failed | Outcome::Stopped => Err(Failure::infrastructure(
+            reason.unwrap_or("the run gave no reason"),
+        )),
+    }
+}
+
+/// Runs a plan by programs of its own, in a session and a folder that are gone afterwards.
+fn in_processes(
+    plan: &Plan,
+    binaries: &Arc<Binaries>,
+    interruption: &Interruption,
+) -> Result<CaseResult, Failure> {
+    let folder = tempfile::tempdir().map_err(Failure::infrastructure)?;
+    let settings = Settings {
+        is_one_of_many: true,
+        ..Settings::without_recording(LinkKind::Iceoryx2, Some(folder.path().join("run")))
+    };
+    let environment = Environment::new(&settings, Arc::clone(binaries), interruption)?;
+    let ran = run::execute(plan.clone(), environment, Origin::Scenario)?;
+    ran.written?;
+    let summary = ran.summary;
+    let outcome = match (ran.exit, summary.verdict) {
+        (Exit::Interrupted, _) => return Err(Failure::Interrupted),
+        (Exit::Failed, "aborted") => Outcome::Diverged,
+        (Exit::Pass | Exit::Failed, _) => Outcome::Completed,
+        _ => Outcome::Failed,
+    };
+    Ok(CaseResult {
+        class: class(outcome, &summary.requirements, summary.reason.as_deref())?,
+        steps: summary.steps,
+        digest: summary.digest.unwrap_or_default(),
+        reason: summary.reason.unwrap_or_default(),
+        requirements: summary.requirements,
+        metrics: summary.metrics,
+        wall_s: 0.0,
+    })
+}
+
+/// Refuses a path that cannot be written down.
+pub(super) fn text_of(path: &Path) -> Result<&str, Failure> {
+    let shown = path.display();
+    path.to_str().ok_or_else(|| {
+        Failure::usage(format!(
+            "{shown}: its name is to be written down, so all of it must be UTF-8"
+        ))
+    })
+}

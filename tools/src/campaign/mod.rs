@@ -1,0 +1,41 @@
+//! `hil campaign`: very many cases of one scenario, on the cores of this machine and of others. No case is defined,
+//! drawn or counted here: that is [`hil_campaign`]; a case is run as every other run.
+//!
+//! 1. [`cases`] joins a study with its scenario and programs: the plan of each case, and its row.
+//! 2. [`plan`] checks a study and writes the folder that everybody works on.
+//! 3. [`work`] is the one worker that every engine starts; [`workers`] and [`slurm`] start it.
+//! 4. [`collect`] joins the results, and [`show`] says what they mean; [`case`] runs one of them again.
+
+mod answers;
+mod case;
+mod cases;
+mod collect;
+mod compare;
+mod plan;
+mod show;
+mod slurm;
+mod status;
+mod work;
+mod workers;
+
+use crate::arguments::campaign::CampaignAction;
+use crate::terminal::exit::{Exit, Failure};
+
+/// Runs the command.
+///
+/// # Errors
+/// Everything that keeps it from its result.
+pub(crate) fn campaign(action: &CampaignAction) -> Result<Exit, Failure> {
+    match action {
+        CampaignAction::Check(arguments) => plan::check(arguments),
+        CampaignAction::Plan(arguments) => plan::plan(arguments),
+        CampaignAction::Run(arguments) => workers::run(arguments),
+        CampaignAction::Submit(arguments) => slurm::submit(arguments),
+        CampaignAction::Work(arguments) => work::work(arguments),
+        CampaignAction::Status(arguments) => status::status(arguments),
+        CampaignAction::Collect(arguments) => collect::collect(arguments),
+        CampaignAction::Show(arguments) => show::show(arguments),
+        CampaignAction::Case(arguments) => case::case(arguments),
+        CampaignAction::Compare(arguments) => compare::compare(arguments),
+    }
+}

@@ -1,0 +1,407 @@
+//! A study checked, and the folder of its campaign.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+use hil_campaign::folder::{CONFLICTS, SHARDS, try_out};
+use hil_campaign::manifest::{self, Copied, MANIFEST, Manifest, SCHEMA};
+use hil_campaign::table::{Column, Kind, Writer};
+use hil_config::study::Study;
+use hil_target::machine::hash;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde::Serialize;
+use shared_types::number::counted;
+
+use super::cases::{CaseResult, Cases, told};
+use crate::arguments::campaign::{CheckArguments, PlanArguments};
+use crate::files::part_file::PartFolder;
+use crate::run::alone;
+use crate::terminal::duration::shown_ns;
+use crate::terminal::exit::{Exit, Failure};
+use crate::terminal::interruption::Interruption;
+use crate::terminal::output;
+
+/// Time that the cases of a shard take together, if there are enough of them, in s.
+const SHARD_S: f64 = 20.0;
+/// Least and greatest number of shards of a large campaign.
+const SHARDS_WANTED: [u64; 2] = [64, 20_000];
+
+/// A study that can be planned.
+struct Checked {
+    cases: Cases,
+    columns: Vec<Column>,
+    facts: Facts,
+}
+
+/// Facts of a checked study.
+#[derive(Debug, Serialize)]
+struct Facts {
+    study: String,
+    cases: u64,
+    draws: u64,
+    sampling: &'static str,
+    variants: Vec<String>,
+    varied: Vec<String>,
+    /// Time of one case, in s.
+    case_s: f64,
+    /// Time of all cases on one core, in s.
+    core_s: f64,
+    /// Size of the table of results before compression.
+    bytes: u64,
+    /// Plant and law run in one process, by what is built into `hil`.
+    is_built_in: bool,
+}
+
+impl Facts {
+    fn told(&self) -> String {
+        let Self {
+            study,
+            cases,
+            draws,
+            sampling,
+            ..
+        } = self;
+        let seconds = |s: f64| shown_ns((s * 1e9) as u64);
+        let programs = match self.is_built_in {
+            true => "built into hil, both sides in one process",
+            false => "programs of their own, two processes for each case",
+        };
+        let names = |names: &[String]| match names {
+            [] => "nothing".into(),
+            names => names.join(", "),
+        };
+        format!(
+            "{study}: {}, {} ({sampling}) for {}\n  varies   {}\n  variants {}\n  programs {programs}\n  a case   {}, all of them {} on one core\n  results  {}\n",
+            counted(*cases, "case"),
+            counted(*draws, "draw"),
+            counted(self.variants.len() as u64, "variant"),
+            names(&self.varied),
+            names(&self.variants),
+            seconds(self.case_s),
+            seconds(self.core_s),
+            hil_recording::size::shown(self.bytes),
+        )
+    }
+}
+
+/// Checks a study.
+///
+/// # Errors
+/// Everything that is wrong with it.
+pub(super) fn check(arguments: &CheckArguments) -> Result<Exit, Failure> {
+    let checked = checked(arguments, &Interruption::listen()?)?;
+    output::result(arguments.json, &checked.facts, || checked.facts.told())?;
+    Ok(Exit::Pass)
+}
+
+/// Writes the folder of a campaign.
+///
+/// # Errors
+/// If the study is wrong, or the folder cannot be written.
+pub(super) fn plan(arguments: &PlanArguments) -> Result<Exit, Failure> {
+    let interruption = Interruption::listen()?;
+    let checked = checked(&arguments.check, &interruption)?;
+    let out = arguments.out.clone();
+    let out = out.unwrap_or_else(|| Path::new("runs").join(&checked.facts.study));
+    refuse_other(&out, &checked)?;
+    write(&checked, &out)?;
+    let shown = out.display();
+    output::result(arguments.check.json, &checked.facts, || {
+        format!(
+            "{}\nplanned in {shown}; hil campaign run {shown}\n",
+            checked.facts.told()
+        )
+    })?;
+    Ok(Exit::Pass)
+}
+
+fn checked(arguments: &CheckArguments, interruption: &Interruption) -> Result<Checked, Failure> {
+    let study = Study::read(&arguments.study).map_err(told)?;
+    let cases = Cases::of_study(study, &arguments.binaries, interruption)?;
+    let study = cases.study();
+    let first = cases.plan(0).map_err(told)?;
+    alone::refuse_clock(&first)?;
+    refuse_ineffective(&cases)?;
+    every_plan(&cases, interruption)?;
+    let result = cases.run(&first, interruption)?;
+    let columns = columns(&cases, &result, interruption)?;
+    let bytes: u64 = columns.iter().map(cell_bytes).sum();
+    let facts = Facts {
+        study: study.name.clone(),
+        cases: study.cases(),
+        draws: study.draws,
+        sampling: study.sampling.name(),
+        variants: study.variants.iter().map(|one| one.name.clone()).collect(),
+        varied: study.varied.iter().map(|one| one.name.clone()).collect(),
+        case_s: result.wall_s,
+        core_s: result.wall_s * study.cases() as f64,
+        bytes: bytes * study.cases(),
+        is_built_in: cases.binaries().is_none(),
+    };
+    Ok(Checked {
+        cases,
+        columns,
+        facts,
+    })
+}
+
+/// Returns the bytes of a cell, about.
+fn cell_bytes(column: &Column) -> u64 {
+    match (column.kind, &*column.name) {
+        (Kind::Text, "digest") => 64,
+        _ => 8,
+    }
+}
+
+/// Lists the columns of results, which must be those of every variant.
+fn columns(
+    cases: &Cases,
+    first: &CaseResult,
+    interruption: &Interruption,
+) -> Result<Vec<Column>, Failure> {
+    let columns = cases.columns(first);
+    for (case, variant) in (1..).zip(&cases.study().variants[1..]) {
+        let plan = cases.plan(case).map_err(told)?;
+        let found = cases.columns(&cases.run(&plan, interruption)?);
+        if found != columns {
+            let differs = found.iter().find(|column| !columns.contains(column));
+            let differs = differs.or_else(|| columns.iter().find(|column| !found.contains(column)));
+            let name = differs.map_or("", |column| &column.name);
+            return Err(Failure::usage(format!(
+                "variant `{}` has other results than `{}`: `{name}`; variants are compared by the same metrics and requirements",
+                variant.name,
+                cases.study().variants[0].name
+            )));
+        }
+    }
+    Ok(columns)
+}
+
+/// Refuses a variation that changes nothing in any variant.
+fn refuse_ineffective(cases: &Cases) -> Result<(), Failure> {
+    let study = cases.study();
+    let first = cases.draws.values(0);
+    for (place, one) in study.varied.iter().enumerate() {
+        let Some(key) = &one.key else { continue };
+        let other = (1..study.draws).map(|draw| cases.draws.values(draw)[place].clone());
+        let Some(other) = other.into_iter().find(|value| *value != first[place]) else {
+            continue; // one draw, or all alike by chance
+        };
+        let mut changed = first.clone();
+        changed[place] = other;
+        let mut is_effective = false;
+        for variant in 0..study.variants.len() {
+            let shown = |values| {
+                let flags = cases.draws.flags_of(variant, 0, values);
+                let plan = cases.planned(flags).map_err(told)?;
+                cases.shown(&plan)
+            };
+            is_effective |= shown(&first)? != shown(&changed)?;
+        }
+        if !is_effective {
+            return Err(told(study.problem_of(
+                place,
+                &format!("`{key}` changes nothing in the scenario that runs"),
+                "the scenario may set the same value under another name, or use another law; `hil config show` prints what runs",
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Checks every case once, on all cores: none is refused later.
+fn every_plan(cases: &Cases, interruption: &Interruption) -> Result<(), Failure> {
+    let all = cases.study().cases();
+    let bar = bar(all, "checking cases");
+    let (next, is_over) = (AtomicU64::new(0), AtomicBool::new(false));
+    let first: Mutex<Option<(u64, Failure)>> = Mutex::new(None);
+    let work = || {
+        while !is_over.load(Ordering::Relaxed) && !interruption.came() {
+            let case = next.fetch_add(1, Ordering::Relaxed);
+            if case >= all {
+                break;
+            }
+            if let Err(refused) = cases.check(case) {
+                let mut first = first.lock().unwrap_or_else(PoisonError::into_inner);
+                if first.as_ref().is_none_or(|(known, _)| case < *known) {
+                    *first = Some((case, refused));
+                }
+                is_over.store(true, Ordering::Relaxed);
+            }
+            bar.inc(1);
+        }
+    };
+    let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    std::thread::scope(|scope| {
+        for _ in 0..cores {
+            scope.spawn(work);
+        }
+    });
+    bar.finish_and_clear();
+    if interruption.came() {
+        return Err(Failure::Interrupted);
+    }
+    match first.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        None => Ok(()),
+        Some((case, refused)) => Err(Failure::Usage(format!("{refused}\nin case {case}"))),
+    }
+}
+
+/// Makes a bar for so many things, drawn where a person watches.
+pub(super) fn bar(all: u64, what: &'static str) -> ProgressBar {
+    if !output::person_watches() {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(all);
+    let template = "{msg} {wide_bar} {human_pos} of {human_len}, {per_sec}, {eta} left";
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style);
+    }
+    bar.set_message(what);
+    bar
+}
+
+/// Refuses a folder with another campaign, or with anything else.
+fn refuse_other(out: &Path, checked: &Checked) -> Result<(), Failure> {
+    let shown = out.display();
+    let is_empty = fs::read_dir(out).map_or(true, |mut entries| entries.next().is_none());
+    if is_empty {
+        return Ok(());
+    }
+    let Ok(there) = Manifest::read(out) else {
+        return Err(Failure::usage(format!(
+            "{shown} is not empty; a campaign needs a folder of its own"
+        )));
+    };
+    let folder = tempfile::tempdir().map_err(Failure::infrastructure)?;
+    let new = copied(checked, folder.path())?;
+    let differences = manifest::differences(&there, &new);
+    Err(Failure::usage(if differences.is_empty() {
+        format!("{shown} has this campaign already; hil campaign run {shown}")
+    } else {
+        format!(
+            "{shown} has another campaign, which differs in {}; choose another folder with -o",
+            differences.join("; ")
+        )
+    }))
+}
+
+/// Writes the folder, which appears whole or not at all.
+fn write(checked: &Checked, out: &Path) -> Result<(), Failure> {
+    let shown = out.display();
+    let cannot = |error: io::Error| Failure::usage(format!("cannot write {shown}: {error}"));
+    let parent = out.parent().filter(|parent| *parent != Path::new(""));
+    if let Some(parent) = parent {
+        fs::create_dir_all(parent).map_err(cannot)?;
+    }
+    let absolute = std::path::absolute(out).map_err(cannot)?;
+    let part = PartFolder::beside(&absolute).map_err(cannot)?;
+    try_out(part.path()).map_err(Failure::usage)?;
+    let manifest = copied(checked, part.path())?;
+    let text = serde_json::to_string_pretty(&manifest).map_err(Failure::infrastructure)?;
+    fs::write(part.path().join(MANIFEST), text).map_err(cannot)?;
+    cases_table(checked, part.path())
+        .map_err(|error| Failure::infrastructure(format!("cannot write the cases: {error}")))?;
+    for folder in [SHARDS, CONFLICTS] {
+        fs::create_dir(part.path().join(folder)).map_err(cannot)?;
+    }
+    part.complete(&absolute).map_err(cannot)
+}
+
+/// Copies all that the cases need into a folder.
+fn copied(checked: &Checked, folder: &Path) -> Result<Manifest, Failure> {
+    let cases = &checked.cases;
+    let study = cases.study();
+    let cannot = |path: &Path, error: io::Error| {
+        Failure::infrastructure(format!("cannot copy {}: {error}", path.display()))
+    };
+    let text = |name: &str, text: &str| {
+        fs::write(folder.join(name), text).map_err(|error| cannot(Path::new(name), error))?;
+        Ok::<_, Failure>(Copied {
+            path: name.into(),
+            blake3: blake3::hash(text.as_bytes()).to_hex().to_string(),
+        })
+    };
+    let copy = |from: &Path, path: String| {
+        let to = folder.join(&path);
+        let made = to.parent().map_or(Ok(()), fs::create_dir_all);
+        let copied = made.and_then(|()| fs::copy(from, &to));
+        copied.map_err(|error| cannot(from, error))?;
+        let blake3 = hash(&to).map_err(|error| cannot(from, error))?;
+        Ok::<_, Failure>(Copied { path, blake3 })
+    };
+    let mut tables = BTreeMap::new();
+    let beside = cases.scenario().path().parent().unwrap_or(Path::new(""));
+    for (number, name) in cases.named_tables().into_iter().enumerate() {
+        let from: PathBuf = beside.join(&name);
+        tables.insert(name, copy(&from, format!("tables/{number}.csv"))?);
+    }
+    let own = std::env::current_exe().map_err(Failure::infrastructure)?;
+    let program = |side: &str, path: &Path| copy(path, format!("programs/{side}")).map(Some);
+    let (plant, controller) = match cases.binaries() {
+        None => (None, None),
+        Some(binaries) => (
+            program("plant", &binaries.plant.path)?,
+            program("controller", &binaries.controller.path)?,
+        ),
+    };
+    Ok(Manifest {
+        schema: SCHEMA,
+        name: study.name.clone(),
+        cases: study.cases(),
+        shard_cases: shard_cases(study.cases(), checked.facts.case_s),
+        study: text("study.toml", study.text())?,
+        scenario: text("scenario.toml", cases.scenario().text())?,
+        tables,
+        hil: copy(&own, "programs/hil".into())?,
+        plant,
+        controller,
+        columns: checked.columns.clone(),
+        case_s: checked.facts.case_s,
+    })
+}
+
+/// Chooses the size of shards: some seconds of work, enough of them for many cores, and not too many files.
+fn shard_cases(cases: u64, case_s: f64) -> u64 {
+    let [least, most] = SHARDS_WANTED;
+    let by_time = (SHARD_S / case_s) as u64;
+    let by_cores = cases.div_ceil(least);
+    let size = if by_time < by_cores {
+        by_time
+    } else {
+        by_cores
+    };
+    size.max(cases.div_ceil(most)).max(1)
+}
+
+/// Writes the values of all cases as a table.
+fn cases_table(checked: &Checked, folder: &Path) -> Result<(), hil_campaign::table::TableError> {
+    let cases = &checked.cases;
+    let head = 4 + cases.study().varied.len();
+    let columns = &checked.columns[..head];
+    let file = fs::File::create(folder.join("cases.parquet"))?;
+    let mut table = Writer::new(io::BufWriter::new(file), columns)?;
+    for case in 0..cases.study().cases() {
+        table.row(&cases.head(case))?;
+    }
+    table.finish(&[])?.into_inner().map_err(io::Error::other)?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::shard_cases;
+
+    #[test]
+    fn shards_take_some_seconds_and_are_neither_few_nor_too_many() {
+        assert_eq!(shard_cases(30_000, 1.0), 20);
+        assert_eq!(shard_cases(1_000_000, 1e-3), 15_625);
+        assert_eq!(shard_cases(1_000_000, 10.0), 50);
+        assert_eq!(shard_cases(10, 1e-3), 1);
+        assert_eq!(shard_cases(1, 100.0), 1);
+    }
+}

@@ -1,0 +1,260 @@
+//! The answers of a campaign as a person reads them, and its exit code.
+
+use std::fmt::Write as _;
+
+use hil_campaign::collect::Collected;
+use hil_campaign::folder::Folder;
+use hil_config::study::Study;
+use shared_types::number::{counted, short, unit_shown};
+
+use super::answers::{self, Answers, BoundsAnswer, CLASSES, QuantileAnswer, Share, VariantAnswer};
+use super::cases::told as told_problems;
+use super::collect::{self, RESULTS, listed};
+use super::work::{cannot, open};
+use crate::arguments::campaign::ShowArguments;
+use crate::terminal::exit::{Exit, Failure};
+use crate::terminal::output;
+use crate::terminal::table::{Table, left, right};
+
+/// Tells what a campaign shows.
+///
+/// # Errors
+/// If it is not complete.
+pub(super) fn show(arguments: &ShowArguments) -> Result<Exit, Failure> {
+    let folder = open(&arguments.folder)?;
+    let collected = collect::now(&folder, false)?;
+    told(&folder, &collected, arguments.json)
+}
+
+/// Tells what a collected campaign shows.
+///
+/// # Errors
+/// If its table cannot be read.
+pub(super) fn told(folder: &Folder, collected: &Collected, json: bool) -> Result<Exit, Failure> {
+    let study = Study::read(folder.path().join(&folder.manifest().study.path));
+    let study = study.map_err(told_problems)?;
+    let answers = answers::of(
+        folder.manifest(),
+        &study,
+        &folder.path().join(RESULTS),
+        collected.digest.clone(),
+        collected.lost.clone(),
+    );
+    let answers = answers.map_err(|error| cannot(folder, &error))?;
+    output::result(json, &answers, || text(&answers, folder))?;
+    let conflicts = folder.conflicts().map_err(|error| cannot(folder, &error))?;
+    for conflict in &conflicts {
+        tell!("error: {conflict}");
+    }
+    let exit = collect::exit(collected, !conflicts.is_empty());
+    let is_missed = answers.goals.iter().any(|goal| !goal.is_met);
+    Ok(match exit {
+        Exit::Pass if is_missed => Exit::Failed,
+        exit => exit,
+    })
+}
+
+fn text(answers: &Answers, folder: &Folder) -> String {
+    let shown = folder.path().display().to_string();
+    output::text(|text| write(text, answers, &shown))
+}
+
+fn write(text: &mut String, answers: &Answers, shown: &str) -> std::fmt::Result {
+    let Answers {
+        name,
+        cases,
+        draws,
+        sampling,
+        ..
+    } = answers;
+    if !answers.lost.is_empty() {
+        writeln!(
+            text,
+            "{} set aside, which {}: no probability has bounds",
+            counted(answers.lost.len() as u64, "case"),
+            listed(&answers.lost)
+        )?;
+    }
+    writeln!(
+        text,
+        "{name}: {}, {} ({sampling}) for {}",
+        counted(*cases, "case"),
+        counted(*draws, "draw"),
+        counted(answers.variants.len() as u64, "variant")
+    )?;
+    if let Some(digest) = &answers.digest {
+        writeln!(text, "  digest {digest}")?;
+    }
+    let percent = answers.confidence * 100.0;
+    let has_bounds = answers
+        .variants
+        .iter()
+        .any(|one| one.passes.bounds.is_some());
+    if has_bounds {
+        writeln!(
+            text,
+            "  bounds: Clopper-Pearson at {percent} %, one-sided for none or all of the cases"
+        )?;
+    } else {
+        writeln!(
+            text,
+            "  no bounds: they need independent draws of every case"
+        )?;
+    }
+    writeln!(text)?;
+    classes(text, answers)?;
+    for variant in &answers.variants {
+        requirements(text, variant, shown)?;
+    }
+    for goal in &answers.goals {
+        let what = goal.requirement.as_deref().unwrap_or("pass");
+        let verdict = if goal.is_met { "met" } else { "NOT MET" };
+        writeln!(
+            text,
+            "goal {verdict}: {} {what} with probability {} at {} %: at least {} shown",
+            goal.variant,
+            goal.probability,
+            goal.confidence * 100.0,
+            short(goal.lower)
+        )?;
+    }
+    Ok(())
+}
+
+fn classes(text: &mut String, answers: &Answers) -> std::fmt::Result {
+    let columns = [
+        left(0),
+        right(6),
+        right(6),
+        right(8),
+        right(9),
+        right(4),
+        right(8),
+        left(0),
+    ];
+    let mut table = Table::new(2, columns);
+    let head = ["variant"]
+        .into_iter()
+        .chain(CLASSES)
+        .chain(["passes", "probability"]);
+    table.cells(head);
+    for variant in &answers.variants {
+        let counts = variant.classes.map(|count| count.to_string());
+        let share = percent(variant.passes);
+        let cells = [variant.name.clone()].into_iter().chain(counts);
+        table.cells(cells.chain([share, bounds(variant.passes)]));
+    }
+    writeln!(text, "{table}")
+}
+
+fn percent(share: Share) -> String {
+    format!("{} %", short(share.count as f64 / share.of as f64 * 100.0))
+}
+
+/// Writes the bounds of a probability.
+fn bounds(share: Share) -> String {
+    match share.bounds {
+        None => "-".into(),
+        Some(BoundsAnswer {
+            upper,
+            sided: "upper",
+            ..
+        }) => format!("at most {}", short(upper)),
+        Some(BoundsAnswer {
+            lower,
+            sided: "lower",
+            ..
+        }) => format!("at least {}", short(lower)),
+        Some(BoundsAnswer { lower, upper, .. }) => format!("{} to {}", short(lower), short(upper)),
+    }
+}
+
+fn requirements(text: &mut String, variant: &VariantAnswer, shown: &str) -> std::fmt::Result {
+    if variant.requirements.is_empty() {
+        return Ok(());
+    }
+    let columns = [
+        left(0),
+        right(8),
+        left(0),
+        right(9),
+        right(9),
+        right(9),
+        right(9),
+        left(0),
+    ];
+    let mut table = Table::new(2, columns);
+    table.cells([
+        &*variant.name,
+        "holds",
+        "probability",
+        "worst",
+        "1 %",
+        "5 %",
+        "median",
+        "",
+    ]);
+    for one in &variant.requirements {
+        let worst = one
+            .worst
+            .first()
+            .map_or_else(|| "-".into(), |worst| margin(worst.margin));
+        let quantiles = one
+            .quantiles
+            .iter()
+            .map(|QuantileAnswer { value, .. }| margin(*value));
+        let cells = [
+            one.name.clone(),
+            percent(one.holds),
+            bounds(one.holds),
+            worst,
+        ]
+        .into_iter();
+        table.cells(
+            cells
+                .chain(quantiles)
+                .chain([unit_shown(&one.unit).to_owned()]),
+        );
+        let strong = one.correlations.iter().filter(|(_, rho)| rho.abs() >= 0.1);
+        let strong: Vec<String> = strong
+            .map(|(name, rho)| format!("{name} {rho:+.2}"))
+            .collect();
+        if !strong.is_empty() {
+            table.line(format!("    margin follows {}", strong.join(", ")));
+        }
+        if one.without > 0 {
+            table.line(format!(
+                "    {} without a margin",
+                counted(one.without, "case")
+            ));
+        }
+    }
+    write!(text, "{table}")?;
+    let worst = variant
+        .requirements
+        .iter()
+        .filter_map(|one| Some((one.worst.first()?, one)));
+    let worst = worst.filter(|(worst, _)| worst.margin < 0.0);
+    let mut told: Vec<u64> = Vec::new();
+    for (worst, one) in worst {
+        if !told.contains(&worst.case) {
+            told.push(worst.case);
+            writeln!(
+                text,
+                "  worst of {}: hil campaign case {shown} {}",
+                one.name, worst.case
+            )?;
+        }
+    }
+    writeln!(text)
+}
+
+fn margin(value: f64) -> String {
+    if value == f64::NEG_INFINITY {
+        "diverged".into()
+    } else if value.is_nan() {
+        "-".into()
+    } else {
+        short(value)
+    }
+}

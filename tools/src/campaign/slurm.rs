@@ -1,0 +1,264 @@
+//! Workers on a cluster that Slurm keeps: a job array over what is missing.
+//!
+//! Slurm starts tasks and restarts some of them; nothing that it says decides about a result.
+
+use std::fs;
+use std::process::Command;
+
+use hil_campaign::folder::Folder;
+use serde::Serialize;
+use shared_types::number::counted;
+
+use super::work::{cannot, open, program};
+use crate::arguments::campaign::SubmitArguments;
+use crate::terminal::duration::shown_ns;
+use crate::terminal::exit::{Exit, Failure};
+use crate::terminal::output;
+
+/// Folder with a file for each job that was submitted.
+const JOBS: &str = "jobs";
+/// Folder of the tasks' output.
+const LOGS: &str = "logs";
+/// Share of a partition's time limit that a task may take by the measured case.
+const SHARE_OF_LIMIT: f64 = 0.5;
+
+/// Tasks of a campaign, as Slurm knows them.
+#[derive(Debug, Default, Serialize)]
+pub(super) struct Tasks {
+    running: u64,
+    waiting: u64,
+    /// Tasks that Slurm starts no more until they are released, with its reason.
+    held: Vec<(String, String)>,
+}
+
+/// Submits what is missing.
+///
+/// # Errors
+/// If there is no Slurm, or it refuses.
+pub(super) fn submit(arguments: &SubmitArguments) -> Result<Exit, Failure> {
+    let folder = open(&arguments.folder)?;
+    folder.check().map_err(Failure::usage)?;
+    let (manifest, missing) = (folder.manifest(), folder.missing());
+    if missing.is_empty() {
+        output::write("nothing is missing\n")?;
+        return Ok(Exit::Pass);
+    }
+    let cases: u64 = missing
+        .iter()
+        .map(|shard| manifest.cases_of(*shard))
+        .map(|cases| cases.end - cases.start)
+        .sum();
+    let task_s = task_s(arguments)?;
+    let by_time = (cases as f64 * manifest.case_s / task_s).ceil() as u64;
+    let tasks = by_time.clamp(1, missing.len() as u64);
+    let most = most_tasks()?;
+    let tasks = if tasks < most { tasks } else { most };
+    let path = std::path::absolute(folder.path()).map_err(Failure::infrastructure)?;
+    let text = |path: &std::path::Path| super::cases::text_of(path).map(str::to_owned);
+    let words = [text(&program(&folder)?)?, text(&path)?];
+    let words = shlex::try_join(words.iter().map(String::as_str)).map_err(Failure::usage)?;
+    let (program, shown) = words.split_once(' ').unwrap_or((&words, ""));
+    for folder in [LOGS, JOBS] {
+        fs::create_dir_all(path.join(folder)).map_err(Failure::infrastructure)?;
+    }
+    let mut sbatch = Command::new("sbatch");
+    sbatch
+        .arg("--parsable")
+        .arg(format!("--array=0-{}", tasks - 1))
+        .arg("--requeue")
+        .arg("--open-mode=append")
+        .arg(format!("--job-name={}", manifest.name))
+        .arg(format!(
+            "--output={}",
+            text(&path.join(LOGS).join("%A_%a.log"))?
+        ))
+        .args(&arguments.options)
+        .arg(format!(
+            "--wrap=exec {program} campaign work {shown} --task $SLURM_ARRAY_TASK_ID/{tasks}"
+        ));
+    if arguments.dry_run {
+        let all = std::iter::once("sbatch".into())
+            .chain(sbatch.get_args().map(|one| one.to_string_lossy()));
+        let all: Vec<String> = all
+            .map(|one: std::borrow::Cow<'_, str>| one.into_owned())
+            .collect();
+        let line = shlex::try_join(all.iter().map(String::as_str)).map_err(Failure::usage)?;
+        output::write(&format!("{line}\n"))?;
+        return Ok(Exit::Pass);
+    }
+    let answer = said(&mut sbatch)?;
+    let job = answer
+        .trim()
+        .split(';')
+        .next()
+        .unwrap_or_default()
+        .to_owned();
+    fs::write(path.join(JOBS).join(&job), "").map_err(|error| cannot(&folder, &error))?;
+    let each_ns = cases as f64 * manifest.case_s / tasks as f64 * 1e9;
+    output::write(&format!(
+        "job {job}: {} for {} in {}, about {} each\nhil campaign status {shown} --watch\n",
+        counted(tasks, "task"),
+        counted(cases, "case"),
+        counted(missing.len() as u64, "shard"),
+        shown_ns(each_ns as u64)
+    ))?;
+    Ok(Exit::Pass)
+}
+
+/// Runs a program of Slurm and returns its output.
+fn said(command: &mut Command) -> Result<String, Failure> {
+    let name = command.get_program().to_string_lossy().into_owned();
+    let output = command.output().map_err(|error| {
+        Failure::usage(format!(
+            "cannot run {name}: {error}; --slurm needs a machine that submits to Slurm"
+        ))
+    })?;
+    if output.status.success() {
+        return Ok(String::from_utf8_lossy(&output.stdout).into_owned());
+    }
+    let why = String::from_utf8_lossy(&output.stderr);
+    Err(Failure::usage(format!("{name}: {}", why.trim())))
+}
+
+/// Returns the greatest number of tasks in an array.
+fn most_tasks() -> Result<u64, Failure> {
+    let text = said(Command::new("scontrol").args(["show", "config"]))?;
+    let line = text
+        .lines()
+        .find_map(|line| line.strip_prefix("MaxArraySize"));
+    let most = line.and_then(|rest| rest.split('=').nth(1)?.trim().parse().ok());
+    Ok(most.unwrap_or(1001).max(1))
+}
+
+/// Chooses the time of a task: as asked for, and well below the limit of the partition.
+fn task_s(arguments: &SubmitArguments) -> Result<f64, Failure> {
+    if !(arguments.task_s.is_finite() && arguments.task_s > 0.0) {
+        return Err(Failure::usage("--task-s takes a number above 0"));
+    }
+    let mut sinfo = Command::new("sinfo");
+    sinfo.args(["--noheader", "--format=%l"]);
+    if let Some(partition) = option(&arguments.options, "-p", "--partition") {
+        sinfo.arg(format!("--partition={partition}"));
+    }
+    let limits = said(&mut sinfo)?;
+    let given = option(&arguments.options, "-t", "--time");
+    let all = limits.lines().chain(given.as_deref());
+    let least = all
+        .filter_map(|limit| limit_s(limit.trim()))
+        .fold(f64::INFINITY, |a, b| if a < b { a } else { b });
+    let most = least * SHARE_OF_LIMIT;
+    Ok(if arguments.task_s < most {
+        arguments.task_s
+    } else {
+        most
+    })
+}
+
+/// Finds the value of an option among those of sbatch.
+fn option(options: &[String], short: &str, long: &str) -> Option<String> {
+    options.iter().enumerate().find_map(|(place, one)| {
+        if one == short || one == long {
+            return options.get(place + 1).cloned();
+        }
+        let rest = one.strip_prefix(long)?.strip_prefix('=')?;
+        Some(rest.to_owned())
+    })
+}
+
+/// Reads a time limit, `minutes`, `hours:minutes:seconds` or `days-hours:minutes:seconds`; none for no limit.
+fn limit_s(text: &str) -> Option<f64> {
+    let (days, rest) = text
+        .split_once('-')
+        .map_or((None, text), |(days, rest)| (Some(days), rest));
+    let parts: Option<Vec<f64>> = rest.split(':').map(|part| part.parse().ok()).collect();
+    let seconds = match (days, &parts?[..]) {
+        (None, [minutes]) => minutes * 60.0,
+        (None, [minutes, seconds]) => minutes * 60.0 + seconds,
+        (Some(_), [hours]) => hours * 3600.0,
+        (Some(_), [hours, minutes]) => hours * 3600.0 + minutes * 60.0,
+        (_, [hours, minutes, seconds]) => hours * 3600.0 + minutes * 60.0 + seconds,
+        _ => return None,
+    };
+    let days: f64 = days.map_or(Some(0.0), |days| days.parse().ok())?;
+    Some(days * 86_400.0 + seconds)
+}
+
+/// Asks Slurm for the tasks of a campaign; none if nothing was submitted or it does not answer.
+pub(super) fn tasks(folder: &Folder) -> Option<Tasks> {
+    let jobs = fs::read_dir(folder.path().join(JOBS)).ok()?;
+    let jobs: Vec<String> = jobs
+        .flatten()
+        .map(|job| job.file_name().to_string_lossy().into_owned())
+        .collect();
+    if jobs.is_empty() {
+        return None;
+    }
+    let mut tasks = Tasks::default();
+    for job in jobs {
+        let mut squeue = Command::new("squeue");
+        squeue.args(["--noheader", "--array", "--format=%i %T %r"]);
+        // A job that ended long ago is an error, and has no tasks.
+        let listed = said(squeue.arg(format!("--jobs={job}"))).unwrap_or_default();
+        for line in listed.lines() {
+            let mut words = line.splitn(3, ' ');
+            let (task, state) = (words.next()?, words.next().unwrap_or_default());
+            let reason = words.next().unwrap_or_default();
+            if reason.to_lowercase().contains("held") {
+                tasks.held.push((task.into(), reason.into()));
+            } else if state == "PENDING" {
+                tasks.waiting += 1;
+            } else {
+                tasks.running += 1;
+            }
+        }
+    }
+    Some(tasks)
+}
+
+impl Tasks {
+    /// Tells of them, with what to do.
+    pub(super) fn told(&self) -> String {
+        let mut text = format!(
+            "  slurm: {} running, {} waiting\n",
+            counted(self.running, "task"),
+            self.waiting
+        );
+        for (task, reason) in &self.held {
+            text += &format!(
+                "  task {task} is held ({reason}); scontrol release {task} lets it start again\n"
+            );
+        }
+        text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{limit_s, option};
+
+    #[test]
+    fn time_limits_are_read_as_slurm_writes_them() {
+        for (text, seconds) in [
+            ("30", Some(1800.0)),
+            ("1:30", Some(90.0)),
+            ("2:00:00", Some(7200.0)),
+            ("1-00:00:00", Some(86_400.0)),
+            ("1-2", Some(93_600.0)),
+            ("infinite", None),
+        ] {
+            assert_eq!(limit_s(text), seconds, "{text}");
+        }
+    }
+
+    #[test]
+    fn options_of_sbatch_are_found_in_each_form() {
+        let options = |text: &str| text.split(' ').map(str::to_owned).collect::<Vec<_>>();
+        for text in ["-p short", "--partition short", "-n 1 --partition=short"] {
+            assert_eq!(
+                option(&options(text), "-p", "--partition").as_deref(),
+                Some("short")
+            );
+        }
+        assert_eq!(option(&options("-n 1"), "-p", "--partition"), None);
+    }
+}

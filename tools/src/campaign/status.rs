@@ -1,0 +1,120 @@
+//! What is done, missing and under way, from the folder alone; tasks of a cluster, as it says.
+
+use std::time::Duration;
+
+use hil_campaign::folder::{Conflict, Folder};
+use serde::Serialize;
+use shared_types::number::counted;
+
+use super::slurm::{self, Tasks};
+use super::work::{cannot, open};
+use crate::arguments::campaign::StatusArguments;
+use crate::terminal::exit::{Exit, Failure};
+use crate::terminal::interruption::Interruption;
+use crate::terminal::output;
+
+/// Time between two looks.
+const LOOK: Duration = Duration::from_secs(1);
+
+/// State of a campaign.
+#[derive(Debug, Serialize)]
+struct Status {
+    name: String,
+    cases: u64,
+    /// Cases of published shards.
+    published: u64,
+    /// Cases with a row in shards that are not published.
+    begun: u64,
+    missing: u64,
+    shards: u64,
+    shards_published: u64,
+    /// Shards that a worker is at, on this machine or another whose locks are seen here.
+    shards_under_way: u64,
+    conflicts: Vec<Conflict>,
+    /// Tasks of a cluster; null if none was submitted, or it cannot be asked.
+    tasks: Option<Tasks>,
+}
+
+/// Tells the state of a campaign.
+///
+/// # Errors
+/// If its folder cannot be read.
+pub(super) fn status(arguments: &StatusArguments) -> Result<Exit, Failure> {
+    let interruption = Interruption::listen()?;
+    let folder = open(&arguments.folder)?;
+    loop {
+        let status = Status::of(&folder)?;
+        output::result(arguments.json, &status, || status.told(&folder))?;
+        if !arguments.watch || status.missing == 0 {
+            return Ok(match status.conflicts.is_empty() {
+                true => Exit::Pass,
+                false => Exit::Failed,
+            });
+        }
+        std::thread::sleep(LOOK);
+        if interruption.came() {
+            return Err(Failure::Interrupted);
+        }
+    }
+}
+
+impl Status {
+    fn of(folder: &Folder) -> Result<Self, Failure> {
+        let manifest = folder.manifest();
+        let mut status = Self {
+            name: manifest.name.clone(),
+            cases: manifest.cases,
+            published: 0,
+            begun: 0,
+            missing: 0,
+            shards: manifest.shards(),
+            shards_published: 0,
+            shards_under_way: 0,
+            conflicts: folder.conflicts().map_err(|error| cannot(folder, &error))?,
+            tasks: slurm::tasks(folder),
+        };
+        for number in 0..status.shards {
+            let shard = folder.shard(number);
+            let cases = shard.cases();
+            if shard.is_published() {
+                status.published += cases.end - cases.start;
+                status.shards_published += 1;
+            } else {
+                let (begun, is_alive) = shard.begun().map_err(|error| cannot(folder, &error))?;
+                status.begun += begun;
+                status.shards_under_way += u64::from(is_alive);
+            }
+        }
+        status.missing = status.cases - status.published - status.begun;
+        Ok(status)
+    }
+
+    fn told(&self, folder: &Folder) -> String {
+        let shown = folder.path().display();
+        let Self {
+            name,
+            published,
+            begun,
+            missing,
+            ..
+        } = self;
+        let mut text = format!(
+            "{name}: {} of {} done, {missing} missing; {} of {} published, {} under way\n",
+            published + begun,
+            counted(self.cases, "case"),
+            self.shards_published,
+            counted(self.shards, "shard"),
+            self.shards_under_way
+        );
+        for conflict in &self.conflicts {
+            text += &format!("  {conflict}\n");
+        }
+        if let Some(tasks) = &self.tasks {
+            text += &tasks.told();
+        }
+        if *missing > 0 && self.shards_under_way == 0 {
+            text += &format!("  nobody works on it here; hil campaign run {shown} goes on\n");
+        }
+        text
+    }
+}

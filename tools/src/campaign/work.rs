@@ -1,0 +1,336 @@
+//! The worker: cases of free shards, one after the other, until none is free.
+//!
+//! Every engine starts it, and it asks none. It ends with its cases noted, whatever ends it; a case that ends
+//! three workers, or that cannot be run three times, is set aside and its shard goes on.
+
+use std::io::Read;
+use std::os::unix::process::CommandExt;
+use std::path::Path;
+use std::process::Command;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use hil_campaign::folder::Folder;
+use hil_campaign::shard::{Attempt, MOST_TRIES, PartError, Published, Shard};
+use hil_campaign::table::Row;
+use hil_target::machine::hash;
+use rustix::process::{Signal, getpid, kill_process};
+use shared_types::session;
+
+use super::cases::{Cases, told};
+use crate::arguments::campaign::WorkArguments;
+use crate::terminal::exit::{Exit, Failure};
+use crate::terminal::interruption::Interruption;
+use crate::terminal::output;
+
+/// Time between two looks of the watchdog.
+const LOOK: Duration = Duration::from_millis(100);
+
+/// Works on the shards that are asked for.
+///
+/// # Errors
+/// If the folder cannot be worked on.
+pub(super) fn work(arguments: &WorkArguments) -> Result<Exit, Failure> {
+    let interruption = Interruption::listen()?;
+    let folder = open(&arguments.folder)?;
+    become_planned(&folder)?;
+    if arguments.leash {
+        end_with_input();
+    }
+    folder.check().map_err(Failure::usage)?;
+    let cases = Cases::of_folder(&folder, &interruption)?;
+    let worker = Worker {
+        watchdog: Watchdog::begin(cases.study().case_limit_s),
+        cases,
+        folder: &folder,
+        interruption,
+        tells: arguments.tell,
+    };
+    let mut exit = Exit::Pass;
+    for number in wanted(arguments, &folder)? {
+        let shard = folder.shard(number);
+        if shard.is_published() {
+            continue;
+        }
+        let claim = shard.claim().map_err(|error| cannot(&folder, &error))?;
+        // Another worker may have been faster between the two looks.
+        let is_taken = claim.is_none() && !arguments.ignore_claims;
+        if is_taken || shard.is_published() {
+            continue;
+        }
+        if worker.shard(shard)? == Exit::Failed {
+            exit = Exit::Failed;
+        }
+    }
+    Ok(exit)
+}
+
+/// Opens the folder of a campaign.
+///
+/// # Errors
+/// If it is none.
+pub(super) fn open(path: &Path) -> Result<Folder, Failure> {
+    Folder::open(path).map_err(Failure::usage)
+}
+
+/// Makes the failure of a folder that cannot be worked on.
+pub(super) fn cannot(folder: &Folder, error: &dyn std::fmt::Display) -> Failure {
+    let shown = folder.path().display();
+    Failure::infrastructure(format!(
+        "cannot work on {shown}: {error}; what is there stays, and the same command goes on"
+    ))
+}
+
+/// Goes on as the `hil` that the campaign was planned with, if this is another one.
+fn become_planned(folder: &Folder) -> Result<(), Failure> {
+    let own = std::env::current_exe().map_err(Failure::infrastructure)?;
+    let wanted = &folder.manifest().hil;
+    if hash(&own).is_ok_and(|found| found == wanted.blake3) {
+        return Ok(());
+    }
+    let copy = program(folder)?;
+    let found = hash(&copy).map_err(|error| cannot(folder, &error))?;
+    if found != wanted.blake3 {
+        return Err(Failure::usage(format!(
+            "{} has hash {found}, and the campaign was planned with {}",
+            copy.display(),
+            wanted.blake3
+        )));
+    }
+    let error = Command::new(&copy).args(std::env::args_os().skip(1)).exec();
+    Err(Failure::infrastructure(format!(
+        "cannot run {}: {error}",
+        copy.display()
+    )))
+}
+
+/// Returns the `hil` of a campaign.
+///
+/// # Errors
+/// If its path cannot be known.
+pub(super) fn program(folder: &Folder) -> Result<std::path::PathBuf, Failure> {
+    let copy = folder.path().join(&folder.manifest().hil.path);
+    std::path::absolute(copy).map_err(Failure::infrastructure)
+}
+
+/// Ends the worker when its input does: whoever started it is gone.
+fn end_with_input() {
+    std::thread::spawn(|| {
+        let mut input = std::io::stdin().lock();
+        while matches!(input.read(&mut [0; 64]), Ok(1..)) {}
+        let _ = kill_process(getpid(), Signal::TERM); // it is there
+    });
+}
+
+/// Lists the shards that are asked for.
+fn wanted(arguments: &WorkArguments, folder: &Folder) -> Result<Vec<u64>, Failure> {
+    let shards = folder.manifest().shards();
+    if let Some(list) = &arguments.shards {
+        let all = listed(list).ok_or_else(|| {
+            Failure::usage(format!(
+                "--shards {list}: it takes numbers and ranges, as 0-9,12"
+            ))
+        })?;
+        if let Some(beyond) = all.iter().find(|number| **number >= shards) {
+            return Err(Failure::usage(format!(
+                "--shards: there is no shard {beyond}; the campaign has {shards}, counted from 0"
+            )));
+        }
+        return Ok(all);
+    }
+    let missing = folder.missing();
+    let Some(task) = &arguments.task else {
+        return Ok(missing);
+    };
+    let part = task.split_once('/').and_then(|(part, of)| {
+        let (part, of): (u64, u64) = (part.parse().ok()?, of.parse().ok()?);
+        (part < of).then_some((part, of))
+    });
+    let (part, of) = part.ok_or_else(|| {
+        Failure::usage(format!(
+            "--task {task}: it takes a part of a number of parts, as 0/16"
+        ))
+    })?;
+    // By the number of the shard: what other tasks have done meanwhile moves nothing.
+    Ok((missing.into_iter())
+        .filter(|number| number % of == part)
+        .collect())
+}
+
+/// Reads a list such as `0-9,12`.
+fn listed(list: &str) -> Option<Vec<u64>> {
+    let mut all = Vec::new();
+    for part in list.split(',') {
+        let (from, to) = part.split_once('-').unwrap_or((part, part));
+        let (from, to): (u64, u64) = (from.trim().parse().ok()?, to.trim().parse().ok()?);
+        if from > to || to - from > 100_000_000 {
+            return None;
+        }
+        all.extend(from..=to);
+    }
+    Some(all)
+}
+
+struct Worker<'a> {
+    cases: Cases,
+    folder: &'a Folder,
+    interruption: Interruption,
+    watchdog: Watchdog,
+    tells: bool,
+}
+
+impl Worker<'_> {
+    /// Computes what a shard lacks, and publishes it.
+    fn shard(&self, shard: Shard<'_>) -> Result<Exit, Failure> {
+        let cannot = |error: std::io::Error| cannot(self.folder, &error);
+        let mut attempt = shard.attempt().map_err(cannot)?;
+        for case in shard.cases() {
+            if attempt.has(case) {
+                continue;
+            }
+            let began = Instant::now();
+            let row = self.row(case, &mut attempt)?;
+            let class = row.iter().find(|cell| is_class(cell.as_text()));
+            let class = class.map_or("", |cell| cell.as_text()).to_owned();
+            attempt
+                .row(row, began.elapsed().as_secs_f64())
+                .map_err(cannot)?;
+            self.tell(&format!("case {case} {class}"))?;
+        }
+        let published = match attempt.publish() {
+            Err(PartError::Broken(what)) => {
+                let aside = shard.set_aside().map_err(cannot)?;
+                tell!(
+                    "shard {}: {what}; it is now {}",
+                    shard.number(),
+                    aside.display()
+                );
+                return Ok(Exit::Pass); // missing again
+            }
+            Err(error) => return Err(super::work::cannot(self.folder, &error)),
+            Ok(published) => published,
+        };
+        self.tell(&format!("shard {}", shard.number()))?;
+        match published {
+            Published::First | Published::Again => Ok(Exit::Pass),
+            Published::Otherwise(conflict) => {
+                tell!("error: {conflict}");
+                Ok(Exit::Failed)
+            }
+        }
+    }
+
+    /// Runs a case until it has a row.
+    fn row(&self, case: u64, attempt: &mut Attempt<'_>) -> Result<Row, Failure> {
+        let columns = &self.folder.manifest().columns;
+        let mut tries = attempt.tries(case);
+        let mut why = format!("it ended its worker {tries} times");
+        while tries < MOST_TRIES {
+            attempt
+                .start(case)
+                .map_err(|error| cannot(self.folder, &error))?;
+            self.tell(&format!("start {case}"))?;
+            tries += 1;
+            match self.try_once(case) {
+                Ok(row) if hil_campaign::table::fits(&row, columns) => return Ok(row),
+                Ok(_) => why = "its results have other columns than those of the first case".into(),
+                Err(Failure::Interrupted) => {
+                    let left = attempt.leave(case);
+                    left.map_err(|error| cannot(self.folder, &error))?;
+                    return Err(Failure::Interrupted);
+                }
+                Err(failure) => {
+                    why = failure.to_string();
+                    // What is refused once is refused always.
+                    tries += if matches!(failure, Failure::Usage(_)) {
+                        MOST_TRIES
+                    } else {
+                        0
+                    };
+                }
+            }
+        }
+        tell!("case {case} is set aside: {why}");
+        Ok(self.cases.lost(case, columns, &why))
+    }
+
+    fn try_once(&self, case: u64) -> Result<Row, Failure> {
+        let _watched = self.watchdog.watch(case);
+        let run = || {
+            let plan = self.cases.plan(case).map_err(told)?;
+            let result = self.cases.run(&plan, &self.interruption)?;
+            Ok(self.cases.row(case, result))
+        };
+        // What the run was about goes with it; nothing of it is looked at again.
+        std::panic::catch_unwind(std::panic::AssertUnwindSafe(run))
+            .unwrap_or_else(|panic| Err(Failure::panicked("the run", &*panic)))
+    }
+
+    fn tell(&self, line: &str) -> Result<(), Failure> {
+        if self.tells {
+            output::write(&format!("{line}\n"))?;
+        }
+        Ok(())
+    }
+}
+
+/// Tells whether a text is the class of a case.
+fn is_class(text: &str) -> bool {
+    super::answers::CLASSES.contains(&text)
+}
+
+/// Ends the process when a case takes too long: nothing else can end a law that computes for ever.
+struct Watchdog(Arc<Mutex<Option<(u64, Instant)>>>);
+
+/// A case that is being watched.
+struct Watched<'a>(&'a Watchdog);
+
+impl Watchdog {
+    fn begin(limit_s: f64) -> Self {
+        let limit = Duration::from_secs_f64(limit_s);
+        let watched = Arc::<Mutex<Option<(u64, Instant)>>>::default();
+        let seen = Arc::clone(&watched);
+        std::thread::spawn(move || {
+            loop {
+                std::thread::sleep(LOOK);
+                let case = *seen.lock().unwrap_or_else(PoisonError::into_inner);
+                if let Some((case, _)) = case.filter(|(_, since)| since.elapsed() > limit) {
+                    tell!(
+                        "error: case {case} took longer than {limit_s} s (case_limit_s); its worker ends"
+                    );
+                    session::abandon();
+                    let _ = kill_process(getpid(), Signal::KILL); // it is there
+                }
+            }
+        });
+        Self(watched)
+    }
+
+    fn watch(&self, case: u64) -> Watched<'_> {
+        self.set(Some((case, Instant::now())));
+        Watched(self)
+    }
+
+    fn set(&self, case: Option<(u64, Instant)>) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = case;
+    }
+}
+
+impl Drop for Watched<'_> {
+    fn drop(&mut self) {
+        self.0.set(None);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::listed;
+
+    #[test]
+    fn a_list_has_numbers_and_ranges() {
+        assert_eq!(listed("0-2,7"), Some(vec![0, 1, 2, 7]));
+        for wrong in ["", "a", "2-1", "1-", "-1", "1,,2"] {
+            assert_eq!(listed(wrong), None, "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,305 @@
+//! Workers on the cores of this machine: started, watched, started again when one dies.
+//!
+//! Decides nothing about results: whoever finishes a shard first, here or elsewhere, is right.
+
+use std::io::{BufRead, BufReader};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::time::{Duration, Instant};
+
+use hil_campaign::folder::Folder;
+use hil_campaign::shard::LOST;
+use indicatif::ProgressBar;
+use shared_types::number::{counted, short};
+
+use super::plan::bar;
+use super::work::{cannot, open, program};
+use super::{answers, collect, show};
+use crate::arguments::campaign::RunCampaignArguments;
+use crate::terminal::duration::shown_ns;
+use crate::terminal::exit::{Exit, Failure};
+use crate::terminal::interruption::Interruption;
+
+/// Time between two looks at what nobody tells.
+const LOOK: Duration = Duration::from_millis(100);
+/// Time between two looks at shards that others have claimed.
+const ELSEWHERE: Duration = Duration::from_secs(1);
+/// Time between two lines of progress where nobody watches.
+const LINES: Duration = Duration::from_secs(10);
+/// Deaths in a row of workers that began no case, after which it is no case's fault.
+const MOST_STILLBORN: u32 = 5;
+
+/// Runs what is missing.
+///
+/// # Errors
+/// If workers cannot work, or it was interrupted.
+pub(super) fn run(arguments: &RunCampaignArguments) -> Result<Exit, Failure> {
+    let interruption = Interruption::listen()?;
+    let folder = open(&arguments.folder)?;
+    folder.check().map_err(Failure::usage)?;
+    if arguments.again {
+        try_again(&folder)?;
+    }
+    let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let each = if folder.manifest().plant.is_some() {
+        2
+    } else {
+        1
+    };
+    let jobs = arguments
+        .jobs
+        .map_or(cores.div_ceil(each), |jobs| jobs as usize);
+    let mut progress = Progress::new(&folder)?;
+    let ran = all(&folder, jobs, &interruption, &mut progress);
+    progress.end();
+    ran?;
+    let collected = collect::now(&folder, false)?;
+    show::told(&folder, &collected, arguments.json)
+}
+
+/// Sets the results aside that have cases without one.
+fn try_again(folder: &Folder) -> Result<(), Failure> {
+    for number in 0..folder.manifest().shards() {
+        let shard = folder.shard(number);
+        let Ok(part) = shard.part() else { continue };
+        let is_lost = |row: &Vec<_>| answers::class_of(folder.manifest(), row) == LOST;
+        if part.rows.iter().any(is_lost) {
+            shard.set_aside().map_err(|error| cannot(folder, &error))?;
+        }
+    }
+    Ok(())
+}
+
+/// Starts workers until nothing is missing.
+fn all(
+    folder: &Folder,
+    jobs: usize,
+    interruption: &Interruption,
+    progress: &mut Progress,
+) -> Result<(), Failure> {
+    loop {
+        let missing = folder.missing();
+        if missing.is_empty() {
+            return Ok(());
+        }
+        let mut is_free = false;
+        for number in &missing {
+            let claim = folder.shard(*number).claim();
+            is_free |= claim.map_err(|error| cannot(folder, &error))?.is_some();
+            if is_free {
+                break;
+            }
+        }
+        if is_free {
+            let workers = if missing.len() < jobs {
+                missing.len()
+            } else {
+                jobs
+            };
+            round(folder, workers, interruption, progress)?;
+        } else {
+            progress.look(folder)?;
+            std::thread::sleep(ELSEWHERE);
+        }
+        if interruption.came() {
+            return Err(interrupted(folder));
+        }
+    }
+}
+
+fn interrupted(folder: &Folder) -> Failure {
+    let shown = folder.path().display();
+    tell!("interrupted; hil campaign run {shown} goes on");
+    Failure::Interrupted
+}
+
+/// News of a worker.
+enum News {
+    Line(String),
+    Ended(usize),
+}
+
+/// Runs so many workers until each finds nothing to do; those that die are started again.
+fn round(
+    folder: &Folder,
+    workers: usize,
+    interruption: &Interruption,
+    progress: &mut Progress,
+) -> Result<(), Failure> {
+    let (send, news) = channel();
+    let mut children: Vec<Option<Child>> = Vec::new();
+    for number in 0..workers {
+        children.push(Some(start(folder, number, &send)?));
+    }
+    let mut stillborn = 0;
+    let mut failed = None;
+    let mut is_ending = false;
+    while children.iter().any(Option::is_some) {
+        if (interruption.came() || failed.is_some()) && !is_ending {
+            is_ending = true;
+            // Their input ends, and so do they.
+            let inputs = children
+                .iter_mut()
+                .flatten()
+                .map(|child| child.stdin.take());
+            inputs.for_each(drop);
+        }
+        let Some(news) = heard(&news) else { continue };
+        match news {
+            News::Line(line) => {
+                stillborn = 0;
+                progress.take(&line);
+            }
+            News::Ended(number) => {
+                let Some(mut child) = children[number].take() else {
+                    continue;
+                };
+                let status = child.wait().map_err(Failure::infrastructure)?;
+                if is_ending || status.code().is_some_and(|code| code < 2) {
+                    continue;
+                }
+                if let Some(code @ (2 | 3)) = status.code() {
+                    failed = Some(Failure::infrastructure(format!(
+                        "a worker ended with exit code {code}"
+                    )));
+                    continue;
+                }
+                stillborn += 1;
+                progress.tell(&died(status));
+                if stillborn >= MOST_STILLBORN {
+                    failed = Some(Failure::infrastructure(format!(
+                        "{stillborn} workers died before any of them began a case"
+                    )));
+                    continue;
+                }
+                children[number] = Some(start(folder, number, &send)?);
+            }
+        }
+    }
+    failed.map_or(Ok(()), Err)
+}
+
+fn heard(news: &Receiver<News>) -> Option<News> {
+    match news.recv_timeout(LOOK) {
+        Ok(news) => Some(news),
+        Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => None,
+    }
+}
+
+fn died(status: ExitStatus) -> String {
+    format!("a worker died ({status}); another one goes on")
+}
+
+/// Starts a worker, with a thread that listens to it.
+fn start(folder: &Folder, number: usize, send: &Sender<News>) -> Result<Child, Failure> {
+    let program = program(folder)?;
+    let child = Command::new(&program)
+        .args(["campaign", "work", "--tell", "--leash"])
+        .arg(folder.path())
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn();
+    let cannot =
+        |error| Failure::infrastructure(format!("cannot run {}: {error}", program.display()));
+    let mut child = child.map_err(cannot)?;
+    let output = child.stdout.take();
+    let send = send.clone();
+    std::thread::spawn(move || {
+        let lines = output
+            .into_iter()
+            .flat_map(|output| BufReader::new(output).lines());
+        for line in lines.map_while(Result::ok) {
+            if send.send(News::Line(line)).is_err() {
+                return;
+            }
+        }
+        let _ = send.send(News::Ended(number)); // nobody may be left to hear it
+    });
+    Ok(child)
+}
+
+/// Progress of a campaign on standard error.
+struct Progress {
+    bar: ProgressBar,
+    all: u64,
+    done: u64,
+    /// Cases that were there when it began.
+    before: u64,
+    failures: u64,
+    began: Instant,
+    said: Instant,
+}
+
+impl Progress {
+    fn new(folder: &Folder) -> Result<Self, Failure> {
+        let all = folder.manifest().cases;
+        let done = done(folder)?;
+        let bar = bar(all, "cases");
+        bar.set_position(done);
+        bar.reset_eta();
+        let now = Instant::now();
+        Ok(Self {
+            bar,
+            all,
+            done,
+            before: done,
+            failures: 0,
+            began: now,
+            said: now,
+        })
+    }
+
+    fn take(&mut self, line: &str) {
+        let mut words = line.split(' ');
+        let (Some("case"), Some(_), class) = (words.next(), words.next(), words.next()) else {
+            return;
+        };
+        self.done += 1;
+        self.failures += u64::from(class != Some("pass"));
+        self.bar.set_position(self.done);
+        self.bar
+            .set_message(format!("cases, {} no pass", self.failures));
+        if self.bar.is_hidden() && self.said.elapsed() > LINES {
+            self.said = Instant::now();
+            let rate = (self.done - self.before) as f64 / self.began.elapsed().as_secs_f64();
+            let left_ns = (self.all.saturating_sub(self.done)) as f64 / rate * 1e9;
+            tell!(
+                "{} of {}, {} a second, {} left, {} no pass",
+                self.done,
+                counted(self.all, "case"),
+                short(rate),
+                shown_ns(left_ns as u64),
+                self.failures
+            );
+        }
+    }
+
+    /// Looks at what others have done meanwhile.
+    fn look(&mut self, folder: &Folder) -> Result<(), Failure> {
+        self.done = done(folder)?;
+        self.bar.set_position(self.done);
+        Ok(())
+    }
+
+    fn tell(&self, text: &str) {
+        self.bar.suspend(|| tell!("{text}"));
+    }
+
+    fn end(&self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+/// Counts the cases that have a row.
+fn done(folder: &Folder) -> Result<u64, Failure> {
+    let mut done = 0;
+    for number in 0..folder.manifest().shards() {
+        let shard = folder.shard(number);
+        let cases = shard.cases();
+        done += match shard.is_published() {
+            true => cases.end - cases.start,
+            false => shard.begun().map_err(|error| cannot(folder, &error))?.0,
+        };
+    }
+    Ok(done)
+}

@@ -1,0 +1,78 @@
+//! A recorder in the loop's thread: the same digest, metrics and requirements without a recording.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::sync::Arc;
+
+use hil_config::plan::Plan;
+use shared_types::link::LinkError;
+use shared_types::record::{Event, RecordLayout};
+use shared_types::stream::{Item, RecordSink};
+
+use super::Shared;
+use super::work::Work;
+use crate::results::recorded::Recorded;
+use crate::run::attach::refuse_other_layout;
+
+/// A sink whose items are taken at once. Its copies are the same recorder.
+#[derive(Clone)]
+pub(crate) struct DirectRecorder {
+    work: Rc<RefCell<Work>>,
+    shared: Arc<Shared>,
+    layout: RecordLayout,
+}
+
+impl DirectRecorder {
+    /// Makes a recorder of records of this layout.
+    pub(crate) fn new(plan: Plan, layout: RecordLayout) -> Self {
+        let shared = Arc::new(Shared::default());
+        Self {
+            work: Rc::new(RefCell::new(Work::new(
+                plan,
+                None,
+                Vec::new(),
+                Arc::clone(&shared),
+            ))),
+            shared,
+            layout,
+        }
+    }
+
+    /// Returns true if something went wrong, so that the run should stop.
+    pub(crate) fn has_failed(&self) -> bool {
+        self.shared
+            .failed
+            .load(std::sync::atomic::Ordering::Relaxed)
+    }
+
+    /// Ends with all that was taken; the other copies must be gone.
+    pub(crate) fn finish(self) -> Recorded {
+        let work = Rc::try_unwrap(self.work).map_err(|_| "a copy is left");
+        work.expect("the engine is gone").into_inner().finish()
+    }
+}
+
+impl RecordSink for DirectRecorder {
+    fn open(&mut self, layout: &RecordLayout) -> Result<(), LinkError> {
+        let mut work = self.work.borrow_mut();
+        match refuse_other_layout(&self.layout, layout) {
+            Ok(()) => work.attach(layout.clone()),
+            Err(other) => work.fail(other),
+        }
+        Ok(())
+    }
+
+    fn has_room(&mut self) -> Result<bool, LinkError> {
+        Ok(true)
+    }
+
+    fn record(&mut self, words: &[u64]) -> Result<(), LinkError> {
+        self.work.borrow_mut().take(Item::Record(words));
+        Ok(())
+    }
+
+    fn event(&mut self, event: &Event) -> Result<(), LinkError> {
+        self.work.borrow_mut().take(Item::Event(event.clone()));
+        Ok(())
+    }
+}
