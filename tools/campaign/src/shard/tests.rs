@@ -1,1 +1,340 @@
+use std::collections::BTreeMap;
+use std::sync::Barrier;
 
+use proptest::prelude::*;
+
+use super::*;
+use crate::collect::collect;
+use crate::manifest::{Copied, MANIFEST, Manifest, SCHEMA};
+
+/// A campaign of so many cases in a folder that is gone afterwards.
+struct Campaign {
+    _root: tempfile::TempDir,
+    folder: Folder,
+}
+
+impl Campaign {
+    fn new(cases: u64, shard_cases: u64) -> Self {
+        let root = tempfile::tempdir().expect("a folder");
+        let file = || Copied {
+            path: "x".into(),
+            blake3: "0".into(),
+        };
+        let manifest = Manifest {
+            schema: SCHEMA,
+            name: "demo".into(),
+            cases,
+            shard_cases,
+            study: file(),
+            scenario: file(),
+            tables: BTreeMap::new(),
+            hil: file(),
+            plant: None,
+            controller: None,
+            columns: vec![
+                Column::new("case", Kind::Count),
+                Column::new("x", Kind::Number),
+                Column::new("class", Kind::Text),
+            ],
+            case_s: 0.1,
+        };
+        let text = serde_json::to_vec(&manifest).expect("JSON");
+        fs::write(root.path().join(MANIFEST), text).expect("written");
+        let folder = Folder::open(root.path()).expect("a campaign");
+        Self {
+            _root: root,
+            folder,
+        }
+    }
+
+    fn attempt(&self, shard: u64) -> Attempt<'_> {
+        self.folder.shard(shard).attempt().expect("an attempt")
+    }
+
+    /// Publishes every shard.
+    fn run(&self) {
+        for number in self.folder.missing() {
+            let mut attempt = self.attempt(number);
+            complete(&mut attempt, |case| row(case, value(case)));
+            assert_eq!(attempt.publish().expect("published"), Published::First);
+        }
+    }
+}
+
+/// Numbers of all kinds.
+fn value(case: u64) -> f64 {
+    match case % 5 {
+        0 => f64::NAN,
+        1 => f64::NEG_INFINITY,
+        2 => 1.0 / 3.0,
+        3 => 0.0,
+        _ => -5e-324,
+    }
+}
+
+fn row(case: u64, x: f64) -> Row {
+    let class = Cell::Text(if case % 2 == 0 { "pass" } else { "fail" }.into());
+    vec![Cell::Count(case), Cell::number(x), class]
+}
+
+fn complete(attempt: &mut Attempt<'_>, row: impl Fn(u64) -> Row) {
+    for case in attempt.shard.cases() {
+        if !attempt.has(case) {
+            attempt.start(case).expect("noted");
+            attempt.row(row(case), 0.5).expect("noted");
+        }
+    }
+}
+
+#[test]
+fn published_rows_are_read_back_to_the_bit() {
+    let campaign = Campaign::new(12, 5);
+    campaign.run();
+    let part = campaign.folder.shard(2).part().expect("a part");
+    assert_eq!(part.rows, [row(10, f64::NAN), row(11, f64::NEG_INFINITY)]);
+    assert_eq!(part.circumstances[0].wall_s, 0.5);
+    assert_eq!(part.circumstances[0].tries, 1);
+    let left = fs::read_dir(campaign.folder.shard(2).path()).expect("a folder");
+    assert_eq!(left.count(), 1, "no journal is left");
+}
+
+#[test]
+fn fifty_workers_on_one_shard_give_one_result() {
+    let campaign = Campaign::new(3, 3);
+    let barrier = Barrier::new(50);
+    let all: Vec<Published> = std::thread::scope(|scope| {
+        let work = || {
+            barrier.wait();
+            let mut attempt = campaign.attempt(0);
+            complete(&mut attempt, |case| row(case, value(case)));
+            attempt.publish().expect("published")
+        };
+        let threads: Vec<_> = (0..50).map(|_| scope.spawn(work)).collect();
+        let ended = threads
+            .into_iter()
+            .map(|thread| thread.join().expect("no panic"));
+        ended.collect()
+    });
+    let count = |wanted: &Published| all.iter().filter(|one| *one == wanted).count();
+    assert_eq!(
+        (count(&Published::First), count(&Published::Again)),
+        (1, 49)
+    );
+    assert_eq!(
+        campaign.folder.shard(0).part().expect("a part").rows.len(),
+        3
+    );
+}
+
+#[test]
+fn a_second_result_that_differs_is_told_with_case_and_column() {
+    let campaign = Campaign::new(3, 3);
+    let (mut first, mut second) = (campaign.attempt(0), campaign.attempt(0));
+    complete(&mut first, |case| row(case, 1.0));
+    complete(&mut second, |case| {
+        row(case, if case == 1 { 2.0 } else { 1.0 })
+    });
+    assert_eq!(first.publish().expect("published"), Published::First);
+    let Published::Otherwise(conflict) = second.publish().expect("published") else {
+        panic!("it differs")
+    };
+    assert_eq!((conflict.case, &*conflict.column), (1, "x"));
+    assert_eq!((&*conflict.first, &*conflict.second), ("1", "2"));
+    assert_eq!(campaign.folder.conflicts().expect("listed"), [conflict]);
+    // The first one counts.
+    assert_eq!(
+        campaign.folder.shard(0).part().expect("a part").rows[1],
+        row(1, 1.0)
+    );
+}
+
+#[test]
+fn rows_of_a_dead_attempt_are_taken_over_and_compared() {
+    let campaign = Campaign::new(4, 4);
+    let mut dead = campaign.attempt(0);
+    for case in 0..3 {
+        dead.start(case).expect("noted");
+        dead.row(row(case, 1.0), 0.25).expect("noted");
+    }
+    let name = dead.journal.name().to_owned();
+    drop(dead);
+    let mut attempt = campaign.attempt(0);
+    assert!((0..3).all(|case| attempt.has(case)) && !attempt.has(3));
+    complete(&mut attempt, |case| row(case, 1.0));
+    assert_eq!(attempt.publish().expect("published"), Published::First);
+    let part = campaign.folder.shard(0).part().expect("a part");
+    assert_eq!(part.circumstances[0].attempt, name);
+    assert_ne!(part.circumstances[3].attempt, name);
+
+    let campaign = Campaign::new(1, 1);
+    for x in [1.0, 2.0] {
+        let mut dead = campaign.attempt(0);
+        dead.rows.clear(); // as if both had begun together
+        dead.row(row(0, x), 0.1).expect("noted");
+    }
+    let attempt = campaign.attempt(0);
+    assert!(matches!(attempt.publish(), Ok(Published::Otherwise(_))));
+}
+
+#[test]
+fn only_dead_attempts_that_did_not_leave_a_case_count_against_it() {
+    let campaign = Campaign::new(2, 2);
+    let mut alive = campaign.attempt(0);
+    alive.start(0).expect("noted");
+    for _ in 0..2 {
+        campaign.attempt(0).start(0).expect("noted");
+    }
+    let mut left = campaign.attempt(0);
+    left.start(0).expect("noted");
+    left.leave(0).expect("noted");
+    drop(left);
+    let attempt = campaign.attempt(0);
+    assert_eq!((attempt.tries(0), attempt.tries(1)), (2, 0));
+    drop(alive);
+    assert_eq!(campaign.attempt(0).tries(0), 3);
+}
+
+#[test]
+fn a_case_that_was_set_aside_contradicts_nothing() {
+    let campaign = Campaign::new(1, 1);
+    let (mut first, mut second) = (campaign.attempt(0), campaign.attempt(0));
+    complete(&mut first, |case| {
+        vec![
+            Cell::Count(case),
+            Cell::number(f64::NAN),
+            Cell::Text(LOST.into()),
+        ]
+    });
+    complete(&mut second, |case| row(case, 1.0));
+    first.publish().expect("published");
+    assert_eq!(second.publish().expect("published"), Published::Again);
+}
+
+#[test]
+fn a_claim_keeps_others_out_until_it_is_gone() {
+    let campaign = Campaign::new(1, 1);
+    let shard = campaign.folder.shard(0);
+    let claim = shard.claim().expect("claimed");
+    assert!(claim.is_some());
+    assert!(shard.claim().expect("asked").is_none());
+    drop(claim);
+    assert!(shard.claim().expect("claimed").is_some());
+}
+
+#[test]
+fn journals_of_another_campaign_are_left_alone() {
+    let campaign = Campaign::new(1, 1);
+    let other = Campaign::new(2, 2);
+    let mut theirs = other.attempt(0);
+    complete(&mut theirs, |case| row(case, 1.0));
+    let path = campaign.folder.shard(0).path();
+    fs::create_dir_all(&path).expect("a folder");
+    let copy = path.join("attempt-theirs.journal");
+    fs::copy(theirs.journal.path(), &copy).expect("copied");
+    let attempt = campaign.attempt(0);
+    assert!(!attempt.has(0));
+    drop(attempt);
+    assert!(copy.exists());
+}
+
+#[test]
+fn a_broken_result_is_set_aside_and_computed_again() {
+    let campaign = Campaign::new(2, 2);
+    campaign.run();
+    let shard = campaign.folder.shard(0);
+    fs::write(shard.path().join(PART), "PAR1, or not").expect("written");
+    let (collected, ..) = collect(&campaign.folder, Vec::new(), Vec::new()).expect("collected");
+    assert_eq!((collected.missing, collected.digest), (vec![0], None));
+    assert!(shard.path().join("broken-1.parquet").exists());
+    campaign.run();
+    let (collected, ..) = collect(&campaign.folder, Vec::new(), Vec::new()).expect("collected");
+    assert_eq!(collected.rows, 2);
+}
+
+#[test]
+fn the_digest_is_over_the_cells_in_the_order_of_cases_however_they_are_sharded() {
+    // By hand, in the documented form.
+    let mut bytes = Vec::new();
+    for case in 0..7_u64 {
+        bytes.extend(case.to_le_bytes());
+        let value = value(case) + 0.0;
+        let bits = if value.is_nan() {
+            0x7ff8_0000_0000_0000
+        } else {
+            value.to_bits()
+        };
+        bytes.extend(bits.to_le_bytes());
+        bytes.extend(4_u64.to_le_bytes());
+        bytes.extend(if case % 2 == 0 { b"pass" } else { b"fail" });
+    }
+    let expected = blake3::hash(&bytes).to_hex().to_string();
+    for shard_cases in [1, 3, 7, 100] {
+        let campaign = Campaign::new(7, shard_cases);
+        campaign.run();
+        let (collected, results, _) =
+            collect(&campaign.folder, Vec::new(), Vec::new()).expect("collected");
+        assert_eq!(collected.digest.as_ref(), Some(&expected), "{shard_cases}");
+        let (_, again, _) = collect(&campaign.folder, Vec::new(), Vec::new()).expect("collected");
+        assert!(results == again, "the same bytes");
+    }
+}
+
+#[test]
+fn lost_cases_are_listed() {
+    let campaign = Campaign::new(3, 2);
+    let mut attempt = campaign.attempt(0);
+    complete(&mut attempt, |case| {
+        vec![
+            Cell::Count(case),
+            Cell::number(0.0),
+            Cell::Text(if case == 1 { LOST } else { "pass" }.into()),
+        ]
+    });
+    attempt.publish().expect("published");
+    campaign.run();
+    let (collected, ..) = collect(&campaign.folder, Vec::new(), Vec::new()).expect("collected");
+    assert_eq!(collected.lost, [1]);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn a_journal_that_is_cut_or_damaged_anywhere_gives_a_part_of_its_rows(cut in 0_usize..1500, flip in 0_u8..255) {
+        let campaign = Campaign::new(5, 5);
+        let mut dead = campaign.attempt(0);
+        complete(&mut dead, |case| row(case, value(case)));
+        let path = dead.journal.path().to_owned();
+        drop(dead);
+        let mut bytes = fs::read(&path).expect("read");
+        let cut = cut % bytes.len();
+        if flip == 0 {
+            bytes.truncate(cut);
+        } else {
+            bytes[cut] ^= flip;
+        }
+        fs::write(&path, bytes).expect("written");
+        let attempt = campaign.attempt(0);
+        let whole = (0..5).take_while(|case| attempt.has(*case)).count() as u64;
+        for case in 0..5 {
+            let expected = (case < whole).then(|| row(case, value(case)));
+            prop_assert_eq!(attempt.rows.get(&case).map(|(row, _)| row.clone()), expected);
+        }
+    }
+
+    #[test]
+    fn a_part_with_a_damaged_byte_is_refused_or_has_the_same_rows(place in 0_usize..10_000, flip in 1_u8..255) {
+        let campaign = Campaign::new(6, 6);
+        campaign.run();
+        let shard = campaign.folder.shard(0);
+        let path = shard.path().join(PART);
+        let mut bytes = fs::read(&path).expect("read");
+        let place = place % bytes.len();
+        bytes[place] ^= flip;
+        fs::write(&path, bytes).expect("written");
+        if let Ok(part) = shard.part() {
+            let expected: Vec<Row> = (0..6).map(|case| row(case, value(case))).collect();
+            prop_assert_eq!(part.rows, expected);
+        }
+    }
+}
