@@ -1,7 +1,7 @@
 //! Tables: named columns of counts, numbers and texts, as Parquet.
 //!
 //! The rows of a shard, of a whole campaign and of its cases are such tables. Any reader of Parquet can read
-//! them; [`read`] reads only what [`Writer`] wrote. Knows nothing of what the columns mean.
+//! them; [`Reader`] reads only what [`Writer`] wrote. Knows nothing of what the columns mean.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -340,7 +340,7 @@ pub enum Values {
 
 /// A table that is read a group of rows at a time.
 pub struct Reader {
-    file: SerializedFileReader<std::fs::File>,
+    file: Box<dyn FileReader>,
     columns: Vec<Column>,
     groups: std::ops::Range<usize>,
 }
@@ -378,6 +378,19 @@ impl Reader {
     /// If it cannot be read or has others.
     pub fn open(path: &Path, columns: &[Column]) -> Result<Self, TableError> {
         let file = SerializedFileReader::new(std::fs::File::open(path)?)?;
+        Self::new(Box::new(file), columns)
+    }
+
+    /// Reads a table from memory; nothing else is as in [`open`](Self::open).
+    ///
+    /// # Errors
+    /// As of [`open`](Self::open).
+    pub fn of(bytes: Vec<u8>, columns: &[Column]) -> Result<Self, TableError> {
+        let file = SerializedFileReader::new(bytes::Bytes::from(bytes))?;
+        Self::new(Box::new(file), columns)
+    }
+
+    fn new(file: Box<dyn FileReader>, columns: &[Column]) -> Result<Self, TableError> {
         let schema = file.metadata().file_metadata().schema_descr();
         let found = schema.columns().iter().map(|column| {
             let kind = match column.physical_type() {
@@ -419,6 +432,20 @@ impl Reader {
     pub fn rows(&self) -> u64 {
         let rows = self.file.metadata().file_metadata().num_rows();
         u64::try_from(rows).unwrap_or_default()
+    }
+
+    /// Reads the rows that are left.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub fn all(&mut self) -> Result<Vec<Row>, TableError> {
+        let mut rows = Vec::new();
+        while let Some(mut values) = self.group(|_| true)? {
+            let count = values.first().map_or(0, Values::len);
+            let row = |row| values.iter_mut().map(|one| one.take(row)).collect::<Row>();
+            rows.extend((0..count).map(row));
+        }
+        Ok(rows)
     }
 
     /// Reads the next group of rows, by the columns that are wanted, in their order; none after the last.
@@ -470,22 +497,6 @@ impl Reader {
         }
         Ok(Some(all))
     }
-}
-
-/// Reads all rows of a table that must begin with these columns.
-///
-/// # Errors
-/// If it cannot be read or has others.
-pub fn read(path: &Path, columns: &[Column]) -> Result<Vec<Row>, TableError> {
-    let mut reader = Reader::open(path, columns)?;
-    let mut rows = Vec::new();
-    while let Some(mut values) = reader.group(|_| true)? {
-        let count = values.first().map_or(0, Values::len);
-        rows.extend(
-            (0..count).map(|row| values.iter_mut().map(|one| one.take(row)).collect::<Row>()),
-        );
-    }
-    Ok(rows)
 }
 
 /// Checks that cells are of these columns.
