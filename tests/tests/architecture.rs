@@ -12,19 +12,21 @@ use crate::support::programs::workspace;
 
 /// Package and what it may depend on, when it is built and when it is tested. What moves to a target,
 /// the controller, knows neither simulator nor scenario.
-const ARROWS: [(&str, &[&str], &[&str]); 8] = [
+const ARROWS: [(&str, &[&str], &[&str]); 9] = [
     ("shared-types", &[], &[]),
     ("hil-config", &["shared-types"], &[]),
     ("plant-process", &["shared-types", "hil-config"], &[]),
     ("controller-process", &["shared-types"], &[]),
     ("hil-recording", &["shared-types"], &[]),
     ("hil-target", &["shared-types"], &[]),
+    ("hil-campaign", &["shared-types", "hil-config"], &[]),
     (
         "tools",
         &[
             "shared-types",
             "hil-recording",
             "hil-target",
+            "hil-campaign",
             "hil-config",
             "plant-process",
             "controller-process",

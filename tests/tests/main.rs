@@ -10,6 +10,7 @@
 //! | [`checkpoints`] | a run that goes on is the straight run, and what cannot go on is refused |
 //! | [`baselines`] | runs against named runs, by digest, by samples and by figures |
 //! | [`book`] | what README and book tell can be done, shows what they show, and leads where they say |
+//! | [`campaign`] | very many cases: each once, with the digest of a run of its own |
 //! | [`cli`] | bad input: a clear error, exit code 2, nothing started |
 //! | [`determinism`] | one digest, however and wherever a scenario runs |
 //! | [`doctor`] | every check once, and a verdict that follows |
@@ -64,6 +65,7 @@ mod audit;
 mod bad_input;
 mod baselines;
 mod book;
+mod campaign;
 mod chatter;
 mod checkpoints;
 mod cli;

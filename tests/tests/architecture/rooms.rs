@@ -8,8 +8,9 @@ use super::sources::{Named, named_below};
 use crate::support::programs::workspace;
 
 /// The rooms of `tools` from top to bottom: each names only itself and what is below it.
-const ROOMS: [&str; 13] = [
+const ROOMS: [&str; 14] = [
     "commands",
+    "campaign",
     "views",
     "verification",
     "benchmark",
@@ -142,6 +143,7 @@ fn modules_of_lower_packages_form_no_circle() {
         "hil-config",
         "tools/recording",
         "tools/target",
+        "tools/campaign",
     ] {
         let (named, modules) = (named_below(&sources(package)), modules(package));
         for named in &named {

@@ -6,7 +6,7 @@
 use std::io::Write;
 
 use crate::folder::Folder;
-use crate::shard::{LOST, PartError, circumstance_columns};
+use crate::shard::{LOST, PartError, Shard, circumstance_columns};
 use crate::table::{Column, Kind, TableError, Writer};
 
 /// A campaign's rows, collected.
@@ -45,7 +45,7 @@ pub fn collect<W: Write + Send, V: Write + Send>(
     let mut hasher = blake3::Hasher::new();
     let mut collected = Collected::default();
     for number in 0..manifest.shards() {
-        let shard = folder.shard(number);
+        let shard = Shard::of(folder, number);
         let part = match shard.part() {
             Ok(part) => part,
             Err(PartError::Missing) => {
@@ -60,6 +60,7 @@ pub fn collect<W: Write + Send, V: Write + Send>(
             }
             Err(PartError::Io(error)) => return Err(error.into()),
         };
+        shard.sweep()?;
         for (row, circumstances) in part.rows.iter().zip(&part.circumstances) {
             row.iter().for_each(|cell| cell.hash(&mut hasher));
             if class.is_some_and(|class| row[class].as_text() == LOST) {
@@ -81,3 +82,6 @@ pub fn collect<W: Write + Send, V: Write + Send>(
     let circumstances = second.finish(&facts)?;
     Ok((collected, results, circumstances))
 }
+
+#[cfg(test)]
+mod tests;

@@ -10,7 +10,7 @@ use hil_config::study::{Item, MOST_SOBOL, Sampling, Spread, Study};
 use shared_types::random::RandomStream;
 
 use crate::table::Cell;
-use crate::{normal, permutation, sobol};
+use crate::{normal, permutation, sobol, truncated};
 
 /// Largest seed of a case plus 1: a number that JSON and TOML carry exactly.
 const SEEDS: f64 = (1_u64 << 53) as f64;
@@ -268,7 +268,7 @@ fn value(spread: &Spread, u: f64) -> f64 {
             mean,
             deviation,
             within: [min, max],
-        } => normal::truncated(mean, deviation, min, max, u),
+        } => truncated::truncated(mean, deviation, min, max, u),
         Spread::Lognormal {
             median,
             sigma,
@@ -279,7 +279,7 @@ fn value(spread: &Spread, u: f64) -> f64 {
                 _ => f64::NEG_INFINITY,
             };
             let exponent =
-                normal::truncated(libm::log(median), sigma, log(within[0]), log(within[1]), u);
+                truncated::truncated(libm::log(median), sigma, log(within[0]), log(within[1]), u);
             inside(libm::exp(exponent), within)
         }
         Spread::Choice(_) | Spread::Expression(_) => f64::NAN,

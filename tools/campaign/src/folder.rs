@@ -11,7 +11,6 @@ use rustix::fs::{FlockOperation, flock};
 use serde::{Deserialize, Serialize};
 
 use crate::manifest::{Manifest, ManifestError};
-use crate::shard::Shard;
 
 /// Folder of the shards.
 pub const SHARDS: &str = "shards";
@@ -87,20 +86,6 @@ impl Folder {
     #[must_use]
     pub fn id(&self) -> &str {
         &self.id
-    }
-
-    /// Returns one of its shards.
-    #[must_use]
-    pub const fn shard(&self, number: u64) -> Shard<'_> {
-        Shard::new(self, number)
-    }
-
-    /// Lists the shards without a result.
-    #[must_use]
-    pub fn missing(&self) -> Vec<u64> {
-        let all = 0..self.manifest.shards();
-        all.filter(|number| !self.shard(*number).is_published())
-            .collect()
     }
 
     /// Checks the copies in it by their hashes.

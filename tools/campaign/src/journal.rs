@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{self, Write};
+use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -17,8 +17,10 @@ use crate::table::{Cell, Row};
 
 /// Longest time for which rows are not on the disk.
 const UNSYNCED: Duration = Duration::from_millis(200);
+/// First part of the names of files that are not what they are to be yet.
+pub(crate) const UNFINISHED: &str = "unfinished-";
 /// First and last part of the names of journals.
-const PREFIX: &str = "attempt-";
+pub(crate) const PREFIX: &str = "attempt-";
 const SUFFIX: &str = ".journal";
 
 /// A line.
@@ -74,15 +76,25 @@ impl Journal {
     /// # Errors
     /// If it cannot be written or locked.
     pub fn begin(shard: &Path, campaign: &str) -> io::Result<Self> {
-        let (file, path) = tempfile::Builder::new()
-            .prefix(PREFIX)
-            .suffix(SUFFIX)
-            .rand_bytes(10)
-            .append(true)
-            .tempfile_in(shard)?
-            .keep()
-            .map_err(|error| error.error)?;
-        flock(&file, FlockOperation::NonBlockingLockExclusive)?;
+        let (file, path) = loop {
+            let made = tempfile::Builder::new()
+                .prefix(UNFINISHED)
+                .rand_bytes(10)
+                .append(true)
+                .tempfile_in(shard)?;
+            // Nobody may see it as a journal before it is locked: it would look dead.
+            flock(made.as_file(), FlockOperation::LockExclusive)?;
+            let (file, unfinished) = made.into_parts();
+            let name = unfinished.file_name().unwrap_or_default().to_string_lossy();
+            let name = name.replace(UNFINISHED, PREFIX) + SUFFIX;
+            let path = shard.join(name);
+            match unfinished.persist(&path) {
+                Ok(()) => break (file, path),
+                // Swept away before it was locked.
+                Err(error) if error.error.kind() == io::ErrorKind::NotFound => {}
+                Err(error) => return Err(error.error),
+            }
+        };
         let host = rustix::system::uname()
             .nodename()
             .to_string_lossy()
@@ -185,14 +197,16 @@ pub(crate) fn paths(shard: &Path) -> io::Result<Vec<PathBuf>> {
 
 /// Reads a journal of this campaign, up to the first line that is not whole; none if it is gone or another's.
 pub(crate) fn read(path: &Path, campaign: &str) -> io::Result<Option<Found>> {
-    let file = match File::open(path) {
+    let mut file = match File::open(path) {
         Ok(file) => file,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
         Err(error) => return Err(error),
     };
     // Asked before it is read: what the dead wrote is all there is.
     let is_dead = flock(&file, FlockOperation::NonBlockingLockShared).is_ok();
-    let text = std::fs::read(path)?;
+    // Not by its name: the attempt may end meanwhile, and remove it.
+    let mut text = Vec::new();
+    file.read_to_end(&mut text)?;
     let text = String::from_utf8_lossy(&text);
     let whole = text.split_inclusive('\n').map_while(|line| {
         let (json, told) = line.strip_suffix('\n')?.rsplit_once(' ')?;

@@ -28,4 +28,4 @@ pub mod shard;
 mod sobol;
 pub mod table;
 mod tail;
-mod truncated;
+pub mod truncated;

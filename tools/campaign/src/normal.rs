@@ -1,11 +1,9 @@
-//! The normal distribution, its truncated form and the lognormal distribution.
+//! The normal and the lognormal distribution.
 //!
 //! The sampler calls these functions to turn a probability into a value; the intervals of the report
 //! use the same ones. Nothing here draws a random number.
 
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
-
-pub use crate::truncated::truncated;
 
 /// Deviations from the mean beyond which the tail is taken in logarithms; the probability there is about
 /// 5e-198, so that both sides of the limit are far from underflow.

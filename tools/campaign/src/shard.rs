@@ -33,6 +33,14 @@ pub struct Shard<'a> {
     number: u64,
 }
 
+/// Lists the shards of a campaign without a result.
+#[must_use]
+pub fn missing(folder: &Folder) -> Vec<u64> {
+    let all = 0..folder.manifest().shards();
+    all.filter(|number| !Shard::of(folder, *number).is_published())
+        .collect()
+}
+
 /// Claim on a shard, until it is dropped or its process ends.
 pub struct Claim(#[expect(dead_code, reason = "held, never read: it has the lock")] File);
 
@@ -97,7 +105,9 @@ impl Circumstances {
 }
 
 impl<'a> Shard<'a> {
-    pub(crate) const fn new(folder: &'a Folder, number: u64) -> Self {
+    /// Makes a shard of a campaign by its number.
+    #[must_use]
+    pub const fn of(folder: &'a Folder, number: u64) -> Self {
         Self { folder, number }
     }
 
@@ -118,10 +128,15 @@ impl<'a> Shard<'a> {
         self.folder.path().join(SHARDS).join(name)
     }
 
+    /// Returns the place of its result.
+    pub(crate) fn result(&self) -> PathBuf {
+        self.path().join(PART)
+    }
+
     /// Tells whether it has a result.
     #[must_use]
     pub fn is_published(&self) -> bool {
-        self.path().join(PART).exists()
+        self.result().exists()
     }
 
     /// Claims it; none if another worker has it.
@@ -197,7 +212,7 @@ impl<'a> Shard<'a> {
         let columns = self.folder.manifest().columns.clone();
         let results = columns.len();
         let all: Vec<Column> = columns.into_iter().chain(circumstance_columns()).collect();
-        let path = self.path().join(PART);
+        let path = self.result();
         let mut bytes = fs::read(&path).map_err(TableError::Io)?;
         // Before anything else: a reader of Parquet believes what it reads.
         let told = unsealed(&mut bytes);
@@ -221,6 +236,27 @@ impl<'a> Shard<'a> {
             rows,
             circumstances,
         })
+    }
+
+    /// Removes what dead workers left beside its result.
+    ///
+    /// # Errors
+    /// If the folder cannot be read.
+    pub fn sweep(&self) -> io::Result<()> {
+        for entry in fs::read_dir(self.path())? {
+            let path = entry?.path();
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            if !name.starts_with(journal::UNFINISHED) && !name.starts_with(journal::PREFIX) {
+                continue;
+            }
+            // Whoever lives holds a lock on it.
+            let is_dead =
+                |file: File| flock(file, FlockOperation::NonBlockingLockExclusive).is_ok();
+            if File::open(&path).is_ok_and(is_dead) {
+                let _ = fs::remove_file(&path); // another one may have done so
+            }
+        }
+        Ok(())
     }
 
     /// Sets a result that does not count aside, so that it is computed again; gives its new name.
@@ -403,9 +439,10 @@ impl Attempt<'_> {
             .collect();
         // In the folder of the shard: some file systems refuse links across folders.
         let part = tempfile::Builder::new()
-            .prefix("part-")
+            .prefix(journal::UNFINISHED)
             .tempfile_in(&path)
             .map_err(io)?;
+        flock(part.as_file(), FlockOperation::LockExclusive).map_err(|error| io(error.into()))?;
         let mut writer = Writer::new(Vec::new(), &all)?;
         for (row, circumstances) in rows.iter().zip(&circumstances) {
             writer.row(row.iter().chain(&circumstances.cells()))?;
@@ -432,12 +469,14 @@ impl Attempt<'_> {
                 .metadata()
                 .is_ok_and(|file| file.nlink() == 2);
         let mut published = Published::First;
+        // Sweepers leave alone what is locked; they may have been faster than the lock.
+        let is_late = linked.is_err() && place.exists();
         if is_there {
             File::open(&path)
                 .and_then(|folder| folder.sync_all())
                 .map_err(io)?;
         } else if let Err(error) = linked
-            && error.kind() != ErrorKind::AlreadyExists
+            && !is_late
         {
             return Err(PartError::Io(error));
         } else {
@@ -492,4 +531,4 @@ fn difference(
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -1,6 +1,6 @@
 //! The truncated normal distribution, for intervals anywhere on the axis.
 //!
-//! Callers find [`truncated`] in [`crate::normal`]. No value is clamped to the interval, except for its
+//! Called by the sampler. No value is clamped to the interval, except for its
 //! last bits: a clamped distribution would have a step at each end.
 
 use crate::normal::{FAR, cumulative, mills, quantile};

@@ -1,5 +1,6 @@
 //! One case of a campaign again: as a scenario, or as a run with a recording whose digest must be the same.
 
+use hil_campaign::shard::Shard;
 use std::sync::Arc;
 
 use hil_campaign::folder::Folder;
@@ -79,7 +80,7 @@ fn published(folder: &Folder, case: u64) -> Option<String> {
         .columns
         .iter()
         .position(|column| column.name == "digest")?;
-    let part = folder.shard(case / manifest.shard_cases).part().ok()?;
+    let part = Shard::of(folder, case / manifest.shard_cases).part().ok()?;
     let row = part.rows.iter().find(|row| row[0].as_count() == case)?;
     Some(row[place].as_text().to_owned()).filter(|digest| !digest.is_empty())
 }

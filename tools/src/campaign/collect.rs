@@ -1,5 +1,6 @@
 //! The results of a campaign as one table in its folder, and the circumstances of its cases as another.
 
+use hil_campaign::shard::missing;
 use std::io::BufWriter;
 
 use hil_campaign::collect::Collected;
@@ -75,7 +76,7 @@ pub(super) const fn exit(collected: &Collected, conflicts: bool) -> Exit {
 pub(super) fn now(folder: &Folder, partial: bool) -> Result<Collected, Failure> {
     let shown = folder.path().display();
     if !partial {
-        refuse_missing(folder, &folder.missing())?;
+        refuse_missing(folder, &missing(folder))?;
     }
     let part = |name: &str| {
         let path = folder.path().join(name);

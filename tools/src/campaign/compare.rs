@@ -2,6 +2,7 @@
 
 use hil_campaign::folder::Folder;
 use hil_campaign::mcnemar;
+use hil_campaign::shard::Shard;
 use serde::Serialize;
 use shared_types::number::{counted, short};
 
@@ -110,8 +111,7 @@ fn flips(first: &Folder, second: &Folder) -> Result<Vec<Flips>, Failure> {
             let row = match rows.next() {
                 Some(row) => row,
                 None => {
-                    let part = folder
-                        .shard(*shard)
+                    let part = Shard::of(folder, *shard)
                         .part()
                         .map_err(|error| cannot(folder, &error))?;
                     *shard += 1;

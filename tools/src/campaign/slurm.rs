@@ -2,6 +2,7 @@
 //!
 //! Slurm starts tasks and restarts some of them; nothing that it says decides about a result.
 
+use hil_campaign::shard::missing;
 use std::fs;
 use std::process::Command;
 
@@ -38,7 +39,7 @@ pub(super) struct Tasks {
 pub(super) fn submit(arguments: &SubmitArguments) -> Result<Exit, Failure> {
     let folder = open(&arguments.folder)?;
     folder.check().map_err(Failure::usage)?;
-    let (manifest, missing) = (folder.manifest(), folder.missing());
+    let (manifest, missing) = (folder.manifest(), missing(&folder));
     if missing.is_empty() {
         output::write("nothing is missing\n")?;
         return Ok(Exit::Pass);

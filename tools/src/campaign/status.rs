@@ -1,5 +1,6 @@
 //! What is done, missing and under way, from the folder alone; tasks of a cluster, as it says.
 
+use hil_campaign::shard::Shard;
 use std::time::Duration;
 
 use hil_campaign::folder::{Conflict, Folder};
@@ -74,7 +75,7 @@ impl Status {
             tasks: slurm::tasks(folder),
         };
         for number in 0..status.shards {
-            let shard = folder.shard(number);
+            let shard = Shard::of(folder, number);
             let cases = shard.cases();
             if shard.is_published() {
                 status.published += cases.end - cases.start;

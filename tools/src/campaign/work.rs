@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use hil_campaign::folder::Folder;
-use hil_campaign::shard::{Attempt, MOST_TRIES, PartError, Published, Shard};
+use hil_campaign::shard::{Attempt, MOST_TRIES, PartError, Published, Shard, missing};
 use hil_campaign::table::Row;
 use hil_target::machine::hash;
 use rustix::process::{Signal, getpid, kill_process};
@@ -48,7 +48,7 @@ pub(super) fn work(arguments: &WorkArguments) -> Result<Exit, Failure> {
     };
     let mut exit = Exit::Pass;
     for number in wanted(arguments, &folder)? {
-        let shard = folder.shard(number);
+        let shard = Shard::of(&folder, number);
         if shard.is_published() {
             continue;
         }
@@ -138,7 +138,7 @@ fn wanted(arguments: &WorkArguments, folder: &Folder) -> Result<Vec<u64>, Failur
         }
         return Ok(all);
     }
-    let missing = folder.missing();
+    let missing = missing(folder);
     let Some(task) = &arguments.task else {
         return Ok(missing);
     };

@@ -8,7 +8,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
 use hil_campaign::folder::Folder;
-use hil_campaign::shard::LOST;
+use hil_campaign::shard::{LOST, Shard, missing};
 use indicatif::ProgressBar;
 use shared_types::number::{counted, short};
 
@@ -60,7 +60,7 @@ pub(super) fn run(arguments: &RunCampaignArguments) -> Result<Exit, Failure> {
 /// Sets the results aside that have cases without one.
 fn try_again(folder: &Folder) -> Result<(), Failure> {
     for number in 0..folder.manifest().shards() {
-        let shard = folder.shard(number);
+        let shard = Shard::of(folder, number);
         let Ok(part) = shard.part() else { continue };
         let is_lost = |row: &Vec<_>| answers::class_of(folder.manifest(), row) == LOST;
         if part.rows.iter().any(is_lost) {
@@ -78,13 +78,13 @@ fn all(
     progress: &mut Progress,
 ) -> Result<(), Failure> {
     loop {
-        let missing = folder.missing();
+        let missing = missing(folder);
         if missing.is_empty() {
             return Ok(());
         }
         let mut is_free = false;
         for number in &missing {
-            let claim = folder.shard(*number).claim();
+            let claim = Shard::of(folder, *number).claim();
             is_free |= claim.map_err(|error| cannot(folder, &error))?.is_some();
             if is_free {
                 break;
@@ -294,7 +294,7 @@ impl Progress {
 fn done(folder: &Folder) -> Result<u64, Failure> {
     let mut done = 0;
     for number in 0..folder.manifest().shards() {
-        let shard = folder.shard(number);
+        let shard = Shard::of(folder, number);
         let cases = shard.cases();
         done += match shard.is_published() {
             true => cases.end - cases.start,

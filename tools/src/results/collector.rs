@@ -5,7 +5,7 @@
 use shared_types::record::{Event, Timing};
 
 use crate::results::evaluation::RecordEvaluation;
-use crate::results::latency::legs::Latency;
+use crate::results::latency::legs::{Latency, LatencySummary};
 use crate::results::recorded::Recorded;
 
 /// The facts of a run in the making.
@@ -13,7 +13,8 @@ pub(crate) struct Collector {
     /// Steps of the run; none if its scenario cannot be understood.
     steps: u64,
     pub(crate) evaluation: Option<RecordEvaluation>,
-    pub(crate) latency: Latency,
+    /// None where nobody asks for it: its histograms cost more than a short run.
+    pub(crate) latency: Option<Latency>,
     /// Times at which the first and the last record were published.
     published_ns: Option<(u64, u64)>,
     /// Records that come are those that the run goes on from: they took no time of this run.
@@ -24,12 +25,11 @@ pub(crate) struct Collector {
 impl Collector {
     /// Begins with a run of so many steps.
     pub(crate) fn new(steps: u64, evaluation: Option<RecordEvaluation>) -> Self {
-        let latency = Latency::default();
         Self {
             steps,
             evaluation,
-            recorded: Recorded::begun(latency.summary()),
-            latency,
+            recorded: Recorded::begun(LatencySummary::default()),
+            latency: Some(Latency::default()),
             published_ns: None,
             is_past: false,
         }
@@ -52,7 +52,9 @@ impl Collector {
             recorded.past_records += 1;
             return;
         }
-        self.latency.take(step, timing);
+        if let Some(latency) = &mut self.latency {
+            latency.take(step, timing);
+        }
         let (first_ns, _) = self.published_ns.unwrap_or((timing.published_ns, 0));
         self.published_ns = Some((first_ns, timing.published_ns));
     }
@@ -76,7 +78,11 @@ impl Collector {
     /// Fills in the figures of all that was taken.
     pub(crate) fn conclude(&mut self) {
         let recorded = &mut self.recorded;
-        recorded.latency = self.latency.summary();
+        recorded.latency = self
+            .latency
+            .as_ref()
+            .map(Latency::summary)
+            .unwrap_or_default();
         if let Some(evaluation) = &self.evaluation {
             recorded.metrics = evaluation.so_far().results();
             recorded.requirements = evaluation.so_far().requirements();

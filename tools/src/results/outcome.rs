@@ -113,7 +113,7 @@ impl RecordedOutcome {
             messages,
             damage,
             recorded,
-            latency: collector.latency,
+            latency: collector.latency.unwrap_or_default(),
             run,
         })
     }

@@ -4,17 +4,16 @@ use std::sync::Barrier;
 use proptest::prelude::*;
 
 use super::*;
-use crate::collect::collect;
 use crate::manifest::{Copied, MANIFEST, Manifest, SCHEMA};
 
 /// A campaign of so many cases in a folder that is gone afterwards.
-struct Campaign {
+pub(crate) struct Campaign {
     _root: tempfile::TempDir,
-    folder: Folder,
+    pub(crate) folder: Folder,
 }
 
 impl Campaign {
-    fn new(cases: u64, shard_cases: u64) -> Self {
+    pub(crate) fn new(cases: u64, shard_cases: u64) -> Self {
         let root = tempfile::tempdir().expect("a folder");
         let file = || Copied {
             path: "x".into(),
@@ -47,13 +46,15 @@ impl Campaign {
         }
     }
 
-    fn attempt(&self, shard: u64) -> Attempt<'_> {
-        self.folder.shard(shard).attempt().expect("an attempt")
+    pub(crate) fn attempt(&self, shard: u64) -> Attempt<'_> {
+        Shard::of(&self.folder, shard)
+            .attempt()
+            .expect("an attempt")
     }
 
     /// Publishes every shard.
-    fn run(&self) {
-        for number in self.folder.missing() {
+    pub(crate) fn run(&self) {
+        for number in missing(&self.folder) {
             let mut attempt = self.attempt(number);
             complete(&mut attempt, |case| row(case, value(case)));
             assert_eq!(attempt.publish().expect("published"), Published::First);
@@ -62,7 +63,7 @@ impl Campaign {
 }
 
 /// Numbers of all kinds.
-fn value(case: u64) -> f64 {
+pub(crate) fn value(case: u64) -> f64 {
     match case % 5 {
         0 => f64::NAN,
         1 => f64::NEG_INFINITY,
@@ -72,12 +73,12 @@ fn value(case: u64) -> f64 {
     }
 }
 
-fn row(case: u64, x: f64) -> Row {
+pub(crate) fn row(case: u64, x: f64) -> Row {
     let class = Cell::Text(if case % 2 == 0 { "pass" } else { "fail" }.into());
     vec![Cell::Count(case), Cell::number(x), class]
 }
 
-fn complete(attempt: &mut Attempt<'_>, row: impl Fn(u64) -> Row) {
+pub(crate) fn complete(attempt: &mut Attempt<'_>, row: impl Fn(u64) -> Row) {
     for case in attempt.shard.cases() {
         if !attempt.has(case) {
             attempt.start(case).expect("noted");
@@ -90,11 +91,11 @@ fn complete(attempt: &mut Attempt<'_>, row: impl Fn(u64) -> Row) {
 fn published_rows_are_read_back_to_the_bit() {
     let campaign = Campaign::new(12, 5);
     campaign.run();
-    let part = campaign.folder.shard(2).part().expect("a part");
+    let part = Shard::of(&campaign.folder, 2).part().expect("a part");
     assert_eq!(part.rows, [row(10, f64::NAN), row(11, f64::NEG_INFINITY)]);
     assert_eq!(part.circumstances[0].wall_s, 0.5);
     assert_eq!(part.circumstances[0].tries, 1);
-    let left = fs::read_dir(campaign.folder.shard(2).path()).expect("a folder");
+    let left = fs::read_dir(Shard::of(&campaign.folder, 2).path()).expect("a folder");
     assert_eq!(left.count(), 1, "no journal is left");
 }
 
@@ -121,7 +122,11 @@ fn fifty_workers_on_one_shard_give_one_result() {
         (1, 49)
     );
     assert_eq!(
-        campaign.folder.shard(0).part().expect("a part").rows.len(),
+        Shard::of(&campaign.folder, 0)
+            .part()
+            .expect("a part")
+            .rows
+            .len(),
         3
     );
 }
@@ -143,7 +148,7 @@ fn a_second_result_that_differs_is_told_with_case_and_column() {
     assert_eq!(campaign.folder.conflicts().expect("listed"), [conflict]);
     // The first one counts.
     assert_eq!(
-        campaign.folder.shard(0).part().expect("a part").rows[1],
+        Shard::of(&campaign.folder, 0).part().expect("a part").rows[1],
         row(1, 1.0)
     );
 }
@@ -162,7 +167,7 @@ fn rows_of_a_dead_attempt_are_taken_over_and_compared() {
     assert!((0..3).all(|case| attempt.has(case)) && !attempt.has(3));
     complete(&mut attempt, |case| row(case, 1.0));
     assert_eq!(attempt.publish().expect("published"), Published::First);
-    let part = campaign.folder.shard(0).part().expect("a part");
+    let part = Shard::of(&campaign.folder, 0).part().expect("a part");
     assert_eq!(part.circumstances[0].attempt, name);
     assert_ne!(part.circumstances[3].attempt, name);
 
@@ -213,7 +218,7 @@ fn a_case_that_was_set_aside_contradicts_nothing() {
 #[test]
 fn a_claim_keeps_others_out_until_it_is_gone() {
     let campaign = Campaign::new(1, 1);
-    let shard = campaign.folder.shard(0);
+    let shard = Shard::of(&campaign.folder, 0);
     let claim = shard.claim().expect("claimed");
     assert!(claim.is_some());
     assert!(shard.claim().expect("asked").is_none());
@@ -227,7 +232,7 @@ fn journals_of_another_campaign_are_left_alone() {
     let other = Campaign::new(2, 2);
     let mut theirs = other.attempt(0);
     complete(&mut theirs, |case| row(case, 1.0));
-    let path = campaign.folder.shard(0).path();
+    let path = Shard::of(&campaign.folder, 0).path();
     fs::create_dir_all(&path).expect("a folder");
     let copy = path.join("attempt-theirs.journal");
     fs::copy(theirs.journal.path(), &copy).expect("copied");
@@ -235,65 +240,6 @@ fn journals_of_another_campaign_are_left_alone() {
     assert!(!attempt.has(0));
     drop(attempt);
     assert!(copy.exists());
-}
-
-#[test]
-fn a_broken_result_is_set_aside_and_computed_again() {
-    let campaign = Campaign::new(2, 2);
-    campaign.run();
-    let shard = campaign.folder.shard(0);
-    fs::write(shard.path().join(PART), "PAR1, or not").expect("written");
-    let (collected, ..) = collect(&campaign.folder, Vec::new(), Vec::new()).expect("collected");
-    assert_eq!((collected.missing, collected.digest), (vec![0], None));
-    assert!(shard.path().join("broken-1.parquet").exists());
-    campaign.run();
-    let (collected, ..) = collect(&campaign.folder, Vec::new(), Vec::new()).expect("collected");
-    assert_eq!(collected.rows, 2);
-}
-
-#[test]
-fn the_digest_is_over_the_cells_in_the_order_of_cases_however_they_are_sharded() {
-    // By hand, in the documented form.
-    let mut bytes = Vec::new();
-    for case in 0..7_u64 {
-        bytes.extend(case.to_le_bytes());
-        let value = value(case) + 0.0;
-        let bits = if value.is_nan() {
-            0x7ff8_0000_0000_0000
-        } else {
-            value.to_bits()
-        };
-        bytes.extend(bits.to_le_bytes());
-        bytes.extend(4_u64.to_le_bytes());
-        bytes.extend(if case % 2 == 0 { b"pass" } else { b"fail" });
-    }
-    let expected = blake3::hash(&bytes).to_hex().to_string();
-    for shard_cases in [1, 3, 7, 100] {
-        let campaign = Campaign::new(7, shard_cases);
-        campaign.run();
-        let (collected, results, _) =
-            collect(&campaign.folder, Vec::new(), Vec::new()).expect("collected");
-        assert_eq!(collected.digest.as_ref(), Some(&expected), "{shard_cases}");
-        let (_, again, _) = collect(&campaign.folder, Vec::new(), Vec::new()).expect("collected");
-        assert!(results == again, "the same bytes");
-    }
-}
-
-#[test]
-fn lost_cases_are_listed() {
-    let campaign = Campaign::new(3, 2);
-    let mut attempt = campaign.attempt(0);
-    complete(&mut attempt, |case| {
-        vec![
-            Cell::Count(case),
-            Cell::number(0.0),
-            Cell::Text(if case == 1 { LOST } else { "pass" }.into()),
-        ]
-    });
-    attempt.publish().expect("published");
-    campaign.run();
-    let (collected, ..) = collect(&campaign.folder, Vec::new(), Vec::new()).expect("collected");
-    assert_eq!(collected.lost, [1]);
 }
 
 proptest! {
@@ -326,7 +272,7 @@ proptest! {
     fn a_part_with_a_damaged_byte_is_refused_or_has_the_same_rows(place in 0_usize..10_000, flip in 1_u8..255) {
         let campaign = Campaign::new(6, 6);
         campaign.run();
-        let shard = campaign.folder.shard(0);
+        let shard = Shard::of(&campaign.folder, 0);
         let path = shard.path().join(PART);
         let mut bytes = fs::read(&path).expect("read");
         let place = place % bytes.len();

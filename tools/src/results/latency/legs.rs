@@ -25,7 +25,7 @@ pub struct Latency {
 }
 
 /// Percentiles of all legs of a step.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Legs {
     /// From sending a sample to having its command.
     pub round_trip: Percentiles,
@@ -40,7 +40,7 @@ pub struct Legs {
 }
 
 /// Percentiles, spikes and grade of a run's latency.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct LatencySummary {
     /// Percentiles of each leg.
     pub legs: Legs,

@@ -1,4 +1,4 @@
-//! A recorder in the loop's thread: the same digest, metrics and requirements without a recording.
+//! A recorder in the loop's thread: the same digest, metrics and requirements, with neither a recording nor latency.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -26,13 +26,9 @@ impl DirectRecorder {
     /// Makes a recorder of records of this layout.
     pub(crate) fn new(plan: Plan, layout: RecordLayout) -> Self {
         let shared = Arc::new(Shared::default());
+        let work = Work::new(plan, None, Vec::new(), Arc::clone(&shared)).without_latency();
         Self {
-            work: Rc::new(RefCell::new(Work::new(
-                plan,
-                None,
-                Vec::new(),
-                Arc::clone(&shared),
-            ))),
+            work: Rc::new(RefCell::new(work)),
             shared,
             layout,
         }

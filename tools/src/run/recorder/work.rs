@@ -58,6 +58,12 @@ impl Work {
         }
     }
 
+    /// The same without figures of latency, which take longer than a short run.
+    pub(super) fn without_latency(mut self) -> Self {
+        self.collector.latency = None;
+        self
+    }
+
     /// Takes the records that the run goes on from, with what happened between them.
     pub(super) fn recall(&mut self, past: &PastRecords) {
         self.open(past.layout.clone());

@@ -1,0 +1,297 @@
+//! Campaigns: each case once, with the digest of a run of its own, whatever ends the workers.
+
+mod mistakes;
+mod own;
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use rustix::process::Signal;
+use serde_json::Value;
+
+use crate::support::harness::{Rig, Run, until};
+use crate::support::programs::{skip, workspace};
+use crate::support::python::{python, succeeds};
+
+/// A study of the teaching run: some masses and springs, held by a law that fails and by one that passes.
+const STUDY: &str = r#"
+schema = 1
+scenario = "SCENARIO"
+cases = 30
+seed = 3
+set = ["plant.substeps=4"]
+
+[[vary]]
+key = "plant.parameters.mass_kg"
+kind = "normal"
+mean = 1.0
+deviation = 0.3
+min = 0.2
+max = 3.0
+
+[[vary]]
+key = "plant.parameters.stiffness_n_per_m"
+kind = "uniform"
+min = 50
+max = 200
+
+[[vary]]
+name = "frequency"
+kind = "expression"
+expression = "sqrt(stiffness_n_per_m / mass_kg)"
+
+[[variants]]
+name = "pid"
+
+[[variants]]
+name = "hold"
+set = ["controller.law=hold"]
+"#;
+
+/// Writes a study of the shipped scenario.
+fn study(rig: &Rig, text: &str) -> PathBuf {
+    let scenario = workspace().join("scenarios/spring-mass.toml");
+    let scenario = scenario.to_str().expect("plain text");
+    rig.write("demo.toml", &text.replace("SCENARIO", scenario))
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("plain text")
+}
+
+/// Plans a campaign in a folder of the test.
+fn planned(rig: &Rig, study: &Path, name: &str) -> PathBuf {
+    let folder = rig.path(name);
+    rig.hil(&["campaign", "plan", text(study), "-o", text(&folder)])
+        .expect(0);
+    folder
+}
+
+fn campaign(rig: &Rig, arguments: &[&str]) -> Run {
+    let all: Vec<&str> = ["campaign"].iter().chain(arguments).copied().collect();
+    rig.hil(&all)
+}
+
+fn json(run: &Run) -> Value {
+    serde_json::from_str(&run.stdout).unwrap_or_else(|error| panic!("{error}: {}", run.stdout))
+}
+
+/// Digest of a campaign that is complete.
+fn digest(rig: &Rig, folder: &Path) -> String {
+    let run = campaign(rig, &["collect", text(folder), "--json"]).expect(0);
+    let digest = json(&run)["digest"].as_str().map(str::to_owned);
+    digest.expect("a digest")
+}
+
+#[test]
+fn one_worker_or_three_and_whatever_kills_them_give_one_digest() {
+    let rig = Rig::new();
+    let study = study(&rig, STUDY);
+    let one = planned(&rig, &study, "one");
+    campaign(&rig, &["run", text(&one), "--jobs", "1"]).expect(0);
+    let expected = digest(&rig, &one);
+
+    let three = planned(&rig, &study, "three");
+    for signal in [Signal::KILL, Signal::INT, Signal::KILL] {
+        let running = rig.start_hil(&["campaign", "run", text(&three), "--jobs", "3"]);
+        let before = done(&rig, &three);
+        until("a case is done", || {
+            done(&rig, &three) > before || before == 60
+        });
+        running.signal(signal);
+        running.finish_beside_another();
+        until("the workers are gone", || rig.processes().is_empty());
+    }
+    campaign(&rig, &["run", text(&three), "--jobs", "3"]).expect(0);
+    assert_eq!(digest(&rig, &three), expected);
+    let status = json(&campaign(&rig, &["status", text(&three), "--json"]).expect(0));
+    assert_eq!(
+        (&status["published"], &status["missing"]),
+        (&60.into(), &0.into())
+    );
+    for entry in std::fs::read_dir(three.join("shards")).expect("shards") {
+        let entry = entry.expect("a shard").path();
+        let mut left: Vec<String> = (std::fs::read_dir(&entry).expect("a folder"))
+            .map(|file| {
+                file.expect("a file")
+                    .file_name()
+                    .to_string_lossy()
+                    .into_owned()
+            })
+            .collect();
+        left.sort();
+        assert_eq!(left, ["claim", "part.parquet"]);
+    }
+}
+
+/// Cases that have a row.
+fn done(rig: &Rig, folder: &Path) -> u64 {
+    let run = rig.beside(&["campaign", "status", text(folder), "--json"]);
+    let status = json(&run);
+    let count = |name: &str| status[name].as_u64().expect("a count");
+    count("published") + count("begun")
+}
+
+#[test]
+fn a_case_is_the_run_of_its_values_in_one_process_and_in_two() {
+    let rig = Rig::new();
+    let folder = planned(&rig, &study(&rig, STUDY), "demo");
+    campaign(&rig, &["run", text(&folder)]).expect(0);
+    // The shown scenario needs nothing of the campaign.
+    let shown = campaign(&rig, &["case", text(&folder), "4", "--show"]).expect(0);
+    let scenario = rig.write("case.toml", &shown.stdout);
+    let alone = rig.run(text(&scenario)).expect(0);
+    for flags in [&[][..], &["--in-process"]] {
+        let out = rig.path(&format!("case{}", flags.len()));
+        let mut arguments = vec!["case", text(&folder), "4", "--json", "--out", text(&out)];
+        arguments.extend(flags);
+        let run = campaign(&rig, &arguments)
+            .expect(0)
+            .says(&["the digest of the campaign"]);
+        assert_eq!(json(&run)["digest"], alone.digest());
+        assert!(out.join("run.mcap").exists());
+    }
+    // A case that fails has the exit code of a run that fails.
+    campaign(
+        &rig,
+        &[
+            "case",
+            text(&folder),
+            "5",
+            "--in-process",
+            "--out",
+            text(&rig.path("five")),
+        ],
+    )
+    .expect(1);
+}
+
+#[test]
+fn a_second_result_that_differs_ends_with_exit_code_1() {
+    let rig = Rig::new();
+    let folder = planned(&rig, &study(&rig, STUDY), "demo");
+    campaign(&rig, &["run", text(&folder)]).expect(0);
+    let conflict =
+        r#"{"case": 7, "column": "digest", "first": "a", "second": "b", "by": "a test"}"#;
+    std::fs::write(folder.join("conflicts/000000007-0.json"), conflict).expect("written");
+    for verb in ["run", "collect", "show", "status"] {
+        let run = campaign(&rig, &[verb, text(&folder)]).expect(1);
+        let said = run.stdout + &run.stderr;
+        assert!(
+            said.contains("case 7 came out twice and not the same: digest is a, and b by a test"),
+            "{verb}: {said}"
+        );
+    }
+}
+
+#[test]
+fn goals_decide_the_exit_code_with_their_bounds() {
+    let rig = Rig::new();
+    // All 30 pass: 0.05^(1/30) = 0.9050 is shown at 95 %.
+    for (probability, code) in [(0.90, 0), (0.91, 1)] {
+        let goal = format!("{STUDY}\n[[goals]]\nvariant = \"pid\"\nprobability = {probability}\n");
+        let folder = planned(&rig, &study(&rig, &goal), &format!("goal{code}"));
+        let run = campaign(&rig, &["run", text(&folder), "--json"]).expect(code);
+        let answers = json(&run);
+        let lower = answers["goals"][0]["lower"].as_f64().expect("a bound");
+        assert!((lower - 0.904_966_147).abs() < 1e-9, "{lower}");
+        let passes = &answers["variants"][0]["passes"];
+        assert_eq!((&passes["count"], &passes["of"]), (&30.into(), &30.into()));
+        assert_eq!(passes["bounds"]["sided"], "lower");
+        assert_eq!(answers["variants"][1]["classes"][1], 30);
+    }
+    // A grid is no sample.
+    let grid = "schema = 1\nscenario = \"SCENARIO\"\nsampling = \"grid\"\n[[vary]]\nkey = \"plant.parameters.mass_kg\"\nkind = \"grid\"\nmin = 0.5\nmax = 2\npoints = 3\n";
+    let folder = planned(&rig, &study(&rig, grid), "grid");
+    let run = campaign(&rig, &["run", text(&folder), "--json"]).expect(0);
+    assert_eq!(json(&run)["variants"][0]["passes"]["bounds"], Value::Null);
+}
+
+#[test]
+fn an_unfinished_campaign_gives_no_probability_and_says_so() {
+    let rig = Rig::new();
+    let folder = planned(&rig, &study(&rig, STUDY), "demo");
+    campaign(&rig, &["work", text(&folder), "--shards", "0-3"]).expect(0);
+    for verb in ["collect", "show"] {
+        campaign(&rig, &[verb, text(&folder)])
+            .expect(3)
+            .says(&["of 60 cases have no result", "slow cases come last"]);
+    }
+    let run = campaign(&rig, &["collect", text(&folder), "--partial", "--json"]).expect(3);
+    assert_eq!(json(&run)["digest"], Value::Null);
+    // Tasks of other engines share the rest.
+    for part in ["0/2", "1/2"] {
+        campaign(&rig, &["work", text(&folder), "--task", part]).expect(0);
+    }
+    campaign(&rig, &["show", text(&folder)]).expect(0);
+}
+
+#[test]
+fn a_damaged_result_is_set_aside_and_computed_again() {
+    let rig = Rig::new();
+    let folder = planned(&rig, &study(&rig, STUDY), "demo");
+    campaign(&rig, &["run", text(&folder)]).expect(0);
+    let expected = digest(&rig, &folder);
+    let part = folder.join("shards/00000002/part.parquet");
+    let mut bytes = std::fs::read(&part).expect("a part");
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(&part, bytes).expect("written");
+    campaign(&rig, &["collect", text(&folder)])
+        .expect(3)
+        .says(&["shard 2", "set aside"]);
+    campaign(&rig, &["run", text(&folder)]).expect(0);
+    assert_eq!(digest(&rig, &folder), expected);
+}
+
+#[test]
+fn campaigns_are_compared_case_by_case() {
+    let rig = Rig::new();
+    let soft = STUDY.replace("name = \"pid\"", "name = \"pid\"\nset = [\"requirements[0].formula=always[2s,3s](abs(truth.position_m) < 1)\"]");
+    let [a, b] = [("a", STUDY), ("b", &soft)].map(|(name, text)| {
+        let folder = planned(&rig, &study(&rig, text), name);
+        campaign(&rig, &["run", self::text(&folder)]).expect(0);
+        folder
+    });
+    let same = campaign(&rig, &["compare", text(&a), text(&a), "--json"]).expect(0);
+    assert_eq!(
+        (&json(&same)[0]["p"], &json(&same)[0]["cases"]),
+        (&1.0.into(), &30.into())
+    );
+    let _ = b;
+    let other = STUDY.replace("seed = 3", "seed = 4");
+    let folder = planned(&rig, &study(&rig, &other), "other");
+    campaign(&rig, &["run", text(&folder)]).expect(0);
+    campaign(&rig, &["compare", text(&a), text(&folder)])
+        .expect(2)
+        .says(&["only campaigns on the same draws"]);
+}
+
+#[test]
+fn duckdb_polars_and_pandas_read_the_tables_and_count_the_same() {
+    let test = "duckdb_polars_and_pandas_read_the_tables_and_count_the_same";
+    let Some(python) = python("duckdb, polars, pandas, pyarrow") else {
+        let why = "python3 with duckdb, polars, pandas and pyarrow is missing";
+        return skip(test, why, "HIL_TEST_PYTHON");
+    };
+    let rig = Rig::new();
+    let folder = planned(&rig, &study(&rig, STUDY), "demo");
+    let run = campaign(&rig, &["run", text(&folder), "--json"]).expect(0);
+    let script = workspace().join("tests/python/campaign_tables.py");
+    let told = succeeds(Command::new(python).arg(script).arg(&folder));
+    let told: Value = serde_json::from_str(&told).expect("JSON");
+    for reader in ["duckdb", "polars", "pandas"] {
+        assert_eq!(told[reader]["rows"], 60, "{reader}");
+        for variant in json(&run)["variants"].as_array().expect("variants") {
+            let name = variant["name"].as_str().expect("a name");
+            assert_eq!(
+                told[reader]["pass"][name], variant["passes"]["count"],
+                "{reader}"
+            );
+            assert_eq!(
+                told[reader]["worst"][name], variant["requirements"][0]["worst"][0]["margin"],
+                "{reader}"
+            );
+        }
+    }
+}

@@ -1,0 +1,189 @@
+//! What is wrong with a study or a folder is told with its place, and nothing is lost.
+
+use super::{STUDY, campaign, digest, planned, study, text};
+use crate::support::harness::Rig;
+use crate::support::programs::workspace;
+
+#[test]
+fn a_mistake_in_a_study_is_told_at_its_place_with_the_nearest_name() {
+    let rig = Rig::new();
+    for (from, to, told) in [
+        (
+            "cases = 30",
+            "casse = 30",
+            vec!["nearest: `cases`", "demo.toml:4:1"],
+        ),
+        (
+            "SCENARIO",
+            "nowhere.toml",
+            vec!["the scenario cannot be read", "nowhere.toml"],
+        ),
+        (
+            "key = \"plant.parameters.mass_kg\"",
+            "name = \"mass_kg\"\nkey = \"plant.parameters.mas_kg\"",
+            vec![
+                "nearest: `mass_kg`",
+                "demo.toml:10:7",
+                "a case has plant.parameters.mas_kg=",
+            ],
+        ),
+        (
+            "mean = 1.0\ndeviation = 0.3\nmin = 0.2",
+            "mean = -5.0\ndeviation = 0.3\nmin = -9.0",
+            vec![
+                "`plant.parameters.mass_kg` is -",
+                "out of range",
+                "demo.toml:9:7",
+            ],
+        ),
+        (
+            "set = [\"controller.law=hold\"]",
+            "set = [\"controller.law=holt\"]",
+            vec!["nearest: `hold`", "a case has controller.law=holt"],
+        ),
+        (
+            "set = [\"plant.substeps=4\"]",
+            "set = [\"run.clock=paced\"]",
+            vec!["run.clock = \"paced\"", "lockstep"],
+        ),
+        (
+            "set = [\"plant.substeps=4\"]",
+            "set = [\"plant.parameters.mass_kg=3\"]",
+            vec![
+                "`plant.parameters.mass_kg` has a value from this study already",
+                "demo.toml:9:7",
+            ],
+        ),
+        (
+            "expression = \"sqrt(stiffness_n_per_m / mass_kg)\"",
+            "expression = \"sqrt(stifness / mass_kg)\"",
+            vec!["unknown value `stifness`", "demo.toml:25"],
+        ),
+        (
+            "[[variants]]\nname = \"hold\"",
+            "[[variants]]\nname = \"pid\"",
+            vec!["no name twice"],
+        ),
+    ] {
+        let wrong = STUDY.replace(from, to);
+        assert_ne!(wrong, STUDY, "{from}");
+        let path = study(&rig, &wrong);
+        let run = campaign(&rig, &["check", text(&path)]).expect(2);
+        for told in told {
+            assert!(
+                run.stderr.contains(told),
+                "{to}: `{told}` is not in\n{}",
+                run.stderr
+            );
+        }
+    }
+}
+
+#[test]
+fn a_variation_that_changes_nothing_is_refused() {
+    let rig = Rig::new();
+    // Both variants hold: the gains of the law that does not run change nothing.
+    let idle = STUDY
+        .replace("[[variants]]\nname = \"pid\"\n", "")
+        .replace("[[variants]]", "[[vary]]\nkey = \"controller.pid.proportional_n_per_m\"\nkind = \"uniform\"\nmin = 1\nmax = 2\n\n[[variants]]");
+    let path = study(&rig, &idle);
+    campaign(&rig, &["check", text(&path)])
+        .expect(2)
+        .says(&["`controller.pid.proportional_n_per_m` changes nothing in the scenario that runs"]);
+}
+
+#[test]
+fn a_folder_of_another_campaign_or_of_anything_else_is_refused() {
+    let rig = Rig::new();
+    let path = study(&rig, STUDY);
+    let folder = planned(&rig, &path, "demo");
+    let plan = |path| campaign(&rig, &["plan", text(path), "-o", text(&folder)]).expect(2);
+    plan(&path).says(&["has this campaign already; hil campaign run"]);
+    let other = study(&rig, &STUDY.replace("seed = 3", "seed = 4"));
+    plan(&other).says(&["has another campaign, which differs in study: "]);
+    std::fs::create_dir(rig.path("own")).expect("a folder");
+    let own = rig.write("own/notes.txt", "mine");
+    let run = campaign(
+        &rig,
+        &[
+            "plan",
+            text(&path),
+            "-o",
+            text(own.parent().expect("a folder")),
+        ],
+    );
+    run.expect(2).says(&["is not empty"]);
+    campaign(&rig, &["run", text(&rig.path("own"))])
+        .expect(2)
+        .says(&["is no folder of a campaign", "hil campaign plan"]);
+    std::fs::write(folder.join("scenario.toml"), "schema = 1").expect("written");
+    campaign(&rig, &["run", text(&folder)])
+        .expect(2)
+        .says(&["scenario.toml has hash", "the campaign was planned with"]);
+}
+
+#[test]
+fn a_copy_of_everything_is_in_the_folder() {
+    let rig = Rig::new();
+    rig.write("points.csv", "time_s,value\n0,0\n1,0.01\n3,0.02\n");
+    let scenario = workspace().join("scenarios/spring-mass.toml");
+    let scenario = std::fs::read_to_string(scenario).expect("shipped");
+    // The step of the reference comes from a table of points.
+    let (before, after) = scenario.split_once("kind = \"step\"").expect("a step");
+    let after = after.split_once("\n\n").expect("more").1;
+    let table = format!("{before}kind = \"table\"\nfile = \"points.csv\"\n\n{after}");
+    let own = rig.write("own.toml", &table);
+    let path = study(
+        &rig,
+        &STUDY
+            .replace("SCENARIO", text(&own))
+            .replace("plant.substeps=4", "metrics=[]"),
+    );
+    let one = planned(&rig, &path, "one");
+    let two = planned(&rig, &path, "two");
+    campaign(&rig, &["run", text(&one)]).expect(0);
+    // What was beside it is gone.
+    for path in [&own, &path, &rig.path("points.csv")] {
+        std::fs::remove_file(path).expect("removed");
+    }
+    campaign(&rig, &["run", text(&two)]).expect(0);
+    assert_eq!(digest(&rig, &one), digest(&rig, &two));
+}
+
+#[test]
+fn a_folder_that_cannot_be_written_is_an_error_and_nothing_is_lost() {
+    let rig = Rig::new();
+    let folder = planned(&rig, &study(&rig, STUDY), "demo");
+    campaign(&rig, &["work", text(&folder), "--shards", "0"]).expect(0);
+    // A file in the way, which stops even those whom no mode stops.
+    let shard = folder.join("shards/00000001");
+    std::fs::write(&shard, "").expect("written");
+    let run = campaign(&rig, &["run", text(&folder)]).expect(3);
+    assert!(run.stderr.contains("cannot work on"), "{}", run.stderr);
+    assert!(run.stderr.contains("what is there stays"), "{}", run.stderr);
+    std::fs::remove_file(&shard).expect("removed");
+    campaign(&rig, &["run", text(&folder)]).expect(0);
+}
+
+#[test]
+fn wrong_arguments_are_told() {
+    let rig = Rig::new();
+    let folder = planned(&rig, &study(&rig, STUDY), "demo");
+    for (arguments, told) in [
+        (
+            vec!["case", text(&folder), "60"],
+            "there is no case 60; the campaign has 60, counted from 0",
+        ),
+        (
+            vec!["work", text(&folder), "--shards", "x"],
+            "it takes numbers and ranges, as 0-9,12",
+        ),
+        (
+            vec!["work", text(&folder), "--shards", "1000"],
+            "there is no shard 1000",
+        ),
+        (vec!["work", text(&folder), "--task", "3/3"], "as 0/16"),
+    ] {
+        campaign(&rig, &arguments).expect(2).says(&[told]);
+    }
+}
