@@ -134,7 +134,7 @@ class Cluster:
         self.write("cgroup.conf", b"CgroupPlugin=cgroup/v1\n")
         self.write("munge.key", os.urandom(128))
         self.environment = {name: value for name, value in os.environ.items() if not name.startswith("SLURM")}
-        self.environment |= {"SLURM_CONF": self.conf}
+        self.environment |= {"SLURM_CONF": self.conf, "PATH": os.environ.get("PATH", "") + ":/usr/sbin:/usr/bin:/bin"}
 
     def write(self, name, content):
         with open(f"{self.folder}/{name}", "xb", opener=lambda path, flags: os.open(path, flags, 0o600)) as file:

@@ -21,6 +21,7 @@ fn the_references_say_what_the_code_says() {
     let pages = [
         ("commands", commands()),
         ("scenario", scenario()),
+        ("study", study()),
         ("signals", signals()),
         ("faults", faults()),
         ("exit-codes", exit_codes()),
@@ -72,6 +73,17 @@ fn scenario() -> String {
     );
     let schema = hil_config::schema::schema(&[], &[], &[]);
     section(&mut page, "The file", "", &schema);
+    page.truncate(page.trim_end().len());
+    page + "\n"
+}
+
+/// Every key of a study, from the table that `hil campaign check` uses.
+fn study() -> String {
+    let mut page = format!(
+        "# Study keys\n\n{MADE}\nA study is TOML; [Campaigns](../campaigns.md) shows one. `hil config schema --study` prints \
+         the same for editors.\n\n"
+    );
+    section(&mut page, "The file", "", &hil_config::schema::study());
     page.truncate(page.trim_end().len());
     page + "\n"
 }

@@ -26,9 +26,14 @@ pub enum ConfigAction {
         after_help = "Example:\n  hil config show scenarios/severe-leakage.toml --set controller.law=pid"
     )]
     Show(ScenarioArguments),
-    /// Print the JSON schema of scenarios, for editors
-    #[command(after_help = "Example:\n  hil config schema > scenario.schema.json")]
+    /// Print the JSON schema of scenarios, or of studies, for editors
+    #[command(
+        after_help = "Examples:\n  hil config schema > scenario.schema.json\n  hil config schema --study > study.schema.json"
+    )]
     Schema {
+        /// That of studies, for hil campaign.
+        #[arg(long)]
+        study: bool,
         /// Which binaries are described.
         #[command(flatten)]
         binaries: BinaryArguments,

@@ -46,7 +46,10 @@ pub(crate) fn config(arguments: &ConfigArguments) -> Result<Exit, Failure> {
             let (plan, binaries, interruption) = checked(scenario)?;
             output::write(&interruption.at_once(|| show(&plan, &binaries))??)?;
         }
-        ConfigAction::Schema { binaries } => {
+        ConfigAction::Schema { study: true, .. } => {
+            output::write(&format!("{:#}\n", hil_config::schema::study()))?;
+        }
+        ConfigAction::Schema { binaries, .. } => {
             let choices = Choices::of(binaries, &Named::Nothing, None)?;
             let binaries = choices.find(&Interruption::listen()?)?;
             let (plants, laws, kinds) = binaries.described();

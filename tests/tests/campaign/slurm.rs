@@ -1,0 +1,208 @@
+//! Campaigns on a real Slurm: the digest of one core, whatever dies on the way.
+//!
+//! No row can be there twice unseen: the digest is over the number of each case and its row, and the rows are counted.
+
+pub(crate) mod long;
+
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+
+use crate::support::harness::{Rig, Run, until};
+use crate::support::programs::workspace;
+use crate::support::slurm::Cluster;
+
+/// A campaign and the cluster that works on it.
+struct Campaign<'a> {
+    rig: &'a Rig,
+    cluster: &'a Cluster,
+    folder: PathBuf,
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("plain text")
+}
+
+/// Writes the study: two variants, and so many cases of each that last so long.
+fn study(rig: &Rig, draws: u64, duration_s: f64) -> PathBuf {
+    let scenario = workspace().join("scenarios/spring-mass.toml");
+    rig.write(
+        "study.toml",
+        &format!(
+            r#"
+schema = 1
+scenario = "{}"
+cases = {draws}
+seed = 3
+set = ["run.duration_s={duration_s}", "metrics=[]", "requirements=[]"]
+[[vary]]
+key = "plant.parameters.mass_kg"
+kind = "normal"
+mean = 1.0
+deviation = 0.3
+min = 0.2
+max = 3.0
+[[variants]]
+name = "pid"
+[[variants]]
+name = "hold"
+set = ["controller.law=hold"]
+"#,
+            scenario.display()
+        ),
+    )
+}
+
+fn planned(rig: &Rig, study: &Path, name: &str) -> PathBuf {
+    let folder = rig.path(name);
+    let arguments = ["campaign", "plan", text(study), "--out", text(&folder)];
+    rig.beside(&arguments).expect(0);
+    folder
+}
+
+fn json(run: &Run) -> Value {
+    serde_json::from_str(&run.stdout).expect("JSON")
+}
+
+impl<'a> Campaign<'a> {
+    fn planned(rig: &'a Rig, cluster: &'a Cluster, study: &Path, name: &str) -> Self {
+        let folder = planned(rig, study, name);
+        Self {
+            rig,
+            cluster,
+            folder,
+        }
+    }
+
+    /// An action on this campaign, by a `hil` that knows the cluster.
+    fn action(&self, action: &str, options: &[&str]) -> Run {
+        let mut all = vec!["campaign", action, text(&self.folder)];
+        all.extend(options);
+        self.rig.program(self.cluster.hil(&all))
+    }
+
+    fn submit(&self, options: &[&str]) -> Run {
+        self.action("submit", &[&["--slurm"], options].concat())
+    }
+
+    /// Runs a program of Slurm.
+    fn slurm(&self, program: &str, arguments: &[&str]) -> Run {
+        self.rig.program(self.cluster.client(program, arguments))
+    }
+
+    fn status(&self) -> Value {
+        json(&self.action("status", &["--json"]).expect(0))
+    }
+
+    fn until(&self, what: &str, holds: impl Fn(&Value) -> bool) -> Value {
+        let mut status = Value::Null;
+        until(what, || {
+            status = self.status();
+            holds(&status)
+        });
+        status
+    }
+
+    fn collected(&self) -> Value {
+        json(&self.action("collect", &["--json"]).expect(0))
+    }
+}
+
+/// Returns what the same study gives on one core.
+fn on_one_core(rig: &Rig, study: &Path) -> Value {
+    let folder = planned(rig, study, "one-core");
+    let run = rig.start_hil(&["campaign", "run", text(&folder), "--jobs", "1"]);
+    run.finish_late_beside_another().expect(0);
+    let collected = rig.beside(&["campaign", "collect", text(&folder), "--json"]);
+    json(&collected.expect(0))
+}
+
+fn assert_same(there: &Value, here: &Value, cases: u64) {
+    assert_eq!(there["digest"], here["digest"]);
+    assert!(here["digest"].is_string(), "{here}");
+    assert_eq!(there["rows"], cases);
+    assert_eq!(there["missing_shards"], 0);
+    assert_eq!(there["conflicts"], Value::Array(Vec::new()));
+    assert_eq!(there["lost"], Value::Array(Vec::new()));
+}
+
+fn nothing_left(rig: &Rig, cluster: Cluster) {
+    drop(cluster);
+    rig.assert_nothing_left();
+}
+
+#[test]
+fn a_campaign_on_slurm_has_the_digest_of_one_core() {
+    let Some(cluster) = Cluster::begin("a_campaign_on_slurm_has_the_digest_of_one_core") else {
+        return;
+    };
+    let rig = Rig::new();
+    let study = study(&rig, 30, 0.5);
+    let here = on_one_core(&rig, &study);
+    let campaign = Campaign::planned(&rig, &cluster, &study, "on-slurm");
+    // Several tasks, so that both nodes have some.
+    let submitted = campaign.submit(&["--task-s", "0.02"]).expect(0);
+    assert!(submitted.stdout.contains("60 cases"), "{submitted:?}");
+    campaign.until("all is there", |status| status["missing"] == 0);
+    campaign.until("no task is left", |status| {
+        status["tasks"]["running"] == 0 && status["tasks"]["waiting"] == 0
+    });
+    assert_same(&campaign.collected(), &here, 60);
+    let again = campaign.submit(&[]).expect(0);
+    assert_eq!(again.stdout, "nothing is missing\n");
+    nothing_left(&rig, cluster);
+}
+
+#[test]
+fn paths_with_spaces_quotes_and_percent_signs_come_to_the_tasks() {
+    let test = "paths_with_spaces_quotes_and_percent_signs_come_to_the_tasks";
+    let Some(cluster) = Cluster::begin(test) else {
+        return;
+    };
+    let rig = Rig::new();
+    let study = study(&rig, 5, 0.1);
+    let campaign = Campaign::planned(&rig, &cluster, &study, "it's 100%A $HOME");
+    campaign.submit(&[]).expect(0);
+    campaign.until("all is there", |status| status["missing"] == 0);
+    let logs = std::fs::read_dir(campaign.folder.join("logs")).expect("the logs");
+    assert_eq!(logs.count(), 1);
+    nothing_left(&rig, cluster);
+}
+
+#[test]
+fn status_tells_of_tasks_that_wait_are_held_and_run() {
+    let Some(cluster) = Cluster::begin("status_tells_of_tasks_that_wait_are_held_and_run") else {
+        return;
+    };
+    let rig = Rig::new();
+    // More than the test waits for.
+    let study = study(&rig, 20_000, 5.0);
+    let campaign = Campaign::planned(&rig, &cluster, &study, "on-slurm");
+    assert_eq!(campaign.status()["tasks"], Value::Null);
+    campaign.submit(&["--", "--begin=now+1hour"]).expect(0);
+    let waits = campaign.until("it waits", |status| {
+        status["tasks"]["waiting"].as_u64() > Some(0)
+    });
+    assert_eq!(waits["tasks"]["running"], 0);
+    assert_eq!(waits["missing"], 40_000);
+    campaign.slurm("scancel", &["--name=study"]).expect(0);
+
+    campaign.submit(&["--", "--hold"]).expect(0);
+    let holds = |status: &Value| status["tasks"]["held"][0][0].as_str().map(str::to_owned);
+    let held = campaign.until("it is held", |status| holds(status).is_some());
+    let task = holds(&held).expect("a task");
+    let told = campaign.action("status", &[]).expect(0).stdout;
+    let release = format!("task {task} is held (JobHeldUser); scontrol release {task}");
+    assert!(told.contains(&release), "{told}");
+
+    // The advice works.
+    campaign.slurm("scontrol", &["release", &task]).expect(0);
+    campaign.until("it runs", |status| {
+        status["tasks"]["running"].as_u64() > Some(0) && status["begun"].as_u64() > Some(0)
+    });
+    campaign.slurm("scancel", &["--name=study"]).expect(0);
+    campaign.until("it has ended", |status| {
+        status["tasks"]["running"] == 0 && status["shards_under_way"] == 0
+    });
+    nothing_left(&rig, cluster);
+}
