@@ -247,18 +247,27 @@ fn a_damaged_result_is_set_aside_and_computed_again() {
 #[test]
 fn campaigns_are_compared_case_by_case() {
     let rig = Rig::new();
-    let soft = STUDY.replace("name = \"pid\"", "name = \"pid\"\nset = [\"requirements[0].formula=always[2s,3s](abs(truth.position_m) < 1)\"]");
-    let [a, b] = [("a", STUDY), ("b", &soft)].map(|(name, text)| {
+    // The loop that passed is asked for what no loop does.
+    let hard = STUDY.replace(
+        "name = \"pid\"",
+        "name = \"pid\"\nset = [\"requirements[0].formula=always[0s,5s](abs(truth.position_m) < 1e-9)\"]",
+    );
+    let [a, b] = [("a", STUDY), ("b", &hard)].map(|(name, text)| {
         let folder = planned(&rig, &study(&rig, text), name);
         campaign(&rig, &["run", self::text(&folder)]).expect(0);
         folder
     });
-    let same = campaign(&rig, &["compare", text(&a), text(&a), "--json"]).expect(0);
+    let same = json(&campaign(&rig, &["compare", text(&a), text(&a), "--json"]).expect(0));
     assert_eq!(
-        (&json(&same)[0]["p"], &json(&same)[0]["cases"]),
+        (&same[0]["p"], &same[0]["cases"]),
         (&1.0.into(), &30.into())
     );
-    let _ = b;
+    let flipped = json(&campaign(&rig, &["compare", text(&a), text(&b), "--json"]).expect(1));
+    assert_eq!(flipped[0]["first_only"].as_array().map(Vec::len), Some(30));
+    assert_eq!(flipped[1]["first_only"].as_array().map(Vec::len), Some(0));
+    // All 30 flipped one way: 2 / 2^30.
+    let p = flipped[0]["p"].as_f64().expect("a number");
+    assert!((p * f64::from(1 << 29) - 1.0).abs() < 1e-9, "{p}");
     let other = STUDY.replace("seed = 3", "seed = 4");
     let folder = planned(&rig, &study(&rig, &other), "other");
     campaign(&rig, &["run", text(&folder)]).expect(0);

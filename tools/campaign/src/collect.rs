@@ -1,6 +1,6 @@
 //! All parts of a campaign as one table, and the digest over its rows.
 //!
-//! The digest is BLAKE3 over the cells of all rows in the order of cases, each cell as [`Cell::hash`](crate::table::Cell::hash) has it: the
+//! The digest is BLAKE3 over the cells of all rows in the order of cases, each cell as [`Cell::feed`](crate::table::Cell::feed) has it: the
 //! same on one core or many, under any engine, and after accidents. It does not depend on the form of the files.
 
 use std::io::Write;
@@ -62,7 +62,7 @@ pub fn collect<W: Write + Send, V: Write + Send>(
         };
         shard.sweep()?;
         for (row, circumstances) in part.rows.iter().zip(&part.circumstances) {
-            row.iter().for_each(|cell| cell.hash(&mut hasher));
+            row.iter().for_each(|cell| cell.feed(&mut hasher));
             if class.is_some_and(|class| row[class].as_text() == LOST) {
                 collected.lost.push(row[0].as_count());
             }

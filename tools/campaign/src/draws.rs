@@ -295,7 +295,7 @@ fn factor(study: &Study, normals: &[usize]) -> Result<Vec<Vec<f64>>, Problems> {
         found.map_or(0.0, |one| one.coefficient)
     };
     let mut factor: Vec<Vec<f64>> = Vec::new();
-    for row in 0..normals.len() {
+    for (row, place) in normals.iter().enumerate() {
         let mut new: Vec<f64> = Vec::new();
         for column in 0..row {
             let above: &Vec<f64> = &factor[column];
@@ -305,7 +305,7 @@ fn factor(study: &Study, normals: &[usize]) -> Result<Vec<Vec<f64>>, Problems> {
         let rest = new.iter().fold(1.0, |rest, one| rest - one * one);
         if rest <= 1e-12 {
             return Err(study.problem_of(
-                normals[row],
+                *place,
                 "no values have these correlations: their matrix is not positive definite",
                 "make the coefficients smaller, or leave one out",
             ));

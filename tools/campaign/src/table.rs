@@ -115,7 +115,7 @@ impl Cell {
 
     /// Takes it into a digest: counts and the bits of numbers as 8 bytes, little end first; texts after their
     /// length in bytes as such a count.
-    pub fn hash(&self, hasher: &mut blake3::Hasher) {
+    pub fn feed(&self, hasher: &mut blake3::Hasher) {
         match self {
             Self::Count(count) => hasher.update(&count.to_le_bytes()),
             Self::Number(number) => hasher.update(&number.to_bits().to_le_bytes()),

@@ -4,7 +4,7 @@
 
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::mpsc::{Sender, channel};
 use std::time::{Duration, Instant};
 
 use hil_campaign::folder::Folder;
@@ -144,7 +144,9 @@ fn round(
                 .map(|child| child.stdin.take());
             inputs.for_each(drop);
         }
-        let Some(news) = heard(&news) else { continue };
+        let Ok(news) = news.recv_timeout(LOOK) else {
+            continue;
+        };
         match news {
             News::Line(line) => {
                 stillborn = 0;
@@ -177,13 +179,6 @@ fn round(
         }
     }
     failed.map_or(Ok(()), Err)
-}
-
-fn heard(news: &Receiver<News>) -> Option<News> {
-    match news.recv_timeout(LOOK) {
-        Ok(news) => Some(news),
-        Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => None,
-    }
 }
 
 fn died(status: ExitStatus) -> String {

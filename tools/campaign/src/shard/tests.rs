@@ -74,7 +74,14 @@ pub(crate) fn value(case: u64) -> f64 {
 }
 
 pub(crate) fn row(case: u64, x: f64) -> Row {
-    let class = Cell::Text(if case % 2 == 0 { "pass" } else { "fail" }.into());
+    let class = Cell::Text(
+        if case.is_multiple_of(2) {
+            "pass"
+        } else {
+            "fail"
+        }
+        .into(),
+    );
     vec![Cell::Count(case), Cell::number(x), class]
 }
 
