@@ -154,7 +154,7 @@ impl Desk {
             let [a, b] = ["a", "b"].map(|name| self.planned(name, &severe(CASES), &[]));
             apart.push(two_s([(&a, "0/1"), (&b, "0/1")], self));
         }
-        let [together, apart] = [together, apart].map(|times| measure::median(times));
+        let [together, apart] = [together, apart].map(measure::median);
         println!(
             "{:<52} {:>9.2}",
             "two workers on a folder over two on their own, speed",
