@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use crate::expression::Expression;
 use crate::flag::key_of;
-use crate::problem::{FLAG, Problem, Problems};
+use crate::problem::{FLAG, Problem, ProblemKind, Problems};
 use crate::reader::Reader;
 use crate::source::{Place, Sources};
 
@@ -223,21 +223,20 @@ impl Study {
         }
     }
 
-    /// Makes a problem of a varied value, for whoever finds out later that it cannot be as it is.
+    /// Makes a problem of a key that a variation has, or of `goals[0]` and its like, for whoever finds out later
+    /// that it cannot be as it is.
     #[must_use]
-    pub fn problem_of(&self, varied: usize, message: &str, help: &str) -> Problems {
-        let key = self.varied[varied].key.clone().unwrap_or_default();
+    pub fn problem_of(&self, key: &str, message: &str, help: &str) -> Problem {
         let start = Place {
             source: Sources::SCENARIO,
             span: 0..0,
         };
-        let home = self.homes.iter().find(|(home, _)| *home == key);
+        let home = self.homes.iter().find(|(home, _)| home == key);
         let place = home.map_or(&start, |(_, place)| place);
         let mut reader = Reader::new(self.sources.clone(), Vec::new());
-        reader
-            .report(crate::problem::ProblemKind::OutOfRange, key, place, message)
-            .help(help);
-        Problems(reader.problems)
+        let problem = reader.report(ProblemKind::OutOfRange, key, place, message);
+        problem.help(help);
+        problem.clone()
     }
 }
 

@@ -95,7 +95,7 @@ fn study(reader: &mut Reader, root: &Section<'_>, path: &Path, sources: Sources)
     let variants = variants(reader, root, &mut homes);
     let correlations = correlations(reader, root, sampling, &varied);
     let confidence = reader.number(root, "confidence");
-    let goals = goals(reader, root, confidence, sampling, &variants);
+    let goals = goals(reader, root, confidence, sampling, &variants, &mut homes);
     let draws = draws(reader, root, sampling, &varied, variants.len() as u64);
     let seed = reader
         .integer(root, "seed")
@@ -531,6 +531,7 @@ fn goals(
     confidence: Option<f64>,
     sampling: Sampling,
     variants: &[Variant],
+    homes: &mut Homes,
 ) -> Vec<Goal> {
     let mut all = Vec::new();
     for section in &reader.list(root, "goals") {
@@ -566,6 +567,8 @@ fn goals(
         let requirement = reader.text(section, "requirement").map(Into::into);
         let probability = reader.number(section, "probability");
         if let (Some(probability), Some(confidence)) = (probability, own) {
+            let home = format!("goals[{}]", all.len());
+            (homes.all).push((home, section.place_of("requirement").clone()));
             all.push(Goal {
                 requirement,
                 variant: variant.map(Into::into),

@@ -61,6 +61,15 @@ fn a_mistake_in_a_study_is_told_at_its_place_with_the_nearest_name() {
         ),
         (
             "[[variants]]\nname = \"hold\"",
+            "[[goals]]\nrequirement = \"setles\"\nprobability = 0.5\n\n[[variants]]\nname = \"hold\"",
+            vec![
+                "no requirement `setles`",
+                "its requirements: settles",
+                "demo.toml:31:15",
+            ],
+        ),
+        (
+            "[[variants]]\nname = \"hold\"",
             "[[variants]]\nname = \"pid\"",
             vec!["no name twice"],
         ),

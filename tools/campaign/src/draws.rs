@@ -304,11 +304,12 @@ fn factor(study: &Study, normals: &[usize]) -> Result<Vec<Vec<f64>>, Problems> {
         }
         let rest = new.iter().fold(1.0, |rest, one| rest - one * one);
         if rest <= 1e-12 {
-            return Err(study.problem_of(
-                *place,
+            let key = study.varied[*place].key.clone().unwrap_or_default();
+            return Err(Problems(vec![study.problem_of(
+                &key,
                 "no values have these correlations: their matrix is not positive definite",
                 "make the coefficients smaller, or leave one out",
-            ));
+            )]));
         }
         new.push(rest.sqrt());
         factor.push(new);

@@ -110,9 +110,9 @@ impl Manifest {
         shard * self.shard_cases..end
     }
 
-    /// Files that must be in the folder, with their hashes.
+    /// Files that cases are made of, with their hashes. `hil` is not among them: a worker looks at itself.
     pub fn files(&self) -> impl Iterator<Item = &Copied> {
-        [&self.study, &self.scenario, &self.hil]
+        [&self.study, &self.scenario]
             .into_iter()
             .chain(self.tables.values())
             .chain(&self.plant)

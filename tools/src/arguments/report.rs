@@ -9,6 +9,9 @@ One HTML file that needs no network: plots that zoom and share a cursor, faults 
 their margins, latency, and where it all comes from. Several runs are laid over each other. A scenario says
 with [[plots]] what its report begins with; every other signal can be added on the page.
 
+The folder of a campaign gives a page of all its cases: probabilities, margins over the varied values, and a
+map of pass and fail. Dragging over a plot selects cases in all plots.
+
 Exit codes: 0 written; 2 no such run or signal, the file is there already or cannot be made there, or a
 run is damaged: then the page shows what can be had of it; 3 it cannot be written to its end.
 
@@ -16,12 +19,13 @@ Examples:
   hil report runs/demo
   hil report runs/pid runs/nrsc runs/ftsc -o laws.html
   hil report runs/demo --signal 'truth.*_pa' --force
+  hil report runs/common-mode -o campaign.html
   hil report runs/old --scenario scenarios/severe-leakage.toml";
 
 /// Arguments of `hil report`.
 #[derive(Clone, Debug, Args)]
 pub struct ReportArguments {
-    /// Folders of runs or their run.mcap
+    /// Folders of runs or their run.mcap; or the folder of one campaign
     #[arg(value_name = "RUN", required = true)]
     pub runs: Vec<PathBuf>,
     /// The file to write; - is standard output

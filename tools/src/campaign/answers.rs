@@ -272,16 +272,22 @@ fn read(
             for (index, (verdict, robustness)) in verdicts.iter().enumerate() {
                 let verdict = text(*verdict, row);
                 of.holds[index] += u64::from(verdict == "pass" && !has_diverged);
-                of.margins[index].push(match (verdict, number(*robustness, row)) {
-                    _ if has_diverged => f64::NEG_INFINITY,
-                    ("fail", margin) if margin.is_nan() => f64::NEG_INFINITY,
-                    ("pass", margin) if margin.is_nan() => f64::INFINITY,
-                    (_, margin) => margin,
-                });
+                of.margins[index].push(margin(verdict, class, number(*robustness, row)));
             }
         }
     }
     Ok(all)
+}
+
+/// Returns the margin by which cases are ordered: a diverged one is worse than any, and a verdict without a margin
+/// is beyond every margin.
+pub(super) fn margin(verdict: &str, class: &str, robustness: f64) -> f64 {
+    match verdict {
+        _ if class == "diverged" => f64::NEG_INFINITY,
+        "fail" if robustness.is_nan() => f64::NEG_INFINITY,
+        "pass" if robustness.is_nan() => f64::INFINITY,
+        _ => robustness,
+    }
 }
 
 fn answer(

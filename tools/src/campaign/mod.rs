@@ -4,7 +4,8 @@
 //! 1. [`cases`] joins a study with its scenario and programs: the plan of each case, and its row.
 //! 2. [`plan`] checks a study and writes the folder that everybody works on.
 //! 3. [`work`] is the one worker that every engine starts; [`workers`] and [`slurm`] start it.
-//! 4. [`collect`] joins the results, and [`show`] says what they mean; [`case`] runs one of them again.
+//! 4. [`collect`] joins the results, [`show`] says what they mean, and [`report`](mod@report) draws them; [`case`]
+//!    runs one of them again.
 
 mod answers;
 mod case;
@@ -12,13 +13,19 @@ mod cases;
 mod collect;
 mod compare;
 mod plan;
+mod report;
 mod show;
 mod slurm;
 mod status;
 mod work;
 mod workers;
 
+use std::path::Path;
+
+use hil_campaign::manifest::MANIFEST;
+
 use crate::arguments::campaign::CampaignAction;
+use crate::arguments::report::ReportArguments;
 use crate::terminal::exit::{Exit, Failure};
 
 /// Runs the command.
@@ -38,4 +45,17 @@ pub(crate) fn campaign(action: &CampaignAction) -> Result<Exit, Failure> {
         CampaignAction::Case(arguments) => case::case(arguments),
         CampaignAction::Compare(arguments) => compare::compare(arguments),
     }
+}
+
+/// Tells whether a path is the folder of a campaign.
+pub(crate) fn is_campaign(path: &Path) -> bool {
+    path.join(MANIFEST).is_file()
+}
+
+/// Runs `hil report` for the folder of a campaign.
+///
+/// # Errors
+/// Everything that keeps it from its result.
+pub(crate) fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
+    report::report(arguments)
 }

@@ -10,6 +10,7 @@ use std::sync::{Mutex, PoisonError};
 use hil_campaign::folder::{CONFLICTS, SHARDS, try_out};
 use hil_campaign::manifest::{self, Copied, MANIFEST, Manifest, SCHEMA};
 use hil_campaign::table::{Column, Kind, Writer};
+use hil_config::problem::Problems;
 use hil_config::study::Study;
 use hil_target::machine::hash;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -129,6 +130,7 @@ fn checked(arguments: &CheckArguments, interruption: &Interruption) -> Result<Ch
     every_plan(&cases, interruption)?;
     let result = cases.run(&first, interruption)?;
     let columns = columns(&cases, &result, interruption)?;
+    refuse_unknown_goals(study, &columns)?;
     let bytes: u64 = columns.iter().map(cell_bytes).sum();
     let facts = Facts {
         study: study.name.clone(),
@@ -203,11 +205,38 @@ fn refuse_ineffective(cases: &Cases) -> Result<(), Failure> {
             is_effective |= shown(&first)? != shown(&changed)?;
         }
         if !is_effective {
-            return Err(told(study.problem_of(
-                place,
+            return Err(told(Problems(vec![study.problem_of(
+                key,
                 &format!("`{key}` changes nothing in the scenario that runs"),
                 "the scenario may set the same value under another name, or use another law; `hil config show` prints what runs",
-            )));
+            )])));
+        }
+    }
+    Ok(())
+}
+
+/// Refuses goals about requirements that the scenario does not have.
+fn refuse_unknown_goals(study: &Study, columns: &[Column]) -> Result<(), Failure> {
+    let names = columns
+        .iter()
+        .filter_map(|column| column.name.strip_prefix("verdict."));
+    let names: Vec<&str> = names.collect();
+    for (place, goal) in study.goals.iter().enumerate() {
+        let known = match &goal.requirement {
+            Some(name) => names.contains(&&**name),
+            None => !names.is_empty(),
+        };
+        if !known {
+            let what = goal.requirement.as_ref().map_or_else(
+                || "the scenario has no requirement that a case could pass".into(),
+                |name| format!("the scenario has no requirement `{name}`"),
+            );
+            let problem = study.problem_of(
+                &format!("goals[{place}]"),
+                &what,
+                &format!("its requirements: {}", names.join(", ")),
+            );
+            return Err(told(Problems(vec![problem])));
         }
     }
     Ok(())

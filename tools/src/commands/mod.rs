@@ -72,7 +72,14 @@ fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
         Command::Replay(arguments) => replay::replay(arguments),
         Command::Compare(arguments) => compare::command(arguments),
         Command::Judge(arguments) => judge::judge(arguments),
-        Command::Report(arguments) => report::report(arguments),
+        Command::Report(arguments) => match arguments
+            .runs
+            .iter()
+            .any(|path| campaign::is_campaign(path))
+        {
+            true => campaign::report(arguments),
+            false => report::report(arguments),
+        },
         Command::Export(arguments) => export::export(arguments),
         Command::Layout(arguments) => layout::layout(arguments),
         Command::Recover(arguments) => recover::recover(arguments),

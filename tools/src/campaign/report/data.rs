@@ -1,0 +1,260 @@
+//! Data for the script of a campaign's page: classes, varied values, margins and metrics by columns, as JSON with
+//! numbers in base64.
+
+use std::path::Path;
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use hil_campaign::folder::Folder;
+use hil_campaign::table::{Reader, TableError, Values};
+use hil_config::study::Study;
+use serde::{Serialize, Serializer};
+
+use crate::campaign::answers::{Answers, CLASSES, margin};
+
+/// Most numbers of a page; with four bytes each in base64 it stays below 20 MB.
+const MOST_NUMBERS: u64 = 3_500_000;
+/// Columns in front of the varied values: case, draw, variant, seed.
+const HEAD: usize = 4;
+/// Most different texts that a byte tells apart.
+const MOST_TEXTS: usize = 256;
+
+/// All of it.
+#[derive(Debug, Serialize)]
+pub(super) struct Data {
+    /// Command that runs a case, without its number.
+    command: String,
+    variants: Vec<String>,
+    classes: [&'static str; 5],
+    /// Cases of one draw in so many are here.
+    every: u64,
+    /// Numbers of the cases; none if they are 0, 1, 2 and so on.
+    cases: Option<Numbers>,
+    /// Class of each case, as its place in `classes`.
+    class: Codes,
+    columns: Vec<ColumnData>,
+    /// Places among the varied values of the two that margins follow most.
+    axes: Vec<usize>,
+}
+
+#[derive(Debug, Serialize)]
+struct ColumnData {
+    name: String,
+    unit: String,
+    /// `varied`, `margin` or `metric`.
+    role: &'static str,
+    /// Texts that the codes are places of.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    texts: Vec<String>,
+    #[serde(flatten)]
+    values: ColumnValues,
+}
+
+#[derive(Debug, Serialize)]
+#[serde(rename_all = "snake_case")]
+enum ColumnValues {
+    Numbers(Singles),
+    Codes(Codes),
+}
+
+/// Numbers in double precision, little end first.
+#[derive(Debug, Default)]
+struct Numbers(Vec<f64>);
+
+/// Numbers in single precision, little end first.
+#[derive(Debug, Default)]
+struct Singles(Vec<f32>);
+
+/// Numbers of one byte.
+#[derive(Debug, Default)]
+struct Codes(Vec<u8>);
+
+impl Serialize for Numbers {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let bytes: Vec<u8> = self.0.iter().flat_map(|one| one.to_le_bytes()).collect();
+        to.serialize_str(&STANDARD.encode(bytes))
+    }
+}
+
+impl Serialize for Singles {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let bytes: Vec<u8> = self.0.iter().flat_map(|one| one.to_le_bytes()).collect();
+        to.serialize_str(&STANDARD.encode(bytes))
+    }
+}
+
+impl Serialize for Codes {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_str(&STANDARD.encode(&self.0))
+    }
+}
+
+impl Data {
+    /// Reads the table of results.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub(super) fn read(
+        folder: &Folder,
+        study: &Study,
+        results: &Path,
+        answers: &Answers,
+    ) -> Result<Self, TableError> {
+        let manifest = folder.manifest();
+        let mut reader = Reader::open(results, &manifest.columns)?;
+        let class = HEAD + study.varied.len();
+        let mut columns = columns(folder, class);
+        let every = (reader.rows() * columns.len() as u64)
+            .div_ceil(MOST_NUMBERS)
+            .clamp(1, u64::MAX);
+        let variants = study.variants.len() as u64;
+        let (mut cases, mut codes) = (Vec::new(), Vec::new());
+        while let Some(group) = reader.group(|_| true)? {
+            let Some(Values::Counts(numbers)) = group.first() else {
+                break;
+            };
+            // Whole draws, so that variants stay compared on the same values.
+            let rows = (0..numbers.len()).filter(|row| (numbers[*row] / variants) % every == 0);
+            let rows: Vec<usize> = rows.collect();
+            for row in &rows {
+                cases.push(numbers[*row] as f64);
+                codes.push(class_code(text(&group[class], *row)));
+            }
+            for (place, column) in &mut columns {
+                let verdicts = (column.role == "margin").then(|| &group[*place - 1]);
+                for row in &rows {
+                    column.push(&group[*place], verdicts, &group[class], *row);
+                }
+            }
+        }
+        let is_counted = cases.iter().enumerate().all(|(n, case)| n as f64 == *case);
+        let columns: Vec<ColumnData> = columns.into_iter().map(|(_, column)| column).collect();
+        Ok(Self {
+            command: format!("hil campaign case {} ", quoted(folder.path())),
+            variants: study.variants.iter().map(|one| one.name.clone()).collect(),
+            classes: CLASSES,
+            every,
+            cases: (!is_counted).then_some(Numbers(cases)),
+            class: Codes(codes),
+            axes: axes(answers, &columns),
+            columns,
+        })
+    }
+
+    /// Number of cases in it.
+    pub(super) const fn rows(&self) -> usize {
+        self.class.0.len()
+    }
+
+    /// Cases of one draw in so many are in it.
+    pub(super) const fn every(&self) -> u64 {
+        self.every
+    }
+
+    /// Command that runs a case, without its number.
+    pub(super) fn command(&self) -> &str {
+        &self.command
+    }
+}
+
+impl ColumnData {
+    fn push(&mut self, values: &Values, verdicts: Option<&Values>, classes: &Values, row: usize) {
+        let number = match values {
+            Values::Numbers(numbers) => numbers[row],
+            Values::Counts(counts) => counts[row] as f64,
+            Values::Texts(texts) => self.code(&texts[row]) as f64,
+        };
+        let number = match verdicts {
+            Some(verdicts) => margin(text(verdicts, row), text(classes, row), number),
+            None => number,
+        };
+        match &mut self.values {
+            ColumnValues::Numbers(to) => to.0.push(number as f32),
+            ColumnValues::Codes(to) => to.0.push(number as u8),
+        }
+    }
+
+    /// Returns the place of a text, which is remembered; those beyond what a byte tells apart share the last one.
+    fn code(&mut self, text: &str) -> usize {
+        let known = self.texts.iter().position(|known| known == text);
+        known.unwrap_or_else(|| {
+            match self.texts.len() {
+                MOST_TEXTS => self.texts[MOST_TEXTS - 1] = "others".into(),
+                _ => self.texts.push(text.to_owned()),
+            }
+            self.texts.len() - 1
+        })
+    }
+}
+
+/// Lists what is drawn, with the place of each column in the table.
+fn columns(folder: &Folder, class: usize) -> Vec<(usize, ColumnData)> {
+    use hil_campaign::table::Kind;
+    let all = folder.manifest().columns.iter().enumerate();
+    let drawn = all.filter_map(|(place, column)| {
+        let margin = column.name.strip_prefix("robustness.");
+        let role = match (column.kind, margin) {
+            _ if (HEAD..class).contains(&place) => "varied",
+            (Kind::Number, Some(_)) => "margin",
+            (Kind::Number, None) if place > class => "metric",
+            _ => return None,
+        };
+        let values = match column.kind {
+            Kind::Text => ColumnValues::Codes(Codes::default()),
+            Kind::Number | Kind::Count => ColumnValues::Numbers(Singles::default()),
+        };
+        let name = match role {
+            "margin" => margin.unwrap_or_default(),
+            _ => &column.name,
+        };
+        let data = ColumnData {
+            name: name.to_owned(),
+            unit: column.unit.clone(),
+            role,
+            texts: Vec::new(),
+            values,
+        };
+        Some((place, data))
+    });
+    drawn.collect()
+}
+
+/// Finds the two varied values that any margin follows most; the first ones where none does.
+fn axes(answers: &Answers, columns: &[ColumnData]) -> Vec<usize> {
+    let found = answers.variants.iter().flat_map(|one| &one.requirements);
+    let found: Vec<&(String, f64)> = found.flat_map(|one| &one.correlations).collect();
+    let strength = |name: &str| {
+        let of = found.iter().filter(|(known, _)| known == name);
+        let sizes = of.map(|(_, rho)| rho.abs());
+        sizes.max_by(f64::total_cmp).unwrap_or_default()
+    };
+    let varied = columns.iter().filter(|column| column.role == "varied");
+    let strengths: Vec<f64> = varied.map(|column| strength(&column.name)).collect();
+    let mut places: Vec<usize> = (0..strengths.len()).collect();
+    places.sort_by(|a, b| strengths[*b].total_cmp(&strengths[*a]));
+    places.truncate(2);
+    places
+}
+
+fn text(values: &Values, row: usize) -> &str {
+    match values {
+        Values::Texts(texts) => &texts[row],
+        Values::Counts(_) | Values::Numbers(_) => "",
+    }
+}
+
+/// Returns the place of a class; an unknown one counts as lost.
+fn class_code(class: &str) -> u8 {
+    let places = (0_u8..).zip(CLASSES);
+    let mut known = places.filter(|(_, known)| *known == class);
+    known
+        .next()
+        .map_or(CLASSES.len() as u8 - 1, |(place, _)| place)
+}
+
+/// Writes a path as a shell takes it.
+fn quoted(path: &Path) -> String {
+    let shown = path.display().to_string();
+    let quoted = shlex::try_quote(&shown).map(|quoted| quoted.into_owned());
+    quoted.unwrap_or(shown)
+}

@@ -1,0 +1,157 @@
+//! The page of a campaign: everything that reads without a script, and the data for the script that draws.
+
+use hil_campaign::folder::{Conflict, Folder};
+use hil_config::study::Study;
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+use shared_types::number::counted;
+
+use super::data::Data;
+use super::tables;
+use crate::campaign::answers::Answers;
+use crate::campaign::collect::listed;
+use crate::terminal::exit::Failure;
+
+const SCRIPT: &str = include_str!("assets/campaign.js");
+const STYLE: &str = include_str!("assets/campaign.css");
+/// Style of every report.
+const COMMON_STYLE: &str = include_str!("../../views/report/assets/report.css");
+/// Nothing is loaded, nothing is sent.
+const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'";
+
+/// A campaign and its answers.
+pub(super) struct Campaign<'a> {
+    pub(super) folder: &'a Folder,
+    pub(super) study: &'a Study,
+    pub(super) answers: &'a Answers,
+    /// Number of cases with a result.
+    pub(super) rows: u64,
+    pub(super) conflicts: &'a [Conflict],
+}
+
+impl Campaign<'_> {
+    /// Tells whether every case has a result.
+    pub(super) const fn is_complete(&self) -> bool {
+        self.answers.digest.is_some()
+    }
+}
+
+/// Writes the whole page.
+pub(super) fn page(campaign: &Campaign, data: &Data) -> Result<String, Failure> {
+    let name = &campaign.answers.name;
+    // No text in it can end the element.
+    let json = serde_json::to_string(data)
+        .map_err(Failure::infrastructure)?
+        .replace('<', "\\u003c");
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta http-equiv="Content-Security-Policy" content=(POLICY);
+                meta name="generator" content=(concat!("hil ", env!("CARGO_PKG_VERSION")));
+                title { (name) ": campaign" }
+                style { (PreEscaped(COMMON_STYLE)) (PreEscaped(STYLE)) }
+            }
+            body {
+                a.skip href="#plots" { "Skip to the plots" }
+                header {
+                    (warnings(campaign))
+                    h1 { (name) }
+                    @if !campaign.study.description.is_empty() { p { (campaign.study.description) } }
+                }
+                nav.bar aria-label="Sections" {
+                    a href="#summary" { "Summary" }
+                    a href="#requirements" { "Requirements" }
+                    a href="#plots" { "Plots" }
+                    span.gap {}
+                    button #theme type="button" aria-pressed="false" { "Dark" }
+                }
+                main {
+                    section #summary {
+                        h2 { "Summary" }
+                        (tables::facts(campaign))
+                        (tables::goals(campaign.answers))
+                        h3 { "Classes of cases" }
+                        (tables::classes(campaign))
+                    }
+                    section #requirements {
+                        h2 { "Requirements" }
+                        (tables::requirements(campaign, data.command()))
+                    }
+                    (plots(data))
+                }
+                footer { p { "Made by hil " (env!("CARGO_PKG_VERSION")) ", commit " (env!("HIL_COMMIT")) "." } }
+                p #status .visually-hidden role="status" aria-live="polite" {}
+                script #data type="application/json" { (PreEscaped(json)) }
+                script { (PreEscaped(SCRIPT)) }
+            }
+        }
+    };
+    Ok(page.into_string())
+}
+
+/// Names what keeps the numbers below from being those of the whole campaign.
+fn warnings(campaign: &Campaign) -> Markup {
+    let (answers, rows) = (campaign.answers, campaign.rows);
+    let shown = campaign.folder.path().display();
+    html! {
+        @if !campaign.is_complete() { p.note {
+            "Not complete: " (answers.cases - rows) " of " (counted(answers.cases, "case")) " have no result. "
+            "The numbers below are counts and no probabilities, as slow cases come last; "
+            code { "hil campaign run " (shown) } " computes the rest."
+        } }
+        @if !answers.lost.is_empty() { p.note {
+            (counted(answers.lost.len() as u64, "case")) " set aside, which " (listed(&answers.lost))
+            ": no probability has bounds; " code { "hil campaign run " (shown) " --again" } " tries once more."
+        } }
+        @for conflict in campaign.conflicts { p.note { (conflict.to_string()) } }
+    }
+}
+
+/// Writes the frame that the script draws into.
+fn plots(data: &Data) -> Markup {
+    html! {
+        section #plots {
+            h2 { "Plots" }
+            noscript { p.note { "Plots need a browser with JavaScript; the tables do not." } }
+            @if data.every() > 1 { p.note {
+                "So many cases are too many for a page: the plots show every "
+                (data.every()) "th draw; the tables above count all of them."
+            } }
+            div #tools hidden {
+                p.hint { "Drag over a plot to select a range in all plots; in a plot of points a rectangle. "
+                    "A range that begins or ends at the edge of a plot is open there. Click a point to see its case." }
+                div.controls {
+                    label { "Colour " select #colour { option value="class" { "class" } option value="variant" { "variant" } } }
+                    label { "Heights " select #heights {
+                        option value="root" { "square root" } option value="linear" { "linear" } option value="log" { "logarithm" }
+                    } }
+                    form #find { label { "Case " input #number type="number" min="0" inputmode="numeric"; } " " button { "Show" } }
+                }
+                div.selection {
+                    p #count {}
+                    button #clear type="button" disabled { "Clear selection" }
+                    div.legend #legend {}
+                    div #chips {}
+                }
+                div #case hidden {}
+                h3 { "Varied values" }
+                p.hint { "Selected cases in colour, those that pass below, others above; all cases behind them. The two numbers are the selected range." }
+                div.plots #varied {}
+                h3 { "Margins and metrics" }
+                p.hint { "A margin below zero fails. Diverged cases, and others beyond a plot, are counted at its edge." }
+                div.plots #outcomes {}
+                section #map {
+                    h3 { "Map of pass and fail" }
+                    div.controls {
+                        label { "Across " select #across {} }
+                        label { "Up " select #up {} }
+                    }
+                    div.wide #mapped {}
+                }
+                div #scatters {}
+            }
+        }
+    }
+}
