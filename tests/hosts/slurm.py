@@ -110,14 +110,18 @@ def reap():
         pass
 
 
+def send_kill(pid):
+    try:
+        os.kill(pid, signal.SIGKILL)
+    except ProcessLookupError:
+        pass  # it has ended meanwhile
+
+
 def kill(find):
     """Kills what is found until nothing is: some of it may be about to start more."""
     while pids := find():
         for pid in pids:
-            try:
-                os.kill(pid, signal.SIGKILL)
-            except ProcessLookupError:
-                pass
+            send_kill(pid)
         reap()
         time.sleep(0.01)
 
@@ -178,7 +182,7 @@ class Cluster:
             case ["kill", "tasks"]:
                 # Once: those that Slurm starts in their place may go on.
                 for pid in [pid for node in NODES for pid in processes(TASK_OF_NODE, node)]:
-                    os.kill(pid, signal.SIGKILL)
+                    send_kill(pid)
             case ["kill", name]:
                 kill(lambda: processes(OF_NODE, name))
             case ["crash", name]:

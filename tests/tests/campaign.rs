@@ -2,6 +2,8 @@
 
 mod mistakes;
 mod own;
+mod page;
+mod slurm;
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -147,7 +149,7 @@ fn a_case_is_the_run_of_its_values_in_one_process_and_in_two() {
         arguments.extend(flags);
         let run = campaign(&rig, &arguments)
             .expect(0)
-            .says(&["the digest of the campaign"]);
+            .says(&["has the digest of the campaign"]);
         assert_eq!(json(&run)["digest"], alone.digest());
         assert!(out.join("run.mcap").exists());
     }

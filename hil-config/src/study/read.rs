@@ -261,6 +261,17 @@ fn spread(reader: &mut Reader, own: &Section<'_>, kind: &str, columns: &Columns)
             };
             let (first, second) = (reader.number(own, first), reader.number(own, second));
             let within = bounds(reader, own)?;
+            if kind == "lognormal" && within[1] <= 0.0 {
+                reader
+                    .report_at(
+                        own,
+                        "max",
+                        ProblemKind::OutOfRange,
+                        "no lognormal value is so small",
+                    )
+                    .expected("max above 0");
+                return None;
+            }
             Some(match kind {
                 "normal" => Spread::Normal {
                     mean: first?,

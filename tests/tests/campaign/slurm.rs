@@ -165,7 +165,7 @@ fn paths_with_spaces_quotes_and_percent_signs_come_to_the_tasks() {
         return;
     };
     let rig = Rig::new();
-    let study = study(&rig, 5, 0.1);
+    let study = study(&rig, 5, 0.5);
     let campaign = Campaign::planned(&rig, &cluster, &study, "it's 100%A $HOME");
     campaign.submit(&[]).expect(0);
     campaign.until("all is there", |status| status["missing"] == 0);

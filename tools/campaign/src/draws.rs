@@ -12,6 +12,8 @@ use shared_types::random::RandomStream;
 use crate::table::Cell;
 use crate::{normal, permutation, sobol, truncated};
 
+/// Begin of the flag that gives a case its seed.
+const SEED: &str = "run.seed=";
 /// Largest seed of a case plus 1: a number that JSON and TOML carry exactly.
 const SEEDS: f64 = (1_u64 << 53) as f64;
 
@@ -175,6 +177,16 @@ impl Draws {
         self.flags_of(variant, self.seed(draw), &self.values(draw))
     }
 
+    /// Returns the seed that a case runs with: the one that the study gives it, or else the drawn one.
+    #[must_use]
+    pub fn seed_of(&self, case: u64) -> u64 {
+        let flags = self.flags(case);
+        let given = flags.iter().find_map(|flag| flag.strip_prefix(SEED));
+        given
+            .and_then(|seed| seed.trim().parse().ok())
+            .unwrap_or_default()
+    }
+
     /// Returns the flags of a case with these values.
     #[must_use]
     pub fn flags_of(&self, variant: usize, seed: u64, values: &[Drawn]) -> Vec<String> {
@@ -184,8 +196,8 @@ impl Draws {
         for (one, value) in study.varied.iter().zip(values) {
             flags.extend(one.key.iter().map(|key| format!("{key}={}", value.toml())));
         }
-        if !study.sets("run.seed") {
-            flags.push(format!("run.seed={seed}"));
+        if !flags.iter().any(|flag| flag.starts_with(SEED)) {
+            flags.push(format!("{SEED}{seed}"));
         }
         flags
     }

@@ -4,7 +4,7 @@
 //! of the file system, which are tried when it is planned.
 
 use std::fs::{self, File};
-use std::io::{self, ErrorKind};
+use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use rustix::fs::{FlockOperation, flock};
@@ -120,7 +120,10 @@ impl Folder {
         let text = serde_json::to_vec_pretty(conflict)?;
         let hash = blake3::hash(&text).to_hex();
         let path = folder.join(format!("{:09}-{}.json", conflict.case, &hash[..8]));
-        fs::write(path, text)
+        let mut part = tempfile::Builder::new().prefix(".").tempfile_in(&folder)?;
+        part.write_all(&text)?;
+        part.as_file().sync_all()?;
+        part.persist(path).map(|_| ()).map_err(|error| error.error)
     }
 
     /// Lists the contradictions so far.
@@ -134,10 +137,17 @@ impl Folder {
         };
         let mut paths = Vec::new();
         for entry in entries {
-            paths.push(entry?.path());
+            let path = entry?.path();
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            if name.ends_with(".json") && !name.starts_with('.') {
+                paths.push(path);
+            }
         }
         paths.sort();
-        let read = |path: PathBuf| serde_json::from_slice(&fs::read(path)?).map_err(Into::into);
+        let read = |path: PathBuf| {
+            let broken = |error| io::Error::other(format!("{}: {error}", path.display()));
+            serde_json::from_slice(&fs::read(&path)?).map_err(broken)
+        };
         paths.into_iter().map(read).collect()
     }
 }

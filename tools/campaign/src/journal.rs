@@ -7,6 +7,7 @@
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, Read, Write};
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -81,6 +82,8 @@ impl Journal {
                 .prefix(UNFINISHED)
                 .rand_bytes(10)
                 .append(true)
+                // Less what the process's mask takes away, as of any new file.
+                .permissions(std::fs::Permissions::from_mode(0o666))
                 .tempfile_in(shard)?;
             // Nobody may see it as a journal before it is locked: it would look dead.
             flock(made.as_file(), FlockOperation::LockExclusive)?;

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Write};
 use std::ops::Range;
-use std::os::unix::fs::MetadataExt;
+use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 use rustix::fs::{FlockOperation, flock};
@@ -440,6 +440,7 @@ impl Attempt<'_> {
         // In the folder of the shard: some file systems refuse links across folders.
         let part = tempfile::Builder::new()
             .prefix(journal::UNFINISHED)
+            .permissions(fs::Permissions::from_mode(0o666))
             .tempfile_in(&path)
             .map_err(io)?;
         flock(part.as_file(), FlockOperation::LockExclusive).map_err(|error| io(error.into()))?;
@@ -505,6 +506,8 @@ impl Attempt<'_> {
     }
 }
 
+/// Column of the class of a case.
+pub const CLASS: &str = "class";
 /// Class of a case that was set aside.
 pub const LOST: &str = "lost";
 
@@ -515,7 +518,8 @@ fn difference(
     columns: &[Column],
     by: &Circumstances,
 ) -> Option<Conflict> {
-    let is_lost = |row: &Row| row.iter().any(|cell| cell.as_text() == LOST);
+    let class = columns.iter().position(|column| column.name == CLASS);
+    let is_lost = |row: &Row| class.is_some_and(|class| row[class].as_text() == LOST);
     if first == second || is_lost(first) || is_lost(second) {
         return None;
     }

@@ -299,6 +299,7 @@ fn answer(
     is_sure: bool,
 ) -> VariantAnswer {
     let of = cases.case.len() as u64;
+    let can_fail = !requirements.is_empty();
     let confidence = is_sure.then_some(study.confidence);
     let ranks: Vec<Vec<f64>> = cases
         .varied
@@ -312,13 +313,27 @@ fn answer(
             .collect();
         order.sort_by(|a, b| margins[*a].total_cmp(&margins[*b]).then(a.cmp(b)));
         let sorted: Vec<f64> = order.iter().map(|place| margins[*place]).collect();
+        // Those with a margin are no sample of all.
+        let bounded = confidence.filter(|_| sorted.len() == margins.len());
         let worst = order.iter().take(MOST).map(|place| WorstAnswer {
             case: cases.case[*place],
             margin: margins[*place],
         });
-        let margin_ranks = rank::ranks(margins);
-        let correlations = varied.iter().zip(&ranks).filter_map(|(column, ranks)| {
-            let rho = rank::of_ranks(ranks, &margin_ranks)?;
+        // Of cases with a margin; nearly always these are all.
+        let margin_ranks = rank::ranks(&existing(margins));
+        let pairs = varied.iter().zip(&ranks).zip(&cases.varied);
+        let correlations = pairs.filter_map(|((column, ranks), values)| {
+            let rho = match order.len() == margins.len() {
+                true => rank::of_ranks(ranks, &margin_ranks)?,
+                false => {
+                    let with = margins
+                        .iter()
+                        .zip(values)
+                        .filter(|(margin, _)| !margin.is_nan());
+                    let values: Vec<f64> = with.map(|(_, value)| *value).collect();
+                    rank::of_ranks(&rank::ranks(&values), &margin_ranks)?
+                }
+            };
             Some((column.name.clone(), rho))
         });
         let mut correlations: Vec<(String, f64)> = correlations.collect();
@@ -328,7 +343,7 @@ fn answer(
             name: name.clone(),
             unit: unit.clone(),
             holds: share(*holds, of, confidence),
-            quantiles: QUANTILES.map(|p| quantile(&sorted, p, confidence)).into(),
+            quantiles: QUANTILES.map(|p| quantile(&sorted, p, bounded)).into(),
             without: (margins.len() - sorted.len()) as u64,
             worst: worst.collect(),
             correlations,
@@ -339,10 +354,20 @@ fn answer(
     VariantAnswer {
         name: name.into(),
         classes: cases.classes,
-        passes: share(cases.classes[0], of, confidence),
+        // Where nothing can fail, passing says nothing.
+        passes: share(cases.classes[0], of, confidence.filter(|_| can_fail)),
         requirements: requirements.collect(),
         diverged,
     }
+}
+
+/// Leaves out margins that are none.
+fn existing(margins: &[f64]) -> Vec<f64> {
+    margins
+        .iter()
+        .copied()
+        .filter(|margin| !margin.is_nan())
+        .collect()
 }
 
 fn share(count: u64, of: u64, confidence: Option<f64>) -> Share {
@@ -375,11 +400,16 @@ fn quantile(sorted: &[f64], p: f64, confidence: Option<f64>) -> QuantileAnswer {
 
 /// Judges a goal for a variant; without independent draws of every case none is met.
 fn goal_answer(goal: &Goal, variant: &VariantAnswer, is_sure: bool) -> GoalAnswer {
+    let none = Share {
+        count: 0,
+        of: variant.passes.of,
+        bounds: None,
+    };
     let share = match &goal.requirement {
         None => variant.passes,
         Some(name) => {
             let found = variant.requirements.iter().find(|one| one.name == *name);
-            found.map_or(variant.passes, |one| one.holds)
+            found.map_or(none, |one| one.holds)
         }
     };
     let lower = match is_sure {

@@ -60,14 +60,17 @@ pub(super) fn case(arguments: &CaseArguments) -> Result<Exit, Failure> {
     })?;
     ran.written?;
     let digest = ran.summary.digest.unwrap_or_default();
+    if !matches!(ran.exit, Exit::Pass | Exit::Failed) {
+        return Ok(ran.exit);
+    }
     match published(&folder, case) {
-        Some(known) if known != digest && matches!(ran.exit, Exit::Pass | Exit::Failed) => {
+        Some(known) if known == digest => {
+            tell!("case {case} has the digest of the campaign");
+            Ok(ran.exit)
+        }
+        Some(known) => {
             tell!("error: the campaign has digest {known} for case {case}");
             Ok(Exit::Failed)
-        }
-        Some(_) => {
-            tell!("the digest of the campaign");
-            Ok(ran.exit)
         }
         None => Ok(ran.exit),
     }

@@ -75,6 +75,7 @@ impl Cases {
         binaries: &BinaryArguments,
         interruption: &Interruption,
     ) -> Result<Self, Failure> {
+        refuse_programs(&study)?;
         let scenario = Scenario::read(&study.scenario).map_err(told)?;
         let choices = Choices::of(binaries, &Named::by(&scenario), None)?;
         let rig = match choices.names_one() {
@@ -195,7 +196,9 @@ impl Cases {
             .collect();
         for (key, name) in &self.files {
             if let Some(path) = copy(name)
-                && !self.study().sets(key)
+                && !all
+                    .iter()
+                    .any(|flag| flag.split_once('=').is_some_and(|(set, _)| set == key))
             {
                 all.push(format!("{key}={path}"));
             }
@@ -238,6 +241,7 @@ impl Cases {
     /// As of [`plan`](Self::plan), or the objection of a side.
     pub(super) fn check(&self, case: u64) -> Result<(), Failure> {
         let plan = self.plan(case).map_err(told)?;
+        alone::refuse_clock(&plan)?;
         match &self.rig {
             Rig::BuiltIn(described) => alone::check(&plan, described),
             Rig::Own(_) => Ok(()),
@@ -369,10 +373,28 @@ impl Cases {
             Cell::Count(case),
             Cell::Count(draw),
             Cell::Text(self.study().variants[variant].name.clone()),
-            Cell::Count(self.draws.seed(draw)),
+            Cell::Count(self.draws.seed_of(case)),
         ];
         row.extend(self.draws.values(draw).iter().map(|value| value.cell()));
         row
+    }
+}
+
+/// Refuses programs in the study: all cases of a campaign have the same.
+fn refuse_programs(study: &Study) -> Result<(), Failure> {
+    let variants = study.variants.iter().flat_map(|variant| &variant.set);
+    let set = study.set.iter().chain(variants);
+    let set = set
+        .filter_map(|flag| flag.split_once('='))
+        .map(|(key, _)| key);
+    let varied = study.varied.iter().filter_map(|one| one.key.as_deref());
+    let names =
+        |key: &&str| key.starts_with("plant.program") || key.starts_with("controller.program");
+    match set.chain(varied).find(names) {
+        None => Ok(()),
+        Some(key) => Err(Failure::usage(format!(
+            "{key} in a study: all cases have the same programs; name them in the scenario, or by --plant-bin and --controller-bin, and compare two campaigns with hil campaign compare"
+        ))),
     }
 }
 

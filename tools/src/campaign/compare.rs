@@ -2,7 +2,7 @@
 
 use hil_campaign::folder::Folder;
 use hil_campaign::mcnemar;
-use hil_campaign::shard::Shard;
+use hil_campaign::shard::{LOST, Shard};
 use serde::Serialize;
 use shared_types::number::{counted, short};
 
@@ -18,6 +18,8 @@ use crate::terminal::output;
 struct Flips {
     variant: String,
     cases: u64,
+    /// Cases that are left out, as one campaign has no result of them.
+    lost: u64,
     /// Cases that pass in the first campaign alone.
     first_only: Vec<u64>,
     /// Cases that pass in the second campaign alone.
@@ -50,6 +52,7 @@ fn told(flips: &[Flips]) -> String {
         let Flips {
             variant,
             cases,
+            lost,
             first_only,
             second_only,
             p,
@@ -61,6 +64,12 @@ fn told(flips: &[Flips]) -> String {
             second_only.len(),
             short(*p)
         );
+        if *lost > 0 {
+            text += &format!(
+                "  {} left out: a campaign has no result of them\n",
+                counted(*lost, "case")
+            );
+        }
         for (which, cases) in [("first", first_only), ("second", second_only)] {
             if !cases.is_empty() {
                 text += &format!("  those of the {which} alone {}\n", listed(cases));
@@ -128,13 +137,14 @@ fn flips(first: &Folder, second: &Folder) -> Result<Vec<Flips>, Failure> {
             )));
         }
         let variant = super::answers::text(a.get(2)).to_owned();
-        let passes =
-            [(one, a), (other, b)].map(|(manifest, row)| class_of(manifest, row) == "pass");
+        let classes = [(one, a), (other, b)].map(|(manifest, row)| class_of(manifest, row));
+        let passes = classes.map(|class| class == "pass");
         let place = all.iter().position(|flips| flips.variant == variant);
         let place = place.unwrap_or_else(|| {
             all.push(Flips {
                 variant,
                 cases: 0,
+                lost: 0,
                 first_only: Vec::new(),
                 second_only: Vec::new(),
                 p: 1.0,
@@ -142,6 +152,10 @@ fn flips(first: &Folder, second: &Folder) -> Result<Vec<Flips>, Failure> {
             all.len() - 1
         });
         let flips = &mut all[place];
+        if classes.contains(&LOST) {
+            flips.lost += 1;
+            continue;
+        }
         flips.cases += 1;
         match passes {
             [true, false] => flips.first_only.push(case),

@@ -11,7 +11,7 @@ use hil_campaign::folder::{CONFLICTS, SHARDS, try_out};
 use hil_campaign::manifest::{self, Copied, MANIFEST, Manifest, SCHEMA};
 use hil_campaign::table::{Column, Kind, Writer};
 use hil_config::problem::Problems;
-use hil_config::study::Study;
+use hil_config::study::{Spread, Study, Varied};
 use hil_target::machine::hash;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
@@ -126,6 +126,11 @@ fn checked(arguments: &CheckArguments, interruption: &Interruption) -> Result<Ch
     let study = cases.study();
     let first = cases.plan(0).map_err(told)?;
     alone::refuse_clock(&first)?;
+    if study.varied.is_empty() && study.sets("run.seed") && study.draws > 1 {
+        return Err(Failure::usage(
+            "nothing varies from draw to draw: the study has no [[vary]] and gives run.seed",
+        ));
+    }
     refuse_ineffective(&cases)?;
     every_plan(&cases, interruption)?;
     let result = cases.run(&first, interruption)?;
@@ -166,6 +171,17 @@ fn columns(
     interruption: &Interruption,
 ) -> Result<Vec<Column>, Failure> {
     let columns = cases.columns(first);
+    for (place, column) in columns.iter().enumerate() {
+        if columns[..place]
+            .iter()
+            .any(|other| other.name == column.name)
+        {
+            return Err(Failure::usage(format!(
+                "two columns of the results would have the name `{}`: give the varied value, or the metric, another one",
+                column.name
+            )));
+        }
+    }
     for (case, variant) in (1..).zip(&cases.study().variants[1..]) {
         let plan = cases.plan(case).map_err(told)?;
         let found = cases.columns(&cases.run(&plan, interruption)?);
@@ -188,7 +204,21 @@ fn refuse_ineffective(cases: &Cases) -> Result<(), Failure> {
     let study = cases.study();
     let first = cases.draws.values(0);
     for (place, one) in study.varied.iter().enumerate() {
-        let Some(key) = &one.key else { continue };
+        let Some(key) = &one.key else {
+            let uses = |other: &Varied| match &other.spread {
+                Spread::Expression(expression) => expression.signals().any(|name| name == one.name),
+                _ => false,
+            };
+            // One that is computed may stand in the table alone.
+            let is_computed = matches!(one.spread, Spread::Expression(_));
+            if !is_computed && !study.varied.iter().any(uses) {
+                return Err(Failure::usage(format!(
+                    "`{}` has no key, and no expression uses it: it changes nothing",
+                    one.name
+                )));
+            }
+            continue;
+        };
         let other = (1..study.draws).map(|draw| cases.draws.values(draw)[place].clone());
         let Some(other) = other.into_iter().find(|value| *value != first[place]) else {
             continue; // one draw, or all alike by chance
@@ -202,7 +232,11 @@ fn refuse_ineffective(cases: &Cases) -> Result<(), Failure> {
                 let plan = cases.planned(flags).map_err(told)?;
                 cases.shown(&plan)
             };
-            is_effective |= shown(&first)? != shown(&changed)?;
+            // No case has these values together; that they are refused shows that they do something.
+            is_effective |= match (shown(&first), shown(&changed)) {
+                (Ok(first), Ok(changed)) => first != changed,
+                _ => true,
+            };
         }
         if !is_effective {
             return Err(told(Problems(vec![study.problem_of(

@@ -11,9 +11,10 @@ mod data;
 mod page;
 mod tables;
 
-use std::io::Write as _;
+use std::io::{BufWriter, Write as _, sink};
 use std::path::Path;
 
+use hil_campaign::collect::collect;
 use hil_campaign::folder::Folder;
 use hil_config::study::Study;
 use serde::Serialize;
@@ -21,7 +22,6 @@ use shared_types::number::counted;
 
 use super::answers;
 use super::cases::told;
-use super::collect::{self, RESULTS};
 use super::work::{cannot, open};
 use crate::arguments::report::ReportArguments;
 use crate::files::destination::Destination;
@@ -103,18 +103,25 @@ pub(super) fn write(
 fn made(folder: &Folder) -> Result<(String, Written), Failure> {
     let manifest = folder.manifest();
     let study = Study::read(folder.path().join(&manifest.study.path)).map_err(told)?;
-    let collected = collect::now(folder, true)?;
+    // Not the table in the folder: a page changes nothing there, and an archive may be read-only.
+    let results = tempfile::NamedTempFile::new().map_err(Failure::infrastructure)?;
+    let file = results.reopen().map_err(Failure::infrastructure)?;
+    let collected = collect(folder, BufWriter::new(file), sink());
+    let (collected, mut file, _) = collected.map_err(|error| cannot(folder, &error))?;
+    file.flush().map_err(Failure::infrastructure)?;
+    for (number, what) in &collected.broken {
+        tell!("shard {number}: {what}; it is set aside");
+    }
     let conflicts = folder.conflicts().map_err(|error| cannot(folder, &error))?;
-    let results = folder.path().join(RESULTS);
     let answers = answers::of(
         manifest,
         &study,
-        &results,
+        results.path(),
         collected.digest.clone(),
         collected.lost.clone(),
     );
     let answers = answers.map_err(|error| cannot(folder, &error))?;
-    let data = data::Data::read(folder, &study, &results, &answers);
+    let data = data::Data::read(folder, &study, results.path(), &answers);
     let data = data.map_err(|error| cannot(folder, &error))?;
     let campaign = page::Campaign {
         folder,

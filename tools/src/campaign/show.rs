@@ -96,10 +96,12 @@ fn write(text: &mut String, answers: &Answers, shown: &str) -> std::fmt::Result 
             "  bounds: Clopper-Pearson at {percent} %, one-sided for none or all of the cases"
         )?;
     } else {
-        writeln!(
-            text,
-            "  no bounds: they need independent draws of every case"
-        )?;
+        let why = match (answers.lost.is_empty(), answers.sampling) {
+            (false, _) => "cases are set aside",
+            (true, "independent") => "the scenario has no requirement that a case could fail",
+            (true, _) => "they need independent draws",
+        };
+        writeln!(text, "  no bounds: {why}")?;
     }
     writeln!(text)?;
     classes(text, answers)?;
@@ -250,9 +252,7 @@ fn requirements(text: &mut String, variant: &VariantAnswer, shown: &str) -> std:
 }
 
 fn margin(value: f64) -> String {
-    if value == f64::NEG_INFINITY {
-        "diverged".into()
-    } else if value.is_nan() {
+    if !value.is_finite() {
         "-".into()
     } else {
         short(value)

@@ -20,6 +20,8 @@ use crate::terminal::output;
 const JOBS: &str = "jobs";
 /// Folder of the tasks' output.
 const LOGS: &str = "logs";
+/// Most held tasks that are told of by name.
+const MOST_HELD: usize = 5;
 /// Share of a partition's time limit that a task may take by the measured case.
 const SHARE_OF_LIMIT: f64 = 0.5;
 
@@ -56,9 +58,12 @@ pub(super) fn submit(arguments: &SubmitArguments) -> Result<Exit, Failure> {
     let tasks = if tasks < most { tasks } else { most };
     let path = std::path::absolute(folder.path()).map_err(Failure::infrastructure)?;
     let text = |path: &std::path::Path| super::cases::text_of(path).map(str::to_owned);
-    let words = [text(&program(&folder)?)?, text(&path)?];
-    let words = shlex::try_join(words.iter().map(String::as_str)).map_err(Failure::usage)?;
-    let (program, shown) = words.split_once(' ').unwrap_or((&words, ""));
+    let quoted = |path: &std::path::Path| {
+        let path = text(path)?;
+        let quoted = shlex::try_quote(&path).map_err(Failure::usage)?;
+        Ok::<_, Failure>(quoted.into_owned())
+    };
+    let (program, shown) = (quoted(&program(&folder)?)?, quoted(&path)?);
     for folder in [LOGS, JOBS] {
         fs::create_dir_all(path.join(folder)).map_err(Failure::infrastructure)?;
     }
@@ -69,9 +74,10 @@ pub(super) fn submit(arguments: &SubmitArguments) -> Result<Exit, Failure> {
         .arg("--requeue")
         .arg("--open-mode=append")
         .arg(format!("--job-name={}", manifest.name))
+        // Slurm replaces what is behind a percent sign.
         .arg(format!(
-            "--output={}",
-            text(&path.join(LOGS).join("%A_%a.log"))?
+            "--output={}/%A_%a.log",
+            text(&path.join(LOGS))?.replace('%', "%%")
         ))
         .args(&arguments.options)
         .arg(format!(
@@ -198,8 +204,12 @@ pub(super) fn tasks(folder: &Folder) -> Option<Tasks> {
     for job in jobs {
         let mut squeue = Command::new("squeue");
         squeue.args(["--noheader", "--array", "--format=%i %T %r"]);
-        // A job that ended long ago is an error, and has no tasks.
-        let listed = said(squeue.arg(format!("--jobs={job}"))).unwrap_or_default();
+        let listed = match said(squeue.arg(format!("--jobs={job}"))) {
+            Ok(listed) => listed,
+            // It ended long ago.
+            Err(failure) if failure.to_string().contains("Invalid job id") => continue,
+            Err(_) => return None,
+        };
         for line in listed.lines() {
             let mut words = line.splitn(3, ' ');
             let (task, state) = (words.next()?, words.next().unwrap_or_default());
@@ -224,10 +234,13 @@ impl Tasks {
             counted(self.running, "task"),
             self.waiting
         );
-        for (task, reason) in &self.held {
+        for (task, reason) in self.held.iter().take(MOST_HELD) {
             text += &format!(
                 "  task {task} is held ({reason}); scontrol release {task} lets it start again\n"
             );
+        }
+        if self.held.len() > MOST_HELD {
+            text += &format!("  and {} more are held\n", self.held.len() - MOST_HELD);
         }
         text
     }

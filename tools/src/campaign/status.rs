@@ -46,7 +46,7 @@ pub(super) fn status(arguments: &StatusArguments) -> Result<Exit, Failure> {
     loop {
         let status = Status::of(&folder)?;
         output::result(arguments.json, &status, || status.told(&folder))?;
-        if !arguments.watch || status.missing == 0 {
+        if !arguments.watch || status.shards_published == status.shards {
             return Ok(match status.conflicts.is_empty() {
                 true => Exit::Pass,
                 false => Exit::Failed,
@@ -113,7 +113,7 @@ impl Status {
         if let Some(tasks) = &self.tasks {
             text += &tasks.told();
         }
-        if *missing > 0 && self.shards_under_way == 0 {
+        if self.shards_published < self.shards && self.shards_under_way == 0 {
             text += &format!("  nobody works on it here; hil campaign run {shown} goes on\n");
         }
         text

@@ -17,6 +17,7 @@ use hil_target::machine::hash;
 use rustix::process::{Signal, getpid, kill_process};
 use shared_types::session;
 
+use super::answers::class_of;
 use super::cases::{Cases, told};
 use crate::arguments::campaign::WorkArguments;
 use crate::terminal::exit::{Exit, Failure};
@@ -151,9 +152,11 @@ fn wanted(arguments: &WorkArguments, folder: &Folder) -> Result<Vec<u64>, Failur
             "--task {task}: it takes a part of a number of parts, as 0/16"
         ))
     })?;
-    // By the number of the shard: what other tasks have done meanwhile moves nothing.
+    // By the number of the shard, mixed: what other tasks have done meanwhile moves nothing, and what one of them
+    // left is not one task's again.
+    let mixed = |number: u64| number.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32;
     Ok((missing.into_iter())
-        .filter(|number| number % of == part)
+        .filter(|number| mixed(*number) % of == part)
         .collect())
 }
 
@@ -190,8 +193,7 @@ impl Worker<'_> {
             }
             let began = Instant::now();
             let row = self.row(case, &mut attempt)?;
-            let class = row.iter().find(|cell| is_class(cell.as_text()));
-            let class = class.map_or("", |cell| cell.as_text()).to_owned();
+            let class = class_of(self.folder.manifest(), &row).to_owned();
             attempt
                 .row(row, began.elapsed().as_secs_f64())
                 .map_err(cannot)?;
@@ -272,11 +274,6 @@ impl Worker<'_> {
         }
         Ok(())
     }
-}
-
-/// Tells whether a text is the class of a case.
-fn is_class(text: &str) -> bool {
-    super::answers::CLASSES.contains(&text)
 }
 
 /// Ends the process when a case takes too long: nothing else can end a law that computes for ever.

@@ -77,6 +77,7 @@ fn all(
     interruption: &Interruption,
     progress: &mut Progress,
 ) -> Result<(), Failure> {
+    let mut has_told = false;
     loop {
         let missing = missing(folder);
         if missing.is_empty() {
@@ -98,6 +99,11 @@ fn all(
             };
             round(folder, workers, interruption, progress)?;
         } else {
+            if !std::mem::replace(&mut has_told, true) {
+                let count = counted(missing.len() as u64, "shard");
+                let shown = folder.path().display();
+                progress.tell(&format!("waiting for {count} that other workers have claimed; hil campaign work {shown} --ignore-claims computes them too"));
+            }
             progress.look(folder)?;
             std::thread::sleep(ELSEWHERE);
         }

@@ -114,7 +114,8 @@ impl Data {
                 break;
             };
             // Whole draws, so that variants stay compared on the same values.
-            let rows = (0..numbers.len()).filter(|row| (numbers[*row] / variants) % every == 0);
+            let rows =
+                (0..numbers.len()).filter(|row| (numbers[*row] / variants).is_multiple_of(every));
             let rows: Vec<usize> = rows.collect();
             for row in &rows {
                 cases.push(numbers[*row] as f64);

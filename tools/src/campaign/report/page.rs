@@ -121,7 +121,7 @@ fn plots(data: &Data) -> Markup {
             } }
             div #tools hidden {
                 p.hint { "Drag over a plot to select a range in all plots; in a plot of points a rectangle. "
-                    "A range that begins or ends at the edge of a plot is open there. Click a point to see its case." }
+                    "A range that begins or ends at the edge of a plot is open there; a click in a plot of bars removes it. Click a point to see its case." }
                 div.controls {
                     label { "Colour " select #colour { option value="class" { "class" } option value="variant" { "variant" } } }
                     label { "Heights " select #heights {
@@ -148,7 +148,7 @@ fn plots(data: &Data) -> Markup {
                         label { "Across " select #across {} }
                         label { "Up " select #up {} }
                     }
-                    div.wide #mapped {}
+                    div.plots #mapped {}
                 }
                 div #scatters {}
             }

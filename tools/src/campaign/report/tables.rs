@@ -8,6 +8,9 @@ use crate::campaign::answers::{
     Answers, BoundsAnswer, CLASSES, RequirementAnswer, Share, VariantAnswer,
 };
 
+/// Most varied values that a margin is said to follow.
+const MOST_FOLLOWED: usize = 3;
+
 /// Writes facts about the campaign.
 pub(super) fn facts(campaign: &Campaign) -> Markup {
     let (answers, study) = (campaign.answers, campaign.study);
@@ -128,7 +131,7 @@ fn requirement(
 ) -> Markup {
     let has_diverged = variant.classes[2] > 0;
     let strong = one.correlations.iter().filter(|(_, rho)| rho.abs() >= 0.1);
-    let strong = joined(strong.map(|(name, rho)| format!("{name} {rho:+.2}")));
+    let strong = strong.take(MOST_FOLLOWED);
     html! { tr {
         th scope="row" { (variant.name) }
         td.n { (percent(campaign, one.holds)) }
@@ -136,9 +139,9 @@ fn requirement(
         td.n { @match one.worst.first() { Some(worst) => (margin(worst.margin, has_diverged)), None => "-" } }
         @for quantile in &one.quantiles { td.n {
             (margin(quantile.value, has_diverged))
-            @if let Some([low, high]) = quantile.bounds { br; span.hint { (short(low)) " to " (short(high)) } }
+            @if let Some([low, high]) = quantile.bounds { span.hint { (short(low)) br; "to " (short(high)) } }
         } }
-        td { (strong) @if one.without > 0 { br; span.hint { (counted(one.without, "case")) " without a margin" } } }
+        td { @for (name, rho) in strong { span.follows { (name) " " (format!("{rho:+.2}")) } } @if one.without > 0 { span.hint { (counted(one.without, "case")) " without a margin" } } }
         td { @match one.worst.first() {
             Some(worst) => code.command { (command) (worst.case) },
             None => "-",
