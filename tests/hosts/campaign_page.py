@@ -2,8 +2,9 @@
 
     python3 tests/hosts/campaign_page.py PAGE.html DIR/results.parquet [CHROMIUM]
 
-Needs playwright and pyarrow. Drags a range in a histogram and a rectangle over points, chooses variants, axes and
-colours, clicks a point, clears; prints JSON, and ends with 1 if the page said anything else than the table.
+Needs playwright and pyarrow, and a study that varies two numbers first. Drags a range in a histogram and a rectangle
+over points, types a range, hides a variant, chooses axes and colours, asks for a case, clears; prints JSON, and ends
+with 1 if the page said anything else than the table.
 """
 
 import json

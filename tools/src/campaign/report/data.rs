@@ -259,3 +259,40 @@ fn quoted(path: &Path) -> String {
     let quoted = shlex::try_quote(&shown).map(|quoted| quoted.into_owned());
     quoted.unwrap_or(shown)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn texts() -> ColumnData {
+        ColumnData {
+            name: "table".into(),
+            unit: String::new(),
+            role: "varied",
+            texts: Vec::new(),
+            values: ColumnValues::Codes(Codes::default()),
+        }
+    }
+
+    #[test]
+    fn texts_beyond_what_a_byte_tells_apart_share_the_last_code() {
+        let mut column = texts();
+        let codes: Vec<usize> = (0..300).map(|n| column.code(&n.to_string())).collect();
+        assert_eq!(codes[..256], (0..256).collect::<Vec<_>>());
+        assert!(codes[256..].iter().all(|code| *code == 255));
+        assert_eq!(column.texts.len(), MOST_TEXTS);
+        assert_eq!(column.code("7"), 7);
+    }
+
+    #[test]
+    fn a_class_that_is_not_known_counts_as_lost() {
+        let codes = ["pass", "fail", "diverged", "undecided", "lost", "?"].map(class_code);
+        assert_eq!(codes, [0, 1, 2, 3, 4, 4]);
+    }
+
+    #[test]
+    fn a_folder_stands_in_the_command_as_a_shell_takes_it() {
+        assert_eq!(quoted(Path::new("runs/common-mode")), "runs/common-mode");
+        assert_eq!(quoted(Path::new("my runs/a")), "'my runs/a'");
+    }
+}

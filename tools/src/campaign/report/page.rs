@@ -71,7 +71,7 @@ pub(super) fn page(campaign: &Campaign, data: &Data) -> Result<String, Failure> 
                     section #summary {
                         h2 { "Summary" }
                         (tables::facts(campaign))
-                        (tables::goals(campaign.answers))
+                        (tables::goals(campaign))
                         h3 { "Classes of cases" }
                         (tables::classes(campaign))
                     }

@@ -52,7 +52,14 @@ fn bounds_meant(answers: &Answers) -> String {
 }
 
 /// Writes the goals and whether they are met.
-pub(super) fn goals(answers: &Answers) -> Markup {
+pub(super) fn goals(campaign: &Campaign) -> Markup {
+    let answers = campaign.answers;
+    let verdict = |is_met: bool| match is_met {
+        true => badge("pass", "met"),
+        // Missing cases may still decide it.
+        false if !campaign.is_complete() => badge("undecided", "open"),
+        false => badge("fail", "NOT MET"),
+    };
     html! {
         h3 { "Goals" }
         @if answers.goals.is_empty() { p { "The study has no goal." } }
@@ -61,7 +68,7 @@ pub(super) fn goals(answers: &Answers) -> Markup {
             tbody { @for goal in &answers.goals { tr {
                 th scope="row" { (goal.requirement.as_deref().unwrap_or("pass")) }
                 td { (goal.variant) }
-                td { (badge(if goal.is_met { "pass" } else { "fail" }, if goal.is_met { "met" } else { "NOT MET" })) }
+                td { (verdict(goal.is_met)) }
                 td.n { (short(goal.probability)) }
                 td.n { (short(goal.confidence * 100.0)) " %" }
                 td.n { "at least " (short(goal.lower)) }
