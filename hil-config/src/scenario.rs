@@ -40,18 +40,7 @@ impl Scenario {
     /// If the file cannot be read or is not TOML.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, Problems> {
         let path = path.as_ref();
-        let text = read_regular(path).map_err(|error| {
-            Problems(vec![Problem {
-                kind: ProblemKind::Unreadable,
-                key: String::new(),
-                message: format!("the scenario cannot be read: {error}"),
-                expected: None,
-                nearest: Vec::new(),
-                help: None,
-                source: path.display().to_string(),
-                excerpt: None,
-            }])
-        })?;
+        let text = read_regular(path).map_err(|error| unreadable("scenario", path, &error))?;
         Self::parse(&text, path)
     }
 
@@ -144,6 +133,20 @@ impl Scenario {
         }
         self
     }
+}
+
+/// Makes the problem of a file that cannot be read.
+pub(crate) fn unreadable(what: &str, path: &Path, error: &std::io::Error) -> Problems {
+    Problems(vec![Problem {
+        kind: ProblemKind::Unreadable,
+        key: String::new(),
+        message: format!("the {what} cannot be read: {error}"),
+        expected: None,
+        nearest: Vec::new(),
+        help: None,
+        source: path.display().to_string(),
+        excerpt: None,
+    }])
 }
 
 /// Finds every `file` below a table.

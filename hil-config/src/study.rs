@@ -32,7 +32,7 @@ pub struct Study {
     pub draws: u64,
     /// Seed of the draws.
     pub seed: u64,
-    /// How values are drawn.
+    /// Way in which values are drawn.
     pub sampling: Sampling,
     /// Confidence of bounds.
     pub confidence: f64,
@@ -44,10 +44,10 @@ pub struct Study {
     pub variants: Vec<Variant>,
     /// Correlations of varied values.
     pub correlations: Vec<Correlation>,
-    /// What the campaign must show.
+    /// Requirements on the whole campaign.
     pub goals: Vec<Goal>,
     sources: Sources,
-    /// Where flags come from, by their keys.
+    /// Places of flags, by their keys.
     homes: Vec<(String, Place)>,
 }
 
@@ -84,7 +84,7 @@ pub struct Varied {
     pub name: String,
     /// Key of the scenario, as `--set` takes it; none for one that only expressions use.
     pub key: Option<String>,
-    /// How it varies.
+    /// Distribution or set of its values.
     pub spread: Spread,
 }
 
@@ -116,7 +116,7 @@ pub enum Spread {
         /// Range.
         within: [f64; 2],
     },
-    /// One of these values.
+    /// Choice among these values.
     Choice(Vec<Item>),
     /// Computed from values that are varied before it.
     Expression(Expression),

@@ -9,9 +9,9 @@ use crate::document::Value;
 use crate::expression::{Columns, Expression, Group, is_reserved};
 use crate::flag;
 use crate::keys::{MOST_CASES, SPREADS, STUDY};
-use crate::problem::{Problem, ProblemKind, Problems, listed};
+use crate::problem::{ProblemKind, Problems, listed};
 use crate::reader::{Reader, Section};
-use crate::scenario::{Scenario, read_regular};
+use crate::scenario::{Scenario, read_regular, unreadable};
 use crate::source::{Place, Sources};
 
 /// Columns of the table of results beside the varied values.
@@ -20,18 +20,7 @@ const TAKEN: [&str; 9] = [
 ];
 
 pub(super) fn file(path: &Path) -> Result<Study, Problems> {
-    let text = read_regular(path).map_err(|error| {
-        Problems(vec![Problem {
-            kind: ProblemKind::Unreadable,
-            key: String::new(),
-            message: format!("the study cannot be read: {error}"),
-            expected: None,
-            nearest: Vec::new(),
-            help: None,
-            source: path.display().to_string(),
-            excerpt: None,
-        }])
-    })?;
+    let text = read_regular(path).map_err(|error| unreadable("study", path, &error))?;
     self::text(&text, path.to_owned())
 }
 
@@ -125,7 +114,7 @@ fn is_name(name: &str) -> bool {
     (1..=64).contains(&name.len()) && name.chars().all(legal)
 }
 
-/// Where the flags of a study come from.
+/// Places of the flags of a study.
 #[derive(Default)]
 struct Homes {
     all: Vec<(String, Place)>,

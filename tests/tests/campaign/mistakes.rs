@@ -1,4 +1,4 @@
-//! What is wrong with a study or a folder is told with its place, and nothing is lost.
+//! Mistakes in a study or a folder: told with their place, and nothing is lost.
 
 use super::{STUDY, campaign, digest, planned, study, text};
 use crate::support::harness::Rig;

@@ -6,7 +6,7 @@
 use std::io::Write;
 
 use crate::folder::Folder;
-use crate::shard::{LOST, PartError, Shard, circumstance_columns};
+use crate::shard::{CLASS, LOST, PartError, Shard, circumstance_columns};
 use crate::table::{Column, Kind, TableError, Writer};
 
 /// A campaign's rows, collected.
@@ -39,7 +39,7 @@ pub fn collect<W: Write + Send, V: Write + Send>(
     let class = manifest
         .columns
         .iter()
-        .position(|column| column.name == "class");
+        .position(|column| column.name == CLASS);
     let mut table = Writer::new(results, &manifest.columns)?;
     let mut second = Writer::new(circumstances, &own)?;
     let mut hasher = blake3::Hasher::new();

@@ -177,10 +177,10 @@ impl Draws {
         self.flags_of(variant, self.seed(draw), &self.values(draw))
     }
 
-    /// Returns the seed that a case runs with: the one that the study gives it, or else the drawn one.
+    /// Returns the seed that a case with these values runs with: the one of the study, or else the drawn one.
     #[must_use]
-    pub fn seed_of(&self, case: u64) -> u64 {
-        let flags = self.flags(case);
+    pub fn seed_of(&self, variant: usize, drawn: u64, values: &[Drawn]) -> u64 {
+        let flags = self.flags_of(variant, drawn, values);
         let given = flags.iter().find_map(|flag| flag.strip_prefix(SEED));
         given
             .and_then(|seed| seed.trim().parse().ok())

@@ -1,4 +1,4 @@
-//! The manifest of a campaign: what its folder is for, by names and hashes.
+//! The manifest of a campaign: the purpose of its folder, by names and hashes.
 //!
 //! Written once when a campaign is planned, read by everybody who works on it. What follows from it is the same
 //! on every machine; times, hosts and engines never stand in it.
@@ -25,7 +25,7 @@ pub struct Copied {
     pub blake3: String,
 }
 
-/// What a folder is for.
+/// Purpose of a folder.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
     /// Version of the folder's form.
@@ -108,6 +108,13 @@ impl Manifest {
         let end = (shard + 1) * self.shard_cases;
         let end = if end < self.cases { end } else { self.cases };
         shard * self.shard_cases..end
+    }
+
+    /// Number of cases of some shards.
+    #[must_use]
+    pub fn count(&self, shards: &[u64]) -> u64 {
+        let cases = shards.iter().map(|shard| self.cases_of(*shard));
+        cases.map(|cases| cases.end - cases.start).sum()
     }
 
     /// Files that cases are made of, with their hashes. `hil` is not among them: a worker looks at itself.

@@ -55,10 +55,10 @@ pub struct Part {
 /// Reason for which a part does not count.
 #[derive(Debug, thiserror::Error)]
 pub enum PartError {
-    /// There is none.
+    /// No result.
     #[error("it has no result")]
     Missing,
-    /// It is damaged or another campaign's.
+    /// Damaged file, or one of another campaign.
     #[error("its result is broken: {0}")]
     Broken(String),
     /// The system refused.

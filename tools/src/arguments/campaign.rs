@@ -104,7 +104,7 @@ pub struct CheckArguments {
 /// Arguments of `hil campaign plan`.
 #[derive(Debug, Args)]
 pub struct PlanArguments {
-    /// The study
+    /// Study to plan
     #[command(flatten)]
     pub check: CheckArguments,
     /// The folder, which must not exist or be empty [default: runs/STUDY]
@@ -118,7 +118,7 @@ pub struct RunCampaignArguments {
     /// The campaign's folder
     #[arg(value_name = "DIR")]
     pub folder: PathBuf,
-    /// So many workers at a time [default: as many as cores; half as many with programs of its own]
+    /// Number of workers at a time [default: as many as cores; half as many with programs of your own]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub jobs: Option<u32>,
     /// Try cases again that were set aside

@@ -9,7 +9,7 @@ use std::path::Path;
 
 use hil_campaign::binomial::{self, Sided};
 use hil_campaign::manifest::Manifest;
-use hil_campaign::shard::LOST;
+use hil_campaign::shard::{CLASS, LOST};
 use hil_campaign::table::{Cell, Column, Kind, Reader, Row, TableError, Values};
 use hil_campaign::{order, rank};
 use hil_config::study::{Goal, Sampling, Study};
@@ -123,7 +123,7 @@ pub(super) fn class_of<'a>(manifest: &Manifest, row: &'a Row) -> &'a str {
     let place = manifest
         .columns
         .iter()
-        .position(|column| column.name == "class");
+        .position(|column| column.name == CLASS);
     place.map_or("", |place| row[place].as_text())
 }
 
@@ -210,7 +210,7 @@ fn read(
     let is_wanted = |column: &Column| {
         let name = &*column.name;
         name == "case"
-            || name == "class"
+            || name == CLASS
             || name.starts_with("verdict.")
             || name.starts_with("robustness.")
             || varied.iter().any(|one| one.name == column.name)
@@ -225,7 +225,7 @@ fn read(
             .position(|known| *known == name)
             .unwrap_or_default()
     };
-    let (case, class) = (place("case"), place("class"));
+    let (case, class) = (place("case"), place(CLASS));
     let varied: Vec<usize> = varied.iter().map(|one| place(&one.name)).collect();
     let verdicts: Vec<(usize, usize)> = requirements
         .iter()

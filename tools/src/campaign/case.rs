@@ -1,9 +1,9 @@
 //! One case of a campaign again: as a scenario, or as a run with a recording whose digest must be the same.
 
-use hil_campaign::shard::Shard;
 use std::sync::Arc;
 
 use hil_campaign::folder::Folder;
+use hil_campaign::shard::Shard;
 
 use super::cases::{Cases, told};
 use super::work::open;

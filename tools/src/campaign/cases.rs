@@ -5,9 +5,9 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use hil_campaign::draws::Draws;
+use hil_campaign::draws::{Drawn, Draws};
 use hil_campaign::folder::Folder;
-use hil_campaign::shard::LOST;
+use hil_campaign::shard::{CLASS, LOST};
 use hil_campaign::table::{Cell, Column, Kind, Row};
 use hil_config::plan::Plan;
 use hil_config::problem::Problems;
@@ -303,7 +303,7 @@ impl Cases {
             };
             columns.push(Column::new(&one.name, kind));
         }
-        columns.push(Column::new("class", Kind::Text));
+        columns.push(Column::new(CLASS, Kind::Text));
         columns.push(Column::new("steps", Kind::Count));
         for requirement in &result.requirements {
             let name = &requirement.name;
@@ -356,7 +356,7 @@ impl Cases {
         row.extend(
             rest.iter()
                 .map(|column| match (&*column.name, column.kind) {
-                    ("class", _) => Cell::Text(LOST.into()),
+                    (CLASS, _) => Cell::Text(LOST.into()),
                     ("reason", _) => Cell::Text(reason.into()),
                     (_, Kind::Count) => Cell::Count(0),
                     (_, Kind::Number) => Cell::number(f64::NAN),
@@ -369,13 +369,15 @@ impl Cases {
     /// Makes the cells of a case that are known before it runs.
     pub(super) fn head(&self, case: u64) -> Row {
         let (draw, variant) = self.draws.of_case(case);
+        let values = self.draws.values(draw);
+        let seed = self.draws.seed_of(variant, self.draws.seed(draw), &values);
         let mut row = vec![
             Cell::Count(case),
             Cell::Count(draw),
             Cell::Text(self.study().variants[variant].name.clone()),
-            Cell::Count(self.draws.seed_of(case)),
+            Cell::Count(seed),
         ];
-        row.extend(self.draws.values(draw).iter().map(|value| value.cell()));
+        row.extend(values.iter().map(Drawn::cell));
         row
     }
 }

@@ -120,11 +120,7 @@ fn refuse_missing(folder: &Folder, missing: &[u64]) -> Result<(), Failure> {
         return Ok(());
     }
     let manifest = folder.manifest();
-    let cases: u64 = missing
-        .iter()
-        .map(|shard| manifest.cases_of(*shard))
-        .map(|cases| cases.end - cases.start)
-        .sum();
+    let cases = manifest.count(missing);
     let (all, shown) = (manifest.cases, folder.path().display());
     Err(Failure::infrastructure(format!(
         "{cases} of {all} cases have no result; hil campaign run {shown} computes them, and a campaign that is not complete gives no probability: slow cases come last"

@@ -2,7 +2,7 @@
 
 use hil_campaign::folder::Folder;
 use hil_campaign::mcnemar;
-use hil_campaign::shard::{LOST, Shard};
+use hil_campaign::shard::{CLASS, LOST, Shard};
 use serde::Serialize;
 use shared_types::number::{counted, short};
 
@@ -88,7 +88,7 @@ fn flips(first: &Folder, second: &Folder) -> Result<Vec<Flips>, Failure> {
             column(*place)
                 .iter()
                 .flatten()
-                .all(|column| column.name != "class")
+                .all(|column| column.name != CLASS)
         })
         .find(|place| column(*place)[0] != column(*place)[1]);
     let is_other = one.cases != other.cases || differs.is_some();
@@ -110,7 +110,7 @@ fn flips(first: &Folder, second: &Folder) -> Result<Vec<Flips>, Failure> {
     let head = one
         .columns
         .iter()
-        .position(|column| column.name == "class")
+        .position(|column| column.name == CLASS)
         .unwrap_or_default();
     let mut rows = [Vec::new().into_iter(), Vec::new().into_iter()];
     let mut shards = [0, 0];

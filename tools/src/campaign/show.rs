@@ -154,7 +154,7 @@ fn percent(share: Share) -> String {
 }
 
 /// Writes the bounds of a probability.
-fn bounds(share: Share) -> String {
+pub(super) fn bounds(share: Share) -> String {
     match share.bounds {
         None => "-".into(),
         Some(BoundsAnswer {

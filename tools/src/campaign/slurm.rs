@@ -2,11 +2,11 @@
 //!
 //! Slurm starts tasks and restarts some of them; nothing that it says decides about a result.
 
-use hil_campaign::shard::missing;
 use std::fs;
 use std::process::Command;
 
 use hil_campaign::folder::Folder;
+use hil_campaign::shard::missing;
 use serde::Serialize;
 use shared_types::number::counted;
 
@@ -46,11 +46,7 @@ pub(super) fn submit(arguments: &SubmitArguments) -> Result<Exit, Failure> {
         output::write("nothing is missing\n")?;
         return Ok(Exit::Pass);
     }
-    let cases: u64 = missing
-        .iter()
-        .map(|shard| manifest.cases_of(*shard))
-        .map(|cases| cases.end - cases.start)
-        .sum();
+    let cases = manifest.count(&missing);
     let task_s = task_s(arguments)?;
     let by_time = (cases as f64 * manifest.case_s / task_s).ceil() as u64;
     let tasks = by_time.clamp(1, missing.len() as u64);
@@ -167,8 +163,12 @@ fn option(options: &[String], short: &str, long: &str) -> Option<String> {
         if one == short || one == long {
             return options.get(place + 1).cloned();
         }
-        let rest = one.strip_prefix(long)?.strip_prefix('=')?;
-        Some(rest.to_owned())
+        let long = one
+            .strip_prefix(long)
+            .and_then(|rest| rest.strip_prefix('='));
+        // `-pshort`, as sbatch takes it too.
+        let short = one.strip_prefix(short).filter(|_| !one.starts_with("--"));
+        long.or(short).map(str::to_owned)
     })
 }
 
@@ -267,7 +267,12 @@ mod tests {
     #[test]
     fn options_of_sbatch_are_found_in_each_form() {
         let options = |text: &str| text.split(' ').map(str::to_owned).collect::<Vec<_>>();
-        for text in ["-p short", "--partition short", "-n 1 --partition=short"] {
+        for text in [
+            "-p short",
+            "--partition short",
+            "-n 1 --partition=short",
+            "-pshort",
+        ] {
             assert_eq!(
                 option(&options(text), "-p", "--partition").as_deref(),
                 Some("short")

@@ -10,13 +10,12 @@ use super::tables;
 use crate::campaign::answers::Answers;
 use crate::campaign::collect::listed;
 use crate::terminal::exit::Failure;
+use crate::views::report::POLICY;
 
 const SCRIPT: &str = include_str!("assets/campaign.js");
 const STYLE: &str = include_str!("assets/campaign.css");
 /// Style of every report.
 const COMMON_STYLE: &str = include_str!("../../views/report/assets/report.css");
-/// Nothing is loaded, nothing is sent.
-const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'";
 
 /// A campaign and its answers.
 pub(super) struct Campaign<'a> {

@@ -4,9 +4,8 @@ use maud::{Markup, html};
 use shared_types::number::{counted, short, unit_shown};
 
 use super::page::Campaign;
-use crate::campaign::answers::{
-    Answers, BoundsAnswer, CLASSES, RequirementAnswer, Share, VariantAnswer,
-};
+use crate::campaign::answers::{Answers, CLASSES, RequirementAnswer, Share, VariantAnswer};
+use crate::campaign::show::bounds;
 
 /// Most varied values that a margin is said to follow.
 const MOST_FOLLOWED: usize = 3;
@@ -176,24 +175,6 @@ fn percent(campaign: &Campaign, share: Share) -> String {
     match campaign.is_complete() && share.of > 0 {
         true => format!("{} %", short(share.count as f64 / share.of as f64 * 100.0)),
         false => format!("{} of {}", share.count, share.of),
-    }
-}
-
-/// Writes the bounds of a probability.
-fn bounds(share: Share) -> String {
-    match share.bounds {
-        None => "-".into(),
-        Some(BoundsAnswer {
-            upper,
-            sided: "upper",
-            ..
-        }) => format!("at most {}", short(upper)),
-        Some(BoundsAnswer {
-            lower,
-            sided: "lower",
-            ..
-        }) => format!("at least {}", short(lower)),
-        Some(BoundsAnswer { lower, upper, .. }) => format!("{} to {}", short(lower), short(upper)),
     }
 }
 

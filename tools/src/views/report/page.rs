@@ -14,7 +14,7 @@ const UPLOT_STYLE: &str = include_str!("assets/uplot/uPlot.min.css");
 const SCRIPT: &str = include_str!("assets/report.js");
 const STYLE: &str = include_str!("assets/report.css");
 /// Nothing is loaded, nothing is sent.
-const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'";
+pub(crate) const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'";
 
 /// The whole page.
 pub(super) fn page(runs: &[Run], plots: &[Plot], data: &Data) -> Result<String, Failure> {
