@@ -33,6 +33,9 @@ pub struct Job {
     pub rate_divisor: u32,
     /// Steps between a sample and the command that answers it: 0 or 1.
     pub command_delay_steps: u32,
+    /// True if the process is kept for another job after this one.
+    #[serde(default)]
+    pub is_kept: bool,
     /// Checkpoints that the controller writes and the one that it begins from.
     #[serde(default)]
     pub checkpoints: Checkpoints,
@@ -60,6 +63,7 @@ impl Job {
             rate,
             rate_divisor: 1,
             command_delay_steps: 0,
+            is_kept: false,
             checkpoints: Checkpoints::default(),
             realtime: realtime::Settings::default(),
             wait_limit_s,

@@ -6,6 +6,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use shared_types::describe::Description;
+use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{Link, LinkError};
 use shared_types::lockstep::ControllerEvent;
 use shared_types::program::{self, COMPLETED, FAILED, Program};
@@ -70,10 +71,33 @@ impl Program for ControllerProgram {
     }
 
     fn serve(&self, session: &SessionInfo, supervision: &Supervision) -> Result<u8, String> {
-        let job: Job = program::read_job(&session.folder.join(JOB_FILE))?;
-        let (limit, settings) = (WaitLimit::from_seconds(job.wait_limit_s), job.realtime);
-        let link = program::attach(session, job.epoch, limit, supervision)?;
+        let read = || program::read_job::<Job>(&session.folder.join(JOB_FILE));
+        let mut job = read()?;
+        let limit = WaitLimit::from_seconds(job.wait_limit_s);
+        let mut link = program::attach(session, job.epoch, limit, supervision)?;
         supervision.ring_at_news(link.bell());
+        loop {
+            let is_kept = job.is_kept;
+            let code = self.run(job, &mut link, session, supervision)?;
+            if !is_kept || !supervision.next_job() {
+                return Ok(code);
+            }
+            job = read()?;
+            link.begin_next();
+        }
+    }
+}
+
+impl ControllerProgram {
+    /// Runs a job to its end; gives the exit code.
+    fn run(
+        &self,
+        job: Job,
+        link: &mut IceoryxLink,
+        session: &SessionInfo,
+        supervision: &Supervision,
+    ) -> Result<u8, String> {
+        let (limit, settings) = (WaitLimit::from_seconds(job.wait_limit_s), job.realtime);
         let mut runner = self.runner(job, link)?;
         // Threads that there are by now keep ordinary scheduling.
         let report = settings.apply();

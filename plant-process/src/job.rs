@@ -41,6 +41,9 @@ pub struct Job {
     pub pause_at_s: Option<f64>,
     /// True if a recorder must see every record: the loop then waits for the recorder.
     pub observed: bool,
+    /// True if the process is kept for another job after this one. It takes no live requests then.
+    #[serde(default)]
+    pub is_kept: bool,
     /// Checkpoints that the plant saves, and the one that it begins from.
     #[serde(default)]
     pub checkpoints: Checkpoints,
@@ -68,6 +71,7 @@ impl Job {
             law: None,
             pause_at_s: None,
             observed: true,
+            is_kept: false,
             checkpoints: Checkpoints::default(),
             realtime: realtime::Settings::default(),
             wait_limit_s,

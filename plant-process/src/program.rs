@@ -71,6 +71,44 @@ impl PlantProgram {
     }
 }
 
+impl PlantProgram {
+    /// Runs a job to its end; gives the exit code.
+    fn run(
+        &self,
+        job: Job,
+        (link, sink): (&mut IceoryxLink, &mut IceoryxSink),
+        session: &SessionInfo,
+        supervision: &Supervision,
+    ) -> Result<u8, String> {
+        let (limit, settings) = (WaitLimit::from_seconds(job.wait_limit_s), job.realtime);
+        let (kind, is_kept) = (self.kind(&job)?, job.is_kept);
+        let context = LiveContext::new(kind, &self.faults, &job);
+        let engine = Engine::new(kind, &self.faults, job, link, sink);
+        let mut engine = engine.map_err(|e| e.to_string())?;
+        let _listening = match is_kept {
+            true => None,
+            false => {
+                let (queue, builder) = (engine.queue(), engine.builder());
+                Some(live::serve(session, context, queue, builder)?)
+            }
+        };
+        // Threads that there are by now keep ordinary scheduling.
+        let report = settings.apply();
+        let told = session.write_file(realtime::PLANT_FILE, &report);
+        told.map_err(|e| e.to_string())?;
+        drive(&mut engine, report.waiter(limit), supervision).map_err(|e| e.to_string())?;
+        let end = engine.end().ok_or("the run ended without saying how")?;
+        if let Some(reason) = &end.reason {
+            program::say(reason);
+        }
+        Ok(match end.outcome {
+            Outcome::Completed => COMPLETED,
+            Outcome::Diverged => DIVERGED,
+            Outcome::Stopped | Outcome::Failed => FAILED,
+        })
+    }
+}
+
 impl Program for PlantProgram {
     fn description(&self) -> Description {
         let mut description = Description::new(self.program, self.version);
@@ -91,34 +129,25 @@ impl Program for PlantProgram {
     }
 
     fn serve(&self, session: &SessionInfo, supervision: &Supervision) -> Result<u8, String> {
-        let job: Job = program::read_job(&session.folder.join(JOB_FILE))?;
-        let (limit, settings) = (WaitLimit::from_seconds(job.wait_limit_s), job.realtime);
-        let link = IceoryxLink::create(session).map_err(|e| e.to_string())?;
+        let read = || program::read_job::<Job>(&session.folder.join(JOB_FILE));
+        let mut job = read()?;
+        let mut link = IceoryxLink::create(session).map_err(|e| e.to_string())?;
         supervision.ring_at_news(link.bell());
         let backpressure = match (job.observed, job.run.clock) {
             (false, _) => Backpressure::None,
             (true, Clock::Realtime) => Backpressure::AtStart,
             (true, Clock::Lockstep | Clock::Paced { .. }) => Backpressure::Always,
         };
-        let sink = IceoryxSink::create(session, backpressure).map_err(|e| e.to_string())?;
-        let context = LiveContext::new(self.kind(&job)?, &self.faults, &job);
-        let engine = Engine::new(self.kind(&job)?, &self.faults, job, link, sink);
-        let mut engine = engine.map_err(|e| e.to_string())?;
-        let _listening = live::serve(session, context, engine.queue(), engine.builder())?;
-        // Threads that there are by now keep ordinary scheduling.
-        let report = settings.apply();
-        let told = session.write_file(realtime::PLANT_FILE, &report);
-        told.map_err(|e| e.to_string())?;
-        drive(&mut engine, report.waiter(limit), supervision).map_err(|e| e.to_string())?;
-        let end = engine.end().ok_or("the run ended without saying how")?;
-        if let Some(reason) = &end.reason {
-            program::say(reason);
+        let mut sink = IceoryxSink::create(session, backpressure).map_err(|e| e.to_string())?;
+        loop {
+            let is_kept = job.is_kept;
+            let code = self.run(job, (&mut link, &mut sink), session, supervision)?;
+            if !is_kept || code == FAILED || !supervision.next_job() {
+                return Ok(code);
+            }
+            job = read()?;
+            link.begin_next();
         }
-        Ok(match end.outcome {
-            Outcome::Completed => COMPLETED,
-            Outcome::Diverged => DIVERGED,
-            Outcome::Stopped | Outcome::Failed => FAILED,
-        })
     }
 }
 

@@ -13,7 +13,7 @@ use crate::table::{Field, Table, number};
 
 /// Version of the protocol between launcher, plant and controller: description, job file, control
 /// messages, frames and records. Two sides with different versions refuse each other.
-pub const PROTOCOL: u32 = 5;
+pub const PROTOCOL: u32 = 6;
 
 /// A binary's answer to `--describe`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

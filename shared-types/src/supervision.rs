@@ -1,5 +1,5 @@
 //! What a process of a session hears from the `hil` that started it: stop, the other side is gone,
-//! another controller comes, or nothing any more.
+//! another controller comes, another job is there, or nothing any more.
 //!
 //! Words arrive as lines on standard input; its end means that `hil` is gone and nobody will clean
 //! up, so the process ends too. Any program that speaks the protocol may ignore the lines, but should
@@ -7,7 +7,7 @@
 
 use std::io::BufRead;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Condvar, Mutex, OnceLock, PoisonError};
 
 use crate::link::bell::Bell;
 
@@ -18,6 +18,8 @@ pub const STOP: &str = "stop";
 pub const PEER_GONE: &str = "peer-gone";
 /// Line that announces another controller to a plant, followed by its epoch.
 pub const EXPECT: &str = "expect";
+/// Line that tells a process that is kept for further jobs that its next job is in the session's folder.
+pub const NEXT: &str = "next";
 
 /// Most controllers of one run.
 pub const MOST_EPOCHS: u32 = 63;
@@ -62,6 +64,10 @@ struct State {
     /// The latest epoch whose controller was announced; 0 if none was.
     expected: AtomicU32,
     why: OnceLock<String>,
+    /// Further jobs that were announced and not begun.
+    jobs: Mutex<u64>,
+    /// Signal of a job or of the end, for a process that waits for either.
+    news: Condvar,
     /// Bell that the loop sleeps on.
     bell: OnceLock<Bell>,
 }
@@ -96,6 +102,7 @@ impl Supervision {
         let epoch = words.next().map(str::parse);
         match (word, epoch) {
             (Some(STOP), None) => self.stop("asked to stop"),
+            (Some(NEXT), None) => self.announce_job(),
             (Some(PEER_GONE), None) => self.peer_gone(0),
             (Some(PEER_GONE), Some(Ok(epoch))) => self.peer_gone(epoch),
             (Some(EXPECT), Some(Ok(epoch))) => self.expect(epoch),
@@ -108,6 +115,32 @@ impl Supervision {
         let _ = self.0.why.set(why.into()); // the first reason stands
         self.0.stop.store(true, Ordering::Release);
         self.ring();
+        drop(self.jobs()); // who is about to wait has looked before, or sees it
+        self.0.news.notify_all();
+    }
+
+    /// Announces another job.
+    pub fn announce_job(&self) {
+        *self.jobs() += 1;
+        self.0.news.notify_all();
+    }
+
+    /// Waits for another job; false if the process is to end instead. Nothing limits the wait but the end of
+    /// `hil`.
+    #[must_use]
+    pub fn next_job(&self) -> bool {
+        let is_idle = |jobs: &mut u64| *jobs == 0 && !self.wants_stop();
+        let jobs = self.0.news.wait_while(self.jobs(), is_idle);
+        let mut jobs = jobs.unwrap_or_else(PoisonError::into_inner);
+        if self.wants_stop() {
+            return false;
+        }
+        *jobs -= 1;
+        true
+    }
+
+    fn jobs(&self) -> std::sync::MutexGuard<'_, u64> {
+        self.0.jobs.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Tells that the other side is gone: the controller of this epoch, or whoever it is by 0.
@@ -192,6 +225,27 @@ mod tests {
             supervision.hear(line);
             assert_eq!(bell.announce(), rings + 1, "{line}");
         }
+    }
+
+    #[test]
+    fn each_announced_job_is_begun_once_and_a_stop_ends_the_wait() {
+        let supervision = Supervision::new();
+        supervision.hear("next");
+        supervision.hear("next");
+        assert!(supervision.next_job() && supervision.next_job());
+        let waits = supervision.clone();
+        let (done, ended) = std::sync::mpsc::channel();
+        std::thread::spawn(move || done.send(waits.next_job()));
+        let limit = std::time::Duration::from_millis(50);
+        assert!(
+            ended.recv_timeout(limit).is_err(),
+            "no third job was announced"
+        );
+        supervision.hear("stop");
+        let limit = std::time::Duration::from_secs(60);
+        assert_eq!(ended.recv_timeout(limit), Ok(false));
+        supervision.hear("next");
+        assert!(!supervision.next_job(), "after a stop no job begins");
     }
 
     #[test]

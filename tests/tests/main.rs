@@ -86,6 +86,7 @@ mod hindrances;
 mod hot_path;
 mod interruptions;
 mod intrusion;
+mod kept;
 mod latency;
 mod layouts;
 mod lies;

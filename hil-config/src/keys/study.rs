@@ -86,6 +86,11 @@ pub(crate) const STUDY: &[Key] = &[
         number_or("s", 0.1, 1e6, 600.0),
         "Time after which a case counts as hung; its worker ends and another one tries.",
     ),
+    Key::new(
+        "fresh_processes",
+        Kind::Boolean { default: false },
+        "Starts the programs of a campaign's own anew for each case. Otherwise a worker keeps them from case to case, and some cases are run once more in new processes, to see that nothing is kept in them.",
+    ),
     Key::new("vary", Kind::List(VARY), "What differs from case to case."),
     Key::new(
         "variants",

@@ -90,6 +90,7 @@ fn study(reader: &mut Reader, root: &Section<'_>, path: &Path, sources: Sources)
         .integer(root, "seed")
         .and_then(|seed| u64::try_from(seed).ok());
     let case_limit_s = reader.number(root, "case_limit_s");
+    let fresh_processes = reader.boolean(root, "fresh_processes");
     Some(Study {
         name,
         description,
@@ -100,6 +101,7 @@ fn study(reader: &mut Reader, root: &Section<'_>, path: &Path, sources: Sources)
         sampling,
         confidence: confidence?,
         case_limit_s: case_limit_s?,
+        fresh_processes: fresh_processes?,
         varied,
         variants,
         correlations,

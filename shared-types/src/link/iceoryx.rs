@@ -66,6 +66,8 @@ pub struct IceoryxLink {
     frames: Option<Frames>,
     /// Frame channels opened last, if others are in use.
     next: Option<Frames>,
+    /// Frame channels of the job before.
+    kept: Option<Frames>,
     rejected: Ignored,
     // Last: what is above must be dropped before the node that it lives in.
     node: Node<Ipc>,
@@ -114,6 +116,15 @@ impl IceoryxLink {
         self.bell.clone()
     }
 
+    /// Makes the link ready for the next job of a process that is kept. Its frame channels stay, as they take
+    /// longer to make than a short run lasts: the next job must have the same layout. A frame of the job before is
+    /// refused by the number of its session, which differs from job to job.
+    pub fn begin_next(&mut self) {
+        self.kept = self.frames.take();
+        self.next = None;
+        self.rejected = Ignored::default();
+    }
+
     fn start(session: &SessionInfo, side: Side, epoch: u32) -> Result<Self, LinkError> {
         let node = node(session, side.name())?;
         // The plant makes bells before the services that say that it is there, and the controller opens them
@@ -135,6 +146,7 @@ impl IceoryxLink {
             control,
             frames: None,
             next: None,
+            kept: None,
             rejected: Ignored::default(),
             node,
         })
@@ -369,6 +381,14 @@ impl Link for IceoryxLink {
     }
 
     fn open_frames(&mut self, spec: &FrameSpec) -> Result<(), LinkError> {
+        let of = |identity: FrameIdentity| (identity.epoch, identity.layout);
+        if let Some(mut kept) = self.kept.take()
+            && of(kept.identity) == of(spec.identity)
+        {
+            kept.identity = spec.identity;
+            self.frames = Some(kept);
+            return Ok(());
+        }
         let samples = format!("frames/{}/samples", spec.identity.epoch);
         let commands = format!("frames/{}/commands", spec.identity.epoch);
         let (out_name, in_name) = match self.side {

@@ -84,6 +84,51 @@ pub trait Link {
     }
 }
 
+/// An end that is lent: what borrows it ends before the end does.
+impl<L: Link> Link for &mut L {
+    fn send_control(&mut self, message: &[u8]) -> Result<(), LinkError> {
+        (**self).send_control(message)
+    }
+
+    fn receive_control(&mut self) -> Result<Option<Vec<u8>>, LinkError> {
+        (**self).receive_control()
+    }
+
+    fn expect(&mut self, epoch: u32) -> Result<(), LinkError> {
+        (**self).expect(epoch)
+    }
+
+    fn peer(&self) -> Result<Peer, LinkError> {
+        (**self).peer()
+    }
+
+    fn open_frames(&mut self, spec: &FrameSpec) -> Result<(), LinkError> {
+        (**self).open_frames(spec)
+    }
+
+    fn take_over(&mut self) {
+        (**self).take_over();
+    }
+
+    #[inline]
+    fn send(&mut self, header: &Header, values: &[f64]) -> Result<(), LinkError> {
+        (**self).send(header, values)
+    }
+
+    #[inline]
+    fn receive(&mut self, values: &mut [f64]) -> Result<Option<Header>, LinkError> {
+        (**self).receive(values)
+    }
+
+    fn rejected(&self) -> Ignored {
+        (**self).rejected()
+    }
+
+    fn sleeper(&self) -> Option<Box<dyn Sleeper>> {
+        (**self).sleeper()
+    }
+}
+
 /// Process that speaks for the controller.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Peer {

@@ -85,6 +85,7 @@ pub struct IceoryxSink {
     records: Records,
     credit: Subscriber<Ipc, u64, ()>,
     publisher: Option<Publisher<Ipc, [u64], ItemHeader>>,
+    layout: RecordLayout,
     words: usize,
     sent: u64,
     credited: u64,
@@ -109,6 +110,7 @@ impl IceoryxSink {
             records,
             credit,
             publisher: None,
+            layout: RecordLayout::default(),
             words: 1,
             sent: 0,
             credited: 0,
@@ -146,6 +148,12 @@ impl IceoryxSink {
 
 impl RecordSink for IceoryxSink {
     fn open(&mut self, layout: &RecordLayout) -> Result<(), LinkError> {
+        // Of a kept process the stream goes on from job to job.
+        if self.publisher.is_some() && *layout == self.layout {
+            return Ok(());
+        }
+        self.publisher = None;
+        self.layout = layout.clone();
         self.words = layout.words();
         let publisher = (self.records.publisher_builder())
             .initial_max_slice_len(self.words)

@@ -85,6 +85,30 @@ pub trait RecordSink {
     fn event(&mut self, event: &Event) -> Result<(), LinkError>;
 }
 
+/// A plant's end that is lent: what borrows it ends before the end does.
+impl<S: RecordSink> RecordSink for &mut S {
+    fn open(&mut self, layout: &RecordLayout) -> Result<(), LinkError> {
+        (**self).open(layout)
+    }
+
+    fn has_room(&mut self) -> Result<bool, LinkError> {
+        (**self).has_room()
+    }
+
+    fn sent_and_taken(&mut self) -> Result<(u64, u64), LinkError> {
+        (**self).sent_and_taken()
+    }
+
+    #[inline]
+    fn record(&mut self, words: &[u64]) -> Result<(), LinkError> {
+        (**self).record(words)
+    }
+
+    fn event(&mut self, event: &Event) -> Result<(), LinkError> {
+        (**self).event(event)
+    }
+}
+
 /// Item that an observer gets.
 #[derive(Debug)]
 pub enum Item<'a> {

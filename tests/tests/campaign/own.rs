@@ -1,11 +1,11 @@
 //! Campaigns of programs of their own: the digest of one process, copies that a rebuild does not change, and cases
 //! that kill their program.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::{STUDY, campaign, digest, json, planned, study, text};
 use crate::support::harness::Rig;
-use crate::support::programs::program;
+use crate::support::programs::{program, program_of_tests};
 
 /// A short study with four draws and one variant.
 fn short() -> String {
@@ -17,16 +17,35 @@ fn short() -> String {
         .to_owned()
 }
 
+/// Twelve cases of a plant of `case-plant`, at the positions 0 to 11.
+fn twelve(rig: &Rig, model: &str, more: &str) -> PathBuf {
+    let scenario = format!(
+        "schema = 1\nname = \"cases\"\n[run]\nduration_s = 0.01\nrate_hz = 1000\n\
+         [plant]\nmodel = \"{model}\"\n[controller]\nlaw = \"hold\"\n"
+    );
+    rig.write("cases.toml", &scenario);
+    let study = format!(
+        "schema = 1\nscenario = \"cases.toml\"\nseed = 1\nsampling = \"grid\"\n{more}\n\
+         [[vary]]\nkey = \"plant.parameters.position_m\"\nkind = \"list\"\n\
+         values = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11]\n"
+    );
+    rig.write("twelve.toml", &study)
+}
+
 /// Plans a campaign with these programs.
 fn with_programs(rig: &Rig, name: &str, plant: &str) -> PathBuf {
+    let study = study(rig, &format!("fresh_processes = true\n{}", short()));
+    with_plant(rig, name, &study, plant)
+}
+
+fn with_plant(rig: &Rig, name: &str, study: &Path, plant: &str) -> PathBuf {
     let folder = rig.path(name);
     let controller = program("controller-process");
-    let path = study(rig, &short());
     campaign(
         rig,
         &[
             "plan",
-            text(&path),
+            text(study),
             "-o",
             text(&folder),
             "--plant-bin",
@@ -45,9 +64,76 @@ fn programs_of_their_own_have_the_digest_of_one_process() {
     let built_in = planned(&rig, &study(&rig, &short()), "in");
     campaign(&rig, &["run", text(&built_in)]).expect(0);
     let plant = program("plant-process");
-    let own = with_programs(&rig, "own", text(&plant));
-    campaign(&rig, &["run", text(&own)]).expect(0);
-    assert_eq!(digest(&rig, &own), digest(&rig, &built_in));
+    let kept = with_plant(&rig, "kept", &study(&rig, &short()), text(&plant));
+    let fresh = with_programs(&rig, "fresh", text(&plant));
+    for own in [kept, fresh] {
+        campaign(&rig, &["run", text(&own)]).expect(0);
+        assert_eq!(digest(&rig, &own), digest(&rig, &built_in));
+    }
+    assert!(rig.processes().is_empty(), "{:?}", rig.processes());
+}
+
+#[test]
+fn processes_are_kept_from_case_to_case_unless_the_study_says_otherwise() {
+    let rig = Rig::new();
+    let script = format!(
+        "#!/bin/sh\ncase \"$1\" in --session) echo >> '{}';; esac\nexec '{}' \"$@\"\n",
+        text(&rig.path("starts")),
+        text(&program_of_tests("case-plant"))
+    );
+    let plant = rig.script("counted", &script);
+    // One for all cases, and one for each of those run once more: the second, fourth and eighth.
+    for (name, more, starts) in [("kept", "", 4), ("fresh", "fresh_processes = true", 12)] {
+        let folder = with_plant(&rig, name, &twelve(&rig, "behaves", more), text(&plant));
+        rig.write("starts", "");
+        campaign(&rig, &["run", text(&folder), "--jobs", "1"]).expect(0);
+        let counted = std::fs::read_to_string(rig.path("starts")).expect("written");
+        assert_eq!(counted.lines().count(), starts, "{name}");
+    }
+}
+
+#[test]
+fn a_plant_that_keeps_something_from_case_to_case_is_caught_and_named() {
+    let rig = Rig::new();
+    let plant = program_of_tests("case-plant");
+    let kept = with_plant(&rig, "kept", &twelve(&rig, "leaks", ""), text(&plant));
+    let run = campaign(&rig, &["run", text(&kept), "--jobs", "1"]).expect(1);
+    for said in ["case 1: digest is", "in new ones", "fresh_processes = true"] {
+        assert!(run.stderr.contains(said), "{}", run.stderr);
+    }
+    // The first case ran in new processes; nothing is left of the second.
+    let status = campaign(&rig, &["status", text(&kept), "--json"]).expect(1);
+    let status = json(&status);
+    assert_eq!(
+        (&status["published"], &status["begun"]),
+        (&1.into(), &0.into())
+    );
+    assert_eq!(status["conflicts"][0]["case"], 1);
+    let study = twelve(&rig, "leaks", "fresh_processes = true");
+    let fresh = with_plant(&rig, "fresh", &study, text(&plant));
+    campaign(&rig, &["run", text(&fresh), "--jobs", "1"]).expect(0);
+}
+
+#[test]
+fn a_case_that_kills_kept_processes_is_set_aside_and_the_others_have_their_results() {
+    let rig = Rig::new();
+    let plant = program_of_tests("case-plant");
+    let study = twelve(&rig, "dies", "");
+    let folder = with_plant(&rig, "kept", &study, text(&plant));
+    let run = campaign(&rig, &["run", text(&folder), "--json"]).expect(3);
+    assert!(run.stderr.contains("case 3 is set aside"), "{}", run.stderr);
+    assert!(
+        run.stderr.contains("plant was killed by SIGABRT"),
+        "{}",
+        run.stderr
+    );
+    let answers = json(&run);
+    assert_eq!(answers["lost"], serde_json::json!([3]));
+    assert_eq!(
+        answers["variants"][0]["classes"],
+        serde_json::json!([11, 0, 0, 0, 1])
+    );
+    assert!(rig.processes().is_empty(), "{:?}", rig.processes());
 }
 
 #[test]

@@ -4,18 +4,20 @@
 //! result first. The other one's rows are compared with it, so that a double execution, which no engine excludes,
 //! becomes a check that runs repeat.
 
+pub mod attempt;
+
 use std::collections::BTreeMap;
 use std::fs::{self, File};
-use std::io::{self, ErrorKind, Write};
+use std::io::{self, ErrorKind};
 use std::ops::Range;
-use std::os::unix::fs::{MetadataExt, PermissionsExt};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use rustix::fs::{FlockOperation, flock};
 
-use crate::folder::{Conflict, Folder, SHARDS};
-use crate::journal::{self, Circumstances, Journal};
-use crate::table::{self, Cell, Column, Kind, Row, TableError, Writer};
+use crate::folder::{Folder, SHARDS};
+use crate::journal::{self, Circumstances};
+use crate::table::{self, Cell, Column, Kind, Row, TableError};
+use attempt::Attempt;
 
 /// Times that a case may end its worker before it is set aside.
 pub const MOST_TRIES: u64 = 3;
@@ -102,6 +104,11 @@ impl Circumstances {
             Cell::Count(self.tries),
         ]
     }
+
+    /// Names who made the row.
+    fn maker(&self) -> String {
+        format!("{} (attempt {})", self.host, self.attempt)
+    }
 }
 
 impl<'a> Shard<'a> {
@@ -164,23 +171,7 @@ impl<'a> Shard<'a> {
     /// # Errors
     /// If the folder cannot be read or written.
     pub fn attempt(self) -> io::Result<Attempt<'a>> {
-        let path = self.path();
-        fs::create_dir_all(&path)?;
-        let journal = Journal::begin(&path, self.folder.id())?;
-        let mut attempt = Attempt {
-            shard: self,
-            journal,
-            rows: BTreeMap::new(),
-            tries: BTreeMap::new(),
-            stale: Vec::new(),
-            conflict: None,
-        };
-        for path in journal::paths(&path)? {
-            if path != attempt.journal.path() {
-                attempt.take_over(&path)?;
-            }
-        }
-        Ok(attempt)
+        Attempt::begin(self)
     }
 
     /// Counts the rows that there are before the result is published.
@@ -310,229 +301,10 @@ fn unsealed(bytes: &mut [u8]) -> Option<[u8; DIGITS]> {
     Some(told)
 }
 
-/// An attempt at a shard.
-pub struct Attempt<'a> {
-    shard: Shard<'a>,
-    journal: Journal,
-    rows: BTreeMap<u64, (Row, Circumstances)>,
-    /// Dead attempts that started a case and have no row of it.
-    tries: BTreeMap<u64, u64>,
-    /// Journals of the dead.
-    stale: Vec<PathBuf>,
-    conflict: Option<Conflict>,
-}
-
-/// End of an attempt.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Published {
-    /// Its result counts.
-    First,
-    /// Another one was first, with the same rows.
-    Again,
-    /// Another one was first, with other rows.
-    Otherwise(Conflict),
-}
-
-impl Attempt<'_> {
-    fn take_over(&mut self, path: &Path) -> io::Result<()> {
-        let campaign = self.shard.folder.id();
-        let Some(found) = journal::read(path, campaign)? else {
-            return Ok(());
-        };
-        let columns = &self.shard.folder.manifest().columns;
-        for case in found
-            .started
-            .iter()
-            .filter(|case| !found.rows.contains_key(case))
-        {
-            *self.tries.entry(*case).or_default() += u64::from(found.is_dead);
-        }
-        for (case, (row, wall_s)) in found.rows {
-            if !self.shard.cases().contains(&case) || !table::fits(&row, columns) {
-                continue;
-            }
-            let circumstances = Circumstances {
-                wall_s,
-                host: found.host.clone(),
-                attempt: found.name.clone(),
-                tries: 1,
-            };
-            self.keep(case, row, circumstances);
-        }
-        if found.is_dead {
-            self.stale.push(found.path);
-        }
-        Ok(())
-    }
-
-    /// Keeps the first row of a case, and compares later ones with it.
-    fn keep(&mut self, case: u64, row: Row, circumstances: Circumstances) {
-        match self.rows.get(&case) {
-            Some((first, _)) => {
-                let columns = &self.shard.folder.manifest().columns;
-                let found = difference(first, &row, columns, &circumstances);
-                self.conflict = self.conflict.take().or(found);
-            }
-            None => {
-                self.rows.insert(case, (row, circumstances));
-            }
-        }
-    }
-
-    /// Tells whether a case has its row.
-    #[must_use]
-    pub fn has(&self, case: u64) -> bool {
-        self.rows.contains_key(&case)
-    }
-
-    /// Counts the workers that a case has ended.
-    #[must_use]
-    pub fn tries(&self, case: u64) -> u64 {
-        self.tries.get(&case).copied().unwrap_or_default()
-    }
-
-    /// Notes that a case starts.
-    ///
-    /// # Errors
-    /// If it cannot be written.
-    pub fn start(&mut self, case: u64) -> io::Result<()> {
-        self.journal.start(case)
-    }
-
-    /// Notes that a case that started is left: the worker is asked to end.
-    ///
-    /// # Errors
-    /// If it cannot be written.
-    pub fn leave(&mut self, case: u64) -> io::Result<()> {
-        self.journal.leave(case)
-    }
-
-    /// Takes the row of a case.
-    ///
-    /// # Errors
-    /// If it cannot be written.
-    pub fn row(&mut self, row: Row, wall_s: f64) -> io::Result<()> {
-        self.journal.row(&row, wall_s)?;
-        let case = row[0].as_count();
-        let circumstances = Circumstances {
-            wall_s,
-            host: self.journal.host().into(),
-            attempt: self.journal.name().into(),
-            tries: self.tries(case) + 1,
-        };
-        self.keep(case, row, circumstances);
-        Ok(())
-    }
-
-    /// Publishes the rows, of which there must be one for each case, and removes what is not needed any more.
-    ///
-    /// # Errors
-    /// If they cannot be written, or an earlier result not be read.
-    pub fn publish(self) -> Result<Published, PartError> {
-        let io = PartError::Io;
-        let path = self.shard.path();
-        let place = path.join(PART);
-        let (rows, circumstances): (Vec<Row>, Vec<Circumstances>) = self.rows.into_values().unzip();
-        let columns = &self.shard.folder.manifest().columns;
-        let all: Vec<Column> = (columns.iter().cloned())
-            .chain(circumstance_columns())
-            .collect();
-        // In the folder of the shard: some file systems refuse links across folders.
-        let part = tempfile::Builder::new()
-            .prefix(journal::UNFINISHED)
-            .permissions(fs::Permissions::from_mode(0o666))
-            .tempfile_in(&path)
-            .map_err(io)?;
-        flock(part.as_file(), FlockOperation::LockExclusive).map_err(|error| io(error.into()))?;
-        let mut writer = Writer::new(Vec::new(), &all)?;
-        for (row, circumstances) in rows.iter().zip(&circumstances) {
-            writer.row(row.iter().chain(&circumstances.cells()))?;
-        }
-        let facts = [
-            (CAMPAIGN, self.shard.folder.id().to_owned()),
-            (
-                SUM,
-                format!("{}{}", String::from_utf8_lossy(SEAL), "0".repeat(DIGITS)),
-            ),
-        ];
-        let mut bytes = writer.finish(&facts)?;
-        let sum = seal(&bytes);
-        sealed(&mut bytes)
-            .ok_or_else(|| PartError::Broken("it has no check sum".into()))?
-            .copy_from_slice(&sum);
-        part.as_file().write_all(&bytes).map_err(io)?;
-        part.as_file().sync_all().map_err(io)?;
-        let linked = fs::hard_link(part.path(), &place);
-        // A network file system may lose the answer to a link that it made.
-        let is_there = linked.is_ok()
-            || part
-                .as_file()
-                .metadata()
-                .is_ok_and(|file| file.nlink() == 2);
-        let mut published = Published::First;
-        // Sweepers leave alone what is locked; they may have been faster than the lock.
-        let is_late = linked.is_err() && place.exists();
-        if is_there {
-            File::open(&path)
-                .and_then(|folder| folder.sync_all())
-                .map_err(io)?;
-        } else if let Err(error) = linked
-            && !is_late
-        {
-            return Err(PartError::Io(error));
-        } else {
-            let first = self.shard.part()?;
-            let pairs = first.rows.iter().zip(&rows).zip(&circumstances);
-            let found = pairs
-                .filter_map(|((first, second), by)| difference(first, second, columns, by))
-                .next();
-            published = found.map_or(Published::Again, Published::Otherwise);
-        }
-        if let Some(conflict) = self.conflict {
-            published = Published::Otherwise(conflict);
-        }
-        if let Published::Otherwise(conflict) = &published {
-            self.shard.folder.note(conflict).map_err(io)?;
-        }
-        for path in self
-            .stale
-            .iter()
-            .map(PathBuf::as_path)
-            .chain([self.journal.path()])
-        {
-            let _ = fs::remove_file(path); // another worker may have done so
-        }
-        Ok(published)
-    }
-}
-
 /// Column of the class of a case.
 pub const CLASS: &str = "class";
 /// Class of a case that was set aside.
 pub const LOST: &str = "lost";
-
-/// Finds the first column in which two rows of a case differ. A case that was set aside contradicts nothing.
-fn difference(
-    first: &Row,
-    second: &Row,
-    columns: &[Column],
-    by: &Circumstances,
-) -> Option<Conflict> {
-    let class = columns.iter().position(|column| column.name == CLASS);
-    let is_lost = |row: &Row| class.is_some_and(|class| row[class].as_text() == LOST);
-    if first == second || is_lost(first) || is_lost(second) {
-        return None;
-    }
-    let pairs = columns.iter().zip(first.iter().zip(second));
-    let (column, (one, other)) = pairs.into_iter().find(|(_, (one, other))| one != other)?;
-    Some(Conflict {
-        case: first[0].as_count(),
-        column: column.name.clone(),
-        first: one.to_string(),
-        second: other.to_string(),
-        by: format!("{} (attempt {})", by.host, by.attempt),
-    })
-}
 
 #[cfg(test)]
 pub(crate) mod tests;

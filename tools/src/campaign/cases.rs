@@ -14,14 +14,17 @@ use hil_config::problem::Problems;
 use hil_config::scenario::Scenario;
 use hil_config::study::{Item, Spread, Study};
 use shared_types::describe::{Description, FaultKindDescription, LawDescription, PlantDescription};
+use shared_types::lockstep::OnLoss;
 use shared_types::record::Outcome;
 
 use crate::arguments::BinaryArguments;
 use crate::arguments::run::LinkKind;
 use crate::programs::binaries::named::Named;
 use crate::programs::binaries::{Binaries, Choices};
+use crate::results::ended::Ended;
 use crate::results::requirements::Requirement;
 use crate::results::summary::Metric;
+use crate::run::kept::Kept;
 use crate::run::settings::Settings;
 use crate::run::{self, Environment, Origin, alone};
 use crate::terminal::exit::{Exit, Failure};
@@ -257,35 +260,46 @@ impl Cases {
         hil_config::show::show(plan, plants, laws, kinds).map_err(Failure::usage)
     }
 
-    /// Runs a plan.
+    /// Runs a plan; programs of their own in processes that are kept, unless the study wants new ones or the
+    /// scenario replaces a lost controller, which starts some anyway.
     ///
     /// # Errors
     /// If it did not end by itself: that is no result.
     pub(super) fn run(
         &self,
         plan: &Plan,
+        kept: &mut Kept,
+        interruption: &Interruption,
+    ) -> Result<CaseResult, Failure> {
+        match &self.rig {
+            Rig::Own(binaries) if self.keeps_processes(plan) => {
+                let began = Instant::now();
+                of_ended(kept.run(plan, binaries, interruption)?, began)
+            }
+            _ => self.run_fresh(plan, interruption),
+        }
+    }
+
+    /// Tells whether a case runs in processes that ran other cases before.
+    pub(super) fn keeps_processes(&self, plan: &Plan) -> bool {
+        let is_own = matches!(self.rig, Rig::Own(_));
+        is_own && !self.study().fresh_processes && plan.run.on_controller_loss == OnLoss::Abort
+    }
+
+    /// Runs a plan in processes of its own, or in this one.
+    ///
+    /// # Errors
+    /// As of [`run`](Self::run).
+    pub(super) fn run_fresh(
+        &self,
+        plan: &Plan,
         interruption: &Interruption,
     ) -> Result<CaseResult, Failure> {
         let began = Instant::now();
-        let mut result = match &self.rig {
-            Rig::BuiltIn(described) => {
-                let ended = alone::run(plan, described, interruption)?;
-                let requirements = ended.recorded.requirements.iter().map(Requirement::from);
-                let requirements: Vec<Requirement> = requirements.collect();
-                CaseResult {
-                    class: class(ended.outcome, &requirements, ended.reason.as_deref())?,
-                    steps: ended.recorded.end.as_ref().map_or(0, |end| end.steps),
-                    digest: ended.recorded.digest.unwrap_or_default(),
-                    reason: ended.reason.unwrap_or_default(),
-                    requirements,
-                    metrics: ended.recorded.metrics.iter().map(Metric::from).collect(),
-                    wall_s: 0.0,
-                }
-            }
-            Rig::Own(binaries) => in_processes(plan, binaries, interruption)?,
-        };
-        result.wall_s = began.elapsed().as_secs_f64();
-        Ok(result)
+        match &self.rig {
+            Rig::BuiltIn(described) => of_ended(alone::run(plan, described, interruption)?, began),
+            Rig::Own(binaries) => in_processes(plan, binaries, interruption, began),
+        }
     }
 
     /// Lists the columns of the table of results, as the result of a case has them.
@@ -441,11 +455,28 @@ fn class(
     }
 }
 
+/// Makes the result of a run that ended by itself.
+fn of_ended(ended: Ended, began: Instant) -> Result<CaseResult, Failure> {
+    let recorded = ended.recorded;
+    let requirements = recorded.requirements.iter().map(Requirement::from);
+    let requirements: Vec<Requirement> = requirements.collect();
+    Ok(CaseResult {
+        class: class(ended.outcome, &requirements, ended.reason.as_deref())?,
+        steps: recorded.end.as_ref().map_or(0, |end| end.steps),
+        digest: recorded.digest.unwrap_or_default(),
+        reason: ended.reason.unwrap_or_default(),
+        requirements,
+        metrics: recorded.metrics.iter().map(Metric::from).collect(),
+        wall_s: began.elapsed().as_secs_f64(),
+    })
+}
+
 /// Runs a plan by programs of its own, in a session and a folder that are gone afterwards.
 fn in_processes(
     plan: &Plan,
     binaries: &Arc<Binaries>,
     interruption: &Interruption,
+    began: Instant,
 ) -> Result<CaseResult, Failure> {
     let folder = tempfile::tempdir().map_err(Failure::infrastructure)?;
     let settings = Settings {
@@ -469,7 +500,7 @@ fn in_processes(
         reason: summary.reason.unwrap_or_default(),
         requirements: summary.requirements,
         metrics: summary.metrics,
-        wall_s: 0.0,
+        wall_s: began.elapsed().as_secs_f64(),
     })
 }
 

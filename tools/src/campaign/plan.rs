@@ -21,6 +21,7 @@ use super::cases::{CaseResult, Cases, told};
 use crate::arguments::campaign::{CheckArguments, PlanArguments};
 use crate::files::part_file::PartFolder;
 use crate::run::alone;
+use crate::run::kept::Kept;
 use crate::terminal::duration::shown_ns;
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::interruption::Interruption;
@@ -69,7 +70,7 @@ impl Facts {
         let seconds = |s: f64| shown_ns((s * 1e9) as u64);
         let programs = match self.is_built_in {
             true => "built into hil, both sides in one process",
-            false => "programs of their own, two processes for each case",
+            false => "programs of their own, in two processes for each worker",
         };
         let names = |names: &[String]| match names {
             [] => "nothing".into(),
@@ -133,8 +134,13 @@ fn checked(arguments: &CheckArguments, interruption: &Interruption) -> Result<Ch
     }
     refuse_ineffective(&cases)?;
     every_plan(&cases, interruption)?;
-    let result = cases.run(&first, interruption)?;
-    let columns = columns(&cases, &result, interruption)?;
+    let mut kept = Kept::default();
+    let mut result = cases.run(&first, &mut kept, interruption)?;
+    if cases.keeps_processes(&first) {
+        // The first one started its processes, the others do not.
+        result = cases.run(&first, &mut kept, interruption)?;
+    }
+    let columns = columns(&cases, &result, &mut kept, interruption)?;
     refuse_unknown_goals(study, &columns)?;
     let bytes: u64 = columns.iter().map(cell_bytes).sum();
     let facts = Facts {
@@ -168,6 +174,7 @@ fn cell_bytes(column: &Column) -> u64 {
 fn columns(
     cases: &Cases,
     first: &CaseResult,
+    kept: &mut Kept,
     interruption: &Interruption,
 ) -> Result<Vec<Column>, Failure> {
     let columns = cases.columns(first);
@@ -184,7 +191,7 @@ fn columns(
     }
     for (case, variant) in (1..).zip(&cases.study().variants[1..]) {
         let plan = cases.plan(case).map_err(told)?;
-        let found = cases.columns(&cases.run(&plan, interruption)?);
+        let found = cases.columns(&cases.run(&plan, kept, interruption)?);
         if found != columns {
             let differs = found.iter().find(|column| !columns.contains(column));
             let differs = differs.or_else(|| columns.iter().find(|column| !found.contains(column)));

@@ -1,8 +1,10 @@
 //! The worker: cases of free shards, one after the other, until none is free.
 //!
 //! Every engine starts it, and it asks none. It ends with its cases noted, whatever ends it; a case that ends
-//! three workers, or that cannot be run three times, is set aside and its shard goes on.
+//! three workers, or that cannot be run three times, is set aside and its shard goes on. Where processes are kept
+//! from case to case, some cases are run once more in new ones, and a difference ends the worker.
 
+use std::cell::{Cell, RefCell};
 use std::io::Read;
 use std::os::unix::process::CommandExt;
 use std::path::Path;
@@ -10,8 +12,9 @@ use std::process::Command;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use hil_campaign::folder::Folder;
-use hil_campaign::shard::{Attempt, MOST_TRIES, PartError, Published, Shard, missing};
+use hil_campaign::folder::{Conflict, Folder};
+use hil_campaign::shard::attempt::{Attempt, Published};
+use hil_campaign::shard::{MOST_TRIES, PartError, Shard, missing};
 use hil_campaign::table::Row;
 use hil_target::machine::hash;
 use rustix::process::{Signal, getpid, kill_process};
@@ -20,10 +23,15 @@ use shared_types::session;
 use super::answers::class_of;
 use super::cases::{Cases, told};
 use crate::arguments::campaign::WorkArguments;
+use crate::run::kept::Kept;
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::interruption::Interruption;
 use crate::terminal::output;
 
+/// What a worker tells when a case came out otherwise in new processes.
+pub(super) const DIFFERS: &str = "differs";
+/// Most cases of a worker from one that is run once more to the next.
+const CHECKED: u64 = 256;
 /// Time between two looks of the watchdog.
 const LOOK: Duration = Duration::from_millis(100);
 
@@ -43,6 +51,8 @@ pub(super) fn work(arguments: &WorkArguments) -> Result<Exit, Failure> {
     let worker = Worker {
         watchdog: Watchdog::begin(cases.study().case_limit_s),
         cases,
+        kept: RefCell::default(),
+        ran: Cell::new(0),
         folder: &folder,
         interruption,
         tells: arguments.tell,
@@ -174,8 +184,17 @@ fn listed(list: &str) -> Option<Vec<u64>> {
     Some(all)
 }
 
+/// Tells whether a worker's case of this number, counted from 1, is run once more: few of many, and not the first,
+/// which began in new processes.
+const fn is_checked(number: u64) -> bool {
+    number > 1 && (number.is_power_of_two() || number.is_multiple_of(CHECKED))
+}
+
 struct Worker<'a> {
     cases: Cases,
+    kept: RefCell<Kept>,
+    /// Cases that it ran.
+    ran: Cell<u64>,
     folder: &'a Folder,
     interruption: Interruption,
     watchdog: Watchdog,
@@ -198,6 +217,10 @@ impl Worker<'_> {
                 .row(row, began.elapsed().as_secs_f64())
                 .map_err(cannot)?;
             self.tell(&format!("case {case} {class}"))?;
+            self.ran.set(self.ran.get() + 1);
+            if is_checked(self.ran.get()) {
+                attempt = self.check(case, attempt)?;
+            }
         }
         let published = match attempt.publish() {
             Err(PartError::Broken(what)) => {
@@ -256,11 +279,49 @@ impl Worker<'_> {
         Ok(self.cases.lost(case, columns, &why))
     }
 
+    /// Runs a case once more in new processes, if it has a result and ran in kept ones.
+    ///
+    /// # Errors
+    /// If the two differ; nothing of the attempt is left then.
+    fn check<'b>(&self, case: u64, attempt: Attempt<'b>) -> Result<Attempt<'b>, Failure> {
+        let plan = self.cases.plan(case).map_err(told)?;
+        if attempt.result(case).is_none() || !self.cases.keeps_processes(&plan) {
+            return Ok(attempt);
+        }
+        let mut tries = 0;
+        let result = loop {
+            let _watched = self.watchdog.watch(case);
+            tries += 1;
+            match self.cases.run_fresh(&plan, &self.interruption) {
+                Err(Failure::Infrastructure(_)) if tries < MOST_TRIES => {}
+                result => break result?,
+            }
+        };
+        let row = self.cases.row(case, result);
+        let found = attempt.compare(case, &row, "new processes");
+        let Some(Conflict {
+            column,
+            first,
+            second,
+            ..
+        }) = found.map_err(|error| cannot(self.folder, &error))?
+        else {
+            return Ok(attempt);
+        };
+        attempt.discard();
+        self.tell(DIFFERS)?;
+        Err(Failure::Differ(format!(
+            "case {case}: {column} is {first} in processes that ran cases before it, and {second} in new ones; the plant or the controller keeps something from one run to the next (a static value, a file). Plan the campaign anew with `fresh_processes = true` in its study, or mend the program"
+        )))
+    }
+
     fn try_once(&self, case: u64) -> Result<Row, Failure> {
         let _watched = self.watchdog.watch(case);
         let run = || {
             let plan = self.cases.plan(case).map_err(told)?;
-            let result = self.cases.run(&plan, &self.interruption)?;
+            let result = self
+                .cases
+                .run(&plan, &mut self.kept.borrow_mut(), &self.interruption)?;
             Ok(self.cases.row(case, result))
         };
         // What the run was about goes with it; nothing of it is looked at again.

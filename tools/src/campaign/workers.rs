@@ -13,7 +13,7 @@ use indicatif::ProgressBar;
 use shared_types::number::{counted, short};
 
 use super::plan::bar;
-use super::work::{cannot, open, program};
+use super::work::{DIFFERS, cannot, open, program};
 use super::{answers, collect, show};
 use crate::arguments::campaign::RunCampaignArguments;
 use crate::terminal::duration::shown_ns;
@@ -154,6 +154,11 @@ fn round(
             continue;
         };
         match news {
+            News::Line(line) if line == DIFFERS => {
+                failed = Some(Failure::Differ(
+                    "cases came out otherwise in new processes; nothing of their shards is published".into(),
+                ));
+            }
             News::Line(line) => {
                 stillborn = 0;
                 progress.take(&line);

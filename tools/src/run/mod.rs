@@ -8,7 +8,8 @@
 //!    `termination` why it ended.
 //! 4. `conclude` makes checkpoints, summary and exit code of what came of it.
 //!
-//! [`alone`] is a run in one thread with neither session nor folder, for very many.
+//! For very many runs, [`alone`] is a run in one thread with neither session nor folder, and [`kept`] keeps the
+//! processes of one for the next.
 
 pub(crate) mod alone;
 mod attach;
@@ -17,6 +18,7 @@ mod controllers;
 mod execute;
 mod in_process;
 pub(crate) mod jobs;
+pub(crate) mod kept;
 mod log;
 pub(crate) mod open_files;
 mod prepare;

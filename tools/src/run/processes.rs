@@ -116,7 +116,13 @@ pub(super) fn run(
     let controller = controllers.latest();
     let mut ended = termination(prepared, recorded, (&plant, &controllers), first);
     ended.controllers = started;
-    if ended.outcome != Outcome::Completed && ended.outcome != Outcome::Stopped {
+    // Of many runs, one that diverged is a row of a table.
+    let is_shown = match ended.outcome {
+        Outcome::Completed | Outcome::Stopped => false,
+        Outcome::Diverged => !prepared.settings.is_one_of_many,
+        Outcome::Failed => true,
+    };
+    if is_shown {
         for side in [&plant, controller] {
             let excerpt = side.excerpt();
             if !excerpt.is_empty() {

@@ -31,6 +31,9 @@ pub enum Failure {
     /// Wrong usage or configuration; nothing was started.
     #[error("{0}")]
     Usage(String),
+    /// Runs that must be the same are not.
+    #[error("error: {0}")]
+    Differ(String),
     /// The user did not want it any more.
     #[error("interrupted")]
     Interrupted,
@@ -63,6 +66,7 @@ impl Failure {
     pub const fn exit(&self) -> Exit {
         match self {
             Self::Usage(_) => Exit::Usage,
+            Self::Differ(_) => Exit::Failed,
             Self::Interrupted => Exit::Interrupted,
             Self::Infrastructure(_) => Exit::Infrastructure,
         }

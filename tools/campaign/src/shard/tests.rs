@@ -3,6 +3,7 @@ use std::sync::Barrier;
 
 use proptest::prelude::*;
 
+use super::attempt::Published;
 use super::*;
 use crate::manifest::{Copied, MANIFEST, Manifest, SCHEMA};
 

@@ -1,18 +1,51 @@
-//! A recorder in the loop's thread: the same digest, metrics and requirements, with neither a recording nor latency.
+//! Recorders in the thread that runs very many cases: the same digest, metrics and requirements, with neither a
+//! recording nor latency.
 
 use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::Arc;
+use std::time::Duration;
 
 use hil_config::plan::Plan;
 use shared_types::link::LinkError;
 use shared_types::record::{Event, RecordLayout};
-use shared_types::stream::{Item, RecordSink};
+use shared_types::stream::{Item, RecordSink, RecordSource};
 
-use super::Shared;
 use super::work::Work;
+use super::{NAP, Shared};
 use crate::results::recorded::Recorded;
 use crate::run::attach::refuse_other_layout;
+
+/// First sleep of one who waits for records; each further one is twice as long.
+const FIRST_NAP: Duration = Duration::from_micros(50);
+
+/// Takes the records of one run from a stream that other runs use after it: to the end of the run, or until there
+/// is nothing to take and `is_over`.
+pub(crate) fn take_run(
+    plan: Plan,
+    layout: &RecordLayout,
+    source: &mut impl RecordSource,
+    mut is_over: impl FnMut() -> bool,
+) -> Recorded {
+    let shared = Arc::new(Shared::default());
+    let mut work = Work::new(plan, None, Vec::new(), shared).without_latency();
+    work.attach(layout.clone());
+    let mut nap = FIRST_NAP;
+    while !work.has_ended() {
+        // Asked before the last look: what was published until then must be in it.
+        let is_last = is_over();
+        match source.drain(&mut |item| work.take(item)) {
+            Ok(0) if is_last => break,
+            Ok(0) => {
+                std::thread::sleep(nap);
+                nap = if nap < NAP { 2 * nap } else { NAP };
+            }
+            Ok(_) => {}
+            Err(error) => work.fail(format!("the record stream failed: {error}")),
+        }
+    }
+    work.finish()
+}
 
 /// A sink whose items are taken at once. Its copies are the same recorder.
 #[derive(Clone)]

@@ -166,6 +166,12 @@ impl Work {
         }
     }
 
+    /// Tells whether the plant said how the run ended, or its records are worth nothing any more.
+    pub(super) const fn has_ended(&self) -> bool {
+        let recorded = &self.collector.recorded;
+        recorded.end.is_some() || recorded.error.is_some()
+    }
+
     pub(super) fn take(&mut self, item: Item<'_>) {
         if self.collector.recorded.end.is_some() {
             return self.refuse("the record stream went on after the end of the run".into());

@@ -1,0 +1,87 @@
+//! A plant process with plants that behave until they are to run many cases. Not a program of the workspace: the
+//! tests of campaigns give it to `hil campaign plan --plant-bin`.
+
+#[path = "../shared/position_and_force.rs"]
+mod position_and_force;
+
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use plant_process::plant::{Plant, PlantKind};
+use shared_types::describe::Invalid;
+use shared_types::table;
+use shared_types::time::Interval;
+
+use position_and_force::{Force, Position};
+
+/// Position at which a plant dies.
+const DEADLY_M: f64 = 3.0;
+
+/// Starts of the plant in this process.
+static STARTS: AtomicU32 = AtomicU32::new(0);
+
+table! {
+    /// Parameters of the plants.
+    struct Parameters {
+        /// Position of the mass.
+        position_m: "m" = 0.0,
+    }
+}
+
+macro_rules! plant {
+    ($plant:ident, $name:literal, $start:expr, $deed:expr) => {
+        struct $plant(f64);
+
+        impl Plant for $plant {
+            const NAME: &'static str = $name;
+            const SUMMARY: &'static str = "Spoils campaigns.";
+            type Parameters = Parameters;
+            type Truth = Position;
+            type Measured = Position;
+            type Command = Force;
+
+            fn start(parameters: &Parameters) -> Result<Self, Invalid> {
+                let start: fn(f64) -> f64 = $start;
+                Ok(Self(start(parameters.position_m)))
+            }
+
+            fn retune(&mut self, _: &Parameters) {}
+
+            fn measure(&self) -> Position {
+                Position { position_m: self.0 }
+            }
+
+            fn truth(&self, _: f64, _: &Force) -> Position {
+                self.measure()
+            }
+
+            fn advance(&mut self, _: &Interval, _: &Force) {
+                let deed: fn(f64) = $deed;
+                deed(self.0);
+            }
+        }
+    };
+}
+
+plant!(Behaves, "behaves", |position_m| position_m, |_| {});
+// Whoever runs many cases in a process gets one that differs from start to start.
+plant!(
+    Leaks,
+    "leaks",
+    |position_m| position_m + f64::from(STARTS.fetch_add(1, Ordering::Relaxed)),
+    |_| {}
+);
+plant!(Dies, "dies", |position_m| position_m, |position_m| {
+    if position_m == DEADLY_M {
+        std::process::abort();
+    }
+});
+
+fn main() -> ExitCode {
+    let plants = vec![
+        PlantKind::of::<Behaves>(),
+        PlantKind::of::<Leaks>(),
+        PlantKind::of::<Dies>(),
+    ];
+    plant_process::program::run("case-plant", "0.1.0", plants)
+}

@@ -1,0 +1,284 @@
+//! An attempt at a shard: the rows of one worker, with those that earlier ones left, until they are published.
+
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::os::unix::fs::{MetadataExt, PermissionsExt};
+use std::path::{Path, PathBuf};
+
+use rustix::fs::{FlockOperation, flock};
+
+use super::{
+    CAMPAIGN, CLASS, DIGITS, LOST, PART, PartError, SEAL, SUM, Shard, circumstance_columns, seal,
+    sealed,
+};
+use crate::folder::Conflict;
+use crate::journal::{self, Circumstances, Journal};
+use crate::table::{self, Column, Row, Writer};
+
+/// An attempt at a shard.
+pub struct Attempt<'a> {
+    pub(super) shard: Shard<'a>,
+    pub(super) journal: Journal,
+    pub(super) rows: BTreeMap<u64, (Row, Circumstances)>,
+    /// Dead attempts that started a case and have no row of it.
+    tries: BTreeMap<u64, u64>,
+    /// Journals of the dead.
+    stale: Vec<PathBuf>,
+    conflict: Option<Conflict>,
+}
+
+/// End of an attempt.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Published {
+    /// Its result counts.
+    First,
+    /// Another one was first, with the same rows.
+    Again,
+    /// Another one was first, with other rows.
+    Otherwise(Conflict),
+}
+
+impl<'a> Attempt<'a> {
+    /// Begins it, with what earlier ones left.
+    pub(super) fn begin(shard: Shard<'a>) -> io::Result<Self> {
+        let path = shard.path();
+        fs::create_dir_all(&path)?;
+        let journal = Journal::begin(&path, shard.folder.id())?;
+        let mut attempt = Self {
+            shard,
+            journal,
+            rows: BTreeMap::new(),
+            tries: BTreeMap::new(),
+            stale: Vec::new(),
+            conflict: None,
+        };
+        for path in journal::paths(&path)? {
+            if path != attempt.journal.path() {
+                attempt.take_over(&path)?;
+            }
+        }
+        Ok(attempt)
+    }
+
+    fn take_over(&mut self, path: &Path) -> io::Result<()> {
+        let campaign = self.shard.folder.id();
+        let Some(found) = journal::read(path, campaign)? else {
+            return Ok(());
+        };
+        let columns = &self.shard.folder.manifest().columns;
+        for case in found
+            .started
+            .iter()
+            .filter(|case| !found.rows.contains_key(case))
+        {
+            *self.tries.entry(*case).or_default() += u64::from(found.is_dead);
+        }
+        for (case, (row, wall_s)) in found.rows {
+            if !self.shard.cases().contains(&case) || !table::fits(&row, columns) {
+                continue;
+            }
+            let circumstances = Circumstances {
+                wall_s,
+                host: found.host.clone(),
+                attempt: found.name.clone(),
+                tries: 1,
+            };
+            self.keep(case, row, circumstances);
+        }
+        if found.is_dead {
+            self.stale.push(found.path);
+        }
+        Ok(())
+    }
+
+    /// Keeps the first row of a case, and compares later ones with it.
+    fn keep(&mut self, case: u64, row: Row, circumstances: Circumstances) {
+        match self.rows.get(&case) {
+            Some((first, _)) => {
+                let columns = &self.shard.folder.manifest().columns;
+                let found = difference(first, &row, columns, &circumstances.maker());
+                self.conflict = self.conflict.take().or(found);
+            }
+            None => {
+                self.rows.insert(case, (row, circumstances));
+            }
+        }
+    }
+
+    /// Tells whether a case has its row.
+    #[must_use]
+    pub fn has(&self, case: u64) -> bool {
+        self.rows.contains_key(&case)
+    }
+
+    /// Returns the row of a case, if it has one and was not set aside.
+    #[must_use]
+    pub fn result(&self, case: u64) -> Option<&Row> {
+        let columns = &self.shard.folder.manifest().columns;
+        let (row, _) = self.rows.get(&case)?;
+        (!is_lost(row, columns)).then_some(row)
+    }
+
+    /// Counts the workers that a case has ended.
+    #[must_use]
+    pub fn tries(&self, case: u64) -> u64 {
+        self.tries.get(&case).copied().unwrap_or_default()
+    }
+
+    /// Notes that a case starts.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn start(&mut self, case: u64) -> io::Result<()> {
+        self.journal.start(case)
+    }
+
+    /// Notes that a case that started is left: the worker is asked to end.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn leave(&mut self, case: u64) -> io::Result<()> {
+        self.journal.leave(case)
+    }
+
+    /// Takes the row of a case.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn row(&mut self, row: Row, wall_s: f64) -> io::Result<()> {
+        self.journal.row(&row, wall_s)?;
+        let case = row[0].as_count();
+        let circumstances = Circumstances {
+            wall_s,
+            host: self.journal.host().into(),
+            attempt: self.journal.name().into(),
+            tries: self.tries(case) + 1,
+        };
+        self.keep(case, row, circumstances);
+        Ok(())
+    }
+
+    /// Compares the row of a case with another one that its worker made; notes a difference.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn compare(&self, case: u64, other: &Row, by: &str) -> io::Result<Option<Conflict>> {
+        let folder = self.shard.folder;
+        let columns = &folder.manifest().columns;
+        let found = (self.result(case)).and_then(|row| difference(row, other, columns, by));
+        if let Some(conflict) = &found {
+            folder.note(conflict)?;
+        }
+        Ok(found)
+    }
+
+    /// Forgets its rows, and those that the dead left.
+    pub fn discard(self) {
+        self.remove_journals();
+    }
+
+    fn remove_journals(&self) {
+        let stale = self.stale.iter().map(PathBuf::as_path);
+        for path in stale.chain([self.journal.path()]) {
+            let _ = fs::remove_file(path); // another worker may have done so
+        }
+    }
+
+    /// Publishes the rows, of which there must be one for each case, and removes what is not needed any more.
+    ///
+    /// # Errors
+    /// If they cannot be written, or an earlier result not be read.
+    pub fn publish(mut self) -> Result<Published, PartError> {
+        let io = PartError::Io;
+        let path = self.shard.path();
+        let place = path.join(PART);
+        let (rows, circumstances): (Vec<Row>, Vec<Circumstances>) =
+            std::mem::take(&mut self.rows).into_values().unzip();
+        let columns = &self.shard.folder.manifest().columns;
+        let all: Vec<Column> = (columns.iter().cloned())
+            .chain(circumstance_columns())
+            .collect();
+        // In the folder of the shard: some file systems refuse links across folders.
+        let part = tempfile::Builder::new()
+            .prefix(journal::UNFINISHED)
+            .permissions(fs::Permissions::from_mode(0o666))
+            .tempfile_in(&path)
+            .map_err(io)?;
+        flock(part.as_file(), FlockOperation::LockExclusive).map_err(|error| io(error.into()))?;
+        let mut writer = Writer::new(Vec::new(), &all)?;
+        for (row, circumstances) in rows.iter().zip(&circumstances) {
+            writer.row(row.iter().chain(&circumstances.cells()))?;
+        }
+        let facts = [
+            (CAMPAIGN, self.shard.folder.id().to_owned()),
+            (
+                SUM,
+                format!("{}{}", String::from_utf8_lossy(SEAL), "0".repeat(DIGITS)),
+            ),
+        ];
+        let mut bytes = writer.finish(&facts)?;
+        let sum = seal(&bytes);
+        sealed(&mut bytes)
+            .ok_or_else(|| PartError::Broken("it has no check sum".into()))?
+            .copy_from_slice(&sum);
+        part.as_file().write_all(&bytes).map_err(io)?;
+        part.as_file().sync_all().map_err(io)?;
+        let linked = fs::hard_link(part.path(), &place);
+        // A network file system may lose the answer to a link that it made.
+        let is_there = linked.is_ok()
+            || part
+                .as_file()
+                .metadata()
+                .is_ok_and(|file| file.nlink() == 2);
+        let mut published = Published::First;
+        // Sweepers leave alone what is locked; they may have been faster than the lock.
+        let is_late = linked.is_err() && place.exists();
+        if is_there {
+            File::open(&path)
+                .and_then(|folder| folder.sync_all())
+                .map_err(io)?;
+        } else if let Err(error) = linked
+            && !is_late
+        {
+            return Err(PartError::Io(error));
+        } else {
+            let first = self.shard.part()?;
+            let pairs = first.rows.iter().zip(&rows).zip(&circumstances);
+            let found = pairs
+                .filter_map(|((first, second), by)| difference(first, second, columns, &by.maker()))
+                .next();
+            published = found.map_or(Published::Again, Published::Otherwise);
+        }
+        if let Some(conflict) = self.conflict.take() {
+            published = Published::Otherwise(conflict);
+        }
+        if let Published::Otherwise(conflict) = &published {
+            self.shard.folder.note(conflict).map_err(io)?;
+        }
+        self.remove_journals();
+        Ok(published)
+    }
+}
+
+/// Finds the first column in which two rows of a case differ. A case that was set aside contradicts nothing.
+fn difference(first: &Row, second: &Row, columns: &[Column], by: &str) -> Option<Conflict> {
+    if first == second || is_lost(first, columns) || is_lost(second, columns) {
+        return None;
+    }
+    let pairs = columns.iter().zip(first.iter().zip(second));
+    let (column, (one, other)) = pairs.into_iter().find(|(_, (one, other))| one != other)?;
+    Some(Conflict {
+        case: first[0].as_count(),
+        column: column.name.clone(),
+        first: one.to_string(),
+        second: other.to_string(),
+        by: by.into(),
+    })
+}
+
+/// Tells whether a row is of a case that was set aside.
+fn is_lost(row: &Row, columns: &[Column]) -> bool {
+    let class = columns.iter().position(|column| column.name == CLASS);
+    class.is_some_and(|class| row[class].as_text() == LOST)
+}
