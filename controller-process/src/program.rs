@@ -78,8 +78,16 @@ impl Program for ControllerProgram {
         supervision.ring_at_news(link.bell());
         loop {
             let is_kept = job.is_kept;
-            let code = self.run(job, &mut link, session, supervision)?;
-            if !is_kept || !supervision.next_job() {
+            let end = self.run(job, &mut link, session, supervision)?;
+            let code = match &end {
+                End::Completed { .. } => COMPLETED,
+                End::Aborted(abort) => {
+                    program::say(&abort.to_string());
+                    FAILED
+                }
+            };
+            // After any other end the plant may be stuck: whoever keeps both must see that a side ends.
+            if !is_kept || !end.is_of_plant() || !supervision.next_job() {
                 return Ok(code);
             }
             job = read()?;
@@ -89,14 +97,14 @@ impl Program for ControllerProgram {
 }
 
 impl ControllerProgram {
-    /// Runs a job to its end; gives the exit code.
+    /// Runs a job to its end.
     fn run(
         &self,
         job: Job,
         link: &mut IceoryxLink,
         session: &SessionInfo,
         supervision: &Supervision,
-    ) -> Result<u8, String> {
+    ) -> Result<End, String> {
         let (limit, settings) = (WaitLimit::from_seconds(job.wait_limit_s), job.realtime);
         let mut runner = self.runner(job, link)?;
         // Threads that there are by now keep ordinary scheduling.
@@ -104,14 +112,8 @@ impl ControllerProgram {
         let told = session.write_file(realtime::CONTROLLER_FILE, &report);
         told.map_err(|e| e.to_string())?;
         drive(&mut runner, report.waiter(limit), supervision).map_err(|e| e.to_string())?;
-        match runner.end() {
-            Some(End::Completed { .. }) => Ok(COMPLETED),
-            Some(End::Aborted(abort)) => {
-                program::say(&abort.to_string());
-                Ok(FAILED)
-            }
-            None => Err("the run ended without saying how".into()),
-        }
+        let end = runner.end().cloned();
+        end.ok_or_else(|| "the run ended without saying how".into())
     }
 }
 

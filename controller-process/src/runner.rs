@@ -13,7 +13,7 @@ use shared_types::frame::{FrameKind, Header};
 use shared_types::hello::{Control, Hello, Welcome};
 use shared_types::layout::SignalKind;
 use shared_types::link::{FrameSpec, Link, LinkError};
-use shared_types::lockstep::{Abort, ControllerAction, ControllerEvent, ControllerSide};
+use shared_types::lockstep::{Abort, AbortCode, ControllerAction, ControllerEvent, ControllerSide};
 use shared_types::surroundings::ThreadSampler;
 use shared_types::table::Field;
 use shared_types::time::Step;
@@ -46,6 +46,22 @@ pub enum End {
     },
     /// Before the last step.
     Aborted(Abort),
+}
+
+impl End {
+    /// Tells whether the plant ended the run: it was over, or left its range of validity.
+    #[must_use]
+    pub const fn is_of_plant(&self) -> bool {
+        use AbortCode::{Diverged, NotANumber};
+        matches!(
+            self,
+            Self::Completed { .. }
+                | Self::Aborted(Abort::ByPeer {
+                    code: Diverged | NotANumber,
+                    ..
+                })
+        )
+    }
 }
 
 /// One run of one law.

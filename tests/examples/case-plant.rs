@@ -77,11 +77,22 @@ plant!(Dies, "dies", |position_m| position_m, |position_m| {
     }
 });
 
+// Once, if there is a file to tell it.
+plant!(Hangs, "hangs", |position_m| position_m, |_| {
+    let told = std::env::var_os("CASE_PLANT_HANGS");
+    if told.is_some_and(|file| std::fs::remove_file(file).is_ok()) {
+        loop {
+            std::thread::park();
+        }
+    }
+});
+
 fn main() -> ExitCode {
     let plants = vec![
         PlantKind::of::<Behaves>(),
         PlantKind::of::<Leaks>(),
         PlantKind::of::<Dies>(),
+        PlantKind::of::<Hangs>(),
     ];
     plant_process::program::run("case-plant", "0.1.0", plants)
 }

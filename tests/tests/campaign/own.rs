@@ -82,8 +82,8 @@ fn processes_are_kept_from_case_to_case_unless_the_study_says_otherwise() {
         text(&program_of_tests("case-plant"))
     );
     let plant = rig.script("counted", &script);
-    // One for all cases, and one for each of those run once more: the second, fourth and eighth.
-    for (name, more, starts) in [("kept", "", 4), ("fresh", "fresh_processes = true", 12)] {
+    // One for all cases, and one for each of those run once more: the second, fourth, seventh and twelfth.
+    for (name, more, starts) in [("kept", "", 5), ("fresh", "fresh_processes = true", 12)] {
         let folder = with_plant(&rig, name, &twelve(&rig, "behaves", more), text(&plant));
         rig.write("starts", "");
         campaign(&rig, &["run", text(&folder), "--jobs", "1"]).expect(0);
@@ -101,7 +101,7 @@ fn a_plant_that_keeps_something_from_case_to_case_is_caught_and_named() {
     for said in ["case 1: digest is", "in new ones", "fresh_processes = true"] {
         assert!(run.stderr.contains(said), "{}", run.stderr);
     }
-    // The first case ran in new processes; nothing is left of the second.
+    // The first case ran in new processes; the second never counted.
     let status = campaign(&rig, &["status", text(&kept), "--json"]).expect(1);
     let status = json(&status);
     assert_eq!(
@@ -132,6 +132,27 @@ fn a_case_that_kills_kept_processes_is_set_aside_and_the_others_have_their_resul
     assert_eq!(
         answers["variants"][0]["classes"],
         serde_json::json!([11, 0, 0, 0, 1])
+    );
+    assert!(rig.processes().is_empty(), "{:?}", rig.processes());
+}
+
+#[test]
+fn a_plant_that_hangs_is_ended_by_the_wait_limit_and_its_case_tried_again() {
+    let rig = Rig::new();
+    let flag = rig.path("flag");
+    let script = format!(
+        "#!/bin/sh\nCASE_PLANT_HANGS='{}' exec '{}' \"$@\"\n",
+        text(&flag),
+        text(&program_of_tests("case-plant"))
+    );
+    let plant = rig.script("hanging", &script);
+    let folder = with_plant(&rig, "kept", &twelve(&rig, "hangs", ""), text(&plant));
+    rig.write("flag", "");
+    let run = campaign(&rig, &["run", text(&folder), "--jobs", "1", "--json"]).expect(0);
+    assert!(!flag.exists(), "no case hung");
+    assert_eq!(
+        json(&run)["variants"][0]["classes"],
+        serde_json::json!([12, 0, 0, 0, 0])
     );
     assert!(rig.processes().is_empty(), "{:?}", rig.processes());
 }

@@ -3,11 +3,12 @@
 //! The digest is BLAKE3 over the cells of all rows in the order of cases, each cell as [`Cell::feed`](crate::table::Cell::feed) has it: the
 //! same on one core or many, under any engine, and after accidents. It does not depend on the form of the files.
 
-use std::io::Write;
+use std::io::{self, Write};
 
+use crate::curves::Curves;
 use crate::folder::Folder;
-use crate::shard::{CLASS, LOST, PartError, Shard, circumstance_columns};
-use crate::table::{Column, Kind, TableError, Writer};
+use crate::shard::{PartError, Shard, circumstance_columns};
+use crate::table::{CLASS, Column, Kind, LOST, TableError, Writer};
 
 /// A campaign's rows, collected.
 #[derive(Clone, Debug, Default)]
@@ -81,6 +82,28 @@ pub fn collect<W: Write + Send, V: Write + Send>(
     let results = table.finish(&facts)?;
     let circumstances = second.finish(&facts)?;
     Ok((collected, results, circumstances))
+}
+
+/// Joins the curves of all shards that have a result; counts those whose curves are missing.
+///
+/// # Errors
+/// If a file cannot be read.
+pub fn curves(folder: &Folder) -> io::Result<(Curves, u64)> {
+    let (mut all, mut without) = (Curves::default(), 0);
+    let Some(grid) = &folder.manifest().curves else {
+        return Ok((all, without));
+    };
+    for number in 0..folder.manifest().shards() {
+        let shard = Shard::of(folder, number);
+        if !shard.is_published() {
+            continue;
+        }
+        match shard.curves(grid)? {
+            Some(curves) => all.join(curves),
+            None => without += 1,
+        }
+    }
+    Ok((all, without))
 }
 
 #[cfg(test)]

@@ -14,6 +14,7 @@ use std::time::{Duration, Instant};
 use rustix::fs::{FlockOperation, flock};
 use serde::{Deserialize, Serialize};
 
+use crate::curve::Curve;
 use crate::table::{Cell, Row};
 
 /// Longest time for which rows are not on the disk.
@@ -35,7 +36,12 @@ enum Line {
     /// A case is left, through no fault of its own.
     Left(u64),
     /// A case ended.
-    Row { wall_s: f64, cells: Row },
+    Row {
+        wall_s: f64,
+        cells: Row,
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        curve: Option<Curve>,
+    },
 }
 
 /// Circumstances of a row, which may differ from one run of its case to the next.
@@ -69,6 +75,8 @@ pub(crate) struct Found {
     pub(crate) host: String,
     pub(crate) started: Vec<u64>,
     pub(crate) rows: BTreeMap<u64, (Row, f64)>,
+    /// Curves of those cases that need one kept.
+    pub(crate) curves: BTreeMap<u64, Curve>,
 }
 
 impl Journal {
@@ -132,14 +140,16 @@ impl Journal {
         self.write(&Line::Left(case))
     }
 
-    /// Notes the row of a case; it is on the disk soon, and at once if the case took long.
+    /// Notes the row of a case, and its curve if that must be kept; it is on the disk soon, and at once if the case
+    /// took long.
     ///
     /// # Errors
     /// If it cannot be written.
-    pub fn row(&mut self, cells: &Row, wall_s: f64) -> io::Result<()> {
+    pub fn row(&mut self, cells: &Row, wall_s: f64, curve: Option<Curve>) -> io::Result<()> {
         self.write(&Line::Row {
             wall_s,
             cells: cells.clone(),
+            curve,
         })?;
         if self.synced.elapsed() >= UNSYNCED {
             self.file.sync_data()?;
@@ -166,16 +176,24 @@ impl Journal {
 
     fn write(&mut self, line: &Line) -> io::Result<()> {
         let mut text = serde_json::to_string(line)?;
-        let sum = sum(&text);
-        text.push(' ');
-        text += &sum;
-        text.push('\n');
+        text += &sealed(&text);
         self.file.write_all(text.as_bytes())
     }
 }
 
 fn sum(text: &str) -> String {
     blake3::hash(text.as_bytes()).to_hex()[..16].to_owned()
+}
+
+/// Makes the end of a line: its sum.
+pub(crate) fn sealed(json: &str) -> String {
+    format!(" {}\n", sum(json))
+}
+
+/// Takes the end off a line; none if it is not whole.
+pub(crate) fn unsealed(line: &str) -> Option<&str> {
+    let (json, told) = line.strip_suffix('\n')?.rsplit_once(' ')?;
+    (told == sum(json)).then_some(json)
 }
 
 fn name_of(path: &Path) -> String {
@@ -211,11 +229,8 @@ pub(crate) fn read(path: &Path, campaign: &str) -> io::Result<Option<Found>> {
     let mut text = Vec::new();
     file.read_to_end(&mut text)?;
     let text = String::from_utf8_lossy(&text);
-    let whole = text.split_inclusive('\n').map_while(|line| {
-        let (json, told) = line.strip_suffix('\n')?.rsplit_once(' ')?;
-        (told == sum(json)).then(|| serde_json::from_str::<Line>(json).ok())?
-    });
-    let mut lines = whole;
+    let mut lines = (text.split_inclusive('\n'))
+        .map_while(|line| serde_json::from_str::<Line>(unsealed(line)?).ok());
     let Some(Line::Of { campaign: of, host }) = lines.next() else {
         return Ok(None);
     };
@@ -229,6 +244,7 @@ pub(crate) fn read(path: &Path, campaign: &str) -> io::Result<Option<Found>> {
         host,
         started: Vec::new(),
         rows: BTreeMap::new(),
+        curves: BTreeMap::new(),
     };
     for line in lines {
         match line {
@@ -237,8 +253,13 @@ pub(crate) fn read(path: &Path, campaign: &str) -> io::Result<Option<Found>> {
                 let last = found.started.iter().rposition(|started| *started == case);
                 last.map(|last| found.started.remove(last));
             }
-            Line::Row { wall_s, cells } => {
+            Line::Row {
+                wall_s,
+                cells,
+                curve,
+            } => {
                 let case = cells.first().map_or(0, Cell::as_count);
+                found.curves.extend(curve.map(|curve| (case, curve)));
                 found.rows.insert(case, (cells, wall_s));
             }
             Line::Of { .. } => break,

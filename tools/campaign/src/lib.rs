@@ -8,13 +8,16 @@
 //! 3. A worker claims a [`Shard`](shard::Shard), some cases in a row, notes every [`Row`](table::Row) in the journal
 //!    of its attempt, and publishes the whole once: the first result counts, and a second one is compared.
 //! 4. [`collect`] joins the parts into one [table] and gives the campaign's digest.
-//! 5. Statistics say what follows: [`binomial`] bounds of probabilities, bounds of quantiles ([`order`]), [`rank`]
+//! 5. [`curves`] over time are pictures beside it, for the report alone.
+//! 6. Statistics say what follows: [`binomial`] bounds of probabilities, bounds of quantiles ([`order`]), [`rank`]
 //!    correlation, [`mcnemar`]'s test.
 //!
 //! No run is made here, and neither scenario nor plant is known.
 
 pub mod binomial;
 pub mod collect;
+pub mod curve;
+pub mod curves;
 pub mod draws;
 pub mod folder;
 pub mod journal;

@@ -9,6 +9,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use crate::curve::Grid;
 use crate::table::Column;
 
 /// Version of the folder's form.
@@ -50,6 +51,9 @@ pub struct Manifest {
     pub controller: Option<Copied>,
     /// Columns of the table of results.
     pub columns: Vec<Column>,
+    /// Signals whose curves are kept for the report.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub curves: Option<Grid>,
     /// Time in s that a case took when the campaign was planned; nothing but the size of jobs depends on it.
     pub case_s: f64,
 }

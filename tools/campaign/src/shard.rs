@@ -14,6 +14,8 @@ use std::path::PathBuf;
 
 use rustix::fs::{FlockOperation, flock};
 
+use crate::curve::Grid;
+use crate::curves::{CURVES, Curves};
 use crate::folder::{Folder, SHARDS};
 use crate::journal::{self, Circumstances};
 use crate::table::{self, Cell, Column, Kind, Row, TableError};
@@ -229,6 +231,14 @@ impl<'a> Shard<'a> {
         })
     }
 
+    /// Reads its curves; none if they are not there, or not whole.
+    ///
+    /// # Errors
+    /// If their file cannot be read.
+    pub(crate) fn curves(&self, grid: &Grid) -> io::Result<Option<Curves>> {
+        Curves::read(&self.path(), grid)
+    }
+
     /// Removes what dead workers left beside its result.
     ///
     /// # Errors
@@ -262,6 +272,7 @@ impl<'a> Shard<'a> {
             .find(|path| !path.exists())
             .unwrap_or_default();
         fs::rename(path.join(PART), &free)?;
+        let _ = fs::remove_file(path.join(CURVES)); // there may be none
         Ok(free)
     }
 }
@@ -300,11 +311,6 @@ fn unsealed(bytes: &mut [u8]) -> Option<[u8; DIGITS]> {
     told.swap_with_slice(place);
     Some(told)
 }
-
-/// Column of the class of a case.
-pub const CLASS: &str = "class";
-/// Class of a case that was set aside.
-pub const LOST: &str = "lost";
 
 #[cfg(test)]
 pub(crate) mod tests;

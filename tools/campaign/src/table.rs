@@ -19,6 +19,11 @@ use parquet::schema::types::Type;
 use serde::{Deserialize, Serialize};
 use shared_types::table::canonical;
 
+/// Column of the class of a case.
+pub const CLASS: &str = "class";
+/// Class of a case that was set aside.
+pub const LOST: &str = "lost";
+
 /// Type of the cells of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]

@@ -9,8 +9,7 @@ use std::path::Path;
 
 use hil_campaign::binomial::{self, Sided};
 use hil_campaign::manifest::Manifest;
-use hil_campaign::shard::{CLASS, LOST};
-use hil_campaign::table::{Cell, Column, Kind, Reader, Row, TableError, Values};
+use hil_campaign::table::{CLASS, Cell, Column, Kind, LOST, Reader, Row, TableError, Values};
 use hil_campaign::{order, rank};
 use hil_config::study::{Goal, Sampling, Study};
 use serde::Serialize;

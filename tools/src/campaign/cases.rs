@@ -5,17 +5,17 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
+use hil_campaign::curve::{Curve, Grid};
 use hil_campaign::draws::{Drawn, Draws};
 use hil_campaign::folder::Folder;
-use hil_campaign::shard::{CLASS, LOST};
-use hil_campaign::table::{Cell, Column, Kind, Row};
-use hil_config::plan::Plan;
+use hil_campaign::table::{CLASS, Cell, Column, Kind, LOST, Row};
+use hil_config::plan::{Plan, Realtime};
 use hil_config::problem::Problems;
 use hil_config::scenario::Scenario;
 use hil_config::study::{Item, Spread, Study};
 use shared_types::describe::{Description, FaultKindDescription, LawDescription, PlantDescription};
 use shared_types::lockstep::OnLoss;
-use shared_types::record::Outcome;
+use shared_types::record::{Outcome, RecordLayout};
 
 use crate::arguments::BinaryArguments;
 use crate::arguments::run::LinkKind;
@@ -39,6 +39,8 @@ pub(super) struct Cases {
     tables: BTreeMap<String, String>,
     /// Keys of the scenario that name such tables.
     files: Vec<(String, String)>,
+    /// Grid of their curves, if they are kept.
+    grid: Option<Arc<Grid>>,
 }
 
 /// Programs of the cases.
@@ -64,6 +66,10 @@ pub(super) struct CaseResult {
     reason: String,
     requirements: Vec<Requirement>,
     metrics: Vec<Metric>,
+    /// It ran in processes that ran other cases before, and is to be run once more in new ones.
+    pub(super) is_to_check: bool,
+    /// Curve of its signals, if one is kept.
+    pub(super) curve: Option<Curve>,
     /// Time that it took, in s.
     pub(super) wall_s: f64,
 }
@@ -109,7 +115,11 @@ impl Cases {
         };
         let copies = manifest.tables.iter();
         let tables = copies.map(|(name, copy)| (name.clone(), copy.path.clone()));
-        Self::new(study, scenario, rig, tables.collect())
+        let grid = manifest.curves.clone().map(Arc::new);
+        Ok(Self {
+            grid,
+            ..Self::new(study, scenario, rig, tables.collect())?
+        })
     }
 
     fn new(
@@ -126,6 +136,7 @@ impl Cases {
             rig,
             tables,
             files,
+            grid: None,
         })
     }
 
@@ -242,13 +253,24 @@ impl Cases {
     ///
     /// # Errors
     /// As of [`plan`](Self::plan), or the objection of a side.
-    pub(super) fn check(&self, case: u64) -> Result<(), Failure> {
+    pub(super) fn check(&self, case: u64) -> Result<Plan, Failure> {
         let plan = self.plan(case).map_err(told)?;
         alone::refuse_clock(&plan)?;
-        match &self.rig {
-            Rig::BuiltIn(described) => alone::check(&plan, described),
-            Rig::Own(_) => Ok(()),
+        if let Rig::BuiltIn(described) = &self.rig {
+            alone::check(&plan, described)?;
         }
+        Ok(plan)
+    }
+
+    /// Returns the layout of a plan's records.
+    ///
+    /// # Errors
+    /// If the plan is not of these cases.
+    pub(super) fn record_layout(&self, plan: &Plan) -> Result<RecordLayout, Failure> {
+        let (plants, laws, _) = self.described();
+        let both = plan.plant_among(plants).zip(plan.law_among(laws));
+        both.map(|(plant, law)| plan.record_layout(plant, law))
+            .ok_or_else(|| Failure::infrastructure("a case lost its plant or law"))
     }
 
     /// Writes a plan as a complete scenario.
@@ -274,16 +296,28 @@ impl Cases {
         match &self.rig {
             Rig::Own(binaries) if self.keeps_processes(plan) => {
                 let began = Instant::now();
-                of_ended(kept.run(plan, binaries, interruption)?, began)
+                let (ended, is_to_check) =
+                    kept.run(plan, binaries, self.grid.clone(), interruption)?;
+                Ok(CaseResult {
+                    is_to_check,
+                    ..of_ended(ended, began)?
+                })
             }
             _ => self.run_fresh(plan, interruption),
         }
     }
 
-    /// Tells whether a case runs in processes that ran other cases before.
+    /// Tells whether a case runs in processes that are kept: not where settings of its own would stay with them.
     pub(super) fn keeps_processes(&self, plan: &Plan) -> bool {
         let is_own = matches!(self.rig, Rig::Own(_));
-        is_own && !self.study().fresh_processes && plan.run.on_controller_loss == OnLoss::Abort
+        let of_processes = Realtime {
+            wait: plan.realtime.wait,
+            ..Realtime::default()
+        };
+        is_own
+            && !self.study().fresh_processes
+            && plan.run.on_controller_loss == OnLoss::Abort
+            && plan.realtime == of_processes
     }
 
     /// Runs a plan in processes of its own, or in this one.
@@ -297,7 +331,10 @@ impl Cases {
     ) -> Result<CaseResult, Failure> {
         let began = Instant::now();
         match &self.rig {
-            Rig::BuiltIn(described) => of_ended(alone::run(plan, described, interruption)?, began),
+            Rig::BuiltIn(described) => of_ended(
+                alone::run(plan, described, self.grid.clone(), interruption)?,
+                began,
+            ),
             Rig::Own(binaries) => in_processes(plan, binaries, interruption, began),
         }
     }
@@ -348,7 +385,7 @@ impl Cases {
     }
 
     /// Makes the row of a case.
-    pub(super) fn row(&self, case: u64, result: CaseResult) -> Row {
+    pub(super) fn row(&self, case: u64, result: &CaseResult) -> Row {
         let number = |value: Option<f64>| Cell::number(value.unwrap_or(f64::NAN));
         let mut row = self.head(case);
         row.push(Cell::Text(result.class.into()));
@@ -358,8 +395,8 @@ impl Cases {
             row.push(number(requirement.robustness));
         }
         row.extend(result.metrics.iter().map(|metric| number(metric.value)));
-        row.push(Cell::Text(result.digest));
-        row.push(Cell::Text(result.reason));
+        row.push(Cell::Text(result.digest.clone()));
+        row.push(Cell::Text(result.reason.clone()));
         row
     }
 
@@ -467,6 +504,8 @@ fn of_ended(ended: Ended, began: Instant) -> Result<CaseResult, Failure> {
         reason: ended.reason.unwrap_or_default(),
         requirements,
         metrics: recorded.metrics.iter().map(Metric::from).collect(),
+        is_to_check: false,
+        curve: recorded.curve,
         wall_s: began.elapsed().as_secs_f64(),
     })
 }
@@ -500,6 +539,8 @@ fn in_processes(
         reason: summary.reason.unwrap_or_default(),
         requirements: summary.requirements,
         metrics: summary.metrics,
+        is_to_check: false,
+        curve: None,
         wall_s: began.elapsed().as_secs_f64(),
     })
 }

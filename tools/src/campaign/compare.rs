@@ -2,7 +2,8 @@
 
 use hil_campaign::folder::Folder;
 use hil_campaign::mcnemar;
-use hil_campaign::shard::{CLASS, LOST, Shard};
+use hil_campaign::shard::Shard;
+use hil_campaign::table::{CLASS, LOST};
 use serde::Serialize;
 use shared_types::number::{counted, short};
 

@@ -12,6 +12,7 @@ mod case;
 mod cases;
 mod collect;
 mod compare;
+mod envelopes;
 mod plan;
 mod report;
 mod show;

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
+use hil_campaign::curve::Grid;
 use hil_campaign::folder::{CONFLICTS, SHARDS, try_out};
 use hil_campaign::manifest::{self, Copied, MANIFEST, Manifest, SCHEMA};
 use hil_campaign::table::{Column, Kind, Writer};
@@ -16,8 +17,10 @@ use hil_target::machine::hash;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use shared_types::number::counted;
+use shared_types::time::Step;
 
 use super::cases::{CaseResult, Cases, told};
+use super::envelopes;
 use crate::arguments::campaign::{CheckArguments, PlanArguments};
 use crate::files::part_file::PartFolder;
 use crate::run::alone;
@@ -36,6 +39,7 @@ const SHARDS_WANTED: [u64; 2] = [64, 20_000];
 struct Checked {
     cases: Cases,
     columns: Vec<Column>,
+    curves: Option<Grid>,
     facts: Facts,
 }
 
@@ -133,7 +137,7 @@ fn checked(arguments: &CheckArguments, interruption: &Interruption) -> Result<Ch
         ));
     }
     refuse_ineffective(&cases)?;
-    every_plan(&cases, interruption)?;
+    let longest_s = every_plan(&cases, interruption)?;
     let mut kept = Kept::default();
     let mut result = cases.run(&first, &mut kept, interruption)?;
     if cases.keeps_processes(&first) {
@@ -142,6 +146,7 @@ fn checked(arguments: &CheckArguments, interruption: &Interruption) -> Result<Ch
     }
     let columns = columns(&cases, &result, &mut kept, interruption)?;
     refuse_unknown_goals(study, &columns)?;
+    let curves = curves(&cases, longest_s)?;
     let bytes: u64 = columns.iter().map(cell_bytes).sum();
     let facts = Facts {
         study: study.name.clone(),
@@ -158,8 +163,21 @@ fn checked(arguments: &CheckArguments, interruption: &Interruption) -> Result<Ch
     Ok(Checked {
         cases,
         columns,
+        curves,
         facts,
     })
+}
+
+/// Chooses the curves that are kept for the report.
+fn curves(cases: &Cases, longest_s: f64) -> Result<Option<Grid>, Failure> {
+    let study = cases.study();
+    let first = (0..).zip(&study.variants).map(|(case, _)| {
+        let plan = cases.plan(case).map_err(told)?;
+        let layout = cases.record_layout(&plan)?;
+        Ok((plan, layout))
+    });
+    let first = first.collect::<Result<Vec<_>, Failure>>()?;
+    Ok(envelopes::chosen(&first, longest_s, study.draws))
 }
 
 /// Returns the bytes of a cell, about.
@@ -283,24 +301,32 @@ fn refuse_unknown_goals(study: &Study, columns: &[Column]) -> Result<(), Failure
     Ok(())
 }
 
-/// Checks every case once, on all cores: none is refused later.
-fn every_plan(cases: &Cases, interruption: &Interruption) -> Result<(), Failure> {
+/// Checks every case once, on all cores: none is refused later. Gives the time of the longest, in s.
+fn every_plan(cases: &Cases, interruption: &Interruption) -> Result<f64, Failure> {
     let all = cases.study().cases();
     let bar = bar(all, "checking cases");
     let (next, is_over) = (AtomicU64::new(0), AtomicBool::new(false));
     let first: Mutex<Option<(u64, Failure)>> = Mutex::new(None);
+    // Numbers above zero are in the order of their bits.
+    let longest = AtomicU64::new(0);
     let work = || {
         while !is_over.load(Ordering::Relaxed) && !interruption.came() {
             let case = next.fetch_add(1, Ordering::Relaxed);
             if case >= all {
                 break;
             }
-            if let Err(refused) = cases.check(case) {
-                let mut first = first.lock().unwrap_or_else(PoisonError::into_inner);
-                if first.as_ref().is_none_or(|(known, _)| case < *known) {
-                    *first = Some((case, refused));
+            match cases.check(case) {
+                Ok(plan) => {
+                    let end_s = plan.run.rate.seconds(Step(plan.run.steps));
+                    longest.fetch_max(end_s.to_bits(), Ordering::Relaxed);
                 }
-                is_over.store(true, Ordering::Relaxed);
+                Err(refused) => {
+                    let mut first = first.lock().unwrap_or_else(PoisonError::into_inner);
+                    if first.as_ref().is_none_or(|(known, _)| case < *known) {
+                        *first = Some((case, refused));
+                    }
+                    is_over.store(true, Ordering::Relaxed);
+                }
             }
             bar.inc(1);
         }
@@ -316,7 +342,7 @@ fn every_plan(cases: &Cases, interruption: &Interruption) -> Result<(), Failure>
         return Err(Failure::Interrupted);
     }
     match first.into_inner().unwrap_or_else(PoisonError::into_inner) {
-        None => Ok(()),
+        None => Ok(f64::from_bits(longest.into_inner())),
         Some((case, refused)) => Err(Failure::Usage(format!("{refused}\nin case {case}"))),
     }
 }
@@ -431,6 +457,7 @@ fn copied(checked: &Checked, folder: &Path) -> Result<Manifest, Failure> {
         plant,
         controller,
         columns: checked.columns.clone(),
+        curves: checked.curves.clone(),
         case_s: checked.facts.case_s,
     })
 }

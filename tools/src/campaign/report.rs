@@ -1,13 +1,14 @@
 //! `hil report` of a campaign: one HTML file that shows all cases, for eyes and for the file of evidence.
 //!
 //! 1. The results are collected, as far as there are any, and [`answers`] computes what they mean.
-//! 2. [`data`] packs margins, metrics and varied values for the script.
+//! 2. [`data`] packs margins, metrics and varied values for the script, [`envelopes`] the curves over time.
 //! 3. [`tables`] writes what reads without a script, [`page`] joins everything.
 //!
 //! The page asks for nothing from anywhere: its policy forbids connections, and whatever a study says is escaped.
 //! Nothing here judges: the answers are those of `hil campaign show`.
 
 mod data;
+mod envelopes;
 mod page;
 mod tables;
 

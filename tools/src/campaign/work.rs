@@ -2,9 +2,9 @@
 //!
 //! Every engine starts it, and it asks none. It ends with its cases noted, whatever ends it; a case that ends
 //! three workers, or that cannot be run three times, is set aside and its shard goes on. Where processes are kept
-//! from case to case, some cases are run once more in new ones, and a difference ends the worker.
+//! from case to case, some cases are run once more in new ones before they count, and a difference ends the worker.
 
-use std::cell::{Cell, RefCell};
+use std::cell::RefCell;
 use std::io::Read;
 use std::os::unix::process::CommandExt;
 use std::path::Path;
@@ -12,8 +12,9 @@ use std::process::Command;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+use hil_campaign::curve::Curve;
 use hil_campaign::folder::{Conflict, Folder};
-use hil_campaign::shard::attempt::{Attempt, Published};
+use hil_campaign::shard::attempt::{Attempt, Published, difference};
 use hil_campaign::shard::{MOST_TRIES, PartError, Shard, missing};
 use hil_campaign::table::Row;
 use hil_target::machine::hash;
@@ -21,7 +22,7 @@ use rustix::process::{Signal, getpid, kill_process};
 use shared_types::session;
 
 use super::answers::class_of;
-use super::cases::{Cases, told};
+use super::cases::{CaseResult, Cases, told};
 use crate::arguments::campaign::WorkArguments;
 use crate::run::kept::Kept;
 use crate::terminal::exit::{Exit, Failure};
@@ -30,8 +31,6 @@ use crate::terminal::output;
 
 /// What a worker tells when a case came out otherwise in new processes.
 pub(super) const DIFFERS: &str = "differs";
-/// Most cases of a worker from one that is run once more to the next.
-const CHECKED: u64 = 256;
 /// Time between two looks of the watchdog.
 const LOOK: Duration = Duration::from_millis(100);
 
@@ -52,7 +51,6 @@ pub(super) fn work(arguments: &WorkArguments) -> Result<Exit, Failure> {
         watchdog: Watchdog::begin(cases.study().case_limit_s),
         cases,
         kept: RefCell::default(),
-        ran: Cell::new(0),
         folder: &folder,
         interruption,
         tells: arguments.tell,
@@ -184,17 +182,9 @@ fn listed(list: &str) -> Option<Vec<u64>> {
     Some(all)
 }
 
-/// Tells whether a worker's case of this number, counted from 1, is run once more: few of many, and not the first,
-/// which began in new processes.
-const fn is_checked(number: u64) -> bool {
-    number > 1 && (number.is_power_of_two() || number.is_multiple_of(CHECKED))
-}
-
 struct Worker<'a> {
     cases: Cases,
     kept: RefCell<Kept>,
-    /// Cases that it ran.
-    ran: Cell<u64>,
     folder: &'a Folder,
     interruption: Interruption,
     watchdog: Watchdog,
@@ -211,16 +201,12 @@ impl Worker<'_> {
                 continue;
             }
             let began = Instant::now();
-            let row = self.row(case, &mut attempt)?;
+            let (row, curve) = self.row(case, &mut attempt)?;
             let class = class_of(self.folder.manifest(), &row).to_owned();
             attempt
-                .row(row, began.elapsed().as_secs_f64())
+                .row(row, began.elapsed().as_secs_f64(), curve)
                 .map_err(cannot)?;
             self.tell(&format!("case {case} {class}"))?;
-            self.ran.set(self.ran.get() + 1);
-            if is_checked(self.ran.get()) {
-                attempt = self.check(case, attempt)?;
-            }
         }
         let published = match attempt.publish() {
             Err(PartError::Broken(what)) => {
@@ -245,8 +231,8 @@ impl Worker<'_> {
         }
     }
 
-    /// Runs a case until it has a row.
-    fn row(&self, case: u64, attempt: &mut Attempt<'_>) -> Result<Row, Failure> {
+    /// Runs a case until it has a row, and its curve if one is kept.
+    fn row(&self, case: u64, attempt: &mut Attempt<'_>) -> Result<(Row, Option<Curve>), Failure> {
         let columns = &self.folder.manifest().columns;
         let mut tries = attempt.tries(case);
         let mut why = format!("it ended its worker {tries} times");
@@ -257,7 +243,13 @@ impl Worker<'_> {
             self.tell(&format!("start {case}"))?;
             tries += 1;
             match self.try_once(case) {
-                Ok(row) if hil_campaign::table::fits(&row, columns) => return Ok(row),
+                Ok((row, result)) if hil_campaign::table::fits(&row, columns) => {
+                    if result.is_to_check {
+                        // Before it counts: what ends this worker meanwhile leaves no row of the case.
+                        self.check(case, &row)?;
+                    }
+                    return Ok((row, result.curve));
+                }
                 Ok(_) => why = "its results have other columns than those of the first case".into(),
                 Err(Failure::Interrupted) => {
                     let left = attempt.leave(case);
@@ -276,53 +268,69 @@ impl Worker<'_> {
             }
         }
         tell!("case {case} is set aside: {why}");
-        Ok(self.cases.lost(case, columns, &why))
+        Ok((self.cases.lost(case, columns, &why), None))
     }
 
-    /// Runs a case once more in new processes, if it has a result and ran in kept ones.
+    /// Runs a case once more in new processes, and compares.
     ///
     /// # Errors
-    /// If the two differ; nothing of the attempt is left then.
-    fn check<'b>(&self, case: u64, attempt: Attempt<'b>) -> Result<Attempt<'b>, Failure> {
-        let plan = self.cases.plan(case).map_err(told)?;
-        if attempt.result(case).is_none() || !self.cases.keeps_processes(&plan) {
-            return Ok(attempt);
-        }
-        let mut tries = 0;
-        let result = loop {
-            let _watched = self.watchdog.watch(case);
-            tries += 1;
-            match self.cases.run_fresh(&plan, &self.interruption) {
-                Err(Failure::Infrastructure(_)) if tries < MOST_TRIES => {}
-                result => break result?,
-            }
+    /// If the two differ, or new processes give no result.
+    fn check(&self, case: u64, row: &Row) -> Result<(), Failure> {
+        let columns = &self.folder.manifest().columns;
+        let fresh = self.fresh(case)?;
+        let Some(conflict) = difference(row, &fresh, columns, "new processes") else {
+            return Ok(());
         };
-        let row = self.cases.row(case, result);
-        let found = attempt.compare(case, &row, "new processes");
-        let Some(Conflict {
+        let noted = self.folder.note(&conflict);
+        noted.map_err(|error| cannot(self.folder, &error))?;
+        let Conflict {
             column,
             first,
             second,
             ..
-        }) = found.map_err(|error| cannot(self.folder, &error))?
-        else {
-            return Ok(attempt);
+        } = conflict;
+        let advice = match difference(&fresh, &self.fresh(case)?, columns, "") {
+            None => {
+                "the plant or the controller keeps something from one run to the next, as a static value. Mend it, or plan the campaign anew with `fresh_processes = true` in its study"
+            }
+            Some(_) => {
+                "and something else in other new ones: the plant or the controller depends on more than its job, as a clock, a file or a random seed"
+            }
         };
-        attempt.discard();
-        self.tell(DIFFERS)?;
+        self.tell(DIFFERS)?; // whoever hears it ends all workers
         Err(Failure::Differ(format!(
-            "case {case}: {column} is {first} in processes that ran cases before it, and {second} in new ones; the plant or the controller keeps something from one run to the next (a static value, a file). Plan the campaign anew with `fresh_processes = true` in its study, or mend the program"
+            "case {case}: {column} is {first} in processes that ran cases before it, and {second} in new ones; {advice}"
         )))
     }
 
-    fn try_once(&self, case: u64) -> Result<Row, Failure> {
+    /// Runs a case in new processes.
+    fn fresh(&self, case: u64) -> Result<Row, Failure> {
+        let plan = self.cases.plan(case).map_err(told)?;
+        let mut tries = 0;
+        loop {
+            let _watched = self.watchdog.watch(case);
+            tries += 1;
+            match self.cases.run_fresh(&plan, &self.interruption) {
+                Ok(result) => return Ok(self.cases.row(case, &result)),
+                Err(Failure::Infrastructure(_)) if tries < MOST_TRIES => {}
+                Err(Failure::Infrastructure(why)) => {
+                    return Err(Failure::infrastructure(format!(
+                        "case {case} has a result in processes that ran cases before it, and none in new ones: {why}"
+                    )));
+                }
+                Err(failure) => return Err(failure),
+            }
+        }
+    }
+
+    fn try_once(&self, case: u64) -> Result<(Row, CaseResult), Failure> {
         let _watched = self.watchdog.watch(case);
         let run = || {
             let plan = self.cases.plan(case).map_err(told)?;
             let result = self
                 .cases
                 .run(&plan, &mut self.kept.borrow_mut(), &self.interruption)?;
-            Ok(self.cases.row(case, result))
+            Ok((self.cases.row(case, &result), result))
         };
         // What the run was about goes with it; nothing of it is looked at again.
         std::panic::catch_unwind(std::panic::AssertUnwindSafe(run))

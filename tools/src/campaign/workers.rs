@@ -8,7 +8,8 @@ use std::sync::mpsc::{Sender, channel};
 use std::time::{Duration, Instant};
 
 use hil_campaign::folder::Folder;
-use hil_campaign::shard::{LOST, Shard, missing};
+use hil_campaign::shard::{Shard, missing};
+use hil_campaign::table::LOST;
 use indicatif::ProgressBar;
 use shared_types::number::{counted, short};
 
@@ -156,7 +157,7 @@ fn round(
         match news {
             News::Line(line) if line == DIFFERS => {
                 failed = Some(Failure::Differ(
-                    "cases came out otherwise in new processes; nothing of their shards is published".into(),
+                    "cases came out otherwise in new processes; what was published before may be wrong too".into(),
                 ));
             }
             News::Line(line) => {

@@ -4,6 +4,7 @@
 
 use shared_types::record::{Event, Timing};
 
+use crate::results::curves::CurveTaker;
 use crate::results::evaluation::RecordEvaluation;
 use crate::results::latency::legs::{Latency, LatencySummary};
 use crate::results::recorded::Recorded;
@@ -13,6 +14,8 @@ pub(crate) struct Collector {
     /// Steps of the run; none if its scenario cannot be understood.
     steps: u64,
     pub(crate) evaluation: Option<RecordEvaluation>,
+    /// None unless the run is a case whose campaign keeps curves.
+    pub(crate) curve: Option<CurveTaker>,
     /// None where nobody asks for it: its histograms cost more than a short run.
     pub(crate) latency: Option<Latency>,
     /// Times at which the first and the last record were published.
@@ -28,6 +31,7 @@ impl Collector {
         Self {
             steps,
             evaluation,
+            curve: None,
             recorded: Recorded::begun(LatencySummary::default()),
             latency: Some(Latency::default()),
             published_ns: None,
@@ -45,8 +49,10 @@ impl Collector {
         {
             answers.take(timing);
         }
-        if let Some(evaluation) = &mut self.evaluation {
-            evaluation.record(words);
+        let evaluation = self.evaluation.as_mut();
+        let derived = evaluation.map_or(&[][..], |evaluation| evaluation.record(words));
+        if let Some(curve) = &mut self.curve {
+            curve.record(words, derived);
         }
         if self.is_past {
             recorded.past_records += 1;
@@ -78,6 +84,7 @@ impl Collector {
     /// Fills in the figures of all that was taken.
     pub(crate) fn conclude(&mut self) {
         let recorded = &mut self.recorded;
+        recorded.curve = self.curve.take().map(CurveTaker::finish);
         recorded.latency = self
             .latency
             .as_ref()

@@ -4,6 +4,7 @@
 
 pub(crate) mod collector;
 pub(crate) mod company;
+pub(crate) mod curves;
 pub(crate) mod ended;
 pub(crate) mod ending;
 pub(crate) mod evaluation;

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use hil_campaign::curve::Curve;
 use hil_config::evaluation::MetricValue;
 use hil_config::requirements::RequirementValue;
 use shared_types::record::{ControllerChange, RunEnd};
@@ -42,6 +43,8 @@ pub struct Recorded {
     pub requirements: Vec<RequirementValue>,
     /// Latency of the steps.
     pub latency: LatencySummary,
+    /// Curve of a case whose campaign keeps curves.
+    pub curve: Option<Curve>,
     /// From the first to the last record, in s.
     pub wall_time_s: f64,
     /// Error that kept the recorder from recording, or the statement of the plant that cannot be so.
@@ -66,6 +69,7 @@ impl Recorded {
             metrics: Vec::new(),
             requirements: Vec::new(),
             latency,
+            curve: None,
             wall_time_s: 0.0,
             error: None,
         }

@@ -4,7 +4,10 @@
 //! other run, so digest, metrics and requirements are too. Waits for nobody: both sides and the recorder take
 //! turns.
 
+use std::sync::Arc;
+
 use controller_process::runner::Runner;
+use hil_campaign::curve::Grid;
 use hil_config::plan::{Clock, Plan};
 use plant_process::engine::Engine;
 use shared_types::describe::Description;
@@ -55,7 +58,11 @@ type Sides<'a> = (
 );
 
 /// Makes both sides of a plan that was checked against what is [built in](built_in).
-fn sides(plan: &Plan, [plant, controller]: &[Description; 2]) -> Result<Sides<'static>, Failure> {
+fn sides(
+    plan: &Plan,
+    [plant, controller]: &[Description; 2],
+    grid: Option<Arc<Grid>>,
+) -> Result<Sides<'static>, Failure> {
     let both = (plan.plant_among(&plant.plants)).zip(plan.law_among(&controller.laws));
     let (plant, law) = both.ok_or_else(|| Failure::infrastructure("hil lost its plant or law"))?;
     let layout = plan.record_layout(plant, law);
@@ -65,7 +72,7 @@ fn sides(plan: &Plan, [plant, controller]: &[Description; 2]) -> Result<Sides<'s
     };
     let controller = jobs::controller(plan, NO_SESSION, f64::INFINITY);
     let (plant_link, controller_link) = in_process::pair();
-    let recorder = DirectRecorder::new(plan.clone(), layout);
+    let recorder = DirectRecorder::new(plan.clone(), layout, grid);
     let kind = plant_of(&plant).map_err(Failure::usage)?;
     let engine = Engine::new(kind, &FAULTS, plant, plant_link, recorder.clone());
     let engine = engine.map_err(Failure::usage)?;
@@ -78,19 +85,20 @@ fn sides(plan: &Plan, [plant, controller]: &[Description; 2]) -> Result<Sides<'s
 /// # Errors
 /// Objection of a side to its job.
 pub(crate) fn check(plan: &Plan, described: &[Description; 2]) -> Result<(), Failure> {
-    sides(plan, described).map(|_| ())
+    sides(plan, described, None).map(|_| ())
 }
 
-/// Runs a plan that was checked against what is [built in](built_in).
+/// Runs a plan that was checked against what is [built in](built_in); takes its curve if there is a grid for it.
 ///
 /// # Errors
 /// If a side refuses its job, or it was interrupted.
 pub(crate) fn run(
     plan: &Plan,
     described: &[Description; 2],
+    grid: Option<Arc<Grid>>,
     interruption: &Interruption,
 ) -> Result<Ended, Failure> {
-    let (mut engine, mut runner, recorder) = sides(plan, described)?;
+    let (mut engine, mut runner, recorder) = sides(plan, described, grid)?;
     let limit = WaitLimit::from_seconds(f64::INFINITY);
     let waiter = Waiter::with(limit, WaitStrategy::Hybrid, true);
     let wants_stop = || interruption.came() || recorder.has_failed();

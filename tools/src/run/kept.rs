@@ -3,12 +3,14 @@
 //! For very many short runs of programs of their own, whose start would take longer than they do. Writes no folder
 //! of a run and takes no live requests. A pair that a run leaves in disorder is ended; the next run starts another.
 
+use std::sync::Arc;
+
+use hil_campaign::curve::Grid;
 use hil_config::plan::Plan;
 use shared_types::record::{Outcome, RecordLayout};
 use shared_types::session::{Session, SessionInfo};
 use shared_types::stream::iceoryx::IceoryxSource;
 use shared_types::supervision::NEXT;
-use tempfile::TempDir;
 
 use super::attach::attach;
 use super::jobs;
@@ -23,7 +25,9 @@ use crate::terminal::exit::Failure;
 use crate::terminal::interruption::Interruption;
 
 /// Most pairs that are kept at once; each sleeps while another one runs.
-const MOST_PAIRS: usize = 4;
+const MOST_PAIRS: usize = 16;
+/// Most runs of a pair from one that is to be run once more to the next.
+const UNCHECKED: u64 = 251;
 
 /// Kept processes: a pair for each layout of records.
 #[derive(Default)]
@@ -39,14 +43,15 @@ struct Pair {
     controller: Side,
     session: Session,
     layout: RecordLayout,
-    /// Runs that were begun.
+    /// Runs that were begun after the first.
     runs: u64,
-    /// Folder of their logs.
-    _folder: TempDir,
+    /// The run that is to be run once more in new processes.
+    checked: u64,
 }
 
 impl Kept {
-    /// Runs a plan in a pair that is there, or in a new one.
+    /// Runs a plan in a pair that is there, or in a new one; tells whether the run is to be run once more in new
+    /// processes, as few of many are.
     ///
     /// # Errors
     /// If the run did not end by itself: a side died, refused its job or was too late, or it was interrupted.
@@ -54,25 +59,40 @@ impl Kept {
         &mut self,
         plan: &Plan,
         binaries: &Binaries,
+        grid: Option<Arc<Grid>>,
         interruption: &Interruption,
-    ) -> Result<Ended, Failure> {
+    ) -> Result<(Ended, bool), Failure> {
         let layout = binaries.record_layout(plan)?;
         let mut pair = match self.take(&layout) {
             Some(mut pair) => {
                 pair.runs += 1;
                 write_jobs(plan, binaries, pair.session.info(), pair.runs)?;
-                pair.plant.tell(NEXT);
-                pair.controller.tell(NEXT);
+                for side in [&mut pair.plant, &mut pair.controller] {
+                    side.forget_output();
+                    side.tell(NEXT);
+                }
                 pair
             }
             None => Pair::start(plan, binaries, layout, interruption)?,
         };
-        let ended = pair.take_run(plan, interruption)?;
+        let ended = match pair.take_run(plan, grid, interruption) {
+            Err(Failure::Infrastructure(seen)) => {
+                // What a side would have refused before it ran is nothing that another try mends.
+                refuse_jobs(plan, binaries, interruption)?;
+                return Err(Failure::Infrastructure(seen));
+            }
+            ended => ended?,
+        };
+        let is_to_check = pair.is_to_check();
+        // Their output is bounded by who looks at them.
+        for other in &mut self.pairs {
+            let _ = other.plant.has_ended() | other.controller.has_ended(); // told when it is wanted
+        }
         self.pairs.push(pair);
         if self.pairs.len() > MOST_PAIRS {
             self.pairs.remove(0);
         }
-        Ok(ended)
+        Ok((ended, is_to_check))
     }
 
     /// Takes the pair of a layout, if there is one and both processes live.
@@ -120,6 +140,7 @@ impl Pair {
         interruption: &Interruption,
     ) -> Result<Self, Failure> {
         let mut session = Session::create(None).map_err(Failure::infrastructure)?;
+        // Gone once both have opened what they write to: no end of hil leaves it.
         let folder = tempfile::tempdir().map_err(Failure::infrastructure)?;
         let info = session.info().clone();
         write_jobs(plan, binaries, &info, 0)?;
@@ -128,6 +149,7 @@ impl Pair {
         (session.add_child(plant.process_id())).map_err(Failure::infrastructure)?;
         let mut controller = start("controller", &binaries.controller, "controller.log")?;
         (session.add_controller(1, controller.process_id())).map_err(Failure::infrastructure)?;
+        drop(folder);
         let mut opened = None;
         let source = loop {
             // Asked before the look: what they said before they ended still counts.
@@ -146,12 +168,32 @@ impl Pair {
             session,
             layout,
             runs: 0,
-            _folder: folder,
+            checked: 1,
         })
     }
 
+    /// Tells whether the run that is over is to be run once more: the second one of the pair, and then ever fewer,
+    /// at odd and even numbers, as variants take turns.
+    fn is_to_check(&mut self) -> bool {
+        let is_to_check = self.runs == self.checked;
+        if is_to_check {
+            let further = self.runs / 2 + 2;
+            self.checked += if further < UNCHECKED {
+                further
+            } else {
+                UNCHECKED
+            };
+        }
+        is_to_check
+    }
+
     /// Takes the records of the run that both were told to begin.
-    fn take_run(&mut self, plan: &Plan, interruption: &Interruption) -> Result<Ended, Failure> {
+    fn take_run(
+        &mut self,
+        plan: &Plan,
+        grid: Option<Arc<Grid>>,
+        interruption: &Interruption,
+    ) -> Result<Ended, Failure> {
         let Self {
             source,
             plant,
@@ -159,7 +201,7 @@ impl Pair {
             ..
         } = self;
         let is_over = || interruption.came() || plant.has_ended() || controller.has_ended();
-        let recorded = take_run(plan.clone(), &self.layout, source, is_over);
+        let recorded = take_run(plan.clone(), &self.layout, grid, source, is_over);
         if interruption.came() {
             return Err(Failure::Interrupted);
         }
@@ -179,6 +221,25 @@ impl Pair {
             }
         }
     }
+}
+
+/// Has both sides look at their jobs, as they do before a run in new processes.
+///
+/// # Errors
+/// Objection of a side.
+fn refuse_jobs(
+    plan: &Plan,
+    binaries: &Binaries,
+    interruption: &Interruption,
+) -> Result<(), Failure> {
+    let session = Session::create(None).map_err(Failure::infrastructure)?;
+    let info = session.info();
+    let settings = Settings::without_recording(LinkKind::Iceoryx2, None);
+    let (plant, controller) = jobs::of(plan, binaries, info, &settings, &[]);
+    let file = plant_process::job::JOB_FILE;
+    jobs::check(&binaries.plant, info, file, &plant, interruption)?;
+    let file = controller_process::job::JOB_FILE;
+    jobs::check(&binaries.controller, info, file, &controller, interruption)
 }
 
 /// Describes a run that did not end by itself: what was seen of it, and what became of its sides.

@@ -60,6 +60,14 @@ impl Log {
         self.file.try_clone()
     }
 
+    /// Empties it.
+    pub(super) fn clear(&mut self) {
+        // What cannot be emptied is read once more.
+        if self.file.set_len(0).is_ok() {
+            (self.left_out_bytes, self.marker_bytes) = (0, 0);
+        }
+    }
+
     /// Leaves out the middle of a log that is too long.
     pub(super) fn bound(&mut self) {
         // A log that cannot be made shorter must not end a run.

@@ -92,6 +92,11 @@ impl Side {
         self.status.is_some()
     }
 
+    /// Forgets its output so far.
+    pub(super) fn forget_output(&mut self) {
+        self.log.clear();
+    }
+
     /// Writes a line to its input. It may have ended, which shows elsewhere.
     pub(super) fn tell(&mut self, line: &str) {
         if let Some(input) = &mut self.process.stdin {

@@ -8,8 +8,10 @@ pub(crate) mod bounds;
 pub(crate) mod signal;
 
 use glob::Pattern;
+use hil_config::expression::Group;
 use hil_config::plan::{FaultAction, Plan, Scale};
 use serde::Serialize;
+use shared_types::record::RecordLayout;
 
 use bounds::{Bound, Other};
 use hil_recording::reader::Column;
@@ -113,6 +115,19 @@ pub(crate) struct Choice<'a> {
     pub asked: &'a [Pattern],
     /// Values, if they are known.
     pub values: Option<&'a dyn Values>,
+}
+
+/// Lists the signals of a record, as scenarios name them.
+#[must_use]
+pub(crate) fn columns_of(layout: &RecordLayout) -> Vec<Column> {
+    let groups = Group::ALL.into_iter().zip(layout.groups());
+    let columns = groups.flat_map(|(group, fields)| {
+        fields.iter().map(move |field| Column {
+            name: format!("{}.{}", group.prefix(), field.name),
+            unit: field.unit.clone(),
+        })
+    });
+    columns.collect()
 }
 
 /// Chooses the plots, those of the scenario first, then what decides its verdict.

@@ -9,12 +9,13 @@ use std::path::{Path, PathBuf};
 use rustix::fs::{FlockOperation, flock};
 
 use super::{
-    CAMPAIGN, CLASS, DIGITS, LOST, PART, PartError, SEAL, SUM, Shard, circumstance_columns, seal,
-    sealed,
+    CAMPAIGN, DIGITS, PART, PartError, SEAL, SUM, Shard, circumstance_columns, seal, sealed,
 };
+use crate::curve::Curve;
+use crate::curves::Curves;
 use crate::folder::Conflict;
 use crate::journal::{self, Circumstances, Journal};
-use crate::table::{self, Column, Row, Writer};
+use crate::table::{self, CLASS, Column, LOST, Row, Writer};
 
 /// An attempt at a shard.
 pub struct Attempt<'a> {
@@ -26,6 +27,7 @@ pub struct Attempt<'a> {
     /// Journals of the dead.
     stale: Vec<PathBuf>,
     conflict: Option<Conflict>,
+    curves: Curves,
 }
 
 /// End of an attempt.
@@ -52,6 +54,7 @@ impl<'a> Attempt<'a> {
             tries: BTreeMap::new(),
             stale: Vec::new(),
             conflict: None,
+            curves: Curves::default(),
         };
         for path in journal::paths(&path)? {
             if path != attempt.journal.path() {
@@ -84,6 +87,9 @@ impl<'a> Attempt<'a> {
                 attempt: found.name.clone(),
                 tries: 1,
             };
+            if let Some(curve) = found.curves.get(&case) {
+                self.curves.take(self.shard.folder.manifest(), &row, curve);
+            }
             self.keep(case, row, circumstances);
         }
         if found.is_dead {
@@ -112,14 +118,6 @@ impl<'a> Attempt<'a> {
         self.rows.contains_key(&case)
     }
 
-    /// Returns the row of a case, if it has one and was not set aside.
-    #[must_use]
-    pub fn result(&self, case: u64) -> Option<&Row> {
-        let columns = &self.shard.folder.manifest().columns;
-        let (row, _) = self.rows.get(&case)?;
-        (!is_lost(row, columns)).then_some(row)
-    }
-
     /// Counts the workers that a case has ended.
     #[must_use]
     pub fn tries(&self, case: u64) -> u64 {
@@ -142,12 +140,15 @@ impl<'a> Attempt<'a> {
         self.journal.leave(case)
     }
 
-    /// Takes the row of a case.
+    /// Takes the row of a case, with its curve if it has one.
     ///
     /// # Errors
     /// If it cannot be written.
-    pub fn row(&mut self, row: Row, wall_s: f64) -> io::Result<()> {
-        self.journal.row(&row, wall_s)?;
+    pub fn row(&mut self, row: Row, wall_s: f64, curve: Option<Curve>) -> io::Result<()> {
+        let manifest = self.shard.folder.manifest();
+        // What lies within the curves of rows that were noted before follows from those.
+        let curve = curve.filter(|curve| self.curves.take(manifest, &row, curve));
+        self.journal.row(&row, wall_s, curve)?;
         let case = row[0].as_count();
         let circumstances = Circumstances {
             wall_s,
@@ -157,25 +158,6 @@ impl<'a> Attempt<'a> {
         };
         self.keep(case, row, circumstances);
         Ok(())
-    }
-
-    /// Compares the row of a case with another one that its worker made; notes a difference.
-    ///
-    /// # Errors
-    /// If it cannot be written.
-    pub fn compare(&self, case: u64, other: &Row, by: &str) -> io::Result<Option<Conflict>> {
-        let folder = self.shard.folder;
-        let columns = &folder.manifest().columns;
-        let found = (self.result(case)).and_then(|row| difference(row, other, columns, by));
-        if let Some(conflict) = &found {
-            folder.note(conflict)?;
-        }
-        Ok(found)
-    }
-
-    /// Forgets its rows, and those that the dead left.
-    pub fn discard(self) {
-        self.remove_journals();
     }
 
     fn remove_journals(&self) {
@@ -193,6 +175,9 @@ impl<'a> Attempt<'a> {
         let io = PartError::Io;
         let path = self.shard.path();
         let place = path.join(PART);
+        if self.shard.folder.manifest().curves.is_some() {
+            self.curves.write(&path).map_err(io)?;
+        }
         let (rows, circumstances): (Vec<Row>, Vec<Circumstances>) =
             std::mem::take(&mut self.rows).into_values().unzip();
         let columns = &self.shard.folder.manifest().columns;
@@ -261,8 +246,10 @@ impl<'a> Attempt<'a> {
     }
 }
 
-/// Finds the first column in which two rows of a case differ. A case that was set aside contradicts nothing.
-fn difference(first: &Row, second: &Row, columns: &[Column], by: &str) -> Option<Conflict> {
+/// Finds the first column in which two rows of a case differ, the second made `by` somebody. A case that was set
+/// aside contradicts nothing.
+#[must_use]
+pub fn difference(first: &Row, second: &Row, columns: &[Column], by: &str) -> Option<Conflict> {
     if first == second || is_lost(first, columns) || is_lost(second, columns) {
         return None;
     }

@@ -6,6 +6,7 @@ use proptest::prelude::*;
 use super::attempt::Published;
 use super::*;
 use crate::manifest::{Copied, MANIFEST, Manifest, SCHEMA};
+use crate::table::LOST;
 
 /// A campaign of so many cases in a folder that is gone afterwards.
 pub(crate) struct Campaign {
@@ -15,12 +16,17 @@ pub(crate) struct Campaign {
 
 impl Campaign {
     pub(crate) fn new(cases: u64, shard_cases: u64) -> Self {
+        Self::with(cases, shard_cases, |_| {})
+    }
+
+    /// One whose manifest is changed before it is written.
+    pub(crate) fn with(cases: u64, shard_cases: u64, change: impl FnOnce(&mut Manifest)) -> Self {
         let root = tempfile::tempdir().expect("a folder");
         let file = || Copied {
             path: "x".into(),
             blake3: "0".into(),
         };
-        let manifest = Manifest {
+        let mut manifest = Manifest {
             schema: SCHEMA,
             name: "demo".into(),
             cases,
@@ -36,8 +42,10 @@ impl Campaign {
                 Column::new("x", Kind::Number),
                 Column::new("class", Kind::Text),
             ],
+            curves: None,
             case_s: 0.1,
         };
+        change(&mut manifest);
         let text = serde_json::to_vec(&manifest).expect("JSON");
         fs::write(root.path().join(MANIFEST), text).expect("written");
         let folder = Folder::open(root.path()).expect("a campaign");
@@ -90,7 +98,7 @@ pub(crate) fn complete(attempt: &mut Attempt<'_>, row: impl Fn(u64) -> Row) {
     for case in attempt.shard.cases() {
         if !attempt.has(case) {
             attempt.start(case).expect("noted");
-            attempt.row(row(case), 0.5).expect("noted");
+            attempt.row(row(case), 0.5, None).expect("noted");
         }
     }
 }
@@ -167,7 +175,7 @@ fn rows_of_a_dead_attempt_are_taken_over_and_compared() {
     let mut dead = campaign.attempt(0);
     for case in 0..3 {
         dead.start(case).expect("noted");
-        dead.row(row(case, 1.0), 0.25).expect("noted");
+        dead.row(row(case, 1.0), 0.25, None).expect("noted");
     }
     let name = dead.journal.name().to_owned();
     drop(dead);
@@ -183,7 +191,7 @@ fn rows_of_a_dead_attempt_are_taken_over_and_compared() {
     for x in [1.0, 2.0] {
         let mut dead = campaign.attempt(0);
         dead.rows.clear(); // as if both had begun together
-        dead.row(row(0, x), 0.1).expect("noted");
+        dead.row(row(0, x), 0.1, None).expect("noted");
     }
     let attempt = campaign.attempt(0);
     assert!(matches!(attempt.publish(), Ok(Published::Otherwise(_))));

@@ -10,6 +10,7 @@ use hil_campaign::table::{Reader, TableError, Values};
 use hil_config::study::Study;
 use serde::{Serialize, Serializer};
 
+use super::envelopes::Envelopes;
 use crate::campaign::answers::{Answers, CLASSES, margin};
 
 /// Most numbers of a page; with four bytes each in base64 it stays below 20 MB.
@@ -35,6 +36,8 @@ pub(super) struct Data {
     columns: Vec<ColumnData>,
     /// Places among the varied values of the two that margins follow most.
     axes: Vec<usize>,
+    /// Curves over time, if the campaign keeps some.
+    pub(super) envelopes: Option<Envelopes>,
 }
 
 #[derive(Debug, Serialize)]
@@ -63,7 +66,7 @@ struct Numbers(Vec<f64>);
 
 /// Numbers in single precision, little end first.
 #[derive(Debug, Default)]
-struct Singles(Vec<f32>);
+pub(super) struct Singles(pub(super) Vec<f32>);
 
 /// Numbers of one byte.
 #[derive(Debug, Default)]
@@ -138,6 +141,7 @@ impl Data {
             cases: (!is_counted).then_some(Numbers(cases)),
             class: Codes(codes),
             axes: axes(answers, &columns),
+            envelopes: Envelopes::read(folder, study)?,
             columns,
         })
     }

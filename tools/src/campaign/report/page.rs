@@ -108,6 +108,29 @@ fn warnings(campaign: &Campaign) -> Markup {
     }
 }
 
+/// Writes the frame of the curves over time.
+fn envelopes(data: &Data) -> Markup {
+    let Some(envelopes) = &data.envelopes else {
+        return html! {};
+    };
+    html! {
+        section #envelopes {
+            h3 { "Over time" }
+            p.hint {
+                "From the outside: the least and the greatest value of all cases; 90 % and half of "
+                (counted(envelopes.draws as u64, "draw")) "; the median. At each time of its own: no case need follow a line. "
+                "Diverged cases are left out. A selection changes nothing here."
+            }
+            @if envelopes.without > 0 { p.note {
+                (counted(envelopes.without, "shard")) " of the campaign without curves: their cases are missing below. "
+                "The results are all there."
+            } }
+            div.controls { label { "Worst case of " select #worst {} } }
+            div.plots #timed {}
+        }
+    }
+}
+
 /// Writes the frame that the script draws into.
 fn plots(data: &Data) -> Markup {
     html! {
@@ -141,6 +164,7 @@ fn plots(data: &Data) -> Markup {
                 h3 { "Margins and metrics" }
                 p.hint { "A margin below zero fails. Diverged cases, and others beyond a plot, are counted at its edge." }
                 div.plots #outcomes {}
+                (envelopes(data))
                 section #map {
                     h3 { "Map of pass and fail" }
                     div.controls {

@@ -6,6 +6,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
+use hil_campaign::curve::Grid;
 use hil_config::plan::Plan;
 use shared_types::link::LinkError;
 use shared_types::record::{Event, RecordLayout};
@@ -24,11 +25,13 @@ const FIRST_NAP: Duration = Duration::from_micros(50);
 pub(crate) fn take_run(
     plan: Plan,
     layout: &RecordLayout,
+    grid: Option<Arc<Grid>>,
     source: &mut impl RecordSource,
     mut is_over: impl FnMut() -> bool,
 ) -> Recorded {
     let shared = Arc::new(Shared::default());
-    let mut work = Work::new(plan, None, Vec::new(), shared).without_latency();
+    let work = Work::new(plan, None, Vec::new(), shared).without_latency();
+    let mut work = work.with_curve(grid);
     work.attach(layout.clone());
     let mut nap = FIRST_NAP;
     while !work.has_ended() {
@@ -40,7 +43,7 @@ pub(crate) fn take_run(
                 std::thread::sleep(nap);
                 nap = if nap < NAP { 2 * nap } else { NAP };
             }
-            Ok(_) => {}
+            Ok(_) => nap = FIRST_NAP,
             Err(error) => work.fail(format!("the record stream failed: {error}")),
         }
     }
@@ -56,12 +59,12 @@ pub(crate) struct DirectRecorder {
 }
 
 impl DirectRecorder {
-    /// Makes a recorder of records of this layout.
-    pub(crate) fn new(plan: Plan, layout: RecordLayout) -> Self {
+    /// Makes a recorder of records of this layout, which takes a curve if there is a grid for it.
+    pub(crate) fn new(plan: Plan, layout: RecordLayout, grid: Option<Arc<Grid>>) -> Self {
         let shared = Arc::new(Shared::default());
         let work = Work::new(plan, None, Vec::new(), Arc::clone(&shared)).without_latency();
         Self {
-            work: Rc::new(RefCell::new(work)),
+            work: Rc::new(RefCell::new(work.with_curve(grid))),
             shared,
             layout,
         }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, PoisonError};
 
+use hil_campaign::curve::Grid;
 use hil_config::plan::{Clock, Plan};
 use hil_recording::clean::clean;
 use hil_recording::reader::{ReadError, RunReader};
@@ -17,6 +18,7 @@ use shared_types::time::Step;
 use super::heard::Heard;
 use crate::checkpoint::past::PastRecords;
 use crate::results::collector::Collector;
+use crate::results::curves::CurveTaker;
 use crate::results::ending;
 use crate::results::evaluation::RecordEvaluation;
 use crate::results::recorded::Recorded;
@@ -31,6 +33,8 @@ pub(super) struct Work {
     /// After how many records the digest is wanted besides.
     marks: Vec<u64>,
     shared: Arc<Shared>,
+    /// Grid of the curve, if one is to be taken.
+    grid: Option<Arc<Grid>>,
     pub(super) layout: RecordLayout,
     heard: Heard,
     recording: Option<Recording>,
@@ -51,6 +55,7 @@ impl Work {
             recording_plan,
             marks,
             shared,
+            grid: None,
             layout: RecordLayout::default(),
             heard: Heard::default(),
             recording: None,
@@ -61,6 +66,12 @@ impl Work {
     /// The same without figures of latency, which take longer than a short run.
     pub(super) fn without_latency(mut self) -> Self {
         self.collector.latency = None;
+        self
+    }
+
+    /// The same with the curve of a case.
+    pub(super) fn with_curve(mut self, grid: Option<Arc<Grid>>) -> Self {
+        self.grid = grid;
         self
     }
 
@@ -123,6 +134,8 @@ impl Work {
             Ok(evaluation) => self.collector.evaluation = Some(evaluation),
             Err(error) => self.fail(format!("cannot evaluate the scenario: {error}")),
         }
+        let grid = self.grid.clone();
+        self.collector.curve = grid.map(|grid| CurveTaker::new(grid, &self.plan, &layout));
         if let Some(plan) = &self.recording_plan {
             let part = (!plan.choice.is_all()).then_some(Part {
                 choice: &plan.choice,

@@ -6,7 +6,7 @@
 use std::path::PathBuf;
 
 use hil_config::evaluation::Evaluation;
-use hil_config::expression::{Columns, Group};
+use hil_config::expression::Columns;
 use hil_config::plan::Plan;
 use shared_types::live::{FaultState, Status};
 use shared_types::record::{Change, Event, Outcome, RecordLayout, Validity};
@@ -19,6 +19,7 @@ use crate::session::observer::Seen;
 use crate::session::standing::Standing;
 use crate::terminal::exit::Failure;
 use crate::views::plots::bounds::bounds;
+use crate::views::plots::columns_of;
 use hil_recording::reader::Column;
 
 /// End of the watched run.
@@ -129,13 +130,7 @@ impl Model {
     /// # Errors
     /// If those that are to be drawn are not among them.
     pub(crate) fn attach(&mut self, layout: &RecordLayout) -> Result<(), Failure> {
-        self.columns.clear();
-        for (group, fields) in Group::ALL.into_iter().zip(layout.groups()) {
-            self.columns.extend(fields.iter().map(|field| Column {
-                name: format!("{}.{}", group.prefix(), field.name),
-                unit: field.unit.clone(),
-            }));
-        }
+        self.columns = columns_of(layout);
         self.validity = layout.validity();
         let recorded = self.columns.len();
         // Patterns know nothing of what requirements compute.

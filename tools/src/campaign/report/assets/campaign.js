@@ -219,14 +219,14 @@
       if (isIntersecting && plot.isStale) redraw(plot);
     }
   }, { rootMargin: "150px" });
-  const addPlot = (inside, label, height, x, y, draw) => {
+  const addPlot = (inside, label, height, x, y, draw, isBrushed = true) => {
     const figure = make("figure", undefined, inside, { className: "plot" });
     make("figcaption", label, figure);
     const canvas = make("canvas", undefined, figure, { role: "img", ariaLabel: label, style: `height: ${height}px` });
     const plot = { figure, canvas, height, x, y, draw, isStale: true, isSeen: false, at: null };
     plots.push(plot);
     seen.observe(figure);
-    brushes(plot);
+    if (isBrushed) brushes(plot);
     return plot;
   };
   // Gives the canvas the pixels of its place; without a change of size this does nothing.
@@ -436,6 +436,82 @@
     return found;
   };
 
+  // ---- Curves over time ----
+  const CURVES = 8; // from the least to the greatest: an outer pair, two bands, the median's two
+  const SHADES = [0.12, 0.25, 0.4]; // of the bands, from the outside
+  // The curves of a signal for each variant, and a range that a few far values do not stretch.
+  const timed = (envelopes) => envelopes.signals.map(([name, unit], place) => {
+    const read = (text) => new Float32Array(bytesOf(text).buffer);
+    const perVariant = envelopes.variants.map((signals) => read(signals[place]));
+    const ends = (from, to) => {
+      const values = perVariant.flatMap((all) => [from, to].flatMap((curve) => [...all.subarray(curve * envelopes.bins, (curve + 1) * envelopes.bins)])).filter(Number.isFinite);
+      return values.reduce(([lo, hi], value) => [Math.min(lo, value), Math.max(hi, value)], [Infinity, -Infinity]);
+    };
+    const [all, most] = [ends(0, CURVES - 1), ends(1, CURVES - 2)];
+    const far = 1.5 * (most[1] - most[0]);
+    let [lo, hi] = most[1] >= most[0] ? [Math.max(all[0], most[0] - far), Math.min(all[1], most[1] + far)] : all;
+    if (lo === hi) [lo, hi] = [lo - (Math.abs(lo) || 1) / 2, hi + (Math.abs(hi) || 1) / 2];
+    const space = 0.04 * (hi - lo);
+    const worst = envelopes.worst.map((one) => ({ ...one, curve: read(one.signals[place]) }));
+    const label = name + (unit && unit !== "1" ? ` [${unit}]` : "");
+    return { label, perVariant, worst, y: { lo: lo - space, hi: hi + space, range: null, isUndrawn: !Number.isFinite(lo) } };
+  });
+  const drawTimed = (plot, context) => {
+    const { bins } = data.envelopes;
+    const colour = colours.runs[plot.variant];
+    const at = (bin) => LEFT + (plot.inner * (bin + 0.5)) / bins;
+    const up = (value) => TOP + plot.tall * (1 - (value - plot.y.lo) / (plot.y.hi - plot.y.lo));
+    axisBelow(plot, context);
+    axisLeft(plot, context, ticks(plot.y.lo, plot.y.hi, plot.tall / 30).map((value) => [up(value), number(value)]));
+    context.save();
+    context.beginPath();
+    context.rect(LEFT, TOP, plot.inner, plot.tall);
+    context.clip();
+    // Between two curves, in as many pieces as there are gaps in time.
+    const between = (low, high, alpha, isFilled) => {
+      Object.assign(context, { fillStyle: colour, strokeStyle: isFilled ? colour : colours.ink, lineWidth: 1.5 });
+      for (let from = 0; from < bins; from++) {
+        if (!Number.isFinite(low[from])) continue;
+        let to = from;
+        while (to < bins && Number.isFinite(low[to])) to++;
+        const [there, back] = [new Path2D(), new Path2D()];
+        for (let bin = from; bin < to; bin++) there.lineTo(at(bin), up(high[bin]));
+        for (let bin = to - 1; bin >= from; bin--) back.lineTo(at(bin), up(low[bin]));
+        const area = new Path2D(there);
+        for (let bin = to - 1; bin >= from; bin--) area.lineTo(at(bin), up(low[bin]));
+        area.closePath();
+        context.globalAlpha = alpha;
+        if (isFilled) context.fill(area);
+        context.globalAlpha = 1;
+        // A band of no height is a line all the same.
+        if (!isFilled || alpha === 1) [there, back].forEach((edge) => context.stroke(edge));
+        from = to;
+      }
+    };
+    const curve = (all, place) => all.subarray(place * bins, (place + 1) * bins);
+    SHADES.forEach((shade, n) => between(curve(plot.curves, n), curve(plot.curves, CURVES - 1 - n), shade, true));
+    between(curve(plot.curves, 3), curve(plot.curves, 4), 1, true);
+    const worst = plot.worst.find((one) => one.variant === plot.variant && one.requirement === byId("worst").value);
+    if (worst) between(curve(worst.curve, 0), curve(worst.curve, 1), 0, false);
+    context.restore();
+    if (!worst) return;
+    Object.assign(context, { fillStyle: colours.ink, textAlign: "right", textBaseline: "top" });
+    context.fillText(`case ${worst.case}`, LEFT + plot.inner - 3, TOP + 2);
+  };
+  const addTimed = (envelopes) => {
+    const names = [...new Set(envelopes.worst.map((one) => one.requirement))];
+    for (const name of ["", ...names]) make("option", name || "nothing", byId("worst"), { value: name });
+    byId("worst").value = names[0] ?? "";
+    byId("worst").addEventListener("change", () => drawSeen(true));
+    const x = { lo: 0, hi: envelopes.end_s, range: null, isUndrawn: false };
+    for (const { label, perVariant, worst, y } of timed(envelopes)) {
+      perVariant.forEach((curves, variant) => {
+        const words = (variants > 1 ? data.variants[variant] + ": " : "") + label + " over s";
+        Object.assign(addPlot(byId("timed"), words, 170, x, y, drawTimed, false), { curves, worst, variant });
+      });
+    }
+  };
+
   // ---- One case ----
   const showCase = (row) => {
     const box = byId("case");
@@ -560,6 +636,7 @@
   };
   for (const column of varied) rangeFields(addPlot(byId("varied"), column.label, 150, column, null, drawVaried));
   for (const column of outcomes) addPlot(byId("outcomes"), (column.role === "margin" ? "margin of " : "") + column.label, 170, column, null, drawOutcome);
+  if (data.envelopes) addTimed(data.envelopes);
   byId("map").hidden = varied.length < 2;
   if (varied.length > 1) {
     const [across, up] = [byId("across"), byId("up")];

@@ -1,0 +1,175 @@
+use super::*;
+use crate::collect;
+use crate::shard::Shard;
+use crate::shard::tests::Campaign;
+use crate::table::{Cell, Column, Kind};
+
+const CASES: u64 = 40;
+const BINS: usize = 3;
+
+fn grid() -> Grid {
+    Grid {
+        signals: vec![("x_m".into(), "m".into()), ("y_n".into(), "N".into())],
+        bins: BINS,
+        bin_s: 0.5,
+        every: 4,
+    }
+}
+
+/// Two variants of twenty draws, in shards of ten cases.
+fn campaign() -> Campaign {
+    Campaign::with(CASES, 10, |manifest| {
+        manifest.columns = vec![
+            Column::new("case", Kind::Count),
+            Column::new("draw", Kind::Count),
+            Column::new("variant", Kind::Text),
+            Column::new(CLASS, Kind::Text),
+            Column::new("robustness.a", Kind::Number),
+        ];
+        manifest.curves = Some(grid());
+    })
+}
+
+/// Value of a signal in a bin: one of many that no order of cases makes greater or smaller.
+fn value(case: u64, signal: usize, bin: usize) -> f64 {
+    let mixed = (case * 7 + signal as u64 * 3 + bin as u64 * 11) % 23;
+    mixed as f64 - 11.0
+}
+
+fn margin(case: u64) -> f64 {
+    ((case * 13) % 17) as f64 - 5.0
+}
+
+fn has_diverged(case: u64) -> bool {
+    case % 9 == 5
+}
+
+fn row(case: u64) -> Row {
+    let class = if has_diverged(case) { DIVERGED } else { "pass" };
+    let variant = if case.is_multiple_of(2) { "a" } else { "b" };
+    vec![
+        Cell::Count(case),
+        Cell::Count(case / 2),
+        Cell::Text(variant.into()),
+        Cell::Text(class.into()),
+        Cell::number(margin(case)),
+    ]
+}
+
+fn curve(case: u64) -> Curve {
+    let grid = grid();
+    let mut curve = Curve::new(&grid);
+    // The second signal has no value in the last bin.
+    for (signal, bin) in [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1)] {
+        let value = value(case, signal, bin);
+        curve.take(&grid, signal, bin, value);
+        curve.take(&grid, signal, bin, value + 0.5);
+    }
+    curve.take(&grid, 1, 2, f64::NAN);
+    curve
+}
+
+fn run(campaign: &Campaign, shard: u64, kept: impl Fn(u64) -> bool) {
+    let mut attempt = campaign.attempt(shard);
+    for case in Shard::of(&campaign.folder, shard).cases() {
+        if !attempt.has(case) && kept(case) {
+            attempt
+                .row(row(case), 0.1, Some(curve(case)))
+                .expect("noted");
+        }
+    }
+    if Shard::of(&campaign.folder, shard)
+        .cases()
+        .all(|case| attempt.has(case))
+    {
+        attempt.publish().expect("published");
+    }
+}
+
+#[test]
+fn envelopes_and_worst_cases_are_those_of_all_cases_whoever_ran_them() {
+    let campaign = campaign();
+    // The first shard had three workers, of which two died.
+    run(&campaign, 0, |case| case % 3 == 0);
+    run(&campaign, 0, |case| case % 3 == 1);
+    for shard in 0..4 {
+        run(&campaign, shard, |_| true);
+    }
+    let (curves, without) = collect::curves(&campaign.folder).expect("read");
+    assert_eq!(without, 0);
+    for (remainder, variant) in [(0, "a"), (1, "b")] {
+        let cases = (0..CASES).filter(|case| case % 2 == remainder && !has_diverged(*case));
+        let envelope = &curves.envelopes[variant];
+        for (signal, bin) in [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1)] {
+            let values = cases.clone().map(|case| value(case, signal, bin));
+            let least = values.clone().min_by(f64::total_cmp).expect("some") as f32;
+            let greatest = values.max_by(f64::total_cmp).expect("some") as f32 + 0.5;
+            assert_eq!(
+                envelope.signal(&grid(), signal)[bin],
+                [least, greatest],
+                "{variant} {signal} {bin}"
+            );
+        }
+        assert!(envelope.signal(&grid(), 1)[2][0].is_nan());
+        let mut worst: Vec<u64> = cases.collect();
+        worst.sort_by(|a, b| margin(*a).total_cmp(&margin(*b)).then(a.cmp(b)));
+        let of = curves.worst.iter().find(|one| one.variant == variant);
+        let of = of.expect("a worst case");
+        assert_eq!((of.case, of.margin), (worst[0], margin(worst[0])));
+        assert_eq!(
+            of.curve.signal(&grid(), 0),
+            curve(of.case).signal(&grid(), 0)
+        );
+    }
+    // Every fourth draw has two cases.
+    let sampled = (0..CASES).filter(|case| (case / 2) % 4 == 0 && !has_diverged(*case));
+    assert!(curves.sampled.keys().copied().eq(sampled));
+}
+
+#[test]
+fn curves_that_change_nothing_are_not_noted() {
+    let campaign = campaign();
+    run(&campaign, 1, |case| case != 19);
+    let shard = campaign.folder.path().join("shards/00000001");
+    let journal = journal::paths(&shard).expect("a folder").remove(0);
+    let noted = fs::read_to_string(&journal).expect("a journal");
+    let with = noted.matches("\"curve\"").count();
+    assert!(with > 0 && with < 9, "{with}");
+    // The same cases once more are within what is known.
+    let found = journal::read(&journal, campaign.folder.id()).expect("read");
+    let found = found.expect("whole");
+    let mut curves = Curves::default();
+    let manifest = campaign.folder.manifest();
+    for (case, curve) in &found.curves {
+        curves.take(manifest, &row(*case), curve);
+    }
+    for case in 10_u64..19 {
+        let is_sampled = (case / 2).is_multiple_of(4);
+        assert_eq!(
+            curves.take(manifest, &row(case), &curve(case)),
+            is_sampled && !has_diverged(case),
+            "{case}"
+        );
+    }
+}
+
+#[test]
+fn a_damaged_file_of_curves_costs_no_result() {
+    let campaign = campaign();
+    for shard in 0..4 {
+        run(&campaign, shard, |_| true);
+    }
+    let path = campaign.folder.path().join("shards/00000002").join(CURVES);
+    let mut bytes = fs::read(&path).expect("curves");
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    fs::write(&path, bytes).expect("written");
+    let (curves, without) = collect::curves(&campaign.folder).expect("read");
+    assert_eq!(without, 1);
+    assert!(curves.sampled.keys().all(|case| !(20..30).contains(case)));
+    assert!(Shard::of(&campaign.folder, 2).part().is_ok());
+    // A result that is set aside takes its curves with it, and has new ones when it is computed again.
+    Shard::of(&campaign.folder, 2).set_aside().expect("renamed");
+    run(&campaign, 2, |_| true);
+    assert_eq!(collect::curves(&campaign.folder).expect("read").1, 0);
+}
