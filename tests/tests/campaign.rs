@@ -106,6 +106,8 @@ fn one_worker_or_three_and_whatever_kills_them_give_one_digest() {
     }
     campaign(&rig, &["run", text(&three), "--jobs", "3"]).expect(0);
     assert_eq!(digest(&rig, &three), expected);
+    let [of_one, of_three] = [one, three.clone()].map(|folder| page::data(&rig, &folder));
+    assert_eq!(of_one["envelopes"], of_three["envelopes"]);
     let status = json(&campaign(&rig, &["status", text(&three), "--json"]).expect(0));
     assert_eq!(
         (&status["published"], &status["missing"]),

@@ -1,7 +1,10 @@
 //! The page of a campaign: what it says without a script, and with one in a browser.
 
+use std::path::Path;
 use std::process::Command;
 
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
 use serde_json::Value;
 
 use super::{STUDY, campaign, digest, planned, study, text};
@@ -48,4 +51,116 @@ fn a_page_of_a_campaign_says_what_show_says_and_asks_for_nothing() {
         (&told["rows"], &told["wrong"]),
         (&60.into(), &Value::Array(Vec::new()))
     );
+}
+
+/// Data that the page of a campaign gives its script.
+pub(super) fn data(rig: &Rig, folder: &Path) -> Value {
+    let page = rig.hil(&["report", text(folder), "-o", "-"]).expect(0);
+    let after = page
+        .stdout
+        .split("<script id=\"data\" type=\"application/json\">");
+    let json = after.last().and_then(|rest| rest.split("</script>").next());
+    serde_json::from_str(json.expect("data")).expect("JSON")
+}
+
+/// Curves of some numbers each.
+fn curves(packed: &Value, bins: usize) -> Vec<Vec<f32>> {
+    let bytes = STANDARD.decode(packed.as_str().expect("text"));
+    let bytes = bytes.expect("base64");
+    let (values, _) = bytes.as_chunks();
+    let values: Vec<f32> = values.iter().map(|one| f32::from_le_bytes(*one)).collect();
+    values.chunks(bins).map(<[f32]>::to_vec).collect()
+}
+
+#[test]
+fn envelopes_are_the_least_and_greatest_values_of_recordings_of_all_cases() {
+    let rig = Rig::new();
+    let study = STUDY.replace("cases = 30", "cases = 4");
+    let study = study.split("[[variants]]").next().expect("a study");
+    let folder = planned(&rig, &super::study(&rig, study), "demo");
+    campaign(&rig, &["run", text(&folder)]).expect(0);
+    let data = data(&rig, &folder);
+    let envelopes = &data["envelopes"];
+    let signals = envelopes["signals"].as_array().expect("signals");
+    let place = signals
+        .iter()
+        .position(|one| one[0] == "truth.position_m")
+        .expect("the position");
+    let bins = usize::try_from(envelopes["bins"].as_u64().expect("bins")).expect("some");
+    let bin_s = envelopes["bin_s"].as_f64().expect("a time");
+
+    // Of each case the least and the greatest value in each bin, from a recording of its own.
+    let recorded = (0..4).map(|case| {
+        let out = rig.path(&format!("case-{case}"));
+        let number = case.to_string();
+        campaign(
+            &rig,
+            &[
+                "case",
+                text(&folder),
+                &number,
+                "--out",
+                text(&out),
+                "--in-process",
+            ],
+        );
+        let csv = rig
+            .hil(&["export", text(&out), "--signal", "truth.position_m"])
+            .expect(0);
+        let mut found = vec![[f64::INFINITY, f64::NEG_INFINITY]; bins];
+        for line in csv
+            .stdout
+            .lines()
+            .filter(|line| line.starts_with(|c: char| c.is_ascii_digit()))
+        {
+            let mut cells = line.split(',').map(|cell| cell.parse::<f64>().ok());
+            let (time_s, value) = (cells.nth(1).flatten(), cells.next().flatten());
+            let bin = (time_s.expect("a time") / bin_s) as usize;
+            let [least, greatest] = &mut found[if bin < bins { bin } else { bins - 1 }];
+            let value = value.expect("a position");
+            if value < *least {
+                *least = value;
+            }
+            if value > *greatest {
+                *greatest = value;
+            }
+        }
+        found
+            .iter()
+            .map(|bin| bin.map(|value| value as f32))
+            .collect::<Vec<_>>()
+    });
+    let recorded: Vec<Vec<[f32; 2]>> = recorded.collect();
+
+    let bands = curves(&envelopes["variants"][0][place], bins);
+    for bin in 0..bins {
+        let least = recorded
+            .iter()
+            .map(|case| case[bin][0])
+            .min_by(f32::total_cmp);
+        let greatest = recorded
+            .iter()
+            .map(|case| case[bin][1])
+            .max_by(f32::total_cmp);
+        assert_eq!(
+            (Some(bands[0][bin]), Some(bands[7][bin])),
+            (least, greatest),
+            "bin {bin}"
+        );
+        let column: Vec<f32> = bands.iter().map(|curve| curve[bin]).collect();
+        assert!(
+            column[..4].is_sorted() && column[4..].is_sorted(),
+            "{column:?}"
+        );
+    }
+    let worst = &envelopes["worst"][0];
+    let case = usize::try_from(worst["case"].as_u64().expect("a case")).expect("one of four");
+    let ends = curves(&worst["signals"][place], bins);
+    for bin in 0..bins {
+        assert_eq!(
+            [ends[0][bin], ends[1][bin]],
+            recorded[case][bin],
+            "bin {bin}"
+        );
+    }
 }

@@ -46,15 +46,16 @@ pub(super) fn chosen(
         asked: &[],
         values: None,
     });
+    // What sensors and channels change is seldom worth a second plot.
+    let shown = plots.iter().filter(|plot| plot.section != "Interface");
     let mut signals: Vec<(String, String)> = Vec::new();
-    let is_of_all = |name: &str| name.starts_with("reference.");
-    for name in plots.iter().flat_map(|plot| &plot.signals) {
+    for name in shown.flat_map(|plot| &plot.signals) {
         let place = recorded.iter().position(|column| column.name == *name);
         let Some(column) = place.map(|place| &columns[place]) else {
             continue;
         };
         let is_known = signals.iter().any(|(known, _)| *known == column.name);
-        if !is_known && !is_of_all(name) && signals.len() < MOST_SIGNALS {
+        if !is_known && !name.starts_with("reference.") && signals.len() < MOST_SIGNALS {
             signals.push((column.name.clone(), column.unit.clone()));
         }
     }

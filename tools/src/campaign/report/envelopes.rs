@@ -18,8 +18,9 @@ const UPPER: [f64; 3] = [0.5, 0.75, 0.95];
 /// All of it; plots of a signal stand beside each other, one for each variant.
 #[derive(Debug, Serialize)]
 pub(super) struct Envelopes {
-    end_s: f64,
     bins: usize,
+    /// Length of a bin in s.
+    bin_s: f64,
     /// Names and units.
     signals: Vec<(String, String)>,
     /// For each variant the curves of each signal, from the least to the greatest.
@@ -81,8 +82,8 @@ impl Envelopes {
         let mut draws: Vec<u64> = draws.collect();
         draws.dedup();
         Ok(Some(Self {
-            end_s: grid.bin_s * grid.bins as f64,
             bins: grid.bins,
+            bin_s: grid.bin_s,
             signals: grid.signals.clone(),
             variants: variants.collect(),
             worst: worst.collect(),

@@ -117,7 +117,7 @@ fn envelopes(data: &Data) -> Markup {
         section #envelopes {
             h3 { "Over time" }
             p.hint {
-                "From the outside: the least and the greatest value of all cases; 90 % and half of "
+                "Over s, from the outside: the least and the greatest value of all cases; 90 % and half of "
                 (counted(envelopes.draws as u64, "draw")) "; the median. At each time of its own: no case need follow a line. "
                 "Diverged cases are left out. A selection changes nothing here."
             }
@@ -126,7 +126,7 @@ fn envelopes(data: &Data) -> Markup {
                 "The results are all there."
             } }
             div.controls { label { "Worst case of " select #worst {} } }
-            div.plots #timed {}
+            div #timed {}
         }
     }
 }

@@ -503,11 +503,17 @@
     for (const name of ["", ...names]) make("option", name || "nothing", byId("worst"), { value: name });
     byId("worst").value = names[0] ?? "";
     byId("worst").addEventListener("change", () => drawSeen(true));
-    const x = { lo: 0, hi: envelopes.end_s, range: null, isUndrawn: false };
+    const x = { lo: 0, hi: envelopes.bins * envelopes.bin_s, range: null, isUndrawn: false };
+    // Variants of a signal stand beside each other.
+    const all = byId("timed");
+    const below = variants > 1 ? null : make("div", undefined, all, { className: "plots" });
     for (const { label, perVariant, worst, y } of timed(envelopes)) {
+      if (!below) make("h4", label, all);
+      const beside = below || make("div", undefined, all, { className: "plots" });
       perVariant.forEach((curves, variant) => {
-        const words = (variants > 1 ? data.variants[variant] + ": " : "") + label + " over s";
-        Object.assign(addPlot(byId("timed"), words, 170, x, y, drawTimed, false), { curves, worst, variant });
+        const plot = addPlot(beside, below ? label : data.variants[variant], 170, x, y, drawTimed, false);
+        plot.canvas.ariaLabel = `${label} over s: ${data.variants[variant]}`;
+        Object.assign(plot, { curves, worst, variant });
       });
     }
   };
