@@ -186,6 +186,50 @@ fn a_second_result_that_differs_ends_with_exit_code_1() {
             "{verb}: {said}"
         );
     }
+    let compared = campaign(&rig, &["compare", text(&folder), text(&folder)]).expect(1);
+    assert!(
+        compared.stderr.contains("case 7 came out twice"),
+        "{}",
+        compared.stderr
+    );
+}
+
+/// Files below a folder, with their times.
+fn below(folder: &Path) -> Vec<(PathBuf, std::time::SystemTime)> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).expect("a folder") {
+        let path = entry.expect("an entry").path();
+        match path.is_dir() {
+            true => found.extend(below(&path)),
+            false => {
+                let file = path.metadata().expect("a file");
+                found.push((path, file.modified().expect("a time")));
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+#[test]
+fn whoever_only_reads_a_campaign_writes_nothing_into_its_folder() {
+    let rig = Rig::new();
+    let folder = planned(&rig, &study(&rig, STUDY), "demo");
+    campaign(&rig, &["run", text(&folder)]).expect(0);
+    for table in ["results.parquet", "circumstances.parquet"] {
+        std::fs::remove_file(folder.join(table)).expect("a table");
+    }
+    let page = rig.path("page.html");
+    let content = || below(&folder);
+    let before = content();
+    campaign(&rig, &["show", text(&folder)]).expect(0);
+    campaign(&rig, &["compare", text(&folder), text(&folder)]).expect(0);
+    campaign(&rig, &["status", text(&folder)]).expect(0);
+    rig.hil(&["report", text(&folder), "-o", text(&page)])
+        .expect(0);
+    assert_eq!(content(), before);
+    campaign(&rig, &["collect", text(&folder)]).expect(0);
+    assert_ne!(content(), before);
 }
 
 #[test]

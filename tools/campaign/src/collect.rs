@@ -107,4 +107,7 @@ pub fn curves(folder: &Folder) -> io::Result<(Curves, u64)> {
 }
 
 #[cfg(test)]
+#[path = "collect/curves.rs"]
+mod curves_tests;
+#[cfg(test)]
 mod tests;

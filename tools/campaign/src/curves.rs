@@ -164,6 +164,3 @@ impl Curves {
         Ok(read.filter(|curves: &Self| curves.fits(grid)))
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -1,12 +1,13 @@
 //! The results of a campaign as one table in its folder, and the circumstances of its cases as another.
 
-use hil_campaign::shard::missing;
-use std::io::BufWriter;
+use std::io::{BufWriter, Write as _, sink};
 
 use hil_campaign::collect::Collected;
 use hil_campaign::folder::Folder;
+use hil_campaign::shard::missing;
 use serde_json::json;
 use shared_types::number::counted;
+use tempfile::NamedTempFile;
 
 use super::work::{cannot, open};
 use crate::arguments::campaign::CollectArguments;
@@ -74,7 +75,6 @@ pub(super) const fn exit(collected: &Collected, conflicts: bool) -> Exit {
 /// # Errors
 /// If cases are missing, or a table cannot be written.
 pub(super) fn now(folder: &Folder, partial: bool) -> Result<Collected, Failure> {
-    let shown = folder.path().display();
     if !partial {
         refuse_missing(folder, &missing(folder))?;
     }
@@ -91,12 +91,7 @@ pub(super) fn now(folder: &Folder, partial: bool) -> Result<Collected, Failure> 
     let (circumstances, also_to, other) = part(CIRCUMSTANCES)?;
     let written = hil_campaign::collect::collect(folder, to, also_to);
     let (collected, to, also_to) = written.map_err(|error| cannot(folder, &error))?;
-    for (number, what) in &collected.broken {
-        tell!("shard {number}: {what}; it is set aside");
-    }
-    if !partial {
-        refuse_missing(folder, &collected.missing)?;
-    }
+    tell_of(folder, &collected, partial)?;
     for (part, to, path) in [(results, to, path), (circumstances, also_to, other)] {
         let flushed = to
             .into_inner()
@@ -105,14 +100,56 @@ pub(super) fn now(folder: &Folder, partial: bool) -> Result<Collected, Failure> 
         part.complete(&path, true)
             .map_err(|error| cannot(folder, &error))?;
     }
+    Ok(collected)
+}
+
+/// Joins the results of a campaign, complete or not if `partial`, for somebody who reads them: in a file that is gone
+/// with the answer, as an archive may be read-only.
+///
+/// # Errors
+/// If cases are missing, or a part cannot be read.
+pub(super) fn read(folder: &Folder, partial: bool) -> Result<(Collected, NamedTempFile), Failure> {
+    if !partial {
+        refuse_missing(folder, &missing(folder))?;
+    }
+    let results = NamedTempFile::new().map_err(Failure::infrastructure)?;
+    let file = results.reopen().map_err(Failure::infrastructure)?;
+    let collected = hil_campaign::collect::collect(folder, BufWriter::new(file), sink());
+    let (collected, mut file, _) = collected.map_err(|error| cannot(folder, &error))?;
+    file.flush().map_err(Failure::infrastructure)?;
+    tell_of(folder, &collected, partial)?;
+    Ok((collected, results))
+}
+
+/// Tells what is wrong with results; refuses those that are not complete unless `partial`.
+fn tell_of(folder: &Folder, collected: &Collected, partial: bool) -> Result<(), Failure> {
+    for (number, what) in &collected.broken {
+        tell!("shard {number}: {what}; it is set aside");
+    }
+    if !partial {
+        refuse_missing(folder, &collected.missing)?;
+    }
     if !collected.lost.is_empty() {
         tell!(
-            "{} set aside, which {}; hil campaign run {shown} --again tries once more",
+            "{} set aside, which {}; hil campaign run {} --again tries once more",
             counted(collected.lost.len() as u64, "case"),
-            listed(&collected.lost)
+            listed(&collected.lost),
+            folder.path().display()
         );
     }
-    Ok(collected)
+    Ok(())
+}
+
+/// Tells of results that contradict each other; counts them.
+///
+/// # Errors
+/// If the folder cannot be read.
+pub(super) fn tell_conflicts(folder: &Folder) -> Result<usize, Failure> {
+    let conflicts = folder.conflicts().map_err(|error| cannot(folder, &error))?;
+    for conflict in &conflicts {
+        tell!("error: {conflict}");
+    }
+    Ok(conflicts.len())
 }
 
 fn refuse_missing(folder: &Folder, missing: &[u64]) -> Result<(), Failure> {

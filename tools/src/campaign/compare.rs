@@ -8,7 +8,7 @@ use serde::Serialize;
 use shared_types::number::{counted, short};
 
 use super::answers::class_of;
-use super::collect::{listed, now};
+use super::collect::{listed, read, tell_conflicts};
 use super::work::{cannot, open};
 use crate::arguments::campaign::CompareCampaignArguments;
 use crate::terminal::exit::{Exit, Failure};
@@ -36,12 +36,14 @@ struct Flips {
 pub(super) fn compare(arguments: &CompareCampaignArguments) -> Result<Exit, Failure> {
     let (first, second) = (open(&arguments.first)?, open(&arguments.second)?);
     for folder in [&first, &second] {
-        now(folder, false)?;
+        read(folder, false)?;
     }
     let flips = flips(&first, &second)?;
     output::result(arguments.json, &flips, || told(&flips))?;
+    // What came out twice and not the same cannot be told from what flipped.
+    let conflicts = tell_conflicts(&first)? + tell_conflicts(&second)?;
     let has_flipped = |one: &Flips| !(one.first_only.is_empty() && one.second_only.is_empty());
-    Ok(match flips.iter().any(has_flipped) {
+    Ok(match conflicts > 0 || flips.iter().any(has_flipped) {
         true => Exit::Failed,
         false => Exit::Pass,
     })

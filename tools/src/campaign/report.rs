@@ -12,10 +12,9 @@ mod envelopes;
 mod page;
 mod tables;
 
-use std::io::{BufWriter, Write as _, sink};
+use std::io::Write as _;
 use std::path::Path;
 
-use hil_campaign::collect::collect;
 use hil_campaign::folder::Folder;
 use hil_config::study::Study;
 use serde::Serialize;
@@ -23,6 +22,7 @@ use shared_types::number::counted;
 
 use super::answers;
 use super::cases::told;
+use super::collect::read;
 use super::work::{cannot, open};
 use crate::arguments::report::ReportArguments;
 use crate::files::destination::Destination;
@@ -104,15 +104,7 @@ pub(super) fn write(
 fn made(folder: &Folder) -> Result<(String, Written), Failure> {
     let manifest = folder.manifest();
     let study = Study::read(folder.path().join(&manifest.study.path)).map_err(told)?;
-    // Not the table in the folder: a page changes nothing there, and an archive may be read-only.
-    let results = tempfile::NamedTempFile::new().map_err(Failure::infrastructure)?;
-    let file = results.reopen().map_err(Failure::infrastructure)?;
-    let collected = collect(folder, BufWriter::new(file), sink());
-    let (collected, mut file, _) = collected.map_err(|error| cannot(folder, &error))?;
-    file.flush().map_err(Failure::infrastructure)?;
-    for (number, what) in &collected.broken {
-        tell!("shard {number}: {what}; it is set aside");
-    }
+    let (collected, results) = read(folder, true)?;
     let conflicts = folder.conflicts().map_err(|error| cannot(folder, &error))?;
     let answers = answers::of(
         manifest,

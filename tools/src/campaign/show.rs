@@ -1,6 +1,7 @@
 //! The answers of a campaign as a person reads them, and its exit code.
 
 use std::fmt::Write as _;
+use std::path::Path;
 
 use hil_campaign::collect::Collected;
 use hil_campaign::folder::Folder;
@@ -9,7 +10,7 @@ use shared_types::number::{counted, short, unit_shown};
 
 use super::answers::{self, Answers, BoundsAnswer, CLASSES, QuantileAnswer, Share, VariantAnswer};
 use super::cases::told as told_problems;
-use super::collect::{self, RESULTS, listed};
+use super::collect::{self, listed};
 use super::work::{cannot, open};
 use crate::arguments::campaign::ShowArguments;
 use crate::terminal::exit::{Exit, Failure};
@@ -22,31 +23,33 @@ use crate::terminal::table::{Table, left, right};
 /// If it is not complete.
 pub(super) fn show(arguments: &ShowArguments) -> Result<Exit, Failure> {
     let folder = open(&arguments.folder)?;
-    let collected = collect::now(&folder, false)?;
-    told(&folder, &collected, arguments.json)
+    let (collected, results) = collect::read(&folder, false)?;
+    told(&folder, &collected, results.path(), arguments.json)
 }
 
 /// Tells what a collected campaign shows.
 ///
 /// # Errors
 /// If its table cannot be read.
-pub(super) fn told(folder: &Folder, collected: &Collected, json: bool) -> Result<Exit, Failure> {
+pub(super) fn told(
+    folder: &Folder,
+    collected: &Collected,
+    results: &Path,
+    json: bool,
+) -> Result<Exit, Failure> {
     let study = Study::read(folder.path().join(&folder.manifest().study.path));
     let study = study.map_err(told_problems)?;
     let answers = answers::of(
         folder.manifest(),
         &study,
-        &folder.path().join(RESULTS),
+        results,
         collected.digest.clone(),
         collected.lost.clone(),
     );
     let answers = answers.map_err(|error| cannot(folder, &error))?;
     output::result(json, &answers, || text(&answers, folder))?;
-    let conflicts = folder.conflicts().map_err(|error| cannot(folder, &error))?;
-    for conflict in &conflicts {
-        tell!("error: {conflict}");
-    }
-    let exit = collect::exit(collected, !conflicts.is_empty());
+    let conflicts = collect::tell_conflicts(folder)?;
+    let exit = collect::exit(collected, conflicts > 0);
     let is_missed = answers.goals.iter().any(|goal| !goal.is_met);
     Ok(match exit {
         Exit::Pass if is_missed => Exit::Failed,

@@ -55,7 +55,8 @@ pub(super) fn run(arguments: &RunCampaignArguments) -> Result<Exit, Failure> {
     progress.end();
     ran?;
     let collected = collect::now(&folder, false)?;
-    show::told(&folder, &collected, arguments.json)
+    let results = folder.path().join(collect::RESULTS);
+    show::told(&folder, &collected, &results, arguments.json)
 }
 
 /// Sets the results aside that have cases without one.

@@ -1,8 +1,14 @@
-use super::*;
+//! Tests of curves, from the rows of workers to what a reader gets.
+
+use std::fs;
+
 use crate::collect;
+use crate::curve::{Curve, Grid};
+use crate::curves::{CURVES, Curves};
+use crate::journal;
 use crate::shard::Shard;
 use crate::shard::tests::Campaign;
-use crate::table::{Cell, Column, Kind};
+use crate::table::{CLASS, Cell, Column, Kind, Row};
 
 const CASES: u64 = 40;
 const BINS: usize = 3;
@@ -45,7 +51,11 @@ fn has_diverged(case: u64) -> bool {
 }
 
 fn row(case: u64) -> Row {
-    let class = if has_diverged(case) { DIVERGED } else { "pass" };
+    let class = if has_diverged(case) {
+        "diverged"
+    } else {
+        "pass"
+    };
     let variant = if case.is_multiple_of(2) { "a" } else { "b" };
     vec![
         Cell::Count(case),
