@@ -107,7 +107,6 @@ pub fn curves(folder: &Folder) -> io::Result<(Curves, u64)> {
 }
 
 #[cfg(test)]
-#[path = "collect/curves.rs"]
-mod curves_tests;
+mod curves;
 #[cfg(test)]
 mod tests;
