@@ -1,5 +1,6 @@
 //! Campaigns: each case once, with the digest of a run of its own, whatever ends the workers.
 
+mod engines;
 mod mistakes;
 mod own;
 mod page;

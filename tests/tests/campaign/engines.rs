@@ -1,0 +1,71 @@
+//! Engines that know nothing of campaigns: the commands of the page about clusters, with another folder.
+
+use std::process::Command;
+
+use super::{STUDY, campaign, digest, planned, study, text};
+use crate::support::harness::Rig;
+use crate::support::programs::{skip, workspace};
+
+/// Tasks of the page's commands.
+const TASKS: u32 = 64;
+
+/// Returns the line of the page that has this in it.
+fn line(part: &str) -> String {
+    let page = workspace().join("docs/clusters.md");
+    let page = std::fs::read_to_string(page).expect("a page");
+    let found = page.lines().find(|line| line.contains(part));
+    found.expect("a line").trim().to_owned()
+}
+
+/// Runs a campaign by a shell's command that names a folder; gives its digest beside that of one worker.
+fn digests(rig: &Rig, run: impl FnOnce(&str)) -> [String; 2] {
+    let study = study(rig, STUDY);
+    let [one, other] = ["one", "with space"].map(|name| planned(rig, &study, name));
+    campaign(rig, &["run", text(&one), "--jobs", "1"]).expect(0);
+    run(text(&other));
+    [one, other].map(|folder| digest(rig, &folder))
+}
+
+#[test]
+fn gnu_parallel_runs_a_campaign_by_the_command_of_the_page() {
+    let test = "gnu_parallel_runs_a_campaign_by_the_command_of_the_page";
+    let version = Command::new("parallel").arg("--version").output();
+    if !version.is_ok_and(|version| version.stdout.starts_with(b"GNU parallel")) {
+        return skip(test, "there is no GNU parallel", "HIL_TEST_PARALLEL");
+    }
+    let command = line("| parallel");
+    assert!(command.contains(&format!("seq 0 {} ", TASKS - 1)));
+    let rig = Rig::new();
+    let [one, other] = digests(&rig, |folder| {
+        let folder = format!("'\"{folder}\"'");
+        let local = command.replace("--sshloginfile nodes ", "");
+        let command = local.replace("/shared/runs/common-mode/", &format!("{folder}/"));
+        let command = command.replace("/shared/runs/common-mode", &folder);
+        let mut shell = Command::new("sh");
+        shell.args(["-c", &command]);
+        rig.program(shell).expect(0);
+    });
+    assert_eq!(one, other);
+}
+
+#[test]
+fn pods_of_an_indexed_job_run_a_campaign_by_the_command_of_the_page() {
+    let listed = line("JOB_COMPLETION_INDEX").replace("command: ", "");
+    let words: Vec<String> = serde_json::from_str(&listed).expect("a list");
+    let [shell, flag, command] = &*words else {
+        panic!("{words:?}");
+    };
+    assert!(line("completions:").ends_with(&TASKS.to_string()));
+    let rig = Rig::new();
+    let [one, other] = digests(&rig, |folder| {
+        let command = command.replace("/campaign", &format!("'{folder}'"));
+        // One pod was started twice, as Kubernetes does at times.
+        for index in (0..TASKS).chain([3]) {
+            let mut pod = Command::new(shell);
+            pod.args([flag, &command])
+                .env("JOB_COMPLETION_INDEX", index.to_string());
+            rig.program(pod).expect(0);
+        }
+    });
+    assert_eq!(one, other);
+}
