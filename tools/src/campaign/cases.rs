@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use hil_campaign::curve::{Curve, Grid};
+use hil_campaign::curve::Grid;
 use hil_campaign::draws::{Drawn, Draws};
 use hil_campaign::folder::Folder;
 use hil_campaign::table::{CLASS, Cell, Column, Kind, LOST, Row};
@@ -15,19 +15,15 @@ use hil_config::scenario::Scenario;
 use hil_config::study::{Item, Spread, Study};
 use shared_types::describe::{Description, FaultKindDescription, LawDescription, PlantDescription};
 use shared_types::lockstep::OnLoss;
-use shared_types::record::{Outcome, RecordLayout};
+use shared_types::record::RecordLayout;
 
+use super::result::CaseResult;
 use crate::arguments::BinaryArguments;
-use crate::arguments::run::LinkKind;
 use crate::programs::binaries::named::Named;
 use crate::programs::binaries::{Binaries, Choices};
-use crate::results::ended::Ended;
-use crate::results::requirements::Requirement;
-use crate::results::summary::Metric;
+use crate::run::alone;
 use crate::run::kept::Kept;
-use crate::run::settings::Settings;
-use crate::run::{self, Environment, Origin, alone};
-use crate::terminal::exit::{Exit, Failure};
+use crate::terminal::exit::Failure;
 use crate::terminal::interruption::Interruption;
 
 /// Cases that can be planned and run.
@@ -57,22 +53,6 @@ type Described<'a> = (
     &'a [LawDescription],
     &'a [FaultKindDescription],
 );
-
-/// Result of a case.
-pub(super) struct CaseResult {
-    class: &'static str,
-    steps: u64,
-    digest: String,
-    reason: String,
-    requirements: Vec<Requirement>,
-    metrics: Vec<Metric>,
-    /// It ran in processes that ran other cases before, and is to be run once more in new ones.
-    pub(super) is_to_check: bool,
-    /// Curve of its signals, if one is kept.
-    pub(super) curve: Option<Curve>,
-    /// Time that it took, in s.
-    pub(super) wall_s: f64,
-}
 
 impl Cases {
     /// Joins a study with the scenario and the programs that it names.
@@ -298,10 +278,9 @@ impl Cases {
                 let began = Instant::now();
                 let (ended, is_to_check) =
                     kept.run(plan, binaries, self.grid.clone(), interruption)?;
-                Ok(CaseResult {
-                    is_to_check,
-                    ..of_ended(ended, began)?
-                })
+                let mut result = CaseResult::of_ended(ended, began)?;
+                result.is_to_check = is_to_check;
+                Ok(result)
             }
             _ => self.run_fresh(plan, interruption),
         }
@@ -331,11 +310,11 @@ impl Cases {
     ) -> Result<CaseResult, Failure> {
         let began = Instant::now();
         match &self.rig {
-            Rig::BuiltIn(described) => of_ended(
+            Rig::BuiltIn(described) => CaseResult::of_ended(
                 alone::run(plan, described, self.grid.clone(), interruption)?,
                 began,
             ),
-            Rig::Own(binaries) => in_processes(plan, binaries, interruption, began),
+            Rig::Own(binaries) => CaseResult::in_processes(plan, binaries, interruption, began),
         }
     }
 
@@ -354,49 +333,14 @@ impl Cases {
             };
             columns.push(Column::new(&one.name, kind));
         }
-        columns.push(Column::new(CLASS, Kind::Text));
-        columns.push(Column::new("steps", Kind::Count));
-        for requirement in &result.requirements {
-            let name = &requirement.name;
-            columns.push(Column::new(&format!("verdict.{name}"), Kind::Text));
-            columns.push(Column {
-                unit: requirement.unit.clone(),
-                ..Column::new(&format!("robustness.{name}"), Kind::Number)
-            });
-        }
-        for metric in &result.metrics {
-            let same = result
-                .metrics
-                .iter()
-                .filter(|other| other.name == metric.name);
-            let [from, to] = metric.window_s;
-            let name = match same.count() {
-                1 => metric.name.clone(),
-                _ => format!("{}[{from},{to}]", metric.name),
-            };
-            columns.push(Column {
-                unit: metric.unit.clone(),
-                ..Column::new(&name, Kind::Number)
-            });
-        }
-        columns.push(Column::new("digest", Kind::Text));
-        columns.push(Column::new("reason", Kind::Text));
+        columns.extend(result.columns());
         columns
     }
 
     /// Makes the row of a case.
     pub(super) fn row(&self, case: u64, result: &CaseResult) -> Row {
-        let number = |value: Option<f64>| Cell::number(value.unwrap_or(f64::NAN));
         let mut row = self.head(case);
-        row.push(Cell::Text(result.class.into()));
-        row.push(Cell::Count(result.steps));
-        for requirement in &result.requirements {
-            row.push(Cell::Text(requirement.verdict.into()));
-            row.push(number(requirement.robustness));
-        }
-        row.extend(result.metrics.iter().map(|metric| number(metric.value)));
-        row.push(Cell::Text(result.digest.clone()));
-        row.push(Cell::Text(result.reason.clone()));
+        row.extend(result.cells());
         row
     }
 
@@ -472,77 +416,6 @@ fn unquoted(value: &str) -> String {
 
 fn toml_string(text: &str) -> String {
     toml_edit::Value::from(text).to_string()
-}
-
-/// Names the class of a run that ended by itself.
-fn class(
-    outcome: Outcome,
-    requirements: &[Requirement],
-    reason: Option<&str>,
-) -> Result<&'static str, Failure> {
-    let any = |verdict| requirements.iter().any(|one| one.verdict == verdict);
-    match outcome {
-        Outcome::Diverged => Ok("diverged"),
-        Outcome::Completed if any("fail") => Ok("fail"),
-        Outcome::Completed if any("undecided") => Ok("undecided"),
-        Outcome::Completed => Ok("pass"),
-        Outcome::Failed | Outcome::Stopped => Err(Failure::infrastructure(
-            reason.unwrap_or("the run gave no reason"),
-        )),
-    }
-}
-
-/// Makes the result of a run that ended by itself.
-fn of_ended(ended: Ended, began: Instant) -> Result<CaseResult, Failure> {
-    let recorded = ended.recorded;
-    let requirements = recorded.requirements.iter().map(Requirement::from);
-    let requirements: Vec<Requirement> = requirements.collect();
-    Ok(CaseResult {
-        class: class(ended.outcome, &requirements, ended.reason.as_deref())?,
-        steps: recorded.end.as_ref().map_or(0, |end| end.steps),
-        digest: recorded.digest.unwrap_or_default(),
-        reason: ended.reason.unwrap_or_default(),
-        requirements,
-        metrics: recorded.metrics.iter().map(Metric::from).collect(),
-        is_to_check: false,
-        curve: recorded.curve,
-        wall_s: began.elapsed().as_secs_f64(),
-    })
-}
-
-/// Runs a plan by programs of its own, in a session and a folder that are gone afterwards.
-fn in_processes(
-    plan: &Plan,
-    binaries: &Arc<Binaries>,
-    interruption: &Interruption,
-    began: Instant,
-) -> Result<CaseResult, Failure> {
-    let folder = tempfile::tempdir().map_err(Failure::infrastructure)?;
-    let settings = Settings {
-        is_one_of_many: true,
-        ..Settings::without_recording(LinkKind::Iceoryx2, Some(folder.path().join("run")))
-    };
-    let environment = Environment::new(&settings, Arc::clone(binaries), interruption)?;
-    let ran = run::execute(plan.clone(), environment, Origin::Scenario)?;
-    ran.written?;
-    let summary = ran.summary;
-    let outcome = match (ran.exit, summary.verdict) {
-        (Exit::Interrupted, _) => return Err(Failure::Interrupted),
-        (Exit::Failed, "aborted") => Outcome::Diverged,
-        (Exit::Pass | Exit::Failed, _) => Outcome::Completed,
-        _ => Outcome::Failed,
-    };
-    Ok(CaseResult {
-        class: class(outcome, &summary.requirements, summary.reason.as_deref())?,
-        steps: summary.steps,
-        digest: summary.digest.unwrap_or_default(),
-        reason: summary.reason.unwrap_or_default(),
-        requirements: summary.requirements,
-        metrics: summary.metrics,
-        is_to_check: false,
-        curve: None,
-        wall_s: began.elapsed().as_secs_f64(),
-    })
 }
 
 /// Refuses a path that cannot be written down.

@@ -15,6 +15,7 @@ mod compare;
 mod envelopes;
 mod plan;
 mod report;
+mod result;
 mod show;
 mod slurm;
 mod status;

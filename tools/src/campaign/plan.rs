@@ -19,8 +19,9 @@ use serde::Serialize;
 use shared_types::number::counted;
 use shared_types::time::Step;
 
-use super::cases::{CaseResult, Cases, told};
+use super::cases::{Cases, told};
 use super::envelopes;
+use super::result::CaseResult;
 use crate::arguments::campaign::{CheckArguments, PlanArguments};
 use crate::files::part_file::PartFolder;
 use crate::run::alone;

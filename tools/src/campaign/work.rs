@@ -22,7 +22,8 @@ use rustix::process::{Signal, getpid, kill_process};
 use shared_types::session;
 
 use super::answers::class_of;
-use super::cases::{CaseResult, Cases, told};
+use super::cases::{Cases, told};
+use super::result::CaseResult;
 use crate::arguments::campaign::WorkArguments;
 use crate::run::kept::Kept;
 use crate::terminal::exit::{Exit, Failure};

@@ -1,0 +1,162 @@
+//! The result of a case: what came of its run, as cells of the table.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use hil_campaign::curve::Curve;
+use hil_campaign::table::{CLASS, Cell, Column, Kind, Row};
+use hil_config::plan::Plan;
+use shared_types::record::Outcome;
+
+use crate::arguments::run::LinkKind;
+use crate::programs::binaries::Binaries;
+use crate::results::ended::Ended;
+use crate::results::requirements::Requirement;
+use crate::results::summary::Metric;
+use crate::run::settings::Settings;
+use crate::run::{self, Environment, Origin};
+use crate::terminal::exit::{Exit, Failure};
+use crate::terminal::interruption::Interruption;
+
+/// Result of a case.
+pub(super) struct CaseResult {
+    class: &'static str,
+    steps: u64,
+    digest: String,
+    reason: String,
+    requirements: Vec<Requirement>,
+    metrics: Vec<Metric>,
+    /// It ran in processes that ran other cases before, and is to be run once more in new ones.
+    pub(super) is_to_check: bool,
+    /// Curve of its signals, if one is kept.
+    pub(super) curve: Option<Curve>,
+    /// Time that it took, in s.
+    pub(super) wall_s: f64,
+}
+
+impl CaseResult {
+    /// Makes the result of a run that ended by itself.
+    ///
+    /// # Errors
+    /// If it did not.
+    pub(super) fn of_ended(ended: Ended, began: Instant) -> Result<Self, Failure> {
+        let recorded = ended.recorded;
+        let requirements = recorded.requirements.iter().map(Requirement::from);
+        let requirements: Vec<Requirement> = requirements.collect();
+        Ok(Self {
+            class: class(ended.outcome, &requirements, ended.reason.as_deref())?,
+            steps: recorded.end.as_ref().map_or(0, |end| end.steps),
+            digest: recorded.digest.unwrap_or_default(),
+            reason: ended.reason.unwrap_or_default(),
+            requirements,
+            metrics: recorded.metrics.iter().map(Metric::from).collect(),
+            is_to_check: false,
+            curve: recorded.curve,
+            wall_s: began.elapsed().as_secs_f64(),
+        })
+    }
+
+    /// Runs a plan by programs of its own, in a session and a folder that are gone afterwards.
+    ///
+    /// # Errors
+    /// If it did not end by itself: that is no result.
+    pub(super) fn in_processes(
+        plan: &Plan,
+        binaries: &Arc<Binaries>,
+        interruption: &Interruption,
+        began: Instant,
+    ) -> Result<Self, Failure> {
+        let folder = tempfile::tempdir().map_err(Failure::infrastructure)?;
+        let settings = Settings {
+            is_one_of_many: true,
+            ..Settings::without_recording(LinkKind::Iceoryx2, Some(folder.path().join("run")))
+        };
+        let environment = Environment::new(&settings, Arc::clone(binaries), interruption)?;
+        let ran = run::execute(plan.clone(), environment, Origin::Scenario)?;
+        ran.written?;
+        let summary = ran.summary;
+        let outcome = match (ran.exit, summary.verdict) {
+            (Exit::Interrupted, _) => return Err(Failure::Interrupted),
+            (Exit::Failed, "aborted") => Outcome::Diverged,
+            (Exit::Pass | Exit::Failed, _) => Outcome::Completed,
+            _ => Outcome::Failed,
+        };
+        Ok(Self {
+            class: class(outcome, &summary.requirements, summary.reason.as_deref())?,
+            steps: summary.steps,
+            digest: summary.digest.unwrap_or_default(),
+            reason: summary.reason.unwrap_or_default(),
+            requirements: summary.requirements,
+            metrics: summary.metrics,
+            is_to_check: false,
+            curve: None,
+            wall_s: began.elapsed().as_secs_f64(),
+        })
+    }
+
+    /// Lists its columns.
+    pub(super) fn columns(&self) -> Vec<Column> {
+        let mut columns = vec![
+            Column::new(CLASS, Kind::Text),
+            Column::new("steps", Kind::Count),
+        ];
+        for requirement in &self.requirements {
+            let name = &requirement.name;
+            columns.push(Column::new(&format!("verdict.{name}"), Kind::Text));
+            columns.push(Column {
+                unit: requirement.unit.clone(),
+                ..Column::new(&format!("robustness.{name}"), Kind::Number)
+            });
+        }
+        for metric in &self.metrics {
+            let same = self
+                .metrics
+                .iter()
+                .filter(|other| other.name == metric.name);
+            let [from, to] = metric.window_s;
+            let name = match same.count() {
+                1 => metric.name.clone(),
+                _ => format!("{}[{from},{to}]", metric.name),
+            };
+            columns.push(Column {
+                unit: metric.unit.clone(),
+                ..Column::new(&name, Kind::Number)
+            });
+        }
+        columns.push(Column::new("digest", Kind::Text));
+        columns.push(Column::new("reason", Kind::Text));
+        columns
+    }
+
+    /// Returns its cells.
+    pub(super) fn cells(&self) -> Row {
+        let number = |value: Option<f64>| Cell::number(value.unwrap_or(f64::NAN));
+        let mut row = vec![Cell::Text(self.class.into()), Cell::Count(self.steps)];
+        for requirement in &self.requirements {
+            row.push(Cell::Text(requirement.verdict.into()));
+            row.push(number(requirement.robustness));
+        }
+        row.extend(self.metrics.iter().map(|metric| number(metric.value)));
+        row.push(Cell::Text(self.digest.clone()));
+        row.push(Cell::Text(self.reason.clone()));
+        row
+    }
+}
+
+/// Names the class of a run that ended by itself.
+fn class(
+    outcome: Outcome,
+    requirements: &[Requirement],
+    reason: Option<&str>,
+) -> Result<&'static str, Failure> {
+    let any = |verdict| requirements.iter().any(|one| one.verdict == verdict);
+    match outcome {
+        Outcome::Diverged => Ok("diverged"),
+        Outcome::Completed if any("fail") => Ok("fail"),
+        Outcome::Completed if any("undecided") => Ok("undecided"),
+        Outcome::Completed => Ok("pass"),
+        Outcome::Failed | Outcome::Stopped => Err(Failure::infrastructure(
+            reason.unwrap_or("the run gave no reason"),
+        )),
+    }
+}
