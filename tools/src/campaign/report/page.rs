@@ -125,7 +125,10 @@ fn envelopes(data: &Data) -> Markup {
                 (counted(envelopes.without, "shard")) " of the campaign without curves: their cases are missing below. "
                 "The results are all there."
             } }
-            div.controls { label { "Worst case of " select #worst {} } }
+            div.controls {
+                label { "Worst case of " select #worst {} }
+                label { input #same type="checkbox" checked; " One scale for all variants" }
+            }
             div #timed {}
         }
     }

@@ -439,12 +439,18 @@
   // ---- Curves over time ----
   const CURVES = 8; // from the least to the greatest: an outer pair, two bands, the median's two
   const SHADES = [0.12, 0.25, 0.4]; // of the bands, from the outside
-  // The curves of a signal for each variant, and a range that a few far values do not stretch.
+  // The curves of each signal, for each variant.
   const timed = (envelopes) => envelopes.signals.map(([name, unit], place) => {
     const read = (text) => new Float32Array(bytesOf(text).buffer);
     const perVariant = envelopes.variants.map((signals) => read(signals[place]));
+    const worst = envelopes.worst.map((one) => ({ ...one, curve: read(one.signals[place]) }));
+    const label = name + (unit && unit !== "1" ? ` [${unit}]` : "");
+    return { label, perVariant, worst, all: scaleOf(perVariant, envelopes.bins), each: perVariant.map((one) => scaleOf([one], envelopes.bins)) };
+  });
+  // A range that a few far values do not stretch.
+  const scaleOf = (curves, bins) => {
     const ends = (from, to) => {
-      const values = perVariant.flatMap((all) => [from, to].flatMap((curve) => [...all.subarray(curve * envelopes.bins, (curve + 1) * envelopes.bins)])).filter(Number.isFinite);
+      const values = curves.flatMap((all) => [from, to].flatMap((curve) => [...all.subarray(curve * bins, (curve + 1) * bins)])).filter(Number.isFinite);
       return values.reduce(([lo, hi], value) => [Math.min(lo, value), Math.max(hi, value)], [Infinity, -Infinity]);
     };
     const [all, most] = [ends(0, CURVES - 1), ends(1, CURVES - 2)];
@@ -452,11 +458,10 @@
     let [lo, hi] = most[1] >= most[0] ? [Math.max(all[0], most[0] - far), Math.min(all[1], most[1] + far)] : all;
     if (lo === hi) [lo, hi] = [lo - (Math.abs(lo) || 1) / 2, hi + (Math.abs(hi) || 1) / 2];
     const space = 0.04 * (hi - lo);
-    const worst = envelopes.worst.map((one) => ({ ...one, curve: read(one.signals[place]) }));
-    const label = name + (unit && unit !== "1" ? ` [${unit}]` : "");
-    return { label, perVariant, worst, y: { lo: lo - space, hi: hi + space, range: null, isUndrawn: !Number.isFinite(lo) } };
-  });
+    return { lo: lo - space, hi: hi + space, range: null, isUndrawn: !Number.isFinite(lo) };
+  };
   const drawTimed = (plot, context) => {
+    if (!plot.curves.some(Number.isFinite)) return nothing(plot, context);
     const { bins } = data.envelopes;
     const colour = colours.runs[plot.variant];
     const at = (bin) => LEFT + (plot.inner * (bin + 0.5)) / bins;
@@ -503,17 +508,22 @@
     for (const name of ["", ...names]) make("option", name || "nothing", byId("worst"), { value: name });
     byId("worst").value = names[0] ?? "";
     byId("worst").addEventListener("change", () => drawSeen(true));
+    byId("same").parentElement.hidden = variants === 1;
+    byId("same").addEventListener("change", ({ target }) => {
+      for (const plot of plots) if (plot.scales) plot.y = plot.scales[target.checked ? 0 : 1];
+      drawSeen(true);
+    });
     const x = { lo: 0, hi: envelopes.bins * envelopes.bin_s, range: null, isUndrawn: false };
     // Variants of a signal stand beside each other.
     const all = byId("timed");
     const below = variants > 1 ? null : make("div", undefined, all, { className: "plots" });
-    for (const { label, perVariant, worst, y } of timed(envelopes)) {
+    for (const { label, perVariant, worst, all: shared, each } of timed(envelopes)) {
       if (!below) make("h4", label, all);
       const beside = below || make("div", undefined, all, { className: "plots" });
       perVariant.forEach((curves, variant) => {
-        const plot = addPlot(beside, below ? label : data.variants[variant], 170, x, y, drawTimed, false);
+        const plot = addPlot(beside, below ? label : data.variants[variant], 170, x, shared, drawTimed, false);
         plot.canvas.ariaLabel = `${label} over s: ${data.variants[variant]}`;
-        Object.assign(plot, { curves, worst, variant });
+        Object.assign(plot, { curves, worst, variant, scales: [shared, each[variant]] });
       });
     }
   };
