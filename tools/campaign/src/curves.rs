@@ -1,8 +1,7 @@
 //! Curves of many cases: pictures, no results.
 //!
-//! A shard keeps the envelope
-//! of its cases, the curves of some draws, which stand for all, and those of the worst cases. Rows, digest and
-//! comparisons know nothing of it: a shard whose curves are lost still has its result.
+//! A shard keeps the envelope of its cases, the curves of some draws, which stand for all, and those of the worst
+//! cases. Rows, digest and comparisons know nothing of it: a shard whose curves are lost still has its result.
 
 use std::collections::BTreeMap;
 use std::fs;
