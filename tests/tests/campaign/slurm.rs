@@ -189,7 +189,23 @@ fn status_tells_of_tasks_that_wait_are_held_and_run() {
         status["tasks"]["waiting"].as_u64() > Some(0)
     });
     assert_eq!(waits["tasks"]["running"], 0);
+    assert_eq!(waits["tasks"]["reasons"], serde_json::json!({}));
     assert_eq!(waits["missing"], 4000);
+    campaign.slurm("scancel", &["--name=study"]).expect(0);
+
+    let nodes = |state: &str| {
+        let state = format!("state={state}");
+        let update = ["update", "nodename=n1,n2", "reason=test", &state];
+        campaign.slurm("scontrol", &update).expect(0);
+    };
+    nodes("drain");
+    campaign.submit(&[]).expect(0);
+    campaign.until("its nodes are out of service", |status| {
+        status["tasks"]["reasons"].to_string().contains("DRAINED")
+    });
+    let told = campaign.action("status", &[]).expect(0).stdout;
+    assert!(told.contains("sinfo -R names nodes"), "{told}");
+    nodes("resume");
     campaign.slurm("scancel", &["--name=study"]).expect(0);
 
     campaign.submit(&["--", "--hold"]).expect(0);

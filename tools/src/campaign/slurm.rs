@@ -2,6 +2,7 @@
 //!
 //! Slurm starts tasks and restarts some of them; nothing that it says decides about a result.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::process::Command;
 
@@ -20,6 +21,15 @@ use crate::terminal::output;
 const JOBS: &str = "jobs";
 /// Folder of the tasks' output.
 const LOGS: &str = "logs";
+/// Reasons to wait that go by themselves.
+const ORDINARY: [&str; 6] = [
+    "",
+    "None",
+    "Resources",
+    "Priority",
+    "BeginTime",
+    "Dependency",
+];
 /// Most held tasks that are told of by name.
 const MOST_HELD: usize = 5;
 /// Share of a partition's time limit that a task may take by the measured case.
@@ -30,6 +40,8 @@ const SHARE_OF_LIMIT: f64 = 0.5;
 pub(super) struct Tasks {
     running: u64,
     waiting: u64,
+    /// Why tasks wait, unless it is for other tasks to end, with the number of each.
+    reasons: BTreeMap<String, u64>,
     /// Tasks that Slurm starts no more until they are released, with its reason.
     held: Vec<(String, String)>,
 }
@@ -218,6 +230,9 @@ pub(super) fn tasks(folder: &Folder) -> Option<Tasks> {
                 tasks.held.push((task.into(), reason.into()));
             } else if state == "PENDING" {
                 tasks.waiting += 1;
+                if !ORDINARY.contains(&reason) {
+                    *tasks.reasons.entry(reason.into()).or_default() += 1;
+                }
             } else {
                 tasks.running += 1;
             }
@@ -234,6 +249,15 @@ impl Tasks {
             counted(self.running, "task"),
             self.waiting
         );
+        for (reason, count) in &self.reasons {
+            let advice = match reason.contains("DOWN") || reason.contains("DRAINED") {
+                true => {
+                    "; sinfo -R names nodes that are out of service, and an administrator takes one back by scontrol update nodename=NODE state=resume"
+                }
+                false => "",
+            };
+            text += &format!("  {} waiting: {reason}{advice}\n", counted(*count, "task"));
+        }
         for (task, reason) in self.held.iter().take(MOST_HELD) {
             text += &format!(
                 "  task {task} is held ({reason}); scontrol release {task} lets it start again\n"
