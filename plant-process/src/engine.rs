@@ -65,6 +65,8 @@ pub struct Engine<L, S> {
     pacer: Option<Pacer>,
     queue: Arc<RequestQueue>,
     held: Option<Held>,
+    /// Number of notes put.
+    marks: usize,
     rows: Rows,
     /// The last step was measured and the final record is to be written.
     ending: Option<Step>,
@@ -156,6 +158,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             pacer: None,
             queue: Arc::new(RequestQueue::new(hold_at)),
             held: None,
+            marks: 0,
             rows: Rows::default(),
             ending: None,
             timing: Timing::default(),

@@ -14,8 +14,9 @@ use hil_config::plan::{FaultEvent, Stimulus};
 use shared_types::live::{
     self, Injected, Listening, Possible, Refusal, Request, Response, SOCKET, Status,
 };
-use shared_types::record::RecordLayout;
+use shared_types::record::{LONGEST_MARK, RecordLayout};
 use shared_types::session::SessionInfo;
+use shared_types::text;
 use shared_types::time::Step;
 
 use crate::faults::{FaultBuilder, FaultKindEntry};
@@ -102,6 +103,7 @@ impl Service {
             Request::Pause => self.request(LoopRequest::Pause).map(|()| self.status()),
             Request::Resume => self.request(LoopRequest::Resume).map(|()| self.status()),
             Request::Advance { steps } => self.advance(steps),
+            Request::Mark { text } => self.mark(&text),
         };
         answered.unwrap_or_else(refused)
     }
@@ -223,6 +225,21 @@ impl Service {
             }
             std::thread::sleep(LOOK);
         }
+    }
+
+    fn mark(&self, text: &str) -> Result<Response, Unanswered> {
+        let text = text::line(text.trim());
+        let count = text.chars().count();
+        if count == 0 || count > LONGEST_MARK {
+            let message = format!("a mark of {count} characters; 1 to {LONGEST_MARK} are taken");
+            return Err(Refusal::new(message));
+        }
+        let step = self.request(|answer| LoopRequest::Mark(text, answer))?;
+        let step = step.map_err(Refusal::new)?;
+        Ok(Response::Marked {
+            step: step.0,
+            at_s: self.context.run.rate.seconds(step),
+        })
     }
 
     /// Returns the layout of the records; waits for hello.

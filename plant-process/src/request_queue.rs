@@ -29,6 +29,8 @@ pub enum LoopRequest {
     Resume(Sender<()>),
     /// Go on for so many steps, then hold; refused unless the run is held.
     Advance(u64, Sender<Result<Step, String>>),
+    /// Put a note before the next step.
+    Mark(String, Sender<Result<Step, String>>),
 }
 
 /// Queue of requests. Shared between the loop and the service thread.

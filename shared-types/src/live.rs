@@ -55,6 +55,11 @@ pub enum Request {
         /// Number of steps, at least 1.
         steps: u64,
     },
+    /// Asks to put a note before the next step.
+    Mark {
+        /// Text of the note, one line.
+        text: String,
+    },
 }
 
 /// Answer to a request.
@@ -84,6 +89,13 @@ pub enum Response {
     Possible(Box<Possible>),
     /// Status of the run.
     Status(Status),
+    /// Note that was put.
+    Marked {
+        /// Step of the note.
+        step: u64,
+        /// Simulated time of that step in s.
+        at_s: f64,
+    },
     /// No, and nothing was changed.
     Refused {
         /// Problems and what would be possible, one entry for each thing that is wrong.

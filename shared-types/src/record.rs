@@ -32,7 +32,7 @@ use crate::table::Field;
 
 pub use event::{
     Change, ControllerChange, Event, FaultAccepted, FaultEffectSize, FaultEnded, FaultTaken,
-    Outcome, RunEnd,
+    LONGEST_MARK, MOST_MARKS, Mark, Outcome, RunEnd,
 };
 
 /// Version of records and of the recording made of them.
@@ -296,13 +296,13 @@ fn validity_words(signals: usize) -> usize {
 /// one or none at all.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Validity {
-    marks: Vec<Mark>,
+    bits: Vec<Bit>,
     /// The words that have such bits.
     words: Range<usize>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Mark {
+struct Bit {
     word: usize,
     bit: usize,
     value: usize,
@@ -311,18 +311,18 @@ struct Mark {
 impl Validity {
     /// Of each signal the word of a record from which its bit is counted, the bit, and the place of the
     /// signal's value among those that are judged.
-    pub fn new(marks: impl Iterator<Item = (usize, usize, usize)>) -> Self {
-        let marks: Vec<Mark> = marks
-            .map(|(first, bit, value)| Mark {
+    pub fn new(bits: impl Iterator<Item = (usize, usize, usize)>) -> Self {
+        let bits: Vec<Bit> = bits
+            .map(|(first, bit, value)| Bit {
                 word: first + bit / 64,
                 bit: bit % 64,
                 value,
             })
             .collect();
-        let words = || marks.iter().map(|mark| mark.word);
+        let words = || bits.iter().map(|bit| bit.word);
         Self {
             words: words().min().unwrap_or(0)..words().max().map_or(0, |last| last + 1),
-            marks,
+            bits,
         }
     }
 
@@ -332,9 +332,9 @@ impl Validity {
     /// If the record has not all words that have such bits.
     pub fn invalid<'a>(&'a self, record: &'a [u64]) -> impl Iterator<Item = usize> + 'a {
         let is_any = record[self.words.clone()].iter().any(|bits| *bits != 0);
-        let marks = if is_any { &self.marks[..] } else { &[] };
-        let is_invalid = |mark: &&Mark| record[mark.word] >> mark.bit & 1 == 1;
-        marks.iter().filter(is_invalid).map(|mark| mark.value)
+        let bits = if is_any { &self.bits[..] } else { &[] };
+        let is_invalid = |bit: &&Bit| record[bit.word] >> bit.bit & 1 == 1;
+        bits.iter().filter(is_invalid).map(|bit| bit.value)
     }
 }
 

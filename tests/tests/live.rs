@@ -40,7 +40,7 @@ fn status(rig: &Rig) -> Status {
     }
 }
 
-fn until_paused_at(rig: &Rig, step: u64) {
+pub(crate) fn until_paused_at(rig: &Rig, step: u64) {
     until("the run is held", || {
         let status = status(rig);
         status.paused && status.step == step

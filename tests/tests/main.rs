@@ -27,6 +27,7 @@
 //! | [`lies`] | peers that say what is not so are found out |
 //! | [`live`] | faults and pauses from another terminal |
 //! | [`layouts`] | what Foxglove and PlotJuggler are told to plot is there |
+//! | [`marks`] | notes put at a step while a run goes on |
 //! | [`monitor`] | a session watched in a terminal: the same digest, and the terminal as it was |
 //! | [`mutations`] | the explorer of the lockstep machines misses every guard that is taken out |
 //! | [`named_programs`] | programs that scenarios and recordings name, and what is not run |
@@ -91,6 +92,7 @@ mod latency;
 mod layouts;
 mod lies;
 mod live;
+mod marks;
 mod monitor;
 mod mutations;
 mod named_programs;

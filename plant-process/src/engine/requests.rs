@@ -3,7 +3,7 @@
 use shared_types::clock::monotonic_ns;
 use shared_types::frame::{FrameKind, Header};
 use shared_types::link::{Link, LinkError};
-use shared_types::record::{Event, FaultAccepted};
+use shared_types::record::{Event, FaultAccepted, MOST_MARKS, Mark};
 use shared_types::stream::RecordSink;
 use shared_types::time::Step;
 
@@ -102,6 +102,16 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                 } else {
                     Err("the run is not paused; `hil pause` first".into())
                 });
+            }
+            LoopRequest::Mark(text, answer) => {
+                let taken = self.marks < MOST_MARKS;
+                if taken {
+                    self.marks += 1;
+                    let mark = Mark { step: step.0, text };
+                    self.publisher.sink.event(&Event::Mark(mark))?;
+                }
+                let refused = || format!("the run has {MOST_MARKS} marks, and no room for more");
+                let _ = answer.send(taken.then_some(step).ok_or_else(refused));
             }
         }
         Ok(())

@@ -19,8 +19,37 @@ pub enum Event {
     FaultEnded(FaultEnded),
     /// The controller changed while the run went on.
     Controller(ControllerChange),
+    /// Somebody who watches the run put a note at a step.
+    Mark(Mark),
     /// The run ended.
     End(RunEnd),
+}
+
+/// Most marks in a run.
+pub const MOST_MARKS: usize = 10_000;
+
+/// Longest text of a mark, in characters.
+pub const LONGEST_MARK: usize = 400;
+
+/// Note at a step; not part of the digest.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Mark {
+    /// The next step when the note was put.
+    pub step: u64,
+    /// Text of the note, one line.
+    #[serde(deserialize_with = "text::line_of")]
+    pub text: String,
+}
+
+impl Event {
+    /// The note that the event is, if it is one.
+    #[must_use]
+    pub const fn mark(&self) -> Option<&Mark> {
+        match self {
+            Self::Mark(mark) => Some(mark),
+            _ => None,
+        }
+    }
 }
 
 /// Change of a controller while the run went on.

@@ -28,6 +28,7 @@ pub fn clean(mut event: Event) -> Event {
             | Change::Joined { law: text }
             | Change::Refused { reason: text } => shown(text),
         },
+        Event::Mark(mark) => shown(&mut mark.text),
         Event::End(end) => {
             end.reason.iter_mut().for_each(shown);
             for effect in &mut end.effects {

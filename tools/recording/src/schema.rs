@@ -126,11 +126,11 @@ pub fn event() -> String {
 }
 
 /// Facts of events that are fields: type, name and meaning.
-pub(super) const FACTS: [(&str, &str, &str); 18] = [
+pub(super) const FACTS: [(&str, &str, &str); 19] = [
     (
         "string",
         "event",
-        "accepted: a live fault was accepted; fault: one took hold of a target; fault-ended: it let go; controller: it was lost, or another joined or was refused; end: the run ended",
+        "accepted: a live fault was accepted; fault: one took hold of a target; fault-ended: it let go; controller: it was lost, or another joined or was refused; mark: a note of somebody who watched; end: the run ended",
     ),
     (
         "uint64",
@@ -189,6 +189,7 @@ pub(super) const FACTS: [(&str, &str, &str); 18] = [
         "outcome",
         "How the run ended: completed, diverged, stopped, failed.",
     ),
+    ("string", "text", "Note of somebody who watched."),
 ];
 
 #[cfg(test)]

@@ -12,6 +12,7 @@ pub(crate) mod export;
 pub(crate) mod inject;
 pub(crate) mod latency;
 pub(crate) mod layout;
+pub(crate) mod mark;
 pub(crate) mod monitor;
 pub(crate) mod realtime;
 pub(crate) mod recording;
@@ -40,6 +41,7 @@ use export::ExportArguments;
 use inject::InjectArguments;
 use latency::{LatencyArguments, LatencyPeerArguments};
 use layout::LayoutArguments;
+use mark::MarkArguments;
 use monitor::MonitorArguments;
 use recordings::{CompareArguments, JudgeArguments, ScenarioCommand};
 use recover::RecoverArguments;
@@ -80,6 +82,9 @@ pub enum Command {
     /// Execute some steps of a session, then hold it
     #[command(after_help = "Examples:\n  hil step\n  hil step 1000")]
     Step(StepArguments),
+    /// Put a note at the step where a session is
+    #[command(after_help = mark::HELP)]
+    Mark(MarkArguments),
     /// Watch a running session: plots, faults, latency, requirements
     #[command(after_help = monitor::EXAMPLES)]
     Monitor(MonitorArguments),
@@ -156,7 +161,15 @@ const GROUPS: [(&str, &[&str]); 4] = [
     ("Run", &["run", "campaign", "config", "rerun"]),
     (
         "While a session runs",
-        &["monitor", "inject", "pause", "resume", "step", "controller"],
+        &[
+            "monitor",
+            "inject",
+            "pause",
+            "resume",
+            "step",
+            "mark",
+            "controller",
+        ],
     ),
     (
         "Recorded runs",

@@ -15,7 +15,7 @@ use shared_types::session;
 use crate::arguments::recordings::ScenarioAction;
 use crate::arguments::swap::ControllerAction;
 use crate::arguments::{Command, CommandLine, completions};
-use crate::session::{clock, inject};
+use crate::session::{clock, inject, mark};
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::{advice, interruption, output};
 use crate::verification::{compare, judge, repetition, replay, rerun, suite};
@@ -63,6 +63,7 @@ fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
             };
             clock::clock(&arguments.session, &request)
         }
+        Command::Mark(arguments) => mark::mark(arguments),
         Command::Monitor(arguments) => monitor::monitor(arguments),
         Command::Controller(arguments) => match &arguments.action {
             ControllerAction::Swap(arguments) => swap::swap(arguments),

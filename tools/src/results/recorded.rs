@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use hil_campaign::curve::Curve;
 use hil_config::evaluation::MetricValue;
 use hil_config::requirements::RequirementValue;
-use shared_types::record::{ControllerChange, RunEnd};
+use shared_types::record::{ControllerChange, Mark, RunEnd};
 
 use crate::results::ending::Answers;
 use crate::results::faults::FaultLog;
@@ -20,6 +20,8 @@ pub struct Recorded {
     pub faults: FaultLog,
     /// Changes of controllers.
     pub changes: Vec<ControllerChange>,
+    /// Notes of those who watched.
+    pub marks: Vec<Mark>,
     /// Records taken, those of the past included.
     pub records: u64,
     /// Number of records that are in the recording.
@@ -58,6 +60,7 @@ impl Recorded {
             end: None,
             faults: FaultLog::default(),
             changes: Vec::new(),
+            marks: Vec::new(),
             records: 0,
             written: 0,
             cut_short: None,

@@ -12,9 +12,9 @@ use serde::Serialize;
 use shared_types::ignored::Ignored;
 use shared_types::number::{short, unit_shown};
 use shared_types::pacer::Streaks;
-use shared_types::record::{Outcome, RunEnd};
+use shared_types::record::{Mark, Outcome, RunEnd};
 use shared_types::session::SessionInfo;
-use shared_types::time::Step;
+use shared_types::time::{Rate, Step};
 
 use crate::programs::binaries::{Binaries, Binary};
 use crate::results::company::Company;
@@ -73,6 +73,8 @@ pub(crate) struct Summary {
     /// Messages and frames of controllers that were passed over, by reason.
     ignored: Ignored,
     controller: Program,
+    /// Notes of those who watched the run.
+    marks: Vec<MarkAt>,
     /// All controllers, if the first was lost or replaced.
     controllers: Vec<Tenure>,
     plant: Program,
@@ -181,6 +183,23 @@ struct Recording {
 struct Program {
     binary: String,
     blake3: String,
+}
+
+/// Note at a step and its time.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct MarkAt {
+    #[serde(flatten)]
+    mark: Mark,
+    at_s: f64,
+}
+
+/// Adds their times to notes.
+pub(crate) fn marks(marks: &[Mark], rate: Rate) -> Vec<MarkAt> {
+    let at = |mark: &Mark| MarkAt {
+        mark: mark.clone(),
+        at_s: rate.seconds(Step(mark.step)),
+    };
+    marks.iter().map(at).collect()
 }
 
 /// Origin of a run.
@@ -295,6 +314,7 @@ impl Summary {
             rejected_frames: end.map_or(0, |end| end.rejected_frames),
             ignored: end.map(|end| *end.ignored).unwrap_or_default(),
             controller: origin.controller,
+            marks: marks(&recorded.marks, plan.run.rate),
             controllers: tenures(&ended.controllers, &recorded.changes, plan.run.rate),
             plant: origin.plant,
             seed: plan.run.seed,
@@ -361,6 +381,13 @@ impl Summary {
         }
         for fault in &self.faults {
             writeln!(text, "  {}", fault.describe())?;
+        }
+        for MarkAt { mark, at_s } in &self.marks {
+            writeln!(
+                text,
+                "  mark at step {} ({at_s} s): {}",
+                mark.step, mark.text
+            )?;
         }
         write_metrics(text, &self.metrics, plan, &self.laws, self.steps)?;
         requirements::write(text, &self.requirements)?;

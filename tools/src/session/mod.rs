@@ -6,5 +6,6 @@
 pub(crate) mod clock;
 pub mod inject;
 pub(crate) mod live;
+pub(crate) mod mark;
 pub(crate) mod observer;
 pub(crate) mod standing;

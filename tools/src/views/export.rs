@@ -16,10 +16,12 @@ use std::path::Path;
 use hil_recording::reader::RunReader;
 use serde::Serialize;
 use shared_types::number::{exact, unit_shown};
+use shared_types::record::Event;
 use shared_types::time::{Rate, Step};
 
 use crate::arguments::export::{ExportArguments, ExportFormat};
 use crate::files::destination::Destination;
+use crate::results::summary::{self, MarkAt};
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::interruption::Interruption;
 use crate::terminal::output;
@@ -206,6 +208,8 @@ struct Exported {
     digest: String,
     /// The recording was finished.
     whole: bool,
+    /// Notes of those who watched.
+    marks: Vec<MarkAt>,
 }
 
 impl Exported {
@@ -269,7 +273,7 @@ impl Work {
                 "note: {lost} records were lost while {run} was written; their steps are missing"
             );
         }
-        let metadata = origin::metadata(&self.reader, &self.selection.columns);
+        let metadata = origin::metadata(&self.reader, &self.selection.columns, &exported.marks);
         let written = (self.table.finish(&metadata)).and_then(Destination::complete);
         match written {
             Ok(()) => Ok(Some(exported)),
@@ -285,8 +289,10 @@ impl Work {
         let mut progress =
             (!is_in_the_way).then(|| Progress::new(steps.unwrap_or(0), self.picking.rate, true));
         let mut cells = Vec::with_capacity(self.selection.columns.len());
+        let mut marks = Vec::new();
         while self.reader.advance().map_err(Failure::usage)? {
             let step = self.reader.step();
+            marks.extend(self.reader.events().iter().filter_map(Event::mark).cloned());
             if self.reader.records().is_multiple_of(LOOK_RECORDS) {
                 if self.interruption.came() {
                     return Err(Failure::Interrupted);
@@ -309,6 +315,9 @@ impl Work {
             (exported.last_step, exported.until_s) = (step, time_s);
             exported.rows += 1;
         }
+        // What came after the last record stands behind it.
+        marks.extend(self.reader.events().iter().filter_map(Event::mark).cloned());
+        exported.marks = summary::marks(&marks, self.picking.rate);
         Ok(Ok(()))
     }
 }

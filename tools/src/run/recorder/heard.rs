@@ -91,6 +91,7 @@ impl Heard {
             Event::Fault(taken) => taken.step,
             Event::FaultEnded(ended) => ended.step,
             Event::Controller(change) => change.step,
+            Event::Mark(mark) => mark.step,
             Event::End(_) => return Ok(()),
         };
         let steps = plan.run.steps;

@@ -265,6 +265,7 @@ impl Work {
                 (changes.unwrap_or_else(PoisonError::into_inner)).push(change.clone());
                 Some(change.step)
             }
+            Event::Mark(mark) => Some(mark.step),
             Event::End(_) => None,
         }
     }

@@ -9,6 +9,7 @@ use hil_recording::reader::RunReader;
 use super::table::Column;
 use crate::results::evaluation::RecordEvaluation;
 use crate::results::recorded_run::RecordedRun;
+use crate::results::summary::MarkAt;
 use crate::terminal::exit::Failure;
 
 /// The run of a recording; the error says why it is not known.
@@ -44,7 +45,11 @@ impl Derived {
 }
 
 /// Returns the origin of a table and the units of its columns, for the metadata of a file.
-pub(super) fn metadata(reader: &RunReader, columns: &[Column]) -> Vec<(String, String)> {
+pub(super) fn metadata(
+    reader: &RunReader,
+    columns: &[Column],
+    marks: &[MarkAt],
+) -> Vec<(String, String)> {
     let with_unit = columns.iter().filter(|column| !column.unit.is_empty());
     let units: BTreeMap<&str, &str> = with_unit
         .map(|column| (column.name.as_str(), column.unit.as_str()))
@@ -66,6 +71,9 @@ pub(super) fn metadata(reader: &RunReader, columns: &[Column]) -> Vec<(String, S
     let mut metadata: Vec<(String, String)> = facts.collect();
     metadata.push(("hil.digest".into(), reader.digest()));
     metadata.push(("hil.whole".into(), reader.is_whole().to_string()));
+    if !marks.is_empty() {
+        metadata.push(("hil.marks".into(), serde_json::json!(marks).to_string()));
+    }
     metadata.push(("units".into(), serde_json::json!(units).to_string()));
     metadata
 }

@@ -225,6 +225,10 @@ impl Model {
                 ending.reason = end.reason;
                 ending.steps = Some(end.steps);
             }
+            Event::Mark(mark) => {
+                let (step, at_s) = (mark.step, at(mark.step));
+                self.note = Some(format!("mark at step {step} ({at_s} s): {}", mark.text));
+            }
             Event::Accepted(_) => {}
         }
     }

@@ -33,6 +33,8 @@ struct RunData {
     faults: Vec<SpanData>,
     /// Handovers and losses of controllers.
     changes: Vec<SpanData>,
+    /// Notes of those who watched.
+    marks: Vec<SpanData>,
     signals: BTreeMap<String, SignalData>,
     spikes: Vec<SpikeData>,
     histograms: Vec<HistogramData>,
@@ -101,6 +103,15 @@ impl Data {
     }
 }
 
+/// Begin of a note, short enough to stand in a plot; the whole is in the list of events.
+fn shortened(note: &str) -> String {
+    const MOST: usize = 40;
+    if note.chars().count() <= MOST {
+        return note.to_owned();
+    }
+    note.chars().take(MOST - 3).collect::<String>() + "..."
+}
+
 impl RunData {
     fn new(run: &Run, signals: &Signals) -> Self {
         let spans = run.spans.iter().map(|span| SpanData {
@@ -123,6 +134,14 @@ impl RunData {
                 until_s,
             })
         });
+        let marks = run.outcome.recorded.marks.iter().map(|mark| {
+            let from_s = run.rate.seconds(Step(mark.step));
+            SpanData {
+                label: shortened(&mark.text),
+                from_s,
+                until_s: Some(from_s),
+            }
+        });
         let spikes = run.outcome.recorded.latency.spikes.iter();
         let spikes = spikes.map(|spike| SpikeData {
             at_s: run.rate.seconds(Step(spike.step)),
@@ -137,6 +156,7 @@ impl RunData {
             period_s: run.rate.period_s(),
             faults: spans.collect(),
             changes: changes.collect(),
+            marks: marks.collect(),
             signals: written(signals),
             spikes: spikes.collect(),
             histograms: histograms.collect(),

@@ -280,7 +280,7 @@
       return { stroke, fill: null, clip: null, band: null, gaps: null, flags: 0 };
     }
 
-    // Times in which faults act, and where another controller took over.
+    // Times in which faults act, where another controller took over, and notes.
     shade(u) {
       const { ctx } = u;
       const { left, top, width, height } = u.bbox;
@@ -309,7 +309,7 @@
         }
       };
       for (const run of data.runs) {
-        for (const fault of [...run.faults, ...run.changes]) {
+        for (const fault of [...run.faults, ...run.changes, ...run.marks]) {
           const key = `${fault.label} ${fault.from_s} ${fault.until_s}`;
           if (seen.has(key)) continue;
           seen.add(key);
@@ -318,7 +318,7 @@
           if (to < left || from > left + width) continue;
           ctx.fillStyle = ink.fault;
           ctx.fillRect(from, top, Math.max(to - from, ratio), height);
-          ctx.fillStyle = run.changes.includes(fault) ? ink.text : ink.edge;
+          ctx.fillStyle = run.faults.includes(fault) ? ink.edge : ink.text;
           ctx.fillRect(from, top, ratio, height);
           write(fault.label, Math.max(from, left));
         }

@@ -1,0 +1,98 @@
+//! Notes put at a step while a run goes on: in everything that shows a run, and not in its digest.
+
+use serde_json::{Value, json};
+
+use crate::live::until_paused_at;
+use crate::support::harness::Rig;
+use crate::support::mcap_reader::Recording;
+
+const SHORT: &str = "tests/scenarios/leakage.toml";
+
+fn session_of(rig: &Rig) -> [&str; 2] {
+    ["--session", rig.session()]
+}
+
+#[test]
+fn a_mark_is_in_summary_export_and_report_and_changes_no_digest() {
+    let rig = Rig::new();
+    let wanted = rig.run(SHORT).expect(0).digest();
+    let run = rig.start(&format!("{SHORT} --pause-at 0.5"));
+    let mark =
+        |text: &str| rig.beside(&[&["mark", text, "--json"][..], &session_of(&rig)].concat());
+    until_paused_at(&rig, 5000);
+    let told: Value = serde_json::from_str(
+        &mark("  the <b>pilot</b> feels \u{1b}[31mit\n ")
+            .expect(0)
+            .stdout,
+    )
+    .expect("JSON");
+    assert_eq!(
+        told,
+        json!({"response": "marked", "step": 5000, "at_s": 0.5})
+    );
+    for (text, why) in [
+        (" ", "0 characters"),
+        (&"µ".repeat(401)[..], "401 characters"),
+    ] {
+        mark(text).expect(2).says(&[why, "1 to 400"]);
+    }
+    mark(&"µ".repeat(400)).expect(0);
+    rig.beside(&[&["step", "7"][..], &session_of(&rig)].concat())
+        .expect(0);
+    let told = rig.beside(&[&["mark", "later"][..], &session_of(&rig)].concat());
+    assert_eq!(told.expect(0).stdout, "marked step 5007 (0.5007 s)\n");
+    rig.beside(&[&["resume"][..], &session_of(&rig)].concat())
+        .expect(0);
+    let run = run.finish().expect(0);
+
+    assert_eq!(run.digest(), wanted);
+    let cleaned = "the <b>pilot</b> feels \u{fffd}[31mit";
+    let marks = json!([
+        {"step": 5000, "text": cleaned, "at_s": 0.5},
+        {"step": 5000, "text": "µ".repeat(400), "at_s": 0.5},
+        {"step": 5007, "text": "later", "at_s": 0.5007},
+    ]);
+    assert_eq!(run.summary()["marks"], marks);
+    assert!(run.stdout.contains("mark at step 5007 (0.5007 s): later"));
+
+    let recorded = Recording::open(&run.recording()).events;
+    let recorded = recorded.iter().filter(|event| event["event"] == "mark");
+    let steps: Vec<&Value> = recorded.map(|event| &event["step"]).collect();
+    assert_eq!(json!(steps), json!([5000, 5000, 5007]));
+
+    let folder = run.folder.display().to_string();
+    let table = rig.path("run.parquet").display().to_string();
+    let arguments = ["export", &folder, "-o", &table, "--every", "1000", "--json"];
+    let exported: Value =
+        serde_json::from_str(&rig.hil(&arguments).expect(0).stdout).expect("JSON");
+    assert_eq!(exported["marks"], marks);
+    let bytes = std::fs::read(&table).expect("there");
+    let holds = |text: &str| {
+        bytes
+            .windows(text.len())
+            .any(|part| part == text.as_bytes())
+    };
+    assert!(holds("hil.marks") && holds(r#""text":"later""#));
+
+    let page = rig.path("report.html");
+    rig.hil(&["report", &folder, "-o", &page.display().to_string()])
+        .expect(0);
+    let page = std::fs::read_to_string(page).expect("there");
+    assert!(page.contains("mark, step 5007, 0.5007 s: later"));
+    assert!(page.contains("the &lt;b&gt;pilot&lt;/b&gt; feels"));
+    assert!(!page.contains("<b>pilot"));
+
+    // Repeated and compared as if there were none.
+    let again = rig.path("again").display().to_string();
+    rig.hil(&["rerun", &folder, "--out", &again]).expect(0);
+    rig.hil(&["compare", &folder, &again]).expect(0);
+}
+
+#[test]
+fn a_mark_without_a_session_or_a_text_is_refused() {
+    let rig = Rig::alone();
+    rig.hil(&["mark", "x"])
+        .expect(2)
+        .says(&["no session", "hil run"]);
+    rig.hil(&["mark"]).expect(2).says(&["<TEXT>"]);
+}
