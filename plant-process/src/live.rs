@@ -103,6 +103,7 @@ impl Service {
             Request::Pause => self.request(LoopRequest::Pause).map(|()| self.status()),
             Request::Resume => self.request(LoopRequest::Resume).map(|()| self.status()),
             Request::Advance { steps } => self.advance(steps),
+            Request::Record => self.record(),
             Request::Mark { text } => self.mark(&text),
         };
         answered.unwrap_or_else(refused)
@@ -225,6 +226,19 @@ impl Service {
             }
             std::thread::sleep(LOOK);
         }
+    }
+
+    fn record(&self) -> Result<Response, Unanswered> {
+        let layout = Box::new(self.layout()?.clone());
+        let words = self.request(LoopRequest::Record)?;
+        let none = || Refusal {
+            expected: Some("a run that has executed a step; `hil step` executes one".into()),
+            ..Refusal::new("there is no record yet: no step was executed")
+        };
+        Ok(Response::Record {
+            layout,
+            words: words.ok_or_else(none)?,
+        })
     }
 
     fn mark(&self, text: &str) -> Result<Response, Unanswered> {

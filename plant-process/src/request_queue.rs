@@ -29,6 +29,8 @@ pub enum LoopRequest {
     Resume(Sender<()>),
     /// Go on for so many steps, then hold; refused unless the run is held.
     Advance(u64, Sender<Result<Step, String>>),
+    /// Show the newest record; `None` before the first.
+    Record(Sender<Option<Vec<u64>>>),
     /// Put a note before the next step.
     Mark(String, Sender<Result<Step, String>>),
 }

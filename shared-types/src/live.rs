@@ -14,7 +14,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::describe::{FaultKindDescription, PlantDescription};
-use crate::record::FaultEffectSize;
+use crate::record::{FaultEffectSize, RecordLayout};
 use crate::session::SessionInfo;
 use crate::table::Field;
 use crate::time::Rate;
@@ -55,6 +55,8 @@ pub enum Request {
         /// Number of steps, at least 1.
         steps: u64,
     },
+    /// Asks for the newest record.
+    Record,
     /// Asks to put a note before the next step.
     Mark {
         /// Text of the note, one line.
@@ -89,6 +91,13 @@ pub enum Response {
     Possible(Box<Possible>),
     /// Status of the run.
     Status(Status),
+    /// The newest record.
+    Record {
+        /// Layout of the record.
+        layout: Box<RecordLayout>,
+        /// Words of the record.
+        words: Vec<u64>,
+    },
     /// Note that was put.
     Marked {
         /// Step of the note.

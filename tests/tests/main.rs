@@ -44,6 +44,7 @@
 //! | [`suite`] | several runs by one command |
 //! | [`survival`] | every law with every kind of fault |
 //! | [`target`] | the controller on another machine: the same digest, whatever happens on the way |
+//! | [`values`] | signals of a running session as they are told, against its recording |
 //! | [`viewers`] | recordings in the programs that engineers look at them with |
 //!
 //! [`support::programs`] builds what is run; [`support::harness`] gives each test a place of its own and a watchdog, and
@@ -113,4 +114,5 @@ mod support;
 mod survival;
 mod tables;
 mod target;
+mod values;
 mod viewers;

@@ -24,6 +24,7 @@ pub(crate) mod run;
 pub(crate) mod swap;
 pub(crate) mod target;
 pub(crate) mod tolerance;
+pub(crate) mod values;
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -50,6 +51,7 @@ use report::ReportArguments;
 use run::{RerunArguments, RunArguments};
 use swap::ControllerArguments;
 use target::TargetCommand;
+use values::{GetArguments, WatchArguments};
 
 /// Hardware-in-the-loop runs of a plant and a controller in deterministic lockstep
 ///
@@ -82,6 +84,12 @@ pub enum Command {
     /// Execute some steps of a session, then hold it
     #[command(after_help = "Examples:\n  hil step\n  hil step 1000")]
     Step(StepArguments),
+    /// Tell the newest values of a session's signals
+    #[command(after_help = values::GET_EXAMPLES)]
+    Get(GetArguments),
+    /// Tell values of a session's signals again and again
+    #[command(after_help = values::WATCH_EXAMPLES)]
+    Watch(WatchArguments),
     /// Put a note at the step where a session is
     #[command(after_help = mark::HELP)]
     Mark(MarkArguments),
@@ -163,11 +171,13 @@ const GROUPS: [(&str, &[&str]); 4] = [
         "While a session runs",
         &[
             "monitor",
+            "get",
+            "watch",
             "inject",
+            "mark",
             "pause",
             "resume",
             "step",
-            "mark",
             "controller",
         ],
     ),

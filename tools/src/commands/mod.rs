@@ -19,7 +19,7 @@ use crate::session::{clock, inject, mark};
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::{advice, interruption, output};
 use crate::verification::{compare, judge, repetition, replay, rerun, suite};
-use crate::views::{export, layout, monitor, report};
+use crate::views::{export, layout, monitor, report, values};
 use crate::{benchmark, campaign, doctor};
 
 /// Does what the command line of this process says, and tells why if that cannot be done.
@@ -63,6 +63,8 @@ fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
             };
             clock::clock(&arguments.session, &request)
         }
+        Command::Get(arguments) => values::get(arguments),
+        Command::Watch(arguments) => values::watch(arguments),
         Command::Mark(arguments) => mark::mark(arguments),
         Command::Monitor(arguments) => monitor::monitor(arguments),
         Command::Controller(arguments) => match &arguments.action {

@@ -7,3 +7,4 @@ pub(crate) mod layout;
 pub(crate) mod monitor;
 pub(crate) mod plots;
 pub(crate) mod report;
+pub(crate) mod values;

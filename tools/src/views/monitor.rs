@@ -195,7 +195,10 @@ fn find(
 }
 
 /// Waits for the notice of a session.
-fn notice(session: &SessionInfo, interruption: &Interruption) -> Result<Notice, Failure> {
+pub(super) fn notice(
+    session: &SessionInfo,
+    interruption: &Interruption,
+) -> Result<Notice, Failure> {
     let name = &session.name;
     let since = Instant::now();
     loop {

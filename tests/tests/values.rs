@@ -1,0 +1,132 @@
+//! Signals of a running session as `hil get` and `hil watch` tell them, against its recording.
+
+use serde_json::Value;
+
+use crate::live::until_paused_at;
+use crate::support::harness::Rig;
+use crate::support::mcap_reader::{Record, Recording};
+
+const SHORT: &str = "tests/scenarios/leakage.toml";
+const SIGNALS: [&str; 3] = [
+    "tracking_error_rad",
+    "reference.surface_angle_rad",
+    "measured.surface_angle_rad",
+];
+
+/// What was told of the signals is what was recorded at its step.
+fn is_recorded(told: &Value, recording: &Recording, records: &[Record]) {
+    let step = told["step"].as_u64().expect("a step");
+    let record = &records[step as usize];
+    assert_eq!(record.step(), step);
+    assert_eq!(told["time_s"].as_f64(), Some(step as f64 / 10_000.0));
+    let recorded = |name| recording.value(record, name);
+    let reference = recorded("reference.surface_angle_rad");
+    let truth = recorded("truth.surface_angle_rad");
+    let wanted = [
+        truth - reference,
+        reference,
+        recorded("measured.surface_angle_rad"),
+    ];
+    for ((signal, name), wanted) in (told["signals"].as_array().expect("signals").iter())
+        .zip(SIGNALS)
+        .zip(wanted)
+    {
+        assert_eq!(signal["name"], name);
+        assert_eq!(signal["unit"], "rad");
+        assert_eq!(
+            signal["value"].as_f64(),
+            Some(wanted),
+            "{name} at step {step}"
+        );
+        // At 2 s the paper's command passes zero.
+        assert!(step == 20_000 || wanted != 0.0, "{name} moves");
+    }
+}
+
+#[test]
+fn values_that_are_told_are_those_recorded_and_telling_them_changes_no_digest() {
+    let rig = Rig::new();
+    let wanted = rig.run(SHORT).expect(0).digest();
+    let run = rig.start(&format!("{SHORT} --pause-at 0.5"));
+    until_paused_at(&rig, 5000);
+    let session = ["--session", rig.session()];
+    let beside = |arguments: &[&str]| rig.beside(&[arguments, &session].concat());
+    let get = [&["get", "--json"][..], &SIGNALS].concat();
+    let mut told = vec![beside(&get).expect(0).stdout];
+    assert_eq!(told[0].matches("\"step\":4999").count(), 1, "{}", told[0]);
+
+    let all = beside(&["get"]).expect(0).stdout;
+    assert!(all.starts_with("step 4999 (0.4999 s)\n"), "{all}");
+    for name in SIGNALS {
+        assert!(
+            all.lines().any(|line| line.starts_with(name)),
+            "{name}: {all}"
+        );
+    }
+    let some = beside(&["get", "measured.*angle*"]).expect(0).stdout;
+    assert!(!some.contains("reference."), "{some}");
+
+    beside(&["get", "truth.surface_angel_rad"])
+        .expect(2)
+        .says(&["surface_angel_rad", "surface_angle_rad"]);
+    beside(&["get", "["]).expect(2).says(&["signal `[`"]);
+    beside(&["watch"]).expect(2).says(&["<SIGNAL>"]);
+
+    // One line is told of the held step, others as the run goes on.
+    let once = beside(&[&["watch", "--count", "1"][..], &SIGNALS].concat());
+    let once = once.expect(0).stdout;
+    assert!(once.starts_with("0.4999 s  tracking_error_rad "), "{once}");
+    let watch = [
+        &["watch", "--json", "--every", "1ms"][..],
+        &SIGNALS,
+        &session,
+    ]
+    .concat();
+    std::thread::scope(|scope| {
+        let watching = scope.spawn(|| rig.beside(&watch));
+        for _ in 0..20 {
+            beside(&["step", "100"]).expect(0);
+        }
+        beside(&["resume"]).expect(0);
+        told.extend(
+            watching
+                .join()
+                .expect("watched")
+                .expect(0)
+                .stdout
+                .lines()
+                .map(Into::into),
+        );
+    });
+    let run = run.finish().expect(0);
+    assert_eq!(run.digest(), wanted);
+
+    let recording = Recording::open(&run.recording());
+    let records: Vec<Record> = recording.records().collect();
+    let told: Vec<Value> = (told.iter())
+        .map(|line| serde_json::from_str(line).expect("JSON"))
+        .collect();
+    assert!(told.len() >= 3, "{told:?}");
+    told.iter()
+        .for_each(|one| is_recorded(one, &recording, &records));
+    let steps: Vec<u64> = told
+        .iter()
+        .skip(1)
+        .filter_map(|one| one["step"].as_u64())
+        .collect();
+    assert!(steps.is_sorted_by(|one, next| one < next), "{steps:?}");
+    assert_eq!(steps.last(), Some(&20_000), "the last values are told");
+}
+
+#[test]
+fn before_the_first_step_there_is_nothing_to_tell() {
+    let rig = Rig::new();
+    let run = rig.start(&format!("{SHORT} --pause-at 0"));
+    until_paused_at(&rig, 0);
+    rig.beside(&["get", "--session", rig.session()])
+        .expect(2)
+        .says(&["no step was executed", "hil step"]);
+    rig.beside(&["resume", "--session", rig.session()])
+        .expect(0);
+    run.finish().expect(0);
+}

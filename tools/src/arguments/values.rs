@@ -1,0 +1,64 @@
+//! The command lines of `hil get` and `hil watch`.
+
+use clap::Args;
+
+use super::SessionChoice;
+use crate::terminal::duration::seconds;
+
+pub(super) const GET_EXAMPLES: &str = "\
+Exit codes: 0 told; 2 no such session or signal, or no step was executed yet; 3 the plant gave no
+answer.
+
+Examples:
+  hil get
+  hil get 'truth.*force*' tracking_error_rad
+  hil get --json truth.position_m | jq '.signals[0].value'";
+
+pub(super) const WATCH_EXAMPLES: &str = "\
+Watches only: the run has the same digest with it and without it. A line is told when there is a
+newer step; a held run has none.
+
+Exit codes: 0 the session ended, or all lines were told; 2 no such session or signal; 130
+interrupted.
+
+Examples:
+  hil watch truth.position_m command.force_n
+  hil watch --every 2s --json 'truth.*' > values.jsonl
+  hil watch --count 10 tracking_error_rad";
+
+/// Arguments of `hil get`.
+#[derive(Debug, Args)]
+pub struct GetArguments {
+    /// A signal, or several with * and ? [default: all]
+    #[arg(value_name = "SIGNAL")]
+    pub signals: Vec<String>,
+    /// Which session
+    #[command(flatten)]
+    pub session: SessionChoice,
+}
+
+/// Arguments of `hil watch`.
+#[derive(Debug, Args)]
+pub struct WatchArguments {
+    /// A signal, or several with * and ?
+    #[arg(value_name = "SIGNAL", required = true)]
+    pub signals: Vec<String>,
+    /// Least time between two lines
+    #[arg(long, value_name = "TIME", value_parser = every, default_value = "500ms")]
+    pub every: f64,
+    /// End after so many lines
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub count: Option<u64>,
+    /// Which session
+    #[command(flatten)]
+    pub session: SessionChoice,
+}
+
+fn every(text: &str) -> Result<f64, String> {
+    let every_s = seconds(text)?;
+    if every_s <= 86_400.0 {
+        Ok(every_s)
+    } else {
+        Err(format!("`{text}` is longer than a day"))
+    }
+}
