@@ -114,7 +114,9 @@ mod tests {
         }
         put(8, &0_u64.to_le_bytes());
         put(8, &0_u64.to_le_bytes());
-        put(4, &texts(""));
+        for _ in ["outcome", "text"] {
+            put(4, &texts(""));
+        }
         assert_eq!(message(&ended()).expect("a message"), expected);
     }
 
