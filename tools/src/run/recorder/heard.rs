@@ -2,7 +2,7 @@
 
 use hil_config::plan::{Clock, Plan};
 use shared_types::lockstep::OnLoss;
-use shared_types::record::{Change, ControllerChange, Event, RecordView};
+use shared_types::record::{Change, ControllerChange, Event, LONGEST_MARK, MOST_MARKS, RecordView};
 use shared_types::supervision::MOST_EPOCHS;
 use shared_types::time::Step;
 
@@ -102,6 +102,15 @@ impl Heard {
         }
         match event {
             Event::Controller(change) => controller(plan, change, recorded.changes.len()),
+            Event::Mark(_) if recorded.marks.len() >= MOST_MARKS => {
+                Err(format!("more than {MOST_MARKS} marks came"))
+            }
+            Event::Mark(mark) if mark.text.chars().count() > LONGEST_MARK => {
+                let count = mark.text.chars().count();
+                Err(format!(
+                    "a mark of {count} characters came, and {LONGEST_MARK} are allowed"
+                ))
+            }
             _ => Ok(()),
         }
     }

@@ -3,7 +3,7 @@
 use hil_config::plan::Clock;
 use shared_types::link::LinkError;
 use shared_types::lockstep::OnLoss;
-use shared_types::record::{Change, Event, Outcome, RunEnd};
+use shared_types::record::{Change, Event, LONGEST_MARK, MOST_MARKS, Mark, Outcome, RunEnd};
 use shared_types::stream::Item;
 use shared_types::time::Step;
 
@@ -235,4 +235,21 @@ fn a_recorder_that_is_stuck_in_what_the_dead_left_is_freed() {
     let unblock = move || free.send(()).unwrap_or_default();
     let recorded = recorder.unblocked_by(unblock).finish();
     assert_eq!(recorded.expect("no panic").error, None);
+}
+
+#[test]
+fn more_or_longer_marks_than_a_plant_takes_are_refused() {
+    let mark = |text: &str| {
+        Item::Event(Event::Mark(Mark {
+            step: 1,
+            text: text.into(),
+        }))
+    };
+    let allowed = (0..MOST_MARKS).map(|_| mark(&"µ".repeat(LONGEST_MARK)));
+    let recorded = taken(Clock::Lockstep, allowed.collect());
+    assert_eq!((recorded.error, recorded.marks.len()), (None, MOST_MARKS));
+    let more = (0..=MOST_MARKS).map(|_| mark("x")).collect();
+    refused(Clock::Lockstep, more, 0, "more than 10000 marks");
+    let longer = vec![mark(&"x".repeat(LONGEST_MARK + 1))];
+    refused(Clock::Lockstep, longer, 0, "a mark of 401 characters");
 }
