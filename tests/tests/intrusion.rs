@@ -314,8 +314,7 @@ fn a_file_of_another_user_with_our_prefix_is_left_alone_and_in_nobodys_way() {
     assert!(!session.segments().contains(&file));
     rig.beside(&["resume", "--session", rig.session()])
         .expect(0);
-    // The harness would take it for a segment that is left.
-    let run = running.finish_beside_another().expect(0);
+    let run = running.finish().expect(0);
     assert_eq!(run.summary()["verdict"], "pass");
     assert!(file.exists() && !session.folder.exists());
     std::fs::remove_file(file).expect("it is there");

@@ -5,7 +5,7 @@
 
 use std::ffi::OsStr;
 use std::io::Read;
-use std::os::unix::fs::PermissionsExt;
+use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -215,16 +215,17 @@ impl Rig {
     }
 }
 
-/// Files in shared memory that look like a session's, but whose session is gone.
+/// Files of this user in shared memory that look like a session's, but whose session is gone.
 fn segments_of_nobody() -> Vec<PathBuf> {
+    let uid = rustix::process::geteuid().as_raw();
     // In this order: a session removes its folder last.
     let files: Vec<PathBuf> = (std::fs::read_dir("/dev/shm")
         .expect("shared memory")
         .flatten())
+    .filter(|entry| entry.metadata().is_ok_and(|file| file.uid() == uid))
     .map(|entry| entry.path())
     .filter(|path| name(path).starts_with("hil_"))
     .collect();
-    let uid = rustix::process::geteuid().as_raw();
     let sessions = std::fs::read_dir(format!("/dev/shm/hil-{uid}"));
     let prefixes: Vec<String> = (sessions.into_iter().flatten().flatten())
         .filter_map(|session| SessionInfo::read(&session.path()).ok())
