@@ -39,6 +39,7 @@
 //! | [`report`] | pages of runs, against the recording and in a browser |
 //! | [`replay`] | recorded samples against controllers: the same, rebuilt, broken |
 //! | [`realtime_settings`] | what was asked of the system, and what it granted |
+//! | [`runs`] | what was run here, listed and removed by a rule; the newest run by its name |
 //! | [`requirements`] | verdicts live and from the recording, and exit codes |
 //! | [`succession`] | lost controllers, and others that take over |
 //! | [`suite`] | several runs by one command |
@@ -108,6 +109,7 @@ mod recover;
 mod replay;
 mod report;
 mod requirements;
+mod runs;
 mod succession;
 mod suite;
 mod support;

@@ -137,6 +137,7 @@ fn lasting(summary: &Value) -> Value {
     let parts = lasting.as_object_mut().expect("an object");
     for passing in [
         "session",
+        "started_utc",
         "wall_time_s",
         "realtime_factor",
         "latency_ns",

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::runs::run_path;
 use crate::terminal::duration::seconds;
 
 /// Which checkpoints a run makes.
@@ -19,6 +20,6 @@ pub struct CheckpointArguments {
 #[derive(Clone, Debug, Default, Args)]
 pub struct FromArguments {
     /// Go on from a checkpoint, with its scenario and what --set changes in it from there on
-    #[arg(long, value_name = "CHECKPOINT", conflicts_with_all = ["scenarios", "audit"])]
+    #[arg(long, value_name = "CHECKPOINT", value_parser = run_path(), conflicts_with_all = ["scenarios", "audit"])]
     pub from: Option<PathBuf>,
 }

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
+use super::runs::run_path;
 use crate::terminal::duration::seconds;
 
 pub(super) const EXAMPLES: &str = "\
@@ -22,8 +23,8 @@ Examples:
 /// Arguments of `hil export`.
 #[derive(Debug, Args)]
 pub struct ExportArguments {
-    /// A run's folder or its run.mcap
-    #[arg(value_name = "RUN")]
+    /// A run's folder or its run.mcap; latest is the newest run below runs
+    #[arg(value_name = "RUN", value_parser = run_path())]
     pub run: PathBuf,
     /// The file to write; - is standard output, which is the default
     #[arg(short, long, value_name = "FILE")]

@@ -9,6 +9,7 @@ use shared_types::frame::MAX_SIGNALS;
 use shared_types::time::Rate;
 
 use super::realtime::WaitKind;
+use super::runs::run_path;
 use crate::terminal::duration::seconds;
 
 pub(super) const EXAMPLES: &str = "\
@@ -22,8 +23,8 @@ Examples:
 /// Arguments of `hil latency`.
 #[derive(Debug, Args)]
 pub struct LatencyArguments {
-    /// A run's folder or its run.mcap: show its figures instead of measuring
-    #[arg(value_name = "RUN", conflicts_with_all = ["signals", "rates", "steps", "duration"])]
+    /// A run's folder or its run.mcap, or latest: show its figures instead of measuring
+    #[arg(value_name = "RUN", value_parser = run_path(), conflicts_with_all = ["signals", "rates", "steps", "duration"])]
     pub run: Option<PathBuf>,
     /// Signals in a sample; half as many answer it
     #[arg(

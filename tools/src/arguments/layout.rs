@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
+use super::runs::run_path;
+
 pub(super) const EXAMPLES: &str = "\
 What is plotted follows from the signals that were recorded, so it works for any plant. A layout for
 PlotJuggler in the folder of the run opens the recording, too, over simulated time.
@@ -18,8 +20,8 @@ Examples:
 /// Arguments of `hil layout`.
 #[derive(Debug, Args)]
 pub struct LayoutArguments {
-    /// A run's folder or its run.mcap
-    #[arg(value_name = "RUN")]
+    /// A run's folder or its run.mcap; latest is the newest run below runs
+    #[arg(value_name = "RUN", value_parser = run_path())]
     pub run: PathBuf,
     /// The program that is to show it
     #[arg(value_name = "VIEWER")]

@@ -21,6 +21,7 @@ pub(crate) mod recover;
 pub(crate) mod replay;
 pub(crate) mod report;
 pub(crate) mod run;
+pub(crate) mod runs;
 pub(crate) mod swap;
 pub(crate) mod target;
 pub(crate) mod tolerance;
@@ -49,6 +50,7 @@ use recover::RecoverArguments;
 use replay::ReplayArguments;
 use report::ReportArguments;
 use run::{RerunArguments, RunArguments};
+use runs::RunsArguments;
 use swap::ControllerArguments;
 use target::TargetCommand;
 use values::{GetArguments, WatchArguments};
@@ -135,6 +137,9 @@ Examples:
     /// Make a whole recording of one that broke off
     #[command(after_help = recover::EXAMPLES)]
     Recover(RecoverArguments),
+    /// List what was run here, or remove runs by a rule
+    #[command(after_help = runs::EXAMPLES)]
+    Runs(RunsArguments),
     /// Make scenarios from runs
     Scenario(ScenarioCommand),
     /// Check a scenario, show it complete, or print its schema
@@ -184,7 +189,8 @@ const GROUPS: [(&str, &[&str]); 4] = [
     (
         "Recorded runs",
         &[
-            "report", "judge", "compare", "replay", "export", "layout", "recover", "scenario",
+            "runs", "report", "judge", "compare", "replay", "export", "layout", "recover",
+            "scenario",
         ],
     ),
     (

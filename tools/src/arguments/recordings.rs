@@ -4,16 +4,17 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
+use super::runs::run_path;
 use crate::arguments::tolerance::Tolerance;
 
 /// Arguments of `hil compare`.
 #[derive(Debug, Args)]
 pub struct CompareArguments {
-    /// A run's folder or its run.mcap
-    #[arg(value_name = "A")]
+    /// A run's folder or its run.mcap; latest is the newest run below runs
+    #[arg(value_name = "A", value_parser = run_path())]
     pub a: PathBuf,
     /// Another
-    #[arg(value_name = "B", required_unless_present = "baseline")]
+    #[arg(value_name = "B", value_parser = run_path(), required_unless_present = "baseline")]
     pub b: Option<PathBuf>,
     /// Compare with this named run instead, with the tolerances that it has
     #[arg(long, value_name = "NAME", conflicts_with_all = ["b", "tolerance", "signal"])]
@@ -52,8 +53,8 @@ Examples:
 /// Arguments of `hil judge`.
 #[derive(Debug, Args)]
 pub struct JudgeArguments {
-    /// A run's folder or its run.mcap
-    #[arg(value_name = "RUN")]
+    /// A run's folder or its run.mcap; latest is the newest run below runs
+    #[arg(value_name = "RUN", value_parser = run_path())]
     pub run: PathBuf,
     /// Take derived signals, metrics and requirements from this scenario [default: the run's own]
     #[arg(long, value_name = "SCENARIO.toml")]
@@ -84,8 +85,8 @@ pub enum ScenarioAction {
 /// Arguments of `hil scenario from`.
 #[derive(Debug, Args)]
 pub struct ScenarioFromArguments {
-    /// A run's folder or its run.mcap
-    #[arg(value_name = "RUN")]
+    /// A run's folder or its run.mcap; latest is the newest run below runs
+    #[arg(value_name = "RUN", value_parser = run_path())]
     pub run: PathBuf,
     /// The file to write [default: standard output]
     #[arg(short, long, value_name = "FILE")]

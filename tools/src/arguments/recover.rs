@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::runs::run_path;
+
 /// Its examples.
 pub(crate) const EXAMPLES: &str = "\
 Every whole record up to where the file broke off is kept. The new file takes
@@ -24,8 +26,8 @@ Examples:
 /// Arguments of `hil recover`.
 #[derive(Debug, Args)]
 pub struct RecoverArguments {
-    /// A run's folder or its run.mcap
-    #[arg(value_name = "RUN")]
+    /// A run's folder or its run.mcap; latest is the newest run below runs
+    #[arg(value_name = "RUN", value_parser = run_path())]
     pub run: PathBuf,
     /// Write the whole file here and leave the other as it is
     #[arg(short, long, value_name = "FILE")]

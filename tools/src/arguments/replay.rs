@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::run::LinkKind;
+use super::runs::run_path;
 use super::target::TargetArguments;
 use crate::arguments::tolerance::Tolerance;
 
@@ -21,8 +22,8 @@ Examples:
 /// Arguments of `hil replay`.
 #[derive(Debug, Args)]
 pub struct ReplayArguments {
-    /// A run's folder or its run.mcap
-    #[arg(value_name = "RUN")]
+    /// A run's folder or its run.mcap; latest is the newest run below runs
+    #[arg(value_name = "RUN", value_parser = run_path())]
     pub run: PathBuf,
     /// The controller program [default: HIL_CONTROLLER_BIN, else that of the recording, else the one
     /// beside hil]

@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::runs::run_path;
+
 pub(super) const EXAMPLES: &str = "\
 One HTML file that needs no network: plots that zoom and share a cursor, faults shaded, requirements with
 their margins, latency, and where it all comes from. Several runs are laid over each other. A scenario says
@@ -25,8 +27,8 @@ Examples:
 /// Arguments of `hil report`.
 #[derive(Clone, Debug, Args)]
 pub struct ReportArguments {
-    /// Folders of runs or their run.mcap; or the folder of one campaign
-    #[arg(value_name = "RUN", required = true)]
+    /// Folders of runs or their run.mcap, or latest; or the folder of one campaign
+    #[arg(value_name = "RUN", value_parser = run_path(), required = true)]
     pub runs: Vec<PathBuf>,
     /// The file to write; - is standard output
     #[arg(short, long, value_name = "FILE", default_value = "report.html")]

@@ -10,6 +10,7 @@ use super::BinaryArguments;
 use super::checkpoint::{CheckpointArguments, FromArguments};
 use super::realtime::RealtimeArguments;
 use super::recording::{ChoiceArguments, compression};
+use super::runs::run_path;
 use super::target::TargetArguments;
 use crate::terminal::duration::seconds;
 use crate::terminal::exit::Failure;
@@ -66,8 +67,8 @@ pub struct RunArguments {
 /// Arguments of `hil rerun`.
 #[derive(Debug, Args)]
 pub struct RerunArguments {
-    /// A run's folder or its run.mcap
-    #[arg(value_name = "RUN")]
+    /// A run's folder or its run.mcap; latest is the newest run below runs
+    #[arg(value_name = "RUN", value_parser = run_path())]
     pub run: PathBuf,
     /// How it is run
     #[command(flatten)]

@@ -1,8 +1,9 @@
 //! The one place that sends each verb to its room, and the verbs that belong to no other: config,
-//! controller swap, recover, sessions, completions. No work of a verb that has a room of its own is done here.
+//! controller swap, recover, runs, sessions, completions. No work of a verb that has a room of its own is done here.
 
 pub(crate) mod config;
 pub(crate) mod recover;
+pub(crate) mod runs;
 pub(crate) mod sessions;
 pub(crate) mod swap;
 pub(crate) mod target;
@@ -86,6 +87,7 @@ fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
         Command::Export(arguments) => export::export(arguments),
         Command::Layout(arguments) => layout::layout(arguments),
         Command::Recover(arguments) => recover::recover(arguments),
+        Command::Runs(arguments) => runs::runs(arguments),
         Command::Scenario(arguments) => match &arguments.action {
             ScenarioAction::From(arguments) => repetition::scenario_from(arguments),
         },

@@ -1,6 +1,7 @@
-//! Files that appear whole or not at all, wherever they go, and the folder of a run. Knows nothing of what is
+//! Files that appear whole or not at all, wherever they go, the folder of a run, and the runs below a folder. Knows nothing of what is
 //! in them.
 
 pub(crate) mod destination;
 pub(crate) mod folder;
 pub(crate) mod part_file;
+pub(crate) mod runs;

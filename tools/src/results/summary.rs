@@ -40,6 +40,10 @@ const SCHEMA: u32 = 1;
 pub(crate) struct Summary {
     schema: u32,
     pub(crate) scenario: String,
+    /// Values of the scenario that were changed by the command line, as `KEY=VALUE`.
+    set: Vec<String>,
+    /// Null if nobody knows.
+    started_utc: Option<String>,
     pub(crate) session: String,
     evidence: &'static str,
     /// Null if the controller was on this machine.
@@ -268,6 +272,8 @@ impl Summary {
         Self {
             schema: SCHEMA,
             scenario: plan.name.clone(),
+            set: Vec::new(),
+            started_utc: None,
             session: origin.session,
             evidence: origin.evidence,
             target: origin.target,
@@ -341,6 +347,17 @@ impl Summary {
     pub(crate) fn with_company(self, company: Company) -> Self {
         let company = Some(company);
         Self { company, ..self }
+    }
+
+    /// The same of a run that was begun then, with these values of its scenario changed.
+    #[must_use]
+    pub(crate) fn with_start(self, started_utc: String, set: Vec<String>) -> Self {
+        let started_utc = Some(started_utc);
+        Self {
+            set,
+            started_utc,
+            ..self
+        }
     }
 
     /// The summary as a person reads it.

@@ -69,7 +69,8 @@ pub(super) fn conclude(
         &ended,
     )
     .with_checkpoints(prepared.resumed, checkpoints)
-    .with_company(company);
+    .with_company(company)
+    .with_start(prepared.started_utc, prepared.settings.set);
     let json = serde_json::to_string_pretty(&summary).map_err(Failure::infrastructure)?;
     prepared.reserve.release();
     Ok(RunResult {

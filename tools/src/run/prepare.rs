@@ -4,6 +4,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::SystemTime;
 
 use hil_config::plan::{Clock, Plan};
 use hil_recording::excerpt::Choice;
@@ -46,6 +47,8 @@ pub(super) struct Prepared {
     pub(super) settings: Settings,
     pub(super) interruption: Interruption,
     pub(super) session: SessionInfo,
+    /// Time at which the run was begun.
+    pub(super) started_utc: String,
     /// Folder of the run.
     pub(super) folder: PathBuf,
     /// Room on its disk for the summary.
@@ -160,6 +163,7 @@ pub(super) fn prepare(
         )?;
     }
     Notice::write(&info, &effective, &binaries, is_in_process)?;
+    let started_utc = humantime::format_rfc3339_millis(SystemTime::now()).to_string();
     let folder = folder::create(settings.out.as_deref(), &plan.name, &info.name)?;
     let absolute = std::path::absolute(&folder);
     session
@@ -168,7 +172,8 @@ pub(super) fn prepare(
     let in_place = is_in_process && settings.recording.is_none();
     write_scenario(&folder, &effective, in_place)?;
     let recording = (settings.recording.as_ref()).map(|recording| {
-        let mut provenance = provenance::of(&plan, &info, &binaries, &settings, &effective);
+        let mut provenance =
+            provenance::of(&plan, &info, &binaries, &settings, &effective, &started_utc);
         let resumed = resumed.iter().flat_map(Resumed::facts);
         provenance.facts.extend(resumed);
         RecordingPlan {
@@ -185,6 +190,7 @@ pub(super) fn prepare(
         settings,
         interruption,
         session: info,
+        started_utc,
         // Where thousands of runs keep nothing but their summaries, this would take longer than they do.
         reserve: if is_in_process && recording.is_none() {
             Reserve::default()

@@ -20,6 +20,7 @@ pub(super) fn of(
     binaries: &Binaries,
     settings: &Settings,
     effective: &str,
+    started_utc: &str,
 ) -> Provenance {
     let mut facts = BTreeMap::new();
     let mut fact = |name: &str, value: String| facts.insert(name.to_owned(), value);
@@ -65,8 +66,10 @@ pub(super) fn of(
     for (name, finding) in doctor::facts() {
         fact(&name, finding);
     }
-    let started = humantime::format_rfc3339_millis(std::time::SystemTime::now());
-    fact("started_utc", started.to_string());
+    fact("started_utc", started_utc.into());
+    if !settings.set.is_empty() {
+        fact("set", serde_json::json!(settings.set).to_string());
+    }
     if !named.is_empty()
         && let Err(why) = seal::seal(&mut facts)
     {

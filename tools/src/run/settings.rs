@@ -33,6 +33,8 @@ pub(crate) struct Settings {
     pub(crate) pause_at_s: Option<f64>,
     /// Times before which the state of both sides is saved.
     pub(crate) checkpoints_at_s: Vec<f64>,
+    /// Values of the scenario that were changed, as `KEY=VALUE`.
+    pub(crate) set: Vec<String>,
     /// Several runs share the terminal.
     pub(crate) is_one_of_many: bool,
 }
@@ -81,6 +83,7 @@ impl Settings {
             wait_limit_s: options.wait_limit,
             pause_at_s: options.pause_at,
             checkpoints_at_s,
+            set: options.changes.as_set(),
             is_one_of_many: false,
         })
     }
@@ -95,6 +98,7 @@ impl Settings {
             wait_limit_s: WAIT_LIMIT_S,
             pause_at_s: None,
             checkpoints_at_s: Vec::new(),
+            set: Vec::new(),
             is_one_of_many: false,
         }
     }

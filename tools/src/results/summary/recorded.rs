@@ -51,6 +51,9 @@ impl Summary {
         summary.laws = Laws::of(&plan.controller.law, &ended.recorded.changes, |name| {
             reader.fact(name).map(Into::into)
         });
+        summary.started_utc = reader.fact("started_utc").map(Into::into);
+        let set = reader.fact("set").map(serde_json::from_str);
+        summary.set = set.and_then(Result::ok).unwrap_or_default();
         summary.recording.unvouched = reader.unvouched().map(|unvouched| unvouched.told);
         summary
     }

@@ -1,0 +1,212 @@
+//! Runs of a folder as `hil runs` lists and removes them, and the newest of them as commands find it.
+
+use std::fs;
+use std::os::unix::fs::symlink;
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+
+use crate::support::harness::{Rig, Run, until};
+use crate::support::programs::workspace;
+
+/// Runs `hil` in the folder of the test.
+fn hil(rig: &Rig, line: &str) -> Run {
+    let words: Vec<&str> = line.split(' ').collect();
+    rig.hil_in(&rig.path(""), &words)
+}
+
+fn scenario(name: &str) -> String {
+    workspace().join(name).display().to_string()
+}
+
+fn listed(rig: &Rig, line: &str) -> Vec<Value> {
+    let told = hil(rig, &format!("{line} --json")).expect(0).stdout;
+    let told: Value = serde_json::from_str(&told).expect("JSON");
+    told["runs"].as_array().expect("runs").clone()
+}
+
+fn paths(runs: &[Value]) -> Vec<&str> {
+    (runs.iter().map(|run| run["run"].as_str().expect("a path"))).collect()
+}
+
+fn summary(folder: &Path) -> Value {
+    let text = fs::read(folder.join("summary.json")).expect("a summary");
+    serde_json::from_slice(&text).expect("JSON")
+}
+
+/// Bytes of the files of a folder, added by another program.
+fn bytes(folder: &Path) -> u64 {
+    let files = fs::read_dir(folder).expect("a folder").flatten();
+    (files.map(|file| file.metadata().expect("a file").len())).sum()
+}
+
+/// Three runs, the oldest first: one that passes, one that fails and one deeper that passes.
+fn three(rig: &Rig) -> [PathBuf; 3] {
+    let (spring, breaks) = (
+        scenario("scenarios/spring-mass.toml"),
+        scenario("scenarios/spring-breaks.toml"),
+    );
+    hil(rig, &format!("run {spring} --out runs/good")).expect(0);
+    hil(
+        rig,
+        &format!("run {spring} --set controller.law=hold --pace 100 --out runs/bad"),
+    )
+    .expect(1);
+    hil(
+        rig,
+        &format!("run {breaks} --no-record --out runs/of/today"),
+    )
+    .expect(0);
+    ["runs/good", "runs/bad", "runs/of/today"].map(|path| rig.path(path))
+}
+
+#[test]
+fn runs_are_listed_with_what_their_summaries_say() {
+    let rig = Rig::new();
+    assert_eq!(hil(&rig, "runs").expect(0).stdout, "no run below runs\n");
+    hil(&rig, "runs nowhere").expect(2).says(&["nowhere"]);
+    let folders = three(&rig);
+    let runs = listed(&rig, "runs");
+    assert_eq!(paths(&runs), ["runs/of/today", "runs/bad", "runs/good"]);
+    for (run, folder) in runs.iter().rev().zip(&folders) {
+        let summary = summary(folder);
+        for key in [
+            "scenario",
+            "set",
+            "verdict",
+            "digest",
+            "steps",
+            "started_utc",
+        ] {
+            assert!(
+                !summary[key].is_null() && run[key] == summary[key],
+                "{key}: {run}"
+            );
+        }
+        assert_eq!(run["bytes"].as_u64(), Some(bytes(folder)));
+        let least = summary["requirements"].as_array().expect("a list").iter();
+        let least = least.map(|one| one["robustness"].as_f64().expect("a number"));
+        let least = least.fold(f64::INFINITY, |a, b| if a < b { a } else { b });
+        assert_eq!(run["margin"]["robustness"].as_f64(), Some(least));
+    }
+    let set = ["controller.law=hold", "run.clock=paced", "run.pace=100.0"];
+    assert_eq!(runs[1]["set"], serde_json::json!(set));
+    for (line, wanted) in [
+        ("runs --sort size", ["good", "bad", "of/today"].as_slice()),
+        ("runs --sort margin --last 1", &["bad"]),
+        ("runs --sort scenario", &["of/today", "bad", "good"]),
+        ("runs --sort verdict --last 1", &["bad"]),
+        ("runs --reverse --last 1", &["good"]),
+        ("runs --scenario *breaks", &["of/today"]),
+        ("runs --verdict fail --verdict aborted", &["bad"]),
+        ("runs --since 1h --last 2", &["of/today", "bad"]),
+        ("runs --since 9999-12-31", &[]),
+        ("runs runs/of", &["of/today"]),
+    ] {
+        let wanted: Vec<String> = wanted.iter().map(|name| format!("runs/{name}")).collect();
+        assert_eq!(paths(&listed(&rig, line)), wanted, "{line}");
+    }
+    let told = hil(&rig, "runs").expect(0).stdout;
+    assert!(
+        told.contains("\n  --set controller.law=hold --set run.clock=paced"),
+        "{told}"
+    );
+}
+
+#[test]
+fn latest_is_the_run_that_was_begun_last() {
+    let rig = Rig::new();
+    let said = hil(&rig, "judge latest").expect(2);
+    assert!(said.stderr.contains("no run below runs"), "{}", said.stderr);
+    three(&rig);
+    // Neither a copy is a newer run nor what a link leads to.
+    let copied = rig.path("runs/copy");
+    fs::create_dir(&copied).expect("made");
+    for file in ["scenario.toml", "summary.json", "run.mcap"] {
+        fs::copy(rig.path("runs/good").join(file), copied.join(file)).expect("copied");
+    }
+    symlink(rig.path("runs/good"), rig.path("runs/zzz")).expect("linked");
+    hil(&rig, "judge latest").expect(2).says(&["runs/of/today"]);
+    let spring = scenario("scenarios/spring-mass.toml");
+    hil(
+        &rig,
+        &format!("run {spring} --checkpoint-at 2 --out runs/a"),
+    )
+    .expect(0);
+    let digest = summary(&rig.path("runs/a"))["digest"].clone();
+    for line in [
+        "judge latest",
+        "compare latest runs/good",
+        "compare runs/good latest/run.mcap",
+        "rerun latest --no-record --out again",
+        "replay latest",
+        "report latest -o page.html",
+        "export latest -o table.csv",
+        "layout latest foxglove -o layout.json",
+        "recover latest",
+        "latency latest",
+        "scenario from latest -o repeated.toml",
+        "run --from latest/checkpoint-2000 --out runs/b",
+    ] {
+        hil(&rig, line).expect(0);
+    }
+    assert_eq!(summary(&rig.path("again"))["digest"], digest);
+    assert_eq!(summary(&rig.path("runs/b"))["digest"], digest);
+    assert_eq!(paths(&listed(&rig, "runs --last 1")), ["runs/b"]);
+    // A folder of that name is still to be had.
+    fs::rename(rig.path("runs/bad"), rig.path("latest")).expect("renamed");
+    hil(&rig, "judge ./latest").expect(1);
+}
+
+#[test]
+fn runs_go_by_a_rule_and_only_when_that_is_meant() {
+    let rig = Rig::new();
+    let [good, bad, today] = three(&rig);
+    let all = [&good, &bad, &today];
+    hil(&rig, "runs rm").expect(2).says(&["--keep-last"]);
+    let told = hil(&rig, "runs rm --keep-last 0").expect(0).stdout;
+    assert!(told.starts_with("would remove 3 runs"), "{told}");
+    hil(&rig, "runs rm --older-than 1h --yes").expect(0);
+    assert!(all.iter().all(|folder| folder.exists()));
+    hil(&rig, "runs rm --keep-last 1 --keep-failed --yes").expect(0);
+    assert_eq!(all.map(|folder| folder.exists()), [false, true, true]);
+    // What nobody but the user put there stays, and so does the run that it is with.
+    fs::write(today.join("note.txt"), "mine").expect("written");
+    symlink("/etc", bad.join("checkpoint-1")).expect("linked");
+    let told = hil(&rig, "runs rm --keep-last 0 --yes").expect(0).stdout;
+    assert!(told.contains("stays: runs/of/today: note.txt"), "{told}");
+    assert_eq!(all.map(|folder| folder.exists()), [false, false, true]);
+    assert_eq!(fs::read_dir(&today).expect("a folder").count(), 5);
+    assert!(Path::new("/etc/passwd").exists());
+}
+
+#[test]
+fn a_run_that_goes_on_stays_and_one_that_was_killed_is_broken() {
+    let rig = Rig::alone();
+    let running = rig.start("scenarios/spring-mass.toml --pace 0.1 --wait-limit 60");
+    let children = running.children_at_once();
+    let folder = running.folder().to_owned();
+    until("its folder is there", || folder.join("plant.log").exists());
+    let path = folder.display().to_string();
+    let verdict = || {
+        let told = rig.beside(&["runs", &path, "--json"]).expect(0).stdout;
+        let told: Value = serde_json::from_str(&told).expect("JSON");
+        assert_eq!(told["runs"][0]["scenario"], "spring-mass");
+        told["runs"][0]["verdict"].clone()
+    };
+    let remove = || {
+        let rm = ["runs", "rm", &path, "--keep-last", "0", "--yes"];
+        rig.beside(&rm).expect(0).stdout
+    };
+    assert_eq!(verdict(), "running");
+    let told = remove();
+    assert!(told.contains("it goes on"), "{told}");
+    assert!(folder.join("scenario.toml").exists());
+    running.kill();
+    until("both processes end by themselves", || {
+        children.iter().all(|child| !child.is_alive())
+    });
+    assert_eq!(verdict(), "broken");
+    remove();
+    assert!(!folder.exists());
+}

@@ -1,0 +1,179 @@
+//! The command lines of `hil runs`, and how each command reads which run is meant.
+
+use std::path::PathBuf;
+use std::time::{Duration, SystemTime};
+
+use clap::builder::{OsStringValueParser, TypedValueParser};
+use clap::{Args, Subcommand, ValueEnum};
+use glob::Pattern;
+use serde::Serialize;
+
+use crate::files::runs::{self, RUNS};
+
+pub(super) const EXAMPLES: &str = "\
+A run is a folder with a scenario.toml that hil run wrote. `latest` names the newest run below runs to
+every command that takes a run: hil report latest, hil compare latest runs/demo.
+
+Examples:
+  hil runs
+  hil runs --scenario 'severe*' --verdict fail --since 2d
+  hil runs --sort margin --last 10
+  hil runs --json | jq -r '.runs[] | select(.set != []) | .path'
+  hil runs rm --keep-last 10 --keep-failed
+  hil runs rm --older-than 30d --yes";
+
+pub(super) const RM_EXAMPLES: &str = "\
+Shows what would go; only --yes removes it. Runs that go on stay, and so do folders that hold what no
+command of hil puts there.
+
+Exit codes: 0 shown or removed; 2 no rule or no such folder; 3 something could not be removed.
+
+Examples:
+  hil runs rm --keep-last 10                     # what would go?
+  hil runs rm --keep-last 10 --keep-failed --yes
+  hil runs rm --scenario 'spring*' --older-than 7d --yes
+  hil runs rm --keep-last 0 --yes                # all";
+
+/// Returns the reader of an argument that names a run.
+pub(super) fn run_path() -> impl TypedValueParser<Value = PathBuf> {
+    OsStringValueParser::new().try_map(runs::path)
+}
+
+/// Arguments of `hil runs`.
+#[derive(Debug, Args)]
+#[command(args_conflicts_with_subcommands = true)]
+pub struct RunsArguments {
+    /// What else to do.
+    #[command(subcommand)]
+    pub action: Option<RunsAction>,
+    /// Which runs
+    #[command(flatten)]
+    pub choice: RunChoice,
+    /// What they are sorted by; the newest, the least margin, the largest come first
+    #[arg(long, value_enum, default_value_t = Order::Time, value_name = "BY")]
+    pub sort: Order,
+    /// The other way round
+    #[arg(long)]
+    pub reverse: bool,
+    /// So many at most
+    #[arg(long, value_name = "N")]
+    pub last: Option<usize>,
+    /// Print as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// The parts of `hil runs`.
+#[derive(Debug, Subcommand)]
+pub enum RunsAction {
+    /// Remove runs by a rule
+    #[command(after_help = RM_EXAMPLES)]
+    Rm(RemovalArguments),
+}
+
+/// Arguments of `hil runs rm`.
+#[derive(Debug, Args)]
+pub struct RemovalArguments {
+    /// Which runs
+    #[command(flatten)]
+    pub choice: RunChoice,
+    /// Those that were begun longer ago
+    #[arg(long, value_name = "AGE", value_parser = humantime::parse_duration)]
+    pub older_than: Option<Duration>,
+    /// Keep so many of them, the newest
+    #[arg(long, value_name = "N")]
+    pub keep_last: Option<usize>,
+    /// Keep those that did not pass
+    #[arg(long)]
+    pub keep_failed: bool,
+    /// Remove them
+    #[arg(long)]
+    pub yes: bool,
+    /// Print as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Which runs are meant.
+#[derive(Debug, Args)]
+pub struct RunChoice {
+    /// The folder that they are below
+    #[arg(value_name = "FOLDER", default_value = RUNS)]
+    pub folder: PathBuf,
+    /// Those of one scenario, or several with * and ?
+    #[arg(long, value_name = "NAME", value_parser = Pattern::new)]
+    pub scenario: Option<Pattern>,
+    /// Those that ended so; may be given several times
+    #[arg(long, value_enum, value_name = "VERDICT")]
+    pub verdict: Vec<Ending>,
+    /// Those begun since: an age as 2d, 3h 20m, or a time as 2026-11-20, 2026-11-20T14:00:00Z
+    #[arg(long, value_name = "TIME", value_parser = since)]
+    pub since: Option<SystemTime>,
+}
+
+impl RunChoice {
+    /// Whether it leaves anything out.
+    pub fn is_a_rule(&self) -> bool {
+        self.scenario.is_some() || !self.verdict.is_empty() || self.since.is_some()
+    }
+}
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Ending {
+    /// A requirement failed.
+    Fail,
+    /// It was not completed.
+    Aborted,
+    /// Its hil died before it could say.
+    Broken,
+    /// It goes on.
+    Running,
+    /// Every requirement holds.
+    Pass,
+}
+
+impl Ending {
+    /// Name in tables and in JSON.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Fail => "fail",
+            Self::Aborted => "aborted",
+            Self::Broken => "broken",
+            Self::Running => "running",
+            Self::Pass => "pass",
+        }
+    }
+}
+
+/// What runs are sorted by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Order {
+    /// The time of their begin.
+    Time,
+    /// The name of the scenario.
+    Scenario,
+    /// What failed comes first.
+    Verdict,
+    /// The least robustness of a requirement.
+    Margin,
+    /// The bytes of the folder.
+    Size,
+}
+
+fn since(text: &str) -> Result<SystemTime, String> {
+    if let Ok(age) = humantime::parse_duration(text) {
+        return SystemTime::now()
+            .checked_sub(age)
+            .ok_or_else(|| format!("`{text}` is longer ago than any clock tells"));
+    }
+    let whole = match text.len() {
+        10 => format!("{text}T00:00:00Z"),
+        _ => text.to_owned(),
+    };
+    humantime::parse_rfc3339_weak(&whole).map_err(|_| {
+        format!("`{text}` is no age as 2d or 3h, and no time in UTC as 2026-11-20 or 2026-11-20T14:00:00Z")
+    })
+}

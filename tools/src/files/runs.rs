@@ -1,0 +1,117 @@
+//! Folders of runs below a folder, and the newest of them: what `latest` names.
+
+use std::ffi::OsString;
+use std::fs::{self, File};
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use serde_json::Value;
+
+/// Folder below which runs lie, unless another one is named.
+pub(crate) const RUNS: &str = "runs";
+/// What stands for the newest run.
+const LATEST: &str = "latest";
+/// File that each folder of a run has from its start.
+pub(crate) const SCENARIO: &str = "scenario.toml";
+/// File that the folder of an ended run has.
+pub(crate) const SUMMARY: &str = "summary.json";
+/// Files of the folder of a run: the scenario, and at least one more.
+pub(crate) const FILES: [&str; 4] = [SCENARIO, SUMMARY, "run.mcap", "plant.log"];
+/// Most folders between the one that is searched and that of a run.
+const DEEPEST: usize = 8;
+/// Most bytes of a summary.
+const LARGEST: u64 = 16 << 20;
+
+/// Folder of a run.
+#[derive(Clone, Debug)]
+pub(crate) struct RunFolder {
+    pub(crate) path: PathBuf,
+    /// Time at which the run was begun.
+    pub(crate) started: SystemTime,
+    /// Its `summary.json`, if there is one that can be read.
+    pub(crate) summary: Option<Value>,
+}
+
+/// Returns the runs below a folder, the newest first. Links are not followed.
+///
+/// # Errors
+/// If the folder cannot be read. What cannot be read below it is left out.
+pub(crate) fn below(folder: &Path) -> io::Result<Vec<RunFolder>> {
+    let mut runs = Vec::new();
+    search(folder, DEEPEST, &mut runs)?;
+    runs.sort_by(|a, b| (b.started, &b.path).cmp(&(a.started, &a.path)));
+    Ok(runs)
+}
+
+fn search(folder: &Path, depth: usize, runs: &mut Vec<RunFolder>) -> io::Result<()> {
+    if let Some(run) = RunFolder::read(folder) {
+        runs.push(run);
+        return Ok(());
+    }
+    for entry in fs::read_dir(folder)? {
+        let Ok(entry) = entry else { continue };
+        if depth > 0 && entry.file_type().is_ok_and(|kind| kind.is_dir()) {
+            let _ = search(&entry.path(), depth - 1, runs);
+        }
+    }
+    Ok(())
+}
+
+impl RunFolder {
+    /// Reads what a folder says of its run, if it is that of one.
+    fn read(path: &Path) -> Option<Self> {
+        let scenario = fs::metadata(path.join(SCENARIO)).ok()?;
+        (FILES[1..].iter().any(|name| path.join(name).is_file())).then_some(())?;
+        let summary = summary(&path.join(SUMMARY));
+        let started = summary.as_ref().and_then(|summary| {
+            let text = summary.get("started_utc")?.as_str()?;
+            humantime::parse_rfc3339(text).ok()
+        });
+        // The scenario is written when a run begins, and never again.
+        let started = started.or_else(|| scenario.modified().ok())?;
+        Some(Self {
+            path: path.to_owned(),
+            started,
+            summary,
+        })
+    }
+}
+
+fn summary(path: &Path) -> Option<Value> {
+    let file = File::open(path).ok().filter(|file| {
+        file.metadata()
+            .is_ok_and(|file| file.is_file() && file.len() <= LARGEST)
+    })?;
+    let mut text = Vec::new();
+    file.take(LARGEST).read_to_end(&mut text).ok()?;
+    serde_json::from_slice(&text).ok().filter(Value::is_object)
+}
+
+/// Reads the path of a run or of something in its folder: `latest` at its begin is the newest run below `runs`.
+///
+/// # Errors
+/// If there is none.
+pub(crate) fn path(typed: OsString) -> Result<PathBuf, String> {
+    named(typed.into(), Path::new(RUNS))
+}
+
+fn named(typed: PathBuf, folder: &Path) -> Result<PathBuf, String> {
+    let Ok(rest) = typed.strip_prefix(LATEST) else {
+        return Ok(typed);
+    };
+    let shown = folder.display();
+    let runs = match below(folder) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => {
+            return Err(format!("cannot look for runs in {shown}: {error}"));
+        }
+        runs => runs.unwrap_or_default(),
+    };
+    match runs.into_iter().next() {
+        Some(run) if rest == Path::new("") => Ok(run.path),
+        Some(run) => Ok(run.path.join(rest)),
+        None => Err(format!(
+            "there is no run below {shown} here, and `{LATEST}` is the newest of them; a file or folder of that name is ./{LATEST}"
+        )),
+    }
+}
