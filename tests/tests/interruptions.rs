@@ -106,7 +106,7 @@ fn a_check_of_very_many_requirements_ends_on_ctrl_c() {
         let arguments: Vec<&str> = command.split(' ').chain([path.as_str()]).collect();
         let running = rig.start_hil(&arguments);
         until("it is in the middle of the check", || {
-            ticks(&running).is_none_or(|ticks| ticks > whole * 6 / 10)
+            ticks(&running).is_none_or(|ticks| ticks > whole * 4 / 10)
         });
         running.signal(Signal::INT);
         let ended = running.finish();

@@ -31,6 +31,7 @@
 //! | [`monitor`] | a session watched in a terminal: the same digest, and the terminal as it was |
 //! | [`mutations`] | the explorer of the lockstep machines misses every guard that is taken out |
 //! | [`named_programs`] | programs that scenarios and recordings name, and what is not run |
+//! | [`new`] | folders to begin from: what is in them, and names that are none |
 //! | [`paper`] | the paper's experiment against its checked figures |
 //! | [`paths`] | names of files that are no UTF-8 |
 //! | [`plots`] | plots of one run in report, monitor and layout |
@@ -98,6 +99,7 @@ mod marks;
 mod monitor;
 mod mutations;
 mod named_programs;
+mod new;
 mod paper;
 mod paths;
 mod plots;

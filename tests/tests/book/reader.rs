@@ -68,11 +68,13 @@ done
 case "$1" in
     build)
         [ "$folder" -ef "$CLONE" ] && exit 0
-        "$CARGO" "${words[@]}" --offline --target-dir "$OUTSIDE"
+        CARGO_BUILD_BUILD_DIR=$OUTSIDE "$CARGO" "${words[@]}" --offline --target-dir "$OUTSIDE"
         into=${into:-$folder/target}
         mkdir -p "$into"
         ln -sfn "$OUTSIDE/debug" "$into/release" ;;
-    test | bench) [ "$PWD" -ef "$CLONE" ] ;;
+    test | bench)
+        [ "$PWD" -ef "$CLONE" ] && exit 0
+        CARGO_BUILD_BUILD_DIR=$OUTSIDE exec "$CARGO" "${words[@]}" --offline --target-dir "$OUTSIDE" ;;
     run) exec "$PROGRAMS/examples/$example" "${@:after + 1}" ;;
     *) exec "$CARGO" "$@" ;;
 esac

@@ -74,7 +74,7 @@ pub(crate) fn target() -> PathBuf {
     own.parent().expect("the target directory").to_owned()
 }
 
-fn finish(cargo: &mut Command) {
+pub(crate) fn finish(cargo: &mut Command) {
     let output = cargo.output().expect("cargo can be run");
     let [told, said] = [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text));
     assert!(output.status.success(), "{cargo:?} failed:\n{told}{said}");

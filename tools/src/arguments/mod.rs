@@ -14,6 +14,7 @@ pub(crate) mod latency;
 pub(crate) mod layout;
 pub(crate) mod mark;
 pub(crate) mod monitor;
+pub(crate) mod new;
 pub(crate) mod realtime;
 pub(crate) mod recording;
 pub(crate) mod recordings;
@@ -45,6 +46,7 @@ use latency::{LatencyArguments, LatencyPeerArguments};
 use layout::LayoutArguments;
 use mark::MarkArguments;
 use monitor::MonitorArguments;
+use new::NewArguments;
 use recordings::{CompareArguments, JudgeArguments, ScenarioCommand};
 use recover::RecoverArguments;
 use replay::ReplayArguments;
@@ -142,6 +144,9 @@ Examples:
     Runs(RunsArguments),
     /// Make scenarios from runs
     Scenario(ScenarioCommand),
+    /// Begin a plant, a controller or a scenario of your own
+    #[command(after_help = new::EXAMPLES)]
+    New(NewArguments),
     /// Check a scenario, show it complete, or print its schema
     Config(ConfigArguments),
     /// List running sessions, or clean up after dead ones
@@ -171,7 +176,7 @@ Examples:
 
 /// Subcommands as `hil --help` groups them; clap has one heading for all.
 const GROUPS: [(&str, &[&str]); 4] = [
-    ("Run", &["run", "campaign", "config", "rerun"]),
+    ("Run", &["run", "new", "campaign", "config", "rerun"]),
     (
         "While a session runs",
         &[

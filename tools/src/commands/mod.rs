@@ -1,7 +1,8 @@
 //! The one place that sends each verb to its room, and the verbs that belong to no other: config,
-//! controller swap, recover, runs, sessions, completions. No work of a verb that has a room of its own is done here.
+//! controller swap, new, recover, runs, sessions, completions. No work of a verb that has a room of its own is done here.
 
 pub(crate) mod config;
+pub(crate) mod new;
 pub(crate) mod recover;
 pub(crate) mod runs;
 pub(crate) mod sessions;
@@ -87,6 +88,7 @@ fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
         Command::Export(arguments) => export::export(arguments),
         Command::Layout(arguments) => layout::layout(arguments),
         Command::Recover(arguments) => recover::recover(arguments),
+        Command::New(arguments) => new::new(arguments),
         Command::Runs(arguments) => runs::runs(arguments),
         Command::Scenario(arguments) => match &arguments.action {
             ScenarioAction::From(arguments) => repetition::scenario_from(arguments),

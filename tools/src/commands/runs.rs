@@ -115,6 +115,8 @@ struct Margin {
 
 /// The runs that are meant, the newest first.
 fn chosen(choice: &RunChoice) -> Result<Vec<Run>, Failure> {
+    // Before and after, so that one that ends or begins meanwhile goes on.
+    let mut live = going_on()?;
     let found = match runs::below(&choice.folder) {
         Err(error) if error.kind() == ErrorKind::NotFound && choice.folder == Path::new(RUNS) => {
             Vec::new()
@@ -124,9 +126,7 @@ fn chosen(choice: &RunChoice) -> Result<Vec<Run>, Failure> {
             Failure::usage(format!("cannot look for runs in {folder}: {error}"))
         })?,
     };
-    let live = session::list().map_err(Failure::infrastructure)?;
-    let live = (live.into_iter()).filter_map(|session| session.run_dir?.canonicalize().ok());
-    let live: Vec<PathBuf> = live.collect();
+    live.extend(going_on()?);
     let mut runs: Vec<Run> = found
         .into_iter()
         .map(|found| Run::of(found, &live))
@@ -141,6 +141,15 @@ fn chosen(choice: &RunChoice) -> Result<Vec<Run>, Failure> {
             && choice.since.is_none_or(|since| run.started_utc >= since)
     });
     Ok(runs)
+}
+
+/// Folders of the runs that go on.
+fn going_on() -> Result<Vec<PathBuf>, Failure> {
+    let live = session::list().map_err(Failure::infrastructure)?;
+    let folders = live
+        .into_iter()
+        .filter_map(|session| session.run_dir?.canonicalize().ok());
+    Ok(folders.collect())
 }
 
 impl Run {

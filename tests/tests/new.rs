@@ -1,0 +1,148 @@
+//! Folders that `hil new` makes. What they build and run, the book's pages show.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use serde_json::Value;
+
+use crate::support::harness::{Rig, Run};
+use crate::support::programs::{finish, target, workspace};
+
+/// Runs `hil` in the folder of the test.
+fn hil(rig: &Rig, line: &str) -> Run {
+    let words: Vec<&str> = line.split(' ').collect();
+    rig.hil_in(&rig.path(""), &words)
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let entries = fs::read_dir(folder).expect("a folder").flatten();
+    let names = entries.map(|entry| entry.file_name().to_string_lossy().into_owned());
+    let mut names: Vec<String> = names.collect();
+    names.sort();
+    names
+}
+
+/// Builds a crate that was made, with what the crates of `examples` have built of the framework.
+fn build(folder: &Path) {
+    let outside = target().join("examples-outside");
+    let mut cargo = Command::new(env!("CARGO"));
+    cargo.args(["build", "--offline"]).current_dir(folder);
+    finish(
+        cargo
+            .env("CARGO_BUILD_BUILD_DIR", outside)
+            .env_remove("CARGO_TARGET_DIR"),
+    );
+}
+
+#[test]
+fn a_folder_names_the_framework_by_a_relative_path() {
+    let rig = Rig::new();
+    let told = hil(&rig, "new plant cart --json").expect(0).stdout;
+    let told: Value = serde_json::from_str(&told).expect("JSON");
+    assert_eq!(told["folder"], "cart");
+    let files = told["files"].as_array().expect("files");
+    let cart = rig.path("cart");
+    assert!(
+        files
+            .iter()
+            .all(|file| cart.join(file.as_str().expect("text")).is_file())
+    );
+    let wanted = [
+        ".cargo",
+        ".gitignore",
+        "Cargo.lock",
+        "Cargo.toml",
+        "README.md",
+        "cart.toml",
+        "src",
+    ];
+    assert_eq!(names(&cart), wanted);
+    for file in files {
+        let file = file.as_str().expect("text");
+        let text = fs::read_to_string(cart.join(file)).expect("text");
+        let absolute = workspace().display().to_string();
+        let has_absolute = text
+            .replace(&format!("..{absolute}"), "")
+            .contains(&absolute);
+        let has_gap = ["@NAME@", "@KIND@", "@FRAMEWORK@"]
+            .iter()
+            .any(|gap| text.contains(gap));
+        assert!(!has_gap && !has_absolute, "{file}:\n{text}");
+    }
+    let package = fs::read_to_string(cart.join("Cargo.toml")).expect("text");
+    let path = package
+        .split_once("shared-types = { path = \"")
+        .expect("a path")
+        .1;
+    let path = cart.join(path.split_once('"').expect("its end").0);
+    let same = |path: PathBuf| path.canonicalize().expect("it is there");
+    assert_eq!(same(path), same(workspace().join("shared-types")));
+}
+
+#[test]
+fn a_scenario_that_was_made_passes_and_is_judged() {
+    let rig = Rig::new();
+    hil(&rig, "new scenario gust").expect(0);
+    let folder = rig.path("gust");
+    rig.hil_in(&folder, &["run", "gust.toml", "--out", "runs/a"])
+        .expect(0);
+    let weak = [
+        "run",
+        "gust.toml",
+        "--set",
+        "controller.pid.integral_n_per_m_s=0",
+    ];
+    rig.hil_in(&folder, &weak).expect(1);
+}
+
+#[test]
+fn two_folders_of_one_name_have_each_its_own_program() {
+    let rig = Rig::new();
+    let described = ["first", "second"].map(|place| {
+        fs::create_dir(rig.path(place)).expect("made");
+        hil(&rig, &format!("new controller {place}/steer")).expect(0);
+        let code = rig.path(&format!("{place}/steer/src/main.rs"));
+        let text = fs::read_to_string(&code).expect("code");
+        let other = text.replace("Takes a mass to a position.", place);
+        assert_ne!(text, other);
+        fs::write(code, other).expect("written");
+        rig.path(&format!("{place}/steer"))
+    });
+    // In turns: what is fresh of one must not be taken for the other.
+    for folder in described.iter().chain(&described) {
+        build(folder);
+        let mut program = Command::new(folder.join("target/debug/steer"));
+        let told = program.arg("--describe").output().expect("it runs");
+        let told: Value = serde_json::from_slice(&told.stdout).expect("JSON");
+        let place = folder.parent().and_then(Path::file_name).expect("a name");
+        assert_eq!(told["laws"][0]["summary"].as_str(), place.to_str());
+    }
+}
+
+#[test]
+fn what_cannot_be_made_is_refused_and_nothing_is_left() {
+    let rig = Rig::new();
+    rig.write("there", "mine");
+    for (line, said) in [
+        ("new plant Cart", "`Cart`"),
+        ("new plant 2cart", "`2cart`"),
+        ("new plant cart-", "`cart-`"),
+        ("new plant ..", "ends with its name"),
+        ("new plant spring-mass", "`spring-mass`"),
+        ("new controller pid", "`pid`"),
+        ("new controller loop", "`loop`"),
+        ("new scenario there", "there already"),
+        ("new scenario no/such/gust", "cannot make no/such/gust"),
+        ("new plant cart --framework .", "no clone of the framework"),
+        ("new plant cart --framework nowhere", "nowhere"),
+    ] {
+        let run = hil(&rig, line).expect(2);
+        assert!(
+            run.stderr.contains(said) && run.stdout.is_empty(),
+            "{line}: {}",
+            run.stderr
+        );
+        assert_eq!(names(&rig.path("")), ["there"], "{line}");
+    }
+}
