@@ -3,7 +3,7 @@
 //! `plant_process::program::run` and `controller_process::program::run` wrap it; a binary's `main`
 //! is one call of those.
 
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -83,8 +83,13 @@ pub fn run(program: &impl Program) -> ExitCode {
 
 fn describe(program: &impl Program) -> Result<u8, String> {
     let text = serde_json::to_string_pretty(&program.description()).map_err(|e| e.to_string())?;
-    println!("{text}");
-    Ok(COMPLETED)
+    match writeln!(std::io::stdout(), "{text}") {
+        // A reader that has seen enough, as `head`.
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(COMPLETED),
+        written => written
+            .map(|()| COMPLETED)
+            .map_err(|error| format!("cannot write to standard output: {error}")),
+    }
 }
 
 fn serve(program: &impl Program, folder: &Path) -> Result<u8, String> {

@@ -378,7 +378,7 @@ fn a_program_is_a_path_and_the_one_that_is_hashed_runs() {
 #[test]
 fn an_output_that_cannot_be_written_is_no_panic() {
     let rig = Rig::new();
-    let hil = program("hil").display().to_string();
+    let [hil, plant] = ["hil", "plant-process"].map(|name| program(name).display().to_string());
     for (line, code) in [
         (format!("exec {hil} config schema >/dev/full"), 3),
         // What the doctor measures is told there; the findings are not.
@@ -391,6 +391,8 @@ fn an_output_that_cannot_be_written_is_no_panic() {
             format!("{{ {hil} config schema; echo $? >&2; }} | exec true"),
             0,
         ),
+        (format!("{plant} --describe | exec true"), 0),
+        (format!("exec {plant} --describe >/dev/full"), 3),
     ] {
         let mut shell = std::process::Command::new("sh");
         let output = shell

@@ -148,7 +148,9 @@ pub(crate) fn outside(folder: &Path, program: &str) -> PathBuf {
             .expect("a folder");
         let whole = part.path().join(program);
         std::fs::copy(&built, &whole).expect("copied");
-        std::fs::rename(&whole, &copy).expect("renamed");
+        // Not renamed: a test beside this one may have made it meanwhile, and checked it.
+        let made = std::fs::hard_link(&whole, &copy);
+        assert!(made.is_ok() || copy.exists(), "{made:?}");
     }
     copy
 }
