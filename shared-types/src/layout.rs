@@ -13,7 +13,7 @@ use crate::table::{Field, nearest};
 /// Most columns of a table that no frame carries.
 pub const MOST_FIELDS: usize = 4096;
 /// Most bytes of a name.
-const LONGEST_NAME: usize = 256;
+pub(crate) const LONGEST_NAME: usize = 256;
 /// Most bytes of a unit.
 const LONGEST_UNIT: usize = 64;
 /// Most bytes of a description.
@@ -259,7 +259,7 @@ pub fn check_fields(fields: &[Field], most: usize) -> Result<(), Unusable> {
 }
 
 /// Checks whether a text is a name, or the part of a name before or after a dot.
-fn is_name(text: &str) -> bool {
+pub(crate) fn is_name(text: &str) -> bool {
     let is_first = |c: char| c.is_ascii_alphabetic() || c == '_';
     text.starts_with(is_first) && (text.chars()).all(|c| is_first(c) || c.is_ascii_digit())
 }

@@ -21,6 +21,8 @@
 //! [`realtime`] is what a process can ask of the system for its loop; [`text`] is what others say, made
 //! fit to be shown, and [`number`] writes numbers with their units.
 //! [`ignored`] counts what peers said in vain.
+//! [`spelling`] gives foreign names, such as `der(x)`, the one name that they have here, and [`units`] reads units as
+//! text and converts between those of one dimension.
 //! [`conformance`](mod@conformance) is for whoever writes another link or record stream.
 
 extern crate self as shared_types; // the names that `table!` writes must hold in here too
@@ -47,6 +49,7 @@ pub mod realtime;
 pub mod record;
 pub mod session;
 pub mod shared_memory;
+pub mod spelling;
 pub mod state;
 pub mod stream;
 pub mod supervision;
@@ -54,6 +57,7 @@ pub mod surroundings;
 pub mod table;
 pub mod text;
 pub mod time;
+pub mod units;
 pub mod wait;
 
 pub use zerocopy;
