@@ -36,6 +36,9 @@ pub struct Job {
     /// True if the process is kept for another job after this one.
     #[serde(default)]
     pub is_kept: bool,
+    /// True if somebody starts the plant by hand: nothing limits the wait for it before the first sample.
+    #[serde(default)]
+    pub is_plant_by_hand: bool,
     /// Checkpoints that the controller writes and the one that it begins from.
     #[serde(default)]
     pub checkpoints: Checkpoints,
@@ -64,6 +67,7 @@ impl Job {
             rate_divisor: 1,
             command_delay_steps: 0,
             is_kept: false,
+            is_plant_by_hand: false,
             checkpoints: Checkpoints::default(),
             realtime: realtime::Settings::default(),
             wait_limit_s,

@@ -5,6 +5,7 @@
 use std::path::Path;
 use std::process::ExitCode;
 
+use shared_types::checkpoint::Side;
 use shared_types::describe::Description;
 use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{Link, LinkError};
@@ -55,6 +56,10 @@ impl ControllerProgram {
 }
 
 impl Program for ControllerProgram {
+    fn side(&self) -> Side {
+        Side::Controller
+    }
+
     fn description(&self) -> Description {
         let mut description = Description::new(self.program, self.version);
         description.laws = self
@@ -73,7 +78,10 @@ impl Program for ControllerProgram {
     fn serve(&self, session: &SessionInfo, supervision: &Supervision) -> Result<u8, String> {
         let read = || program::read_job::<Job>(&session.folder.join(JOB_FILE));
         let mut job = read()?;
-        let limit = WaitLimit::from_seconds(job.wait_limit_s);
+        let limit = WaitLimit::from_seconds(match job.is_plant_by_hand {
+            true => f64::INFINITY,
+            false => job.wait_limit_s,
+        });
         let mut link = program::attach(session, job.epoch, limit, supervision)?;
         supervision.ring_at_news(link.bell());
         loop {
@@ -142,6 +150,10 @@ pub fn drive<L: Link>(
                 if peer_gone {
                     runner.interrupt(&ControllerEvent::PeerGone)?;
                 } else if waiter.pause() {
+                    if runner.is_plant_in_hand() {
+                        waiter.renew();
+                        continue;
+                    }
                     runner.interrupt(&ControllerEvent::Deadline(waiter.limit().ms()))?;
                 }
             }

@@ -244,6 +244,12 @@ impl<'a, L: Link> Runner<'a, L> {
         }
     }
 
+    /// Returns true while the plant, started by hand, may be held in a debugger as long as somebody likes.
+    #[must_use]
+    pub const fn is_plant_in_hand(&self) -> bool {
+        self.job.is_plant_by_hand && (self.bound.is_none() || self.side.awaits_first())
+    }
+
     /// Returns how the run ended; `None` until then.
     #[must_use]
     pub const fn end(&self) -> Option<&End> {

@@ -44,6 +44,9 @@ pub struct Job {
     /// True if the process is kept for another job after this one. It takes no live requests then.
     #[serde(default)]
     pub is_kept: bool,
+    /// True if somebody starts the controller by hand: nothing limits the wait for its hello.
+    #[serde(default)]
+    pub is_controller_by_hand: bool,
     /// Checkpoints that the plant saves, and the one that it begins from.
     #[serde(default)]
     pub checkpoints: Checkpoints,
@@ -72,6 +75,7 @@ impl Job {
             pause_at_s: None,
             observed: true,
             is_kept: false,
+            is_controller_by_hand: false,
             checkpoints: Checkpoints::default(),
             realtime: realtime::Settings::default(),
             wait_limit_s,

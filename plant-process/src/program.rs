@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use hil_config::plan::Clock;
+use shared_types::checkpoint::Side;
 use shared_types::describe::Description;
 use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{Link, LinkError};
@@ -110,6 +111,10 @@ impl PlantProgram {
 }
 
 impl Program for PlantProgram {
+    fn side(&self) -> Side {
+        Side::Plant
+    }
+
     fn description(&self) -> Description {
         let mut description = Description::new(self.program, self.version);
         description.plants = self
@@ -201,6 +206,10 @@ pub fn drive<L: Link, S: RecordSink>(
                 let event = if let Some(epoch) = engine.news(gone) {
                     PlantEvent::PeerGone(epoch)
                 } else if waiter.pause_until(deadline_ns) {
+                    if engine.is_controller_in_hand() {
+                        waiter.renew();
+                        continue;
+                    }
                     PlantEvent::Deadline(waiter.limit().ms())
                 } else {
                     continue;

@@ -9,6 +9,8 @@ use std::process::ExitCode;
 
 use clap::Parser;
 
+use crate::by_hand;
+use crate::checkpoint::Side;
 use crate::describe::{Description, PROTOCOL};
 use crate::link::LinkError;
 use crate::link::iceoryx::IceoryxLink;
@@ -33,6 +35,9 @@ pub const FAILED: u8 = 3;
 
 /// Program inside a binary: one side of a run.
 pub trait Program {
+    /// The side that it can be.
+    fn side(&self) -> Side;
+
     /// The answer to `--describe`.
     fn description(&self) -> Description;
 
@@ -49,8 +54,8 @@ pub trait Program {
     fn serve(&self, session: &SessionInfo, supervision: &Supervision) -> Result<u8, String>;
 }
 
-/// One side of a hardware-in-the-loop run. It is started by `hil`; by hand only --describe makes
-/// sense.
+/// One side of a hardware-in-the-loop run. It is started by hil, or by hand with the command that
+/// hil run --controller external or --plant external prints.
 #[derive(Debug, Parser)]
 struct Arguments {
     /// Say as JSON what this binary can be: names, signals, parameters with units and ranges
@@ -62,6 +67,9 @@ struct Arguments {
     /// Run the job in a session's folder
     #[arg(long, value_name = "FOLDER", required_unless_present_any = ["describe", "check"])]
     session: Option<PathBuf>,
+    /// Take the place in it that hil run --controller external or --plant external keeps
+    #[arg(long, requires = "session")]
+    by_hand: bool,
 }
 
 /// Does what the arguments say.
@@ -70,6 +78,8 @@ pub fn run(program: &impl Program) -> ExitCode {
     let arguments = Arguments::parse();
     let (result, otherwise) = if let Some(path) = arguments.check {
         (program.check(&path).map(|()| COMPLETED), UNUSABLE)
+    } else if let Some(folder) = arguments.session.as_ref().filter(|_| arguments.by_hand) {
+        (serve_by_hand(program, folder), UNUSABLE)
     } else if let Some(folder) = arguments.session {
         (serve(program, &folder), FAILED)
     } else {
@@ -96,6 +106,22 @@ fn serve(program: &impl Program, folder: &Path) -> Result<u8, String> {
     let supervision = Supervision::from_stdin();
     let session = SessionInfo::read(folder).map_err(|e| e.to_string())?;
     program.serve(&session, &supervision)
+}
+
+/// The same of a side that somebody else started; the error is a place that it did not get.
+fn serve_by_hand(program: &impl Program, folder: &Path) -> Result<u8, String> {
+    let session = SessionInfo::read(folder).map_err(|e| e.to_string())?;
+    let side = program.side();
+    let (supervision, leash) = by_hand::enter(&session, side)?;
+    let (role, name) = (side.name(), &session.name);
+    say(&format!("admitted as the {role} of session {name}"));
+    let served = program.serve(&session, &supervision);
+    let code = served.unwrap_or_else(|reason| {
+        say(&format!("error: {reason}"));
+        FAILED
+    });
+    leash.ends(code);
+    Ok(code)
 }
 
 /// Writes a line to standard error, which goes to the run's log. A log that cannot take it, on a

@@ -1,11 +1,11 @@
 //! What a process of a session hears from the `hil` that started it: stop, the other side is gone,
 //! another controller comes, another job is there, or nothing any more.
 //!
-//! Words arrive as lines on standard input; its end means that `hil` is gone and nobody will clean
+//! Words arrive as lines on standard input, or on the leash of a side that was [started by hand](crate::by_hand); its end means that `hil` is gone and nobody will clean
 //! up, so the process ends too. Any program that speaks the protocol may ignore the lines, but should
 //! end with its input.
 
-use std::io::BufRead;
+use std::io::{BufRead, BufReader};
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, OnceLock, PoisonError};
 
@@ -82,10 +82,16 @@ impl Supervision {
     /// Listens to standard input on a thread of its own, for the rest of the process.
     #[must_use]
     pub fn from_stdin() -> Self {
+        Self::from_words(BufReader::new(std::io::stdin()))
+    }
+
+    /// Listens to lines on a thread of its own, as long as there are any.
+    #[must_use]
+    pub fn from_words(words: impl BufRead + Send + 'static) -> Self {
         let supervision = Self::new();
         let heard = supervision.clone();
         std::thread::spawn(move || {
-            for line in std::io::stdin().lock().lines() {
+            for line in words.lines() {
                 match line {
                     Ok(line) => heard.hear(&line),
                     Err(_) => break,

@@ -16,6 +16,7 @@ use std::process::ExitCode;
 use controller_process::controller::{Controller, LawKind, Sample, Setup};
 use controller_process::job::{JOB_FILE, Job};
 use controller_process::runner::{Progress, Runner, choose};
+use shared_types::checkpoint::Side;
 use shared_types::describe::{Description, Invalid};
 use shared_types::frame::{FrameKind, Header};
 use shared_types::ignored::Ignored;
@@ -131,6 +132,10 @@ struct ChattingController {
 }
 
 impl Program for ChattingController {
+    fn side(&self) -> Side {
+        Side::Controller
+    }
+
     fn description(&self) -> Description {
         let mut description = Description::new("chatting-controller", "0.1.0");
         description.laws = (self.laws.iter())

@@ -14,6 +14,7 @@ use plant_process::faults::kinds;
 use plant_process::job::{JOB_FILE, Job};
 use plant_process::plant::{Plant, PlantKind};
 use plant_process::program::drive;
+use shared_types::checkpoint::Side;
 use shared_types::describe::{Description, Invalid};
 use shared_types::layout::{SignalKind, SignalTable};
 use shared_types::link::LinkError;
@@ -262,6 +263,10 @@ fn alone(mut sink: LyingSink, job: &Job, lost_at: u64) -> Result<(), LinkError> 
 struct Liar;
 
 impl Program for Liar {
+    fn side(&self) -> Side {
+        Side::Plant
+    }
+
     fn description(&self) -> Description {
         let mut description = Description::new("lying-plant", "0.1.0");
         let named = |lie: &str| {

@@ -10,6 +10,7 @@
 //! | [`checkpoints`] | a run that goes on is the straight run, and what cannot go on is refused |
 //! | [`baselines`] | runs against named runs, by digest, by samples and by figures |
 //! | [`book`] | what README and book tell can be done, shows what they show, and leads where they say |
+//! | [`by_hand`] | sides that somebody starts by hand: the same digest, and nobody else in their place |
 //! | [`campaign`] | very many cases: each once, with the digest of a run of its own |
 //! | [`cli`] | bad input: a clear error, exit code 2, nothing started |
 //! | [`determinism`] | one digest, however and wherever a scenario runs |
@@ -54,12 +55,12 @@
 //!
 //! [`support::terminal`] is one that a program of a test runs in. [`support::python`] finds an interpreter with what a test imports.
 //!
-//! Ten parts need more than Rust; a test that lacks its part says so and passes, unless the
+//! Eleven parts need more than Rust; a test that lacks its part says so and passes, unless the
 //! environment demands it: `HIL_TEST_RELEASE=1` builds the binaries of the other profile, `HIL_TEST_PYTHON=1`
 //! makes a Python environment, `HIL_TEST_NODE=1` installs Foxglove's packages with npm,
 //! `HIL_TEST_STRACE=1` wants `strace`, `HIL_TEST_CHROMIUM=1` a Chromium, `HIL_TEST_UNSHARE=1` a user who may
 //! mount file systems, `HIL_TEST_NETNS=1` one who may make network namespaces, `HIL_TEST_SSHD=1` `sshd` and `python3`,
-//! `HIL_TEST_SLURM=1` Slurm and munge,
+//! `HIL_TEST_SLURM=1` Slurm and munge, `HIL_TEST_GDB=1` a `gdb` that may trace,
 //! `HIL_TEST_AARCH64=1` Rust's target `aarch64-unknown-linux-musl` and `qemu-aarch64-static`.
 //!
 //! `HIL_WRITE_BOOK=1` writes the references of the book anew; `HIL_TEST_PAGE=docs/faults` runs the commands of
@@ -70,6 +71,7 @@ mod audit;
 mod bad_input;
 mod baselines;
 mod book;
+mod by_hand;
 mod campaign;
 mod chatter;
 mod checkpoints;

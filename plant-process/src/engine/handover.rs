@@ -73,6 +73,13 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         self.side.is_greeting()
     }
 
+    /// Returns true while the first controller, started by hand, may be held in a debugger as long as somebody
+    /// likes.
+    #[must_use]
+    pub const fn is_controller_in_hand(&self) -> bool {
+        self.job.is_controller_by_hand && self.is_greeting()
+    }
+
     /// The controller that is gone and was not known to be: the active one, or the one announced.
     #[must_use]
     pub fn news(&self, gone: Gone) -> Option<u32> {

@@ -29,6 +29,8 @@ Examples:
   hil run scenarios/severe-leakage.toml --checkpoint-at 6.9 --out runs/severe
   hil run --from runs/severe/checkpoint-69000 --set 'faults[0].effects[0].coefficient_m3ps_per_sqrt_pa=2e-7'
   hil run scenarios/spring-mass.toml --controller-bin target/release/my-controller --json
+  hil run my-scenario.toml --controller-bin target/debug/my-controller --controller external --wait-limit inf
+      then, with the command that it prints: gdb --args COMMAND, or perf record -g COMMAND
   hil run scenarios/severe-leakage.toml --record 'truth.*' --record-every 100 --record-around-faults 0.1 0.5
   hil run scenarios/*.toml --repeat 3 --junit verdicts.xml --markdown verdicts.md
   hil run scenarios/*.toml --repeat 1000 --link in-process --no-record --out runs/many";
@@ -87,6 +89,12 @@ pub struct RunOptions {
     /// Machine of the controller
     #[command(flatten)]
     pub target: TargetArguments,
+    /// Who starts the controller: hil, or you with the command that is printed, in a debugger, an IDE or perf
+    #[arg(long, value_enum, default_value_t = StartKind::Launched, value_name = "START")]
+    pub controller: StartKind,
+    /// The same of the plant
+    #[arg(long, value_enum, default_value_t = StartKind::Launched, value_name = "START")]
+    pub plant: StartKind,
     /// What connects plant and controller
     #[arg(long, value_enum, default_value_t = LinkKind::Iceoryx2, value_name = "LINK")]
     pub link: LinkKind,
@@ -185,6 +193,15 @@ pub enum LinkKind {
     Iceoryx2,
     /// Threads of hil, for comparison and for very many runs; no process is started for any.
     InProcess,
+}
+
+/// Who starts a side.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum StartKind {
+    /// hil starts it.
+    Launched,
+    /// You start it by hand.
+    External,
 }
 
 /// What releases a step.

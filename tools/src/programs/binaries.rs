@@ -5,7 +5,7 @@
 
 use std::ffi::OsStr;
 use std::fs;
-use std::io;
+use std::io::{self, Read};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -285,6 +285,13 @@ impl Binary {
     /// target it must run there first, which takes as long as `ssh` does.
     pub(crate) fn is_ready(&self, session: &SessionInfo, epoch: u32) -> bool {
         self.at.is_none() || session.folder.join(ready_file(epoch)).exists()
+    }
+
+    /// Checks whether an interpreter runs it.
+    pub(crate) fn is_script(&self) -> bool {
+        let mut begins = [0; 2];
+        let read = fs::File::open(&self.path).and_then(|mut file| file.read_exact(&mut begins));
+        read.is_ok() && begins == *b"#!"
     }
 
     /// Refuses a file that is not the one that was hashed any more.

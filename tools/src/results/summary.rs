@@ -35,6 +35,9 @@ use crate::terminal::table::{Table, left, right};
 /// Version of the summary.
 const SCHEMA: u32 = 1;
 
+/// Fact of a recording that names the sides which somebody started by hand.
+pub(crate) const BY_HAND: &str = "started_by_hand";
+
 /// Summary of a run.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Summary {
@@ -70,13 +73,15 @@ pub(crate) struct Summary {
     /// Grade of the loop; null if nothing was exchanged.
     grade: Option<Graded>,
     realtime: Realtime,
-    /// Other programs meanwhile; null if nothing was run here.
+    /// Other programs meanwhile; null if nothing was run here, or a side was started by hand.
     company: Option<Company>,
     recording: Recording,
     rejected_frames: u64,
     /// Messages and frames of controllers that were passed over, by reason.
     ignored: Ignored,
     controller: Program,
+    /// Sides that somebody started by hand.
+    started_by_hand: Vec<String>,
     /// Notes of those who watched the run.
     marks: Vec<MarkAt>,
     /// All controllers, if the first was lost or replaced.
@@ -320,6 +325,7 @@ impl Summary {
             rejected_frames: end.map_or(0, |end| end.rejected_frames),
             ignored: end.map(|end| *end.ignored).unwrap_or_default(),
             controller: origin.controller,
+            started_by_hand: Vec::new(),
             marks: marks(&recorded.marks, plan.run.rate),
             controllers: tenures(&ended.controllers, &recorded.changes, plan.run.rate),
             plant: origin.plant,
@@ -342,10 +348,18 @@ impl Summary {
         }
     }
 
-    /// The same of a run that had company.
+    /// The same of a run of which somebody started these sides by hand.
     #[must_use]
-    pub(crate) fn with_company(self, company: Company) -> Self {
-        let company = Some(company);
+    pub(crate) fn with_started_by_hand(self, sides: impl Iterator<Item = &'static str>) -> Self {
+        Self {
+            started_by_hand: sides.map(Into::into).collect(),
+            ..self
+        }
+    }
+
+    /// The same of a run that had company, if that can be told from what it was itself.
+    #[must_use]
+    pub(crate) fn with_company(self, company: Option<Company>) -> Self {
         Self { company, ..self }
     }
 
@@ -392,6 +406,10 @@ impl Summary {
         }
         if let Some(target) = &self.target {
             writeln!(text, "  {target} ({})", self.evidence)?;
+        }
+        if !self.started_by_hand.is_empty() {
+            let sides = self.started_by_hand.join(" and ");
+            writeln!(text, "  {sides} started by hand ({})", self.evidence)?;
         }
         for controller in &self.controllers {
             writeln!(text, "  {}", controller.describe())?;

@@ -1,5 +1,6 @@
 //! Conclusion of a run: its outcome, its checkpoints, its summary and its exit code.
 
+use shared_types::checkpoint::Side;
 use shared_types::record::Outcome;
 use shared_types::session::Session;
 
@@ -28,7 +29,9 @@ pub(super) fn conclude(
     mut ended: Ended,
     before: &ProcessorTime,
 ) -> Result<RunResult, Failure> {
-    let company = ProcessorTime::now().company(before);
+    // A side that is no child counts among the others.
+    let is_all_here = prepared.settings.by_hand.flag().is_none();
+    let company = is_all_here.then(|| ProcessorTime::now().company(before));
     let has_joined = prepared.settings.link == LinkKind::InProcess || realtime.controller.is_some();
     if ended.outcome == Outcome::Completed && !has_joined {
         ended.outcome = Outcome::Failed;
@@ -69,6 +72,7 @@ pub(super) fn conclude(
         &ended,
     )
     .with_checkpoints(prepared.resumed, checkpoints)
+    .with_started_by_hand(prepared.settings.by_hand.roles().map(Side::name))
     .with_company(company)
     .with_start(prepared.started_utc, prepared.settings.set);
     let json = serde_json::to_string_pretty(&summary).map_err(Failure::infrastructure)?;

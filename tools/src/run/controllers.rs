@@ -63,6 +63,23 @@ struct Member {
     asked: Option<Asked>,
 }
 
+impl Member {
+    const fn new(epoch: u32, side: Side, binary: Binary, job: Job, set: Vec<String>) -> Self {
+        Self {
+            epoch,
+            side,
+            binary,
+            job,
+            set,
+            standing: Standing::Coming,
+            is_announced: epoch == 1,
+            told_gone: None,
+            told_over: false,
+            asked: None,
+        }
+    }
+}
+
 /// Somebody who asked for a controller.
 struct Asked {
     answer: Sender<Result<Swapped, String>>,
@@ -95,7 +112,7 @@ impl Controllers {
         }
     }
 
-    /// Starts the first one.
+    /// Starts the first one, unless somebody did so by hand.
     ///
     /// # Errors
     /// If it cannot be started.
@@ -104,6 +121,7 @@ impl Controllers {
         run_dir: PathBuf,
         policy: OnLoss,
         (binary, job): (Binary, Job),
+        by_hand: Option<Side>,
     ) -> Result<Self, Failure> {
         let mut controllers = Self {
             members: Vec::new(),
@@ -116,7 +134,14 @@ impl Controllers {
             recorded: 1, // of the first it tells from the start
             unknown: None,
         };
-        controllers.add(session, binary, job, Vec::new())?;
+        match by_hand {
+            Some(side) => controllers
+                .members
+                .push(Member::new(1, side, binary, job, Vec::new())),
+            None => {
+                controllers.add(session, binary, job, Vec::new())?;
+            }
+        }
         controllers.members[0].standing = Standing::InOffice;
         Ok(controllers)
     }
@@ -147,18 +172,8 @@ impl Controllers {
         session
             .add_controller(epoch, side.process_id())
             .map_err(Failure::infrastructure)?;
-        self.members.push(Member {
-            epoch,
-            side,
-            binary,
-            job,
-            set,
-            standing: Standing::Coming,
-            is_announced: epoch == 1,
-            told_gone: None,
-            told_over: false,
-            asked: None,
-        });
+        self.members
+            .push(Member::new(epoch, side, binary, job, set));
         Ok(epoch)
     }
 

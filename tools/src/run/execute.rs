@@ -13,7 +13,7 @@ use shared_types::time::Step;
 use super::conclude::conclude;
 use super::prepare::prepare;
 use super::settings::{Settings, refuse_in_process};
-use super::{in_process, processes, realtime};
+use super::{by_hand, in_process, processes, realtime};
 use crate::arguments::run::{LinkKind, RunOptions};
 use crate::checkpoint::branch::Branch;
 use crate::checkpoint::past::Past;
@@ -116,10 +116,17 @@ pub(crate) fn execute(
     origin: Origin,
 ) -> Result<RunResult, Failure> {
     let (prepared, mut session) = prepare(plan, environment, origin)?;
+    let by_hand = match by_hand::admit(&prepared, &mut session) {
+        Ok(by_hand) => by_hand,
+        Err(failure) => {
+            prepared.leave_nothing();
+            return Err(failure);
+        }
+    };
     let (link, before) = (prepared.settings.link, ProcessorTime::now());
     let mut realtime = realtime::Watched::begin(prepared.plan.realtime, link, &prepared.session);
     let ended = match link {
-        LinkKind::Iceoryx2 => processes::run(&prepared, &mut session, &mut realtime)?,
+        LinkKind::Iceoryx2 => processes::run(&prepared, &mut session, by_hand, &mut realtime)?,
         LinkKind::InProcess => in_process::run(&prepared, &mut realtime)?,
     };
     conclude(prepared, session, realtime.end(), ended, &before)

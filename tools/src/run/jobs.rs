@@ -29,6 +29,7 @@ pub(super) fn of(
     };
     let plant = plant_process::job::Job {
         law: plan.law_among(binaries.described().1).cloned(),
+        is_controller_by_hand: settings.by_hand.controller,
         pause_at_s: settings.pause_at_s,
         checkpoints: Checkpoints {
             steps: steps.to_vec(),
@@ -39,6 +40,7 @@ pub(super) fn of(
         ..plant_process::job::Job::of(plan, session.id, wait_limit_s)
     };
     let controller = controller_process::job::Job {
+        is_plant_by_hand: settings.by_hand.plant,
         checkpoints: plant.checkpoints.clone(),
         realtime: plan.realtime.controller(),
         ..controller(plan, session.id, wait_limit_s + between_s)

@@ -6,6 +6,7 @@
 //! 3. `processes` or `in_process` runs both sides, with the [recorder] attached to their stream.
 //!    `processes` ends a run whose side died; `controllers` says whether the loss of one ends it,
 //!    `termination` why it ended.
+//!    `by_hand` waits before that for the sides that somebody starts by hand.
 //! 4. `conclude` makes checkpoints, summary and exit code of what came of it.
 //!
 //! For very many runs, [`alone`] is a run in one thread with neither session nor folder, and [`kept`] keeps the
@@ -13,6 +14,7 @@
 
 pub(crate) mod alone;
 mod attach;
+mod by_hand;
 mod conclude;
 mod controllers;
 mod execute;

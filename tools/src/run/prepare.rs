@@ -39,6 +39,8 @@ use crate::terminal::progress::Progress;
 
 /// Room that is kept on the disk for the summary.
 const SUMMARY_BYTES: u64 = 256 << 10;
+/// Name of the scenario in the folder of a run.
+const SCENARIO: &str = "scenario.toml";
 
 /// A run that can begin.
 pub(super) struct Prepared {
@@ -87,6 +89,12 @@ impl Prepared {
             core.apply();
             attach()
         })
+    }
+
+    /// Removes the folder of a run of which nothing was started: the next try finds it as this one did.
+    pub(super) fn leave_nothing(mut self) {
+        self.reserve.release();
+        leave(&self.folder);
     }
 
     /// Begins the progress of the run, with the hold that was asked for.
@@ -214,7 +222,7 @@ pub(super) fn prepare(
 /// Writes the scenario into the new folder, whole or not at all; `in_place` in less time: a folder counts
 /// only with its summary.
 fn write_scenario(folder: &Path, effective: &str, in_place: bool) -> Result<(), Failure> {
-    let path = folder.join("scenario.toml");
+    let path = folder.join(SCENARIO);
     let written = if in_place {
         std::fs::write(&path, effective).map_err(|error| {
             Failure::infrastructure(format!("cannot write {}: {error}", path.display()))
@@ -222,11 +230,14 @@ fn write_scenario(folder: &Path, effective: &str, in_place: bool) -> Result<(), 
     } else {
         part_file::write_text(&path, effective)
     };
-    written.inspect_err(|_| {
-        // Nothing was run: the next try finds the folder as this one did.
-        let _ = std::fs::remove_file(&path);
-        let _ = std::fs::remove_dir(folder);
-    })
+    // Nothing was run: the next try finds the folder as this one did.
+    written.inspect_err(|_| leave(folder))
+}
+
+/// Removes the folder of a run with the scenario in it, and nothing else.
+fn leave(folder: &Path) {
+    let _ = std::fs::remove_file(folder.join(SCENARIO));
+    let _ = std::fs::remove_dir(folder);
 }
 
 /// Refuses what the plan and the settings cannot have together; gives the steps of the checkpoints.
@@ -249,6 +260,7 @@ fn check(
             "--clock realtime needs two processes: in one thread no side can be late for the other; leave out --link in-process",
         ));
     }
+    settings.by_hand.check(binaries)?;
     let is_here = binaries.controller.at.is_none();
     realtime::check(&plan.realtime, settings.link, is_here)?;
     let first = origin.first();

@@ -7,9 +7,11 @@ use std::time::{Duration, Instant};
 use hil_config::plan::Clock;
 use shared_types::record::Outcome;
 use shared_types::session::Session;
+use shared_types::stream::iceoryx::LAYOUT_FILE;
 use shared_types::supervision::{PEER_GONE, STOP};
 
 use super::attach::attach;
+use super::by_hand::ByHand;
 use super::controllers::Controllers;
 use super::prepare::Prepared;
 use super::realtime::Watched;
@@ -35,6 +37,7 @@ pub(crate) const LOOK: Duration = Duration::from_millis(2);
 pub(super) fn run(
     prepared: &Prepared,
     session: &mut Session,
+    mut by_hand: ByHand,
     realtime: &mut Watched,
 ) -> Result<Ended, Failure> {
     open_files::warn_of_few_addresses();
@@ -48,33 +51,35 @@ pub(super) fn run(
     let recorder = recorder.unblocked_by(move || theirs.remove_unfinished());
     recorder.recall(&prepared.interruption)?;
     let binaries = &prepared.binaries;
-    let start = |session: &mut Session| {
+    let start = |session: &mut Session, by_hand: Option<Side>| {
         Controllers::start(
             session,
             prepared.folder.clone(),
             prepared.plan.run.on_controller_loss,
             (binaries.controller.clone(), prepared.controller.clone()),
+            by_hand,
         )
     };
     // The plant awaits the controller from its own start on.
     let mut early = None;
     if binaries.controller.at.is_some() {
-        let controllers: &mut Controllers = early.insert(start(session)?);
+        let controllers: &mut Controllers = early.insert(start(session, None)?);
         controllers.wait_until_ready(&prepared.interruption);
     }
-    let mut plant = Side::start(
-        "plant",
-        &binaries.plant,
-        info,
-        &prepared.folder,
-        "plant.log",
-    )?;
-    session
-        .add_child(plant.process_id())
-        .map_err(Failure::infrastructure)?;
+    let mut plant = match by_hand.plant.take() {
+        Some(plant) => plant,
+        None => {
+            let (program, folder) = (&binaries.plant, &prepared.folder);
+            let plant = Side::start("plant", program, info, folder, "plant.log")?;
+            session
+                .add_child(plant.process_id())
+                .map_err(Failure::infrastructure)?;
+            plant
+        }
+    };
     let mut controllers = match early {
         Some(controllers) => controllers,
-        None => start(session)?,
+        None => start(session, by_hand.controller.take())?,
     };
     let door = swap::listen(
         info,
@@ -124,9 +129,8 @@ pub(super) fn run(
     };
     if is_shown {
         for side in [&plant, controller] {
-            let excerpt = side.excerpt();
-            if !excerpt.is_empty() {
-                output::tell(&format!("{}:\n{excerpt}\n", side.log_path().display()));
+            if let Some(shown) = side.shown_log() {
+                output::tell(&format!("{shown}\n"));
             }
         }
     }
@@ -192,12 +196,15 @@ impl Watch<'_> {
             Clock::Paced { factor } => factor,
             Clock::Lockstep | Clock::Realtime => 1.0,
         };
+        // Before hello nothing limits one that was started by hand.
+        let is_in_hand = self.prepared.settings.by_hand.plant
+            && !self.prepared.session.folder.join(LAYOUT_FILE).exists();
         // Against the clock it may wait for the next step first.
         let limit_s = self.prepared.plant.wait_limit_s + run.rate.period_s() / pace;
         let Ok(limit) = Duration::try_from_secs_f64(limit_s) else {
             return; // without a limit, as under a debugger
         };
-        if self.plant.is_stopped() {
+        if !is_in_hand && self.plant.is_stopped() {
             self.stopped_since.get_or_insert_with(Instant::now);
         } else {
             self.stopped_since = None;

@@ -3,12 +3,14 @@
 use std::collections::BTreeMap;
 
 use hil_config::plan::Plan;
+use shared_types::checkpoint::Side;
 use shared_types::describe::{Description, PROTOCOL};
 use shared_types::session::SessionInfo;
 
 use super::settings::Settings;
 use crate::doctor;
 use crate::programs::binaries::{Binaries, seal};
+use crate::results::summary::BY_HAND;
 use crate::results::target::Target;
 use hil_recording::reader::EXCERPT;
 use hil_recording::writer::{Enclosure, Provenance};
@@ -29,6 +31,10 @@ pub(super) fn of(
     fact("session_id", format!("{:016x}", session.id));
     let evidence = settings.evidence(plan, &binaries.controller);
     fact("evidence", evidence.into());
+    let by_hand: Vec<&str> = settings.by_hand.roles().map(Side::name).collect();
+    if !by_hand.is_empty() {
+        fact(BY_HAND, by_hand.join(" "));
+    }
     for (name, found) in Target::of(&binaries.controller)
         .iter()
         .flat_map(Target::facts)

@@ -6,9 +6,10 @@
 use std::path::PathBuf;
 
 use hil_config::plan::{Clock, Plan};
+use shared_types::checkpoint::Side;
 
-use crate::arguments::run::{LinkKind, RunOptions};
-use crate::programs::binaries::Binary;
+use crate::arguments::run::{LinkKind, RunOptions, StartKind};
+use crate::programs::binaries::{Binaries, Binary};
 use crate::terminal::exit::Failure;
 use hil_recording::compression::Compression;
 use hil_recording::excerpt::Choice;
@@ -37,6 +38,15 @@ pub(crate) struct Settings {
     pub(crate) set: Vec<String>,
     /// Several runs share the terminal.
     pub(crate) is_one_of_many: bool,
+    /// Sides that somebody starts by hand.
+    pub(crate) by_hand: ByHand,
+}
+
+/// Sides of a run that somebody starts by hand.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct ByHand {
+    pub(crate) plant: bool,
+    pub(crate) controller: bool,
 }
 
 /// Form of a recording.
@@ -45,6 +55,69 @@ pub(crate) struct RecordingSettings {
     pub(crate) compression: Compression,
     /// Part of the run that is kept.
     pub(crate) choice: Choice,
+}
+
+impl ByHand {
+    const NONE: Self = Self {
+        plant: false,
+        controller: false,
+    };
+
+    fn of(options: &RunOptions) -> Result<Self, Failure> {
+        let by_hand = Self {
+            plant: options.plant == StartKind::External,
+            controller: options.controller == StartKind::External,
+        };
+        let Some(flag) = by_hand.flag() else {
+            return Ok(by_hand);
+        };
+        if options.link == LinkKind::InProcess {
+            return Err(Failure::usage(format!(
+                "{flag} needs a process to start; leave out --link in-process"
+            )));
+        }
+        if options.target.target.is_some() {
+            return Err(Failure::usage(format!(
+                "{flag} is for a side on this machine; leave out --target"
+            )));
+        }
+        Ok(by_hand)
+    }
+
+    /// Returns the sides.
+    pub(crate) fn roles(self) -> impl Iterator<Item = Side> {
+        let all = [
+            (self.plant, Side::Plant),
+            (self.controller, Side::Controller),
+        ];
+        (all.into_iter()).filter_map(|(is_by_hand, side)| is_by_hand.then_some(side))
+    }
+
+    /// Names the flag that asked for one of them.
+    pub(crate) fn flag(self) -> Option<String> {
+        let side = self.roles().next()?;
+        Some(format!("--{} external", side.name()))
+    }
+
+    /// Refuses programs that cannot be known by the file that their process runs.
+    ///
+    /// # Errors
+    /// If one of them is a script.
+    pub(crate) fn check(self, binaries: &Binaries) -> Result<(), Failure> {
+        for side in self.roles() {
+            let (name, binary) = match side {
+                Side::Plant => ("plant", &binaries.plant),
+                Side::Controller => ("controller", &binaries.controller),
+            };
+            if binary.is_script() {
+                let path = binary.path.display();
+                return Err(Failure::usage(format!(
+                    "--{name} external: {path} is a script, and which one an interpreter runs cannot be seen; it takes a program"
+                )));
+            }
+        }
+        Ok(())
+    }
 }
 
 impl Settings {
@@ -85,6 +158,7 @@ impl Settings {
             checkpoints_at_s,
             set: options.changes.as_set(),
             is_one_of_many: false,
+            by_hand: ByHand::of(options)?,
         })
     }
 
@@ -100,6 +174,7 @@ impl Settings {
             checkpoints_at_s: Vec::new(),
             set: Vec::new(),
             is_one_of_many: false,
+            by_hand: ByHand::NONE,
         }
     }
 

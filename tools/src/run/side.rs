@@ -1,12 +1,14 @@
-//! The process of a side: started in a group of its own, told the end over its input, killed if it does not
-//! end by itself. Knows nothing of the run that it belongs to.
+//! The process of a side: started in a group of its own, or by hand and admitted; told the end over its input
+//! or its leash, killed if it does not end by itself. Knows nothing of the run that it belongs to.
 
 use std::io::Write;
+use std::os::unix::net::UnixStream;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::Path;
 use std::process::{Child, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
+use shared_types::by_hand;
 use shared_types::process::{MARK, ProcessId, end_group, reap};
 use shared_types::session::SessionInfo;
 
@@ -20,21 +22,46 @@ pub(crate) const GRACE: Duration = Duration::from_secs(2);
 /// Time that it may take if it is stopped, which it cannot end from.
 const STOPPED_GRACE: Duration = Duration::from_millis(200);
 /// Exit code of a Rust program that panicked.
-const PANIC: i32 = 101;
+const PANIC: i32 = by_hand::PANIC as i32;
+/// Time that a process that was killed may take to be gone.
+const DEATH_LIMIT: Duration = Duration::from_secs(1);
 
 /// Side of the run.
 pub(crate) struct Side {
     pub(super) name: &'static str,
-    process: Child,
+    process: Process,
     id: Option<ProcessId>,
-    log: Log,
+    /// Its output, unless that goes to a terminal.
+    log: Option<Log>,
     status: Option<ExitStatus>,
+    /// A process that is no child ended and did not say how.
+    is_silent: bool,
     /// State in which the process was found, if it had to be killed.
     pub(super) killed: Option<&'static str>,
     pub(super) told_to_stop: bool,
 }
 
+enum Process {
+    Launched(Child),
+    /// Started by hand, with the connection that it came in by.
+    ByHand(UnixStream),
+}
+
 impl Side {
+    /// Takes a process that somebody started by hand and that was admitted.
+    pub(super) const fn by_hand(name: &'static str, id: ProcessId, leash: UnixStream) -> Self {
+        Self {
+            name,
+            process: Process::ByHand(leash),
+            id: Some(id),
+            log: None,
+            status: None,
+            is_silent: false,
+            killed: None,
+            told_to_stop: false,
+        }
+    }
+
     /// Starts it; its output goes to a log of this name in a folder.
     ///
     /// # Errors
@@ -63,10 +90,11 @@ impl Side {
         let id = ProcessId::of(process.id());
         let side = Self {
             name,
-            process,
+            process: Process::Launched(process),
             id,
-            log,
+            log: Some(log),
             status: None,
+            is_silent: false,
             killed: None,
             told_to_stop: false,
         };
@@ -76,32 +104,56 @@ impl Side {
     }
 
     pub(crate) fn process_id(&self) -> u32 {
-        self.process.id()
+        match (&self.process, self.id) {
+            (Process::Launched(process), _) => process.id(),
+            (Process::ByHand(_), id) => id.map_or(0, |id| id.pid),
+        }
     }
 
     /// Returns true if the side has ended, and all that it started in its group with it; bounds its log.
     pub(crate) fn has_ended(&mut self) -> bool {
         if self.status.is_none() {
-            // An error here means that there is no such process, which is an end too.
-            self.status = match reap(&mut self.process) {
-                Ok(status) => status,
-                Err(_) => Some(ExitStatus::from_raw(0xff00)),
+            // Without such a process there is no status to be had.
+            const UNKNOWN: i32 = 0xff00;
+            self.status = match (&mut self.process, self.id) {
+                (Process::Launched(process), _) => {
+                    reap(process).unwrap_or_else(|_| Some(ExitStatus::from_raw(UNKNOWN)))
+                }
+                (Process::ByHand(_), Some(id)) if id.is_alive() => None,
+                (Process::ByHand(leash), _) => {
+                    let code = by_hand::last_word(leash);
+                    self.is_silent = code.is_none();
+                    let status = code.map_or(UNKNOWN, |code| i32::from(code) << 8);
+                    Some(ExitStatus::from_raw(status))
+                }
             };
-            self.log.bound();
+            self.bound_log();
         }
         self.status.is_some()
     }
 
-    /// Forgets its output so far.
-    pub(super) fn forget_output(&mut self) {
-        self.log.clear();
+    fn bound_log(&mut self) {
+        if let Some(log) = &mut self.log {
+            log.bound();
+        }
     }
 
-    /// Writes a line to its input. It may have ended, which shows elsewhere.
-    pub(super) fn tell(&mut self, line: &str) {
-        if let Some(input) = &mut self.process.stdin {
-            let _ = writeln!(input, "{line}").and_then(|()| input.flush());
+    /// Forgets its output so far.
+    pub(super) fn forget_output(&mut self) {
+        if let Some(log) = &mut self.log {
+            log.clear();
         }
+    }
+
+    /// Writes a line to its input or its leash. It may have ended, which shows elsewhere.
+    pub(super) fn tell(&mut self, line: &str) {
+        let _ = match &mut self.process {
+            Process::Launched(process) => match &mut process.stdin {
+                Some(input) => writeln!(input, "{line}").and_then(|()| input.flush()),
+                None => Ok(()),
+            },
+            Process::ByHand(leash) => writeln!(leash, "{line}"),
+        };
     }
 
     /// Ends it if it had its time to end by itself, `since` it was to.
@@ -123,19 +175,35 @@ impl Side {
         } else {
             "stuck"
         });
-        end_group(&self.process);
-        self.status = self.process.wait().ok();
-        self.log.bound();
+        match &mut self.process {
+            Process::Launched(process) => {
+                end_group(process);
+                self.status = process.wait().ok();
+            }
+            // Its group is the terminal's, or the debugger's.
+            Process::ByHand(_) => {
+                let since = Instant::now();
+                while let Some(id) = self.id.filter(|id| id.is_alive())
+                    && since.elapsed() < DEATH_LIMIT
+                {
+                    id.kill();
+                    std::thread::sleep(Duration::from_millis(2));
+                }
+                self.status = Some(ExitStatus::from_raw(signal_hook::consts::SIGKILL));
+            }
+        }
+        self.bound_log();
     }
 
     /// Describes how the side ended, if there is something to say about it, and where to read more.
     pub(super) fn fate(&self) -> Option<String> {
         let death = self.death()?;
         let panicked = self.status.and_then(|status| status.code()) == Some(PANIC);
-        Some(if panicked && self.killed.is_none() {
-            format!("{death}, see {}", self.log.path().display())
-        } else {
-            death
+        Some(match &self.log {
+            Some(log) if panicked && self.killed.is_none() => {
+                format!("{death}, see {}", log.path().display())
+            }
+            _ => death,
         })
     }
 
@@ -145,6 +213,12 @@ impl Side {
             return Some(format!("{} was {state} and had to be killed", self.name));
         }
         let status = self.status?;
+        if self.is_silent {
+            return Some(format!(
+                "{}, started by hand, is gone without a word: killed, or its debugger ended",
+                self.name
+            ));
+        }
         match (status.code(), status.signal()) {
             (Some(0), _) => None,
             (Some(PANIC), _) => Some(format!("{} panicked", self.name)),
@@ -159,17 +233,20 @@ impl Side {
 
     /// The last line of its output, without the word `error`.
     pub(super) fn last_word(&self) -> Option<String> {
-        self.log.last_word()
+        self.log.as_ref().and_then(Log::last_word)
     }
 
-    /// The file of its output.
-    pub(super) fn log_path(&self) -> &Path {
-        self.log.path()
+    /// The file of its output and the first and last lines of that, if there is any.
+    pub(super) fn shown_log(&self) -> Option<String> {
+        let log = self.log.as_ref()?;
+        let excerpt = log.excerpt();
+        let path = log.path().display();
+        (!excerpt.is_empty()).then(|| format!("{path}:\n{excerpt}"))
     }
 
     /// The first and last lines of its output.
     pub(crate) fn excerpt(&self) -> String {
-        self.log.excerpt()
+        self.log.as_ref().map(Log::excerpt).unwrap_or_default()
     }
 }
 

@@ -45,6 +45,11 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
         refuse_unwritable(path)?;
     }
     let (settings, interruption) = run::begin(&arguments.options)?;
+    if let (Some(flag), Some(_)) = (settings.by_hand.flag(), arguments.jobs) {
+        return Err(Failure::usage(format!(
+            "{flag} is for a single run; leave out --jobs"
+        )));
+    }
     if let Some(from) = &arguments.from.from {
         let (case, origin) = resumed(arguments, from, &settings, &interruption)?;
         return single(arguments, &case, origin);
@@ -85,6 +90,11 @@ fn several(arguments: &RunArguments, mut cases: Vec<Case>) -> Result<Exit, Failu
             return Err(Failure::usage(
                 "--pause-at is for a single run; several run by themselves",
             ));
+        }
+        if let Some(flag) = settings.by_hand.flag() {
+            return Err(Failure::usage(format!(
+                "{flag} is for a single run; several run by themselves"
+            )));
         }
         settings.is_one_of_many = true;
         settings.out = (settings.out.take()).map(|folder| folder.join(&case.label));

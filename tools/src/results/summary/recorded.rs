@@ -7,7 +7,7 @@ use hil_recording::reader::{RECORDING, RunReader};
 use shared_types::describe::Description;
 use shared_types::realtime::{Granted, Report};
 
-use super::{Origin, Program, Summary};
+use super::{BY_HAND, Origin, Program, Summary};
 use crate::results::ended::Ended;
 use crate::results::handover::Laws;
 use crate::results::recorded_run::RecordedRun;
@@ -51,6 +51,8 @@ impl Summary {
         summary.laws = Laws::of(&plan.controller.law, &ended.recorded.changes, |name| {
             reader.fact(name).map(Into::into)
         });
+        let by_hand = fact(BY_HAND).split_ascii_whitespace();
+        summary.started_by_hand = by_hand.map(Into::into).collect();
         summary.started_utc = reader.fact("started_utc").map(Into::into);
         let set = reader.fact("set").map(serde_json::from_str);
         summary.set = set.and_then(Result::ok).unwrap_or_default();

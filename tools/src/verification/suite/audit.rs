@@ -116,6 +116,8 @@ fn refuse(case: &Case) -> Result<(), Failure> {
         "--audit needs the recordings to name what differs; leave out --no-record"
     } else if settings.link == LinkKind::InProcess {
         "--audit changes how two processes are scheduled, and --link in-process has one; leave it out"
+    } else if settings.by_hand.flag().is_some() {
+        "--audit starts both sides again and again; leave out --controller external and --plant external"
     } else if settings.pause_at_s.is_some() {
         "--audit runs by itself; leave out --pause-at"
     } else if !settings.checkpoints_at_s.is_empty() {
