@@ -88,6 +88,8 @@ pub struct Varied {
     pub key: Option<String>,
     /// Distribution or set of its values.
     pub spread: Spread,
+    /// True if it takes whole numbers alone: uniform ones equally often, others rounded to the nearest.
+    pub is_whole: bool,
 }
 
 /// Distribution or set of a varied value.
@@ -212,7 +214,14 @@ impl Study {
         let Some((_, place)) = home else {
             return problem;
         };
-        let help = format!("a case has {key}={value}");
+        let mut help = format!("a case has {key}={value}");
+        let is_varied = self
+            .varied
+            .iter()
+            .any(|one| one.key.as_deref() == Some(key));
+        if is_varied && problem.kind == ProblemKind::WrongType && value.parse::<f64>().is_ok() {
+            help += "; `whole = true` in its [[vary]] gives whole numbers, a list those that are written in it";
+        }
         Problem {
             source: self.sources.name(place.source).into(),
             excerpt: Some(self.sources.excerpt(place)),

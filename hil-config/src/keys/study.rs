@@ -30,6 +30,12 @@ const CUT_MAX: Key = Key::new(
     "Largest value; the distribution is truncated there. Default: none.",
 );
 
+const WHOLE: Key = Key::new(
+    "whole",
+    Kind::Boolean { default: false },
+    "Only whole numbers, for keys that take no others. `uniform` gives each one from min to max equally often; `normal`, `lognormal` and `expression` are rounded to the nearest, halves away from zero; the points of a `grid` must be whole as they are.",
+);
+
 /// The whole study.
 pub(crate) const STUDY: &[Key] = &[
     Key::new(
@@ -129,7 +135,7 @@ pub(crate) const SPREADS: &[SpreadKind] = &[
     SpreadKind {
         name: "uniform",
         text: "Any value between two, all alike.",
-        keys: &[MIN, MAX],
+        keys: &[MIN, MAX, WHOLE],
     },
     SpreadKind {
         name: "normal",
@@ -149,6 +155,7 @@ pub(crate) const SPREADS: &[SpreadKind] = &[
             .required(),
             CUT_MIN,
             CUT_MAX,
+            WHOLE,
         ],
     },
     SpreadKind {
@@ -164,6 +171,7 @@ pub(crate) const SPREADS: &[SpreadKind] = &[
             .required(),
             CUT_MIN,
             CUT_MAX,
+            WHOLE,
         ],
     },
     SpreadKind {
@@ -195,17 +203,21 @@ pub(crate) const SPREADS: &[SpreadKind] = &[
                 },
                 "Equal differences, or equal ratios.",
             ),
+            WHOLE,
         ],
     },
     SpreadKind {
         name: "expression",
         text: "Computed from values that are varied before it.",
-        keys: &[Key::new(
-            "expression",
-            TEXT,
-            "Its value, from the names of the others.",
-        )
-        .required()],
+        keys: &[
+            Key::new(
+                "expression",
+                TEXT,
+                "Its value, from the names of the others.",
+            )
+            .required(),
+            WHOLE,
+        ],
     },
 ];
 

@@ -14,6 +14,9 @@ use crate::reader::{Reader, Section};
 use crate::scenario::{Scenario, read_regular, unreadable};
 use crate::source::{Place, Sources};
 
+/// Largest whole number up to which a 64-bit float tells each from the next.
+const MOST_WHOLE: f64 = (1_u64 << 53) as f64;
+
 /// Columns of the table of results beside the varied values.
 const TAKEN: [&str; 9] = [
     "case", "draw", "variant", "seed", "class", "steps", "digest", "reason", "margin",
@@ -185,7 +188,10 @@ fn varied(
             }
         }
         let name = name(reader, section, key, &all);
-        let spread = spread(reader, &own, kind, &columns);
+        let is_whole = own.keys.iter().any(|key| key.name == "whole")
+            && reader.boolean(&own, "whole").unwrap_or_default();
+        let spread = spread(reader, &own, kind, &columns)
+            .and_then(|spread| whole(reader, &own, spread, is_whole));
         let (Some(name), Some(spread)) = (name, spread) else {
             continue;
         };
@@ -205,7 +211,12 @@ fn varied(
             columns.push(Group::Derived, &name);
         }
         let key = key.map(Into::into);
-        all.push(Varied { name, key, spread });
+        all.push(Varied {
+            name,
+            key,
+            spread,
+            is_whole,
+        });
     }
     all
 }
@@ -279,6 +290,56 @@ fn spread(reader: &mut Reader, own: &Section<'_>, kind: &str, columns: &Columns)
         "list" => values(reader, own).map(Spread::Choice),
         "grid" => grid(reader, own).map(Spread::Choice),
         _ => expression(reader, own, columns).map(Spread::Expression),
+    }
+}
+
+/// Refuses bounds and points that are no whole numbers where only such are asked for.
+fn whole(reader: &mut Reader, own: &Section<'_>, spread: Spread, is_whole: bool) -> Option<Spread> {
+    if !is_whole {
+        return Some(spread);
+    }
+    let is_one = |value: f64| value == libm::round(value) && value.abs() <= MOST_WHOLE;
+    match spread {
+        Spread::Uniform { min, max }
+        | Spread::Normal {
+            within: [min, max], ..
+        }
+        | Spread::Lognormal {
+            within: [min, max], ..
+        } => {
+            for (key, bound) in [("min", min), ("max", max)] {
+                if bound.is_finite() && !is_one(bound) {
+                    let path = own.path_of(key);
+                    let message = format!("`{path}` is {bound}, and only whole numbers are wanted");
+                    reader
+                        .report_at(own, key, ProblemKind::OutOfRange, message)
+                        .expected("a whole number that a 64-bit float tells from the next");
+                    return None;
+                }
+            }
+            Some(spread)
+        }
+        Spread::Choice(points) => {
+            let mut items = Vec::with_capacity(points.len());
+            for point in points {
+                let Item::Number(value, text) = &point else {
+                    return None;
+                };
+                // Equal ratios miss a whole number by some last bits.
+                let nearest = libm::round(*value);
+                if (value - nearest).abs() > 1e-12 * nearest.abs() || !is_one(nearest) {
+                    let message =
+                        format!("a point of the grid is {text}, and only whole numbers are wanted");
+                    reader
+                        .report_at(own, "points", ProblemKind::OutOfRange, message)
+                        .help("choose points with whole distances, or write a list");
+                    return None;
+                }
+                items.push(Item::Number(nearest, format!("{:.0}", nearest + 0.0)));
+            }
+            Some(Spread::Choice(items))
+        }
+        Spread::Expression(_) => Some(spread),
     }
 }
 

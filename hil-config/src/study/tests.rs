@@ -156,6 +156,25 @@ fn each_mistake_is_told_with_its_place_and_the_nearest_name() {
             "a whole number from 1 to 100000000",
         ),
         (
+            format!(
+                "cases = 1\n{}whole = true\n",
+                uniform.replace("min = 0", "min = 0.5")
+            ),
+            "`vary[0].min` is 0.5, and only whole numbers are wanted",
+        ),
+        (
+            format!(
+                "cases = 1\n{}points = 3\nwhole = true\n",
+                uniform.replace("uniform", "grid")
+            ),
+            "a point of the grid is 0.5, and only whole numbers are wanted",
+        ),
+        (
+            "cases = 1\n[[vary]]\nkey = \"a.b\"\nkind = \"list\"\nvalues = [1, 2]\nwhole = true\n"
+                .into(),
+            "unknown key `whole`",
+        ),
+        (
             "cases = 1\n[[variants]]\nname = \"a b\"\n".into(),
             "no name twice",
         ),
@@ -188,4 +207,23 @@ fn a_problem_of_a_case_is_told_at_the_variation_that_brought_it_about() {
     assert!(one.contains("--> studies/demo.toml:5:7"), "{one}");
     assert!(one.contains("nearest: `duration_s`"), "{one}");
     assert!(one.contains("a case has run.duraton_s=0.5"), "{one}");
+}
+
+#[test]
+fn a_grid_of_whole_numbers_has_them_as_they_are_and_others_are_told_about_it() {
+    let grid = "[[vary]]\nname = \"n\"\nkey = \"run.seed\"\nkind = \"grid\"\nmin = 1\nmax = 1000\npoints = 4\nscale = \"log\"\n";
+    let whole = study(&format!("sampling = \"grid\"\n{grid}whole = true\n"));
+    let Spread::Choice(items) = &whole.varied[0].spread else {
+        panic!("{:?}", whole.varied[0])
+    };
+    let texts: Vec<String> = items.iter().map(Item::toml).collect();
+    assert_eq!(texts, ["1", "10", "100", "1000"]);
+    let study = study(&format!("sampling = \"grid\"\n{grid}"));
+    let scenario = crate::scenario::Scenario::parse("schema = 1\n", "a.toml").expect("TOML");
+    let checked = scenario.set(&["run.seed=1.0"]).check(&[], &[], &[]);
+    let problems = checked.expect_err("refused").0;
+    let mut told = problems
+        .into_iter()
+        .map(|one| study.at_home(one).to_string());
+    assert!(told.any(|one| one.contains("`whole = true` in its [[vary]] gives whole numbers")));
 }

@@ -45,6 +45,8 @@ enum Source {
 pub enum Drawn {
     /// A number.
     Number(f64),
+    /// A whole number.
+    Whole(f64),
     /// An entry of a list.
     Item(Item),
 }
@@ -54,8 +56,9 @@ impl Drawn {
     #[must_use]
     pub fn toml(&self) -> String {
         match self {
-            Self::Number(value) if value.is_nan() => "nan".into(),
+            Self::Number(value) | Self::Whole(value) if value.is_nan() => "nan".into(),
             Self::Number(value) => format!("{value:?}"),
+            Self::Whole(value) => format!("{value:.0}"),
             Self::Item(item) => item.toml(),
         }
     }
@@ -64,7 +67,9 @@ impl Drawn {
     #[must_use]
     pub fn cell(&self) -> Cell {
         match self {
-            Self::Number(value) | Self::Item(Item::Number(value, _)) => Cell::number(*value),
+            Self::Number(value) | Self::Whole(value) | Self::Item(Item::Number(value, _)) => {
+                Cell::number(*value)
+            }
             Self::Item(Item::Text(text)) => Cell::Text(text.clone()),
             Self::Item(Item::Flag(value)) => Cell::Text(value.to_string()),
         }
@@ -72,7 +77,7 @@ impl Drawn {
 
     const fn number(&self) -> f64 {
         match self {
-            Self::Number(value) | Self::Item(Item::Number(value, _)) => *value,
+            Self::Number(value) | Self::Whole(value) | Self::Item(Item::Number(value, _)) => *value,
             Self::Item(_) => f64::NAN,
         }
     }
@@ -156,13 +161,17 @@ impl Draws {
             let value = match (source, &one.spread) {
                 (Source::Computed { program, from }, _) => {
                     let row: Vec<f64> = from.iter().map(|place| values[*place].number()).collect();
-                    Drawn::Number(program.evaluate(&row))
+                    match (program.evaluate(&row), one.is_whole) {
+                        (value, true) => Drawn::Whole(rounded(value)),
+                        (value, false) => Drawn::Number(value),
+                    }
                 }
                 (Source::Random { .. }, Spread::Choice(items)) => {
                     let last = items.len() - 1;
                     let index = self.chosen(draw, values.len(), (u * items.len() as f64) as usize);
                     Drawn::Item(items[if index < last { index } else { last }].clone())
                 }
+                (Source::Random { .. }, spread) if one.is_whole => Drawn::Whole(whole(spread, u)),
                 (Source::Random { .. }, spread) => Drawn::Number(value(spread, u)),
             };
             values.push(value);
@@ -296,6 +305,24 @@ fn value(spread: &Spread, u: f64) -> f64 {
         }
         Spread::Choice(_) | Spread::Expression(_) => f64::NAN,
     }
+}
+
+/// Returns the whole number of a distribution at the probability `u`: of uniform ones each has the same share of the
+/// probabilities, others are rounded.
+fn whole(spread: &Spread, u: f64) -> f64 {
+    match *spread {
+        Spread::Uniform { min, max } => {
+            let number = libm::floor(min + (max - min + 1.0) * u);
+            // The last number may be one too far where the sum is rounded.
+            if number < max { number } else { max }
+        }
+        _ => rounded(value(spread, u)),
+    }
+}
+
+/// Rounds to the nearest whole number, halves away from zero. None is a negative zero.
+fn rounded(value: f64) -> f64 {
+    libm::round(value) + 0.0
 }
 
 /// Returns the lower triangle `L` with `L L' = R` for the matrix `R` of correlations (Golub and Van Loan, Matrix

@@ -197,3 +197,66 @@ fn correlations_that_no_values_can_have_are_refused_with_their_place() {
         "{told}"
     );
 }
+
+#[test]
+fn whole_numbers_are_equally_frequent_or_rounded_and_written_without_a_point() {
+    let draws = draws(
+        r#"
+cases = 512
+sampling = "sobol"
+[[vary]]
+key = "a.n"
+kind = "uniform"
+min = -3
+max = 4
+whole = true
+[[vary]]
+key = "a.m"
+kind = "normal"
+mean = 0
+deviation = 2
+min = -2
+max = 3
+whole = true
+[[vary]]
+key = "a.half"
+kind = "expression"
+expression = "n / 2"
+whole = true
+"#,
+    );
+    let mut uniform = [0; 8];
+    let mut normal = [0; 6];
+    for draw in 0..512 {
+        let [n, m, half] = numbers(&draws, draw)[..] else {
+            panic!("three values")
+        };
+        uniform[(n + 3.0) as usize] += 1;
+        normal[(m + 2.0) as usize] += 1;
+        // Halves away from zero: -3/2 is -2, -1/2 is -1, 1/2 is 1.
+        let expected = [-2.0, -1.0, -1.0, 0.0, 1.0, 1.0, 2.0, 2.0][(n + 3.0) as usize];
+        assert_eq!(half, expected);
+        let flags = draws.flags(draw);
+        assert_eq!(flags[0], format!("a.n={}", n as i64));
+        assert_eq!(flags[2], format!("a.half={}", half as i64));
+    }
+    // 512 points of a Sobol' sequence fill each of eight equal parts with 64.
+    assert_eq!(uniform, [64; 8]);
+    // Normal values between -2 and 3, rounded: Phi at the halves, by SciPy's norm.cdf.
+    let cdf = [
+        0.158_655_25, // -2
+        0.226_627_35, // -1.5
+        0.401_293_67, // -0.5
+        0.598_706_33, // 0.5
+        0.773_372_65, // 1.5
+        0.894_350_23, // 2.5
+        0.933_192_80, // 3
+    ];
+    for (count, edges) in normal.into_iter().zip(cdf.windows(2)) {
+        let expected = 512.0 * (edges[1] - edges[0]) / (cdf[6] - cdf[0]);
+        assert!(
+            (f64::from(count) - expected).abs() < 2.0,
+            "{count} {expected}"
+        );
+    }
+}
