@@ -3,8 +3,9 @@
 //! `cargo bench -p tests --bench campaign` compares, in turns, the paper's severe leakage in a campaign of one
 //! worker with the same number of plain in-process runs without a recording, on one core; two workers with two such workers on
 //! folders of their own; and prints the time of a case of ten steps, built in and with programs of its own, the
-//! memory of a worker after some and after very many cases, and the time to collect and to show as many rows.
-//! `-- ROWS` takes another number than 100,000. Medians; there is no limit on any number.
+//! memory of a worker after some and after very many cases, and the time to collect and to show a million rows
+//! beside duckdb. `-- ROWS` takes another number than 100,000 cases and 1,000,000 rows, `-- tables [ROWS]` does the last
+//! part alone. Medians; there is no limit on any number.
 
 #[path = "../shared/measure.rs"]
 #[expect(dead_code, reason = "needs the machine and a median")]
@@ -12,6 +13,7 @@ mod measure;
 #[path = "../shared/programs.rs"]
 #[expect(dead_code, reason = "starts campaigns, not runs")]
 mod programs;
+mod tables;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -25,8 +27,10 @@ use tempfile::TempDir;
 const ROUNDS: usize = 5;
 /// Cases of the paper's run in a round.
 const CASES: u64 = 16;
-/// Rows that are collected, and cases of a worker whose memory is looked at.
+/// Cases of a worker whose memory is looked at.
 const ROWS: u64 = 100_000;
+/// Rows that are collected and shown.
+const TABLE_ROWS: u64 = 1_000_000;
 /// Cases of programs of their own.
 const OWN: u64 = 2000;
 /// Time between two looks at the memory of a worker.
@@ -37,6 +41,11 @@ fn main() -> std::process::ExitCode {
     if std::env::args().any(|argument| argument == "--bench") {
         println!("machine: {}\n", measure::machine());
         let desk = Desk::new();
+        let rows = std::env::args().find_map(|one| one.parse().ok());
+        if std::env::args().any(|argument| argument == "tables") {
+            tables::measure(&desk, rows.unwrap_or(TABLE_ROWS));
+            return std::process::ExitCode::SUCCESS;
+        }
         // On one core: a plain run has a thread for its recorder, a case of a campaign has none.
         let on_one_core = || {
             pin(0).expect("a core");
@@ -45,12 +54,8 @@ fn main() -> std::process::ExitCode {
         std::thread::scope(|scope| scope.spawn(on_one_core).join()).expect("measured");
         desk.two_workers();
         desk.short_cases();
-        desk.many(
-            std::env::args()
-                .filter_map(|one| one.parse().ok())
-                .next()
-                .unwrap_or(ROWS),
-        );
+        desk.many(rows.unwrap_or(ROWS));
+        tables::measure(&desk, rows.unwrap_or(TABLE_ROWS));
     } else {
         println!("run me with `cargo bench -p tests --bench campaign`");
     }
@@ -196,7 +201,7 @@ impl Desk {
         );
     }
 
-    /// Memory over very many cases, and what becomes of their rows.
+    /// Memory over very many cases.
     fn many(&self, rows: u64) {
         let folder = self.planned("many", &short(rows), &[]);
         let mut worker = self
@@ -222,14 +227,6 @@ impl Desk {
             "a worker at the last tenth",
             part(9, 10)
         );
-        for verb in ["collect", "show"] {
-            let times = (0..3).map(|_| time_s(&mut self.campaign(&[verb, &folder])));
-            println!(
-                "{:<52} {:>9.2} s",
-                format!("{verb} {rows} rows"),
-                measure::median(times)
-            );
-        }
     }
 }
 
