@@ -5,6 +5,7 @@
 mod position_and_force;
 
 use std::process::ExitCode;
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use plant_process::plant::{Plant, PlantKind};
@@ -19,6 +20,8 @@ const DEADLY_M: f64 = 3.0;
 
 /// Starts of the plant in this process.
 static STARTS: AtomicU32 = AtomicU32::new(0);
+/// Position of the first plant in this process.
+static FIRST: OnceLock<f64> = OnceLock::new();
 
 table! {
     /// Parameters of the plants.
@@ -87,12 +90,40 @@ plant!(Hangs, "hangs", |position_m| position_m, |_| {
     }
 });
 
+plant!(Mortal, "mortal", |position_m| position_m, die_if_told);
+// Dies with the job of the next case too: between two cases, as far as anybody can see.
+plant!(
+    Stumbles,
+    "stumbles",
+    |position_m| {
+        if *FIRST.get_or_init(|| position_m) != position_m {
+            std::process::abort();
+        }
+        position_m
+    },
+    die_if_told
+);
+
+/// Dies in one case, once for each line of a file, if there is one.
+fn die_if_told(position_m: f64) {
+    let file = std::env::var_os("CASE_PLANT_DIES").filter(|_| position_m == DEADLY_M);
+    let told = file.and_then(|file| Some((std::fs::read_to_string(&file).ok()?, file)));
+    if let Some((lines, file)) = told
+        && let Some((_, rest)) = lines.split_once('\n')
+    {
+        std::fs::write(file, rest).expect("written");
+        std::process::abort();
+    }
+}
+
 fn main() -> ExitCode {
     let plants = vec![
         PlantKind::of::<Behaves>(),
         PlantKind::of::<Leaks>(),
         PlantKind::of::<Dies>(),
         PlantKind::of::<Hangs>(),
+        PlantKind::of::<Mortal>(),
+        PlantKind::of::<Stumbles>(),
     ];
     plant_process::program::run("case-plant", "0.1.0", plants)
 }

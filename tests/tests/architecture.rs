@@ -43,6 +43,7 @@ const ARROWS: [(&str, &[&str], &[&str]); 9] = [
             "controller-process",
             "tools",
             "hil-recording",
+            "hil-campaign",
         ],
     ),
 ];

@@ -1,11 +1,13 @@
 //! Campaigns: each case once, with the digest of a run of its own, whatever ends the workers.
 
 mod engines;
+mod growth;
 mod mistakes;
 mod own;
 mod page;
 mod slurm;
 
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -13,7 +15,7 @@ use rustix::process::Signal;
 use serde_json::Value;
 
 use crate::support::harness::{Rig, Run, until};
-use crate::support::programs::{skip, workspace};
+use crate::support::programs::{program, skip, workspace};
 use crate::support::python::{python, succeeds};
 
 /// A study of the teaching run: some masses and springs, held by a law that fails and by one that passes.
@@ -156,6 +158,39 @@ fn a_case_is_the_run_of_its_values_in_one_process_and_in_two() {
         assert_eq!(json(&run)["digest"], alone.digest());
         assert!(out.join("run.mcap").exists());
     }
+    // The planned programs are run, whatever hil is called, whatever is beside it or named by the environment.
+    let broken = folder.join("programs/plant-process");
+    let plant = std::fs::read(&broken).expect("a copy");
+    let mut other = plant.clone();
+    other.push(0);
+    std::fs::write(&broken, other).expect("written");
+    campaign(&rig, &["case", text(&folder), "4"])
+        .expect(2)
+        .says(&["programs/plant-process has hash"]);
+    std::fs::write(&broken, plant).expect("written");
+    let out = rig.path("named");
+    let arguments = [
+        "campaign",
+        "case",
+        text(&folder),
+        "4",
+        "--json",
+        "--out",
+        text(&out),
+    ];
+    let other = rig.path("hil");
+    std::fs::copy(program("hil"), &other).expect("copied");
+    let mut file = std::fs::File::options()
+        .append(true)
+        .open(&other)
+        .expect("a copy");
+    file.write_all(b"another").expect("written");
+    drop(file);
+    let wrong = rig.script("wrong", "#!/bin/sh\nexit 9\n");
+    let mut hil = Command::new(other);
+    hil.args(arguments).env("HIL_PLANT_BIN", wrong);
+    let run = rig.program(hil).expect(0);
+    assert_eq!(json(&run)["digest"], alone.digest());
     // A case that fails has the exit code of a run that fails.
     campaign(
         &rig,
@@ -282,14 +317,27 @@ fn a_damaged_result_is_set_aside_and_computed_again() {
     campaign(&rig, &["run", text(&folder)]).expect(0);
     let expected = digest(&rig, &folder);
     let part = folder.join("shards/00000002/part.parquet");
-    let mut bytes = std::fs::read(&part).expect("a part");
-    let middle = bytes.len() / 2;
-    bytes[middle] ^= 1;
-    std::fs::write(&part, bytes).expect("written");
+    let damage = || {
+        let mut bytes = std::fs::read(&part).expect("a part");
+        let middle = bytes.len() / 2;
+        bytes[middle] ^= 1;
+        std::fs::write(&part, bytes).expect("written");
+    };
+    damage();
+    // Whoever only reads says so and leaves it where it is.
+    campaign(&rig, &["show", text(&folder)])
+        .expect(3)
+        .says(&["shard 2", "its check sum is another"]);
     campaign(&rig, &["collect", text(&folder)])
         .expect(3)
         .says(&["shard 2", "set aside"]);
     campaign(&rig, &["run", text(&folder)]).expect(0);
+    assert_eq!(digest(&rig, &folder), expected);
+    // One run finds it, sets it aside and computes it again.
+    damage();
+    campaign(&rig, &["run", text(&folder)])
+        .expect(0)
+        .says(&["shard 2", "set aside"]);
     assert_eq!(digest(&rig, &folder), expected);
 }
 

@@ -243,7 +243,7 @@ fn thread_ns(tape: &Arc<Tape>, recording: Option<RecordingPlan>) -> f64 {
     let (plan, layout) = (tape.plan.clone(), tape.layout.clone());
     let (tell, told) = mpsc::channel();
     let replay = Replay::new(Arc::clone(tape), tell);
-    let recorder = Recorder::start(plan, recording, Vec::new(), None, || {
+    let recorder = Recorder::start(plan, recording, Vec::new(), None, None, || {
         let mut replay = Some(replay);
         move || Ok(replay.take().map(|replay| (replay, layout.clone())))
     });

@@ -66,9 +66,12 @@ fn programs_of_their_own_have_the_digest_of_one_process() {
     let plant = program("plant-process");
     let kept = with_plant(&rig, "kept", &study(&rig, &short()), text(&plant));
     let fresh = with_programs(&rig, "fresh", text(&plant));
+    let envelopes = super::page::data(&rig, &built_in)["envelopes"].clone();
+    assert!(envelopes.is_object(), "{envelopes}");
     for own in [kept, fresh] {
         campaign(&rig, &["run", text(&own)]).expect(0);
         assert_eq!(digest(&rig, &own), digest(&rig, &built_in));
+        assert_eq!(super::page::data(&rig, &own)["envelopes"], envelopes);
     }
     assert!(rig.processes().is_empty(), "{:?}", rig.processes());
 }
@@ -155,6 +158,69 @@ fn a_plant_that_hangs_is_ended_by_the_wait_limit_and_its_case_tried_again() {
         serde_json::json!([12, 0, 0, 0, 0])
     );
     assert!(rig.processes().is_empty(), "{:?}", rig.processes());
+}
+
+/// A plant that dies in a case once for each line of a file, and notes each of its starts in another.
+fn mortal(rig: &Rig) -> PathBuf {
+    let script = format!(
+        "#!/bin/sh\ncase \"$1\" in --session) echo >> '{}';; esac\nCASE_PLANT_DIES='{}' exec '{}' \"$@\"\n",
+        text(&rig.path("starts")),
+        text(&rig.path("deaths")),
+        text(&program_of_tests("case-plant"))
+    );
+    rig.script("mortal", &script)
+}
+
+#[test]
+fn a_plant_that_dies_between_two_cases_is_no_try_of_the_next_one() {
+    let rig = Rig::new();
+    let plant = mortal(&rig);
+    let study = twelve(&rig, "stumbles", "");
+    // Two deaths in the case itself leave it its third try; three do not.
+    for (deaths, code, classes) in [(2, 0, [12, 0, 0, 0, 0]), (3, 3, [11, 0, 0, 0, 1])] {
+        let folder = with_plant(&rig, &format!("kept{deaths}"), &study, text(&plant));
+        rig.write("deaths", &"once more\n".repeat(deaths));
+        let run = campaign(&rig, &["run", text(&folder), "--jobs", "1", "--json"]).expect(code);
+        assert!(run.stderr.contains("between two runs: "), "{}", run.stderr);
+        let answers = json(&run);
+        assert_eq!(
+            answers["variants"][0]["classes"],
+            serde_json::json!(classes)
+        );
+        let left = std::fs::read_to_string(rig.path("deaths")).expect("a file");
+        assert_eq!(left, "");
+    }
+    assert!(rig.processes().is_empty(), "{:?}", rig.processes());
+}
+
+#[test]
+fn a_case_that_is_tried_again_is_run_without_the_others_of_its_shard() {
+    let rig = Rig::new();
+    let plant = mortal(&rig);
+    let twelve = std::fs::read_to_string(twelve(&rig, "mortal", "")).expect("a study");
+    // Enough cases that a shard has three.
+    let all: Vec<String> = (0..130).map(|case| case.to_string()).collect();
+    let study = twelve.replace(
+        "[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11]",
+        &format!("[{}]", all.join(", ")),
+    );
+    let study = rig.write("study.toml", &study);
+    let folder = with_plant(&rig, "kept", &study, text(&plant));
+    // The first death comes before the first record of a kept pair, and is no try of the case.
+    rig.write("deaths", &"once more\n".repeat(4));
+    campaign(&rig, &["run", text(&folder), "--jobs", "1"])
+        .expect(3)
+        .says(&["case 3 is set aside"]);
+    rig.write("starts", "");
+    campaign(&rig, &["run", text(&folder), "--jobs", "1", "--again"])
+        .expect(0)
+        .says(&["1 case tried again"]);
+    // A second case would have been run once more in new processes.
+    let starts = std::fs::read_to_string(rig.path("starts")).expect("written");
+    assert_eq!(starts.lines().count(), 1);
+    let whole = with_plant(&rig, "whole", &study, text(&plant));
+    campaign(&rig, &["run", text(&whole)]).expect(0);
+    assert_eq!(digest(&rig, &folder), digest(&rig, &whole));
 }
 
 #[test]

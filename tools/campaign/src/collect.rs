@@ -19,13 +19,13 @@ pub struct Collected {
     pub digest: Option<String>,
     /// Shards without a result.
     pub missing: Vec<u64>,
-    /// Shards whose result was broken and is set aside, with what was wrong.
+    /// Shards whose result is broken, which counts as none, with what is wrong.
     pub broken: Vec<(u64, String)>,
     /// Cases that were set aside.
     pub lost: Vec<u64>,
 }
 
-/// Joins the parts: rows of results into one table, their circumstances into another.
+/// Joins the parts: rows of results into one table, their circumstances into another. Changes nothing in the folder.
 ///
 /// # Errors
 /// If a table cannot be written, or a part not be read.
@@ -54,14 +54,12 @@ pub fn collect<W: Write + Send, V: Write + Send>(
                 continue;
             }
             Err(PartError::Broken(what)) => {
-                shard.set_aside()?;
                 collected.broken.push((number, what));
                 collected.missing.push(number);
                 continue;
             }
             Err(PartError::Io(error)) => return Err(error.into()),
         };
-        shard.sweep()?;
         for (row, circumstances) in part.rows.iter().zip(&part.circumstances) {
             row.iter().for_each(|cell| cell.feed(&mut hasher));
             if class.is_some_and(|class| row[class].as_text() == LOST) {

@@ -134,7 +134,7 @@ impl Curves {
         all.chain(worst).all(|curve| curve.fits(grid))
     }
 
-    /// Writes them into the folder of a shard, unless some are there.
+    /// Writes them into the folder of a shard.
     pub(crate) fn write(&self, shard: &Path) -> io::Result<()> {
         let mut text = serde_json::to_string(self)?;
         text += &journal::sealed(&text);
@@ -146,10 +146,8 @@ impl Curves {
         flock(part.as_file(), FlockOperation::LockExclusive)?;
         part.as_file().write_all(text.as_bytes())?;
         part.as_file().sync_all()?;
-        match part.persist_noclobber(shard.join(CURVES)) {
-            Err(error) if error.error.kind() != io::ErrorKind::AlreadyExists => Err(error.error),
-            _ => Ok(()),
-        }
+        let written = part.persist(shard.join(CURVES));
+        written.map(|_| ()).map_err(|error| error.error)
     }
 
     /// Reads those of a shard; none if they are not there, or not whole.

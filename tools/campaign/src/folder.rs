@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use rustix::fs::{FlockOperation, flock};
 use serde::{Deserialize, Serialize};
 
-use crate::manifest::{Manifest, ManifestError};
+use crate::manifest::{Copied, Manifest, ManifestError};
 
 /// Folder of the shards.
 pub const SHARDS: &str = "shards";
@@ -88,12 +88,29 @@ impl Folder {
         &self.id
     }
 
+    /// Tells whether results with this identity are those of its campaign: its own, or of one that it grew from.
+    #[must_use]
+    pub fn has_results_of(&self, id: &str) -> bool {
+        self.id == id || self.manifest.grown.iter().any(|stage| stage.id == id)
+    }
+
     /// Checks the copies in it by their hashes.
     ///
     /// # Errors
     /// With the name of the first that is not as it was.
     pub fn check(&self) -> Result<(), String> {
-        for file in self.manifest.files() {
+        self.check_copies(self.manifest.files())
+    }
+
+    /// Checks some of the copies in it by their hashes.
+    ///
+    /// # Errors
+    /// With the name of the first that is not as it was.
+    pub fn check_copies<'a>(
+        &self,
+        files: impl IntoIterator<Item = &'a Copied>,
+    ) -> Result<(), String> {
+        for file in files {
             let path = self.path.join(&file.path);
             let mut hasher = blake3::Hasher::new();
             let hashed = File::open(&path).and_then(|file| io::copy(&mut &file, &mut hasher));

@@ -15,6 +15,7 @@ use rustix::fs::{FlockOperation, flock};
 use serde::{Deserialize, Serialize};
 
 use crate::curve::Curve;
+use crate::folder::Folder;
 use crate::table::{Cell, Row};
 
 /// Longest time for which rows are not on the disk.
@@ -41,7 +42,18 @@ enum Line {
         cells: Row,
         #[serde(default, skip_serializing_if = "Option::is_none")]
         curve: Option<Curve>,
+        /// Maker of a row that this attempt did not make.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        by: Option<Maker>,
     },
+}
+
+/// Maker of a row.
+#[derive(Debug, Serialize, Deserialize)]
+struct Maker {
+    host: String,
+    attempt: String,
+    tries: u64,
 }
 
 /// Circumstances of a row, which may differ from one run of its case to the next.
@@ -69,12 +81,10 @@ pub struct Journal {
 /// Content of a journal.
 pub(crate) struct Found {
     pub(crate) path: PathBuf,
-    pub(crate) name: String,
     /// True if nobody writes it any more.
     pub(crate) is_dead: bool,
-    pub(crate) host: String,
     pub(crate) started: Vec<u64>,
-    pub(crate) rows: BTreeMap<u64, (Row, f64)>,
+    pub(crate) rows: BTreeMap<u64, (Row, Circumstances)>,
     /// Curves of those cases that need one kept.
     pub(crate) curves: BTreeMap<u64, Curve>,
 }
@@ -150,11 +160,38 @@ impl Journal {
             wall_s,
             cells: cells.clone(),
             curve,
+            by: None,
         })?;
         if self.synced.elapsed() >= UNSYNCED {
-            self.file.sync_data()?;
-            self.synced = Instant::now();
+            self.sync()?;
         }
+        Ok(())
+    }
+
+    /// Notes a row that an earlier attempt made.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub(crate) fn keep(&mut self, cells: &Row, of: &Circumstances) -> io::Result<()> {
+        self.write(&Line::Row {
+            wall_s: of.wall_s,
+            cells: cells.clone(),
+            curve: None,
+            by: Some(Maker {
+                host: of.host.clone(),
+                attempt: of.attempt.clone(),
+                tries: of.tries,
+            }),
+        })
+    }
+
+    /// Has all that was noted on the disk.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub(crate) fn sync(&mut self) -> io::Result<()> {
+        self.file.sync_data()?;
+        self.synced = Instant::now();
         Ok(())
     }
 
@@ -217,7 +254,7 @@ pub(crate) fn paths(shard: &Path) -> io::Result<Vec<PathBuf>> {
 }
 
 /// Reads a journal of this campaign, up to the first line that is not whole; none if it is gone or another's.
-pub(crate) fn read(path: &Path, campaign: &str) -> io::Result<Option<Found>> {
+pub(crate) fn read(path: &Path, folder: &Folder) -> io::Result<Option<Found>> {
     let mut file = match File::open(path) {
         Ok(file) => file,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
@@ -234,14 +271,12 @@ pub(crate) fn read(path: &Path, campaign: &str) -> io::Result<Option<Found>> {
     let Some(Line::Of { campaign: of, host }) = lines.next() else {
         return Ok(None);
     };
-    if of != campaign {
+    if !folder.has_results_of(&of) {
         return Ok(None);
     }
     let mut found = Found {
         path: path.to_owned(),
-        name: name_of(path),
         is_dead,
-        host,
         started: Vec::new(),
         rows: BTreeMap::new(),
         curves: BTreeMap::new(),
@@ -257,10 +292,22 @@ pub(crate) fn read(path: &Path, campaign: &str) -> io::Result<Option<Found>> {
                 wall_s,
                 cells,
                 curve,
+                by,
             } => {
                 let case = cells.first().map_or(0, Cell::as_count);
                 found.curves.extend(curve.map(|curve| (case, curve)));
-                found.rows.insert(case, (cells, wall_s));
+                let by = by.unwrap_or_else(|| Maker {
+                    host: host.clone(),
+                    attempt: name_of(path),
+                    tries: 1,
+                });
+                let circumstances = Circumstances {
+                    wall_s,
+                    host: by.host,
+                    attempt: by.attempt,
+                    tries: by.tries,
+                };
+                found.rows.insert(case, (cells, circumstances));
             }
             Line::Of { .. } => break,
         }

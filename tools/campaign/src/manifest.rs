@@ -14,6 +14,8 @@ use crate::table::Column;
 
 /// Version of the folder's form.
 pub const SCHEMA: u32 = 1;
+/// Version of the form of a folder whose campaign grew.
+pub const GROWN: u32 = 2;
 /// Name of the file in the folder.
 pub const MANIFEST: &str = "manifest.json";
 
@@ -26,6 +28,17 @@ pub struct Copied {
     pub blake3: String,
 }
 
+/// An earlier extent of a campaign that grew.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Stage {
+    /// Identity of the campaign then, which its parts still have.
+    pub id: String,
+    /// Number of cases then.
+    pub cases: u64,
+    /// Number of cases in each shard that it added.
+    pub shard_cases: u64,
+}
+
 /// Purpose of a folder.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
@@ -35,8 +48,11 @@ pub struct Manifest {
     pub name: String,
     /// Number of cases.
     pub cases: u64,
-    /// Number of cases in a shard; the last may have fewer.
+    /// Number of cases in a shard, of a campaign that grew in those of its last growth; the last may have fewer.
     pub shard_cases: u64,
+    /// Extents before it grew, the first one first. Their shards stay as they are.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub grown: Vec<Stage>,
     /// The study.
     pub study: Copied,
     /// The scenario.
@@ -49,6 +65,10 @@ pub struct Manifest {
     pub plant: Option<Copied>,
     /// Controller program; none for a law that is built into `hil`.
     pub controller: Option<Copied>,
+    /// Plant and controller program that run a case of what is built into `hil` in two processes; none if they were
+    /// not beside it. No row of the campaign comes from them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pair: Option<[Copied; 2]>,
     /// Columns of the table of results.
     pub columns: Vec<Column>,
     /// Signals whose curves are kept for the report.
@@ -68,7 +88,7 @@ pub enum ManifestError {
     #[error("{0}/{MANIFEST} is broken: {1}")]
     Broken(String, serde_json::Error),
     /// The folder has another form.
-    #[error("{0} has form {1}, and this hil knows form {SCHEMA}")]
+    #[error("{0} has form {1}, and this hil knows the forms {SCHEMA} and {GROWN}")]
     Version(String, u32),
 }
 
@@ -84,7 +104,7 @@ impl Manifest {
         let manifest: Self =
             serde_json::from_slice(&text).map_err(|error| ManifestError::Broken(shown(), error))?;
         match manifest.schema {
-            SCHEMA => Ok(manifest),
+            SCHEMA | GROWN => Ok(manifest),
             other => Err(ManifestError::Version(shown(), other)),
         }
     }
@@ -94,24 +114,58 @@ impl Manifest {
     pub fn id(&self) -> String {
         let same = Self {
             case_s: 0.0,
+            pair: None,
             ..self.clone()
         };
         let text = serde_json::to_vec(&same).unwrap_or_default();
         blake3::hash(&text).to_hex().to_string()
     }
 
-    /// Number of shards.
-    #[must_use]
-    pub const fn shards(&self) -> u64 {
-        self.cases.div_ceil(self.shard_cases)
+    /// Cases of each extent, with the number of them in a shard.
+    fn extents(&self) -> impl Iterator<Item = (Range<u64>, u64)> {
+        let stages = self
+            .grown
+            .iter()
+            .map(|stage| (stage.cases, stage.shard_cases));
+        let ends = stages.chain([(self.cases, self.shard_cases)]);
+        ends.scan(0, |start, (end, size)| {
+            Some((std::mem::replace(start, end)..end, size))
+        })
     }
 
-    /// Cases of a shard.
+    /// Number of shards.
     #[must_use]
-    pub const fn cases_of(&self, shard: u64) -> Range<u64> {
-        let end = (shard + 1) * self.shard_cases;
-        let end = if end < self.cases { end } else { self.cases };
-        shard * self.shard_cases..end
+    pub fn shards(&self) -> u64 {
+        let extents = self.extents();
+        extents.map(|(cases, size)| shards_of(&cases, size)).sum()
+    }
+
+    /// Cases of a shard; none of one that is not there.
+    #[must_use]
+    pub fn cases_of(&self, shard: u64) -> Range<u64> {
+        let mut before = 0;
+        for (cases, size) in self.extents() {
+            let number = shard - before;
+            let shards = shards_of(&cases, size);
+            if number < shards {
+                let start = cases.start + number * size;
+                let end = start + size;
+                return start..if end < cases.end { end } else { cases.end };
+            }
+            before += shards;
+        }
+        self.cases..self.cases
+    }
+
+    /// Shard of a case.
+    #[must_use]
+    pub fn shard_of(&self, case: u64) -> u64 {
+        let extents = self.extents().map(|(cases, size)| match case {
+            case if case < cases.start => 0,
+            case if case < cases.end => (case - cases.start) / size,
+            _ => shards_of(&cases, size),
+        });
+        extents.sum()
     }
 
     /// Number of cases of some shards.
@@ -129,6 +183,21 @@ impl Manifest {
             .chain(&self.plant)
             .chain(&self.controller)
     }
+
+    /// Plant and controller program of a case in two processes, if there are copies of them.
+    #[must_use]
+    pub fn both(&self) -> Option<[&Copied; 2]> {
+        match (&self.plant, &self.controller, &self.pair) {
+            (Some(plant), Some(controller), _) | (_, _, Some([plant, controller])) => {
+                Some([plant, controller])
+            }
+            _ => None,
+        }
+    }
+}
+
+const fn shards_of(cases: &Range<u64>, size: u64) -> u64 {
+    (cases.end - cases.start).div_ceil(size)
 }
 
 /// Names of the differences between two manifests, for a person.

@@ -10,16 +10,16 @@ use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{self, ErrorKind};
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use rustix::fs::{FlockOperation, flock};
 
 use crate::curve::Grid;
 use crate::curves::{CURVES, Curves};
 use crate::folder::{Folder, SHARDS};
-use crate::journal::{self, Circumstances};
+use crate::journal::{self, Circumstances, Journal};
 use crate::table::{self, Cell, Column, Kind, Row, TableError};
-use attempt::Attempt;
+use attempt::{Attempt, difference};
 
 /// Times that a case may end its worker before it is set aside.
 pub const MOST_TRIES: u64 = 3;
@@ -128,7 +128,7 @@ impl<'a> Shard<'a> {
 
     /// Returns its cases.
     #[must_use]
-    pub const fn cases(&self) -> Range<u64> {
+    pub fn cases(&self) -> Range<u64> {
         self.folder.manifest().cases_of(self.number)
     }
 
@@ -189,7 +189,7 @@ impl<'a> Shard<'a> {
             paths => paths?,
         };
         for path in paths {
-            if let Some(found) = journal::read(&path, self.folder.id())? {
+            if let Some(found) = journal::read(&path, self.folder)? {
                 is_alive |= !found.is_dead;
                 cases.extend(found.rows.into_keys().map(|case| (case, ())));
             }
@@ -213,7 +213,8 @@ impl<'a> Shard<'a> {
             return Err(PartError::Broken("its check sum is another".into()));
         }
         let mut reader = table::Reader::of(bytes, &all)?;
-        if reader.fact(CAMPAIGN) != Some(self.folder.id()) {
+        let of = reader.fact(CAMPAIGN);
+        if !of.is_some_and(|id| self.folder.has_results_of(id)) {
             return Err(PartError::Broken("it is of another campaign".into()));
         }
         let mut rows = reader.all()?;
@@ -239,25 +240,73 @@ impl<'a> Shard<'a> {
         Curves::read(&self.path(), grid)
     }
 
-    /// Removes what dead workers left beside its result.
+    /// Removes what dead workers left beside its result. Rows among it are compared with the result first, and a
+    /// difference is noted: who died may have had no time for it.
     ///
     /// # Errors
-    /// If the folder cannot be read.
-    pub fn sweep(&self) -> io::Result<()> {
-        for entry in fs::read_dir(self.path())? {
-            let path = entry?.path();
+    /// If the folder cannot be read, a difference not be written, or the result does not count.
+    pub fn sweep(&self) -> Result<(), PartError> {
+        for entry in fs::read_dir(self.path()).map_err(PartError::Io)? {
+            let path = entry.map_err(PartError::Io)?.path();
             let name = path.file_name().unwrap_or_default().to_string_lossy();
-            if !name.starts_with(journal::UNFINISHED) && !name.starts_with(journal::PREFIX) {
+            let is_journal = name.starts_with(journal::PREFIX);
+            if !name.starts_with(journal::UNFINISHED) && !is_journal {
                 continue;
             }
             // Whoever lives holds a lock on it.
             let is_dead =
                 |file: File| flock(file, FlockOperation::NonBlockingLockExclusive).is_ok();
             if File::open(&path).is_ok_and(is_dead) {
+                if is_journal {
+                    self.compare(&path)?;
+                }
                 let _ = fs::remove_file(&path); // another one may have done so
             }
         }
         Ok(())
+    }
+
+    /// Compares the rows of a journal with the result, and notes the first difference.
+    fn compare(&self, journal: &Path) -> Result<(), PartError> {
+        let found = journal::read(journal, self.folder).map_err(PartError::Io)?;
+        let Some(found) = found.filter(|found| !found.rows.is_empty()) else {
+            return Ok(());
+        };
+        let columns = &self.folder.manifest().columns;
+        let part = self.part()?;
+        let differs = part.rows.iter().find_map(|first| {
+            let (row, by) = found.rows.get(&first[0].as_count())?;
+            let fits = table::fits(row, columns);
+            fits.then(|| difference(first, row, columns, &by.maker()))?
+        });
+        match differs {
+            Some(conflict) => self.folder.note(&conflict).map_err(PartError::Io),
+            None => Ok(()),
+        }
+    }
+
+    /// Opens a result again for the rows that are not `kept`: the others go to the journal of an attempt that is
+    /// over, and whoever works on the shard next takes them over. Nothing happens while a worker has it.
+    ///
+    /// # Errors
+    /// If it has no result that counts, or the folder cannot be written.
+    pub fn reopen(&self, kept: impl Fn(&Row) -> bool) -> Result<(), PartError> {
+        let io = PartError::Io;
+        let Some(_claim) = self.claim().map_err(io)? else {
+            return Ok(());
+        };
+        let part = self.part()?;
+        let path = self.path();
+        let mut journal = Journal::begin(&path, self.folder.id()).map_err(io)?;
+        for (row, circumstances) in part.rows.iter().zip(&part.circumstances) {
+            if kept(row) {
+                journal.keep(row, circumstances).map_err(io)?;
+            }
+        }
+        journal.sync().map_err(io)?;
+        let on_disk = || File::open(&path).and_then(|folder| folder.sync_all());
+        on_disk().map_err(io)?;
+        fs::remove_file(self.result()).map_err(io)
     }
 
     /// Sets a result that does not count aside, so that it is computed again; gives its new name.

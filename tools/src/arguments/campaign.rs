@@ -37,6 +37,9 @@ Example:
         after_help = "Example:\n  hil campaign plan studies/common-mode.toml -o runs/common-mode"
     )]
     Plan(PlanArguments),
+    /// Add draws to a campaign, whose results stay
+    #[command(after_help = "Example:\n  hil campaign grow runs/common-mode --cases 20000")]
+    Grow(GrowArguments),
     /// Run what is missing on the cores of this machine
     #[command(after_help = "\
 Whatever ends it, the same command goes on; at most the cases under way are lost.
@@ -110,6 +113,20 @@ pub struct PlanArguments {
     /// The folder, which must not exist or be empty [default: runs/STUDY]
     #[arg(short, long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+}
+
+/// Arguments of `hil campaign grow`.
+#[derive(Debug, Args)]
+pub struct GrowArguments {
+    /// The campaign's folder
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
+    /// Number of draws that it has then, as `cases` in its study
+    #[arg(long, value_name = "N", required = true)]
+    pub cases: u64,
+    /// Print as JSON
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// Arguments of `hil campaign run`.

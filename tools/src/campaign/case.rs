@@ -4,9 +4,10 @@ use std::sync::Arc;
 
 use hil_campaign::folder::Folder;
 use hil_campaign::shard::Shard;
+use hil_config::plan::Plan;
 
 use super::cases::{Cases, told};
-use super::work::open;
+use super::work::{become_planned, open};
 use crate::arguments::BinaryArguments;
 use crate::arguments::campaign::CaseArguments;
 use crate::arguments::run::LinkKind;
@@ -25,6 +26,7 @@ use crate::terminal::output;
 pub(super) fn case(arguments: &CaseArguments) -> Result<Exit, Failure> {
     let interruption = Interruption::listen()?;
     let folder = open(&arguments.folder)?;
+    become_planned(&folder)?;
     folder.check().map_err(Failure::usage)?;
     let (case, all) = (arguments.case, folder.manifest().cases);
     if case >= all {
@@ -43,15 +45,11 @@ pub(super) fn case(arguments: &CaseArguments) -> Result<Exit, Failure> {
         false => LinkKind::Iceoryx2,
     };
     let settings = Settings::with_recording(link, arguments.out.clone());
-    let copy = |copied: &Option<_>| {
-        let path = |copied: &hil_campaign::manifest::Copied| folder.path().join(&copied.path);
-        copied.as_ref().map(path)
+    let binaries = programs(&folder, link)?.find(&interruption)?;
+    let plan = Plan {
+        programs: binaries.programs(),
+        ..plan
     };
-    let binaries = BinaryArguments {
-        plant_bin: copy(&folder.manifest().plant),
-        controller_bin: copy(&folder.manifest().controller),
-    };
-    let binaries = Choices::of(&binaries, &Named::Nothing, None)?.find(&interruption)?;
     let environment = Environment::new(&settings, Arc::clone(&binaries), &interruption)?;
     let ran = run::execute(plan, environment, Origin::Scenario)?;
     output::write(&match arguments.json {
@@ -76,6 +74,34 @@ pub(super) fn case(arguments: &CaseArguments) -> Result<Exit, Failure> {
     }
 }
 
+/// Chooses the programs of a case: the copies in the folder, whatever is beside the `hil` that was called.
+fn programs(folder: &Folder, link: LinkKind) -> Result<Choices, Failure> {
+    let copies = folder.manifest().both();
+    folder
+        .check_copies(copies.into_iter().flatten())
+        .map_err(Failure::usage)?;
+    let root = std::path::absolute(folder.path()).map_err(Failure::usage)?;
+    let paths = copies.map(|both| both.map(|copied| root.join(&copied.path)));
+    match (paths, link) {
+        (Some(paths), LinkKind::InProcess) if folder.manifest().plant.is_none() => {
+            Ok(Choices::copies(paths))
+        }
+        (Some([plant, controller]), _) => {
+            let arguments = BinaryArguments {
+                plant_bin: Some(plant),
+                controller_bin: Some(controller),
+            };
+            Choices::of(&arguments, &Named::Nothing, None)
+        }
+        (None, LinkKind::InProcess) => {
+            Choices::of(&BinaryArguments::default(), &Named::Nothing, None)
+        }
+        (None, _) => Err(Failure::usage(
+            "the folder has no copies of plant-process and controller-process, which were not beside hil when it was planned; --in-process runs the case in the planned hil",
+        )),
+    }
+}
+
 /// Returns the digest that a case has in the campaign, if it has one.
 fn published(folder: &Folder, case: u64) -> Option<String> {
     let manifest = folder.manifest();
@@ -83,7 +109,7 @@ fn published(folder: &Folder, case: u64) -> Option<String> {
         .columns
         .iter()
         .position(|column| column.name == "digest")?;
-    let part = Shard::of(folder, case / manifest.shard_cases).part().ok()?;
+    let part = Shard::of(folder, manifest.shard_of(case)).part().ok()?;
     let row = part.rows.iter().find(|row| row[0].as_count() == case)?;
     Some(row[place].as_text().to_owned()).filter(|digest| !digest.is_empty())
 }

@@ -79,8 +79,20 @@ impl Cases {
     /// # Errors
     /// If something there is not as it was.
     pub(super) fn of_folder(folder: &Folder, interruption: &Interruption) -> Result<Self, Failure> {
+        let study = folder.path().join(&folder.manifest().study.path);
+        Self::by_folder(Study::read(study).map_err(told)?, folder, interruption)
+    }
+
+    /// Takes the cases of a study whose scenario, programs and tables are the copies in the folder of a campaign.
+    ///
+    /// # Errors
+    /// If something there is not as it was.
+    pub(super) fn by_folder(
+        study: Study,
+        folder: &Folder,
+        interruption: &Interruption,
+    ) -> Result<Self, Failure> {
         let (manifest, path) = (folder.manifest(), folder.path());
-        let study = Study::read(path.join(&manifest.study.path)).map_err(told)?;
         let scenario = Scenario::read(path.join(&manifest.scenario.path)).map_err(told)?;
         let rig = match (&manifest.plant, &manifest.controller) {
             (Some(plant), Some(controller)) => {
@@ -314,7 +326,9 @@ impl Cases {
                 alone::run(plan, described, self.grid.clone(), interruption)?,
                 began,
             ),
-            Rig::Own(binaries) => CaseResult::in_processes(plan, binaries, interruption, began),
+            Rig::Own(binaries) => {
+                CaseResult::in_processes(plan, binaries, self.grid.clone(), interruption, began)
+            }
         }
     }
 

@@ -4,11 +4,12 @@ use std::io::{BufWriter, Write as _, sink};
 
 use hil_campaign::collect::Collected;
 use hil_campaign::folder::Folder;
-use hil_campaign::shard::missing;
+use hil_campaign::shard::{Shard, missing};
 use serde_json::json;
 use shared_types::number::counted;
 use tempfile::NamedTempFile;
 
+use super::quoted;
 use super::work::{cannot, open};
 use crate::arguments::campaign::CollectArguments;
 use crate::files::part_file::PartFile;
@@ -75,6 +76,19 @@ pub(super) const fn exit(collected: &Collected, conflicts: bool) -> Exit {
 /// # Errors
 /// If cases are missing, or a table cannot be written.
 pub(super) fn now(folder: &Folder, partial: bool) -> Result<Collected, Failure> {
+    let collected = join(folder, partial)?;
+    if !partial {
+        refuse_missing(folder, &collected.missing)?;
+    }
+    Ok(collected)
+}
+
+/// Joins the results of a campaign, sets those aside that do not count, and removes what dead workers left. Without
+/// the former the campaign may not be complete any more: tables are written then only if `partial`.
+///
+/// # Errors
+/// If cases are missing before, or a table cannot be written.
+pub(super) fn join(folder: &Folder, partial: bool) -> Result<Collected, Failure> {
     if !partial {
         refuse_missing(folder, &missing(folder))?;
     }
@@ -91,7 +105,24 @@ pub(super) fn now(folder: &Folder, partial: bool) -> Result<Collected, Failure> 
     let (circumstances, also_to, other) = part(CIRCUMSTANCES)?;
     let written = hil_campaign::collect::collect(folder, to, also_to);
     let (collected, to, also_to) = written.map_err(|error| cannot(folder, &error))?;
-    tell_of(folder, &collected, partial)?;
+    for (number, what) in &collected.broken {
+        let aside = Shard::of(folder, *number).set_aside();
+        let aside = aside.map_err(|error| cannot(folder, &error))?;
+        tell!(
+            "shard {number}: {what}; it is set aside as {}",
+            aside.display()
+        );
+    }
+    for number in 0..folder.manifest().shards() {
+        let shard = Shard::of(folder, number);
+        if shard.is_published() {
+            shard.sweep().map_err(|error| cannot(folder, &error))?;
+        }
+    }
+    tell_lost(folder, &collected);
+    if !partial && !collected.missing.is_empty() {
+        return Ok(collected);
+    }
     for (part, to, path) in [(results, to, path), (circumstances, also_to, other)] {
         let flushed = to
             .into_inner()
@@ -117,27 +148,26 @@ pub(super) fn read(folder: &Folder, partial: bool) -> Result<(Collected, NamedTe
     let collected = hil_campaign::collect::collect(folder, BufWriter::new(file), sink());
     let (collected, mut file, _) = collected.map_err(|error| cannot(folder, &error))?;
     file.flush().map_err(Failure::infrastructure)?;
-    tell_of(folder, &collected, partial)?;
-    Ok((collected, results))
-}
-
-/// Tells what is wrong with results; refuses those that are not complete unless `partial`.
-fn tell_of(folder: &Folder, collected: &Collected, partial: bool) -> Result<(), Failure> {
     for (number, what) in &collected.broken {
-        tell!("shard {number}: {what}; it is set aside");
+        tell!("shard {number}: {what}");
     }
     if !partial {
         refuse_missing(folder, &collected.missing)?;
     }
+    tell_lost(folder, &collected);
+    Ok((collected, results))
+}
+
+/// Tells of cases that were set aside.
+fn tell_lost(folder: &Folder, collected: &Collected) {
     if !collected.lost.is_empty() {
         tell!(
             "{} set aside, which {}; hil campaign run {} --again tries once more",
             counted(collected.lost.len() as u64, "case"),
             listed(&collected.lost),
-            folder.path().display()
+            quoted(folder.path())
         );
     }
-    Ok(())
 }
 
 /// Tells of results that contradict each other; counts them.
@@ -158,7 +188,7 @@ fn refuse_missing(folder: &Folder, missing: &[u64]) -> Result<(), Failure> {
     }
     let manifest = folder.manifest();
     let cases = manifest.count(missing);
-    let (all, shown) = (manifest.cases, folder.path().display());
+    let (all, shown) = (manifest.cases, quoted(folder.path()));
     Err(Failure::infrastructure(format!(
         "{cases} of {all} cases have no result; hil campaign run {shown} computes them, and a campaign that is not complete gives no probability: slow cases come last"
     )))

@@ -14,7 +14,7 @@ use crate::views::plots::{Choice, Subject, choose, columns_of};
 const MOST_SIGNALS: usize = 8;
 const MOST_BINS: u64 = 100;
 /// Draws that keep their curves, about.
-const DRAWS: u64 = 1000;
+pub(super) const DRAWS: u64 = 1000;
 
 /// Chooses them, by the first case of each variant with the layout of its records; none if there is nothing to plot.
 pub(super) fn chosen(

@@ -2,7 +2,7 @@
 //! drawn or counted here: that is [`hil_campaign`]; a case is run as every other run.
 //!
 //! 1. [`cases`] joins a study with its scenario and programs: the plan of each case, and its row.
-//! 2. [`plan`] checks a study and writes the folder that everybody works on.
+//! 2. [`plan`] checks a study and writes the folder that everybody works on; [`grow`] adds cases to it.
 //! 3. [`work`] is the one worker that every engine starts; [`workers`] and [`slurm`] start it.
 //! 4. [`collect`] joins the results, [`show`] says what they mean, and [`report`](mod@report) draws them; [`case`]
 //!    runs one of them again.
@@ -13,6 +13,7 @@ mod cases;
 mod collect;
 mod compare;
 mod envelopes;
+mod grow;
 mod plan;
 mod report;
 mod result;
@@ -38,6 +39,7 @@ pub(crate) fn campaign(action: &CampaignAction) -> Result<Exit, Failure> {
     match action {
         CampaignAction::Check(arguments) => plan::check(arguments),
         CampaignAction::Plan(arguments) => plan::plan(arguments),
+        CampaignAction::Grow(arguments) => grow::grow(arguments),
         CampaignAction::Run(arguments) => workers::run(arguments),
         CampaignAction::Submit(arguments) => slurm::submit(arguments),
         CampaignAction::Work(arguments) => work::work(arguments),
@@ -60,4 +62,22 @@ pub(crate) fn is_campaign(path: &Path) -> bool {
 /// Everything that keeps it from its result.
 pub(crate) fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
     report::report(arguments)
+}
+
+/// Writes a path as a shell takes it.
+fn quoted(path: &Path) -> String {
+    let shown = path.display().to_string();
+    let quoted = shlex::try_quote(&shown).map(|quoted| quoted.into_owned());
+    quoted.unwrap_or(shown)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_stands_in_a_command_as_a_shell_takes_it() {
+        assert_eq!(quoted(Path::new("runs/common-mode")), "runs/common-mode");
+        assert_eq!(quoted(Path::new("my runs/a")), "'my runs/a'");
+    }
 }

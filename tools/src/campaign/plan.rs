@@ -20,10 +20,13 @@ use shared_types::number::counted;
 use shared_types::time::Step;
 
 use super::cases::{Cases, told};
-use super::envelopes;
+use super::grow::with_cases;
 use super::result::CaseResult;
+use super::{envelopes, quoted};
 use crate::arguments::campaign::{CheckArguments, PlanArguments};
 use crate::files::part_file::PartFolder;
+use crate::programs::binaries::beside;
+use crate::programs::binaries::named::{CONTROLLER, PLANT};
 use crate::run::alone;
 use crate::run::kept::Kept;
 use crate::terminal::duration::shown_ns;
@@ -31,6 +34,8 @@ use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::interruption::Interruption;
 use crate::terminal::output;
 
+/// Name of the table of all values.
+pub(super) const CASES: &str = "cases.parquet";
 /// Time that the cases of a shard take together, if there are enough of them, in s.
 const SHARD_S: f64 = 20.0;
 /// Least and greatest number of shards of a large campaign.
@@ -116,10 +121,10 @@ pub(super) fn plan(arguments: &PlanArguments) -> Result<Exit, Failure> {
     let out = out.unwrap_or_else(|| Path::new("runs").join(&checked.facts.study));
     refuse_other(&out, &checked)?;
     write(&checked, &out)?;
-    let shown = out.display();
+    let (shown, quoted) = (out.display(), quoted(&out));
     output::result(arguments.check.json, &checked.facts, || {
         format!(
-            "{}\nplanned in {shown}; hil campaign run {shown}\n",
+            "{}\nplanned in {shown}; hil campaign run {quoted}\n",
             checked.facts.told()
         )
     })?;
@@ -132,13 +137,8 @@ fn checked(arguments: &CheckArguments, interruption: &Interruption) -> Result<Ch
     let study = cases.study();
     let first = cases.plan(0).map_err(told)?;
     alone::refuse_clock(&first)?;
-    if study.varied.is_empty() && study.sets("run.seed") && study.draws > 1 {
-        return Err(Failure::usage(
-            "nothing varies from draw to draw: the study has no [[vary]] and gives run.seed",
-        ));
-    }
     refuse_ineffective(&cases)?;
-    let longest_s = every_plan(&cases, interruption)?;
+    let longest_s = every_plan(&cases, 0, interruption)?;
     let mut kept = Kept::default();
     let mut result = cases.run(&first, &mut kept, interruption)?;
     if cases.keeps_processes(&first) {
@@ -225,9 +225,14 @@ fn columns(
     Ok(columns)
 }
 
-/// Refuses a variation that changes nothing in any variant.
-fn refuse_ineffective(cases: &Cases) -> Result<(), Failure> {
+/// Refuses a study in which nothing varies, and a variation that changes nothing in any variant.
+pub(super) fn refuse_ineffective(cases: &Cases) -> Result<(), Failure> {
     let study = cases.study();
+    if study.varied.is_empty() && study.sets("run.seed") && study.draws > 1 {
+        return Err(Failure::usage(
+            "nothing varies from draw to draw: the study has no [[vary]] and gives run.seed",
+        ));
+    }
     let first = cases.draws.values(0);
     for (place, one) in study.varied.iter().enumerate() {
         let Some(key) = &one.key else {
@@ -302,11 +307,15 @@ fn refuse_unknown_goals(study: &Study, columns: &[Column]) -> Result<(), Failure
     Ok(())
 }
 
-/// Checks every case once, on all cores: none is refused later. Gives the time of the longest, in s.
-fn every_plan(cases: &Cases, interruption: &Interruption) -> Result<f64, Failure> {
+/// Checks every case from this one on once, on all cores: none is refused later. Gives the time of the longest, in s.
+pub(super) fn every_plan(
+    cases: &Cases,
+    from: u64,
+    interruption: &Interruption,
+) -> Result<f64, Failure> {
     let all = cases.study().cases();
-    let bar = bar(all, "checking cases");
-    let (next, is_over) = (AtomicU64::new(0), AtomicBool::new(false));
+    let bar = bar(all - from, "checking cases");
+    let (next, is_over) = (AtomicU64::new(from), AtomicBool::new(false));
     let first: Mutex<Option<(u64, Failure)>> = Mutex::new(None);
     // Numbers above zero are in the order of their bits.
     let longest = AtomicU64::new(0);
@@ -377,8 +386,22 @@ fn refuse_other(out: &Path, checked: &Checked) -> Result<(), Failure> {
     let folder = tempfile::tempdir().map_err(Failure::infrastructure)?;
     let new = copied(checked, folder.path())?;
     let differences = manifest::differences(&there, &new);
+    let study = fs::read_to_string(out.join(&there.study.path));
+    let study = study
+        .ok()
+        .and_then(|text| with_cases(&text, checked.cases.study().draws));
+    if differences.len() == 1 && study.as_deref() == Some(checked.cases.study().text()) {
+        return Err(Failure::usage(format!(
+            "{shown} has this campaign with another number of cases; hil campaign grow {} --cases {} adds some to it",
+            quoted(out),
+            checked.cases.study().draws
+        )));
+    }
     Err(Failure::usage(if differences.is_empty() {
-        format!("{shown} has this campaign already; hil campaign run {shown}")
+        format!(
+            "{shown} has this campaign already; hil campaign run {}",
+            quoted(out)
+        )
     } else {
         format!(
             "{shown} has another campaign, which differs in {}; choose another folder with -o",
@@ -401,8 +424,8 @@ fn write(checked: &Checked, out: &Path) -> Result<(), Failure> {
     let manifest = copied(checked, part.path())?;
     let text = serde_json::to_string_pretty(&manifest).map_err(Failure::infrastructure)?;
     fs::write(part.path().join(MANIFEST), text).map_err(cannot)?;
-    cases_table(checked, part.path())
-        .map_err(|error| Failure::infrastructure(format!("cannot write the cases: {error}")))?;
+    let file = fs::File::create(part.path().join(CASES)).map_err(cannot)?;
+    cases_table(&checked.cases, &checked.columns, file)?;
     for folder in [SHARDS, CONFLICTS] {
         fs::create_dir(part.path().join(folder)).map_err(cannot)?;
     }
@@ -446,25 +469,43 @@ fn copied(checked: &Checked, folder: &Path) -> Result<Manifest, Failure> {
             program("controller", &binaries.controller.path)?,
         ),
     };
+    let pair = match cases.binaries() {
+        Some(_) => None,
+        None => beside_hil()?,
+    };
+    let pair = pair.map(|[plant, controller]| {
+        Ok::<_, Failure>([
+            copy(&plant, "programs/plant-process".into())?,
+            copy(&controller, "programs/controller-process".into())?,
+        ])
+    });
     Ok(Manifest {
         schema: SCHEMA,
         name: study.name.clone(),
         cases: study.cases(),
         shard_cases: shard_cases(study.cases(), checked.facts.case_s),
+        grown: Vec::new(),
         study: text("study.toml", study.text())?,
         scenario: text("scenario.toml", cases.scenario().text())?,
         tables,
         hil: copy(&own, "programs/hil".into())?,
         plant,
         controller,
+        pair: pair.transpose()?,
         columns: checked.columns.clone(),
         curves: checked.curves.clone(),
         case_s: checked.facts.case_s,
     })
 }
 
+/// Finds plant and controller program beside `hil`, if both are there.
+fn beside_hil() -> Result<Option<[PathBuf; 2]>, Failure> {
+    let both = [beside(PLANT.beside)?, beside(CONTROLLER.beside)?];
+    Ok(both.iter().all(|path| path.is_file()).then_some(both))
+}
+
 /// Chooses the size of shards: some seconds of work, enough of them for many cores, and not too many files.
-fn shard_cases(cases: u64, case_s: f64) -> u64 {
+pub(super) fn shard_cases(cases: u64, case_s: f64) -> u64 {
     let [least, most] = SHARDS_WANTED;
     let by_time = (SHARD_S / case_s) as u64;
     let by_cores = cases.div_ceil(least);
@@ -477,16 +518,24 @@ fn shard_cases(cases: u64, case_s: f64) -> u64 {
 }
 
 /// Writes the values of all cases as a table.
-fn cases_table(checked: &Checked, folder: &Path) -> Result<(), hil_campaign::table::TableError> {
-    let cases = &checked.cases;
-    let head = 4 + cases.study().varied.len();
-    let columns = &checked.columns[..head];
-    let file = fs::File::create(folder.join("cases.parquet"))?;
-    let mut table = Writer::new(io::BufWriter::new(file), columns)?;
+pub(super) fn cases_table(
+    cases: &Cases,
+    columns: &[Column],
+    file: fs::File,
+) -> Result<(), Failure> {
+    let cannot = |error: &dyn std::fmt::Display| {
+        Failure::infrastructure(format!("cannot write the cases: {error}"))
+    };
+    let columns = &columns[..4 + cases.study().varied.len()];
+    let table = Writer::new(io::BufWriter::new(file), columns);
+    let mut table = table.map_err(|error| cannot(&error))?;
     for case in 0..cases.study().cases() {
-        table.row(&cases.head(case))?;
+        table
+            .row(&cases.head(case))
+            .map_err(|error| cannot(&error))?;
     }
-    table.finish(&[])?.into_inner().map_err(io::Error::other)?;
+    let file = table.finish(&[]).map_err(|error| cannot(&error))?;
+    file.into_inner().map_err(|error| cannot(&error.error()))?;
     Ok(())
 }
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use hil_campaign::curve::Curve;
+use hil_campaign::curve::{Curve, Grid};
 use hil_campaign::table::{CLASS, Cell, Column, Kind, Row};
 use hil_config::plan::Plan;
 use shared_types::record::Outcome;
@@ -63,12 +63,14 @@ impl CaseResult {
     pub(super) fn in_processes(
         plan: &Plan,
         binaries: &Arc<Binaries>,
+        curve: Option<Arc<Grid>>,
         interruption: &Interruption,
         began: Instant,
     ) -> Result<Self, Failure> {
         let folder = tempfile::tempdir().map_err(Failure::infrastructure)?;
         let settings = Settings {
             is_one_of_many: true,
+            curve,
             ..Settings::without_recording(LinkKind::Iceoryx2, Some(folder.path().join("run")))
         };
         let environment = Environment::new(&settings, Arc::clone(binaries), interruption)?;
@@ -89,7 +91,7 @@ impl CaseResult {
             requirements: summary.requirements,
             metrics: summary.metrics,
             is_to_check: false,
-            curve: None,
+            curve: ran.curve,
             wall_s: began.elapsed().as_secs_f64(),
         })
     }

@@ -11,6 +11,7 @@ use shared_types::number::{counted, short, unit_shown};
 use super::answers::{self, Answers, BoundsAnswer, CLASSES, QuantileAnswer, Share, VariantAnswer};
 use super::cases::told as told_problems;
 use super::collect::{self, listed};
+use super::quoted;
 use super::work::{cannot, open};
 use crate::arguments::campaign::ShowArguments;
 use crate::terminal::exit::{Exit, Failure};
@@ -58,7 +59,7 @@ pub(super) fn told(
 }
 
 fn text(answers: &Answers, folder: &Folder) -> String {
-    let shown = folder.path().display().to_string();
+    let shown = quoted(folder.path());
     output::text(|text| write(text, answers, &shown))
 }
 

@@ -7,6 +7,7 @@ use hil_campaign::folder::{Conflict, Folder};
 use serde::Serialize;
 use shared_types::number::counted;
 
+use super::quoted;
 use super::slurm::{self, Tasks};
 use super::work::{cannot, open};
 use crate::arguments::campaign::StatusArguments;
@@ -91,7 +92,7 @@ impl Status {
     }
 
     fn told(&self, folder: &Folder) -> String {
-        let shown = folder.path().display();
+        let shown = quoted(folder.path());
         let Self {
             name,
             published,

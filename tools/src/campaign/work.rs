@@ -92,7 +92,7 @@ pub(super) fn cannot(folder: &Folder, error: &dyn std::fmt::Display) -> Failure 
 }
 
 /// Goes on as the `hil` that the campaign was planned with, if this is another one.
-fn become_planned(folder: &Folder) -> Result<(), Failure> {
+pub(super) fn become_planned(folder: &Folder) -> Result<(), Failure> {
     let own = std::env::current_exe().map_err(Failure::infrastructure)?;
     let wanted = &folder.manifest().hil;
     if hash(&own).is_ok_and(|found| found == wanted.blake3) {

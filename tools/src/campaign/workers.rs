@@ -2,6 +2,7 @@
 //!
 //! Decides nothing about results: whoever finishes a shard first, here or elsewhere, is right.
 
+use std::collections::BTreeSet;
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Sender, channel};
@@ -15,7 +16,7 @@ use shared_types::number::{counted, short};
 
 use super::plan::bar;
 use super::work::{DIFFERS, cannot, open, program};
-use super::{answers, collect, show};
+use super::{answers, collect, quoted, show};
 use crate::arguments::campaign::RunCampaignArguments;
 use crate::terminal::duration::shown_ns;
 use crate::terminal::exit::{Exit, Failure};
@@ -50,25 +51,43 @@ pub(super) fn run(arguments: &RunCampaignArguments) -> Result<Exit, Failure> {
     let jobs = arguments
         .jobs
         .map_or(cores.div_ceil(each), |jobs| jobs as usize);
-    let mut progress = Progress::new(&folder)?;
-    let ran = all(&folder, jobs, &interruption, &mut progress);
-    progress.end();
-    ran?;
-    let collected = collect::now(&folder, false)?;
+    let mut broken = BTreeSet::new();
+    let collected = loop {
+        let mut progress = Progress::new(&folder)?;
+        let ran = all(&folder, jobs, &interruption, &mut progress);
+        progress.end();
+        ran?;
+        let collected = collect::join(&folder, false)?;
+        // A result that does not count is known once it is read.
+        if collected.missing.is_empty() {
+            break collected;
+        }
+        for (number, what) in &collected.broken {
+            if !broken.insert(*number) {
+                let again = format!("the result of shard {number} was computed again, and {what}");
+                return Err(cannot(&folder, &again));
+            }
+        }
+    };
     let results = folder.path().join(collect::RESULTS);
     show::told(&folder, &collected, &results, arguments.json)
 }
 
-/// Sets the results aside that have cases without one.
+/// Opens the results again that have cases without one, for these cases alone.
 fn try_again(folder: &Folder) -> Result<(), Failure> {
+    let mut count = 0;
     for number in 0..folder.manifest().shards() {
         let shard = Shard::of(folder, number);
         let Ok(part) = shard.part() else { continue };
         let is_lost = |row: &Vec<_>| answers::class_of(folder.manifest(), row) == LOST;
-        if part.rows.iter().any(is_lost) {
-            shard.set_aside().map_err(|error| cannot(folder, &error))?;
+        let lost = part.rows.iter().filter(|row| is_lost(row)).count();
+        if lost > 0 {
+            let opened = shard.reopen(|row| !is_lost(row));
+            opened.map_err(|error| cannot(folder, &error))?;
         }
+        count += lost as u64;
     }
+    tell!("{} tried again", counted(count, "case"));
     Ok(())
 }
 
@@ -103,7 +122,7 @@ fn all(
         } else {
             if !std::mem::replace(&mut has_told, true) {
                 let count = counted(missing.len() as u64, "shard");
-                let shown = folder.path().display();
+                let shown = quoted(folder.path());
                 progress.tell(&format!("waiting for {count} that other workers have claimed; hil campaign work {shown} --ignore-claims computes them too"));
             }
             progress.look(folder)?;
@@ -116,7 +135,7 @@ fn all(
 }
 
 fn interrupted(folder: &Folder) -> Failure {
-    let shown = folder.path().display();
+    let shown = quoted(folder.path());
     tell!("interrupted; hil campaign run {shown} goes on");
     Failure::Interrupted
 }

@@ -109,6 +109,20 @@ impl Choices {
         })
     }
 
+    /// Takes copies of both programs in place of those beside `hil`.
+    pub(crate) fn copies([plant, controller]: [PathBuf; 2]) -> Self {
+        let copy = |path| Choice {
+            path,
+            by: NamedBy::Nobody,
+            blake3: None,
+        };
+        Self {
+            plant: copy(plant),
+            controller: copy(controller),
+            at: None,
+        }
+    }
+
     /// Tells whether one of them was named, by whatever means.
     pub(crate) fn names_one(&self) -> bool {
         [&self.plant, &self.controller]
@@ -474,7 +488,7 @@ fn unprintable(described: &Value) -> Option<&str> {
 }
 
 /// A binary beside this one.
-fn beside(name: &str) -> Result<PathBuf, Failure> {
+pub(crate) fn beside(name: &str) -> Result<PathBuf, Failure> {
     let own = std::env::current_exe().map_err(Failure::infrastructure)?;
     Ok(own.with_file_name(name))
 }

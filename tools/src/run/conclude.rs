@@ -85,6 +85,7 @@ pub(super) fn conclude(
             Outcome::Stopped | Outcome::Failed => Exit::Infrastructure,
         },
         partial_digests: ended.recorded.partial_digests,
+        curve: ended.recorded.curve,
         recording: recorded_to.map(|name| folder.join(name)),
         table: summary.table(&prepared.plan, &folder),
         written: part_file::write_text(&folder.join("summary.json"), &json).and(collected),

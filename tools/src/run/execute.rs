@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use hil_campaign::curve::Curve;
 use hil_config::plan::Plan;
 use plant_process::repeat::Missed;
 use shared_types::time::Step;
@@ -65,6 +66,8 @@ pub(crate) struct RunResult {
     /// Digests after the first records, by their number, as far as they were asked for and there
     /// were so many.
     pub(crate) partial_digests: BTreeMap<u64, String>,
+    /// Curve of a campaign's case, if one is kept.
+    pub(crate) curve: Option<Curve>,
     /// Its recording, if there is one.
     pub(crate) recording: Option<PathBuf>,
     /// Folder of the run.

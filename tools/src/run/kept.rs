@@ -45,13 +45,16 @@ struct Pair {
     layout: RecordLayout,
     /// Runs that were begun after the first.
     runs: u64,
+    /// A record of the last one came.
+    has_begun: bool,
     /// The run that is to be run once more in new processes.
     checked: u64,
 }
 
 impl Kept {
     /// Runs a plan in a pair that is there, or in a new one; tells whether the run is to be run once more in new
-    /// processes, as few of many are.
+    /// processes, as few of many are. A pair that is lost before the first record of the run is replaced: its end is
+    /// no deed of this run.
     ///
     /// # Errors
     /// If the run did not end by itself: a side died, refused its job or was too late, or it was interrupted.
@@ -73,9 +76,20 @@ impl Kept {
                 }
                 pair
             }
-            None => Pair::start(plan, binaries, layout, interruption)?,
+            None => Pair::start(plan, binaries, layout.clone(), interruption)?,
         };
-        let ended = match pair.take_run(plan, grid, interruption) {
+        let mut ended = pair.take_run(plan, grid.clone(), interruption);
+        if let Err(Failure::Infrastructure(seen)) = &ended
+            && pair.runs > 0
+            && !pair.has_begun
+        {
+            // It may be what the run before left behind; what this one does to its sides, it does in new ones too.
+            tell!("between two runs: {seen}; another one is started");
+            drop(pair);
+            pair = Pair::start(plan, binaries, layout, interruption)?;
+            ended = pair.take_run(plan, grid, interruption);
+        }
+        let ended = match ended {
             Err(Failure::Infrastructure(seen)) => {
                 // What a side would have refused before it ran is nothing that another try mends.
                 refuse_jobs(plan, binaries, interruption)?;
@@ -168,6 +182,7 @@ impl Pair {
             session,
             layout,
             runs: 0,
+            has_begun: false,
             checked: 1,
         })
     }
@@ -198,10 +213,12 @@ impl Pair {
             source,
             plant,
             controller,
+            has_begun,
             ..
         } = self;
         let is_over = || interruption.came() || plant.has_ended() || controller.has_ended();
         let recorded = take_run(plan.clone(), &self.layout, grid, source, is_over);
+        *has_begun = recorded.records > 0;
         if interruption.came() {
             return Err(Failure::Interrupted);
         }

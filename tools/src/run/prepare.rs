@@ -85,7 +85,8 @@ impl Prepared {
     {
         let (plan, recording) = (self.plan.clone(), self.recording.clone());
         let (marks, past) = (self.marks.clone(), self.past.clone());
-        Recorder::start(plan, recording, marks, past, move || {
+        let curve = self.settings.curve.clone();
+        Recorder::start(plan, recording, marks, past, curve, move || {
             core.apply();
             attach()
         })

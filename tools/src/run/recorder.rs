@@ -12,6 +12,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
+use hil_campaign::curve::Grid;
 use hil_config::plan::Plan;
 use hil_recording::compression::Compression;
 use hil_recording::excerpt::Choice;
@@ -83,13 +84,14 @@ struct Shared {
 
 impl Recorder {
     /// Starts the thread. `marks` are after how many records the digest is wanted besides, `past` the
-    /// records that the run goes on from, which are taken first. What `prepare` returns is called there, again and again, until it gives
+    /// records that the run goes on from, which are taken first, `curve` the grid of the curve if one is kept. What `prepare` returns is called there, again and again, until it gives
     /// the stream and its layout.
     pub fn start<S, A>(
         plan: Plan,
         recording: Option<RecordingPlan>,
         marks: Vec<u64>,
         past: Option<PastRecords>,
+        curve: Option<Arc<Grid>>,
         prepare: impl FnOnce() -> A + Send + 'static,
     ) -> Self
     where
@@ -103,7 +105,8 @@ impl Recorder {
         let theirs = Arc::clone(&shared);
         let thread = std::thread::spawn(move || {
             let mut attach = prepare();
-            let mut work = Work::new(plan, recording, marks, Arc::clone(&theirs));
+            let work = Work::new(plan, recording, marks, Arc::clone(&theirs));
+            let mut work = work.with_curve(curve);
             if let Some(past) = &past {
                 work.recall(past);
                 theirs.recalled.store(true, Ordering::Release);

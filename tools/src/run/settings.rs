@@ -4,7 +4,9 @@
 //! of its own. Knows no plan and starts nothing.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
+use hil_campaign::curve::Grid;
 use hil_config::plan::{Clock, Plan};
 use shared_types::checkpoint::Side;
 
@@ -38,6 +40,8 @@ pub(crate) struct Settings {
     pub(crate) set: Vec<String>,
     /// Several runs share the terminal.
     pub(crate) is_one_of_many: bool,
+    /// Grid of the curve that is kept of a campaign's case.
+    pub(crate) curve: Option<Arc<Grid>>,
     /// Sides that somebody starts by hand.
     pub(crate) by_hand: ByHand,
 }
@@ -159,6 +163,7 @@ impl Settings {
             set: options.changes.as_set(),
             is_one_of_many: false,
             by_hand: ByHand::of(options)?,
+            curve: None,
         })
     }
 
@@ -175,6 +180,7 @@ impl Settings {
             set: Vec::new(),
             is_one_of_many: false,
             by_hand: ByHand::NONE,
+            curve: None,
         }
     }
 

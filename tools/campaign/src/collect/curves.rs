@@ -146,7 +146,7 @@ fn curves_that_change_nothing_are_not_noted() {
     let with = noted.matches("\"curve\"").count();
     assert!(with > 0 && with < 9, "{with}");
     // The same cases once more are within what is known.
-    let found = journal::read(&journal, campaign.folder.id()).expect("read");
+    let found = journal::read(&journal, &campaign.folder).expect("read");
     let found = found.expect("whole");
     let mut curves = Curves::default();
     let manifest = campaign.folder.manifest();

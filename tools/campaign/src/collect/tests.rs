@@ -5,13 +5,16 @@ use crate::shard::tests::{Campaign, complete, value};
 use crate::table::Cell;
 
 #[test]
-fn a_broken_result_is_set_aside_and_computed_again() {
+fn a_broken_result_counts_as_none_and_is_computed_again_once_it_is_set_aside() {
     let campaign = Campaign::new(2, 2);
     campaign.run();
     let shard = Shard::of(&campaign.folder, 0);
     fs::write(shard.result(), "PAR1, or not").expect("written");
     let (collected, ..) = collect(&campaign.folder, Vec::new(), Vec::new()).expect("collected");
     assert_eq!((collected.missing, collected.digest), (vec![0], None));
+    assert_eq!(collected.broken[0].0, 0);
+    assert!(shard.is_published(), "a reader changes nothing");
+    shard.set_aside().expect("renamed");
     assert!(shard.result().with_file_name("broken-1.parquet").exists());
     campaign.run();
     let (collected, ..) = collect(&campaign.folder, Vec::new(), Vec::new()).expect("collected");

@@ -56,6 +56,10 @@ impl<'a> Attempt<'a> {
             conflict: None,
             curves: Curves::default(),
         };
+        // Those of a result that was opened again, or of a worker that died just before it had one.
+        if let Some(grid) = &shard.folder.manifest().curves {
+            attempt.curves = Curves::read(&path, grid)?.unwrap_or_default();
+        }
         for path in journal::paths(&path)? {
             if path != attempt.journal.path() {
                 attempt.take_over(&path)?;
@@ -65,8 +69,7 @@ impl<'a> Attempt<'a> {
     }
 
     fn take_over(&mut self, path: &Path) -> io::Result<()> {
-        let campaign = self.shard.folder.id();
-        let Some(found) = journal::read(path, campaign)? else {
+        let Some(found) = journal::read(path, self.shard.folder)? else {
             return Ok(());
         };
         let columns = &self.shard.folder.manifest().columns;
@@ -77,16 +80,10 @@ impl<'a> Attempt<'a> {
         {
             *self.tries.entry(*case).or_default() += u64::from(found.is_dead);
         }
-        for (case, (row, wall_s)) in found.rows {
+        for (case, (row, circumstances)) in found.rows {
             if !self.shard.cases().contains(&case) || !table::fits(&row, columns) {
                 continue;
             }
-            let circumstances = Circumstances {
-                wall_s,
-                host: found.host.clone(),
-                attempt: found.name.clone(),
-                tries: 1,
-            };
             if let Some(curve) = found.curves.get(&case) {
                 self.curves.take(self.shard.folder.manifest(), &row, curve);
             }

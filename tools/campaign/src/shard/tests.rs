@@ -5,7 +5,7 @@ use proptest::prelude::*;
 
 use super::attempt::Published;
 use super::*;
-use crate::manifest::{Copied, MANIFEST, Manifest, SCHEMA};
+use crate::manifest::{Copied, MANIFEST, Manifest, SCHEMA, Stage};
 use crate::table::LOST;
 
 /// A campaign of so many cases in a folder that is gone afterwards.
@@ -31,12 +31,14 @@ impl Campaign {
             name: "demo".into(),
             cases,
             shard_cases,
+            grown: Vec::new(),
             study: file(),
             scenario: file(),
             tables: BTreeMap::new(),
             hil: file(),
             plant: None,
             controller: None,
+            pair: None,
             columns: vec![
                 Column::new("case", Kind::Count),
                 Column::new("x", Kind::Number),
@@ -229,6 +231,93 @@ fn a_case_that_was_set_aside_contradicts_nothing() {
     complete(&mut second, |case| row(case, 1.0));
     first.publish().expect("published");
     assert_eq!(second.publish().expect("published"), Published::Again);
+}
+
+#[test]
+fn rows_of_a_worker_that_died_between_a_lost_race_and_its_comparison_are_compared_when_it_is_swept()
+{
+    for (second, differs) in [(1.0, false), (2.0, true)] {
+        let campaign = Campaign::new(2, 2);
+        let mut late = campaign.attempt(0);
+        complete(&mut late, |case| row(case, second));
+        let mut first = campaign.attempt(0);
+        first.rows.clear(); // as if both had begun together
+        complete(&mut first, |case| row(case, 1.0));
+        first.publish().expect("published");
+        let shard = Shard::of(&campaign.folder, 0);
+        shard.sweep().expect("swept");
+        assert!(late.journal.path().exists(), "it lives");
+        let path = late.journal.path().to_owned();
+        drop(late);
+        shard.sweep().expect("swept");
+        assert!(!path.exists());
+        let conflicts = campaign.folder.conflicts().expect("listed");
+        let told = conflicts
+            .first()
+            .map(|one| (one.case, &*one.column, &*one.second));
+        assert_eq!(told, differs.then_some((0, "x", "2")));
+    }
+}
+
+#[test]
+fn a_result_that_is_opened_again_keeps_its_other_rows_and_who_made_them() {
+    let campaign = Campaign::new(3, 3);
+    let shard = Shard::of(&campaign.folder, 0);
+    let mut first = campaign.attempt(0);
+    complete(&mut first, |case| row(case, 1.0));
+    let maker = first.journal.name().to_owned();
+    first.publish().expect("published");
+    let claim = shard.claim().expect("claimed");
+    shard.reopen(|_| false).expect("nothing");
+    assert!(shard.is_published(), "a worker has it");
+    drop(claim);
+    shard
+        .reopen(|row| row[0] != Cell::Count(1))
+        .expect("opened");
+    assert!(!shard.is_published());
+    let mut again = campaign.attempt(0);
+    assert_eq!([0, 1, 2].map(|case| again.has(case)), [true, false, true]);
+    assert_eq!(again.tries(1), 0);
+    complete(&mut again, |case| row(case, 2.0));
+    assert_eq!(again.publish().expect("published"), Published::First);
+    let part = shard.part().expect("a part");
+    assert_eq!(part.rows, [row(0, 1.0), row(1, 2.0), row(2, 1.0)]);
+    let makers = part.circumstances.iter().map(|one| one.attempt == maker);
+    assert!(makers.eq([true, false, true]));
+    assert_eq!(part.circumstances[0].wall_s, 0.5);
+}
+
+#[test]
+fn a_campaign_that_grew_keeps_its_shards_and_their_rows() {
+    let small = Campaign::new(5, 2);
+    small.run();
+    let mut manifest = small.folder.manifest().clone();
+    let stage = Stage {
+        id: small.folder.id().into(),
+        cases: 5,
+        shard_cases: 2,
+    };
+    (manifest.cases, manifest.shard_cases) = (12, 3);
+    manifest.grown.push(stage);
+    let text = serde_json::to_vec(&manifest).expect("JSON");
+    fs::write(small.folder.path().join(MANIFEST), text).expect("written");
+    let grown = Folder::open(small.folder.path()).expect("a campaign");
+    let cases = (0..manifest.shards()).map(|shard| manifest.cases_of(shard));
+    assert!(cases.eq([0..2, 2..4, 4..5, 5..8, 8..11, 11..12]));
+    for shard in 0..manifest.shards() {
+        for case in manifest.cases_of(shard) {
+            assert_eq!(manifest.shard_of(case), shard);
+        }
+    }
+    assert_eq!(missing(&grown), [3, 4, 5]);
+    assert_eq!(Shard::of(&grown, 2).part().expect("a part").rows.len(), 1);
+    assert_ne!(grown.id(), small.folder.id());
+    // What was made after it grew is nothing of the campaign as it was.
+    let mut attempt = Shard::of(&grown, 5).attempt().expect("an attempt");
+    complete(&mut attempt, |case| row(case, value(case)));
+    attempt.publish().expect("published");
+    assert!(Shard::of(&small.folder, 5).part().is_err());
+    assert!(Shard::of(&grown, 5).part().is_ok());
 }
 
 #[test]

@@ -12,6 +12,7 @@ use serde::{Serialize, Serializer};
 
 use super::envelopes::Envelopes;
 use crate::campaign::answers::{Answers, CLASSES, margin};
+use crate::campaign::quoted;
 
 /// Most numbers of a page; with four bytes each in base64 it stays below 20 MB.
 const MOST_NUMBERS: u64 = 3_500_000;
@@ -257,13 +258,6 @@ fn class_code(class: &str) -> u8 {
         .map_or(CLASSES.len() as u8 - 1, |(place, _)| place)
 }
 
-/// Writes a path as a shell takes it.
-fn quoted(path: &Path) -> String {
-    let shown = path.display().to_string();
-    let quoted = shlex::try_quote(&shown).map(|quoted| quoted.into_owned());
-    quoted.unwrap_or(shown)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -292,11 +286,5 @@ mod tests {
     fn a_class_that_is_not_known_counts_as_lost() {
         let codes = ["pass", "fail", "diverged", "undecided", "lost", "?"].map(class_code);
         assert_eq!(codes, [0, 1, 2, 3, 4, 4]);
-    }
-
-    #[test]
-    fn a_folder_stands_in_the_command_as_a_shell_takes_it() {
-        assert_eq!(quoted(Path::new("runs/common-mode")), "runs/common-mode");
-        assert_eq!(quoted(Path::new("my runs/a")), "'my runs/a'");
     }
 }

@@ -51,12 +51,16 @@ impl Envelopes {
         let Some(grid) = &folder.manifest().curves else {
             return Ok(None);
         };
-        let (curves, without) = collect::curves(folder)?;
+        let (mut curves, without) = collect::curves(folder)?;
+        let count = study.variants.len() as u64;
         if curves.envelopes.is_empty() {
             return Ok(None);
         }
+        // A campaign that grew has kept the curves of more draws before.
+        curves
+            .sampled
+            .retain(|case, _| (case / count).is_multiple_of(grid.every));
         let names = study.variants.iter().map(|one| &one.name);
-        let count = study.variants.len() as u64;
         let variants = (0..).zip(names.clone()).map(|(place, name)| {
             let sampled = curves.sampled.iter();
             let of = sampled.filter(|(case, _)| *case % count == place);

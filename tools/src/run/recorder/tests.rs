@@ -230,7 +230,7 @@ fn a_recorder_that_is_stuck_in_what_the_dead_left_is_freed() {
             .map(|()| None::<(Left, RecordLayout)>)
             .map_err(|_| "never freed".to_owned())
     };
-    let recorder = Recorder::start(plan(), None, vec![], None, || attach);
+    let recorder = Recorder::start(plan(), None, vec![], None, None, || attach);
     // Nobody may be there any more to be freed.
     let unblock = move || free.send(()).unwrap_or_default();
     let recorded = recorder.unblocked_by(unblock).finish();

@@ -1,0 +1,203 @@
+//! Campaigns that grow: the digest of one that was planned so large, and no case run twice.
+
+use serde_json::Value;
+
+use super::{STUDY, campaign, digest, json, planned, study, text};
+use crate::support::harness::Rig;
+
+#[test]
+fn a_campaign_that_grew_has_the_digest_of_one_planned_so_large_and_its_earlier_parts() {
+    let rig = Rig::new();
+    for sampling in ["independent", "sobol"] {
+        let of = |cases: u32| {
+            STUDY.replace(
+                "cases = 30",
+                &format!("cases = {cases} # draws\nsampling = \"{sampling}\""),
+            )
+        };
+        let large = planned(&rig, &study(&rig, &of(50)), &format!("large-{sampling}"));
+        campaign(&rig, &["run", text(&large)]).expect(0);
+        let small = planned(&rig, &study(&rig, &of(33)), &format!("small-{sampling}"));
+        campaign(&rig, &["run", text(&small)]).expect(0);
+        let parts = super::below(&small.join("shards"));
+        // The second growth comes before the cases of the first are run.
+        for cases in ["40", "50"] {
+            campaign(&rig, &["grow", text(&small), "--cases", cases]).expect(0);
+        }
+        let status = json(&campaign(&rig, &["status", text(&small), "--json"]).expect(0));
+        assert_eq!(
+            (&status["cases"], &status["published"]),
+            (&100.into(), &66.into())
+        );
+        campaign(&rig, &["show", text(&small)])
+            .expect(3)
+            .says(&["34 of 100 cases have no result"]);
+        campaign(&rig, &["run", text(&small)]).expect(0);
+        assert_eq!(digest(&rig, &small), digest(&rig, &large));
+        let after = super::below(&small.join("shards"));
+        assert!(parts.iter().all(|part| after.contains(part)));
+        let [of_small, of_large] = [&small, &large].map(|folder| super::page::data(&rig, folder));
+        assert_eq!(of_small["envelopes"], of_large["envelopes"]);
+        // A new case is the run of its values too.
+        campaign(
+            &rig,
+            &[
+                "case",
+                text(&small),
+                "98",
+                "--in-process",
+                "--out",
+                text(&rig.path(sampling)),
+            ],
+        )
+        .expect(0)
+        .says(&["has the digest of the campaign"]);
+        let compared =
+            json(&campaign(&rig, &["compare", text(&small), text(&large), "--json"]).expect(0));
+        assert_eq!(compared[0]["first_only"], Value::Array(Vec::new()));
+    }
+}
+
+#[test]
+fn what_would_change_the_cases_that_are_there_is_refused() {
+    let rig = Rig::new();
+    let hypercube = STUDY.replace("cases = 30", "cases = 30\nsampling = \"latin-hypercube\"");
+    let grid = "schema = 1\nscenario = \"SCENARIO\"\nsampling = \"grid\"\n[[vary]]\nkey = \"plant.parameters.mass_kg\"\nkind = \"grid\"\nmin = 0.5\nmax = 2\npoints = 3\n";
+    for (name, text_of, cases, told) in [
+        (
+            "plain",
+            STUDY,
+            "30",
+            "the campaign has 30 draws already, and none is taken away",
+        ),
+        (
+            "plain",
+            STUDY,
+            "200000000",
+            "a whole number from 1 to 100000000",
+        ),
+        (
+            "hypercube",
+            &hypercube,
+            "60",
+            "a Latin hypercube divides the range of each value",
+        ),
+        ("grid", grid, "60", "a grid has as many draws as points"),
+    ] {
+        let folder = rig.path(name);
+        if !folder.exists() {
+            planned(&rig, &study(&rig, text_of), name);
+        }
+        let before = std::fs::read(folder.join("manifest.json")).expect("a manifest");
+        campaign(&rig, &["grow", text(&folder), "--cases", cases])
+            .expect(2)
+            .says(&[told]);
+        let after = std::fs::read(folder.join("manifest.json")).expect("a manifest");
+        assert_eq!(before, after);
+    }
+    // Whoever plans the same study with more cases is told about it.
+    let more = study(&rig, &STUDY.replace("cases = 30", "cases = 31"));
+    let folder = rig.path("plain");
+    campaign(&rig, &["plan", text(&more), "-o", text(&folder)])
+        .expect(2)
+        .says(&["hil campaign grow", "--cases 31"]);
+}
+
+#[test]
+fn a_new_case_that_the_scenario_refuses_is_told_before_anything_is_written() {
+    let rig = Rig::new();
+    // Of an unbounded mass some draw is below what the plant takes; the first ones are not.
+    let wide = STUDY
+        .replace("cases = 30", "cases = 2")
+        .replace("min = 0.2\nmax = 3.0\n", "");
+    let folder = planned(&rig, &study(&rig, &wide), "wide");
+    let before = super::below(&folder);
+    let run = campaign(&rig, &["grow", text(&folder), "--cases", "100000"]).expect(2);
+    assert!(run.stderr.contains("mass_kg"), "{}", run.stderr);
+    assert!(run.stderr.contains("in case "), "{}", run.stderr);
+    let after = super::below(&folder);
+    let is_lock = |path: &std::path::Path| path.ends_with(".growth");
+    let after: Vec<_> = after
+        .into_iter()
+        .filter(|(path, _)| !is_lock(path))
+        .collect();
+    assert_eq!(before, after);
+}
+
+#[test]
+fn keys_that_take_whole_numbers_vary_by_distributions_of_them() {
+    let rig = Rig::new();
+    let substeps = "[[vary]]\nkey = \"plant.substeps\"\nkind = \"uniform\"\nmin = 2\nmax = 5\n";
+    let of = |more: &str| {
+        STUDY
+            .replace(
+                "set = [\"plant.substeps=4\"]\n",
+                &format!("{substeps}{more}"),
+            )
+            .replace("cases = 30", "cases = 12")
+    };
+    let path = study(&rig, &of(""));
+    campaign(&rig, &["check", text(&path)]).expect(2).says(&[
+        "plant.substeps",
+        "`whole = true` in its [[vary]] gives whole numbers",
+    ]);
+    let folder = planned(&rig, &study(&rig, &of("whole = true\n")), "whole");
+    campaign(&rig, &["run", text(&folder)]).expect(0);
+    let mut seen: Vec<u64> = (0..12)
+        .map(|draw| {
+            let case = (2 * draw).to_string();
+            let shown = campaign(&rig, &["case", text(&folder), &case, "--show"]).expect(0);
+            let line = shown
+                .stdout
+                .lines()
+                .find_map(|line| line.strip_prefix("substeps = "));
+            let number = line.and_then(|rest| rest.split(' ').next());
+            number
+                .and_then(|number| number.parse().ok())
+                .expect("a whole number")
+        })
+        .collect();
+    seen.sort_unstable();
+    seen.dedup();
+    assert!(
+        seen.len() > 1 && seen.iter().all(|n| (2..=5).contains(n)),
+        "{seen:?}"
+    );
+}
+
+#[test]
+fn folders_with_blanks_are_quoted_in_every_hint() {
+    let rig = Rig::new();
+    let path = study(&rig, STUDY);
+    let folder = rig.path("my study");
+    let quoted = format!("'{}'", text(&folder));
+    let plan = ["plan", text(&path), "-o", text(&folder)];
+    let planned = campaign(&rig, &plan).expect(0);
+    assert!(
+        planned
+            .stdout
+            .contains(&format!("hil campaign run {quoted}")),
+        "{}",
+        planned.stdout
+    );
+    campaign(&rig, &plan)
+        .expect(2)
+        .says(&[&format!("hil campaign run {quoted}")]);
+    campaign(&rig, &["show", text(&folder)])
+        .expect(3)
+        .says(&[&format!("hil campaign run {quoted} computes them")]);
+    let status = campaign(&rig, &["status", text(&folder)]).expect(0);
+    assert!(
+        status
+            .stdout
+            .contains(&format!("hil campaign run {quoted} goes on")),
+        "{}",
+        status.stdout
+    );
+    let run = campaign(&rig, &["run", text(&folder)]).expect(0);
+    assert!(
+        run.stdout.contains(&format!("hil campaign case {quoted} ")),
+        "{}",
+        run.stdout
+    );
+}
