@@ -4,6 +4,7 @@
 //! That is what lets the same binary answer a simulated plant today and a real one tomorrow.
 
 use shared_types::describe::{Invalid, LawDescription, Settings};
+use shared_types::failure::Failure;
 use shared_types::state::{State, StateOf};
 use shared_types::table::{self, Field, Table};
 
@@ -80,9 +81,20 @@ pub struct Sample<C: Controller> {
 }
 
 /// A law of any type, as rows of numbers in the order of its tables.
+///
+/// Every [`Controller`] is one. A law whose tables are known at run time alone implements it itself and
+/// becomes a [`LawKind`] by [`from_tables`](LawKind::from_tables).
 pub trait Law {
     /// Answers a sample: writes the command row and the row of internals.
-    fn step(&mut self, sample: &Row<'_>, command: &mut [f64], internals: &mut [f64]);
+    ///
+    /// # Errors
+    /// Reason for which the law is lost: the controller gives up at this step and says it.
+    fn step(
+        &mut self,
+        sample: &Row<'_>,
+        command: &mut [f64],
+        internals: &mut [f64],
+    ) -> Result<(), Failure>;
 
     /// Returns the law's state as it is now.
     ///
@@ -122,7 +134,12 @@ pub struct Row<'a> {
 }
 
 impl<C: Controller> Law for C {
-    fn step(&mut self, row: &Row<'_>, command: &mut [f64], internals: &mut [f64]) {
+    fn step(
+        &mut self,
+        row: &Row<'_>,
+        command: &mut [f64],
+        internals: &mut [f64],
+    ) -> Result<(), Failure> {
         let sample = Sample {
             time_s: row.time_s,
             measured: C::Measured::from_row(row.measured),
@@ -133,6 +150,7 @@ impl<C: Controller> Law for C {
         let (commanded, shown) = Controller::step(self, &sample);
         command.copy_from_slice(commanded.row());
         internals.copy_from_slice(shown.row());
+        Ok(())
     }
 
     fn save(&self) -> Result<State, Invalid> {
@@ -157,12 +175,31 @@ pub struct Start<'a> {
     pub commands: &'a [Field],
 }
 
+/// Configuration of a law whose tables are known at run time, as rows in the order of its tables.
+#[derive(Clone, Copy, Debug)]
+pub struct SetupRows<'a> {
+    /// Parameters of the law.
+    pub parameters: &'a [f64],
+    /// Model that the law has of the plant.
+    pub model: &'a [f64],
+    /// Time between two samples that it sees, in s.
+    pub period_s: f64,
+    /// The commands it is to give, in its order.
+    pub commands: &'a [Field],
+}
+
+/// Start of a law.
+pub type StartLaw = Box<dyn Fn(&Start<'_>) -> Result<Box<dyn Law>, Invalid> + Send + Sync>;
+
+/// Section of a scenario with a law's model of the plant.
+const MODEL: &str = "controller.model";
+
 /// A law that can be chosen by name: its description and how to start it.
 pub struct LawKind {
     /// Description of the law that `--describe` gives.
     pub description: LawDescription,
     /// Starts it.
-    pub start: fn(&Start<'_>) -> Result<Box<dyn Law>, Invalid>,
+    pub start: StartLaw,
 }
 
 impl LawKind {
@@ -182,15 +219,103 @@ impl LawKind {
                 internals: C::Internals::fields(),
                 saves: C::state().is_some(),
             },
-            start: |start| {
+            start: Box::new(|start| {
                 let section = format!("controller.{}", C::NAME);
                 let setup = Setup {
                     parameters: start.parameters.to_table(&section)?,
-                    model: start.model.to_table("controller.model")?,
+                    model: start.model.to_table(MODEL)?,
                     period_s: start.period_s,
                 };
                 Ok(Box::new(C::start(&setup)?))
-            },
+            }),
         }
+    }
+
+    /// The entry of a law whose tables are known at run time.
+    ///
+    /// ```
+    /// use controller_process::controller::{Law, LawKind, Row, SetupRows};
+    /// use shared_types::describe::LawDescription;
+    /// use shared_types::failure::Failure;
+    /// use shared_types::table::Field;
+    ///
+    /// /// A product of a row of gains and everything measured, as many signals as a file says.
+    /// struct Gains(Vec<f64>);
+    ///
+    /// impl Law for Gains {
+    ///     fn step(&mut self, row: &Row<'_>, command: &mut [f64], _: &mut [f64]) -> Result<(), Failure> {
+    ///         if !row.valid {
+    ///             return Err(Failure::lost("a sensor is gone"));
+    ///         }
+    ///         command[0] = row.measured.iter().zip(&self.0).map(|(x, k)| -k * x).sum();
+    ///         Ok(())
+    ///     }
+    /// }
+    ///
+    /// let file = "angle_rad rad 9\nrate_radps rad/s 3"; // read when the program starts
+    /// let (mut measured, mut parameters) = (Vec::new(), Vec::new());
+    /// for line in file.lines() {
+    ///     let words: Vec<&str> = line.split(' ').collect();
+    ///     measured.push(Field::signal(words[0], words[1], "Measured."));
+    ///     parameters.push(Field {
+    ///         default: words[2].parse().ok(),
+    ///         ..Field::signal(&format!("gain.{}", words[0]), "1", "Gain.")
+    ///     });
+    /// }
+    /// let description = LawDescription {
+    ///     name: "gains".into(),
+    ///     summary: "A row of gains.".into(),
+    ///     plants: Vec::new(),
+    ///     parameters,
+    ///     model: Vec::new(),
+    ///     measured,
+    ///     reference: Vec::new(),
+    ///     commands: Some(vec![Field::signal("torque_nm", "N m", "Torque.")]),
+    ///     internals: Vec::new(),
+    ///     saves: false,
+    /// };
+    /// let kind = LawKind::from_tables(description, |setup: &SetupRows<'_>| {
+    ///     Ok(Box::new(Gains(setup.parameters.to_vec())))
+    /// })?;
+    /// // `main` of the controller: controller_process::program::run("gains", "0.1.0", vec![kind])
+    /// # use controller_process::controller::Start;
+    /// # use shared_types::describe::Settings;
+    /// # let (mut parameters, model) = (Settings::default(), Settings::default());
+    /// # for field in &kind.description.parameters {
+    /// #     parameters.set(&field.name, field.default.expect("a default"));
+    /// # }
+    /// # let (parameters, model) = (&parameters, &model);
+    /// # let start = Start { parameters, model, period_s: 0.1, commands: &[] };
+    /// # let mut law = (kind.start)(&start)?;
+    /// # let row = Row { time_s: 0.0, measured: &[0.5, 2.0], reference: &[], valid: true, held_steps: 0 };
+    /// # let mut command = [0.0];
+    /// # law.step(&row, &mut command, &mut []).expect("answers");
+    /// # assert_eq!(command, [-10.5]);
+    /// # let row = Row { valid: false, ..row };
+    /// # assert_eq!(law.step(&row, &mut command, &mut []), Err(Failure::lost("a sensor is gone")));
+    /// # Ok::<(), shared_types::describe::Invalid>(())
+    /// ```
+    ///
+    /// # Errors
+    /// The first row that cannot be used, and what is wrong with it: a name, a unit, a text, a default or a
+    /// range.
+    pub fn from_tables(
+        description: LawDescription,
+        start: impl Fn(&SetupRows<'_>) -> Result<Box<dyn Law>, Invalid> + Send + Sync + 'static,
+    ) -> Result<Self, Invalid> {
+        description.check_rows()?;
+        let section = format!("controller.{}", description.name);
+        let (parameters, model) = (description.parameters.clone(), description.model.clone());
+        Ok(Self {
+            description,
+            start: Box::new(move |given| {
+                start(&SetupRows {
+                    parameters: &given.parameters.row(&parameters, &section)?,
+                    model: &given.model.row(&model, MODEL)?,
+                    period_s: given.period_s,
+                    commands: given.commands,
+                })
+            }),
+        })
     }
 }

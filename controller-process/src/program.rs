@@ -2,6 +2,7 @@
 //!
 //! `main` of every controller binary is one call of [`run`] with the laws it can run.
 
+use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitCode;
 
@@ -26,10 +27,27 @@ use crate::runner::{End, Progress, Runner, choose};
 #[must_use]
 pub fn run(program: &'static str, version: &'static str, laws: Vec<LawKind>) -> ExitCode {
     program::run(&ControllerProgram {
+        program: program.into(),
+        version: version.into(),
+        laws: with_hold(laws),
+    })
+}
+
+/// Does the same as [`run`] with arguments, of which the first is the program's own path, for a `main` that is not
+/// one of Rust; gives the exit code.
+#[must_use]
+pub fn answer(
+    arguments: Vec<OsString>,
+    program: String,
+    version: String,
+    laws: Vec<LawKind>,
+) -> u8 {
+    let program = ControllerProgram {
         program,
         version,
         laws: with_hold(laws),
-    })
+    };
+    program::answer(&program, arguments)
 }
 
 fn with_hold(mut laws: Vec<LawKind>) -> Vec<LawKind> {
@@ -42,8 +60,8 @@ fn with_hold(mut laws: Vec<LawKind>) -> Vec<LawKind> {
 }
 
 struct ControllerProgram {
-    program: &'static str,
-    version: &'static str,
+    program: String,
+    version: String,
     laws: Vec<LawKind>,
 }
 
@@ -61,7 +79,7 @@ impl Program for ControllerProgram {
     }
 
     fn description(&self) -> Description {
-        let mut description = Description::new(self.program, self.version);
+        let mut description = Description::new(&self.program, &self.version);
         description.laws = self
             .laws
             .iter()

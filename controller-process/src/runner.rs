@@ -9,6 +9,7 @@ use shared_types::checkpoint::{Saves, Side};
 use shared_types::clock::monotonic_ns;
 use shared_types::describe::{Invalid, PROTOCOL};
 use shared_types::directive::{Answered, Directive};
+use shared_types::failure::Failure;
 use shared_types::frame::{FrameKind, Header};
 use shared_types::hello::{Control, Hello, Welcome};
 use shared_types::layout::SignalKind;
@@ -16,6 +17,7 @@ use shared_types::link::{FrameSpec, Link, LinkError};
 use shared_types::lockstep::{Abort, AbortCode, ControllerAction, ControllerEvent, ControllerSide};
 use shared_types::surroundings::ThreadSampler;
 use shared_types::table::Field;
+use shared_types::text;
 use shared_types::time::Step;
 use shared_types::wait::Sleeper;
 
@@ -359,7 +361,14 @@ impl<'a, L: Link> Runner<'a, L> {
             &mut self.bound,
         ) {
             (ControllerAction::Answer(step), Some(bound)) => {
-                let age_steps = bound.answer(step, header, &self.job);
+                let age_steps = match bound.answer(step, header, &self.job) {
+                    Ok(age_steps) => age_steps,
+                    Err(failure) => {
+                        let said = text::line(&failure.to_string());
+                        self.fail(format!("the law failed at step {step}: {said}"))?;
+                        return Ok(true);
+                    }
+                };
                 let is_seen = !Directive::from_wire(header.directive).unseen;
                 let answered_ns = monotonic_ns();
                 let answer = Header {
@@ -375,9 +384,7 @@ impl<'a, L: Link> Runner<'a, L> {
                 if self.saves.are_due(next)
                     && let Err(reason) = save(bound, &mut self.saves, next)
                 {
-                    let reason = format!("no checkpoint before step {next}: {reason}");
-                    self.side.on(&ControllerEvent::Stop);
-                    self.abort(Abort::Failed(reason))?;
+                    self.fail(format!("no checkpoint before step {next}: {reason}"))?;
                 }
             }
             (ControllerAction::ConfirmEnd(step), _) => {
@@ -389,6 +396,12 @@ impl<'a, L: Link> Runner<'a, L> {
             _ => {}
         }
         Ok(self.side.standing() != before)
+    }
+
+    /// Ends for a reason of this side.
+    fn fail(&mut self, reason: String) -> Result<(), LinkError> {
+        self.side.on(&ControllerEvent::Stop);
+        self.abort(Abort::Failed(reason))
     }
 
     /// Tells the plant and ends.
@@ -413,7 +426,7 @@ fn save(bound: &Bound, saves: &mut Saves, step: Step) -> Result<(), String> {
 
 impl Bound {
     /// Fills the frame that answers a sample; gives the age of its command in steps.
-    fn answer(&mut self, step: Step, header: &Header, job: &Job) -> u32 {
+    fn answer(&mut self, step: Step, header: &Header, job: &Job) -> Result<u32, Failure> {
         match self.late_until {
             _ if Directive::from_wire(header.directive).unseen => {}
             Some(due) if step < due => {}
@@ -422,9 +435,9 @@ impl Bound {
                 self.frame.copy_from_slice(&self.late);
                 self.made.frame = self.made.late;
             }
-            None => self.take(step, header, job),
+            None => self.take(step, header, job)?,
         }
-        (step.0 as i64 - self.made.frame) as u32
+        Ok((step.0 as i64 - self.made.frame) as u32)
     }
 
     /// Notes that a step is answered, if its sample was seen; gives which were before.
@@ -447,12 +460,12 @@ impl Bound {
     }
 
     /// Takes a sample and what its header says about timing.
-    fn take(&mut self, step: Step, header: &Header, job: &Job) {
+    fn take(&mut self, step: Step, header: &Header, job: &Job) -> Result<(), Failure> {
         let commands = self.previous.len();
         self.previous.copy_from_slice(&self.answer[..commands]);
         self.made.previous = self.made.answer;
         if self.is_due(step, job) {
-            self.run_law(step, header, job);
+            self.run_law(step, header, job)?;
             self.made.answer = step.0 as i64;
         }
         let directive = Directive::from_wire(header.directive);
@@ -474,6 +487,7 @@ impl Bound {
                 std::hint::spin_loop();
             }
         }
+        Ok(())
     }
 
     /// Checks whether the law runs at a step: at the first sample of each period that it gets.
@@ -482,7 +496,7 @@ impl Bound {
         self.last.is_none_or(|last| period(step) != period(last))
     }
 
-    fn run_law(&mut self, step: Step, header: &Header, job: &Job) {
+    fn run_law(&mut self, step: Step, header: &Header, job: &Job) -> Result<(), Failure> {
         let mut valid = true;
         for (value, place) in self.measured.iter_mut().zip(&self.measured_places) {
             *value = self.sample[*place];
@@ -500,7 +514,7 @@ impl Bound {
             held_steps: header.held_steps,
         };
         let (command, internals) = self.answer.split_at_mut(self.previous.len());
-        self.law.step(&row, command, internals);
+        self.law.step(&row, command, internals)
     }
 }
 

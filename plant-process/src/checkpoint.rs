@@ -26,7 +26,8 @@ impl SavedPlant {
     /// # Errors
     /// If this is not a state of it.
     pub(crate) fn restore_model(&self, model: &mut dyn Model) -> Result<(), Invalid> {
-        model.retune(self.faults.parameters());
+        let retuned = model.retune(self.faults.parameters());
+        retuned.map_err(|failure| Invalid(failure.to_string()))?;
         model.restore(&self.model)
     }
 }

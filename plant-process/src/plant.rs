@@ -4,6 +4,7 @@
 //! scenario, the link, the clock or a fault: a fault changes a parameter from outside.
 
 use shared_types::describe::{FaultDescription, Invalid, PlantDescription, Settings};
+use shared_types::failure::Failure;
 use shared_types::state::{State, StateOf};
 use shared_types::table::{self, Table};
 use shared_types::time::Interval;
@@ -69,16 +70,24 @@ pub trait Plant: Sized + 'static {
     fn advance(&mut self, interval: &Interval, command: &Self::Command);
 }
 
-/// A plant of any type, as rows of numbers in the order of its tables.
+/// A plant of any type, as rows of numbers in the order of its tables, called in the order of [`Plant`].
+///
+/// Every [`Plant`] is one. A plant whose tables are known at run time alone, because its equations are in
+/// another language or in a file, implements it itself and becomes a [`PlantKind`] by
+/// [`from_tables`](PlantKind::from_tables). A failure ends the run at that step with its reason.
+#[expect(
+    clippy::missing_errors_doc,
+    reason = "the trait says what a failure is"
+)]
 pub trait Model {
     /// Takes a full row of parameters.
-    fn retune(&mut self, parameters: &[f64]);
+    fn retune(&mut self, parameters: &[f64]) -> Result<(), Failure>;
     /// Writes the measured row.
-    fn measure(&self, measured: &mut [f64]);
+    fn measure(&mut self, measured: &mut [f64]) -> Result<(), Failure>;
     /// Writes the truth row.
-    fn truth(&self, time_s: f64, command: &[f64], truth: &mut [f64]);
+    fn truth(&mut self, time_s: f64, command: &[f64], truth: &mut [f64]) -> Result<(), Failure>;
     /// Integrates over one interval.
-    fn advance(&mut self, interval: &Interval, command: &[f64]);
+    fn advance(&mut self, interval: &Interval, command: &[f64]) -> Result<(), Failure>;
 
     /// Its state as it is now.
     ///
@@ -97,26 +106,33 @@ pub trait Model {
     }
 }
 
+/// Section of a scenario with a plant's parameters.
+const SECTION: &str = "plant.parameters";
+
 fn cannot_save() -> Invalid {
     Invalid("the plant cannot save its state; it needs `Plant::state`".into())
 }
 
 impl<P: Plant> Model for P {
-    fn retune(&mut self, parameters: &[f64]) {
+    fn retune(&mut self, parameters: &[f64]) -> Result<(), Failure> {
         Plant::retune(self, &P::Parameters::from_row(parameters));
+        Ok(())
     }
 
-    fn measure(&self, measured: &mut [f64]) {
+    fn measure(&mut self, measured: &mut [f64]) -> Result<(), Failure> {
         measured.copy_from_slice(Plant::measure(self).row());
+        Ok(())
     }
 
-    fn truth(&self, time_s: f64, command: &[f64], truth: &mut [f64]) {
+    fn truth(&mut self, time_s: f64, command: &[f64], truth: &mut [f64]) -> Result<(), Failure> {
         let command = P::Command::from_row(command);
         truth.copy_from_slice(Plant::truth(self, time_s, &command).row());
+        Ok(())
     }
 
-    fn advance(&mut self, interval: &Interval, command: &[f64]) {
+    fn advance(&mut self, interval: &Interval, command: &[f64]) -> Result<(), Failure> {
         Plant::advance(self, interval, &P::Command::from_row(command));
+        Ok(())
     }
 
     fn save(&self) -> Result<State, Invalid> {
@@ -128,12 +144,15 @@ impl<P: Plant> Model for P {
     }
 }
 
+/// Start of a plant from every parameter by name.
+pub type StartPlant = Box<dyn Fn(&Settings) -> Result<Box<dyn Model>, Invalid> + Send + Sync>;
+
 /// A plant that can be chosen by name: its description and how to start it.
 pub struct PlantKind {
     /// Description that `--describe` shows.
     pub description: PlantDescription,
     /// Starts it from every parameter by name.
-    pub start: fn(&Settings) -> Result<Box<dyn Model>, Invalid>,
+    pub start: StartPlant,
 }
 
 impl PlantKind {
@@ -151,10 +170,103 @@ impl PlantKind {
                 faults: P::faults(),
                 saves: P::state().is_some(),
             },
-            start: |settings| {
-                let parameters = settings.to_table("plant.parameters")?;
+            start: Box::new(|settings| {
+                let parameters = settings.to_table(SECTION)?;
                 Ok(Box::new(P::start(&parameters)?))
-            },
+            }),
         }
+    }
+
+    /// The entry of a plant whose tables are known at run time; `start` gets the row of its parameters.
+    ///
+    /// ```
+    /// use plant_process::plant::{Model, PlantKind};
+    /// use shared_types::describe::PlantDescription;
+    /// use shared_types::failure::Failure;
+    /// use shared_types::table::Field;
+    /// use shared_types::time::Interval;
+    ///
+    /// /// Tanks that drain, as many as a file says: `x' = -x / tau`.
+    /// struct Tanks { tau_s: Vec<f64>, level_m: Vec<f64> }
+    ///
+    /// impl Model for Tanks {
+    ///     fn retune(&mut self, parameters: &[f64]) -> Result<(), Failure> {
+    ///         self.tau_s.copy_from_slice(parameters);
+    ///         Ok(())
+    ///     }
+    ///     fn measure(&mut self, measured: &mut [f64]) -> Result<(), Failure> {
+    ///         measured.copy_from_slice(&self.level_m);
+    ///         Ok(())
+    ///     }
+    ///     fn truth(&mut self, _: f64, _: &[f64], truth: &mut [f64]) -> Result<(), Failure> {
+    ///         self.measure(truth)
+    ///     }
+    ///     fn advance(&mut self, interval: &Interval, _: &[f64]) -> Result<(), Failure> {
+    ///         for (level_m, tau_s) in self.level_m.iter_mut().zip(&self.tau_s) {
+    ///             *level_m *= libm::exp(-interval.length_s / tau_s);
+    ///             if *level_m < 1e-6 {
+    ///                 return Err(Failure::diverged("a tank ran dry"));
+    ///             }
+    ///         }
+    ///         Ok(())
+    ///     }
+    /// }
+    ///
+    /// let file = "left 10\nright 20"; // read when the program starts
+    /// let rows: Vec<(&str, f64)> = (file.lines())
+    ///     .filter_map(|line| line.split_once(' '))
+    ///     .map(|(tank, tau_s)| (tank, tau_s.parse().expect("a number")))
+    ///     .collect();
+    /// let level = |(tank, _): &(&str, f64)| Field::signal(&format!("{tank}_m"), "m", "Level.");
+    /// let tau = |(tank, tau_s): &(&str, f64)| Field {
+    ///     default: Some(*tau_s),
+    ///     min: 1e-3,
+    ///     max: 1e6,
+    ///     faultable: true,
+    ///     ..Field::signal(&format!("{tank}.tau_s"), "s", "Time constant.")
+    /// };
+    /// let description = PlantDescription {
+    ///     name: "tanks".into(),
+    ///     summary: "Tanks that drain.".into(),
+    ///     parameters: rows.iter().map(tau).collect(),
+    ///     truth: rows.iter().map(level).collect(),
+    ///     measured: rows.iter().map(level).collect(),
+    ///     commands: Vec::new(),
+    ///     faults: Vec::new(),
+    ///     saves: false,
+    /// };
+    /// let kind = PlantKind::from_tables(description, |tau_s| {
+    ///     let (tau_s, level_m) = (tau_s.to_vec(), vec![1.0; tau_s.len()]);
+    ///     Ok(Box::new(Tanks { tau_s, level_m }))
+    /// })?;
+    /// // `main` of the plant: plant_process::program::run("tanks", "0.1.0", vec![kind])
+    /// # let mut settings = shared_types::describe::Settings::default();
+    /// # settings.set("left.tau_s", 10.0);
+    /// # settings.set("right.tau_s", 20.0);
+    /// # let mut tanks = (kind.start)(&settings)?;
+    /// # let interval = Interval { start_s: 0.0, length_s: 20.0, substeps: 1 };
+    /// # tanks.advance(&interval, &[]).expect("no tank is dry");
+    /// # let mut level_m = [0.0; 2];
+    /// # tanks.measure(&mut level_m).expect("measured");
+    /// # assert_eq!(level_m, [libm::exp(-2.0), libm::exp(-1.0)]);
+    /// # let long = Interval { length_s: 200.0, ..interval };
+    /// # let failure = tanks.advance(&long, &[]).expect_err("dry");
+    /// # assert!(failure.is_divergence());
+    /// # Ok::<(), shared_types::describe::Invalid>(())
+    /// ```
+    ///
+    /// # Errors
+    /// The first row that cannot be used, and what is wrong with it: a name, a unit, a text, a default or a
+    /// range.
+    pub fn from_tables(
+        description: PlantDescription,
+        start: impl Fn(&[f64]) -> Result<Box<dyn Model>, Invalid> + Send + Sync + 'static,
+    ) -> Result<Self, Invalid> {
+        description.check_rows()?;
+        let fields = description.parameters.clone();
+        Ok(Self {
+            description,
+            start: Box::new(move |settings| start(&settings.row(&fields, SECTION)?)),
+        })
     }
 }

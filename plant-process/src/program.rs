@@ -2,6 +2,7 @@
 //!
 //! `main` of every plant binary is one call of [`run`] with the plants it can be.
 
+use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -46,16 +47,34 @@ pub fn run_with_faults(
     faults: Vec<FaultKindEntry>,
 ) -> ExitCode {
     program::run(&PlantProgram {
-        program,
-        version,
+        program: program.into(),
+        version: version.into(),
         plants,
         faults,
     })
 }
 
+/// Does the same as [`run`] with arguments, of which the first is the program's own path, for a `main` that is not
+/// one of Rust; gives the exit code.
+#[must_use]
+pub fn answer(
+    arguments: Vec<OsString>,
+    program: String,
+    version: String,
+    plants: Vec<PlantKind>,
+) -> u8 {
+    let program = PlantProgram {
+        program,
+        version,
+        plants,
+        faults: kinds::all(),
+    };
+    program::answer(&program, arguments)
+}
+
 struct PlantProgram {
-    program: &'static str,
-    version: &'static str,
+    program: String,
+    version: String,
     plants: Vec<PlantKind>,
     faults: Vec<FaultKindEntry>,
 }
@@ -116,7 +135,7 @@ impl Program for PlantProgram {
     }
 
     fn description(&self) -> Description {
-        let mut description = Description::new(self.program, self.version);
+        let mut description = Description::new(&self.program, &self.version);
         description.plants = self
             .plants
             .iter()

@@ -62,23 +62,7 @@ impl Description {
             if !names.insert(&plant.name) {
                 return Err(format!("{name} is there twice"));
             }
-            check_tables(
-                &name,
-                [
-                    ("parameters", &plant.parameters, MOST_FIELDS),
-                    ("truth", &plant.truth, MOST_FIELDS),
-                    ("measured", &plant.measured, MAX_SIGNALS),
-                    ("commands", &plant.commands, MAX_SIGNALS),
-                ],
-            )?;
-            let mut kinds: BTreeSet<&str> = self.faults.iter().map(|f| f.kind.as_str()).collect();
-            for fault in &plant.faults {
-                let kind = shown("fault", &fault.kind)?;
-                if !kinds.insert(&fault.kind) {
-                    return Err(format!("{kind} of {name} is there twice"));
-                }
-                check_tables(&kind, [("sizes", &fault.sizes, MOST_FIELDS)])?;
-            }
+            plant.check(&self.faults)?;
         }
         let mut kinds = BTreeSet::new();
         for fault in &self.faults {
@@ -96,24 +80,7 @@ impl Description {
             {
                 return Err(format!("{name} is there twice for one plant"));
             }
-            let commands = law.commands.as_deref().unwrap_or_default();
-            let (commanded, inner) = (commands.len(), law.internals.len());
-            if commanded <= MAX_SIGNALS && commanded + inner > MAX_SIGNALS {
-                return Err(format!(
-                    "{name} has {commanded} commands and {inner} internals, and a frame carries {MAX_SIGNALS} of both at most"
-                ));
-            }
-            check_tables(
-                &name,
-                [
-                    ("parameters", &law.parameters, MOST_FIELDS),
-                    ("model", &law.model, MOST_FIELDS),
-                    ("measured", &law.measured, MAX_SIGNALS),
-                    ("reference", &law.reference, MAX_SIGNALS),
-                    ("commands", commands, MAX_SIGNALS),
-                    ("internals", &law.internals, MAX_SIGNALS),
-                ],
-            )?;
+            law.check()?;
         }
         Ok(())
     }
@@ -158,6 +125,31 @@ pub struct PlantDescription {
     /// True if the plant's state can be saved, so that a run can go on from a checkpoint.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub saves: bool,
+}
+
+impl PlantDescription {
+    /// Checks names, units and texts of one plant beside kinds of faults that it shares.
+    fn check(&self, shared: &[FaultKindDescription]) -> Result<(), String> {
+        let name = shown("plant", &self.name)?;
+        check_tables(
+            &name,
+            [
+                ("parameters", &self.parameters, MOST_FIELDS),
+                ("truth", &self.truth, MOST_FIELDS),
+                ("measured", &self.measured, MAX_SIGNALS),
+                ("commands", &self.commands, MAX_SIGNALS),
+            ],
+        )?;
+        let mut kinds: BTreeSet<&str> = shared.iter().map(|f| f.kind.as_str()).collect();
+        for fault in &self.faults {
+            let kind = shown("fault", &fault.kind)?;
+            if !kinds.insert(&fault.kind) {
+                return Err(format!("{kind} of {name} is there twice"));
+            }
+            check_tables(&kind, [("sizes", &fault.sizes, MOST_FIELDS)])?;
+        }
+        Ok(())
+    }
 }
 
 /// A named fault of a plant: which faultable parameters it moves, and how.
@@ -331,6 +323,29 @@ impl LawDescription {
         self.commands.as_deref().unwrap_or(&plant.commands)
     }
 
+    /// Checks names, units and texts of one law.
+    fn check(&self) -> Result<(), String> {
+        let name = shown("law", &self.name)?;
+        let commands = self.commands.as_deref().unwrap_or_default();
+        let (commanded, inner) = (commands.len(), self.internals.len());
+        if commanded <= MAX_SIGNALS && commanded + inner > MAX_SIGNALS {
+            return Err(format!(
+                "{name} has {commanded} commands and {inner} internals, and a frame carries {MAX_SIGNALS} of both at most"
+            ));
+        }
+        check_tables(
+            &name,
+            [
+                ("parameters", &self.parameters, MOST_FIELDS),
+                ("model", &self.model, MOST_FIELDS),
+                ("measured", &self.measured, MAX_SIGNALS),
+                ("reference", &self.reference, MAX_SIGNALS),
+                ("commands", commands, MAX_SIGNALS),
+                ("internals", &self.internals, MAX_SIGNALS),
+            ],
+        )
+    }
+
     /// Checks whether a scenario could mean either of the two laws.
     fn is_for_one_with(&self, other: &Self) -> bool {
         let is_shared = self.plants.iter().any(|plant| other.plants.contains(plant));
@@ -390,14 +405,19 @@ impl Settings {
     /// # Errors
     /// If a column of the table has no setting.
     pub fn to_table<T: Table>(&self, section: &str) -> Result<T, MissingSetting> {
-        let missing = |name| MissingSetting {
+        Ok(T::from_row(&self.row(&T::fields(), section)?))
+    }
+
+    /// The row of a table of these columns, as [`to_table`](Self::to_table).
+    ///
+    /// # Errors
+    /// If a column has no setting.
+    pub fn row(&self, fields: &[Field], section: &str) -> Result<Vec<f64>, MissingSetting> {
+        let missing = |name: &str| MissingSetting {
             key: format!("{section}.{name}"),
         };
-        let row = T::fields()
-            .into_iter()
-            .map(|field| self.get(&field.name).ok_or_else(|| missing(field.name)))
-            .collect::<Result<Vec<f64>, _>>()?;
-        Ok(T::from_row(&row))
+        let value = |field: &Field| self.get(&field.name).ok_or_else(|| missing(&field.name));
+        fields.iter().map(value).collect()
     }
 }
 
@@ -405,6 +425,8 @@ impl Settings {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct Invalid(pub String);
+
+mod rows;
 
 #[cfg(test)]
 mod tests;

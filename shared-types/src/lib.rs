@@ -20,7 +20,7 @@
 //! [`mod@shared_memory`] knows what keeps that from being used;
 //! [`realtime`] is what a process can ask of the system for its loop; [`text`] is what others say, made
 //! fit to be shown, and [`number`] writes numbers with their units.
-//! [`ignored`] counts what peers said in vain.
+//! [`ignored`] counts what peers said in vain. A [`failure`] ends a plant or a law that is not written in Rust.
 //! [`spelling`] gives foreign names, such as `der(x)`, the one name that they have here, and [`units`] reads units as
 //! text and converts between those of one dimension.
 //! [`conformance`](mod@conformance) is for whoever writes another link or record stream.
@@ -34,6 +34,7 @@ pub mod conformance;
 pub mod describe;
 pub mod digest;
 pub mod directive;
+pub mod failure;
 pub mod frame;
 pub mod hello;
 pub mod ignored;

@@ -3,6 +3,7 @@
 //! `plant_process::program::run` and `controller_process::program::run` wrap it; a binary's `main`
 //! is one call of those.
 
+use std::ffi::OsString;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -75,7 +76,12 @@ struct Arguments {
 /// Does what the arguments say.
 #[must_use]
 pub fn run(program: &impl Program) -> ExitCode {
-    let arguments = Arguments::parse();
+    ExitCode::from(answer(program, std::env::args_os()))
+}
+
+/// Does what these arguments say, of which the first is the program's own path; gives the exit code.
+pub fn answer(program: &impl Program, arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    let arguments = Arguments::parse_from(arguments);
     let (result, otherwise) = if let Some(path) = arguments.check {
         (program.check(&path).map(|()| COMPLETED), UNUSABLE)
     } else if let Some(folder) = arguments.session.as_ref().filter(|_| arguments.by_hand) {
@@ -85,10 +91,10 @@ pub fn run(program: &impl Program) -> ExitCode {
     } else {
         (describe(program), FAILED)
     };
-    ExitCode::from(result.unwrap_or_else(|reason| {
+    result.unwrap_or_else(|reason| {
         say(&format!("error: {reason}"));
         otherwise
-    }))
+    })
 }
 
 fn describe(program: &impl Program) -> Result<u8, String> {

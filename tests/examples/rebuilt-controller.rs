@@ -14,6 +14,7 @@ use std::process::ExitCode;
 use controller_process::controller::{Law, LawKind, Row, Start};
 use controller_process::laws;
 use shared_types::describe::Invalid;
+use shared_types::failure::Failure;
 
 /// The sample at which a law is another.
 const WHEN: u64 = 137;
@@ -28,10 +29,16 @@ struct Changed {
 }
 
 impl Law for Changed {
-    fn step(&mut self, sample: &Row<'_>, command: &mut [f64], internals: &mut [f64]) {
-        self.law.step(sample, command, internals);
+    fn step(
+        &mut self,
+        sample: &Row<'_>,
+        command: &mut [f64],
+        internals: &mut [f64],
+    ) -> Result<(), Failure> {
+        self.law.step(sample, command, internals)?;
         (self.change)(self.samples, command, internals);
         self.samples += 1;
+        Ok(())
     }
 }
 
@@ -67,13 +74,13 @@ fn main() -> ExitCode {
         let description = &mut law.description;
         match description.name.as_str() {
             "pid" if simple => {
-                law.start = |start| {
+                law.start = Box::new(|start| {
                     changed(start, is_simple_pid, |sample, command, _| {
                         if sample == WHEN {
                             command[0] = command[0].next_up();
                         }
                     })
-                };
+                });
             }
             "pid" => {
                 if let Some(commands) = &mut description.commands {
@@ -81,13 +88,13 @@ fn main() -> ExitCode {
                 }
             }
             "ftsc" => {
-                law.start = |start| {
+                law.start = Box::new(|start| {
                     let is_it = |law: &LawKind| law.description.name == "ftsc";
                     changed(start, is_it, |_, _, internals| internals[2] += 1e-9)
-                };
+                });
             }
             "nrsc" => {
-                law.start = |start| {
+                law.start = Box::new(|start| {
                     let is_it = |law: &LawKind| law.description.name == "nrsc";
                     changed(start, is_it, |sample, _, _| {
                         if sample == WHEN {
@@ -96,15 +103,15 @@ fn main() -> ExitCode {
                             }
                         }
                     })
-                };
+                });
             }
             "hold" => {
-                law.start = |start| {
+                law.start = Box::new(|start| {
                     let is_it = |law: &LawKind| law.description.name == "hold";
                     changed(start, is_it, |sample, _, _| {
                         assert!(sample < WHEN, "the law fell over");
                     })
-                };
+                });
             }
             _ => {}
         }

@@ -5,6 +5,7 @@
 //! command table of its own.
 
 use shared_types::describe::{Invalid, LawDescription};
+use shared_types::failure::Failure;
 use shared_types::state::State;
 use shared_types::table::Table;
 
@@ -25,8 +26,14 @@ pub struct Hold {
 }
 
 impl Law for Hold {
-    fn step(&mut self, _sample: &Row<'_>, command: &mut [f64], _internals: &mut [f64]) {
+    fn step(
+        &mut self,
+        _sample: &Row<'_>,
+        command: &mut [f64],
+        _internals: &mut [f64],
+    ) -> Result<(), Failure> {
         command.fill(self.value);
+        Ok(())
     }
 
     fn save(&self) -> Result<State, Invalid> {
@@ -54,7 +61,7 @@ pub fn kind() -> LawKind {
             internals: Vec::new(),
             saves: true,
         },
-        start,
+        start: Box::new(start),
     }
 }
 
@@ -89,7 +96,7 @@ mod tests {
             reference: &[],
             valid: false,
         };
-        law.step(&sample, &mut command, &mut []);
+        (law.step(&sample, &mut command, &mut [])).expect("answers");
         assert_eq!(command, [-2.5; 3]);
     }
 

@@ -82,7 +82,7 @@ mod tests {
         let commands = description.commands.as_ref().map_or(2, Vec::len);
         let mut command = vec![0.0; commands];
         let mut internals = vec![0.0; description.internals.len()];
-        law.step(&sample, &mut command, &mut internals);
+        (law.step(&sample, &mut command, &mut internals)).expect("answers");
         command
             .iter()
             .chain(&internals)

@@ -314,10 +314,10 @@ fn a_law_with_commands_of_its_own_is_started_once() {
     use std::sync::atomic::{AtomicU32, Ordering};
     static STARTS: AtomicU32 = AtomicU32::new(0);
     let counted = LawKind {
-        start: |setup| {
+        start: Box::new(|setup| {
             STARTS.fetch_add(1, Ordering::Relaxed);
             (kind().start)(setup)
-        },
+        }),
         ..kind()
     };
     let (mut plant, link) = pair();
@@ -325,4 +325,41 @@ fn a_law_with_commands_of_its_own_is_started_once() {
     greet(&mut runner, &mut plant, 10.0);
     assert!(runner.bound.is_some());
     assert_eq!(STARTS.load(Ordering::Relaxed), 1);
+}
+
+/// Fails at its second sample.
+struct Fails(u32);
+
+impl Law for Fails {
+    fn step(&mut self, _: &Row<'_>, command: &mut [f64], _: &mut [f64]) -> Result<(), Failure> {
+        self.0 += 1;
+        command.fill(1.0);
+        if self.0 == 2 {
+            return Err(Failure::lost("the library\nis gone"));
+        }
+        Ok(())
+    }
+}
+
+#[test]
+fn a_law_that_fails_gives_up_at_its_step_with_its_reason() {
+    let kind = LawKind::from_tables(kind().description, |_| Ok(Box::new(Fails(0))));
+    let kind = kind.expect("sound tables");
+    let (mut plant, link) = pair();
+    let mut runner = Runner::new(&kind, job(1, 0), link).expect("starts");
+    greet(&mut runner, &mut plant, 10.0);
+    let mut frame = [0.0; 4];
+    for (step, wanted) in [(0, FrameKind::Command), (1, FrameKind::Abort)] {
+        let sample = Header::new(FrameKind::Sample, Step(step));
+        plant.send(&sample, &[99.0, 1.0]).expect("sends");
+        runner.poll().expect("polls");
+        let answer = plant.receive(&mut frame).expect("polls");
+        assert_eq!(answer.and_then(|header| header.kind()), Some(wanted));
+    }
+    assert_eq!(runner.poll().expect("polls"), Progress::Over);
+    let Some(End::Aborted(abort)) = runner.end() else {
+        panic!("it went on");
+    };
+    let told = "the law failed at step 1: the library is gone";
+    assert_eq!(*abort, Abort::Failed(told.into()));
 }

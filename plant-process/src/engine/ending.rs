@@ -1,11 +1,13 @@
 //! How a run ends: complete, diverged or given up, and what is said of it then.
 
+use shared_types::failure::Failure;
 use shared_types::frame::{FrameKind, Header};
 use shared_types::hello::Control;
 use shared_types::link::{Link, LinkError};
 use shared_types::lockstep::{Abort, AbortCode, PlantEvent};
 use shared_types::record::{Event, Outcome, RunEnd};
 use shared_types::stream::RecordSink;
+use shared_types::text;
 use shared_types::time::Step;
 
 use super::Engine;
@@ -15,6 +17,17 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         let time_s = self.job.run.rate.seconds(step);
         let reason = format!("plant diverged at step {step} ({time_s} s): {what}");
         self.give_up(Outcome::Diverged, AbortCode::Diverged, reason)
+    }
+
+    /// Ends the run with the reason that the plant gave.
+    pub(super) fn failed(&mut self, step: Step, failure: &Failure) -> Result<(), LinkError> {
+        let said = text::line(&failure.to_string());
+        if failure.is_divergence() {
+            return self.diverged(step, &said);
+        }
+        let time_s = self.job.run.rate.seconds(step);
+        let reason = format!("plant failed at step {step} ({time_s} s): {said}");
+        self.give_up(Outcome::Failed, AbortCode::Other, reason)
     }
 
     pub(super) fn abort(&mut self, abort: &Abort) -> Result<(), LinkError> {

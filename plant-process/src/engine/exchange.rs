@@ -154,7 +154,10 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
 
         let rate = self.job.run.rate;
         let time_s = rate.seconds(step);
-        plant.model.truth(time_s, &rows.applied, &mut rows.truth);
+        let told = (plant.model).truth(time_s, &rows.applied, &mut rows.truth);
+        if let Err(failure) = told {
+            return self.failed(step, &failure);
+        }
         if let Err(bad) = plant.guard.check(&rows.truth) {
             if rows.truth.iter().all(|value| value.is_finite()) {
                 self.note_record(step, &met, age_steps, received_ns);
@@ -168,7 +171,9 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             length_s: rate.period_s(),
             substeps: self.job.plant.substeps,
         };
-        self.plant.model.advance(&interval, &self.rows.applied);
+        if let Err(failure) = (self.plant.model).advance(&interval, &self.rows.applied) {
+            return self.failed(step, &failure);
+        }
         self.executed += 1;
         self.timing.plant_ns = monotonic_ns() - received_ns;
         Ok(())
@@ -208,9 +213,10 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     fn record_final_truth(&mut self, step: Step) -> Result<(), LinkError> {
         let time_s = self.job.run.rate.seconds(step);
         let rows = &mut self.rows;
-        self.plant
-            .model
-            .truth(time_s, &rows.applied, &mut rows.truth);
+        let told = (self.plant.model).truth(time_s, &rows.applied, &mut rows.truth);
+        if let Err(failure) = told {
+            return self.failed(step, &failure);
+        }
         if let Err(bad) = self.plant.guard.check(&rows.truth) {
             return self.diverged(step, &bad.to_string());
         }

@@ -173,18 +173,24 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         self.rows.stimulus_of = Some(step);
     }
 
-    /// Fills the sample of a step; false if the plant diverged.
+    /// Fills the sample of a step; false if the plant diverged or failed.
     fn measure(&mut self, step: Step) -> Result<bool, LinkError> {
         let (plant, rows) = (&mut self.plant, &mut self.rows);
         if plant.faults.advance(step, rows.last_values(step)) {
-            plant.model.retune(plant.faults.parameters());
+            if let Err(failure) = plant.model.retune(plant.faults.parameters()) {
+                self.failed(step, &failure)?;
+                return Ok(false);
+            }
             plant.faults.faultable(&mut rows.parameter);
         }
         if self.rows.stimulus_of != Some(step) {
             self.prepare(step);
         }
         let (plant, rows) = (&mut self.plant, &mut self.rows);
-        plant.model.measure(&mut rows.sensed);
+        if let Err(failure) = plant.model.measure(&mut rows.sensed) {
+            self.failed(step, &failure)?;
+            return Ok(false);
+        }
         if let Err(bad) = first_bad(&plant.description.measured, &rows.sensed) {
             self.diverged(step, &format!("measured {bad}"))?;
             return Ok(false);

@@ -22,6 +22,7 @@ use crate::faults::kinds;
 use crate::plant::Plant as PlantTrait;
 
 mod endings;
+mod failures;
 
 shared_types::table! {
     /// Parameters.
@@ -166,9 +167,14 @@ type TestEngine = Engine<InProcessLink, InProcessSink>;
 
 /// An engine, a controller that has opened its frames, and a recorder.
 fn greeted(job: Job) -> (TestEngine, InProcessLink, InProcessSource) {
+    greeted_by(&kind(), job)
+}
+
+/// The same with a plant that has the tables of [`Mover`].
+fn greeted_by(kind: &PlantKind, job: Job) -> (TestEngine, InProcessLink, InProcessSource) {
     let (link, mut controller) = pair();
     let (sink, source) = shared_types::stream::in_process::pair();
-    let mut engine = Engine::new(&kind(), &kinds::all(), job, link, sink).expect("starts");
+    let mut engine = Engine::new(kind, &kinds::all(), job, link, sink).expect("starts");
     let hello = Hello {
         protocol: PROTOCOL,
         session: 5,

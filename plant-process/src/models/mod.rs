@@ -69,11 +69,12 @@ mod tests {
         let command: Vec<f64> = (0..commands)
             .map(|_| 1e-2 * (random.uniform() - 0.5))
             .collect();
-        model.advance(&interval, &command);
+        model.advance(&interval, &command).expect("goes on");
         let mut measured = vec![0.0; description.measured.len()];
         let mut truth = vec![0.0; description.truth.len()];
-        model.measure(&mut measured);
-        model.truth(interval.start_s + interval.length_s, &command, &mut truth);
+        model.measure(&mut measured).expect("measured");
+        let end_s = interval.start_s + interval.length_s;
+        (model.truth(end_s, &command, &mut truth)).expect("told");
         measured
             .iter()
             .chain(&truth)
@@ -92,16 +93,16 @@ mod tests {
                 let mut straight = (kind.start)(&settings).expect("starts");
                 let steps = (random.uniform() * 300.0) as u64;
                 let mut present = row(&kind, &settings, &mut random);
-                straight.retune(&present);
+                straight.retune(&present).expect("retuned");
                 for k in 0..steps {
                     if random.uniform() < 0.05 {
                         present = row(&kind, &settings, &mut random);
-                        straight.retune(&present);
+                        straight.retune(&present).expect("retuned");
                     }
                     step(&kind, straight.as_mut(), k, &mut random);
                 }
                 let mut resumed = (kind.start)(&settings).expect("starts");
-                resumed.retune(&present);
+                resumed.retune(&present).expect("retuned");
                 resumed
                     .restore(&straight.save().expect("saves"))
                     .expect("restores");

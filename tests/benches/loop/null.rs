@@ -17,6 +17,7 @@ use plant_process::engine::Engine;
 use plant_process::plant::{Model, PlantKind};
 use shared_types::clock::monotonic_ns;
 use shared_types::describe::{LawDescription, PlantDescription, Settings};
+use shared_types::failure::Failure;
 use shared_types::link::LinkError;
 use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::lockstep::OnLoss;
@@ -48,22 +49,35 @@ const CONTROLLER: &str = "null-controller";
 struct NullPlant;
 
 impl Model for NullPlant {
-    fn retune(&mut self, _parameters: &[f64]) {}
-
-    fn measure(&self, measured: &mut [f64]) {
-        measured.fill(1.0);
+    fn retune(&mut self, _parameters: &[f64]) -> Result<(), Failure> {
+        Ok(())
     }
 
-    fn truth(&self, _time_s: f64, _command: &[f64], _truth: &mut [f64]) {}
+    fn measure(&mut self, measured: &mut [f64]) -> Result<(), Failure> {
+        measured.fill(1.0);
+        Ok(())
+    }
 
-    fn advance(&mut self, _interval: &Interval, _command: &[f64]) {}
+    fn truth(&mut self, _: f64, _command: &[f64], _truth: &mut [f64]) -> Result<(), Failure> {
+        Ok(())
+    }
+
+    fn advance(&mut self, _interval: &Interval, _command: &[f64]) -> Result<(), Failure> {
+        Ok(())
+    }
 }
 
 struct NullLaw;
 
 impl Law for NullLaw {
-    fn step(&mut self, _sample: &Row<'_>, command: &mut [f64], _internals: &mut [f64]) {
+    fn step(
+        &mut self,
+        _sample: &Row<'_>,
+        command: &mut [f64],
+        _internals: &mut [f64],
+    ) -> Result<(), Failure> {
         command.fill(1.0);
+        Ok(())
     }
 }
 
@@ -89,7 +103,7 @@ fn plant(size: usize) -> PlantKind {
             faults: Vec::new(),
             saves: false,
         },
-        start: |_| Ok(Box::new(NullPlant)),
+        start: Box::new(|_| Ok(Box::new(NullPlant))),
     }
 }
 
@@ -107,7 +121,7 @@ fn law(size: usize) -> LawKind {
             internals: Vec::new(),
             saves: false,
         },
-        start: |_| Ok(Box::new(NullLaw)),
+        start: Box::new(|_| Ok(Box::new(NullLaw))),
     }
 }
 

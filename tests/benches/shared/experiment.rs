@@ -121,16 +121,16 @@ impl Experiment {
             length_s: self.plan.run.rate.period_s(),
             substeps: self.plan.plant.substeps,
         };
-        (rig.model).truth(interval.start_s, command, &mut rig.truth);
+        (rig.model.truth(interval.start_s, command, &mut rig.truth)).expect("told");
         black_box(&rig.truth);
-        rig.model.advance(&interval, command);
+        (rig.model.advance(&interval, command)).expect("goes on");
     }
 
     fn measure(rig: &mut Rig, step: u64, measured: &mut [f64]) {
         if rig.faults.advance(Step(step), None) {
-            rig.model.retune(rig.faults.parameters());
+            (rig.model.retune(rig.faults.parameters())).expect("retuned");
         }
-        rig.model.measure(measured);
+        rig.model.measure(measured).expect("measured");
     }
 
     fn stimulate(&self, step: u64, mut reference: &mut [f64]) {
@@ -170,7 +170,7 @@ impl Experiment {
             reference,
             valid: true,
         };
-        (answerer.law).step(&row, command, &mut answerer.internals);
+        (answerer.law.step(&row, command, &mut answerer.internals)).expect("answers");
         black_box(&answerer.internals);
     }
 
@@ -202,7 +202,7 @@ impl Experiment {
             keep(&seen_measured, &seen_reference, &command);
             self.advance(&mut rig, step, &command);
         }
-        rig.model.measure(&mut measured);
+        rig.model.measure(&mut measured).expect("measured");
         measured
     }
 

@@ -8,6 +8,7 @@ use hil_config::plan::{Clock, PlantPlan, Realtime, Run};
 use plant_process::plant::{Model, PlantKind};
 use shared_types::clock::monotonic_ns;
 use shared_types::describe::{LawDescription, PlantDescription, Settings};
+use shared_types::failure::Failure;
 use shared_types::lockstep::OnLoss;
 use shared_types::pacer::OverrunPolicy;
 use shared_types::record::RecordLayout;
@@ -23,24 +24,37 @@ const CALLED: &str = "called_ns";
 struct NullPlant;
 
 impl Model for NullPlant {
-    fn retune(&mut self, _parameters: &[f64]) {}
-
-    fn measure(&self, measured: &mut [f64]) {
-        measured.fill(1.0);
+    fn retune(&mut self, _parameters: &[f64]) -> Result<(), Failure> {
+        Ok(())
     }
 
-    fn truth(&self, _time_s: f64, _command: &[f64], _truth: &mut [f64]) {}
+    fn measure(&mut self, measured: &mut [f64]) -> Result<(), Failure> {
+        measured.fill(1.0);
+        Ok(())
+    }
 
-    fn advance(&mut self, _interval: &Interval, _command: &[f64]) {}
+    fn truth(&mut self, _: f64, _command: &[f64], _truth: &mut [f64]) -> Result<(), Failure> {
+        Ok(())
+    }
+
+    fn advance(&mut self, _interval: &Interval, _command: &[f64]) -> Result<(), Failure> {
+        Ok(())
+    }
 }
 
 struct NullLaw;
 
 impl Law for NullLaw {
-    fn step(&mut self, _sample: &Row<'_>, command: &mut [f64], internals: &mut [f64]) {
+    fn step(
+        &mut self,
+        _sample: &Row<'_>,
+        command: &mut [f64],
+        internals: &mut [f64],
+    ) -> Result<(), Failure> {
         // Exact in a double for the first hundred days after boot, to 2 ns for the next hundred.
         internals.fill(monotonic_ns() as f64);
         command.fill(1.0);
+        Ok(())
     }
 }
 
@@ -69,7 +83,7 @@ pub(crate) fn plant(signals: usize) -> PlantKind {
             faults: Vec::new(),
             saves: false,
         },
-        start: |_| Ok(Box::new(NullPlant)),
+        start: Box::new(|_| Ok(Box::new(NullPlant))),
     }
 }
 
@@ -89,7 +103,7 @@ pub(crate) fn law(signals: usize) -> LawKind {
             internals: vec![Field::signal(CALLED, "ns", "When the law was called.")],
             saves: false,
         },
-        start: |_| Ok(Box::new(NullLaw)),
+        start: Box::new(|_| Ok(Box::new(NullLaw))),
     }
 }
 
