@@ -61,7 +61,7 @@ fn every_block_of_data_in_the_book_can_be_read() {
                     let read: Result<serde_json::Value, _> = serde_json::from_str(&text);
                     read.unwrap_or_else(|error| panic!("{place}: {error}"));
                 }
-                "sh" | "console" | "text" | "rust" | "python" => {}
+                "sh" | "console" | "text" | "rust" | "python" | "c" => {}
                 other => panic!("{place}: a block of `{other}`: nobody looks after it"),
             }
         }
@@ -114,6 +114,21 @@ fn every_line_of_rust_in_the_book_is_one_of_an_example_or_is_built() {
                 let place = format!("{}:{}", page.path.display(), block.line);
                 let comment = line.is_empty() || line.starts_with("//");
                 assert!(comment || examples.contains(line), "{place}: `{line}`");
+            }
+        }
+    }
+}
+
+#[test]
+fn every_line_of_c_in_the_book_is_one_of_an_example() {
+    let examples = ["c-plant/pendulum.c", "c-controller/state_feedback.c"].map(example);
+    let examples = examples.concat();
+    for page in pages() {
+        let blocks = page.blocks();
+        for block in blocks.iter().filter(|block| block.language == "c") {
+            for line in block.text.lines().map(str::trim) {
+                let place = format!("{}:{}", page.path.display(), block.line);
+                assert!(examples.contains(line), "{place}: `{line}`");
             }
         }
     }

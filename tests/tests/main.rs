@@ -86,6 +86,7 @@ mod excerpts;
 mod export;
 mod failures;
 mod faults;
+mod foreign;
 #[cfg(feature = "foxglove")]
 mod foxglove;
 mod hindrances;

@@ -75,6 +75,7 @@ case "$1" in
     test | bench)
         [ "$PWD" -ef "$CLONE" ] && exit 0
         CARGO_BUILD_BUILD_DIR=$OUTSIDE exec "$CARGO" "${words[@]}" --offline --target-dir "$OUTSIDE" ;;
+    rustc) ln -sf "$PROGRAMS/examples/libhil_c.a" "$CLONE/target/release/libhil_foreign.a" ;;
     run) exec "$PROGRAMS/examples/$example" "${@:after + 1}" ;;
     *) exec "$CARGO" "$@" ;;
 esac

@@ -5,14 +5,15 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 
 pub(super) const EXAMPLES: &str = "\
-A plant or a controller is a crate with a test and a scenario that runs it; a scenario is a file whose
-requirements are its test. Nothing is written over.
+A plant or a controller is a crate, or a program in C with a Makefile, with a test and a scenario that runs it;
+a scenario is a file whose requirements are its test. Nothing is written over.
 
 Examples:
   hil new plant cart && cd cart
   cargo test && cargo build --release && hil run cart.toml
 
   hil new controller ../my-law
+  hil new plant motor --lang c && cd motor && make test && make && hil run motor.toml
   hil new scenario gust
   hil new plant motor --framework ~/hil";
 
@@ -25,12 +26,24 @@ pub struct NewArguments {
     /// The folder to make; its last part is the name: a-z, 0-9 and -, a letter first
     #[arg(value_name = "NAME")]
     pub path: PathBuf,
+    /// The language of a plant or a controller
+    #[arg(long, value_enum, value_name = "LANG", default_value_t = Language::Rust)]
+    pub lang: Language,
     /// The framework's clone [default: where this hil was built]
     #[arg(long, value_name = "DIR")]
     pub framework: Option<PathBuf>,
     /// Print as JSON
     #[arg(long)]
     pub json: bool,
+}
+
+/// Language of a program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Language {
+    /// A crate.
+    Rust,
+    /// C11 with a Makefile.
+    C,
 }
 
 /// What can be begun.

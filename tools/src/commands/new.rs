@@ -8,7 +8,7 @@ use std::path::{Component, Path, PathBuf};
 
 use serde::Serialize;
 
-use crate::arguments::new::{NewArguments, What};
+use crate::arguments::new::{Language, NewArguments, What};
 use crate::files::folder::refuse_odd;
 use crate::files::part_file::PartFolder;
 use crate::terminal::exit::{Exit, Failure};
@@ -16,6 +16,8 @@ use crate::terminal::output;
 
 /// Packages that the folder of the framework has.
 const PACKAGES: [&str; 3] = ["plant-process", "controller-process", "shared-types"];
+/// Folder of the package for C.
+const FOREIGN: &str = "tools/foreign";
 /// Names of plants and laws that are there already.
 const TAKEN: [&str; 6] = ["drhas", "spring-mass", "pid", "nrsc", "ftsc", "hold"];
 /// Names that Cargo gives to no package, or that would be those of its folders.
@@ -93,11 +95,25 @@ pub(crate) fn new(arguments: &NewArguments) -> Result<Exit, Failure> {
     };
     let place = parent.canonicalize().map_err(cannot)?.join(name);
     refuse_odd(&place)?;
+    let is_in_c = arguments.lang == Language::C;
+    if is_in_c && arguments.what == What::Scenario {
+        let wrong = "a scenario is in no language: --lang is for a plant or a controller";
+        return Err(Failure::usage(wrong));
+    }
     let framework = match arguments.what {
         What::Scenario => None,
         What::Plant | What::Controller => Some(framework(arguments.framework.as_deref())?),
     };
-    let files = files(arguments.what);
+    if let Some(folder) = framework.as_ref().filter(|_| is_in_c)
+        && !folder.join(FOREIGN).is_dir()
+    {
+        let shown = folder.display();
+        return Err(Failure::usage(format!("{shown} lacks {FOREIGN}")));
+    }
+    let files = match arguments.lang {
+        Language::Rust => files(arguments.what),
+        Language::C => files_in_c(arguments.what),
+    };
     let relative = framework.as_ref().map(|found| relative(found, &place));
     let relative = relative.map(|path| path.display().to_string());
     let part = PartFolder::beside(path).map_err(cannot)?;
@@ -107,6 +123,11 @@ pub(crate) fn new(arguments: &NewArguments) -> Result<Exit, Failure> {
     };
     for (file, template) in files {
         let file = file.replace("@NAME@", name);
+        // A program in C lies beside its source.
+        let template = match is_in_c && file.ends_with(".toml") {
+            true => template.replace("target/release/", ""),
+            false => template.to_owned(),
+        };
         let text = template
             .replace("@NAME@", name)
             .replace("@KIND@", arguments.what.name())
@@ -114,7 +135,7 @@ pub(crate) fn new(arguments: &NewArguments) -> Result<Exit, Failure> {
         write(&part.path().join(&file), &text).map_err(cannot)?;
         made.files.push(file);
     }
-    if let Some(framework) = &framework {
+    if let Some(framework) = framework.as_ref().filter(|_| !is_in_c) {
         // The versions that the framework was tested with.
         let (from, to) = (framework.join("Cargo.lock"), part.path().join("Cargo.lock"));
         fs::copy(&from, to).map_err(cannot)?;
@@ -123,6 +144,7 @@ pub(crate) fn new(arguments: &NewArguments) -> Result<Exit, Failure> {
     part.complete(path).map_err(cannot)?;
     let next = match arguments.what {
         What::Scenario => "",
+        What::Plant | What::Controller if is_in_c => "  make test\n  make\n",
         What::Plant | What::Controller => "  cargo test\n  cargo build --release\n",
     };
     output::result(arguments.json, &made, || {
@@ -186,6 +208,30 @@ fn files(what: What) -> Vec<(&'static str, &'static str)> {
         ("@NAME@.toml", scenario),
         ("README.md", include_str!("new/program.md.txt")),
         (".gitignore", "/target\n/runs\n"),
+    ]
+}
+
+/// Files of a folder in C with their templates.
+fn files_in_c(what: What) -> Vec<(&'static str, &'static str)> {
+    let (code, test, scenario) = match what {
+        What::Controller => (
+            include_str!("new/controller.c.txt"),
+            include_str!("new/controller_test.c.txt"),
+            include_str!("new/controller.toml.txt"),
+        ),
+        What::Plant | What::Scenario => (
+            include_str!("new/plant.c.txt"),
+            include_str!("new/plant_test.c.txt"),
+            include_str!("new/plant.toml.txt"),
+        ),
+    };
+    vec![
+        ("@NAME@.c", code),
+        ("@NAME@_test.c", test),
+        ("Makefile", include_str!("new/Makefile.txt")),
+        ("@NAME@.toml", scenario),
+        ("README.md", include_str!("new/program_c.md.txt")),
+        (".gitignore", "/@NAME@\n/@NAME@_test\n/runs\n"),
     ]
 }
 

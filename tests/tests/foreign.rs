@@ -1,0 +1,565 @@
+//! Plants and controllers in C: the same numbers as in Rust, and every deed and mistake with its name.
+
+use std::fmt::Write;
+use std::mem::offset_of;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use hil_foreign::c::interface::{
+    Controller, Interval, Parameter, Plant, Rows, Sample, Setup, Signal,
+};
+
+use crate::support::harness::{Rig, Run};
+use crate::support::programs::{example, program, skip, workspace};
+use crate::support::python::succeeds;
+
+const PENDULUM: &str = "examples/own-plant/pendulum.toml";
+const CLEAN: &[&str] = &[];
+const SANITIZED: &[&str] = &[
+    "-g",
+    "-fsanitize=address,undefined",
+    "-fno-sanitize-recover=all",
+];
+
+/// True if this tool is there; else the test is skipped by name.
+fn has(tool: &str, test: &str) -> bool {
+    let is_there = Command::new(tool).arg("--version").output().is_ok();
+    if !is_there {
+        skip(test, &format!("there is no `{tool}`"), "HIL_TEST_CC");
+    }
+    is_there
+}
+
+/// The library, built with the programs of the workspace.
+fn library() -> PathBuf {
+    program("examples").join("libhil_c.a")
+}
+
+/// Compiles a program of C or C++ with every warning an error.
+fn compiled(rig: &Rig, compiler: &str, source: &str, name: &str, options: &[&str]) -> PathBuf {
+    let built = rig.path(name);
+    let mut command = Command::new(compiler);
+    command.args([
+        "-O2",
+        "-ffp-contract=off",
+        "-Wall",
+        "-Wextra",
+        "-Wpedantic",
+        "-Werror",
+    ]);
+    command.arg(if compiler == "g++" {
+        "-std=c++11"
+    } else {
+        "-std=c11"
+    });
+    command
+        .args(options)
+        .arg("-I")
+        .arg(workspace().join("tools/foreign/include"));
+    command.arg(workspace().join(source)).arg(library());
+    succeeds(command.args(["-lpthread", "-ldl", "-lm", "-o"]).arg(&built));
+    built
+}
+
+/// A program built by the Makefile of its example, in a copy of its folder.
+fn made(rig: &Rig, folder: &str, name: &str) -> PathBuf {
+    let copy = copied(rig, folder);
+    let mut make = Command::new("make");
+    make.arg("-C")
+        .arg(&copy)
+        .arg(format!("HIL={}", workspace().display()));
+    succeeds(make.arg(format!("HIL_LIBRARY={}", library().display())));
+    copy.join(name)
+}
+
+/// A program built by the CMake file of its example.
+fn generated(rig: &Rig, folder: &str, name: &str) -> PathBuf {
+    let copy = copied(rig, folder);
+    let build = copy.join("build");
+    let mut cmake = Command::new("cmake");
+    cmake.arg("-S").arg(&copy).arg("-B").arg(&build);
+    cmake.arg(format!("-DHIL={}", workspace().display()));
+    succeeds(cmake.arg(format!("-DHIL_LIBRARY={}", library().display())));
+    succeeds(Command::new("cmake").arg("--build").arg(&build));
+    build.join(name)
+}
+
+fn copied(rig: &Rig, folder: &str) -> PathBuf {
+    let copy = rig.path(folder);
+    std::fs::create_dir_all(&copy).expect("a folder");
+    for entry in std::fs::read_dir(workspace().join("examples").join(folder)).expect("an example") {
+        let entry = entry.expect("an entry");
+        if entry.file_type().expect("a type").is_file() {
+            std::fs::copy(entry.path(), copy.join(entry.file_name())).expect("copied");
+        }
+    }
+    copy
+}
+
+fn pendulum(rig: &Rig, plant: &Path, controller: &Path) -> Run {
+    let (plant, controller) = (plant.display(), controller.display());
+    let programs = format!("--plant-bin {plant} --controller-bin {controller}");
+    rig.run(&format!("{PENDULUM} {programs}")).expect(0)
+}
+
+#[test]
+fn a_pendulum_in_c_has_the_digest_of_that_in_rust() {
+    let test = "a_pendulum_in_c_has_the_digest_of_that_in_rust";
+    if !has("cc", test) || !has("make", test) {
+        return;
+    }
+    let rig = Rig::new();
+    let (plant, law) = (example("own-plant"), example("own-controller"));
+    let wanted = pendulum(&rig, &plant, &law).digest();
+    let plant_in_c = made(&rig, "c-plant", "pendulum");
+    let law_in_c = made(&rig, "c-controller", "state_feedback");
+    assert_eq!(pendulum(&rig, &plant_in_c, &law).digest(), wanted);
+    assert_eq!(pendulum(&rig, &plant, &law_in_c).digest(), wanted);
+    assert_eq!(pendulum(&rig, &plant_in_c, &law_in_c).digest(), wanted);
+    for source in ["c-plant/pendulum.c", "c-controller/state_feedback.c"] {
+        let text = std::fs::read_to_string(workspace().join("examples").join(source));
+        assert!(text.expect("an example").lines().count() < 60, "{source}");
+    }
+}
+
+#[test]
+fn cmake_builds_the_examples_too_and_a_run_goes_on_from_a_checkpoint() {
+    let test = "cmake_builds_the_examples_too_and_a_run_goes_on_from_a_checkpoint";
+    if !has("cc", test) || !has("cmake", test) {
+        return;
+    }
+    let rig = Rig::new();
+    let plant = generated(&rig, "c-plant", "pendulum");
+    let described = succeeds(Command::new(&plant).arg("--describe"));
+    assert!(described.contains("\"saves\": true"), "{described}");
+    let law = generated(&rig, "c-controller", "state_feedback");
+    let described = succeeds(Command::new(&law).arg("--describe"));
+    assert!(described.contains("\"state-feedback\""), "{described}");
+    // Under `hold`, which can be saved as well.
+    let scenario = "--set controller.law=hold --set plant.parameters.initial_angle_rad=1e-6";
+    let (plant, own) = (plant.display(), program("controller-process"));
+    let run = format!(
+        "{PENDULUM} {scenario} --plant-bin {plant} --controller-bin {}",
+        own.display()
+    );
+    let whole = rig.run(&format!("{run} --checkpoint-at 0.5"));
+    let whole = whole.expect(0);
+    let from = format!("--from {}/checkpoint-500", whole.folder.display());
+    let rest = rig.run(&from).expect(0);
+    assert_eq!(rest.digest(), whole.digest());
+}
+
+#[test]
+fn a_program_in_cpp_includes_the_header() {
+    let test = "a_program_in_cpp_includes_the_header";
+    if !has("g++", test) {
+        return;
+    }
+    let rig = Rig::new();
+    let still = compiled(
+        &rig,
+        "g++",
+        "tests/tests/foreign/includes.cpp",
+        "still",
+        CLEAN,
+    );
+    let scenario = rig.write(
+        "still.toml",
+        "schema = 1\nname = \"still\"\n[run]\nduration_s = 0.1\nrate_hz = 100\n\
+         [plant]\nmodel = \"still\"\n[controller]\nlaw = \"hold\"\n\
+         [[requirements]]\nname = \"stands\"\nformula = \"always (truth.x_m == 1)\"\n",
+    );
+    let (scenario, still) = (scenario.display(), still.display());
+    rig.run(&format!("{scenario} --plant-bin {still}"))
+        .expect(0);
+}
+
+fn misbehaving(rig: &Rig, name: &str, options: &[&str]) -> PathBuf {
+    compiled(
+        rig,
+        "cc",
+        "tests/tests/foreign/misbehaving.c",
+        name,
+        options,
+    )
+}
+
+/// Runs a deed of the plant or of the controller in C; the other side behaves.
+fn deed(rig: &Rig, side: &str, program: &Path, deed: u32) -> Run {
+    let (law, section) = match side {
+        "plant" => ("hold", "plant.parameters"),
+        _ => ("misbehaves", "controller.misbehaves"),
+    };
+    let text = format!(
+        "schema = 1\nname = \"deed\"\nplant.model = \"misbehaves\"\ncontroller.law = \"{law}\"\n\
+         {section}.deed = {deed}\nrun.duration_s = 1.0\nrun.rate_hz = 1000\n"
+    );
+    let scenario = rig.write("deed.toml", &text);
+    let (scenario, program) = (scenario.display(), program.display());
+    let programs = match side {
+        "plant" => format!("--plant-bin {program}"),
+        _ => {
+            let plant = rig.path("misbehaving-plant");
+            format!("--plant-bin {} --controller-bin {program}", plant.display())
+        }
+    };
+    // Only a side that loops is found out by waiting.
+    let limit_s = if deed == 4 { 0.5 } else { 30.0 };
+    rig.run(&format!("{scenario} {programs} --wait-limit {limit_s}"))
+}
+
+#[track_caller]
+fn reason(run: Run, code: i32, fragments: &[&str]) {
+    let run = run.expect(code);
+    let summary = run.summary();
+    let reason = summary["reason"].as_str().expect("a reason");
+    let said = format!("{reason}\n{}", run.stderr);
+    for fragment in fragments {
+        assert!(said.contains(fragment), "`{fragment}` is not in `{said}`");
+    }
+}
+
+#[test]
+fn every_deed_of_a_plant_in_c_is_named() {
+    if !has("cc", "every_deed_of_a_plant_in_c_is_named") {
+        return;
+    }
+    let rig = Rig::new();
+    let plant = misbehaving(&rig, "misbehaving-plant", CLEAN);
+    deed(&rig, "plant", &plant, 0).expect(0);
+    let deeds: [(u32, i32, &[&str]); 9] = [
+        (1, 3, &["plant was killed by SIGSEGV"]),
+        (2, 3, &["plant was killed by SIGABRT"]),
+        (3, 3, &["plant ended before the run was over"]),
+        (4, 3, &["plant was stuck"]),
+        (
+            5,
+            1,
+            &["step 100", "measured x_m = NaN is not a finite number"],
+        ),
+        (
+            6,
+            1,
+            &["step 100", "measured x_m = NaN is not a finite number"],
+        ),
+        (
+            7,
+            1,
+            &["plant diverged at step 100 (0.1 s): the spring broke"],
+        ),
+        (
+            8,
+            3,
+            &["plant failed at step 100 (0.1 s): the table of the spring is gone"],
+        ),
+        (
+            9,
+            3,
+            &["plant failed at step 100 (0.1 s): `measure` returned 7 and no reason"],
+        ),
+    ];
+    for (number, code, fragments) in deeds {
+        reason(deed(&rig, "plant", &plant, number), code, fragments);
+    }
+    let refused = deed(&rig, "plant", &plant, 20).expect(2);
+    assert!(
+        refused.stderr.contains("20 goes with nothing"),
+        "{}",
+        refused.stderr
+    );
+}
+
+#[test]
+fn every_deed_of_a_controller_in_c_is_named() {
+    if !has("cc", "every_deed_of_a_controller_in_c_is_named") {
+        return;
+    }
+    let rig = Rig::new();
+    let plant = misbehaving(&rig, "misbehaving-plant", CLEAN);
+    let controller = rig.path("misbehaving-controller");
+    std::fs::copy(plant, &controller).expect("copied");
+    deed(&rig, "controller", &controller, 0).expect(0);
+    let deeds: [(u32, &[&str]); 7] = [
+        (1, &["step 100", "controller was killed by SIGSEGV"]),
+        (2, &["step 100", "controller was killed by SIGABRT"]),
+        (3, &["controller", "step 100"]),
+        (4, &["controller did not answer step 100", "stuck"]),
+        (
+            5,
+            &["command of step 100", "u_n = NaN is not a finite number"],
+        ),
+        (
+            8,
+            &[
+                "controller",
+                "the law failed at step 100: the table of the spring is gone",
+            ],
+        ),
+        (
+            9,
+            &[
+                "controller",
+                "the law failed at step 100: `step` returned 7 and no reason",
+            ],
+        ),
+    ];
+    for (number, fragments) in deeds {
+        reason(deed(&rig, "controller", &controller, number), 3, fragments);
+    }
+}
+
+#[test]
+fn every_mistake_in_the_tables_is_named_before_anything_starts() {
+    if !has(
+        "cc",
+        "every_mistake_in_the_tables_is_named_before_anything_starts",
+    ) {
+        return;
+    }
+    let rig = Rig::new();
+    let plant = misbehaving(&rig, "misbehaving-plant", CLEAN);
+    for (mistake, told) in [
+        ("twice", "truth of plant `misbehaves`: `x_m` is there twice"),
+        (
+            "unit",
+            "truth of plant `misbehaves`: \"m]\" is no unit, that of `v_mps`",
+        ),
+        (
+            "no-unit",
+            "truth of plant `misbehaves`: `v_mps` has no unit",
+        ),
+        ("name", "truth of plant `misbehaves`: \"2 m\" is no name"),
+        (
+            "null-name",
+            "the name of row 2 of `truth` is a null pointer",
+        ),
+        ("null-rows", "`measured` has 1 rows at a null pointer"),
+        ("callback", "the callback `advance` is missing"),
+        (
+            "range",
+            "`deed` has a range that begins above its end: 30 to 20",
+        ),
+        (
+            "default",
+            "`deed` has the default 21, which is not in 0 to 20",
+        ),
+        (
+            "flags",
+            "`deed` of `parameters` has flags that are none: 64",
+        ),
+        ("api", "`api` is 99, and this library speaks 1"),
+        ("utf-8", "the summary of the plant is not UTF-8"),
+        (
+            "saving",
+            "`saved_size`, `save` and `restore` belong together",
+        ),
+        (
+            "text",
+            "measured of plant `misbehaves`: `x_m` has no description",
+        ),
+        ("null", "hil_plant_main got a null pointer"),
+    ] {
+        let mut command = Command::new(&plant);
+        let output = command.arg("--describe").env("MISTAKE", mistake).output();
+        let output = output.expect("it runs");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{mistake}: {said}");
+        assert!(said.contains(told), "{mistake}: {said}");
+    }
+    // And `hil` shows it.
+    let wrong = rig.script(
+        "wrong",
+        &format!("#!/bin/sh\nMISTAKE=twice exec {} \"$@\"\n", plant.display()),
+    );
+    let run = deed(&rig, "plant", &wrong, 0).expect(2);
+    assert!(
+        run.stderr.contains("`x_m` is there twice"),
+        "{}",
+        run.stderr
+    );
+}
+
+#[test]
+fn both_sides_are_clean_under_the_sanitizers_and_a_row_that_is_overrun_is_found() {
+    let test = "both_sides_are_clean_under_the_sanitizers_and_a_row_that_is_overrun_is_found";
+    if !has("cc", test) {
+        return;
+    }
+    let rig = Rig::new();
+    let plant = compiled(
+        &rig,
+        "cc",
+        "examples/c-plant/pendulum.c",
+        "pendulum",
+        SANITIZED,
+    );
+    let source = "examples/c-controller/state_feedback.c";
+    let law = compiled(&rig, "cc", source, "state_feedback", SANITIZED);
+    let run = pendulum(&rig, &plant, &law);
+    for side in ["plant", "controller"] {
+        let log = run.folder.join(format!("{side}.log"));
+        let log = std::fs::read_to_string(log).unwrap_or_default();
+        assert!(
+            !log.contains("Sanitizer") && !log.contains("runtime error"),
+            "{log}"
+        );
+    }
+    let overruns = misbehaving(&rig, "misbehaving-plant", SANITIZED);
+    deed(&rig, "plant", &overruns, 0).expect(0);
+    let run = deed(&rig, "plant", &overruns, 10).expect(3);
+    let log = std::fs::read_to_string(run.folder.join("plant.log")).expect("a log");
+    assert!(log.contains("heap-buffer-overflow"), "{log}");
+}
+
+#[test]
+fn folders_in_c_build_run_and_have_a_test() {
+    let test = "folders_in_c_build_run_and_have_a_test";
+    if !has("cc", test) || !has("make", test) {
+        return;
+    }
+    let rig = Rig::new();
+    for (what, name) in [("plant", "cart"), ("controller", "steer")] {
+        let place = rig.path("");
+        rig.hil_in(&place, &["new", what, name, "--lang", "c"])
+            .expect(0);
+        let folder = rig.path(name);
+        let make = |goal: &str| {
+            let mut make = Command::new("make");
+            make.arg("-C").arg(&folder).arg(goal);
+            succeeds(make.arg(format!("HIL_LIBRARY={}", library().display())))
+        };
+        let told = make("test");
+        assert!(told.contains(": ok"), "{told}");
+        make(name);
+        let scenario = format!("{name}.toml");
+        rig.hil_in(&folder, &["run", &scenario, "--out", "runs/a"])
+            .expect(0);
+        let makefile = std::fs::read_to_string(folder.join("Makefile")).expect("it was made");
+        let way = makefile
+            .split_once("HIL ?= ")
+            .and_then(|(_, rest)| rest.lines().next());
+        let way = way.expect("a path of the framework");
+        assert!(way.starts_with("../"), "{way}");
+        assert!(
+            folder
+                .join(way)
+                .join("tools/foreign/include/hil.h")
+                .is_file(),
+            "{way}"
+        );
+    }
+    let refused = rig
+        .hil(&["new", "scenario", "gust", "--lang", "c"])
+        .expect(2);
+    assert!(refused.stderr.contains("--lang"), "{}", refused.stderr);
+}
+
+/// Text of C that fails to compile if a struct of the header is another than that of Rust.
+macro_rules! same {
+    ($text:ident, $name:literal, $type:ty, $($field:ident),+) => {
+        writeln!($text, "_Static_assert(sizeof({0}) == {1}, \"{0}\");", $name, size_of::<$type>()).expect("text");
+        $(
+            let place = offset_of!($type, $field);
+            let field = stringify!($field);
+            writeln!($text, "_Static_assert(offsetof({0}, {field}) == {place}, \"{0}.{field}\");", $name).expect("text");
+        )+
+    };
+}
+
+#[test]
+fn the_structs_of_the_header_are_those_of_rust() {
+    if !has("cc", "the_structs_of_the_header_are_those_of_rust") {
+        return;
+    }
+    let rig = Rig::new();
+    let mut text = String::from("#include <hil.h>\n");
+    same!(
+        text,
+        "hil_parameter",
+        Parameter,
+        name,
+        unit,
+        description,
+        initial,
+        min,
+        max,
+        flags
+    );
+    same!(
+        text,
+        "hil_signal",
+        Signal,
+        name,
+        unit,
+        description,
+        min,
+        max
+    );
+    same!(text, "hil_parameters", Rows<Parameter>, rows, count);
+    same!(text, "hil_signals", Rows<Signal>, rows, count);
+    same!(text, "hil_interval", Interval, start_s, length_s, substeps);
+    same!(text, "hil_setup", Setup, parameters, model, period_s);
+    same!(
+        text,
+        "hil_sample",
+        Sample,
+        time_s,
+        measured,
+        reference,
+        valid,
+        held_steps
+    );
+    same!(
+        text,
+        "hil_plant",
+        Plant,
+        api,
+        name,
+        summary,
+        version,
+        parameters,
+        truth,
+        measured,
+        commands,
+        size,
+        start,
+        retune,
+        measure,
+        tell_truth,
+        advance,
+        saved_size,
+        save,
+        restore,
+        end
+    );
+    same!(
+        text,
+        "hil_controller",
+        Controller,
+        api,
+        name,
+        summary,
+        version,
+        plant,
+        parameters,
+        model,
+        measured,
+        reference,
+        commands,
+        internals,
+        size,
+        start,
+        step,
+        saved_size,
+        save,
+        restore,
+        end
+    );
+    let source = rig.write("same.c", &text);
+    let mut cc = Command::new("cc");
+    cc.args(["-std=c11", "-fsyntax-only", "-I"]);
+    succeeds(
+        cc.arg(workspace().join("tools/foreign/include"))
+            .arg(source),
+    );
+}

@@ -1,0 +1,173 @@
+/* hil.h: plants and controllers in C11 or C++.
+ *
+ * A plant or a controller is tables of its signals and parameters, callbacks, and a `main` of one line.
+ * Its program links libhil_foreign.a, and hil starts it as any other (docs/c.md).
+ *
+ * A row is an array of double in the order of its table; a struct of doubles has the same layout.
+ * Rows that a callback writes hold NaN before: a value that is forgotten is named.
+ *
+ * For one digest everywhere: no clock, no file, no random number; hil_sin and its like below in place of those of
+ * <math.h>, whose last bit depends on the machine; and compile with -ffp-contract=off.
+ */
+#ifndef HIL_H
+#define HIL_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __FAST_MATH__
+#error "-ffast-math changes digests; compile without it"
+#endif
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Version of this header, for the member `api`. A library of another version refuses the program. */
+#define HIL_API 1u
+
+/* Tables. */
+
+/* Flags of a parameter. */
+enum {
+    HIL_FAULTABLE = 1 /* a fault may change it while the plant runs */
+};
+
+typedef struct hil_parameter {
+    const char *name;        /* ends with the unit, for example "mass_kg"; a group stands in front, "motor.mass_kg" */
+    const char *unit;        /* for example "kg", "N m", "m/s2"; "1" for a number without one */
+    const char *description; /* one sentence */
+    double initial;          /* value that it has when a scenario says nothing */
+    double min, max;         /* range; both 0: any number */
+    unsigned flags;          /* HIL_FAULTABLE or 0 */
+} hil_parameter;
+
+typedef struct hil_signal {
+    const char *name, *unit, *description; /* as above */
+    double min, max; /* range, both 0: any number; a plant whose truth leaves it has diverged */
+} hil_signal;
+
+typedef struct hil_parameters {
+    const hil_parameter *rows;
+    size_t count;
+} hil_parameters;
+
+typedef struct hil_signals {
+    const hil_signal *rows;
+    size_t count;
+} hil_signals;
+
+/* The table of an array. A table that is left out is empty. */
+#define HIL_TABLE(array) { (array), sizeof(array) / sizeof((array)[0]) }
+
+/* Answers of a callback. One that is neither 0 nor HIL_DIVERGED counts as HIL_FAILED. */
+enum {
+    HIL_OK = 0,
+    HIL_DIVERGED = 1, /* the plant left the range where its equations mean something */
+    HIL_FAILED = 2    /* it cannot go on; in `start`: the parameters do not go together */
+};
+
+/* Keep a reason for the answer and return it: `return hil_failed("the rod broke");`. The text is copied. */
+int hil_diverged(const char *reason);
+int hil_failed(const char *reason);
+
+/* A plant. */
+
+typedef struct hil_interval {
+    double start_s, length_s; /* simulated time and length of the step */
+    uint32_t substeps;        /* equal parts to integrate in, as the scenario says */
+} hil_interval;
+
+/* Called in this order: `start`; at every step `retune` if a fault moved a parameter, `measure`, and with the
+ * command `tell_truth` and `advance`; after the last step `measure` and `tell_truth` once more.
+ * `self` is memory of the plant's own, all zero before `start`. */
+typedef struct hil_plant {
+    uint32_t api;        /* HIL_API */
+    const char *name;    /* plant.model of a scenario */
+    const char *summary; /* one sentence */
+    const char *version; /* of the program; may be NULL */
+    hil_parameters parameters;
+    hil_signals truth, measured, commands;
+    size_t size; /* bytes of `self` */
+    int (*start)(void *self, const double *parameters);
+    int (*retune)(void *self, const double *parameters); /* may be NULL without parameters */
+    int (*measure)(const void *self, double *measured);
+    int (*tell_truth)(const void *self, double time_s, const double *command, double *truth);
+    int (*advance)(void *self, const hil_interval *interval, const double *command);
+    /* For checkpoints; all three or none. The bytes are not aligned: use memcpy. */
+    size_t saved_size;
+    int (*save)(const void *self, void *bytes);
+    int (*restore)(void *self, const void *bytes);
+    void (*end)(void *self); /* after the last call, where start gave HIL_OK; may be NULL */
+} hil_plant;
+
+/* `int main(int argc, char **argv) { return hil_plant_main(argc, argv, &plant); }` */
+int hil_plant_main(int argc, char **argv, const hil_plant *plant);
+
+/* A controller. */
+
+typedef struct hil_setup {
+    const double *parameters;
+    const double *model; /* what the controller believes of the plant */
+    double period_s;     /* time between two samples */
+} hil_setup;
+
+typedef struct hil_sample {
+    double time_s;
+    const double *measured, *reference;
+    int valid;           /* 0 if a signal of these is marked invalid */
+    uint32_t held_steps; /* steps for which a late command has been held; 0 except against the clock */
+} hil_sample;
+
+/* Called in this order: `start`, then `step` with every sample. `self` as of a plant. */
+typedef struct hil_controller {
+    uint32_t api;        /* HIL_API */
+    const char *name;    /* controller.law of a scenario */
+    const char *summary; /* one sentence */
+    const char *version; /* of the program; may be NULL */
+    const char *plant;   /* plant that it is made for; NULL: any */
+    hil_parameters parameters, model;
+    hil_signals measured, reference, commands, internals;
+    size_t size; /* bytes of `self` */
+    int (*start)(void *self, const hil_setup *setup);
+    int (*step)(void *self, const hil_sample *sample, double *command, double *internals);
+    /* As of a plant. */
+    size_t saved_size;
+    int (*save)(const void *self, void *bytes);
+    int (*restore)(void *self, const void *bytes);
+    void (*end)(void *self);
+} hil_controller;
+
+int hil_controller_main(int argc, char **argv, const hil_controller *controller);
+
+/* Mathematics. */
+
+/* Rates of change of a state at a time. */
+typedef void (*hil_rates)(const void *context, double time_s, const double *state, double *rates);
+
+/* Integrates over an interval in its substeps: Runge-Kutta of order 4, up to HIL_MOST_STATES numbers. */
+enum { HIL_MOST_STATES = 64 };
+int hil_integrate(double *state, size_t count, const hil_interval *interval, hil_rates rates, const void *context);
+
+/* The same last bit on every machine. */
+double hil_sin(double x);
+double hil_cos(double x);
+double hil_tan(double x);
+double hil_asin(double x);
+double hil_acos(double x);
+double hil_atan(double x);
+double hil_atan2(double y, double x);
+double hil_sinh(double x);
+double hil_cosh(double x);
+double hil_tanh(double x);
+double hil_exp(double x);
+double hil_expm1(double x);
+double hil_log(double x);
+double hil_log10(double x);
+double hil_pow(double x, double y);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

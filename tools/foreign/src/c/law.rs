@@ -1,0 +1,120 @@
+//! A controller in C as a [`LawKind`].
+
+use controller_process::controller::{Law, LawKind, Row};
+use shared_types::describe::{Invalid, LawDescription};
+use shared_types::failure::Failure;
+use shared_types::state::State;
+
+use super::interface::{Answer, Controller, Sample, Setup};
+use super::memory::{Memory, Saving};
+use super::reason::outcome;
+use super::tables::{check_form, parameters, required, saving, signals, text};
+
+/// Functions of a controller and the lengths of its rows.
+#[derive(Clone, Copy, Debug)]
+struct Calls {
+    step: Answer,
+    saving: Option<Saving>,
+    measured: usize,
+    reference: usize,
+    commands: usize,
+    internals: usize,
+}
+
+/// A controller that has started.
+struct InC {
+    calls: Calls,
+    memory: Memory,
+}
+
+/// The entry of a controller in C.
+///
+/// # Safety
+/// As of [`plant::kind`](super::plant::kind).
+///
+/// # Errors
+/// The first thing in the struct that cannot be used.
+pub unsafe fn kind(controller: &Controller) -> Result<LawKind, Invalid> {
+    check_form(controller.api, controller.size)?;
+    let saving = saving(controller.saved_size, controller.save, controller.restore)?;
+    let made_for = (!controller.plant.is_null()).then_some(controller.plant);
+    // SAFETY: the caller says so of all texts and tables.
+    let (description, commands) = unsafe {
+        let made_for = made_for.map(|plant| text(plant, "the plant that it is made for"));
+        let commands = signals(&controller.commands, "commands")?;
+        let description = LawDescription {
+            name: text(controller.name, "the name of the controller")?,
+            summary: text(controller.summary, "the summary of the controller")?,
+            plants: made_for.transpose()?.into_iter().collect(),
+            parameters: parameters(&controller.parameters, "parameters")?,
+            model: parameters(&controller.model, "model")?,
+            measured: signals(&controller.measured, "measured")?,
+            reference: signals(&controller.reference, "reference")?,
+            commands: Some(commands.clone()),
+            internals: signals(&controller.internals, "internals")?,
+            saves: saving.is_some(),
+        };
+        (description, commands)
+    };
+    let start = required(controller.start, "start")?;
+    let calls = Calls {
+        step: required(controller.step, "step")?,
+        saving,
+        measured: description.measured.len(),
+        reference: description.reference.len(),
+        commands: commands.len(),
+        internals: description.internals.len(),
+    };
+    let (size, end) = (controller.size, controller.end);
+    let lengths = (description.parameters.len(), description.model.len());
+    LawKind::from_tables(description, move |rows| {
+        assert_eq!((rows.parameters.len(), rows.model.len()), lengths);
+        let setup = Setup {
+            parameters: rows.parameters.as_ptr(),
+            model: rows.model.as_ptr(),
+            period_s: rows.period_s,
+        };
+        let mut memory = Memory::new(size);
+        // SAFETY: `start` gets memory of the size that it asked for and rows as long as their tables.
+        let status = unsafe { start(memory.change(), &setup) };
+        outcome("start", status).map_err(|failure| Invalid(failure.to_string()))?;
+        memory.end = end;
+        Ok(Box::new(InC { calls, memory }))
+    })
+}
+
+impl Law for InC {
+    fn step(
+        &mut self,
+        row: &Row<'_>,
+        command: &mut [f64],
+        internals: &mut [f64],
+    ) -> Result<(), Failure> {
+        let calls = &self.calls;
+        let given = (row.measured.len(), row.reference.len());
+        assert_eq!(given, (calls.measured, calls.reference));
+        let wanted = (command.len(), internals.len());
+        assert_eq!(wanted, (calls.commands, calls.internals));
+        command.fill(f64::NAN);
+        internals.fill(f64::NAN);
+        let sample = Sample {
+            time_s: row.time_s,
+            measured: row.measured.as_ptr(),
+            reference: row.reference.as_ptr(),
+            valid: row.valid.into(),
+            held_steps: row.held_steps,
+        };
+        let (command, internals) = (command.as_mut_ptr(), internals.as_mut_ptr());
+        // SAFETY: the callback is that of this memory, which has started, and all rows are as long as their tables.
+        let status = unsafe { (calls.step)(self.memory.change(), &sample, command, internals) };
+        outcome("step", status)
+    }
+
+    fn save(&self) -> Result<State, Invalid> {
+        self.memory.save(self.calls.saving)
+    }
+
+    fn restore(&mut self, state: &State) -> Result<(), Invalid> {
+        self.memory.restore(self.calls.saving, state)
+    }
+}
