@@ -135,13 +135,10 @@ fn cmake_builds_the_examples_too_and_a_run_goes_on_from_a_checkpoint() {
     let law = generated(&rig, "c-controller", "state_feedback");
     let described = succeeds(Command::new(&law).arg("--describe"));
     assert!(described.contains("\"state-feedback\""), "{described}");
-    // Under `hold`, which can be saved as well.
-    let scenario = "--set controller.law=hold --set plant.parameters.initial_angle_rad=1e-6";
-    let (plant, own) = (plant.display(), program("controller-process"));
-    let run = format!(
-        "{PENDULUM} {scenario} --plant-bin {plant} --controller-bin {}",
-        own.display()
-    );
+    // Under `hold`, which every program can run and which can be saved.
+    let changes = "--set controller.law=hold --set plant.parameters.initial_angle_rad=1e-6";
+    let (plant, law) = (plant.display(), law.display());
+    let run = format!("{PENDULUM} {changes} --plant-bin {plant} --controller-bin {law}");
     let whole = rig.run(&format!("{run} --checkpoint-at 0.5"));
     let whole = whole.expect(0);
     let from = format!("--from {}/checkpoint-500", whole.folder.display());
