@@ -33,6 +33,7 @@
 //! | [`mutations`] | the explorer of the lockstep machines misses every guard that is taken out |
 //! | [`named_programs`] | programs that scenarios and recordings name, and what is not run |
 //! | [`new`] | folders to begin from: what is in them, and names that are none |
+//! | [`panel`] | a session in a browser: every control, and nobody else |
 //! | [`paper`] | the paper's experiment against its checked figures |
 //! | [`paths`] | names of files that are no UTF-8 |
 //! | [`plots`] | plots of one run in report, monitor and layout |
@@ -103,6 +104,7 @@ mod monitor;
 mod mutations;
 mod named_programs;
 mod new;
+mod panel;
 mod paper;
 mod paths;
 mod plots;

@@ -7,7 +7,7 @@
 //! |---|---|
 //! | [`commands`] | verbs without a room of their own, and which verb goes where |
 //! | [`campaign`] | very many cases of one scenario, on cores and clusters |
-//! | [`views`] | monitor, report, export, layout, and the chooser of their plots |
+//! | [`views`] | monitor, panel, report, export, layout, and the chooser of their plots |
 //! | [`verification`] | compare, baselines, judge, replay, rerun, audit, suite: is it the same, is it right? |
 //! | [`benchmark`] | what `hil latency` measures |
 //! | [`run`] | one run: processes, recorder, real-time settings, handover |
@@ -91,4 +91,6 @@ pub mod testing {
     pub use crate::verification::repetition::RecordedScenario;
     pub use crate::views::export;
     pub use crate::views::monitor::terminal::Screen;
+    pub use crate::views::panel::message as panel_message;
+    pub use crate::views::panel::request as panel_request;
 }

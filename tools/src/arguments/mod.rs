@@ -15,6 +15,7 @@ pub(crate) mod layout;
 pub(crate) mod mark;
 pub(crate) mod monitor;
 pub(crate) mod new;
+pub(crate) mod panel;
 pub(crate) mod realtime;
 pub(crate) mod recording;
 pub(crate) mod recordings;
@@ -47,6 +48,7 @@ use layout::LayoutArguments;
 use mark::MarkArguments;
 use monitor::MonitorArguments;
 use new::NewArguments;
+use panel::PanelArguments;
 use recordings::{CompareArguments, JudgeArguments, ScenarioCommand};
 use recover::RecoverArguments;
 use replay::ReplayArguments;
@@ -100,6 +102,9 @@ pub enum Command {
     /// Watch a running session: plots, faults, latency, requirements
     #[command(after_help = monitor::EXAMPLES)]
     Monitor(MonitorArguments),
+    /// Show a running session in a browser: plots, margins, faults, controls
+    #[command(after_help = panel::EXAMPLES)]
+    Panel(PanelArguments),
     /// Change the controller of a running session
     Controller(ControllerArguments),
     /// Run very many cases of a scenario: check, plan, run, submit, show
@@ -181,6 +186,7 @@ const GROUPS: [(&str, &[&str]); 4] = [
         "While a session runs",
         &[
             "monitor",
+            "panel",
             "get",
             "watch",
             "inject",

@@ -79,7 +79,8 @@ fn rate(text: &str) -> Result<f64, String> {
     }
 }
 
-fn window(text: &str) -> Result<f64, String> {
+/// Reads the width of a time axis.
+pub(super) fn window(text: &str) -> Result<f64, String> {
     let window_s = seconds(text)?;
     if (1e-6..=86_400.0).contains(&window_s) {
         Ok(window_s)

@@ -8,6 +8,7 @@ use shared_types::number::exact;
 
 use super::BinaryArguments;
 use super::checkpoint::{CheckpointArguments, FromArguments};
+use super::panel::RunPanelArguments;
 use super::realtime::RealtimeArguments;
 use super::recording::{ChoiceArguments, compression};
 use super::runs::run_path;
@@ -21,6 +22,7 @@ Examples:
   hil run scenarios/severe-leakage.toml --set controller.law=pid --out runs/pid
   hil run scenarios/severe-leakage.toml --set 'faults[0].effects[1].speed_per_s=2'
   hil run scenarios/spring-mass.toml --pace 1
+  hil run scenarios/spring-mass.toml --pace 1 --panel
   hil run scenarios/spring-mass.toml --clock realtime --set run.overrun=skip
   hil run scenarios/spring-mass.toml --pace 1 --plant-core 2 --controller-core 3 --priority 80 --prefault
   hil run my-scenario.toml --audit
@@ -61,6 +63,9 @@ pub struct RunArguments {
     /// sides) and compare the digests
     #[arg(long)]
     pub audit: bool,
+    /// Its panel
+    #[command(flatten)]
+    pub panel: RunPanelArguments,
     /// How it is run
     #[command(flatten)]
     pub options: RunOptions,

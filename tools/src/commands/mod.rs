@@ -21,7 +21,7 @@ use crate::session::{clock, inject, mark};
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::{advice, interruption, output};
 use crate::verification::{compare, judge, repetition, replay, rerun, suite};
-use crate::views::{export, layout, monitor, report, values};
+use crate::views::{export, layout, monitor, panel, report, values};
 use crate::{benchmark, campaign, doctor};
 
 /// Does what the command line of this process says, and tells why if that cannot be done.
@@ -55,7 +55,7 @@ fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
         let _ = session::sweep(); // who creates a session hears of what is wrong
     }
     match &command_line.command {
-        Command::Run(arguments) => suite::run(arguments),
+        Command::Run(arguments) => panel::with_run(arguments, suite::run),
         Command::Inject(arguments) => inject::inject(arguments),
         Command::Pause(arguments) => clock::clock(&arguments.session, &Request::Pause),
         Command::Resume(arguments) => clock::clock(&arguments.session, &Request::Resume),
@@ -69,6 +69,7 @@ fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
         Command::Watch(arguments) => values::watch(arguments),
         Command::Mark(arguments) => mark::mark(arguments),
         Command::Monitor(arguments) => monitor::monitor(arguments),
+        Command::Panel(arguments) => panel::panel(arguments),
         Command::Controller(arguments) => match &arguments.action {
             ControllerAction::Swap(arguments) => swap::swap(arguments),
         },

@@ -83,6 +83,11 @@ pub(crate) fn possible(session: &SessionInfo) -> Result<Possible, RequestError> 
     }
 }
 
+/// Lists every kind of fault that a session can take, with targets and values, for a machine.
+pub(crate) fn listed(possible: &Possible) -> serde_json::Value {
+    listing::of(possible)
+}
+
 /// An answer as a person reads it.
 pub(crate) fn describe(response: &Response) -> Result<String, RequestError> {
     let mut text = String::new();

@@ -37,6 +37,7 @@ use hil_config::plan::Plan;
 use shared_types::clock::monotonic_ns;
 use shared_types::session::{self, SessionInfo};
 
+use crate::arguments::SessionChoice;
 use crate::arguments::monitor::MonitorArguments;
 use crate::session::live::{self, RequestError};
 use crate::session::observer::Notice;
@@ -57,7 +58,7 @@ const GATHER: Duration = Duration::from_millis(600);
 
 /// The model, of which one thread at a time has a hold.
 #[derive(Clone)]
-pub(crate) struct SharedModel(Arc<Mutex<Model>>);
+pub(crate) struct SharedModel(pub(super) Arc<Mutex<Model>>);
 
 impl SharedModel {
     /// The model, held still.
@@ -77,7 +78,8 @@ pub(crate) fn monitor(arguments: &MonitorArguments) -> Result<Exit, Failure> {
         ));
     }
     let interruption = Interruption::listen()?;
-    let session = find(arguments, &interruption).map_err(|error| error.tell(false))?;
+    let session = find(&arguments.choice, arguments.wait, &interruption);
+    let session = session.map_err(|error| error.tell(false))?;
     let plan = notice(&session, &interruption)?.plan()?;
     let prepared = prepared::all(&arguments.inject, &session, &plan);
     let prepared = prepared.map_err(|error| error.tell(false))?;
@@ -166,20 +168,19 @@ fn wait_for_end(watch: &Watch, interruption: &Interruption) -> Result<(), Failur
     watch.failure().map_or(Ok(()), Err)
 }
 
-/// The session that is meant, which may be awaited.
-fn find(
-    arguments: &MonitorArguments,
+/// The session that is meant, which may be awaited for so many seconds.
+pub(super) fn find(
+    choice: &SessionChoice,
+    wait_s: Option<f64>,
     interruption: &Interruption,
 ) -> Result<SessionInfo, RequestError> {
     let since = Instant::now();
     let mut has_told = false;
     loop {
-        let found = live::find(&arguments.choice);
-        let left = arguments
-            .wait
-            .filter(|wait_s| since.elapsed().as_secs_f64() < *wait_s);
-        let is_several = arguments.choice.session.is_none()
-            && session::list().is_ok_and(|running| running.len() > 1);
+        let found = live::find(choice);
+        let left = wait_s.filter(|wait_s| since.elapsed().as_secs_f64() < *wait_s);
+        let is_several =
+            choice.session.is_none() && session::list().is_ok_and(|running| running.len() > 1);
         if found.is_ok() || left.is_none() || is_several {
             return found;
         }

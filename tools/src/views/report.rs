@@ -13,7 +13,7 @@ mod data;
 mod envelope;
 mod grid;
 mod label;
-mod page;
+pub(crate) mod page;
 mod plots;
 mod run;
 mod tables;

@@ -10,6 +10,7 @@ pub mod fault;
 pub mod frame;
 pub mod hello;
 mod numbers;
+pub mod panel;
 pub mod recording;
 pub mod rig;
 pub mod scenario;
@@ -24,7 +25,7 @@ pub struct Target {
 }
 
 /// Every way in.
-pub const ALL: [Target; 7] = [
+pub const ALL: [Target; 8] = [
     Target {
         name: "scenario",
         run: scenario::run,
@@ -52,6 +53,10 @@ pub const ALL: [Target; 7] = [
     Target {
         name: "session",
         run: session::run,
+    },
+    Target {
+        name: "panel",
+        run: panel::run,
     },
 ];
 

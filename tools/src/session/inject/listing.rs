@@ -112,6 +112,11 @@ pub(super) fn list(arguments: &InjectArguments) -> Result<String, RequestError> 
     })
 }
 
+/// Faults of a session, for a machine.
+pub(super) fn of(possible: &Possible) -> serde_json::Value {
+    serde_json::json!(Listing::of(possible, None).faults)
+}
+
 fn listings(arguments: &InjectArguments) -> Result<Vec<Listing>, RequestError> {
     let wants_binary = arguments.plant_bin.is_some() || arguments.model.is_some();
     let running = session::list().map_err(Failure::infrastructure)?;

@@ -21,7 +21,7 @@ const FAULTS: Duration = Duration::from_secs(1);
 /// Limit for the answer to a regular request.
 const SHORT_LIMIT: Duration = Duration::from_secs(2);
 /// Limit for the answer to a person: longer than the plant waits for its own loop.
-const LIMIT: Duration = Duration::from_secs(20);
+pub(crate) const LIMIT: Duration = Duration::from_secs(20);
 
 /// The thread as its owner sees it.
 pub(crate) struct Asking {
@@ -70,7 +70,8 @@ impl Thread {
             }
             match asked.recv_timeout(STATUS) {
                 Ok(request) => {
-                    if answer.send(self.meet(&request)).is_err() {
+                    let told = met(&self.session, &self.model, &request);
+                    if answer.send(told.unwrap_or_else(|told| told)).is_err() {
                         return;
                     }
                     faults_at = Instant::now();
@@ -103,25 +104,37 @@ impl Thread {
     fn short(&self, request: &Request) -> Result<Response, LiveError> {
         live::ask(&self.session, request, SHORT_LIMIT)
     }
+}
 
-    /// Asks what a person asks for, and tells the answer in one line.
-    fn meet(&self, request: &Request) -> String {
-        let answered = live::ask(&self.session, request, LIMIT);
-        let told = match answered {
-            Ok(Response::Refused { problems }) => refused_text(&problems),
-            Ok(Response::Status(status)) => {
-                let told = clock::describe(&status);
-                self.model.lock().hear_status(status);
-                told
-            }
-            Ok(response) => match inject::describe(&response) {
-                Ok(told) => told,
-                Err(RequestError::Failed(failure)) => failure.to_string(),
-                Err(RequestError::Refused(problems)) => refused_text(&problems),
-            },
-            Err(error) => format!("error: {error}"),
-        };
-        let lines: Vec<&str> = told.lines().map(str::trim).collect();
-        lines.join("; ")
-    }
+/// Asks what a person asks for, and tells the answer in one line.
+///
+/// # Errors
+/// Reason for which it was not done.
+pub(crate) fn met(
+    session: &SessionInfo,
+    model: &SharedModel,
+    request: &Request,
+) -> Result<String, String> {
+    let told = match live::ask(session, request, LIMIT) {
+        Ok(Response::Refused { problems }) => Err(refused_text(&problems)),
+        Ok(Response::Status(status)) => {
+            let told = clock::describe(&status);
+            model.lock().hear_status(status);
+            Ok(told)
+        }
+        Ok(Response::Marked { step, at_s }) => Ok(format!("marked step {step} ({at_s} s)")),
+        Ok(response) => inject::describe(&response).map_err(|error| match error {
+            RequestError::Failed(failure) => failure.to_string(),
+            RequestError::Refused(problems) => refused_text(&problems),
+        }),
+        Err(error) => Err(format!("error: {error}")),
+    };
+    told.map(|told| in_one_line(&told))
+        .map_err(|told| in_one_line(&told))
+}
+
+/// Puts lines behind each other.
+pub(crate) fn in_one_line(told: &str) -> String {
+    let lines: Vec<&str> = told.lines().map(str::trim).collect();
+    lines.join("; ")
 }

@@ -155,6 +155,32 @@ impl History {
         }
         found
     }
+
+    /// The extremes in `count` stretches of `2^shift` steps each, from the one with number `first` on; `None` where
+    /// there was no value or it is too old. Exact: stretches begin where bins do.
+    pub(crate) fn stretches(
+        &self,
+        first: u64,
+        count: u64,
+        shift: u32,
+    ) -> impl Iterator<Item = Option<Range>> + '_ {
+        let level = (shift / SHIFT).min(LEVELS as u32 - 1);
+        let rest = shift - SHIFT * level;
+        let bins = &self.levels[level as usize];
+        (first..first.saturating_add(count)).map(move |stretch| {
+            let closed = (stretch << rest..(stretch + 1) << rest)
+                .map(|number| &bins[(number % BINS) as usize])
+                .zip(stretch << rest..)
+                .filter(|(bin, number)| bin.number == *number)
+                .map(|(bin, _)| bin.range);
+            // What is not closed yet is in no coarser level.
+            let open = (0..=level).zip(&self.open).filter_map(|(level, open)| {
+                let open = open.as_ref()?;
+                ((open.number << (SHIFT * level)) >> shift == stretch).then_some(open.range)
+            });
+            closed.chain(open).reduce(Range::and)
+        })
+    }
 }
 
 #[cfg(test)]
@@ -194,6 +220,36 @@ mod tests {
             let steps = 2000 + 20 * column as u64..2020 + 20 * column as u64;
             let expected = steps.map(|step| Range::of(value(step)));
             assert_eq!(*range, expected.reduce(Range::and), "column {column}");
+        }
+    }
+
+    #[test]
+    fn a_stretch_has_exactly_the_extremes_of_its_steps() {
+        let value = |step: u64| ((step * 7919) % 1009) as f64;
+        let mut history = History::default();
+        for last in 0..40_000 {
+            history.take(last, value(last));
+            // At ends of every kind.
+            if last % 997 != 0 && last != 39_999 {
+                continue;
+            }
+            for shift in [0, 1, 3, 4, 6, 8] {
+                let newest = last >> shift;
+                let first = newest.saturating_sub(700);
+                let found: Vec<_> = history
+                    .stretches(first, newest - first + 2, shift)
+                    .collect();
+                for (stretch, range) in (first..).zip(&found) {
+                    let steps = stretch << shift..(stretch + 1) << shift;
+                    let there = steps.filter(|step| *step <= last);
+                    let expected = there.map(|step| Range::of(value(step)));
+                    assert_eq!(
+                        *range,
+                        expected.reduce(Range::and),
+                        "{last} {shift} {stretch}"
+                    );
+                }
+            }
         }
     }
 

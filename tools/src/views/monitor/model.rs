@@ -3,11 +3,13 @@
 //! Drawn by the [view](super::view), told in one line by the [line](super::line). Knows no terminal and
 //! asks nobody.
 
+use std::collections::VecDeque;
 use std::path::PathBuf;
 
 use hil_config::evaluation::Evaluation;
 use hil_config::expression::Columns;
 use hil_config::plan::Plan;
+use serde::Serialize;
 use shared_types::live::{FaultState, Status};
 use shared_types::record::{Change, Event, Outcome, RecordLayout, Validity};
 use shared_types::time::{Rate, Step};
@@ -61,6 +63,16 @@ struct Trace {
     history: History,
 }
 
+/// Something that happened at a step and that a plot marks.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct Note {
+    step: u64,
+    text: String,
+}
+
+/// Most notes that are kept, the newest ones.
+const NOTES: usize = 200;
+
 /// The watched session.
 pub(crate) struct Model {
     /// Name of the session.
@@ -89,6 +101,7 @@ pub(crate) struct Model {
     faults: Vec<FaultState>,
     judged: Judged,
     note: Option<String>,
+    notes: VecDeque<Note>,
     ending: Option<Ending>,
 }
 
@@ -121,6 +134,7 @@ impl Model {
             faults: Vec::new(),
             judged: Judged::Unknown,
             note: None,
+            notes: VecDeque::new(),
             ending: None,
         }
     }
@@ -213,6 +227,9 @@ impl Model {
                     }
                     Change::Joined { law } => {
                         let told = format!("controller {epoch} ({law}) from step {step}");
+                        if epoch > 1 {
+                            self.keep_note(step, format!("controller {epoch} ({law})"));
+                        }
                         self.law = law;
                         told
                     }
@@ -228,9 +245,17 @@ impl Model {
             Event::Mark(mark) => {
                 let (step, at_s) = (mark.step, at(mark.step));
                 self.note = Some(format!("mark at step {step} ({at_s} s): {}", mark.text));
+                self.keep_note(step, mark.text);
             }
             Event::Accepted(_) => {}
         }
+    }
+
+    fn keep_note(&mut self, step: u64, text: String) {
+        if self.notes.len() == NOTES {
+            self.notes.pop_front();
+        }
+        self.notes.push_back(Note { step, text });
     }
 
     /// Takes the status that the plant reports.
@@ -377,6 +402,19 @@ impl Model {
         self.trace(signal).map(|trace| &trace.history)
     }
 
+    /// Every signal that is drawn, with its place among the columns.
+    pub(crate) fn drawn(&self) -> impl Iterator<Item = (usize, &Column)> + '_ {
+        let traces = self.traces.iter();
+        traces.map(|trace| (trace.column, &self.columns[trace.column]))
+    }
+
+    /// Newest value and history of every signal that is drawn, in the order of [`drawn`](Self::drawn).
+    pub(crate) fn histories(&self) -> impl Iterator<Item = (f64, &History)> + '_ {
+        self.traces
+            .iter()
+            .map(|trace| (trace.value, &trace.history))
+    }
+
     fn trace(&self, signal: usize) -> Option<&Trace> {
         self.traces.iter().find(|trace| trace.column == signal)
     }
@@ -397,6 +435,11 @@ impl Model {
     #[must_use]
     pub(crate) const fn judged(&self) -> &Judged {
         &self.judged
+    }
+
+    /// Marks, and other controllers that took over.
+    pub(crate) fn notes(&self) -> impl Iterator<Item = &Note> + '_ {
+        self.notes.iter()
     }
 
     /// The last thing that happened.

@@ -3,11 +3,12 @@
 
 use glob::Pattern;
 use hil_config::plan::Plan;
+use serde::Serialize;
 
 use crate::terminal::exit::Failure;
 use crate::views::plots::bounds::Bound;
 use crate::views::plots::signal::{labels, recorded_name};
-use crate::views::plots::{self, Choice, Subject, by_unit, choose};
+use crate::views::plots::{self, Choice, Limit, Subject, by_unit, choose};
 use hil_recording::reader::Column;
 use shared_types::table::near;
 
@@ -15,7 +16,7 @@ use shared_types::table::near;
 const MOST: usize = 32;
 
 /// Signals that are drawn over each other.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct Plot {
     /// Heading.
     pub title: String,
@@ -25,6 +26,12 @@ pub(crate) struct Plot {
     pub labels: Vec<String>,
     /// Places of the signals among the columns.
     pub signals: Vec<usize>,
+    /// Logarithmic vertical axis, for magnitudes.
+    pub log: bool,
+    /// Level lines.
+    pub lines: Vec<f64>,
+    /// Levels of requirements.
+    pub limits: Vec<Limit>,
 }
 
 impl Plot {
@@ -36,6 +43,9 @@ impl Plot {
             unit: plot.unit.clone(),
             labels: labels(plot),
             signals: plot.signals.iter().filter_map(place).collect(),
+            log: plot.log,
+            lines: plot.lines.clone(),
+            limits: plot.limits.clone(),
         }
     }
 }

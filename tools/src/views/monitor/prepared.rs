@@ -71,7 +71,10 @@ pub(crate) fn all(
 }
 
 /// The signals of a session, which it tells when both sides are there.
-fn layout(session: &SessionInfo) -> Result<RecordLayout, RequestError> {
+///
+/// # Errors
+/// If the session ends before that.
+pub(crate) fn layout(session: &SessionInfo) -> Result<RecordLayout, RequestError> {
     let since = Instant::now();
     loop {
         if let Ok(layout) = session.read_file(LAYOUT_FILE) {
@@ -88,7 +91,11 @@ fn layout(session: &SessionInfo) -> Result<RecordLayout, RequestError> {
     }
 }
 
-fn one(
+/// Prepares a fault from its words.
+///
+/// # Errors
+/// Everything that is wrong with them.
+pub(crate) fn one(
     text: &str,
     possible: &Possible,
     plan: &Plan,

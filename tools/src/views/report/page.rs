@@ -9,8 +9,8 @@ use super::run::{Run, Span};
 use super::tables;
 use crate::terminal::exit::Failure;
 
-const UPLOT: &str = include_str!("assets/uplot/uPlot.iife.min.js");
-const UPLOT_STYLE: &str = include_str!("assets/uplot/uPlot.min.css");
+pub(crate) const UPLOT: &str = include_str!("assets/uplot/uPlot.iife.min.js");
+pub(crate) const UPLOT_STYLE: &str = include_str!("assets/uplot/uPlot.min.css");
 const SCRIPT: &str = include_str!("assets/report.js");
 const STYLE: &str = include_str!("assets/report.css");
 /// Nothing is loaded, nothing is sent.

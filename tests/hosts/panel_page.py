@@ -1,0 +1,322 @@
+"""Uses the panel of a session in Chromium, one play for each test, and tells what came of it.
+
+    python3 tests/hosts/panel_page.py PLAY URL [CHROMIUM]
+
+Needs playwright. Prints JSON: what the page showed, and under `wrong` every error, warning, refused load and request
+to anywhere else, which must be none. A play may end with `go` on standard output and wait for a line: then the test
+does something to the session.
+"""
+
+import json
+import sys
+import time
+from urllib.parse import urlsplit
+
+from playwright.sync_api import sync_playwright
+
+CATCH = """window.wrong = [];
+addEventListener('securitypolicyviolation', (event) => wrong.push('blocked ' + event.violatedDirective + ' ' + event.blockedURI));
+addEventListener('unhandledrejection', (event) => wrong.push(String(event.reason)));"""
+OVERFLOW = "() => document.documentElement.scrollWidth - innerWidth"
+# Of each plot in sight: pixels in the colour of each curve.
+INK = """() => [...document.querySelectorAll('figure.plot')].filter((figure) => figure.querySelector('canvas') && figure.getBoundingClientRect().top < innerHeight).map((figure) => {
+  const canvas = figure.querySelector('canvas');
+  const pixels = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+  const colours = [...figure.querySelectorAll('.legend line')].map((line) => getComputedStyle(line).stroke.match(/[\\d.]+/g).map(Number));
+  const ink = colours.map(() => 0);
+  for (let at = 0; at < pixels.length; at += 4) colours.forEach(([r, g, b], i) => {
+    if (pixels[at + 3] > 150 && Math.abs(pixels[at] - r) + Math.abs(pixels[at + 1] - g) + Math.abs(pixels[at + 2] - b) < 60) ink[i]++;
+  });
+  return ink;
+})"""
+
+
+class Desk:
+    """One browser with its pages."""
+
+    def __init__(self, browser, url):
+        self.browser, self.url, self.wrong = browser, url, []
+
+    def open(self, url=None, **options):
+        options.setdefault("viewport", {"width": 1280, "height": 900})
+        page = self.browser.new_context(**options).new_page()
+        page.set_default_timeout(100_000)
+        page.on("console", lambda message: self.wrong.append(message.text) if message.type in ("error", "warning") else None)
+        page.on("pageerror", lambda error: self.wrong.append(str(error)))
+        home = urlsplit(self.url).netloc
+        page.on("request", lambda request: self.wrong.append(request.url) if urlsplit(request.url).netloc not in (home, "") else None)
+        page.add_init_script(CATCH)
+        page.goto(url or self.url)
+        return page
+
+    def close(self, page):
+        self.wrong.extend(page.evaluate("wrong"))
+        page.close()
+
+
+def wait(page, expression, arg=None):
+    """Waits for something to be so; from outside, because the page's policy allows no texts as code."""
+    since = time.monotonic()
+    while not page.evaluate(expression, arg):
+        if time.monotonic() - since > 100:
+            raise TimeoutError(f"{expression} {arg}; log: {page.inner_text('#log')}; trouble: {page.inner_text('#trouble')}; state: {page.inner_text('#state')}")
+        page.wait_for_timeout(30)
+    return True
+
+
+def attached(page):
+    page.wait_for_selector("figure.plot canvas")
+    wait(page, "document.documentElement.dataset.points > 0")
+    page.wait_for_selector("#inject-box:not([hidden])")
+
+
+def says(page, text):
+    """Waits for a line of the log."""
+    wait(page, "(text) => document.getElementById('log').textContent.includes(text)", text)
+
+
+def state(page, name):
+    wait(page, "(name) => document.documentElement.dataset.state === name", name)
+
+
+def go():
+    print("go", flush=True)
+    sys.stdin.readline()
+
+
+def controls(desk):
+    """Every control by pointer: step, mark, fault by form, its end, pause and resume, window, theme, legend."""
+    page = desk.open()
+    attached(page)
+    state(page, "paused")
+    page.click("#step")
+    says(page, "paused before step 2501")
+    page.click("#steps")
+    says(page, "paused before step 2601")
+    page.fill("#mark", "<b>felt & heard</b>")
+    page.click("#mark-form button")
+    says(page, "marked step 2601")
+    page.select_option("#kind", "bias")
+    page.select_option("#target", "measured.position_m")
+    usual = page.input_value("#p-bias")
+    page.fill("#p-bias", "-0.001")
+    words = page.inner_text("#words")
+    page.click("#inject button[type=submit]")
+    says(page, "fault 1 bias takes hold at step 2601")
+    page.fill("#p-bias", "lots")
+    page.click("#inject button[type=submit]")
+    says(page, "`lots` is no number")
+    page.click("#buttons button")
+    says(page, "fault 2 dropout takes hold at step 2601")
+    page.click("#steps")
+    page.wait_for_selector("#faults li[data-state=active]")
+    marked = wait(page, "document.getElementById('log').textContent.includes('<b>felt & heard</b>')")
+    page.click("#faults li[data-state=active] button")
+    says(page, "ends: step 2701 is the first without it")
+    page.click("#step")
+    wait(page, "document.querySelectorAll('#faults li[data-state=active]').length === 0")
+    page.select_option("#window", label="1 s")
+    wait(page, "document.documentElement.dataset.newest === '2701'")
+    page.click("#theme")
+    theme = page.evaluate("document.documentElement.dataset.theme")
+    page.click(".legend button")
+    pressed = page.get_attribute(".legend button", "aria-pressed")
+    page.click("#pause")
+    state(page, "running")
+    page.click("#pause")
+    state(page, "paused")
+    held = page.inner_text("#time")
+    page.wait_for_timeout(300)
+    still = page.inner_text("#time")
+    faults = page.inner_text("#faults")
+    page.click("#pause")
+    state(page, "ended")
+    wait(page, "document.getElementById('state').textContent.startsWith('ended: ') && !document.getElementById('state').textContent.includes('completed')")
+    page.wait_for_timeout(300)
+    told = {
+        "usual": usual, "words": words, "marked": bool(marked), "theme": theme, "pressed": pressed, "held": held == still, "faults": faults,
+        "state": page.inner_text("#state"), "trouble": page.inner_text("#trouble"), "requirements": page.inner_text("#requirements"),
+        "ink": page.evaluate(INK), "bold": page.locator("b").count(), "readings": page.inner_text("#readings"),
+    }
+    desk.close(page)
+    return told
+
+
+def keyboard(desk):
+    """Everything without a pointer."""
+    page = desk.open()
+    attached(page)
+    state(page, "paused")
+    press = page.keyboard.press
+    press("s")
+    says(page, "paused before step 2501")
+    press("Shift+S")
+    says(page, "paused before step 2601")
+    press("m")
+    page.keyboard.type("by keys")
+    press("Enter")
+    says(page, "marked step 2601")
+    press("Escape")
+    before = page.input_value("#window")
+    press("-")
+    wider = page.input_value("#window")
+    press("+")
+    press("+")
+    narrower = page.input_value("#window")
+    press("1")
+    says(page, "fault 1 dropout takes hold")
+    press("f")
+    page.keyboard.type("stuck")  # a list goes to what is typed
+    focused = page.evaluate("document.activeElement.id")
+    # From the list on to the button that puts it in.
+    for _ in range(12):
+        press("Tab")
+        if page.evaluate("document.activeElement.textContent") == "Inject":
+            break
+    press("Enter")
+    says(page, "fault 2 stuck takes hold")
+    # Every control can be reached, in an order, and shows that it has the focus.
+    page.evaluate("document.activeElement.blur()")
+    reached, outlined = [], True
+    for _ in range(60):
+        press("Tab")
+        name = page.evaluate("document.activeElement.id || document.activeElement.textContent.slice(0, 20)")
+        if name in reached[:1]:
+            break
+        reached.append(name)
+        outlined = outlined and page.evaluate("document.activeElement === document.body || getComputedStyle(document.activeElement).outlineStyle !== 'none'")
+    page.evaluate("document.activeElement.blur()")
+    press(" ")
+    state(page, "running")
+    told = {"window": [float(before), float(wider), float(narrower)], "focused": focused, "reached": reached, "outlined": outlined}
+    desk.close(page)
+    return told
+
+
+def looks(desk):
+    """A phone and a desk, light and dark, large text."""
+    told = {}
+    for name, width, scheme in [("desk-light", 1280, "light"), ("desk-dark", 1280, "dark"), ("phone-light", 360, "light"), ("phone-dark", 360, "dark")]:
+        page = desk.open(viewport={"width": width, "height": 780}, color_scheme=scheme)
+        attached(page)
+        state(page, "paused")
+        page.wait_for_timeout(400)
+        told[name] = {
+            "theme": page.evaluate("document.documentElement.dataset.theme"), "overflow": page.evaluate(OVERFLOW), "ink": page.evaluate(INK),
+            "small": page.evaluate("[...document.querySelectorAll('button, input, select')].filter((one) => one.offsetParent && !one.closest('.legend') && one.getBoundingClientRect().height < 24).map((one) => one.id || one.textContent)"),
+        }
+        if len(sys.argv) > 4:
+            page.screenshot(path=f"{sys.argv[4]}/{name}.png", full_page=True)
+        desk.close(page)
+    return told
+
+
+def several(desk):
+    """Two browsers: what one does the other shows."""
+    one, other = desk.open(), desk.open(color_scheme="dark")
+    for page in (one, other):
+        attached(page)
+        state(page, "paused")
+    one.click("#step")
+    wait(other, "document.getElementById('time').textContent.includes('step 2501')")
+    other.select_option("#kind", "dropout")
+    other.click("#inject button[type=submit]")
+    says(other, "fault 1 dropout takes hold at step 2501")
+    one.wait_for_selector("#faults li")
+    other.fill("#mark", "from the other")
+    other.keyboard.press("Enter")
+    one.click("#step")
+    says(one, "from the other")
+    told = {"one": one.inner_text("#faults"), "newest": [page.evaluate("document.documentElement.dataset.newest") for page in (one, other)]}
+    for page in (one, other):
+        desk.close(page)
+    return told
+
+
+def reconnect(desk):
+    """A connection that is cut comes back, so does a page that is loaded anew, with what was before."""
+    page = desk.open()
+    attached(page)
+    page.evaluate("document.documentElement.dataset.points = '0'")
+    go()  # the test cuts every connection
+    wait(page, "document.documentElement.dataset.connection === 'open' && document.documentElement.dataset.points > 0")
+    cut = page.evaluate(INK)
+    page.click("#step")
+    says(page, "paused before step 2501")
+    page.reload()
+    attached(page)
+    wait(page, "document.documentElement.dataset.newest === '2500'")
+    page.wait_for_timeout(300)
+    told = {"cut": cut, "loaded": page.evaluate(INK), "state": page.inner_text("#state"), "url": page.url}
+    desk.wrong.clear()  # a browser says on its console that a connection broke
+    page.close()
+    return told
+
+
+def strangers(desk):
+    """Pages without the secret, with a wrong one, of another origin, and in a frame."""
+    bare = urlsplit(desk.url)
+    home = f"{bare.scheme}://{bare.netloc}/"
+    told = {}
+    for name, url in [("none", home), ("false", home + "#" + "0" * 32)]:
+        page = desk.open(url)
+        wait(page, "!document.getElementById('trouble').hidden")
+        told[name] = page.inner_text("#trouble")
+        told[name + "-plots"] = page.locator("figure.plot").count()
+        page.close()
+    page = desk.browser.new_context().new_page()
+    page.goto("data:text/html,<iframe></iframe>")
+    told["foreign"] = page.evaluate(
+        """(home) => new Promise((done) => {
+          const socket = new WebSocket(home.replace('http', 'ws') + 'live');
+          socket.onopen = () => done('open'); socket.onerror = () => done('refused');
+        })""", home)
+    page.evaluate("(home) => { document.querySelector('iframe').src = home; }", home)
+    page.wait_for_timeout(500)
+    told["framed"] = page.evaluate("() => { try { return document.querySelector('iframe').contentDocument ? 'shown' : 'refused'; } catch { return 'refused'; } }")
+    told["frames"] = [frame.url for frame in page.frames[1:]]
+    page.close()
+    desk.wrong.clear()  # refusals are on the console
+    return told
+
+
+def pace(desk):
+    """Time that the script takes for a frame, and bytes that it is sent, for some seconds."""
+    page = desk.open(viewport={"width": 1400, "height": 1500})
+    received = {"bytes": 0, "messages": 0}
+
+    def took(payload):
+        received["bytes"] += len(payload)
+        received["messages"] += 1
+
+    page.on("websocket", lambda socket: socket.on("framereceived", took))
+    page.reload()
+    attached(page)
+    first = page.evaluate("performance.now()")
+    page.wait_for_timeout(1000)
+    before = dict(received)
+    page.evaluate("performance.clearMeasures('frame')")
+    page.wait_for_timeout(5000)
+    frames = page.evaluate("performance.getEntriesByName('frame').map((one) => one.duration)")
+    told = {
+        "frame_ms": sorted(frames), "bytes_per_s": (received["bytes"] - before["bytes"]) / 5, "messages_per_s": (received["messages"] - before["messages"]) / 5,
+        "first_ms": first, "curves": page.evaluate("[...document.querySelectorAll('.legend button')].filter((one) => one.getBoundingClientRect().top < innerHeight).length"),
+    }
+    page.close()
+    return told
+
+
+PLAYS = {play.__name__: play for play in (controls, keyboard, looks, several, reconnect, strangers, pace)}
+
+
+def main(play, url, chromium="/usr/bin/chromium"):
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"])
+        desk = Desk(browser, url)
+        told = PLAYS[play](desk)
+        browser.close()
+    print(json.dumps({**told, "wrong": desk.wrong}))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:4])

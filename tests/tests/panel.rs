@@ -1,0 +1,267 @@
+//! `hil panel`: what a browser shows and does, what nobody else gets, and a run that does not notice.
+//!
+//! The browser is a headless Chromium, driven by `tests/hosts/panel_page.py`; without one, or without playwright,
+//! its tests say so and pass, unless `HIL_TEST_CHROMIUM=1` demands it. Everybody else speaks over a bare socket.
+
+mod browser;
+mod intruders;
+mod stream;
+
+use std::ffi::OsStr;
+use std::io::{BufRead, BufReader, Read};
+use std::process::{Child, ChildStderr, ChildStdout, Command, Stdio};
+
+use rustix::process::Signal;
+use serde_json::Value;
+
+use crate::support::harness::{Rig, send, until};
+use crate::support::programs::{program, workspace};
+
+const SCENARIO: &str = "scenarios/spring-mass.toml";
+
+/// A panel of the session of a test.
+struct Panel {
+    process: Child,
+    stdout: BufReader<ChildStdout>,
+    url: String,
+}
+
+impl Panel {
+    fn start(rig: &Rig, arguments: &[&str]) -> Self {
+        let mut hil = Command::new(program("hil"));
+        hil.arg("panel")
+            .args(["--session", rig.session(), "--json", "--no-open"]);
+        hil.args(arguments);
+        Self::of(hil)
+    }
+
+    /// A panel that tells its address as JSON.
+    fn of(mut hil: Command) -> Self {
+        hil.current_dir(workspace()).stdin(Stdio::null());
+        let mut process = hil.stdout(Stdio::piped()).spawn().expect("hil");
+        let mut stdout = BufReader::new(process.stdout.take().expect("piped"));
+        let mut told = String::new();
+        stdout.read_line(&mut told).expect("it tells where");
+        let told: Value = serde_json::from_str(&told).unwrap_or_else(|e| panic!("{e}: {told}"));
+        let url = told["url"].as_str().expect("an address").to_owned();
+        Self {
+            process,
+            stdout,
+            url,
+        }
+    }
+
+    fn address(&self) -> &str {
+        let (address, _) = parts(&self.url);
+        address
+    }
+
+    fn secret(&self) -> &str {
+        let (_, secret) = parts(&self.url);
+        secret
+    }
+
+    /// Ends it as a terminal does; its exit code.
+    fn interrupt(mut self) -> Option<i32> {
+        send(self.process.id(), Signal::INT);
+        self.wait()
+    }
+
+    fn wait(&mut self) -> Option<i32> {
+        let mut status = None;
+        until("the panel ends", || {
+            status = self.process.try_wait().expect("our child");
+            status.is_some()
+        });
+        status.and_then(|status| status.code())
+    }
+}
+
+impl Drop for Panel {
+    fn drop(&mut self) {
+        let _ = self.process.kill(); // it may have ended by itself
+        let _ = self.process.wait();
+    }
+}
+
+/// Address and secret of a page.
+fn parts(url: &str) -> (&str, &str) {
+    let rest = url.strip_prefix("http://").expect("an address");
+    rest.split_once("/#").expect("a secret")
+}
+
+#[test]
+fn a_panel_beside_a_run_ends_with_it_and_no_sooner() {
+    let rig = Rig::new();
+    let (mut run, mut stderr) = with_panel(&rig, &["--pause-at", "0.5"]);
+    let url = told_url(&mut stderr);
+    let mut client = stream::Client::greeted(&url);
+    client.until(|told| told["state"] == "paused");
+    rig.beside(&["resume", "--session", rig.session()])
+        .expect(0);
+    let told = client.until(|told| told["ending"]["verdict"] == "pass");
+    assert!(
+        told["told"].as_str().expect("text").contains("5000 steps"),
+        "{told}"
+    );
+    client.until(|told| told["tell"] == "over");
+    assert_eq!(ended(&mut run), Some(0));
+    rig.assert_nothing_left();
+}
+
+#[test]
+fn a_run_with_a_panel_that_is_interrupted_leaves_nothing() {
+    let rig = Rig::new();
+    let (mut run, mut stderr) = with_panel(&rig, &["--pause-at", "0.5"]);
+    let url = told_url(&mut stderr);
+    let mut client = stream::Client::greeted(&url);
+    client.until(|told| told["state"] == "paused");
+    // The panel is in the group of the run, which a terminal interrupts as a whole.
+    let group = rustix::process::Pid::from_raw(run.id() as i32).expect("a process");
+    rustix::process::kill_process_group(group, Signal::INT).expect("it is there");
+    client.until(|told| told["state"] == "ended");
+    assert_eq!(ended(&mut run), Some(130));
+    let address = parts(&url).0.to_owned();
+    until("nobody listens any more", || {
+        std::net::TcpStream::connect(&address).is_err()
+    });
+    rig.assert_nothing_left();
+}
+
+/// A run with its panel, in a process group of its own.
+fn with_panel(rig: &Rig, arguments: &[&str]) -> (Child, BufReader<ChildStderr>) {
+    use std::os::unix::process::CommandExt;
+    let mut hil = Command::new(program("hil"));
+    hil.args([
+        "run",
+        SCENARIO,
+        "--panel",
+        "--no-open",
+        "--wait-limit",
+        "60",
+    ]);
+    hil.args(["--session", rig.session(), "--out"])
+        .arg(rig.path("run"));
+    hil.args(arguments)
+        .current_dir(workspace())
+        .process_group(0);
+    hil.stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped());
+    let mut run = hil.spawn().expect("hil");
+    let stderr = BufReader::new(run.stderr.take().expect("piped"));
+    (run, stderr)
+}
+
+/// The address in what a run tells; the rest is read on, so that nobody waits for it.
+fn told_url(stderr: &mut BufReader<ChildStderr>) -> String {
+    let mut line = String::new();
+    loop {
+        line.clear();
+        let count = stderr.read_line(&mut line).expect("text");
+        assert!(count > 0, "the run ended without an address");
+        if let Some(url) = line.trim_end().strip_prefix("panel: ") {
+            return url.to_owned();
+        }
+    }
+}
+
+fn ended(run: &mut Child) -> Option<i32> {
+    let mut status = None;
+    until("the run ends", || {
+        status = run.try_wait().expect("our child");
+        status.is_some()
+    });
+    status.and_then(|status| status.code())
+}
+
+#[test]
+fn the_opener_gets_a_file_of_its_user_and_no_argument_has_the_secret() {
+    let rig = Rig::new();
+    let run = rig.held();
+    let told = rig.path("told");
+    let opener = format!(
+        "#!/bin/sh\n{{ stat -c %a \"$1\"; echo \"$#\"; cat \"$1\"; }} > {0}.part; mv {0}.part {0}\n",
+        told.display()
+    );
+    rig.script("xdg-open", &opener);
+    let mut path = rig.path("").into_os_string();
+    path.push(":");
+    path.push(std::env::var_os("PATH").unwrap_or_default());
+    let mut hil = Command::new(program("hil"));
+    hil.args(["panel", "--session", rig.session(), "--json"]);
+    hil.env("PATH", path).env("DISPLAY", ":0");
+    let panel = Panel::of(hil);
+    until("the opener was called", || told.exists());
+    let told = std::fs::read_to_string(&told).expect("text");
+    assert!(told.starts_with("600\n1\n"), "{told}");
+    assert!(told.contains(&format!("url={}", panel.url)), "{told}");
+    assert_eq!(panel.secret().len(), 32);
+    for process in std::fs::read_dir("/proc").expect("/proc").flatten() {
+        let line = std::fs::read(process.path().join("cmdline")).unwrap_or_default();
+        let line = String::from_utf8_lossy(&line);
+        assert!(!line.contains(panel.secret()), "{line}");
+    }
+    assert_eq!(panel.interrupt(), Some(130));
+    rig.beside(&["resume", "--session", rig.session()])
+        .expect(0);
+    let run = run.finish().expect(0);
+    let log = std::fs::read_dir(&run.folder)
+        .expect("the run's folder")
+        .flatten();
+    let is_text = |name: &OsStr| name != "run.mcap";
+    for file in log.filter(|file| is_text(&file.file_name())) {
+        let text = std::fs::read_to_string(file.path()).unwrap_or_default();
+        assert!(!text.contains("/#"), "{}", file.path().display());
+    }
+}
+
+#[test]
+fn what_cannot_be_shown_is_refused_before_anything_starts() {
+    let rig = Rig::new();
+    rig.hil(&["panel", "--session", rig.session()])
+        .expect(2)
+        .says(&["no session `", "is running"]);
+    for (more, told) in [
+        (&["--link", "in-process"][..], "--panel needs two processes"),
+        (&["--repeat", "2"], "--panel shows a single run"),
+        (&[SCENARIO], "--panel shows a single run"),
+    ] {
+        rig.hil(&[&["run", SCENARIO, "--panel"], more].concat())
+            .expect(2)
+            .says(&[told]);
+    }
+    let run = rig.held();
+    let at = ["panel", "--session", rig.session(), "--no-open"];
+    rig.beside(&[&at[..], &["--signal", "truth.nothing"]].concat())
+        .expect(2)
+        .says(&["the session has no signal"]);
+    rig.beside(&[&at[..], &["--inject", "leek"]].concat())
+        .expect(2)
+        .says(&["--inject 'leek'"]);
+    rig.beside(&["resume", "--session", rig.session()])
+        .expect(0);
+    run.finish().expect(0);
+}
+
+#[test]
+fn a_panel_tells_the_end_and_stays_for_a_page_that_comes_late() {
+    let rig = Rig::new();
+    let run = rig.held();
+    let mut panel = Panel::start(&rig, &[]);
+    rig.beside(&["resume", "--session", rig.session()])
+        .expect(0);
+    run.finish().expect(0);
+    // Only now, and it has all that was.
+    let mut client = stream::Client::greeted(&panel.url);
+    let told = client.until(|told| told["ending"]["verdict"] == "pass");
+    assert_eq!(told["state"], "ended");
+    client.look(1, 5.0);
+    let points = client.until_points(|points| points.view == 1);
+    assert_eq!(points.newest, 5000);
+    drop(client);
+    assert_eq!(panel.wait(), Some(0), "some seconds after the last page");
+    let mut rest = String::new();
+    panel.stdout.read_to_string(&mut rest).expect("text");
+    assert_eq!(rest, "", "as JSON it is told in the messages alone");
+}

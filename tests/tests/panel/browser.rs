@@ -1,0 +1,370 @@
+//! The page in a headless Chromium: every control used, and its effect seen in the session.
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{Shutdown, TcpListener, TcpStream};
+use std::process::{Child, ChildStdout, Command, Stdio};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use serde_json::{Value, json};
+
+use super::stream::until_held;
+use super::{Panel, SCENARIO};
+use crate::support::harness::{Rig, Running, until};
+use crate::support::programs::{skip, workspace};
+use crate::support::python::python;
+
+const DROPOUT: &str = "dropout measured.position_m --duration 0.05";
+
+/// A play of the browser.
+struct Play {
+    process: Child,
+    stdout: BufReader<ChildStdout>,
+}
+
+impl Play {
+    fn start(name: &str, url: &str) -> Option<Self> {
+        let chromium = ["/usr/bin/chromium", "/usr/bin/chromium-browser"]
+            .into_iter()
+            .find(|path| std::path::Path::new(path).exists());
+        let Some((python, chromium)) = python("playwright.sync_api").zip(chromium) else {
+            skip(
+                name,
+                "python3 with playwright, or chromium, is missing",
+                "HIL_TEST_CHROMIUM",
+            );
+            return None;
+        };
+        let mut play = Command::new(python);
+        play.arg(workspace().join("tests/hosts/panel_page.py"));
+        play.args([name, url, chromium])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped());
+        let mut process = play.spawn().expect("python");
+        let stdout = BufReader::new(process.stdout.take().expect("piped"));
+        Some(Self { process, stdout })
+    }
+
+    /// Waits until the play has something done, and tells it that it was.
+    fn at_go(&mut self, does: impl FnOnce()) {
+        let mut line = String::new();
+        self.stdout.read_line(&mut line).expect("text");
+        assert_eq!(line, "go\n");
+        does();
+        let stdin = self.process.stdin.as_mut().expect("piped");
+        stdin.write_all(b"on\n").expect("it listens");
+    }
+
+    /// What came of it, which no browser had a word against.
+    fn told(mut self) -> Value {
+        let mut told = String::new();
+        self.stdout.read_to_string(&mut told).expect("text");
+        let status = self.process.wait().expect("our child");
+        assert!(status.success(), "{told}");
+        let told: Value = serde_json::from_str(&told).unwrap_or_else(|e| panic!("{e}: {told}"));
+        assert_eq!(told["wrong"], json!([]), "{told}");
+        told
+    }
+}
+
+impl Drop for Play {
+    fn drop(&mut self) {
+        let _ = self.process.kill(); // it may have ended by itself
+        let _ = self.process.wait();
+    }
+}
+
+/// A run that is held before step 2500, with a panel that has seen it from its begin.
+fn begun<'r>(rig: &'r Rig, pace: &str, arguments: &[&str]) -> (Running<'r>, Panel) {
+    let run = rig.start(&format!(
+        "{SCENARIO} {pace} --pause-at 0.001 --wait-limit 60"
+    ));
+    until_held(rig);
+    let panel = Panel::start(rig, arguments);
+    let session = ["--session", rig.session()];
+    rig.beside(&[&["step", "2499"][..], &session].concat())
+        .expect(0);
+    until("the run is held again", || {
+        let told = rig.beside(&[&["inject", "--active"][..], &session].concat());
+        told.stdout.contains("paused before step 2500")
+    });
+    (run, panel)
+}
+
+/// Fails unless every curve of every plot in sight has ink.
+fn assert_drawn(ink: &Value) {
+    let plots = ink.as_array().expect("plots");
+    assert!(!plots.is_empty());
+    for curves in plots {
+        let curves = curves.as_array().expect("curves");
+        // One may lie nearly all beneath another.
+        let has = |least: u64| {
+            curves
+                .iter()
+                .filter(|ink| ink.as_u64() > Some(least))
+                .count()
+        };
+        assert!(has(40) > 0 && has(3) == curves.len(), "{ink}");
+    }
+}
+
+fn number(text: &str) -> f64 {
+    text.parse()
+        .unwrap_or_else(|error| panic!("{error}: {text}"))
+}
+
+#[test]
+fn every_control_does_in_the_session_what_it_says() {
+    let rig = Rig::new();
+    let (run, panel) = begun(&rig, "--pace 0.2", &["--inject", DROPOUT]);
+    let Some(play) = Play::start("controls", &panel.url) else {
+        return;
+    };
+    let told = play.told();
+    let run = run.finish();
+    let summary = run.summary();
+    let faults = summary["faults"].as_array().expect("faults");
+    let effects = faults.iter().map(|fault| {
+        let effect = &fault["effects"][0];
+        json!([
+            fault["kind"],
+            fault["effective_step"],
+            effect["target"],
+            effect["max_effect"],
+            effect["ended_step"]
+        ])
+    });
+    // The bias was ended before step 2701, the prepared dropout ended by itself after 50 ms.
+    let bias = effects
+        .clone()
+        .find(|effect| effect[0] == "bias")
+        .expect("the bias");
+    let size = bias[3].as_f64().expect("a size");
+    assert!((size - 0.001).abs() < 1e-12, "{bias}");
+    assert_eq!(
+        [&bias[1], &bias[2], &bias[4]],
+        [&json!(2601), &json!("measured.position_m"), &json!(2701)]
+    );
+    let dropout = effects
+        .clone()
+        .find(|effect| effect[0] == "dropout")
+        .expect("the dropout");
+    assert_eq!([&dropout[1], &dropout[4]], [&json!(2601), &json!(2651)]);
+    assert_eq!(faults.len(), 2, "the wrong number was refused");
+    assert_eq!(
+        summary["marks"],
+        json!([{ "step": 2601, "text": "<b>felt & heard</b>", "at_s": 2.601 }])
+    );
+    assert_eq!(told["bold"], 0, "texts stay texts");
+    assert_eq!(told["held"], true);
+    assert_eq!(
+        (&told["pressed"], &told["theme"]),
+        (&json!("false"), &json!("dark"))
+    );
+    assert_eq!(told["words"], "bias measured.position_m --bias=-0.001");
+    // A tenth of what the position has been, which is near 1 cm, in one digit.
+    let usual = number(told["usual"].as_str().expect("text"));
+    assert!((5e-4..=2e-3).contains(&usual), "{usual}");
+    let verdict = summary["verdict"].as_str().expect("a verdict");
+    assert_eq!(told["state"], format!("ended: {verdict}"));
+    for part in ["spring-mass ended", "5000 steps"] {
+        assert!(
+            told["trouble"].as_str().expect("text").contains(part),
+            "{told}"
+        );
+    }
+    for requirement in summary["requirements"].as_array().expect("requirements") {
+        let name = requirement["name"].as_str().expect("a name");
+        assert!(
+            told["requirements"].as_str().expect("text").contains(name),
+            "{told}"
+        );
+    }
+    assert!(
+        told["readings"]
+            .as_str()
+            .expect("text")
+            .contains("truth.position_m")
+    );
+    assert_drawn(&told["ink"]);
+    drop(panel);
+}
+
+#[test]
+fn everything_can_be_done_without_a_pointer() {
+    let rig = Rig::new();
+    let (run, panel) = begun(&rig, "", &["--inject", DROPOUT]);
+    let Some(play) = Play::start("keyboard", &panel.url) else {
+        return;
+    };
+    let told = play.told();
+    let window: Vec<f64> = told["window"]
+        .as_array()
+        .expect("three")
+        .iter()
+        .filter_map(Value::as_f64)
+        .collect();
+    // The whole run is the longest there is.
+    assert!(
+        window[0] == window[1] && window[2] < window[0],
+        "{window:?}"
+    );
+    assert_eq!(
+        (&told["focused"], &told["outlined"]),
+        (&json!("kind"), &json!(true))
+    );
+    let reached = told["reached"].as_array().expect("controls");
+    for control in [
+        "pause", "step", "steps", "mark", "window", "theme", "kind", "target",
+    ] {
+        assert!(reached.contains(&json!(control)), "{control}: {reached:?}");
+    }
+    let run = run.finish();
+    let summary = run.summary();
+    assert_eq!(summary["marks"][0]["text"], "by keys");
+    let kinds: Vec<&Value> = (summary["faults"].as_array().expect("faults").iter())
+        .map(|fault| &fault["kind"])
+        .collect();
+    assert_eq!(kinds, ["dropout", "stuck"]);
+    drop(panel);
+}
+
+#[test]
+fn a_phone_and_a_desk_show_it_in_both_themes() {
+    let rig = Rig::new();
+    let (run, panel) = begun(&rig, "", &["--inject", DROPOUT]);
+    let Some(play) = Play::start("looks", &panel.url) else {
+        return;
+    };
+    let told = play.told();
+    for name in ["desk-light", "desk-dark", "phone-light", "phone-dark"] {
+        let told = &told[name];
+        assert_eq!(name.split_once('-').expect("a theme").1, told["theme"]);
+        assert!(told["overflow"].as_i64() <= Some(0), "{name}: {told}");
+        assert_eq!(told["small"], json!([]), "{name}: too small for a finger");
+        assert_drawn(&told["ink"]);
+    }
+    drop(panel);
+    rig.beside(&["resume", "--session", rig.session()])
+        .expect(0);
+    run.finish().expect(0);
+}
+
+#[test]
+fn two_browsers_show_what_each_other_does() {
+    let rig = Rig::new();
+    let (run, panel) = begun(&rig, "", &[]);
+    let Some(play) = Play::start("several", &panel.url) else {
+        return;
+    };
+    let told = play.told();
+    assert!(
+        told["one"].as_str().expect("text").contains("dropout"),
+        "{told}"
+    );
+    drop(panel);
+    rig.beside(&["resume", "--session", rig.session()])
+        .expect(0);
+    let summary = run.finish().summary();
+    assert_eq!(summary["marks"][0]["text"], "from the other");
+    assert_eq!(summary["faults"][0]["effective_step"], 2501);
+}
+
+/// A wire as `ssh -L` makes one: another port, and all connections can be cut.
+struct Wire {
+    port: u16,
+    ends: Arc<Mutex<Vec<TcpStream>>>,
+}
+
+impl Wire {
+    fn to(address: &str) -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+        let port = listener.local_addr().expect("an address").port();
+        let ends: Arc<Mutex<Vec<TcpStream>>> = Arc::default();
+        let (theirs, address) = (Arc::clone(&ends), address.to_owned());
+        // Ends with the tests.
+        std::thread::spawn(move || {
+            for near in listener.incoming().flatten() {
+                let Ok(far) = TcpStream::connect(&address) else {
+                    continue;
+                };
+                let both = || {
+                    [
+                        near.try_clone().expect("an end"),
+                        far.try_clone().expect("an end"),
+                    ]
+                };
+                theirs
+                    .lock()
+                    .unwrap_or_else(PoisonError::into_inner)
+                    .extend(both());
+                for [mut from, mut to] in [both(), {
+                    let [a, b] = both();
+                    [b, a]
+                }] {
+                    std::thread::spawn(move || {
+                        let _ = std::io::copy(&mut from, &mut to); // until it is cut
+                        let _ = to.shutdown(Shutdown::Both);
+                    });
+                }
+            }
+        });
+        Self { port, ends }
+    }
+
+    fn cut(&self) {
+        for end in self
+            .ends
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .drain(..)
+        {
+            let _ = end.shutdown(Shutdown::Both); // it may be closed
+        }
+    }
+}
+
+#[test]
+fn a_connection_over_another_port_that_is_cut_comes_back_with_what_was() {
+    let rig = Rig::new();
+    let (run, panel) = begun(&rig, "", &[]);
+    let wire = Wire::to(panel.address());
+    let url = format!("http://localhost:{}/#{}", wire.port, panel.secret());
+    let Some(mut play) = Play::start("reconnect", &url) else {
+        return;
+    };
+    play.at_go(|| wire.cut());
+    let told = play.told();
+    assert_drawn(&told["cut"]);
+    assert_drawn(&told["loaded"]);
+    assert_eq!(
+        (&told["state"], &told["url"]),
+        (&json!("paused"), &json!(url))
+    );
+    drop(panel);
+    rig.beside(&["resume", "--session", rig.session()])
+        .expect(0);
+    run.finish().expect(0);
+}
+
+#[test]
+fn a_browser_without_the_secret_and_a_page_of_elsewhere_get_nothing() {
+    let rig = Rig::new();
+    let (run, panel) = begun(&rig, "", &[]);
+    let Some(play) = Play::start("strangers", &panel.url) else {
+        return;
+    };
+    let told = play.told();
+    for (name, part) in [("none", "has no secret"), ("false", "the secret is wrong")] {
+        assert!(told[name].as_str().expect("text").contains(part), "{told}");
+        assert_eq!(told[format!("{name}-plots")], 0);
+    }
+    assert_eq!(
+        (&told["foreign"], &told["framed"]),
+        (&json!("refused"), &json!("refused")),
+        "{told}"
+    );
+    drop(panel);
+    rig.beside(&["resume", "--session", rig.session()])
+        .expect(0);
+    run.finish().expect(0);
+}

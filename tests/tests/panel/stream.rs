@@ -1,0 +1,318 @@
+//! What a page is sent, against the recording; and a page that takes nothing.
+
+use std::net::TcpStream;
+
+use serde_json::{Value, json};
+use tungstenite::handshake::client::generate_key;
+use tungstenite::http::Request;
+use tungstenite::{Message, WebSocket};
+
+use super::{Panel, SCENARIO, parts};
+use crate::support::harness::{Rig, WATCHDOG, until};
+use crate::support::mcap_reader::Recording;
+use crate::support::programs::workspace;
+
+/// Points of a message, read as the page reads them.
+pub(super) struct Points {
+    pub(super) view: u32,
+    pub(super) newest: u64,
+    first: u64,
+    /// Length of a stretch in steps.
+    length: u64,
+    /// Newest value and stretches of each signal.
+    signals: Vec<(f64, Vec<[f32; 2]>)>,
+}
+
+impl Points {
+    fn read(bytes: &[u8]) -> Self {
+        let word = |at: usize| <[u8; 8]>::try_from(&bytes[8 * at..8 * at + 8]).expect("8 bytes");
+        let float = |at: usize| f64::from_le_bytes(word(at));
+        let whole = |at: usize| float(at) as u64;
+        let kind = u64::from_le_bytes(word(0));
+        assert_eq!(kind & 0xff, 1, "points");
+        let (count, signals) = (whole(4) as usize, whole(6) as usize);
+        let ranges = &bytes[8 * (7 + signals)..];
+        assert_eq!(ranges.len(), 8 * signals * count, "nothing more");
+        let (halves, _) = ranges.as_chunks::<4>();
+        let halves: Vec<f32> = halves.iter().map(|one| f32::from_le_bytes(*one)).collect();
+        let (stretches, _) = halves.as_chunks::<2>();
+        let of = |signal: usize| stretches[signal * count..(signal + 1) * count].to_vec();
+        Self {
+            view: (kind >> 32) as u32,
+            newest: whole(2),
+            first: whole(3),
+            length: whole(5),
+            signals: (0..signals)
+                .map(|signal| (float(7 + signal), of(signal)))
+                .collect(),
+        }
+    }
+}
+
+/// A page without a browser.
+pub(super) struct Client {
+    socket: WebSocket<TcpStream>,
+}
+
+impl Client {
+    /// Connects as the page does.
+    pub(super) fn connected(url: &str) -> Self {
+        let (address, _) = parts(url);
+        let stream = TcpStream::connect(address).expect("it listens");
+        stream.set_read_timeout(Some(WATCHDOG)).expect("a limit");
+        let request = Request::builder()
+            .uri(format!("ws://{address}/live"))
+            .header("Host", address)
+            .header("Origin", format!("http://{address}"))
+            .header("Connection", "Upgrade")
+            .header("Upgrade", "websocket")
+            .header("Sec-WebSocket-Version", "13")
+            .header("Sec-WebSocket-Key", generate_key())
+            .body(());
+        let request = request.expect("a request");
+        let (socket, _) = tungstenite::client(request, stream).expect("a WebSocket");
+        Self { socket }
+    }
+
+    /// Connects and shows the secret.
+    pub(super) fn greeted(url: &str) -> Self {
+        let mut client = Self::connected(url);
+        let (_, secret) = parts(url);
+        client.say(&json!({ "secret": secret }));
+        client
+    }
+
+    pub(super) fn say(&mut self, message: &Value) {
+        let sent = self.socket.send(message.to_string().into());
+        sent.expect("it takes messages");
+    }
+
+    pub(super) fn do_it(&mut self, deed: &Value) {
+        self.say(&json!({ "ask": "do", "number": 1, "deed": deed }));
+    }
+
+    pub(super) fn look(&mut self, number: u32, window_s: f64) {
+        self.say(&json!({ "ask": "view", "number": number, "window_s": window_s }));
+    }
+
+    /// The next message; points are acknowledged.
+    fn next(&mut self) -> Result<Result<Value, Points>, tungstenite::Error> {
+        loop {
+            match self.socket.read()? {
+                Message::Text(text) => return Ok(Ok(serde_json::from_str(&text).expect("JSON"))),
+                Message::Binary(bytes) => {
+                    let number = u64::from_le_bytes(bytes[8..16].try_into().expect("8 bytes"));
+                    let _ = self.socket.send(
+                        json!({ "ask": "seen", "number": number })
+                            .to_string()
+                            .into(),
+                    );
+                    return Ok(Err(Points::read(&bytes)));
+                }
+                Message::Close(_) => return Err(tungstenite::Error::ConnectionClosed),
+                _ => {}
+            }
+        }
+    }
+
+    /// Reads on to a message of this kind.
+    pub(super) fn until(&mut self, is_it: impl Fn(&Value) -> bool) -> Value {
+        loop {
+            if let Ok(told) = self.next().expect("more is told")
+                && is_it(&told)
+            {
+                return told;
+            }
+        }
+    }
+
+    pub(super) fn until_points(&mut self, is_it: impl Fn(&Points) -> bool) -> Points {
+        loop {
+            if let Err(points) = self.next().expect("more is told")
+                && is_it(&points)
+            {
+                return points;
+            }
+        }
+    }
+
+    /// Waits until it is closed.
+    pub(super) fn until_closed(&mut self) -> Vec<Value> {
+        let mut told = Vec::new();
+        while let Ok(message) = self.next() {
+            told.extend(message.ok());
+        }
+        told
+    }
+}
+
+/// Place of a signal among those that are told.
+fn place(about: &Value, name: &str) -> usize {
+    let signals = about["signals"].as_array().expect("signals");
+    let place = signals.iter().position(|one| one["name"] == name);
+    place.unwrap_or_else(|| panic!("no {name} in {about}"))
+}
+
+#[test]
+fn points_have_the_least_and_the_greatest_value_of_all_their_records() {
+    let rig = Rig::new();
+    let scenario = std::fs::read_to_string(workspace().join(SCENARIO)).expect("a scenario");
+    let spike = "\n[[faults]]\nkind = \"spike\"\nat_s = 0.789\neffects = [{ target = \"measured.position_m\", amplitude = 0.5 }]\n";
+    let scenario = rig.write("spike.toml", &(scenario + spike));
+    let run = rig.start(&format!(
+        "{} --set requirements=[] --pause-at 0.001 --wait-limit 60",
+        scenario.display()
+    ));
+    until_held(&rig);
+    let names = ["truth.position_m", "measured.position_m", "command.force_n"];
+    let signals = names.map(|name| ["--signal", name]);
+    let mut panel = Panel::start(&rig, signals.as_flattened());
+    let mut client = Client::greeted(&panel.url);
+    let about = client.until(|told| told["tell"] == "about");
+    rig.beside(&["resume", "--session", rig.session()])
+        .expect(0);
+    client.until(|told| told["state"] == "ended");
+    // A window longer than all of it, one that is shorter, and every step of a short one.
+    let windows: Vec<Points> = [(1, 5.0), (2, 1.0), (3, 0.2)]
+        .into_iter()
+        .map(|(number, window_s)| {
+            client.look(number, window_s);
+            client.until_points(|points| points.view == number)
+        })
+        .collect();
+    let run = run.finish().expect(0);
+    drop(client);
+    assert_eq!(panel.wait(), Some(0));
+
+    let recording = Recording::open(&run.recording());
+    let records: Vec<_> = recording.records().collect();
+    assert_eq!(records.len(), 5001);
+    for points in &windows {
+        assert_eq!(points.newest, 5000);
+        for name in names {
+            let (newest, stretches) = &points.signals[place(&about, name)];
+            let value = |step: u64| recording.value(&records[step as usize], name);
+            assert!(
+                newest.to_bits() == value(5000).to_bits() || newest.is_nan(),
+                "{name}"
+            );
+            for (number, stretch) in (points.first..).zip(stretches) {
+                let steps = number * points.length..(number + 1) * points.length;
+                let there = steps.filter(|step| *step <= 5000).map(value);
+                let mut expected = [f64::NAN; 2];
+                for value in there.filter(|value| value.is_finite()) {
+                    if !(expected[0] <= value) {
+                        expected[0] = value;
+                    }
+                    if !(expected[1] >= value) {
+                        expected[1] = value;
+                    }
+                }
+                let found = stretch.map(f32::to_bits);
+                assert_eq!(
+                    found,
+                    expected.map(|one| (one as f32).to_bits()),
+                    "{name} {number}"
+                );
+            }
+        }
+    }
+    // The spike of one step of 5,001 is there, however many steps a stretch has.
+    let (_, stretches) = &windows[0].signals[place(&about, "measured.position_m")];
+    assert!(windows[0].length > 1 && stretches.iter().any(|[_, most]| *most > 0.4));
+}
+
+pub(super) fn until_held(rig: &Rig) {
+    until("the run is held", || {
+        let at = ["inject", "--active", "--json", "--session", rig.session()];
+        let told: Value = serde_json::from_str(&rig.beside(&at).stdout).unwrap_or_default();
+        told["status"]["paused"] == true
+    });
+}
+
+/// Memory of a process that is not shared, in KiB.
+fn memory_kib(pid: u32) -> u64 {
+    let status = std::fs::read_to_string(format!("/proc/{pid}/status")).expect("it lives");
+    let line = status.lines().find(|line| line.starts_with("RssAnon"));
+    let words = line.expect("a size").split_ascii_whitespace();
+    words
+        .clone()
+        .nth(1)
+        .and_then(|word| word.parse().ok())
+        .expect("a number")
+}
+
+#[test]
+fn a_page_that_takes_nothing_costs_nothing_and_is_not_told_old_things_later() {
+    let rig = Rig::new();
+    let alone = rig.run("tests/scenarios/leakage.toml").expect(0).digest();
+    // 20,000 steps at half of their speed, so that there is time for very many messages.
+    let run = rig.start("tests/scenarios/leakage.toml --pace 0.5 --pause-at 0.001 --wait-limit 60");
+    until_held(&rig);
+    let panel = Panel::start(&rig, &[]);
+    let mut client = Client::greeted(&panel.url);
+    client.until(|told| told["tell"] == "about");
+    client.look(1, 1.0);
+    let first = client.until_points(|points| points.view == 1);
+    assert!(first.newest < 20, "{}", first.newest);
+    let before_kib = memory_kib(panel.process.id());
+    rig.beside(&["resume", "--session", rig.session()])
+        .expect(0);
+    let run = run.finish().expect(0);
+    assert_eq!(run.digest(), alone);
+    let after_kib = memory_kib(panel.process.id());
+    assert!(
+        after_kib < before_kib + 4096,
+        "{before_kib} KiB grew to {after_kib} KiB"
+    );
+    // Three messages may have been under way; what follows them is what is newest.
+    let mut points = Vec::new();
+    let last = run.summary()["steps"].as_u64().expect("steps");
+    while points.last().is_none_or(|newest| *newest < last) {
+        points.push(client.until_points(|points| points.view == 1).newest);
+    }
+    assert!(points.len() <= 4, "{points:?}");
+    drop(client);
+}
+
+#[test]
+fn a_fault_by_words_is_checked_and_no_file_of_the_machine_is_read() {
+    let rig = Rig::new();
+    let run = rig.held();
+    let panel = Panel::start(&rig, &[]);
+    let mut client = Client::greeted(&panel.url);
+    client.until(|told| told["tell"] == "faults");
+    for (words, told) in [
+        ("bias measured.position_m --bias=x", "no number"),
+        ("leek", "no fault `leek`"),
+        ("--list", "a kind of fault"),
+        (
+            "bias measured.position_m --table=/etc/passwd",
+            "reads a file",
+        ),
+        (
+            "bias measured.position_m --tabl /etc/passwd",
+            "reads a file",
+        ),
+        ("bias measured.position_m 1 --session other", "--session"),
+        ("bias 'measured.position_m", "quote"),
+    ] {
+        client.do_it(&json!({ "deed": "inject", "words": words }));
+        let answer = client.until(|told| told["tell"] == "answer");
+        assert_eq!(answer["is_done"], false, "{words}: {answer}");
+        let text = answer["text"].as_str().expect("text");
+        assert!(text.contains(told), "{words}: {text}");
+    }
+    client.do_it(&json!({ "deed": "mark", "text": " " }));
+    let answer = client.until(|told| told["tell"] == "answer");
+    assert_eq!(answer["is_done"], false);
+    assert_eq!(panel.interrupt(), Some(130));
+    assert_eq!(
+        client.until_closed().last().expect("a word")["tell"],
+        "over"
+    );
+    rig.beside(&["resume", "--session", rig.session()])
+        .expect(0);
+    let run = run.finish().expect(0);
+    assert_eq!(run.summary()["faults"], json!([]));
+}

@@ -1,0 +1,809 @@
+"use strict";
+// The panel of a session. Points come as the least and the greatest value of equal stretches of time and are kept for
+// one window; everything else comes as JSON. Texts of a run are only ever set as text.
+(() => {
+  const root = document.documentElement;
+  const at = (id) => document.getElementById(id);
+  const svg = "http://www.w3.org/2000/svg";
+  const secret = location.hash.slice(1);
+
+  const make = (name, content, attributes = {}) => {
+    const element = document.createElement(name);
+    if (content !== undefined) element.append(content);
+    for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
+    return element;
+  };
+  const write = (element, text) => {
+    if (element.textContent !== text) element.textContent = text;
+  };
+
+  // A name that may break behind its parts.
+  const parted = (name) => {
+    const box = document.createDocumentFragment();
+    for (const part of name.split(/(?<=[._])/)) box.append(part, document.createElement("wbr"));
+    return box;
+  };
+
+  // ---- Numbers ----
+
+  const number = (value) => {
+    if (value === null || value === undefined || Number.isNaN(value)) return "–";
+    if (!Number.isFinite(value)) return value > 0 ? "inf" : "-inf";
+    const rounded = +value.toPrecision(5);
+    const size = Math.abs(rounded);
+    return rounded !== 0 && (size < 1e-3 || size >= 1e6) ? rounded.toExponential().replace("e+", "e") : String(rounded);
+  };
+  const shown = (value, unit) => number(value) + (unit && unit !== "1" ? " " + unit : "");
+  const seconds = (time) => String(+time.toFixed(4));
+  const decimals = (step) => {
+    let digits = 0;
+    while (digits < 9 && Math.abs(step * 10 ** digits - Math.round(step * 10 ** digits)) > 1e-6 * step * 10 ** digits) digits++;
+    return digits;
+  };
+  const ticks = (splits, step) => {
+    const most = Math.max(...splits.map((one) => Math.abs(one ?? 0)));
+    return splits.map((value) => {
+      if (value === null || value === undefined) return "";
+      if (value === 0) return "0";
+      if (most >= 1e-2 && most < 1e6) return value.toFixed(decimals(step || 1));
+      const power = Math.floor(Math.log10(Math.abs(value)));
+      return value.toExponential(decimals((step || most) / 10 ** power)).replace("e+", "e");
+    });
+  };
+  const powers = (min, max) => {
+    const first = Math.ceil(Math.log10(min) - 1e-9);
+    const last = Math.floor(Math.log10(max) + 1e-9);
+    const step = Math.max(1, Math.ceil((last - first) / 6));
+    return Array.from({ length: Math.max(0, Math.floor((last - first) / step) + 1) }, (_, i) => 10 ** (first + i * step));
+  };
+
+  // ---- Points ----
+
+  // More stretches than a window has.
+  const KEPT = 1024;
+  let about = null;
+  let state = null;
+  let signals = [];
+  let view = { number: 0, window_s: 5, length: 1, first: 0, last: -1, newest: -1 };
+
+  const forget = () => {
+    Object.assign(view, { first: 0, last: -1, newest: -1 });
+    for (const one of signals) {
+      one.least.fill(NaN);
+      one.greatest.fill(NaN);
+    }
+  };
+  const take = (buffer) => {
+    const words = new DataView(buffer);
+    if (words.getUint8(0) !== 1) return;
+    const points = words.getUint32(8, true);
+    ask({ ask: "seen", number: points });
+    const [newest, first, count, length, signalCount] = [0, 1, 2, 3, 4].map((i) => words.getFloat64(16 + 8 * i, true));
+    if (words.getUint32(4, true) !== view.number || signalCount !== signals.length) return;
+    const values = new Float64Array(buffer, 56, signalCount);
+    const ranges = new Float32Array(buffer, 56 + 8 * signalCount, 2 * signalCount * count);
+    const isNew = view.last < 0 || length !== view.length || first > view.last + KEPT;
+    if (isNew) {
+      forget();
+      view.first = first;
+    }
+    signals.forEach((one, place) => {
+      one.value = values[place];
+      for (let lost = view.last + 1; !isNew && lost < first; lost++) one.least[lost % KEPT] = one.greatest[lost % KEPT] = NaN;
+      for (let i = 0; i < count; i++) {
+        const slot = (first + i) % KEPT;
+        one.least[slot] = ranges[2 * (place * count + i)];
+        one.greatest[slot] = ranges[2 * (place * count + i) + 1];
+      }
+    });
+    Object.assign(view, { length, last: first + count - 1, newest });
+    view.first = Math.max(view.first, view.last - KEPT + 1);
+    root.dataset.points = String(points);
+    root.dataset.newest = String(newest);
+    drawSoon();
+  };
+
+  // ---- Colours ----
+
+  let ink = {};
+  const plots = [];
+  const setTheme = (isDark) => {
+    root.dataset.theme = isDark ? "dark" : "light";
+    write(at("theme"), isDark ? "Light" : "Dark");
+    at("theme").setAttribute("aria-pressed", String(isDark));
+    const style = getComputedStyle(root);
+    const of = (name) => style.getPropertyValue(name).trim();
+    ink = {
+      text: of("--soft"), grid: of("--grid"), fault: of("--fault"), edge: of("--fault-edge"), limit: of("--limit"),
+      series: Array.from({ length: 8 }, (_, i) => of("--c" + i)),
+    };
+    drawSoon();
+  };
+
+  // ---- Plots ----
+
+  const period = () => 1 / about.rate_hz;
+  // The time that is shown: the newest at its right end, from the begin of the run on.
+  const span = () => {
+    const end = Math.max(view.newest, 0) * period();
+    const from = Math.max(0, end - view.window_s);
+    return [from, from + view.window_s];
+  };
+  // The stretches in it.
+  const stretches = ([from, to]) => {
+    const length = view.length * period();
+    return [Math.max(view.first, Math.floor(from / length)), Math.min(view.last, Math.ceil(to / length))];
+  };
+
+  class Plot {
+    constructor(spec, parent) {
+      this.spec = spec;
+      this.range = null;
+      this.series = spec.signals.map((place, nth) => ({
+        signal: signals[place], isShown: true, colour: nth % 8, label: spec.labels[nth] || spec.title,
+        dash: /^(reference|stimulus)\./.test(signals[place].name) ? [8, 4] : [],
+      }));
+      const unit = spec.unit && spec.unit !== "1" ? ` [${spec.unit}]` : "";
+      this.figure = make("figure", make("figcaption", spec.title + unit), { class: "plot", role: "group", "aria-label": "Plot: " + spec.title });
+      this.box = make("div", undefined, { class: "canvas" });
+      this.legendBox = make("div", undefined, { class: "legend" });
+      this.figure.append(this.box, this.legendBox);
+      parent.append(this.figure);
+      this.legend();
+      this.isVisible = true;
+    }
+
+    create() {
+      const { spec } = this;
+      const axis = { stroke: () => ink.text, grid: { stroke: () => ink.grid, width: 1 }, ticks: { stroke: () => ink.grid, width: 1 }, font: "11px system-ui, sans-serif" };
+      this.plot = new uPlot({
+        width: Math.max(200, this.box.clientWidth), height: 190, legend: { show: false },
+        cursor: { sync: { key: "panel", setSeries: false }, drag: { x: false, y: false }, points: { show: false }, y: false },
+        scales: { x: { time: false, range: () => span() }, y: { distr: spec.log ? 3 : 1, range: () => this.range || [0, 1] } },
+        axes: [
+          { ...axis, size: 30, values: (u, splits, _i, _s, step) => ticks(splits, step).map((text, i) => (i === splits.length - 1 ? text + " s" : text)) },
+          { ...axis, size: 62, ...(spec.log ? { splits: (u, _i, min, max) => powers(min, max), filter: (u, splits) => splits, values: (u, splits) => splits.map((one) => one.toExponential(0).replace("e+", "e")) } : { values: (u, splits, _i, _s, step) => ticks(splits, step) }) },
+        ],
+        series: [{}, ...this.series.map((one, place) => ({
+          stroke: () => ink.series[one.colour], width: 1.25 + Math.min(2, 0.9 * (this.series.length - 1 - place)), dash: one.dash, points: { show: false },
+          paths: (u) => this.path(u, one),
+        }))],
+        hooks: { drawClear: [(u) => this.shade(u)], draw: [(u) => this.levels(u)], setCursor: [() => this.read()] },
+      }, [[], ...this.series.map(() => [])], this.box);
+    }
+
+    draw(times, blank, shownSpan, from, to) {
+      if (!this.isVisible) return;
+      if (!this.plot) this.create();
+      this.fit(shownSpan, from, to);
+      this.from = from;
+      this.to = to;
+      this.plot.setData([times, ...this.series.map(() => blank)], false);
+      this.plot.setScale("x", { min: shownSpan[0], max: shownSpan[1] });
+    }
+
+    // Follows what is to be seen: at once when it grows, when it has shrunk by much else.
+    fit(shownSpan, from, to) {
+      const { spec } = this;
+      let min = Infinity;
+      let max = -Infinity;
+      for (const { signal, isShown } of this.series) {
+        if (!isShown) continue;
+        for (let i = from; i <= to; i++) {
+          let low = signal.least[i % KEPT];
+          let high = signal.greatest[i % KEPT];
+          if (low !== low) continue;
+          if (spec.log) [low, high] = magnitudes(low, high);
+          if (low < min && Number.isFinite(low) && (low > 0 || !spec.log)) min = low;
+          if (high > max && Number.isFinite(high)) max = high;
+        }
+      }
+      if (min > max) {
+        this.range = this.range || (spec.log ? [0.1, 1] : [0, 1]);
+        return;
+      }
+      const levels = spec.lines.concat(spec.limits.filter((one) => one.from_s <= shownSpan[1] && one.until_s >= shownSpan[0]).map((one) => one.level));
+      if (spec.log) {
+        for (const level of levels) if (level > 0 && level < max * 100 && level > min / 100) [min, max] = [Math.min(min, level), Math.max(max, level)];
+        min = Math.max(min, max * 1e-24);
+        this.range = [10 ** Math.floor(Math.log10(min) - 0.05), 10 ** Math.ceil(Math.log10(max) + 0.05)];
+        return;
+      }
+      const size = Math.max(Math.abs(min), Math.abs(max));
+      if (max - min < 1e-9 * size) [min, max] = [min - 1e-9 * size, max + 1e-9 * size];
+      const height = max - min;
+      for (const level of levels) if (level < max + 4 * height && level > min - 4 * height) [min, max] = [Math.min(min, level), Math.max(max, level)];
+      const room = (max - min || Math.abs(max) || 1) * 0.08;
+      const [low, high] = this.range || [Infinity, -Infinity];
+      const holds = low <= min && high >= max && max - min > 0.55 * (high - low);
+      if (!holds) this.range = [min - room, max + room];
+    }
+
+    // Through the least and the greatest value of each stretch, the nearer one first.
+    path(u, { signal }) {
+      const stroke = new Path2D();
+      const { least, greatest } = signal;
+      const { left, top, width, height } = u.bbox;
+      const isLog = this.spec.log;
+      const [begin, end] = [u.scales.x.min, u.scales.x.max];
+      const [floor, ceiling] = isLog ? [Math.log10(u.scales.y.min), Math.log10(u.scales.y.max)] : [u.scales.y.min, u.scales.y.max];
+      const scaleX = width / (end - begin);
+      const scaleY = height / (ceiling - floor);
+      const room = ceiling - floor;
+      const y = (value) => {
+        const high = isLog ? Math.log10(Math.max(value, 1e-300)) : value;
+        return top + height - (Math.min(Math.max(high, floor - room), ceiling + room) - floor) * scaleY;
+      };
+      const step = period();
+      let isDown = false;
+      let last = 0;
+      for (let i = this.from; i <= this.to; i++) {
+        let low = least[i % KEPT];
+        let high = greatest[i % KEPT];
+        if (low !== low) {
+          isDown = false;
+          continue;
+        }
+        if (isLog) [low, high] = magnitudes(low, high);
+        const x = left + (i * view.length * step - begin) * scaleX;
+        const isRising = Math.abs(last - low) <= Math.abs(last - high);
+        const first = isRising ? low : high;
+        const second = isRising ? high : low;
+        if (isDown) stroke.lineTo(x, y(first));
+        else stroke.moveTo(x, y(first));
+        const until = Math.min((i + 1) * view.length - 1, view.newest);
+        if (first !== second) stroke.lineTo(left + (until * step - begin) * scaleX, y(second));
+        else if (!isDown) stroke.lineTo(x + 0.01, y(first));
+        isDown = true;
+        last = second;
+      }
+      return { stroke, fill: null, clip: null, band: null, gaps: null, flags: 0 };
+    }
+
+    // Times in which faults act, and notes.
+    shade(u) {
+      const { ctx } = u;
+      const { left, top, width, height } = u.bbox;
+      const ratio = devicePixelRatio;
+      ctx.save();
+      ctx.beginPath();
+      ctx.rect(left, top, width, height);
+      ctx.clip();
+      ctx.font = `${11 * ratio}px system-ui, sans-serif`;
+      ctx.textBaseline = "top";
+      ctx.textAlign = "left";
+      const boxes = [];
+      const line = 13 * ratio;
+      for (const { label, from_s, until_s, isFault } of happenings()) {
+        const from = u.valToPos(from_s, "x", true);
+        const to = until_s === null ? left + width : u.valToPos(until_s, "x", true);
+        if (to < left || from > left + width) continue;
+        if (isFault) {
+          ctx.fillStyle = ink.fault;
+          ctx.fillRect(from, top, Math.max(to - from, ratio), height);
+        }
+        ctx.fillStyle = isFault ? ink.edge : ink.text;
+        ctx.fillRect(from, top, ratio, height);
+        const wide = ctx.measureText(label).width;
+        const x = Math.max(left + 2 * ratio, Math.min(Math.max(from, left) + 4 * ratio, left + width - wide - 2 * ratio));
+        const row = [0, 1, 2, 3].find((row) => boxes.every((box) => box.row !== row || box.right < x || box.left > x + wide));
+        if (row === undefined) continue;
+        boxes.push({ row, left: x, right: x + wide + 6 * ratio });
+        ctx.fillText(label, x, top + 3 * ratio + row * line);
+      }
+      ctx.restore();
+    }
+
+    // Level lines and limits of requirements.
+    levels(u) {
+      const { ctx } = u;
+      const { left, top, width, height } = u.bbox;
+      const ratio = devicePixelRatio;
+      ctx.save();
+      ctx.beginPath();
+      ctx.rect(left, top, width, height);
+      ctx.clip();
+      ctx.lineWidth = 1.25 * ratio;
+      const rule = (level, from, to) => {
+        if (this.spec.log && level <= 0) return;
+        const y = u.valToPos(level, "y", true);
+        ctx.beginPath();
+        ctx.moveTo(from, y);
+        ctx.lineTo(to, y);
+        ctx.stroke();
+      };
+      ctx.strokeStyle = ink.text;
+      ctx.setLineDash([2 * ratio, 4 * ratio]);
+      for (const level of this.spec.lines) rule(level, left, left + width);
+      ctx.strokeStyle = ink.limit;
+      ctx.setLineDash([6 * ratio, 3 * ratio]);
+      for (const limit of this.spec.limits) {
+        rule(limit.level, Math.max(u.valToPos(limit.from_s, "x", true), left), Math.min(u.valToPos(limit.until_s, "x", true), left + width));
+      }
+      ctx.restore();
+    }
+
+    legend() {
+      for (const [index, one] of this.series.entries()) {
+        const button = make("button", undefined, { type: "button", "aria-pressed": "true", title: one.signal.name });
+        const line = document.createElementNS(svg, "svg");
+        line.setAttribute("width", "20");
+        line.setAttribute("height", "8");
+        const stroke = document.createElementNS(svg, "line");
+        for (const [name, value] of Object.entries({ x1: 0, y1: 4, x2: 20, y2: 4, "stroke-width": 2 })) stroke.setAttribute(name, value);
+        stroke.setAttribute("stroke-dasharray", one.dash.join(" "));
+        stroke.style.stroke = `var(--c${one.colour})`;
+        line.append(stroke);
+        one.shownValue = make("span", "", { class: "value" });
+        button.append(line, one.label + " ", one.shownValue);
+        button.addEventListener("click", () => {
+          one.isShown = !one.isShown;
+          button.setAttribute("aria-pressed", String(one.isShown));
+          if (this.plot) this.plot.setSeries(index + 1, { show: one.isShown });
+          drawSoon();
+        });
+        this.legendBox.append(button);
+      }
+    }
+
+    // The values at the cursor, or else the newest ones.
+    read() {
+      const idx = this.plot && this.plot.cursor.left >= 0 ? this.plot.cursor.idx : null;
+      for (const { signal, shownValue } of this.series) {
+        if (idx === null || idx === undefined) {
+          write(shownValue, shown(signal.value, this.spec.unit));
+          continue;
+        }
+        const slot = (this.from + idx) % KEPT;
+        const [low, high] = [signal.least[slot], signal.greatest[slot]];
+        write(shownValue, low === high || low !== low ? shown(low, this.spec.unit) : `${number(low)} to ${shown(high, this.spec.unit)}`);
+      }
+    }
+  }
+
+  const magnitudes = (low, high) => (low > 0 ? [low, high] : high < 0 ? [-high, -low] : [0, Math.max(-low, high)]);
+
+  // Faults and notes, with their times.
+  let happened = [];
+  const happenings = () => happened;
+  const note = () => {
+    const list = [];
+    for (const fault of state.faults) {
+      const begun = fault.effects.filter((one) => one.step !== null && one.step !== undefined);
+      if (!begun.length) continue;
+      const ends = begun.map((one) => one.ended_step);
+      list.push({
+        label: `fault ${fault.id} ${fault.kind}`, isFault: true,
+        from_s: Math.min(...begun.map((one) => one.step)) * period(),
+        until_s: ends.every((one) => one !== null && one !== undefined) ? Math.max(...ends) * period() : null,
+      });
+    }
+    for (const one of state.notes) list.push({ label: one.text.slice(0, 60), isFault: false, from_s: one.step * period(), until_s: one.step * period() });
+    happened = list;
+  };
+
+  let isDrawing = false;
+  let readAt = 0;
+  const drawSoon = () => {
+    if (isDrawing || !about) return;
+    isDrawing = true;
+    requestAnimationFrame(draw);
+  };
+  let frames = 0;
+  const draw = () => {
+    isDrawing = false;
+    const start = performance.now();
+    const shownSpan = span();
+    const [from, to] = stretches(shownSpan);
+    const count = Math.max(0, to - from + 1);
+    const length = view.length * period();
+    const times = new Float64Array(count);
+    for (let i = 0; i < count; i++) times[i] = (from + i) * length;
+    const blank = new Float64Array(count);
+    for (const plot of plots) plot.draw(times, blank, shownSpan, from, to);
+    if (start - readAt > 100) {
+      readAt = start;
+      for (const plot of plots) if (plot.isVisible) plot.read();
+      for (const { signal, box } of readings) write(box, shown(signal.value, signal.unit));
+      readLater();
+    }
+    // Behind what the plots put off to the end of this turn.
+    queueMicrotask(() => {
+      if (++frames % 300 === 0) performance.clearMeasures("frame");
+      performance.measure("frame", { start });
+      root.dataset.frames = String(frames);
+    });
+  };
+  // The last value of a run that stands still.
+  let later = 0;
+  const readLater = () => {
+    clearTimeout(later);
+    later = setTimeout(() => {
+      for (const plot of plots) if (plot.isVisible) plot.read();
+      for (const { signal, box } of readings) write(box, shown(signal.value, signal.unit));
+    }, 150);
+  };
+
+  // ---- The session ----
+
+  let readings = [];
+  const windows = [0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 60, 300, 1800];
+  const describe = (told) => {
+    about = told;
+    document.title = `${told.scenario}: hil panel`;
+    write(at("scenario"), told.scenario);
+    at("scenario").title = told.description;
+    const pace = told.pace === null ? "" : ` at ${number(told.pace)}`;
+    write(at("session"), `session ${told.session}, ${told.plant}, ${told.clock}${pace}`);
+    signals = told.signals.map((one) => ({ ...one, value: NaN, least: new Float32Array(KEPT).fill(NaN), greatest: new Float32Array(KEPT).fill(NaN) }));
+    view.window_s = Math.min(view.number === 0 ? told.window_s : view.window_s, told.duration_s);
+    const choices = [...new Set([...windows.filter((one) => one < told.duration_s && one > 3 * period()), Math.min(told.window_s, told.duration_s), told.duration_s])].sort((a, b) => a - b);
+    at("window").replaceChildren(...choices.map((one) => make("option", one === told.duration_s ? "whole run" : `${seconds(one)} s`, { value: String(one) })));
+    at("window").value = String(view.window_s);
+    for (const { figure } of plots.splice(0)) {
+      seen.unobserve(figure);
+      sized.unobserve(figure);
+    }
+    at("plots").replaceChildren();
+    for (const spec of told.plots) {
+      const plot = new Plot(spec, at("plots"));
+      plots.push(plot);
+      plot.figure.panelPlot = plot;
+      seen.observe(plot.figure);
+      sized.observe(plot.figure);
+    }
+    const first = told.readings ?? [...new Set(told.plots.flatMap((plot) => plot.signals))].slice(0, 8);
+    readings = first.map((place) => ({ signal: signals[place], box: make("dd", "") }));
+    at("readings").replaceChildren(...readings.flatMap(({ signal, box }) => [make("dt", parted(signal.name)), box]));
+    at("buttons").replaceChildren(...told.buttons.map((one) => {
+      const button = make("button", one.label, { type: "button", title: one.words });
+      button.addEventListener("click", () => act({ deed: "inject", words: one.words }));
+      return button;
+    }));
+    look();
+  };
+  const seen = new IntersectionObserver((entries) => {
+    for (const { target, isIntersecting } of entries) {
+      target.panelPlot.isVisible = isIntersecting;
+      if (isIntersecting) drawSoon();
+    }
+  }, { rootMargin: "100px" });
+  const sized = new ResizeObserver((entries) => {
+    for (const { target } of entries) {
+      const { plot, box } = target.panelPlot;
+      if (plot && Math.abs(plot.width - box.clientWidth) > 1) plot.setSize({ width: Math.max(200, box.clientWidth), height: 190 });
+    }
+  });
+
+  // Asks for the points of the window, from the begin.
+  const look = () => {
+    view.number = (view.number + 1) >>> 0;
+    forget();
+    ask({ ask: "view", number: view.number, window_s: view.window_s });
+    drawSoon();
+  };
+  const setWindow = (window_s) => {
+    view.window_s = window_s;
+    at("window").value = String(window_s);
+    look();
+  };
+
+  const tones = { pass: "good", running: "good", fail: "bad", aborted: "bad", undecided: "", paused: "" };
+  const badge = (element, text, tone) => {
+    write(element, text);
+    element.dataset.tone = tone ?? "";
+  };
+  const verdictOf = (ending) => ending.verdict ?? ending.outcome ?? "ended";
+  let shownRequirements = "";
+  const show = (told) => {
+    const before = state;
+    state = told;
+    root.dataset.state = told.state;
+    const { ending } = told;
+    if (ending) badge(at("state"), `ended: ${verdictOf(ending)}`, tones[ending.verdict] ?? "");
+    else badge(at("state"), told.hil_is_stopped ? "hil is stopped" : told.state, told.hil_is_stopped ? "bad" : tones[told.state]);
+    const time = told.time_s === null ? "" : `${seconds(told.time_s)} of ${seconds(told.steps / told.rate_hz)} s, step ${told.step}`;
+    write(at("time"), time);
+    at("progress").value = told.step === null ? 0 : told.step / told.steps;
+    const trip = told.round_trip_ns ? `, ${number(+(told.round_trip_ns.p50 / 1e3).toPrecision(3))} us round trip` : "";
+    const lost = told.lost > 0 ? `, ${told.lost} records not seen` : "";
+    write(at("speed"), ending ? "" : (told.realtime_factor ? `${number(+told.realtime_factor.toPrecision(3))}x real time${trip}` : "") + lost);
+    write(at("pause"), told.state === "paused" ? "Resume" : "Pause");
+    enable();
+    if (about) note();
+    requirements(told.requirements);
+    faults(told.faults);
+    if (told.note && told.note !== before?.note) log(told.note);
+    if (told.told && told.told !== before?.told) log(told.told, tones[ending.verdict]);
+    if (told.told) trouble(told.told, false);
+    drawSoon();
+  };
+  const requirements = (list) => {
+    const text = JSON.stringify(list);
+    if (text === shownRequirements) return;
+    shownRequirements = text;
+    at("requirements-box").hidden = !list?.length;
+    const rows = (list ?? []).map((one) => {
+      const verdict = make("span", one.verdict === "undecided" ? "open" : one.verdict, { class: "badge", "data-tone": tones[one.verdict] });
+      const margin = one.robustness !== null ? shown(one.robustness, one.unit)
+        : one.at_most !== null ? "≤ " + shown(one.at_most, one.unit)
+          : one.at_least !== null ? "≥ " + shown(one.at_least, one.unit) : "–";
+      const row = make("tr");
+      row.append(make("td", verdict), make("td", parted(one.name)), make("td", margin, { class: "n" }));
+      return row;
+    });
+    at("requirements").replaceChildren(...rows);
+  };
+  const faultRows = new Map();
+  const faults = (list) => {
+    for (const fault of list) {
+      let row = faultRows.get(fault.id);
+      if (!row) {
+        const says = make("div");
+        says.append(make("strong", `${fault.id} ${fault.kind}`), " ", make("span", "", { class: "badge" }), make("div", "", { class: "hint" }));
+        const end = make("button", "End", { type: "button", "aria-label": `End fault ${fault.id}` });
+        end.addEventListener("click", () => act({ deed: "clear", fault: fault.id }));
+        row = make("li");
+        row.append(says, end);
+        faultRows.set(fault.id, row);
+      }
+      row.dataset.state = fault.state;
+      badge(row.querySelector(".badge"), fault.state, fault.state === "active" ? "bad" : "");
+      const effects = fault.effects.map((one) => {
+        const since = one.step === null || one.step === undefined ? "" : ` since ${seconds(one.step / state.rate_hz)} s, at most ${shown(one.max_effect, one.unit)}`;
+        return one.target + since;
+      });
+      write(row.querySelector(".hint"), effects.join("; ") + (fault.waits_for ? `; waits for ${fault.waits_for}` : ""));
+      row.querySelector("button").hidden = fault.state === "ended" || Boolean(state.ending);
+    }
+    // The newest of those that act or wait first; those that ended last.
+    const order = list.slice().sort((a, b) => (a.state === "ended") - (b.state === "ended") || b.id - a.id);
+    const rows = order.map((fault) => faultRows.get(fault.id));
+    const box = at("faults");
+    if (rows.some((row, place) => box.children[place] !== row) || box.children.length !== rows.length) box.replaceChildren(...rows);
+    at("no-faults").hidden = list.length > 0;
+    at("clear-all").hidden = Boolean(state.ending) || list.filter((one) => one.state !== "ended").length < 2;
+  };
+  const log = (text, tone) => {
+    const row = make("li", text, { "data-tone": tone ?? "" });
+    at("log").prepend(row);
+    while (at("log").children.length > 100) at("log").lastChild.remove();
+    at("no-log").hidden = true;
+  };
+
+  // ---- Deeds ----
+
+  let deeds = 0;
+  const act = (deed) => {
+    ask({ ask: "do", number: ++deeds, deed });
+    return deeds;
+  };
+  const answered = ({ is_done, text }) => {
+    log(text, is_done ? "" : "bad");
+    write(at("status"), text);
+    root.dataset.answers = String(Number(root.dataset.answers ?? 0) + 1);
+  };
+  const pause = () => act({ deed: state?.state === "paused" ? "resume" : "pause" });
+  const step = (steps) => act({ deed: "step", steps });
+  at("pause").addEventListener("click", pause);
+  at("step").addEventListener("click", () => step(1));
+  at("steps").addEventListener("click", () => step(100));
+  at("mark-form").addEventListener("submit", (event) => {
+    event.preventDefault();
+    const text = at("mark").value.trim();
+    if (!text) return at("mark").focus();
+    act({ deed: "mark", text });
+    at("mark").value = "";
+  });
+  at("clear-all").addEventListener("click", () => act({ deed: "clear", fault: null }));
+  at("window").addEventListener("change", () => setWindow(Number(at("window").value)));
+  at("theme").addEventListener("click", () => setTheme(root.dataset.theme !== "dark"));
+
+  // ---- A fault of its own ----
+
+  const classes = { plant: "Plant", signal: "Signals", communication: "Link", timing: "Timing" };
+  let kinds = [];
+  const listFaults = (told) => {
+    kinds = told.faults;
+    at("inject-box").hidden = false;
+    const groups = Object.entries(classes).map(([name, title]) => {
+      const group = make("optgroup", undefined, { label: title });
+      group.append(...kinds.filter((one) => one.class === name).map((one) => make("option", one.kind, { value: one.kind })));
+      return group;
+    });
+    at("kind").replaceChildren(...groups.filter((group) => group.children.length));
+    const usual = kinds.find((one) => one.kind === "bias") ?? kinds[0];
+    if (usual) at("kind").value = usual.kind;
+    chooseKind();
+  };
+  const kindNow = () => kinds.find((one) => one.kind === at("kind").value);
+  // A number to begin with: the field's own, a tenth of what the target has been, a hundredth of what it may be.
+  const usual = (field, target) => {
+    if (field.default !== null && field.default !== undefined) return field.default;
+    const round = (value) => +value.toPrecision(1);
+    if (field.unit === "target") {
+      const name = target.replace(/^[^.]*\./, "");
+      let most = 0;
+      for (const one of signals) {
+        if (one.name.replace(/^[^.]*\./, "") !== name) continue;
+        for (let i = view.first; i <= view.last; i++) most = Math.max(most, Math.abs(one.least[i % KEPT]) || 0, Math.abs(one.greatest[i % KEPT]) || 0);
+      }
+      return most > 0 ? round(most / 10) : 0.1;
+    }
+    const bound = (value) => (Number.isFinite(value) ? value : null);
+    const [min, max] = [bound(field.min), bound(field.max)];
+    if (field.name.includes("factor")) return 0.5;
+    if (field.unit === "Hz") return 1;
+    if (field.unit === "s") return 0.1;
+    if (min !== null && min > 0) return min;
+    if (max === null) return 1;
+    return max === 1 ? 0.1 : round(max / 100);
+  };
+  const chooseKind = () => {
+    const kind = kindNow();
+    if (!kind) return;
+    write(at("kind-says"), kind.summary);
+    at("target-field").hidden = kind.targets.length < 2;
+    at("target").replaceChildren(...kind.targets.map((one) => make("option", one, { value: one })));
+    const field = (name, text, value, says, isNeeded) => {
+      const box = make("div", undefined, { class: "field" });
+      const input = make("input", undefined, { id: "p-" + name, name, value, autocomplete: "off", title: says, ...(isNeeded ? { required: "" } : {}) });
+      box.append(make("label", text, { for: "p-" + name }), input);
+      input.addEventListener("input", spell);
+      return box;
+    };
+    const target = kind.targets[0] ?? "";
+    const fields = kind.parameters.map((one) => {
+      const unit = one.unit === "target" || one.unit === "1" || !one.unit ? "" : ` [${one.unit}]`;
+      return field(one.name, one.name.replaceAll("_", " ") + unit, number(usual(one, target)), one.description, false);
+    });
+    if (kind.list) fields.push(field(kind.list.key, kind.list.key.replaceAll("_", " "), "", kind.list.description, false));
+    at("parameters").replaceChildren(...fields);
+    spell();
+  };
+  const quoted = (text) => (/^[\w.,:+\/-]+$/.test(text) ? text : `'${text.replaceAll("'", "'\\''")}'`);
+  const words = () => {
+    const kind = kindNow();
+    if (!kind) return "";
+    const target = kind.targets.length > 1 ? [at("target").value] : [];
+    const given = [...at("parameters").querySelectorAll("input")].filter((one) => one.value.trim() !== "").map((one) => [one.name, one.value.trim()]);
+    for (const name of ["duration", "ramp", "when"]) if (at(name).value.trim()) given.push([name, at(name).value.trim()]);
+    return [kind.kind, ...target, ...given.map(([name, value]) => `--${name}=${quoted(value)}`)].join(" ");
+  };
+  const spell = () => write(at("words"), words());
+  at("kind").addEventListener("change", chooseKind);
+  at("target").addEventListener("change", () => {
+    const kind = kindNow();
+    for (const one of kind.parameters) if (one.unit === "target") at("p-" + one.name).value = number(usual(one, at("target").value));
+    spell();
+  });
+  for (const name of ["duration", "ramp", "when"]) at(name).addEventListener("input", spell);
+  at("inject").addEventListener("submit", (event) => {
+    event.preventDefault();
+    act({ deed: "inject", words: words() });
+  });
+
+  // ---- Keys ----
+
+  addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented) return;
+    const { target } = event;
+    if (target.closest("input, select, textarea")) {
+      if (event.key === "Escape") target.blur();
+      return;
+    }
+    const widths = [...at("window").options].map((one) => Number(one.value));
+    const wider = (by) => {
+      const next = widths[widths.indexOf(view.window_s) + by];
+      if (next) setWindow(next);
+    };
+    const keys = {
+      " ": () => !target.closest("button, summary, a") && (pause(), true),
+      s: () => step(1), S: () => step(100), m: () => (at("mark").focus(), true), f: () => (at("kind").focus(), true),
+      "+": () => wider(-1), "=": () => wider(-1), "-": () => wider(1),
+    };
+    const button = /^[1-9]$/.test(event.key) ? at("buttons").children[Number(event.key) - 1] : null;
+    const does = button ? () => (button.click(), true) : keys[event.key];
+    if (does && does() !== false) event.preventDefault();
+  });
+
+  // ---- The connection ----
+
+  let socket = null;
+  let heardAt = 0;
+  let attempt = 0;
+  let retry = 0;
+  let isOver = false;
+  const isOpen = () => socket?.readyState === WebSocket.OPEN;
+  const ask = (message) => {
+    if (isOpen()) socket.send(JSON.stringify(message));
+  };
+  const trouble = (text, mayRetry) => {
+    const box = at("trouble");
+    box.hidden = !text;
+    if (box.firstChild?.textContent === text) return;
+    box.replaceChildren(make("span", text + " "));
+    if (!mayRetry) return;
+    const again = make("button", "Connect again", { type: "button" });
+    again.addEventListener("click", () => {
+      isOver = false;
+      connect();
+    });
+    box.append(again);
+  };
+  const enable = () => {
+    const isUsable = isOpen() && state && !state.ending && state.state !== "starting";
+    for (const button of document.querySelectorAll("#pause, #step, #steps, #mark-form button, #inject button, #buttons button, #faults button, #clear-all")) button.disabled = !isUsable;
+  };
+  const lost = () => {
+    socket = null;
+    enable();
+    root.dataset.connection = "lost";
+    if (isOver || state?.ending?.verdict) return;
+    badge(at("state"), "disconnected", "bad");
+    trouble("The connection to the panel is lost; trying again.", true);
+    clearTimeout(retry);
+    retry = setTimeout(connect, Math.min(5000, 250 * 2 ** attempt++));
+  };
+  const connect = () => {
+    clearTimeout(retry);
+    if (!/^[0-9a-f]{32}$/.test(secret)) {
+      badge(at("state"), "no secret", "bad");
+      return trouble("This address has no secret: open the whole address that hil panel printed.", false);
+    }
+    if (socket) {
+      socket.onclose = socket.onmessage = socket.onopen = null;
+      socket.close();
+    }
+    const mine = new WebSocket(`ws://${location.host}/live`);
+    socket = mine;
+    heardAt = Date.now();
+    mine.binaryType = "arraybuffer";
+    mine.onopen = () => {
+      mine.send(JSON.stringify({ secret }));
+      if (about) look();
+    };
+    mine.onmessage = ({ data }) => {
+      heardAt = Date.now();
+      if (typeof data !== "string") return take(data);
+      const told = JSON.parse(data);
+      if (root.dataset.connection !== "open" && told.tell !== "over") {
+        root.dataset.connection = "open";
+        attempt = 0;
+        trouble("", false);
+      }
+      if (told.tell === "about") describe(told);
+      else if (told.tell === "faults") listFaults(told);
+      else if (told.tell === "state") show(told);
+      else if (told.tell === "answer") answered(told);
+      else if (told.tell === "over") {
+        isOver = true;
+        root.dataset.over = told.text;
+        if (!state?.ending) {
+          badge(at("state"), "closed", "bad");
+          trouble(`${told.text}.`, true);
+        }
+      }
+      enable();
+    };
+    mine.onclose = lost;
+  };
+  // A lid that was closed, or a network that went: the old connection may never say so.
+  const check = () => {
+    if (isOver || state?.ending?.verdict) return;
+    if (!socket || Date.now() - heardAt > 12000) connect();
+  };
+  setInterval(check, 2000);
+  addEventListener("online", check);
+  document.addEventListener("visibilitychange", () => {
+    if (document.visibilityState === "visible") {
+      check();
+      drawSoon();
+    }
+  });
+
+  const wantsDark = matchMedia("(prefers-color-scheme: dark)");
+  setTheme(wantsDark.matches);
+  wantsDark.addEventListener("change", (event) => setTheme(event.matches));
+  connect();
+})();
