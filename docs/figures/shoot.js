@@ -8,6 +8,12 @@
 //   hil report runs/s2-pid runs/s2-nrsc runs/s2-ftsc -o s2.html
 //   hil report runs/s1-ftsc -o one.html
 //   npm install playwright-core && node docs/figures/shoot.js s1.html s2.html one.html
+//
+// That of the panel, of a run that is held behind its fault:
+//
+//   hil run scenarios/severe-leakage.toml --pace 1 --pause-at 0.001 --session demo &
+//   hil panel --session demo --no-open --json > panel.json & hil step 83000 --session demo
+//   PANEL=$(jq -r .url panel.json) node docs/figures/shoot.js
 "use strict";
 const path = require("path");
 const { chromium } = require("playwright-core");
@@ -17,6 +23,14 @@ const drawn = () => document.querySelectorAll("[data-drawn]").length === documen
 
 (async () => {
   const browser = await chromium.launch({ executablePath: process.env.CHROMIUM || "/usr/bin/chromium", args: ["--no-sandbox", "--disable-gpu"] });
+  if (process.env.PANEL) {
+    const tab = await browser.newPage({ viewport: { width: 1400, height: 860 }, colorScheme: "light" });
+    await tab.goto(process.env.PANEL);
+    await tab.waitForSelector("html[data-state=paused] figure.plot canvas");
+    await tab.waitForTimeout(1000);
+    await tab.screenshot({ path: path.join(__dirname, "panel-light.png") });
+    return browser.close();
+  }
   const open = async (page, theme, height) => {
     const tab = await browser.newPage({ viewport: { width: 1000, height }, colorScheme: theme });
     await tab.goto(page);

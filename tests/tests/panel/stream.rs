@@ -199,15 +199,10 @@ fn points_have_the_least_and_the_greatest_value_of_all_their_records() {
             for (number, stretch) in (points.first..).zip(stretches) {
                 let steps = number * points.length..(number + 1) * points.length;
                 let there = steps.filter(|step| *step <= 5000).map(value);
-                let mut expected = [f64::NAN; 2];
-                for value in there.filter(|value| value.is_finite()) {
-                    if !(expected[0] <= value) {
-                        expected[0] = value;
-                    }
-                    if !(expected[1] >= value) {
-                        expected[1] = value;
-                    }
-                }
+                let there: Vec<f64> = there.filter(|value| value.is_finite()).collect();
+                let least = there.iter().copied().min_by(f64::total_cmp);
+                let greatest = there.iter().copied().max_by(f64::total_cmp);
+                let expected = [least, greatest].map(|one| one.unwrap_or(f64::NAN));
                 let found = stretch.map(f32::to_bits);
                 assert_eq!(
                     found,
