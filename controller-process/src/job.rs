@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use shared_types::checkpoint::Checkpoints;
+use shared_types::connection::Connection;
 use shared_types::describe::{PROTOCOL, Settings};
 use shared_types::realtime;
 use shared_types::table::number;
@@ -19,7 +20,7 @@ pub struct Job {
     pub session: u64,
     /// Number of this controller in the session, from 1.
     pub epoch: u32,
-    /// Name of the plant, which chooses among laws of one name.
+    /// Name of the plant that the law is made for, which chooses among laws of one name.
     pub plant: String,
     /// Name of the law.
     pub law: String,
@@ -27,6 +28,9 @@ pub struct Job {
     pub parameters: Settings,
     /// Model that the law has of the plant.
     pub model: Settings,
+    /// Signals of the law that are bound under other names and units.
+    #[serde(default)]
+    pub connections: Vec<Connection>,
     /// Exchange rate.
     pub rate: Rate,
     /// The law runs at every n-th sample and holds its command between.
@@ -63,6 +67,7 @@ impl Job {
             law: law.into(),
             parameters: Settings::default(),
             model: Settings::default(),
+            connections: Vec::new(),
             rate,
             rate_divisor: 1,
             command_delay_steps: 0,

@@ -1,13 +1,14 @@
 //! The runner: the controller's main loop.
 //!
 //! It joins a law with the controller's side of the lockstep protocol: binds the law's signals to
-//! the sample's by name, runs the law at its own rate, delays its command by a step if that is
+//! the sample's by name, converts those that are connected under another unit, runs the law at its own rate, delays its command by a step if that is
 //! asked for, and answers every sample. Like the plant's engine it never blocks.
 
 use serde::{Deserialize, Serialize};
 use shared_types::checkpoint::{Saves, Side};
 use shared_types::clock::monotonic_ns;
-use shared_types::describe::{Invalid, PROTOCOL};
+use shared_types::connection::{conversions, renamed};
+use shared_types::describe::Invalid;
 use shared_types::directive::{Answered, Directive};
 use shared_types::failure::Failure;
 use shared_types::frame::{FrameKind, Header};
@@ -19,6 +20,7 @@ use shared_types::surroundings::ThreadSampler;
 use shared_types::table::Field;
 use shared_types::text;
 use shared_types::time::Step;
+use shared_types::units::Conversion;
 use shared_types::wait::Sleeper;
 
 use crate::controller::{Law, LawKind, Row, Start};
@@ -88,6 +90,7 @@ struct Bound {
     /// Place of each measured signal of the law in the sample.
     measured_places: Vec<usize>,
     reference_places: Vec<usize>,
+    converted: Converted,
     sample: Vec<f64>,
     measured: Vec<f64>,
     reference: Vec<f64>,
@@ -109,6 +112,14 @@ struct Bound {
     sampler: ThreadSampler,
     /// Time of the last answer in ns; before the first answer, time at which this [`Bound`] was made.
     sent_ns: u64,
+}
+
+/// The signals of each row of the law whose values are converted, by place.
+#[derive(Clone, Debug)]
+struct Converted {
+    measured: Vec<(usize, Conversion)>,
+    reference: Vec<(usize, Conversion)>,
+    command: Vec<(usize, Conversion)>,
 }
 
 /// The steps whose samples the command was made of: of the last answer, of the one before, of the
@@ -168,15 +179,7 @@ impl<'a, L: Link> Runner<'a, L> {
         if let Some(saved) = &saved {
             started.restore(&saved.law)?;
         }
-        let hello = Hello {
-            protocol: PROTOCOL,
-            session: job.session,
-            law: law.name.clone(),
-            measured: law.measured.clone(),
-            reference: law.reference.clone(),
-            commands: law.commands.clone(),
-            internals: law.internals.clone(),
-        };
+        let hello = Hello::of(&law.connected(&job.connections)?, job.session);
         Ok(Self {
             link,
             side: ControllerSide::new(),
@@ -310,8 +313,10 @@ impl<'a, L: Link> Runner<'a, L> {
             ));
         }
         let law = &self.kind.description;
+        let connections = &self.job.connections;
         let places = |kind, wanted: &[Field]| {
-            (welcome.sample.bind(kind, wanted))
+            (welcome.sample)
+                .bind(kind, &renamed(kind, wanted, connections))
                 .map_err(|unbound| unbound.iter().map(ToString::to_string).collect::<Vec<_>>())
                 .map_err(|unbound| unbound.join("; "))
         };
@@ -324,6 +329,15 @@ impl<'a, L: Link> Runner<'a, L> {
             law: started,
             measured_places: places(SignalKind::Measured, &law.measured)?,
             reference_places: places(SignalKind::Reference, &law.reference)?,
+            converted: Converted {
+                measured: conversions(SignalKind::Measured, &law.measured, connections),
+                reference: conversions(SignalKind::Reference, &law.reference, connections),
+                command: conversions(
+                    SignalKind::Command,
+                    law.commands.as_deref().unwrap_or_default(),
+                    connections,
+                ),
+            },
             sample: vec![0.0; welcome.sample.len()],
             measured: vec![0.0; law.measured.len()],
             reference: vec![0.0; law.reference.len()],
@@ -506,6 +520,8 @@ impl Bound {
             *value = self.sample[*place];
             valid &= header.is_valid(*place);
         }
+        convert(&mut self.measured, &self.converted.measured);
+        convert(&mut self.reference, &self.converted.reference);
         let row = Row {
             time_s: job.rate.seconds(step),
             measured: &self.measured,
@@ -514,7 +530,16 @@ impl Bound {
             held_steps: header.held_steps,
         };
         let (command, internals) = self.answer.split_at_mut(self.previous.len());
-        self.law.step(&row, command, internals)
+        self.law.step(&row, command, internals)?;
+        convert(command, &self.converted.command);
+        Ok(())
+    }
+}
+
+/// Converts some values of a row, and touches no other.
+fn convert(row: &mut [f64], conversions: &[(usize, Conversion)]) {
+    for (place, conversion) in conversions {
+        row[*place] = conversion.apply(row[*place]);
     }
 }
 

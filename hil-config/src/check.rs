@@ -8,6 +8,7 @@
 
 mod analyses;
 mod binding;
+mod connect;
 mod controller;
 mod csv;
 mod faults;
@@ -30,7 +31,7 @@ use shared_types::time::Rate;
 
 use crate::expression::{Columns, Expression, Group};
 use crate::keys;
-use crate::plan::{FaultEvent, Plan, Programs, Stimulus};
+use crate::plan::{ControllerPlan, FaultEvent, Plan, Programs, Stimulus};
 use crate::problem::{ProblemKind, Problems};
 use crate::reader::{Reader, Section};
 use crate::scenario::Scenario;
@@ -214,18 +215,39 @@ fn parts(
         .and_then(|section| plant::check(reader, section, plant));
 
     let controller_section = reader.section(root, "controller");
+    // The plant that chooses among laws of one name.
+    let made_for = controller_section
+        .as_ref()
+        .and_then(|section| reader.text(section, "made_for"));
+    let home = made_for.or(plant.map(|plant| plant.name.as_str()));
     let law = controller_section
         .as_ref()
-        .and_then(|section| controller::find(reader, section, laws, plant, &scenario.advice.law));
+        // A name that cannot be read chooses none.
+        .filter(|section| made_for.is_some() || section.table.get("made_for").is_none())
+        .and_then(|section| controller::find(reader, section, laws, home, &scenario.advice.law));
     let folder = folder(scenario);
     let programs = programs::check(reader, root, folder);
     let stimuli = stimuli::check(reader, root, folder, grid, law);
     let controller_plan = controller_section.as_ref().and_then(|section| {
         let nominal = plant_plan.as_ref().map(|plan| &plan.parameters);
-        controller::check(reader, section, laws, law, plant, nominal, grid)
+        controller::check(reader, section, laws, (law, home), plant, nominal, grid)
     });
+    let reference: Option<Vec<Field>> =
+        (stimuli.as_deref()).map(|stimuli| stimuli.iter().flat_map(Stimulus::fields).collect());
+    let connect = reader.list(root, "connect");
+    let mut connections = None;
     if let (Some(section), Some(law), Some(plant)) = (&controller_section, law, plant) {
-        binding::check(reader, section, law, plant, stimuli.as_deref());
+        let ends = connect::Ends {
+            law,
+            laws,
+            plant,
+            reference: reference.as_deref(),
+        };
+        connections = connect::check(reader, &connect, &ends);
+        let connected = (connections.as_ref()).and_then(|all| law.connected(all).ok());
+        if let Some(law) = &connected {
+            binding::check(reader, section, law, plant, stimuli.as_deref());
+        }
     }
 
     let mut columns = match (plant, law, &stimuli) {
@@ -236,8 +258,6 @@ fn parts(
     };
     let (derived, metrics, analysed) = signals::check(reader, root, &mut columns, grid);
     let requirements = requirements::check(reader, root, columns.as_ref(), &derived, grid);
-    let reference: Option<Vec<Field>> =
-        (stimuli.as_deref()).map(|stimuli| stimuli.iter().flat_map(Stimulus::fields).collect());
     let context = EventContext {
         plant,
         kinds,
@@ -264,7 +284,10 @@ fn parts(
         run: run?,
         realtime: realtime?,
         plant: plant_plan?,
-        controller: controller_plan?,
+        controller: ControllerPlan {
+            connections: connections?,
+            ..controller_plan?
+        },
         stimuli: stimuli?,
         faults,
         derived,

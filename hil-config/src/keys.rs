@@ -179,6 +179,11 @@ pub(crate) const SCENARIO: &[Key] = &[
     Key::new("plant", Kind::Section(PLANT), "The plant.").required(),
     Key::new("controller", Kind::Section(CONTROLLER), "The controller.").required(),
     Key::new(
+        "connect",
+        Kind::List(CONNECT),
+        "Signals of the law that are bound to signals of the plant under another name or unit; all others are bound by their own name and unit.",
+    ),
+    Key::new(
         "realtime",
         Kind::Section(REALTIME),
         "What plant, controller and recorder ask of the system; moves times, never numbers. Cores are looked for when a run starts.",
@@ -304,6 +309,11 @@ pub(crate) const PLANT: &[Key] = &[
 pub(crate) const CONTROLLER: &[Key] = &[
     Key::new("law", TEXT, "Name of the control law.").required(),
     Key::new(
+        "made_for",
+        TEXT,
+        "Plant that the law is made for, where that is another than plant.model: [[connect]] then binds its signals. Default: plant.model.",
+    ),
+    Key::new(
         "program",
         Kind::Program,
         "Controller program, relative to the scenario, or a table of them by the machine's name in `uname -m`; a scenario that names one runs it. Default: controller-process beside hil.",
@@ -324,6 +334,34 @@ pub(crate) const CONTROLLER: &[Key] = &[
         "What the law believes of the plant. Default: the plant's parameter of the same name and unit as plant.parameters sets it, which no fault moves; else the law's own default.",
     ),
 ];
+
+/// `[[connect]]`.
+pub(crate) const CONNECT: &[Key] = &[
+    Key::new(
+        "law",
+        TEXT,
+        "Signal of the law: measured.NAME, reference.NAME or command.NAME.",
+    )
+    .required(),
+    Key::new(
+        "plant",
+        TEXT,
+        "Signal of the same kind of the plant; for reference.NAME the target of a [[stimuli]], or its derivative.",
+    )
+    .required(),
+    Key::new(
+        "factor",
+        ANY_NUMBER,
+        "Conversion: received = factor * sent + offset; a command is sent by the law, all else to it. Default: what follows from both units.",
+    ),
+    Key::new(
+        "offset",
+        ANY_NUMBER,
+        "Value that is added, in the unit of the receiver; only with factor. Default: 0.",
+    ),
+];
+
+const ANY_NUMBER: Kind = number("", f64::MIN, f64::MAX);
 
 /// `[[derived]]`.
 pub(crate) const DERIVED: &[Key] = &[

@@ -14,6 +14,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
+use shared_types::connection::Connection;
 use shared_types::describe::Settings;
 use shared_types::lockstep::OnLoss;
 use shared_types::pacer::OverrunPolicy;
@@ -225,6 +226,11 @@ pub struct Limit {
 pub struct ControllerPlan {
     /// Name of the law.
     pub law: String,
+    /// Plant that the law is made for, which chooses among laws of one name: that of the plan, unless the
+    /// scenario says another.
+    pub made_for: String,
+    /// Signals of the law that are bound under other names and units.
+    pub connections: Vec<Connection>,
     /// Every parameter of the law.
     pub parameters: Settings,
     /// Parameters that the law believes the plant to have.

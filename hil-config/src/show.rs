@@ -13,6 +13,7 @@ use std::fmt::{self, Write};
 
 use serde::Serialize;
 use serde_json::Value;
+use shared_types::connection::Connection;
 use shared_types::describe::{FaultKindDescription, LawDescription, PlantDescription, Settings};
 use shared_types::table::Field;
 use shared_types::time::{Rate, Step};
@@ -119,7 +120,8 @@ fn write(
             }
             "realtime" => {} // beside the run
             "plant" => plant_tables(text, plan, plant)?,
-            "controller" => controller(text, plan, law)?,
+            "controller" => controller(text, plan, &law)?,
+            "connect" => each(text, &plan.controller.connections, connection)?,
             "stimuli" => each(text, &plan.stimuli, stimulus)?,
             "faults" => {
                 let look = faults::Look {
@@ -237,10 +239,13 @@ fn plant_tables(text: &mut String, plan: &Plan, plant: &PlantDescription) -> Wri
 }
 
 fn controller(text: &mut String, plan: &Plan, law: &LawDescription) -> Written {
+    let made_for = &plan.controller.made_for;
+    let made_for = (*made_for != plan.plant.model).then(|| string(made_for));
     let (rate, program, plan) = (plan.run.rate, &plan.programs.controller, &plan.controller);
     writeln!(text, "\n[controller] # {}", comment(&law.summary))?;
     section(text, keys::CONTROLLER, |name| match name {
         "law" => Some(string(&plan.law)),
+        "made_for" => made_for.clone(),
         "program" => match program.as_ref()? {
             ControllerProgram::One(file) => file.to_str().map(string),
             ControllerProgram::ByMachine(files) => {
@@ -257,6 +262,20 @@ fn controller(text: &mut String, plan: &Plan, law: &LawDescription) -> Written {
     let table = format!("controller.{}", key(&plan.law));
     settings(text, &table, &plan.parameters, &law.parameters)?;
     settings(text, "controller.model", &plan.model, &law.model)
+}
+
+fn connection(text: &mut String, connection: &Connection) -> Written {
+    let told = comment(&connection.to_string());
+    writeln!(text, "\n[[connect]] # {told}")?;
+    let path = |name: &str| string(&format!("{}.{name}", connection.kind.prefix()));
+    let given = |value: f64| connection.is_given.then(|| toml_float(value));
+    section(text, keys::CONNECT, |key| match key {
+        "law" => Some(path(&connection.law)),
+        "plant" => Some(path(&connection.plant)),
+        "factor" => given(connection.conversion.factor),
+        "offset" => given(connection.conversion.offset),
+        other => forgotten(other),
+    })
 }
 
 /// A table of values in the order of the description.

@@ -131,6 +131,20 @@ impl Welcome {
 }
 
 impl Hello {
+    /// Makes the greeting of a law, as it is on the wire.
+    #[must_use]
+    pub fn of(law: &LawDescription, session: u64) -> Self {
+        Self {
+            protocol: PROTOCOL,
+            session,
+            law: law.name.clone(),
+            measured: law.measured.clone(),
+            reference: law.reference.clone(),
+            commands: law.commands.clone(),
+            internals: law.internals.clone(),
+        }
+    }
+
     /// Checks that its names can be written down and told apart.
     ///
     /// # Errors
@@ -149,14 +163,7 @@ impl Hello {
     /// # Errors
     /// The first thing that is otherwise.
     pub fn check_described(&self, law: &LawDescription) -> Result<(), Refused> {
-        let described = Self {
-            law: law.name.clone(),
-            measured: law.measured.clone(),
-            reference: law.reference.clone(),
-            commands: law.commands.clone(),
-            internals: law.internals.clone(),
-            ..*self
-        };
+        let described = Self::of(law, self.session);
         let otherwise = |what| Err(Refused::Otherwise(what));
         if self.law != described.law {
             let (said, described) = (&self.law, &described.law);

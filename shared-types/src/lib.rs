@@ -22,7 +22,8 @@
 //! fit to be shown, and [`number`] writes numbers with their units.
 //! [`ignored`] counts what peers said in vain. A [`failure`] ends a plant or a law that is not written in Rust.
 //! [`spelling`] gives foreign names, such as `der(x)`, the one name that they have here, and [`units`] reads units as
-//! text and converts between those of one dimension.
+//! text and converts between those of one dimension; a [`connection`] binds a law's signal to a plant's of another
+//! name and unit.
 //! [`conformance`](mod@conformance) is for whoever writes another link or record stream.
 
 extern crate self as shared_types; // the names that `table!` writes must hold in here too
@@ -31,6 +32,7 @@ pub mod by_hand;
 pub mod checkpoint;
 pub mod clock;
 pub mod conformance;
+pub mod connection;
 pub mod describe;
 pub mod digest;
 pub mod directive;

@@ -13,6 +13,7 @@
 //! | [`by_hand`] | sides that somebody starts by hand: the same digest, and nobody else in their place |
 //! | [`campaign`] | very many cases: each once, with the digest of a run of its own |
 //! | [`cli`] | bad input: a clear error, exit code 2, nothing started |
+//! | [`connect`] | a law on plants with other names and units |
 //! | [`determinism`] | one digest, however and wherever a scenario runs |
 //! | [`doctor`] | every check once, and a verdict that follows |
 //! | [`examples`] | a plant and a controller from outside the workspace |
@@ -78,6 +79,7 @@ mod chatter;
 mod checkpoints;
 mod cli;
 mod clocks;
+mod connect;
 mod determinism;
 mod doctor;
 #[path = "../shared/every_fault.rs"]

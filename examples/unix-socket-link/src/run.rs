@@ -81,10 +81,11 @@ fn plan(scenario: &Path) -> Result<Plan, String> {
 
 fn controller_job(plan: &Plan, session: u64) -> controller_process::job::Job {
     let (run, controller) = (&plan.run, &plan.controller);
-    let (plant, law) = (&plan.plant.model, &controller.law);
+    let (plant, law) = (&controller.made_for, &controller.law);
     controller_process::job::Job {
         parameters: controller.parameters.clone(),
         model: controller.model.clone(),
+        connections: controller.connections.clone(),
         rate_divisor: controller.rate_divisor,
         command_delay_steps: controller.command_delay_steps,
         ..controller_process::job::Job::new(session, plant, law, run.rate, WAIT_LIMIT_S)

@@ -141,5 +141,8 @@ fn unbound(
     if other_unit.is_none() {
         problem.nearest(name, given.iter().map(|field| field.name.as_str()));
     }
-    problem.help = help;
+    problem.help = help.or_else(|| {
+        (!given.is_empty())
+            .then(|| "[[connect]] binds signals of other names and units to each other".into())
+    });
 }

@@ -29,16 +29,15 @@ fn fits(law: &LawDescription, plant: Option<&str>) -> bool {
     plant.is_none_or(|plant| law.suits(plant))
 }
 
-/// The description of the law that is asked for.
+/// The description of the law that is asked for, made for a plant of this name.
 pub(super) fn find<'d>(
     reader: &mut Reader,
     section: &Section<'_>,
     laws: &'d [LawDescription],
-    plant: Option<&PlantDescription>,
+    plant: Option<&str>,
     advice: &str,
 ) -> Option<&'d LawDescription> {
     let name = reader.text(section, "law")?;
-    let plant = plant.map(|plant| plant.name.as_str());
     let law = law_for(laws, name, plant);
     if let Some(law) = law
         && fits(law, plant)
@@ -65,7 +64,9 @@ pub(super) fn find<'d>(
     match law {
         Some(law) => {
             let plants = listed(law.plants.iter().map(String::as_str));
-            problem.help(format!("law `{name}` is made for {plants}"));
+            problem.help(format!(
+                "law `{name}` is made for {plants}; `made_for` with one of them and [[connect]] bind it to another plant"
+            ));
         }
         None => {
             problem.nearest(name, names).help(advice);
@@ -78,12 +79,12 @@ pub(super) fn check(
     reader: &mut Reader,
     section: &Section<'_>,
     laws: &[LawDescription],
-    law: Option<&LawDescription>,
+    (law, home): (Option<&LawDescription>, Option<&str>),
     plant: Option<&PlantDescription>,
     nominal: Option<&Settings>,
     grid: Option<Grid>,
 ) -> Option<ControllerPlan> {
-    let tables = law_tables(reader, section, laws, plant);
+    let tables = law_tables(reader, section, laws, home);
     let command_delay_steps = reader.integer(section, "command_delay_steps");
     let rate_divisor = rate_divisor(reader, section, grid);
     let model_section = reader.section(section, "model");
@@ -146,6 +147,8 @@ pub(super) fn check(
     }
     Some(ControllerPlan {
         law: law.name.clone(),
+        made_for: home?.into(),
+        connections: Vec::new(),
         parameters,
         model,
         rate_divisor: rate_divisor?,
@@ -158,14 +161,13 @@ fn law_tables<'d>(
     reader: &mut Reader,
     section: &Section<'_>,
     laws: &'d [LawDescription],
-    plant: Option<&PlantDescription>,
+    plant: Option<&str>,
 ) -> BTreeMap<&'d str, BTreeMap<String, f64>> {
     let mut names: Vec<&str> = laws.iter().map(|law| law.name.as_str()).collect();
     names.sort_unstable();
     names.dedup();
     reader.refuse_unknown(section, &names);
     names.retain(|name| CONTROLLER.iter().all(|key| key.name != *name));
-    let plant = plant.map(|plant| plant.name.as_str());
     let mut tables = BTreeMap::new();
     for name in names {
         let Some(law) = law_for(laws, name, plant) else {

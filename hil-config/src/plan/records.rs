@@ -15,12 +15,13 @@ impl Plan {
         plants.iter().find(|plant| plant.name == self.plant.model)
     }
 
-    /// Finds the law of the plan among these: of its name, and made for its plant.
+    /// Finds the law of the plan among these, of its name and made for its plant, and gives it as it is on
+    /// the wire: its signals as the plan [connects](shared_types::connection::Connection) them.
     #[must_use]
-    pub fn law_among<'d>(&self, laws: &'d [LawDescription]) -> Option<&'d LawDescription> {
-        let is_it =
-            |law: &&LawDescription| law.name == self.controller.law && law.suits(&self.plant.model);
-        laws.iter().find(is_it)
+    pub fn law_among(&self, laws: &[LawDescription]) -> Option<LawDescription> {
+        let plan = &self.controller;
+        let is_it = |law: &&LawDescription| law.name == plan.law && law.suits(&plan.made_for);
+        laws.iter().find(is_it)?.connected(&plan.connections).ok()
     }
 
     /// Lists the reference signals, in order.
@@ -48,7 +49,7 @@ impl Plan {
         }
     }
 
-    /// Describes the records of a run of its plant under its law.
+    /// Describes the records of a run of its plant under its law as it is on the wire.
     #[must_use]
     pub fn record_layout(&self, plant: &PlantDescription, law: &LawDescription) -> RecordLayout {
         let command = SignalTable::of(SignalKind::Command, law.sent_commands(plant))

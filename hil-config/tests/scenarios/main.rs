@@ -7,6 +7,7 @@ mod bad_plots;
 mod bad_requirements;
 mod chains;
 mod conditions;
+mod connect;
 mod descriptions;
 mod evaluation;
 mod expressions;

@@ -115,6 +115,10 @@ impl Check<'_> {
         unless(plant.0.substeps == plant.1.substeps, "plant.substeps");
         unless(plant.0.limits == plant.1.limits, "plant.limits");
         unless(controller.0.law == controller.1.law, "controller.law");
+        let made_for = controller.0.made_for == controller.1.made_for;
+        unless(made_for, "controller.made_for");
+        let connections = controller.0.connections == controller.1.connections;
+        unless(connections, "connect");
         let divisors = (controller.0.rate_divisor, controller.1.rate_divisor);
         unless(divisors.0 == divisors.1, "controller.rate_hz");
         let delays = (

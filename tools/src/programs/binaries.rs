@@ -197,7 +197,7 @@ impl Binaries {
     pub(crate) fn record_layout(&self, plan: &Plan) -> Result<RecordLayout, Failure> {
         let (plants, laws, _) = self.described();
         let both = plan.plant_among(plants).zip(plan.law_among(laws));
-        both.map(|(plant, law)| plan.record_layout(plant, law))
+        both.map(|(plant, law)| plan.record_layout(plant, &law))
             .ok_or_else(|| Failure::infrastructure("a binary lost its plant or law"))
     }
 }

@@ -19,7 +19,15 @@ use crate::terminal::interruption::Interruption;
 
 /// The parts of a scenario that say what runs. The others disturb it, which is in the samples already,
 /// or judge it, in terms that another controller may not know.
-const KEPT: [&str; 6] = ["schema", "name", "run", "plant", "controller", "stimuli"];
+const KEPT: [&str; 7] = [
+    "schema",
+    "name",
+    "run",
+    "plant",
+    "controller",
+    "connect",
+    "stimuli",
+];
 
 /// A plan as complete, runnable TOML.
 ///

@@ -27,6 +27,7 @@ pub(crate) struct RecordedRun {
     /// Answer of its controller program.
     pub(crate) controller_program: Description,
     pub(crate) plant: PlantDescription,
+    /// The law as it is on the wire.
     pub(crate) law: LawDescription,
     pub(crate) plan: Plan,
 }
@@ -56,7 +57,7 @@ impl RecordedRun {
         let text = reader.enclosure("scenario.toml").map_err(Failure::usage)?;
         let plan = plan(text, &plant_program, &controller_program)?;
         let plant = plan.plant_among(&plant_program.plants).cloned();
-        let law = plan.law_among(&controller_program.laws).cloned();
+        let law = plan.law_among(&controller_program.laws);
         // A scenario is checked only if both are there.
         let (Some(plant), Some(law)) = (plant, law) else {
             let path = reader.path().display();

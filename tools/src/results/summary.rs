@@ -9,6 +9,7 @@ use std::path::Path;
 use hil_config::evaluation::MetricValue;
 use hil_config::plan::{Clock, Plan, Published};
 use serde::Serialize;
+use shared_types::connection::Connection;
 use shared_types::ignored::Ignored;
 use shared_types::number::{short, unit_shown};
 use shared_types::pacer::Streaks;
@@ -82,6 +83,9 @@ pub(crate) struct Summary {
     controller: Program,
     /// Sides that somebody started by hand.
     started_by_hand: Vec<String>,
+    /// Signals of the law that were bound under other names and units; not there if none was.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    connections: Vec<Connection>,
     /// Notes of those who watched the run.
     marks: Vec<MarkAt>,
     /// All controllers, if the first was lost or replaced.
@@ -326,6 +330,7 @@ impl Summary {
             ignored: end.map(|end| *end.ignored).unwrap_or_default(),
             controller: origin.controller,
             started_by_hand: Vec::new(),
+            connections: plan.controller.connections.clone(),
             marks: marks(&recorded.marks, plan.run.rate),
             controllers: tenures(&ended.controllers, &recorded.changes, plan.run.rate),
             plant: origin.plant,
@@ -410,6 +415,9 @@ impl Summary {
         if !self.started_by_hand.is_empty() {
             let sides = self.started_by_hand.join(" and ");
             writeln!(text, "  {sides} started by hand ({})", self.evidence)?;
+        }
+        for connection in &self.connections {
+            writeln!(text, "  connected: {connection}")?;
         }
         for controller in &self.controllers {
             writeln!(text, "  {}", controller.describe())?;

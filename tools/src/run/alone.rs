@@ -65,9 +65,9 @@ fn sides(
 ) -> Result<Sides<'static>, Failure> {
     let both = (plan.plant_among(&plant.plants)).zip(plan.law_among(&controller.laws));
     let (plant, law) = both.ok_or_else(|| Failure::infrastructure("hil lost its plant or law"))?;
-    let layout = plan.record_layout(plant, law);
+    let layout = plan.record_layout(plant, &law);
     let plant = plant_process::job::Job {
-        law: Some(law.clone()),
+        law: Some(law),
         ..plant_process::job::Job::of(plan, NO_SESSION, f64::INFINITY)
     };
     let controller = jobs::controller(plan, NO_SESSION, f64::INFINITY);

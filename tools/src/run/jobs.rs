@@ -28,7 +28,7 @@ pub(super) fn of(
         Clock::Realtime => plan.run.rate.period_s(),
     };
     let plant = plant_process::job::Job {
-        law: plan.law_among(binaries.described().1).cloned(),
+        law: plan.law_among(binaries.described().1),
         is_controller_by_hand: settings.by_hand.controller,
         pause_at_s: settings.pause_at_s,
         checkpoints: Checkpoints {
@@ -54,8 +54,9 @@ pub(crate) fn controller(
     session: u64,
     wait_limit_s: f64,
 ) -> controller_process::job::Job {
-    let (plant, law) = (&plan.plant.model, &plan.controller.law);
-    let job = controller_process::job::Job::new(session, plant, law, plan.run.rate, wait_limit_s);
+    let (made_for, law) = (&plan.controller.made_for, &plan.controller.law);
+    let rate = plan.run.rate;
+    let job = controller_process::job::Job::new(session, made_for, law, rate, wait_limit_s);
     with_law(job, plan.controller.clone())
 }
 
@@ -65,7 +66,9 @@ pub(super) fn with_law(
     plan: ControllerPlan,
 ) -> controller_process::job::Job {
     controller_process::job::Job {
+        plant: plan.made_for,
         law: plan.law,
+        connections: plan.connections,
         parameters: plan.parameters,
         model: plan.model,
         rate_divisor: plan.rate_divisor,

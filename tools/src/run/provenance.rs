@@ -73,6 +73,10 @@ pub(super) fn of(
         fact(&name, finding);
     }
     fact("started_utc", started_utc.into());
+    let connections = &plan.controller.connections;
+    if !connections.is_empty() {
+        fact("connections", serde_json::json!(connections).to_string());
+    }
     if !settings.set.is_empty() {
         fact("set", serde_json::json!(settings.set).to_string());
     }

@@ -220,6 +220,19 @@ impl SwapContext {
 /// Takes the keys out of a scenario that none of these laws has, and gives their names.
 fn leave_out(scenario: &mut DocumentMut, laws: &[LawDescription]) -> Vec<String> {
     let mut gone = Vec::new();
+    if let Some(connect) = scenario
+        .get_mut("connect")
+        .and_then(Item::as_array_of_tables_mut)
+    {
+        connect.retain(|one| {
+            let path = one.get("law").and_then(Item::as_str).unwrap_or_default();
+            let is_known = laws.iter().any(|law| has_signal(law, path));
+            if !is_known {
+                gone.push(format!("connect {path}"));
+            }
+            is_known
+        });
+    }
     let Some(controller) = scenario
         .get_mut("controller")
         .and_then(Item::as_table_like_mut)
@@ -246,6 +259,20 @@ fn leave_out(scenario: &mut DocumentMut, laws: &[LawDescription]) -> Vec<String>
         }
     }
     gone
+}
+
+/// Checks whether a law has a signal, written with its kind in front.
+fn has_signal(law: &LawDescription, path: &str) -> bool {
+    let commands = law.commands.as_deref().unwrap_or_default();
+    let tables = [
+        ("measured", &law.measured[..]),
+        ("reference", &law.reference),
+        ("command", commands),
+    ];
+    path.split_once('.').is_some_and(|(kind, name)| {
+        let mut of_kind = tables.iter().filter(|(of, _)| *of == kind);
+        of_kind.any(|(_, fields)| fields.iter().any(|field| field.name == name))
+    })
 }
 
 /// Takes the values out of a table whose names are not known; `below` is where it is from `path` on.

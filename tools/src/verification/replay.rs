@@ -26,7 +26,6 @@ use controller_process::runner::{Runner, choose};
 use hil_config::plan::Plan;
 use hil_recording::reader::{RunReader, UNVOUCHED};
 use serde_json::json;
-use shared_types::describe::{LawDescription, PROTOCOL};
 use shared_types::hello::{Hello, agree};
 use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::in_process::{self, InProcessLink};
@@ -135,7 +134,7 @@ impl Prepared {
             .law_among(laws)
             .ok_or_else(|| Failure::usage(format!("{path} has no law for this run")))?;
         let offer = self.original.offer(0);
-        let welcome = agree(&hello(law), &offer)
+        let welcome = agree(&Hello::of(&law, offer.session), &offer)
             .map_err(|refused| Failure::usage(format!("{path} is not for this run: {refused}")))?;
         Comparison::new(
             &self.original.places.answer,
@@ -258,19 +257,6 @@ impl Prepared {
             look();
             std::thread::sleep(LOOK);
         }
-    }
-}
-
-/// Returns the greeting that a controller with this law will send.
-fn hello(law: &LawDescription) -> Hello {
-    Hello {
-        protocol: PROTOCOL,
-        session: 0,
-        law: law.name.clone(),
-        measured: law.measured.clone(),
-        reference: law.reference.clone(),
-        commands: law.commands.clone(),
-        internals: law.internals.clone(),
     }
 }
 

@@ -49,7 +49,7 @@ fn plant(plan: &Plan) -> PlantDescription {
 pub(crate) fn layout(plan: &Plan) -> RecordLayout {
     let laws = controller_process::laws::all().into_iter();
     let laws: Vec<_> = laws.map(|kind| kind.description).collect();
-    plan.record_layout(&plant(plan), plan.law_among(&laws).expect("built in"))
+    plan.record_layout(&plant(plan), &plan.law_among(&laws).expect("built in"))
 }
 
 /// A model that is attached to a session of the scenario.

@@ -1,0 +1,265 @@
+//! `[[connect]]`: signals of the law that are bound to signals of the plant under other names and units.
+
+use shared_types::connection::Connection;
+use shared_types::describe::{LawDescription, PlantDescription};
+use shared_types::layout::SignalKind;
+use shared_types::table::Field;
+use shared_types::units::{Conversion, Unit};
+
+use crate::problem::ProblemKind;
+use crate::reader::{Reader, Section};
+
+/// Text of what a scenario can say where the units do not tell.
+const GIVE_FACTOR: &str =
+    "give `factor` and, if need be, `offset`: received = factor * sent + offset";
+
+/// The kinds of signals that cross the link.
+const KINDS: [SignalKind; 3] = [
+    SignalKind::Measured,
+    SignalKind::Reference,
+    SignalKind::Command,
+];
+
+/// Both ends of connections.
+pub(super) struct Ends<'a> {
+    pub(super) law: &'a LawDescription,
+    /// All laws there are: connections of another law may stand in the scenario too, so that the law can be
+    /// changed by one flag.
+    pub(super) laws: &'a [LawDescription],
+    pub(super) plant: &'a PlantDescription,
+    /// The reference signals; none if a stimulus is not right.
+    pub(super) reference: Option<&'a [Field]>,
+}
+
+impl Ends<'_> {
+    /// The signals of a kind that the plant or its rig has, if they are known.
+    fn of_plant(&self, kind: SignalKind) -> Option<&[Field]> {
+        match kind {
+            SignalKind::Measured => Some(&self.plant.measured),
+            SignalKind::Reference => self.reference,
+            _ => Some(&self.plant.commands),
+        }
+    }
+}
+
+/// The signals of a kind that a law has under names of its own.
+fn of_law(law: &LawDescription, kind: SignalKind) -> &[Field] {
+    match kind {
+        SignalKind::Measured => &law.measured,
+        SignalKind::Reference => &law.reference,
+        _ => law.commands.as_deref().unwrap_or_default(),
+    }
+}
+
+/// The connections of the law; `None` if one of them is not right.
+pub(super) fn check(
+    reader: &mut Reader,
+    sections: &[Section<'_>],
+    ends: &Ends<'_>,
+) -> Option<Vec<Connection>> {
+    let problems = reader.problems.len();
+    let mut connections: Vec<Connection> = Vec::new();
+    for section in sections {
+        reader.refuse_unknown(section, &[]);
+        let Some(connection) = connection(reader, section, ends) else {
+            continue;
+        };
+        let is_command = connection.kind == SignalKind::Command;
+        let of_kind = || connections.iter().filter(|one| one.kind == connection.kind);
+        let kind = connection.kind.prefix();
+        let twice = if of_kind().any(|one| one.law == connection.law) {
+            Some(("law", &connection.law))
+        } else if is_command && of_kind().any(|one| one.plant == connection.plant) {
+            Some(("plant", &connection.plant))
+        } else {
+            None
+        };
+        if let Some((whose, name)) = twice {
+            let message = format!("`{kind}.{name}` of the {whose} is connected twice");
+            reader.report_at(section, whose, ProblemKind::Duplicate, message);
+            continue;
+        }
+        connections.push(connection);
+    }
+    if let (Err(refused), Some(section)) = (ends.law.connected(&connections), sections.first()) {
+        let message = refused.to_string();
+        reader
+            .report_at(section, "plant", ProblemKind::Duplicate, message)
+            .help("connect the command of that name to another one as well");
+    }
+    (reader.problems.len() == problems).then_some(connections)
+}
+
+/// A connection; `None` if it is not right, or of another law.
+fn connection(reader: &mut Reader, section: &Section<'_>, ends: &Ends<'_>) -> Option<Connection> {
+    let law = signal(reader, section, "law");
+    let plant = signal(reader, section, "plant");
+    let (factor, offset) = (
+        number(reader, section, "factor"),
+        number(reader, section, "offset"),
+    );
+    let ((kind, law), (other, plant)) = (law?, plant?);
+    if kind != other {
+        let (kind, other) = (kind.prefix(), other.prefix());
+        let message = format!("a {kind} signal of the law cannot be a {other} signal of the plant");
+        reader
+            .report_at(section, "plant", ProblemKind::Mismatch, message)
+            .expected(format!("{kind}.NAME"));
+        return None;
+    }
+    let of_others = || ends.laws.iter().flat_map(|other| of_law(other, kind));
+    let Some(wanted) = of_law(ends.law, kind)
+        .iter()
+        .find(|field| field.name == law)
+    else {
+        if !of_others().any(|field| field.name == law) {
+            unknown(
+                reader,
+                section,
+                ("law", &ends.law.name),
+                (kind, law),
+                of_law(ends.law, kind),
+            );
+        }
+        return None;
+    };
+    let given = ends.of_plant(kind)?;
+    let Some(sent) = given.iter().find(|field| field.name == plant) else {
+        unknown(
+            reader,
+            section,
+            ("plant", &ends.plant.name),
+            (kind, plant),
+            given,
+        );
+        return None;
+    };
+    let conversion = match (factor?, offset?) {
+        (Some(factor), offset) => {
+            if factor == 0.0 {
+                reader
+                    .report_at(
+                        section,
+                        "factor",
+                        ProblemKind::OutOfRange,
+                        "a factor of 0 leaves nothing of the signal",
+                    )
+                    .expected("a factor other than 0");
+                return None;
+            }
+            let offset = offset.unwrap_or(0.0);
+            Some(Conversion { factor, offset })
+        }
+        (None, Some(_)) => {
+            reader
+                .report_at(
+                    section,
+                    "offset",
+                    ProblemKind::MissingKey,
+                    "an `offset` without a `factor`",
+                )
+                .expected("both, or none where the units tell");
+            return None;
+        }
+        (None, None) => None,
+    };
+    let is_given = conversion.is_some();
+    let conversion = match conversion {
+        Some(conversion) => conversion,
+        None if kind == SignalKind::Command => by_units(reader, section, wanted, sent)?,
+        None => by_units(reader, section, sent, wanted)?,
+    };
+    Some(Connection {
+        kind,
+        law: law.into(),
+        law_unit: wanted.unit.clone(),
+        plant: plant.into(),
+        plant_unit: sent.unit.clone(),
+        conversion,
+        is_given,
+    })
+}
+
+/// The kind and name under a key.
+fn signal<'a>(
+    reader: &mut Reader,
+    section: &Section<'a>,
+    key: &'static str,
+) -> Option<(SignalKind, &'a str)> {
+    let text = reader.text(section, key)?;
+    let found = text.split_once('.').and_then(|(kind, name)| {
+        let kind = KINDS.into_iter().find(|one| one.prefix() == kind)?;
+        Some((kind, name))
+    });
+    if found.is_none() {
+        let message = format!("`{}` is `{text}`", section.path_of(key));
+        reader
+            .report_at(section, key, ProblemKind::OutOfRange, message)
+            .expected("measured.NAME, reference.NAME or command.NAME");
+    }
+    found
+}
+
+/// A number that may be left out; the outer `None` if it is there and wrong.
+fn number(reader: &mut Reader, section: &Section<'_>, key: &'static str) -> Option<Option<f64>> {
+    if section.table.get(key).is_none() {
+        return Some(None);
+    }
+    reader.number(section, key).map(Some)
+}
+
+fn unknown(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    (whose, of): (&'static str, &str),
+    (kind, name): (SignalKind, &str),
+    fields: &[Field],
+) {
+    let kind = kind.prefix();
+    let owner = match (whose, kind) {
+        ("plant", "reference") => "the scenario's [[stimuli]]".to_owned(),
+        _ => format!("{whose} `{of}`"),
+    };
+    let message = format!("`{kind}.{name}` is no signal of {owner}");
+    let paths: Vec<String> = (fields.iter().map(|field| &field.name))
+        .map(|name| format!("{kind}.{name}"))
+        .collect();
+    let paths = || paths.iter().map(String::as_str);
+    reader
+        .report_at(section, whose, ProblemKind::UnknownName, message)
+        .expected(format!("one of {}", crate::problem::listed(paths())))
+        .nearest(&format!("{kind}.{name}"), paths());
+}
+
+/// The conversion that follows from both units.
+fn by_units(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    sent: &Field,
+    received: &Field,
+) -> Option<Conversion> {
+    if sent.unit == received.unit {
+        return Some(Conversion::IDENTITY);
+    }
+    let (from, to) = (Unit::parse(&sent.unit), Unit::parse(&received.unit));
+    let names = format!(
+        "`{}` in {} and `{}` in {}",
+        sent.name, sent.unit, received.name, received.unit
+    );
+    let message = match (&from, &to) {
+        (Ok(from), Ok(to)) => match from.conversion_to(to) {
+            Some(conversion) => return Some(conversion),
+            None => {
+                let (from, to) = (from.base(), to.base());
+                format!("{names} have different dimensions, {from} and {to}")
+            }
+        },
+        (Err(unknown), _) | (_, Err(unknown)) => {
+            format!("{names} cannot be converted: {unknown}")
+        }
+    };
+    reader
+        .report_at(section, "plant", ProblemKind::Mismatch, message)
+        .help(GIVE_FACTOR);
+    None
+}
