@@ -50,6 +50,16 @@ pub fn answer(
     program::answer(&program, arguments)
 }
 
+/// The program that [`run`] runs, for a `main` that adds to its description.
+#[must_use]
+pub fn of(program: &str, version: &str, laws: Vec<LawKind>) -> impl Program {
+    ControllerProgram {
+        program: program.into(),
+        version: version.into(),
+        laws: with_hold(laws),
+    }
+}
+
 fn with_hold(mut laws: Vec<LawKind>) -> Vec<LawKind> {
     let hold = hold::kind();
     let is_there = |law: &LawKind| law.description.name == hold.description.name;

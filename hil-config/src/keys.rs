@@ -281,7 +281,12 @@ pub(crate) const PLANT: &[Key] = &[
     Key::new(
         "program",
         TEXT,
-        "Plant program, relative to the scenario; a scenario that names one runs it. Default: plant-process beside hil.",
+        "Plant program or FMU, relative to the scenario; a scenario that names one runs it. Default: plant-process beside hil.",
+    ),
+    Key::new(
+        "locals",
+        Kind::Texts,
+        "Inner signals of an FMU that are part of the truth: patterns with * and ?, of their names in the FMU or here. Default: none.",
     ),
     Key::new(
         "substeps",
@@ -316,7 +321,7 @@ pub(crate) const CONTROLLER: &[Key] = &[
     Key::new(
         "program",
         Kind::Program,
-        "Controller program, relative to the scenario, or a table of them by the machine's name in `uname -m`; a scenario that names one runs it. Default: controller-process beside hil.",
+        "Controller program or FMU, relative to the scenario, or a table of them by the machine's name in `uname -m`; a scenario that names one runs it. Default: controller-process beside hil.",
     ),
     Key::new(
         "rate_hz",

@@ -75,6 +75,8 @@ pub struct Programs {
     pub plant: Option<PathBuf>,
     /// Program of the controller.
     pub controller: Option<ControllerProgram>,
+    /// Patterns of the plant's inner signals that are part of its truth, if it is an FMU.
+    pub locals: Vec<String>,
 }
 
 /// The controller program of a scenario.

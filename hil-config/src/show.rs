@@ -209,11 +209,23 @@ fn realtime(text: &mut String, realtime: &Realtime) -> Written {
 }
 
 fn plant_tables(text: &mut String, plan: &Plan, plant: &PlantDescription) -> Written {
-    let (program, plan) = (&plan.programs.plant, &plan.plant);
+    let (program, locals) = (&plan.programs.plant, &plan.programs.locals);
+    let plan = &plan.plant;
     writeln!(text, "\n[plant] # {}", comment(&plant.summary))?;
     section(text, keys::PLANT, |key| match key {
         "model" => Some(string(&plan.model)),
         "program" => program.as_ref()?.to_str().map(string),
+        "locals" => match locals.is_empty() {
+            true => None,
+            false => Some(format!(
+                "[{}]",
+                locals
+                    .iter()
+                    .map(|one| string(one))
+                    .collect::<Vec<_>>()
+                    .join(", ")
+            )),
+        },
         "substeps" => Some(plan.substeps.to_string()),
         other => forgotten(other),
     })?;

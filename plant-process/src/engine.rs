@@ -120,6 +120,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             &job.derived,
         )?;
         let mut model = (kind.start)(parameters)?;
+        model.check_period(job.run.rate.period_s())?;
         let checkpoints = &job.checkpoints;
         let (first, name) = (checkpoints.first_step(), description.name.clone());
         if job.run.clock == Clock::Realtime && checkpoints.any() {

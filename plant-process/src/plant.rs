@@ -89,6 +89,14 @@ pub trait Model {
     /// Integrates over one interval.
     fn advance(&mut self, interval: &Interval, command: &[f64]) -> Result<(), Failure>;
 
+    /// Checks that the model can be integrated over intervals of this length, in s. Called once, before all others.
+    ///
+    /// # Errors
+    /// If it cannot; the reason says over which it can.
+    fn check_period(&self, _period_s: f64) -> Result<(), Invalid> {
+        Ok(())
+    }
+
     /// Its state as it is now.
     ///
     /// # Errors

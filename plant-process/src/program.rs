@@ -72,6 +72,17 @@ pub fn answer(
     program::answer(&program, arguments)
 }
 
+/// The program that [`run`] runs, for a `main` that adds to its description.
+#[must_use]
+pub fn of(program: &str, version: &str, plants: Vec<PlantKind>) -> impl Program {
+    PlantProgram {
+        program: program.into(),
+        version: version.into(),
+        plants,
+        faults: kinds::all(),
+    }
+}
+
 struct PlantProgram {
     program: String,
     version: String,

@@ -34,6 +34,9 @@ pub struct Description {
     /// controller.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub faults: Vec<FaultKindDescription>,
+    /// Facts of the model that the program runs, if another tool made it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub imported: Option<Box<Imported>>,
 }
 
 impl Description {
@@ -47,6 +50,7 @@ impl Description {
             plants: Vec::new(),
             laws: Vec::new(),
             faults: Vec::new(),
+            imported: None,
         }
     }
 
@@ -426,7 +430,10 @@ impl Settings {
 #[error("{0}")]
 pub struct Invalid(pub String);
 
+mod imported;
 mod rows;
+
+pub use imported::{DefinedUnit, DirectDependency, Imported, LeftOut};
 
 #[cfg(test)]
 mod tests;

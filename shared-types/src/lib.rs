@@ -20,7 +20,7 @@
 //! [`mod@shared_memory`] knows what keeps that from being used;
 //! [`realtime`] is what a process can ask of the system for its loop; [`text`] is what others say, made
 //! fit to be shown, and [`number`] writes numbers with their units.
-//! [`ignored`] counts what peers said in vain. A [`failure`] ends a plant or a law that is not written in Rust.
+//! [`place`] is a private folder that goes with its process. [`ignored`] counts what peers said in vain. A [`failure`] ends a plant or a law that is not written in Rust.
 //! [`spelling`] gives foreign names, such as `der(x)`, the one name that they have here, and [`units`] reads units as
 //! text and converts between those of one dimension; a [`connection`] binds a law's signal to a plant's of another
 //! name and unit.
@@ -46,6 +46,7 @@ pub mod live;
 pub mod lockstep;
 pub mod number;
 pub mod pacer;
+pub mod place;
 pub mod process;
 pub mod program;
 pub mod random;

@@ -14,6 +14,7 @@ use iceoryx2::prelude::{Config, FileName, Path as IceoryxPath, SemanticString};
 use rustix::fs::{FlockOperation, OFlags, flock};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
+use crate::place;
 use crate::process::ProcessId;
 use crate::shared_memory::FOLDER as SHARED_MEMORY;
 use all::AllSessions;
@@ -442,6 +443,8 @@ impl Drop for Session {
         } else {
             remove_folder(&self.info.folder)
         };
+        // Of a side that crashed.
+        place::sweep();
         drop(AllSessions::lock());
     }
 }

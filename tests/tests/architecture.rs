@@ -57,7 +57,13 @@ const ARROWS: [(&str, &[&str], &[&str]); 10] = [
 /// The one package with `unsafe`.
 const FOREIGN: &str = "hil-foreign";
 
-const PROGRAMS: [&str; 4] = ["controller-process", "hil", "hil-target", "plant-process"];
+const PROGRAMS: [&str; 5] = [
+    "controller-process",
+    "hil",
+    "hil-fmu",
+    "hil-target",
+    "plant-process",
+];
 
 fn packages() -> Vec<Value> {
     let output = Command::new(env!("CARGO"))
@@ -115,7 +121,7 @@ fn packages_depend_only_on_what_is_below_them() {
 }
 
 #[test]
-fn there_are_four_programs() {
+fn there_are_five_programs() {
     let packages = packages();
     let targets = packages
         .iter()

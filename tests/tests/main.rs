@@ -21,6 +21,7 @@
 //! | [`excerpts`] | recordings of which not all is kept |
 //! | [`failures`] | deaths, stops and divergence: who, what, which step, and what is left |
 //! | [`faults`] | faults of scenarios in whole runs |
+//! | [`fmu`] | FMUs as plants and controllers: FMPy's numbers, and what misbehaves |
 //! | `foxglove` | a client that shares no code with `hil monitor --foxglove`; with the feature |
 //! | [`hindrances`] | shared memory that the machine refuses is named, with what to do |
 //! | [`hot_path`] | no system call and no allocation in a step |
@@ -89,6 +90,7 @@ mod excerpts;
 mod export;
 mod failures;
 mod faults;
+mod fmu;
 mod foreign;
 #[cfg(feature = "foxglove")]
 mod foxglove;

@@ -11,12 +11,7 @@ use crate::reader::{Reader, Section, describe};
 /// The programs that are named, each as an absolute path. Whoever starts them checks that the files
 /// exist.
 pub(super) fn check(reader: &mut Reader, root: &Section<'_>, folder: &Path) -> Programs {
-    let entry = |table: &str| {
-        let Value::Table(table) = &root.table.get(table)?.node.value else {
-            return None;
-        };
-        Some(&table.get("program")?.node)
-    };
+    let entry = |table: &str| entry_of(root, table, "program");
     let mut file = |path: &str, node: &Node| file(reader, folder, path, node);
     let plant = entry("plant").and_then(|node| file("plant.program", node));
     let controller = entry("controller").and_then(|node| match &node.value {
@@ -30,7 +25,36 @@ pub(super) fn check(reader: &mut Reader, root: &Section<'_>, folder: &Path) -> P
         }
         _ => file("controller.program", node).map(ControllerProgram::One),
     });
-    Programs { plant, controller }
+    let locals = entry_of(root, "plant", "locals");
+    let locals = locals.map_or(Vec::new(), |node| texts(reader, "plant.locals", node));
+    Programs {
+        plant,
+        controller,
+        locals,
+    }
+}
+
+/// The value of a key of a table, if both are there.
+fn entry_of<'a>(root: &Section<'a>, table: &str, key: &str) -> Option<&'a Node> {
+    let Value::Table(table) = &root.table.get(table)?.node.value else {
+        return None;
+    };
+    Some(&table.get(key)?.node)
+}
+
+/// Texts of a list, at least one.
+fn texts(reader: &mut Reader, path: &str, node: &Node) -> Vec<String> {
+    let expected = describe(&crate::keys::Kind::Texts);
+    let items = match &node.value {
+        Value::List(items) if !items.is_empty() => items,
+        _ => {
+            reader.wrong_type(path, node, expected);
+            return Vec::new();
+        }
+    };
+    let text = |(index, item)| reader.printable(&format!("{path}[{index}]"), item, "text");
+    let texts = items.iter().enumerate().filter_map(text);
+    texts.map(str::to_owned).collect()
 }
 
 /// The file of a key.

@@ -27,10 +27,26 @@ fn a_program_is_found_from_the_folder_of_the_scenario() {
     let programs = Programs {
         plant: Some(beside("target/plant")),
         controller: Some(ControllerProgram::One("/opt/laws".into())),
+        locals: Vec::new(),
     };
     assert_eq!(parse(&text).expect("TOML").programs(), programs);
     assert_eq!(plan(&text).programs, programs);
     assert_eq!(plan(BASE).programs, Programs::default());
+}
+
+#[test]
+fn inner_signals_of_a_plant_are_patterns() {
+    let with =
+        |locals: &str| base_with("substeps = 2", &format!("substeps = 2\nlocals = {locals}"));
+    let plan = plan(&with("[\"der(*)\", \"x?\"]"));
+    assert_eq!(plan.programs.locals, ["der(*)", "x?"]);
+    for wrong in ["[]", "\"x\"", "[1]"] {
+        let found = problems(&with(wrong));
+        assert!(
+            found.iter().any(|one| one.key.starts_with("plant.locals")),
+            "{wrong}: {found:?}"
+        );
+    }
 }
 
 #[test]

@@ -7,6 +7,7 @@ pub(crate) mod campaign;
 pub(crate) mod checkpoint;
 pub(crate) mod clock;
 pub(crate) mod config;
+pub(crate) mod describe;
 pub(crate) mod doctor;
 pub(crate) mod export;
 pub(crate) mod inject;
@@ -40,6 +41,7 @@ use clap_complete::Shell;
 use campaign::CampaignCommand;
 use clock::{ClockArguments, StepArguments};
 use config::{ConfigArguments, SessionsArguments};
+use describe::DescribeArguments;
 use doctor::DoctorArguments;
 use export::ExportArguments;
 use inject::InjectArguments;
@@ -152,6 +154,9 @@ Examples:
     /// Begin a plant, a controller or a scenario of your own
     #[command(after_help = new::EXAMPLES)]
     New(NewArguments),
+    /// Show the tables of a program or an FMU
+    #[command(after_help = describe::EXAMPLES)]
+    Describe(DescribeArguments),
     /// Check a scenario, show it complete, or print its schema
     Config(ConfigArguments),
     /// List running sessions, or clean up after dead ones
@@ -181,7 +186,10 @@ Examples:
 
 /// Subcommands as `hil --help` groups them; clap has one heading for all.
 const GROUPS: [(&str, &[&str]); 4] = [
-    ("Run", &["run", "new", "campaign", "config", "rerun"]),
+    (
+        "Run",
+        &["run", "new", "describe", "campaign", "config", "rerun"],
+    ),
     (
         "While a session runs",
         &[

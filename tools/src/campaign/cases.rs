@@ -9,7 +9,7 @@ use hil_campaign::curve::Grid;
 use hil_campaign::draws::{Drawn, Draws};
 use hil_campaign::folder::Folder;
 use hil_campaign::table::{CLASS, Cell, Column, Kind, LOST, Row};
-use hil_config::plan::{Plan, Realtime};
+use hil_config::plan::{Plan, Programs, Realtime};
 use hil_config::problem::Problems;
 use hil_config::scenario::Scenario;
 use hil_config::study::{Item, Spread, Study};
@@ -100,7 +100,16 @@ impl Cases {
                     plant_bin: Some(path.join(&plant.path)),
                     controller_bin: Some(path.join(&controller.path)),
                 };
-                let choices = Choices::of(&arguments, &Named::Nothing, None)?;
+                let named = Named::Scenario {
+                    file: scenario.path(),
+                    text: scenario.text(),
+                    // The programs are the copies; what belongs to them is not.
+                    programs: Programs {
+                        locals: scenario.programs().locals,
+                        ..Programs::default()
+                    },
+                };
+                let choices = Choices::of(&arguments, &named, None)?;
                 Rig::Own(choices.find(interruption)?)
             }
             _ => Rig::BuiltIn(Box::new(alone::built_in())),

@@ -26,6 +26,7 @@ use super::{envelopes, quoted};
 use crate::arguments::campaign::{CheckArguments, PlanArguments};
 use crate::files::part_file::PartFolder;
 use crate::programs::binaries::beside;
+use crate::programs::binaries::host::HOST;
 use crate::programs::binaries::named::{CONTROLLER, PLANT};
 use crate::run::alone;
 use crate::run::kept::Kept;
@@ -479,6 +480,15 @@ fn copied(checked: &Checked, folder: &Path) -> Result<Manifest, Failure> {
             copy(&controller, "programs/controller-process".into())?,
         ])
     });
+    // Beside the copy of `hil`, which looks for it there.
+    let sides = cases.binaries().map(|both| [&both.plant, &both.controller]);
+    let mut hosts = sides
+        .into_iter()
+        .flatten()
+        .filter_map(|one| one.host.as_ref());
+    if let Some(host) = hosts.next() {
+        copy(&host.path, format!("programs/{HOST}"))?;
+    }
     Ok(Manifest {
         schema: SCHEMA,
         name: study.name.clone(),

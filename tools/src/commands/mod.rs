@@ -1,7 +1,8 @@
 //! The one place that sends each verb to its room, and the verbs that belong to no other: config,
-//! controller swap, new, recover, runs, sessions, completions. No work of a verb that has a room of its own is done here.
+//! controller swap, describe, new, recover, runs, sessions, completions. No work of a verb that has a room of its own is done here.
 
 pub(crate) mod config;
+pub(crate) mod describe;
 pub(crate) mod new;
 pub(crate) mod recover;
 pub(crate) mod runs;
@@ -94,6 +95,7 @@ fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
         Command::Scenario(arguments) => match &arguments.action {
             ScenarioAction::From(arguments) => repetition::scenario_from(arguments),
         },
+        Command::Describe(arguments) => describe::describe(arguments),
         Command::Config(arguments) => config::config(arguments),
         Command::Sessions(arguments) => sessions::sessions(arguments),
         Command::Target(arguments) => target::target(&arguments.action),

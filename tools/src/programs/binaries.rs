@@ -26,6 +26,7 @@ use shared_types::record::RecordLayout;
 use shared_types::session::SessionInfo;
 use shared_types::text;
 
+use host::Host;
 use named::{CONTROLLER, Choice, Named, NamedBy, PLANT, Role};
 use reached::Reached;
 
@@ -33,6 +34,7 @@ use crate::arguments::BinaryArguments;
 use crate::terminal::exit::Failure;
 use crate::terminal::interruption::Interruption;
 
+pub(crate) mod host;
 pub(crate) mod named;
 pub(crate) mod reached;
 pub(crate) mod seal;
@@ -51,6 +53,8 @@ pub(crate) struct Binary {
     pub(crate) by: NamedBy,
     /// Machine that it runs on, if that is another.
     pub(crate) at: Option<Reached>,
+    /// Program that runs it, if it is a model and no program.
+    pub(crate) host: Option<Host>,
     /// The file that was hashed.
     file: FileIdentity,
 }
@@ -115,6 +119,7 @@ impl Choices {
             path,
             by: NamedBy::Nobody,
             blake3: None,
+            locals: Vec::new(),
         };
         Self {
             plant: copy(plant),
@@ -160,6 +165,11 @@ impl Binaries {
         Programs {
             plant: self.plant.named().map(Path::to_owned),
             controller: (self.controller.named()).map(|path| ControllerProgram::One(path.into())),
+            locals: self
+                .plant
+                .host
+                .as_ref()
+                .map_or(Vec::new(), |host| host.locals.clone()),
         }
     }
 
@@ -242,8 +252,27 @@ impl Binary {
             path: std::path::absolute(path).map_err(Failure::usage)?,
             by: NamedBy::Person(flag),
             blake3: None,
+            locals: Vec::new(),
         };
         Self::of_controller(&choice, at, interruption)
+    }
+
+    /// Asks a program or a model what it is, as this side if it can be both.
+    ///
+    /// # Errors
+    /// If it is missing, cannot be executed or does not speak the protocol.
+    pub(crate) fn described(
+        path: &Path,
+        role: &Role,
+        interruption: &Interruption,
+    ) -> Result<Self, Failure> {
+        let choice = Choice {
+            path: std::path::absolute(path).map_err(Failure::usage)?,
+            by: NamedBy::Person("--as"),
+            blake3: None,
+            locals: Vec::new(),
+        };
+        Self::find(&choice, role, None, interruption)
     }
 
     fn of_plant(choice: &Choice, interruption: &Interruption) -> Result<Self, Failure> {
@@ -313,12 +342,17 @@ impl Binary {
     /// # Errors
     /// If the file was changed; the error says what to do.
     pub(crate) fn refuse_changed(&self) -> Result<(), Failure> {
-        if FileIdentity::of(&self.path).is_ok_and(|file| file == self.file) {
-            return Ok(());
-        }
+        let is_changed = |path: &Path, file: &FileIdentity| {
+            !FileIdentity::of(path).is_ok_and(|found| found == *file)
+        };
+        let changed = match &self.host {
+            _ if is_changed(&self.path, &self.file) => &self.path,
+            Some(host) if is_changed(&host.path, &host.file) => &host.path,
+            _ => return Ok(()),
+        };
         Err(Failure::infrastructure(format!(
             "{} was replaced or changed after it was checked, so it is not run; start again with the file as it is now",
-            self.path.display()
+            changed.display()
         )))
     }
 
@@ -328,10 +362,28 @@ impl Binary {
         at: Option<&Reached>,
         interruption: &Interruption,
     ) -> Result<Self, Failure> {
-        let Choice { path, by, blake3 } = choice;
+        let Choice {
+            path, by, blake3, ..
+        } = choice;
         let shown = path.display();
-        let hashed = hashed(path).map_err(|error| cannot_run(choice, role, &error));
-        let (file, found) = hashed?;
+        let cannot = |error: &dyn std::fmt::Display| cannot_run(choice, role, error);
+        let host = Host::of(path, role.side, &choice.locals).map_err(|error| cannot(&error))?;
+        if let (Some(_), Some(at)) = (&host, at) {
+            let target = at.target();
+            return Err(cannot(&format!(
+                "an FMU runs on this machine, not on {target}"
+            )));
+        }
+        if !choice.locals.is_empty() && host.is_none() {
+            return Err(Failure::usage(format!(
+                "{shown} is no FMU, so `plant.locals` has no effect; its truth is all that it describes"
+            )));
+        }
+        let hashed = match &host {
+            Some(_) => hashed_model(path),
+            None => hashed(path),
+        };
+        let (file, found) = hashed.map_err(|error| cannot(&error))?;
         if let Some(wanted) = blake3.as_ref().filter(|wanted| **wanted != found) {
             let (side, flag) = (role.side, role.flag);
             return Err(Failure::usage(format!(
@@ -340,9 +392,18 @@ impl Binary {
         }
         let answer = match at {
             Some(at) => at.describe(path, &found, interruption)?,
-            None => asked(path, &["--describe"], interruption)?
-                .map_err(|error| cannot_run(choice, role, &error))?,
+            None => {
+                let asked = match &host {
+                    Some(host) => host.ask(path, &["--describe".as_ref()], interruption)?,
+                    None => asked(path, &["--describe"], interruption)?,
+                };
+                asked.map_err(|error| cannot(&error))?
+            }
         };
+        if host.is_some() && !answer.is_success {
+            let said = answer.stderr.trim().trim_start_matches("error: ");
+            return Err(cannot(&text::printable(said)));
+        }
         let description: Description = serde_json::from_str(&answer.stdout).map_err(|error| {
             let said = &answer.stderr;
             let said = said.lines().next().map_or(String::new(), |said| format!(" ({})", text::line(said)));
@@ -371,6 +432,7 @@ impl Binary {
             blake3: found,
             by: by.clone(),
             at: at.cloned(),
+            host,
             file,
         };
         binary.refuse_changed()?;
@@ -385,10 +447,16 @@ impl Binary {
         let arguments = ["--check".as_ref(), job.as_os_str()];
         let answer = match &self.at {
             Some(at) => at.check(&self.path, &self.blake3, job, interruption)?,
-            None => asked(&self.path, &arguments, interruption)?.map_err(|error| {
-                let path = self.path.display();
-                Failure::infrastructure(format!("{path} --check: {error}"))
-            })?,
+            None => {
+                let asked = match &self.host {
+                    Some(host) => host.ask(&self.path, &arguments, interruption)?,
+                    None => asked(&self.path, &arguments, interruption)?,
+                };
+                asked.map_err(|error| {
+                    let path = self.path.display();
+                    Failure::infrastructure(format!("{path} --check: {error}"))
+                })?
+            }
         };
         if answer.is_success {
             return Ok(());
@@ -405,7 +473,10 @@ impl Binary {
         if let Some(at) = &self.at {
             return at.bridge(&self.path, &self.blake3, session);
         }
-        let mut command = Command::new(&self.path);
+        let mut command = match &self.host {
+            Some(host) => host.command(&self.path),
+            None => Command::new(&self.path),
+        };
         command.arg("--session").arg(session);
         Ok(command)
     }
@@ -457,6 +528,12 @@ fn hashed(path: &Path) -> io::Result<(FileIdentity, String)> {
         return Err(io::Error::other(what));
     }
     access(path, Access::EXEC_OK)?;
+    let file = FileIdentity::of(path)?;
+    Ok((file, hash(path)?))
+}
+
+/// A model's identity and hash: a file that a program reads.
+fn hashed_model(path: &Path) -> io::Result<(FileIdentity, String)> {
     let file = FileIdentity::of(path)?;
     Ok((file, hash(path)?))
 }

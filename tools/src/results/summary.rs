@@ -196,6 +196,9 @@ struct Recording {
 struct Program {
     binary: String,
     blake3: String,
+    /// Hash of the program that runs it, if it is an FMU.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    host_blake3: Option<String>,
 }
 
 /// Note at a step and its time.
@@ -229,6 +232,7 @@ impl Program {
         Self {
             binary: binary.path.display().to_string(),
             blake3: binary.blake3.clone(),
+            host_blake3: binary.host.as_ref().map(|host| host.blake3.clone()),
         }
     }
 }

@@ -52,6 +52,12 @@ pub(super) fn admit(prepared: &Prepared, session: &mut Session) -> Result<ByHand
     let mut by_hand = ByHand::default();
     for role in prepared.settings.by_hand.roles() {
         let binary = program(prepared, role);
+        if binary.host.is_some() {
+            let (path, side) = (binary.path.display(), role.name());
+            return Err(Failure::usage(format!(
+                "{path} is an FMU, which only hil starts; leave out --{side} external"
+            )));
+        }
         let opened = open(&prepared.session, role, binary.clone(), sender.clone());
         by_hand
             ._doors

@@ -9,6 +9,7 @@ use shared_types::session::SessionInfo;
 
 use super::settings::Settings;
 use crate::doctor;
+use crate::programs::binaries::named::LOCALS;
 use crate::programs::binaries::{Binaries, seal};
 use crate::results::summary::BY_HAND;
 use crate::results::target::Target;
@@ -49,6 +50,18 @@ pub(super) fn of(
     fact("hil_commit", env!("HIL_COMMIT").into());
     fact("plant_blake3", binaries.plant.blake3.clone());
     fact("controller_blake3", binaries.controller.blake3.clone());
+    for (name, one) in [
+        ("plant_host_blake3", &binaries.plant),
+        ("controller_host_blake3", &binaries.controller),
+    ] {
+        if let Some(host) = &one.host {
+            fact(name, host.blake3.clone());
+        }
+    }
+    let locals = binaries.programs().locals;
+    if !locals.is_empty() {
+        fact(LOCALS, serde_json::json!(locals).to_string());
+    }
     let named = [
         ("plant_binary", &binaries.plant),
         ("controller_binary", &binaries.controller),

@@ -44,6 +44,9 @@ pub(crate) const CONTROLLER: Role = Role {
     key: "controller.program",
 };
 
+/// Fact of a recording with the patterns of inner signals.
+pub(crate) const LOCALS: &str = "plant_locals";
+
 /// Source that named a program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum NamedBy {
@@ -75,6 +78,8 @@ pub(crate) struct Choice {
     pub(crate) by: NamedBy,
     /// The hash that it must have.
     pub(crate) blake3: Option<String>,
+    /// Patterns of inner signals that are part of the truth, if it is an FMU.
+    pub(crate) locals: Vec<String>,
 }
 
 /// Source of program names besides the command line.
@@ -94,6 +99,8 @@ pub(crate) struct Recorded {
     run: PathBuf,
     plant: Option<PathBuf>,
     controller: Option<PathBuf>,
+    /// Patterns of the plant's inner signals that were part of the truth.
+    locals: Vec<String>,
     /// Hashes of the plant's and the controller's program.
     pub(crate) blake3: [Option<String>; 2],
     /// True if this user recorded the run; an error gives the reason for which that cannot be told.
@@ -108,6 +115,9 @@ impl Recorded {
             run: run.to_owned(),
             plant: fact("plant_binary").map(PathBuf::from),
             controller: fact("controller_binary").map(PathBuf::from),
+            locals: (reader.fact(LOCALS))
+                .and_then(|text| serde_json::from_str(text).ok())
+                .unwrap_or_default(),
             blake3: [fact("plant_blake3"), fact("controller_blake3")],
             is_own: seal::is_own(|name| reader.fact(name)),
             host: fact("host").unwrap_or_default(),
@@ -127,6 +137,7 @@ impl Recorded {
         Programs {
             plant: self.plant.clone(),
             controller: self.controller.clone().map(ControllerProgram::One),
+            locals: self.locals.clone(),
         }
     }
 
@@ -165,6 +176,10 @@ impl Recorded {
             path,
             by: NamedBy::Recording(self.run.clone()),
             blake3: Some(blake3.clone().unwrap_or_default()),
+            locals: match role == &PLANT {
+                true => self.locals.clone(),
+                false => Vec::new(),
+            },
         }))
     }
 }
@@ -200,6 +215,15 @@ impl<'a> Named<'a> {
         }
     }
 
+    /// The patterns of inner signals that belong to a side.
+    fn locals(&self, role: &Role) -> Vec<String> {
+        match self {
+            Self::Scenario { programs, .. } if role == &PLANT => programs.locals.clone(),
+            Self::Recorded(recorded) if role == &PLANT => recorded.locals.clone(),
+            _ => Vec::new(),
+        }
+    }
+
     /// The program of a side; `given` is that of the command line, `at` the machine that it runs on.
     ///
     /// # Errors
@@ -223,6 +247,7 @@ impl<'a> Named<'a> {
                 path,
                 by: NamedBy::Person(by),
                 blake3: None,
+                locals: self.locals(role),
             });
         }
         let named = match self {
@@ -240,6 +265,7 @@ impl<'a> Named<'a> {
                 path: beside(role.beside)?,
                 by: NamedBy::Nobody,
                 blake3: None,
+                locals: self.locals(role),
             }),
         }
     }
@@ -295,5 +321,9 @@ fn by_scenario(
         path,
         by: NamedBy::Scenario(key, file.to_owned()),
         blake3: None,
+        locals: match role == &PLANT {
+            true => programs.locals.clone(),
+            false => Vec::new(),
+        },
     }))
 }

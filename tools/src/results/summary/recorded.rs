@@ -25,16 +25,22 @@ impl Summary {
         let fact = |name| reader.fact(name).unwrap_or_default();
         let evidence = fact("evidence");
         let evidence = EVIDENCE.into_iter().find(|level| *level == evidence);
-        let program = |described: &Description, hash| Program {
+        let program = |described: &Description, side: &str| Program {
             binary: described.program.clone(),
-            blake3: fact(hash).to_owned(),
+            blake3: reader
+                .fact(&format!("{side}_blake3"))
+                .unwrap_or_default()
+                .to_owned(),
+            host_blake3: reader
+                .fact(&format!("{side}_host_blake3"))
+                .map(str::to_owned),
         };
         let origin = Origin {
             session: fact("session").to_owned(),
             evidence: evidence.unwrap_or_default(),
             target: Target::recorded(|name| reader.fact(name)),
-            plant: program(&run.plant_program, "plant_blake3"),
-            controller: program(&run.controller_program, "controller_blake3"),
+            plant: program(&run.plant_program, "plant"),
+            controller: program(&run.controller_program, "controller"),
         };
         let report = |name| -> Option<Report> { serde_json::from_str(reader.fact(name)?).ok() };
         let plant = report("realtime_plant");

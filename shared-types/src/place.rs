@@ -1,0 +1,225 @@
+//! Private folders for files that a process unpacks, which go with it however it ends.
+//!
+//! Not in a session's folder: shared memory is often mounted so that no library in it can be loaded, as in most
+//! containers. A place is a folder of mode 0700 among the temporary files, with a lock beside it that the kernel
+//! drops with the process. Its owner removes it; a place whose lock is free is dead, and whoever sweeps next,
+//! each `hil` and each process that makes a place, removes it.
+
+use std::fs::{self, DirBuilder, File};
+use std::io::{self, ErrorKind};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+
+use rustix::fs::{FlockOperation, OFlags, flock};
+
+/// Ending of the lock beside a place.
+const LOCK: &str = "lock";
+/// Attempts to make a place that no sweep takes for dead.
+const ATTEMPTS: u32 = 64;
+
+/// A private folder of this process. Dropping it removes it with all that is in it.
+#[derive(Debug)]
+pub struct Place {
+    folder: PathBuf,
+    // Held, never read: the kernel releases it with the process.
+    _lock: File,
+}
+
+impl Place {
+    /// Makes a place whose name begins so, after sweeping away dead ones.
+    ///
+    /// # Errors
+    /// If the folder of all places is not this user's alone, or cannot be written.
+    pub fn create(name: &str) -> io::Result<Self> {
+        sweep();
+        Self::create_in(&all_places(), name)
+    }
+
+    fn create_in(all: &Path, name: &str) -> io::Result<Self> {
+        let own = std::process::id();
+        for attempt in 0..ATTEMPTS {
+            private_folder(all)?;
+            let folder = all.join(format!("{name}-{own}-{attempt}"));
+            let path = folder.with_extension(LOCK);
+            let lock = match lock_file(&path) {
+                // The last owner before took the folder of all with it.
+                Err(error) if error.kind() == ErrorKind::NotFound => continue,
+                other => other?,
+            };
+            // A sweep that was faster holds it, or has removed it.
+            let is_held = flock(&lock, FlockOperation::NonBlockingLockExclusive).is_ok();
+            if !is_held || !is_at(&lock, &path) {
+                continue;
+            }
+            match DirBuilder::new().mode(0o700).create(&folder) {
+                Err(error) if error.kind() == ErrorKind::AlreadyExists => continue,
+                other => other?,
+            }
+            return Ok(Self {
+                folder,
+                _lock: lock,
+            });
+        }
+        Err(io::Error::other(format!(
+            "no place is free in {}",
+            all.display()
+        )))
+    }
+
+    /// The folder.
+    #[must_use]
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        remove(&self.folder);
+    }
+}
+
+/// Removes the places of dead processes. What cannot be removed now the next sweep tries again.
+pub fn sweep() {
+    sweep_in(&all_places());
+}
+
+fn sweep_in(all: &Path) {
+    if !is_private(all) {
+        return; // there is none, or it is not ours to clear
+    }
+    let entries = fs::read_dir(all).into_iter().flatten().flatten();
+    for path in entries.map(|entry| entry.path()) {
+        if path.extension().is_none_or(|ending| ending != LOCK) {
+            continue;
+        }
+        let Ok(lock) = File::open(&path) else {
+            continue; // somebody else removed it
+        };
+        if flock(&lock, FlockOperation::NonBlockingLockExclusive).is_ok() && is_at(&lock, &path) {
+            remove(&path.with_extension(""));
+        }
+    }
+    let _ = fs::remove_dir(all); // only if it is empty
+}
+
+/// Removes a place, its lock last: as long as that stands, a sweep finds what is left.
+fn remove(folder: &Path) {
+    match fs::remove_dir_all(folder) {
+        Err(error) if error.kind() != ErrorKind::NotFound => return,
+        _ => {}
+    }
+    let _ = fs::remove_file(folder.with_extension(LOCK)); // whoever else removed it did the same
+    if let Some(all) = folder.parent() {
+        let _ = fs::remove_dir(all); // only if it was the last
+    }
+}
+
+/// The folder of all places of this user.
+fn all_places() -> PathBuf {
+    let uid = rustix::process::geteuid().as_raw();
+    std::env::temp_dir().join(format!("hil-{uid}"))
+}
+
+fn private_folder(path: &Path) -> io::Result<()> {
+    match DirBuilder::new().mode(0o700).create(path) {
+        Err(error) if error.kind() != ErrorKind::AlreadyExists => Err(error),
+        _ if is_private(path) => Ok(()),
+        _ => Err(io::Error::other(format!(
+            "{} is not a folder of yours alone; remove it or have it removed",
+            path.display()
+        ))),
+    }
+}
+
+/// Checks for a folder of this user that is closed to others; a link to one is none.
+fn is_private(path: &Path) -> bool {
+    let uid = rustix::process::geteuid().as_raw();
+    fs::symlink_metadata(path)
+        .is_ok_and(|found| found.is_dir() && found.uid() == uid && found.mode() & 0o077 == 0)
+}
+
+fn lock_file(path: &Path) -> io::Result<File> {
+    let flags = OFlags::NONBLOCK.bits().cast_signed();
+    let mut options = File::options();
+    options
+        .write(true)
+        .create(true)
+        .mode(0o600)
+        .custom_flags(flags);
+    options.truncate(false).open(path)
+}
+
+/// Checks whether an open file is still the one at its path.
+fn is_at(file: &File, path: &Path) -> bool {
+    match (file.metadata(), fs::symlink_metadata(path)) {
+        (Ok(open), Ok(there)) => (open.dev(), open.ino()) == (there.dev(), there.ino()),
+        _ => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A folder for places that goes away with the test.
+    struct All(PathBuf);
+
+    impl All {
+        fn new(name: &str) -> Self {
+            let own = std::process::id();
+            Self(std::env::temp_dir().join(format!("hil-test-{name}-{own}")))
+        }
+    }
+
+    impl Drop for All {
+        fn drop(&mut self) {
+            let _ = fs::remove_dir_all(&self.0); // mostly it is gone
+        }
+    }
+
+    #[test]
+    fn a_place_is_private_and_goes_with_its_owner() {
+        let all = All::new("owner");
+        let one = Place::create_in(&all.0, "one").expect("made");
+        let other = Place::create_in(&all.0, "one").expect("made");
+        assert_ne!(one.folder(), other.folder());
+        for path in [one.folder(), &all.0] {
+            let mode = fs::metadata(path).expect("it is there").mode();
+            assert_eq!(mode & 0o777, 0o700, "{}", path.display());
+        }
+        fs::create_dir(one.folder().join("deep")).expect("made");
+        fs::write(one.folder().join("deep/file"), "x").expect("written");
+        sweep_in(&all.0);
+        assert!(one.folder().join("deep/file").is_file(), "its owner lives");
+        drop(one);
+        assert_eq!(fs::read_dir(&all.0).expect("there").count(), 2);
+        drop(other);
+        assert!(!all.0.exists());
+    }
+
+    #[test]
+    fn a_place_of_a_dead_owner_is_swept_away() {
+        let all = All::new("dead");
+        let place = Place::create_in(&all.0, "one").expect("made");
+        let folder = place.folder().to_owned();
+        fs::write(folder.join("file"), "x").expect("written");
+        // As after kill -9: nothing is removed, the lock is free.
+        let Place { folder: _, _lock } = &place;
+        flock(_lock, FlockOperation::Unlock).expect("held");
+        std::mem::forget(place);
+        sweep_in(&all.0);
+        assert!(!folder.exists() && !all.0.exists());
+    }
+
+    #[test]
+    fn a_folder_that_is_open_to_others_is_neither_used_nor_cleared() {
+        let all = All::new("open");
+        DirBuilder::new().mode(0o755).create(&all.0).expect("made");
+        let refused = Place::create_in(&all.0, "one").expect_err("open");
+        assert!(refused.to_string().contains("not a folder of yours alone"));
+        fs::write(all.0.join("one-1-0.lock"), "").expect("written");
+        sweep_in(&all.0);
+        assert!(all.0.join("one-1-0.lock").exists());
+    }
+}

@@ -1,0 +1,124 @@
+"""Makes the calls of a recorded run of an FMU anew, by FMPy's low-level interface, and compares every number.
+
+    python compare_fmu.py MODEL.fmu RUN RATE_HZ
+
+Inputs are the recorded commands as they were applied, outputs are compared with the recorded measured signals, bit
+by bit but for the sign of zero and the bits of NaN, which a recording does not keep. Columns are matched with
+variables by their order, so nothing here knows how names are spelled. Ends with 0 when all is the same.
+"""
+
+import pathlib
+import shutil
+import sys
+
+import fmpy
+import numpy as np
+from fmpy.fmi2 import FMU2Slave
+from fmpy.fmi3 import FMU3Slave
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tools" / "python"))
+
+import hil_run
+
+TWO = {"Real": "Real", "Integer": "Integer", "Enumeration": "Integer", "Boolean": "Boolean"}
+THREE = {
+    **{f"Float{bits}": f"Float{bits}" for bits in (32, 64)},
+    **{f"{sign}Int{bits}": f"{sign}Int{bits}" for sign in ("", "U") for bits in (8, 16, 32, 64)},
+    "Enumeration": "Int64",
+    "Boolean": "Boolean",
+}
+
+
+def elements(variable, sizes):
+    count = 1
+    for dimension in variable.dimensions or []:
+        count *= int(dimension.start) if dimension.start is not None else sizes[dimension.variable.name]
+    return count
+
+
+def canonical(values):
+    values = np.asarray(values, dtype=np.float64) + 0.0
+    values[np.isnan(values)] = np.nan
+    return values.view(np.uint64)
+
+
+class Calls:
+    """An FMU and its variables by role."""
+
+    def __init__(self, path):
+        self.model = model = fmpy.read_model_description(path, validate=False)
+        self.folder = fmpy.extract(path)
+        self.kinds = TWO if model.fmiVersion.startswith("2") else THREE
+        slave = FMU2Slave if self.kinds is TWO else FMU3Slave
+        self.fmu = slave(
+            guid=model.guid,
+            unzipDirectory=self.folder,
+            modelIdentifier=model.coSimulation.modelIdentifier,
+            instanceName=model.modelName,
+        )
+        known = [one for one in model.modelVariables if one.type in self.kinds and one.alias is None]
+        self.sizes = {one.name: int(one.start) for one in known if one.causality == "structuralParameter"}
+        self.inputs, self.outputs, self.parameters = (
+            [one for one in known if one.causality == role] for role in ("input", "output", "parameter")
+        )
+
+    def set(self, variables, values):
+        values = list(values)
+        for one in variables:
+            count = elements(one, self.sizes)
+            own, values = values[:count], values[count:]
+            is_float = one.type.startswith("Float") or one.type == "Real"
+            own = [float(value) if is_float else int(value) for value in own]
+            getattr(self.fmu, f"set{self.kinds[one.type]}")([one.valueReference], own)
+        assert not values
+
+    def get(self):
+        row = []
+        for one in self.outputs:
+            get = getattr(self.fmu, f"get{self.kinds[one.type]}")
+            if self.kinds is TWO:
+                row += get([one.valueReference])
+            else:
+                row += get([one.valueReference], nValues=elements(one, self.sizes)) * (1 + len(one.aliases))
+        return row
+
+    def start(self):
+        self.fmu.instantiate()
+        for one in self.parameters:
+            words = str(one.start).split()
+            words = [{"true": 1, "false": 0}.get(word, word) for word in words]
+            self.set([one], map(float, words))
+        if self.kinds is TWO:
+            self.fmu.setupExperiment(startTime=0.0)
+        self.fmu.enterInitializationMode()
+        self.fmu.exitInitializationMode()
+
+    def end(self):
+        self.fmu.terminate()
+        self.fmu.freeInstance()
+        shutil.rmtree(self.folder)
+
+
+def main(path, run_path, rate_hz):
+    rate_hz = float(rate_hz)
+    data = hil_run.load(run_path).to_numpy()
+    columns = lambda kind: [values for name, values in data.items() if name.startswith(kind + ".")]
+    applied, measured = columns("applied"), columns("measured")
+    calls = Calls(path)
+    calls.start()
+    rows = [calls.get()]
+    for step in range(len(data["step"]) - 1 if "step" in data else len(measured[0]) - 1):
+        calls.set(calls.inputs, [command[step] for command in applied])
+        calls.fmu.doStep(step / rate_hz, 1 / rate_hz)
+        rows.append(calls.get())
+    calls.end()
+    rows = np.asarray(rows, dtype=np.float64).T
+    assert len(rows) == len(measured), f"{len(rows)} outputs and {len(measured)} measured signals"
+    differing = sum(int((canonical(ours) != canonical(theirs)).sum()) for ours, theirs in zip(measured, rows))
+    moved = sum(len(set(canonical(row))) > 1 for row in rows)
+    print(f"{differing} of {rows.size} numbers differ, {moved} of {len(rows)} outputs move")
+    return 1 if differing else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))

@@ -1,0 +1,469 @@
+//! FMUs as plants and controllers: the numbers that FMPy gets, what is told of them, and what misbehaves.
+
+use std::path::PathBuf;
+use std::process::Command;
+
+use serde_json::Value;
+
+use crate::support::fmus::{REFERENCE, has_compiler, proportional, reference, write};
+use crate::support::harness::{Rig, Run};
+use crate::support::programs::{program, skip, workspace};
+use crate::support::python::{python, succeeds};
+
+type Entries = Vec<(String, Vec<u8>)>;
+
+/// A rig whose temporary files are its own, so that what is left of FMUs is seen.
+struct Place {
+    rig: Rig,
+}
+
+impl Place {
+    fn new() -> Self {
+        let rig = Rig::new();
+        std::fs::create_dir(rig.path("temporary")).expect("a folder");
+        Self { rig }
+    }
+
+    /// An FMU in the test's folder.
+    fn fmu(&self, name: &str, entries: &[(String, Vec<u8>)]) -> PathBuf {
+        let path = self.rig.path(name);
+        write(&path, entries);
+        path
+    }
+
+    fn run(&self, scenario: &str, arguments: &str) -> Run {
+        let scenario = self.rig.write("scenario.toml", scenario);
+        let arguments = format!("{} {arguments}", scenario.display());
+        let run = self.rig.start_with(self.command(), &arguments).finish();
+        self.assert_nothing_unpacked();
+        run
+    }
+
+    fn hil(&self, arguments: &[&str]) -> Run {
+        let mut hil = self.command();
+        hil.args(arguments).current_dir(self.rig.path(""));
+        let run = self.rig.program(hil);
+        self.assert_nothing_unpacked();
+        run
+    }
+
+    fn command(&self) -> Command {
+        let mut hil = Command::new(program("hil"));
+        hil.env("TMPDIR", self.rig.path("temporary"));
+        hil
+    }
+
+    fn assert_nothing_unpacked(&self) {
+        let left = std::fs::read_dir(self.rig.path("temporary")).expect("there");
+        let left: Vec<_> = left.flatten().map(|entry| entry.path()).collect();
+        assert_eq!(left, [""; 0].map(PathBuf::from), "left on disk");
+    }
+}
+
+fn scenario(model: &str, program: &str, rate_hz: f64, steps: f64) -> String {
+    let duration_s = steps / rate_hz;
+    format!(
+        "schema = 1\nname = \"fmu\"\n[run]\nduration_s = {duration_s:?}\nrate_hz = {rate_hz:?}\n[plant]\nmodel = \"{model}\"\nprogram = \"{program}\"\n[controller]\nlaw = \"hold\"\n[controller.hold]\nvalue = 1.0\n"
+    )
+}
+
+/// Faults that give every command of an FMU values of its own: each number another sine, whole numbers steps.
+fn moved(described: &Value, rate_hz: f64) -> String {
+    let mut text = String::new();
+    let commands = described["description"]["plants"][0]["commands"].as_array();
+    for (number, command) in commands.expect("a list").iter().enumerate() {
+        let name = command["name"].as_str().expect("a name");
+        let at_s = (3.0 + number as f64) / rate_hz;
+        let is_float = name.starts_with("Float") || name.starts_with("u_");
+        let effect = match (is_float, command["max"].as_f64()) {
+            (true, _) => {
+                let frequency_hz = rate_hz / (7.0 + number as f64);
+                format!("amplitude = 0.7\nfrequency_hz = {frequency_hz:?}")
+            }
+            (false, Some(1.0)) => "value = 0.0".into(),
+            (false, Some(2.0)) => "value = 2.0".into(),
+            (false, _) => format!("value = {:?}", 100.0 + number as f64),
+        };
+        let kind = if is_float {
+            "oscillation-additive"
+        } else {
+            "stuck-at"
+        };
+        text += &format!(
+            "[[faults]]\nkind = \"{kind}\"\nat_s = {at_s:?}\n[[faults.effects]]\ntarget = \"command.{name}\"\n{effect}\n"
+        );
+    }
+    text
+}
+
+#[test]
+fn every_reference_fmu_gives_the_numbers_that_fmpy_gets() {
+    let test = "every_reference_fmu_gives_the_numbers_that_fmpy_gets";
+    if !has_compiler() {
+        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+    }
+    let python = python("fmpy, numpy, mcap");
+    for (model, version, rate_hz) in REFERENCE {
+        let place = Place::new();
+        let name = format!("{model}{version}.fmu");
+        let path = place.fmu(&name, &reference(model, version));
+        let described = place.hil(&["describe", "--json", &name]).expect(0);
+        let described: Value = serde_json::from_str(&described.stdout).expect("JSON");
+        let text = scenario(model, &name, rate_hz, 40.0) + &moved(&described, rate_hz);
+        let run = place.run(&text, "").expect(0);
+        let summary = run.summary();
+        for hash in ["blake3", "host_blake3"] {
+            assert!(described[hash].is_string(), "{model} {version}");
+            assert_eq!(summary["plant"][hash], described[hash], "{model} {version}");
+        }
+        let Some(python) = &python else {
+            continue;
+        };
+        let script = workspace().join("tests/python/compare_fmu.py");
+        let mut compare = Command::new(python);
+        compare
+            .arg(script)
+            .arg(&path)
+            .arg(&run.folder)
+            .arg(rate_hz.to_string());
+        let told = succeeds(&mut compare);
+        assert!(told.starts_with("0 of "), "{model} {version}: {told}");
+        assert_eq!(
+            model == "Resource",
+            told.contains(", 0 of"),
+            "{model} {version}: {told}"
+        );
+    }
+    if python.is_none() {
+        skip(test, "Python has no `fmpy`", "HIL_TEST_FMPY");
+    }
+}
+
+#[test]
+fn a_description_tells_what_depends_directly_and_what_is_left_out() {
+    let test = "a_description_tells_what_depends_directly_and_what_is_left_out";
+    if !has_compiler() {
+        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+    }
+    let place = Place::new();
+    place.fmu("f.fmu", &reference("Feedthrough", 3));
+    let told = place.hil(&["describe", "f.fmu"]).expect(0).stdout;
+    for line in [
+        "FMI 3.0 co-simulation, made by Reference FMUs (development build)",
+        "moves in steps of 0.1 s: a period must be a multiple",
+        "  Int32_output on Int32_input",
+        "  Binary_input: it is a binary and keeps its start value",
+        "  String_output: it is a text",
+    ] {
+        assert!(
+            told.lines().any(|one| one == line),
+            "{line:?} is not in:\n{told}"
+        );
+    }
+    place.fmu("p.fmu", &proportional());
+    let told = place
+        .hil(&["describe", "p.fmu", "--as", "controller"])
+        .expect(0)
+        .stdout;
+    assert!(told.contains("law proportional for any plant"), "{told}");
+    // A program is described as well.
+    let plant = program("plant-process");
+    let told = place
+        .hil(&["describe", plant.to_str().expect("text")])
+        .expect(0)
+        .stdout;
+    assert!(told.contains("plant spring-mass: "), "{told}");
+}
+
+#[test]
+fn parameters_and_rates_are_checked_before_anything_runs() {
+    let test = "parameters_and_rates_are_checked_before_anything_runs";
+    if !has_compiler() {
+        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+    }
+    let place = Place::new();
+    place.fmu("ball.fmu", &reference("BouncingBall", 3));
+    let text = scenario("BouncingBall", "ball.fmu", 1000.0, 1000.0);
+    let refused = |arguments: &str, fragment: &str| {
+        let run = place.run(&text, arguments);
+        assert_eq!(run.code, Some(2), "{arguments}: {}", run.stderr);
+        assert!(run.stderr.contains(fragment), "{arguments}: {}", run.stderr);
+    };
+    refused("--set plant.parameters.e=0.4", "0.5 to 1");
+    refused("--set plant.parameters.f=0.4", "has no parameter `f`");
+    refused("--set run.rate_hz=1500", "moves in steps of 0.001 s");
+    refused(
+        "--set plant.locals=[\"none*\"]",
+        "no inner signal of the FMU matches \"none*\"",
+    );
+    place.fmu("p.fmu", &proportional());
+    let text = scenario("proportional", "p.fmu", 10.0, 10.0);
+    let run = place.run(&text, "--set plant.parameters.gain_n_per_m=2000");
+    assert_eq!(run.code, Some(2), "{}", run.stderr);
+    assert!(
+        run.stderr.contains("the gain is too large for this drive"),
+        "{}",
+        run.stderr
+    );
+    let run = place.run(&scenario("spring-mass", "p.fmu", 10.0, 10.0), "");
+    assert_eq!(run.code, Some(2), "{}", run.stderr);
+    assert!(run.stderr.contains("proportional"), "{}", run.stderr);
+}
+
+#[test]
+fn a_tunable_parameter_can_be_faulted_and_a_fixed_one_cannot() {
+    let test = "a_tunable_parameter_can_be_faulted_and_a_fixed_one_cannot";
+    if !has_compiler() {
+        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+    }
+    let place = Place::new();
+    place.fmu("f.fmu", &reference("Feedthrough", 3));
+    let fault = |parameter: &str| {
+        format!(
+            "[[faults]]\nkind = \"bias\"\nat_s = 1.0\n[[faults.effects]]\ntarget = \"parameter.{parameter}\"\noffset = 0.5\n"
+        )
+    };
+    let text = scenario("Feedthrough", "f.fmu", 10.0, 20.0);
+    let run = place.run(&(text.clone() + &fault("Float64_fixed_parameter")), "");
+    assert_eq!(run.code, Some(2), "{}", run.stderr);
+    let run = place
+        .run(&(text + &fault("Float64_tunable_parameter")), "")
+        .expect(0);
+    assert_eq!(run.summary()["faults"][0]["effective_step"], 10);
+}
+
+#[test]
+fn a_run_that_goes_on_from_a_checkpoint_is_the_straight_run() {
+    let test = "a_run_that_goes_on_from_a_checkpoint_is_the_straight_run";
+    if !has_compiler() {
+        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+    }
+    for version in [2, 3] {
+        let place = Place::new();
+        place.fmu("v.fmu", &reference("VanDerPol", version));
+        let text = scenario("VanDerPol", "v.fmu", 100.0, 400.0);
+        let straight = place.run(&text, "--checkpoint-at 2").expect(0);
+        let from = straight.folder.join("checkpoint-200");
+        let out = place.rig.path("resumed");
+        let [from, to] = [&from, &out].map(|path| path.to_str().expect("text"));
+        let resumed = place.hil(&["run", "--from", from, "--out", to]).expect(0);
+        let resumed = Run {
+            folder: out,
+            ..resumed
+        };
+        let digest = |run: &Run| run.summary()["digest"].clone();
+        assert_eq!(digest(&straight), digest(&resumed));
+    }
+}
+
+#[test]
+fn trouble_in_a_step_is_told_with_the_last_message() {
+    let test = "trouble_in_a_step_is_told_with_the_last_message";
+    if !has_compiler() {
+        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+    }
+    let place = Place::new();
+    place.fmu("p.fmu", &proportional());
+    let text = scenario("proportional", "p.fmu", 10.0, 10.0);
+    for (trouble, code, fragment) in [
+        (1, 3, "the valve model divides by zero"),
+        (2, 3, "SIGABRT"),
+        (3, 3, "plant ended before the run was over"),
+        (4, 1, "the step is too long"),
+        (5, 3, "answered DoStep with Error: the pump cavitates"),
+        (6, 3, "answered DoStep with Fatal: the memory is corrupt"),
+        (7, 1, "ended the simulation"),
+        (8, 3, "`count` is a whole number beyond 2^53"),
+        (9, 1, "force_n = NaN is not a finite number"),
+        (10, 3, "returned early from a step"),
+    ] {
+        let run = place.run(&text, &format!("--set plant.parameters.trouble={trouble}"));
+        assert_eq!(run.code, Some(code), "{trouble}: {}", run.stderr);
+        let told = format!("{}{}", run.stdout, run.stderr);
+        assert!(told.contains(fragment), "{trouble}: {told}");
+        let log = std::fs::read_to_string(run.folder.join("plant.log")).unwrap_or_default();
+        assert!(
+            !log.contains("freed after") && !log.contains("terminated after"),
+            "{log}"
+        );
+    }
+}
+
+#[test]
+fn an_fmu_is_a_controller() {
+    let test = "an_fmu_is_a_controller";
+    if !has_compiler() {
+        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+    }
+    let place = Place::new();
+    let fmu = place.fmu("p.fmu", &proportional());
+    let shipped = workspace().join("scenarios/spring-mass.toml");
+    let arguments = format!(
+        "--controller-bin {} --set controller.law=proportional --set run.duration_s=1",
+        fmu.display()
+    );
+    let text = std::fs::read_to_string(shipped).expect("it is there");
+    let text = text
+        .split("[controller.pid]")
+        .next()
+        .expect("the begin")
+        .to_owned()
+        + "[[stimuli]]\ntarget = \"position_m\"\nkind = \"step\"\nat_s = 0.5\nafter = 0.01\n";
+    let run = place.run(&text, &arguments).expect(0);
+    let out = place.rig.path("table.csv");
+    let arguments = [
+        "export",
+        run.folder.to_str().expect("text"),
+        "-o",
+        out.to_str().expect("text"),
+    ];
+    let signals = [
+        "measured.position_m",
+        "reference.position_m",
+        "command.force_n",
+    ];
+    let signals = signals.iter().flat_map(|name| ["--signal", name]);
+    place
+        .hil(&arguments.into_iter().chain(signals).collect::<Vec<_>>())
+        .expect(0);
+    let table = std::fs::read_to_string(out).expect("written");
+    let mut moved = 0;
+    for line in table.lines().skip(1).take(1000) {
+        let row: Vec<f64> = line
+            .split(',')
+            .map(|cell| cell.parse().expect("a number"))
+            .collect();
+        let [.., measured, reference, command] = row[..] else {
+            panic!("{line}")
+        };
+        assert_eq!(command, 100.0 * (reference - measured), "{line}");
+        moved += usize::from(command != 0.0);
+    }
+    assert!(moved > 400, "{moved}");
+}
+
+/// Entries with another content of one of them.
+fn with(mut entries: Entries, name: &str, change: impl FnOnce(Vec<u8>) -> Vec<u8>) -> Entries {
+    let entry = entries
+        .iter_mut()
+        .find(|(found, _)| found.contains(name))
+        .expect("there");
+    entry.1 = change(std::mem::take(&mut entry.1));
+    entries
+}
+
+#[test]
+fn broken_and_hostile_archives_are_refused_and_nothing_is_left() {
+    let test = "broken_and_hostile_archives_are_refused_and_nothing_is_left";
+    if !has_compiler() {
+        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+    }
+    let place = Place::new();
+    let sound = reference("Dahlquist", 3);
+    let text = |from: &'static str, to: &'static str| {
+        move |bytes: Vec<u8>| {
+            String::from_utf8(bytes)
+                .expect("text")
+                .replace(from, to)
+                .into_bytes()
+        }
+    };
+    let and = |name: &str| [sound.clone(), vec![(name.into(), b"x".to_vec())]].concat();
+    let bomb = "<!DOCTYPE d [<!ENTITY a \"aaaaaaaaaa\"><!ENTITY b \"&a;&a;&a;&a;&a;&a;\">]>\n<fmiModelDescription";
+    let library = "Dahlquist.so";
+    for (entries, fragment) in [
+        (
+            and("../../outside"),
+            "does not name a file inside the archive",
+        ),
+        (
+            and("/etc/outside"),
+            "does not name a file inside the archive",
+        ),
+        (vec![], "too short"),
+        (sound[1..].to_vec(), "it has no modelDescription.xml"),
+        (sound[..1].to_vec(), "it has no library for"),
+        (
+            with(sound.clone(), ".xml", text("<fmiModelDescription", bomb)),
+            "document type",
+        ),
+        (
+            with(sound.clone(), ".xml", text("\"3.0\"", "\"1.0\"")),
+            "FMI 2.0 and 3.0 are run",
+        ),
+        (
+            with(sound.clone(), ".xml", |bytes| {
+                bytes[..bytes.len() / 2].to_vec()
+            }),
+            "modelDescription.xml",
+        ),
+        (
+            with(sound.clone(), library, |_| b"no library".to_vec()),
+            "its library cannot be loaded",
+        ),
+        (
+            with(
+                sound.clone(),
+                ".xml",
+                text("instantiationToken=\"{", "instantiationToken=\"{0"),
+            ),
+            "refuses to be instantiated",
+        ),
+        (
+            with(sound.clone(), library, |_| {
+                let other = reference("Dahlquist", 2);
+                other[1].1.clone()
+            }),
+            "no function `fmi3GetVersion`",
+        ),
+    ] {
+        place.fmu("hostile.fmu", &entries);
+        if entries.is_empty() {
+            place.rig.write("hostile.fmu", "PK");
+        }
+        let run = place.run(&scenario("Dahlquist", "hostile.fmu", 10.0, 10.0), "");
+        assert_eq!(run.code, Some(2), "{fragment}: {}", run.stderr);
+        assert!(run.stderr.contains(fragment), "{fragment}: {}", run.stderr);
+        assert!(!run.folder.exists(), "nothing was started");
+    }
+}
+
+#[test]
+fn an_fmu_that_others_can_write_is_not_run() {
+    use std::os::unix::fs::PermissionsExt;
+    let test = "an_fmu_that_others_can_write_is_not_run";
+    if !has_compiler() {
+        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+    }
+    let place = Place::new();
+    let path = place.fmu("d.fmu", &reference("Dahlquist", 3));
+    std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o666)).expect("ours");
+    let run = place.run(&scenario("Dahlquist", "d.fmu", 10.0, 10.0), "");
+    assert_eq!(run.code, Some(2), "{}", run.stderr);
+    assert!(
+        run.stderr.contains("can be written by others"),
+        "{}",
+        run.stderr
+    );
+}
+
+#[test]
+fn a_recorded_run_of_an_fmu_is_repeated_with_its_inner_signals() {
+    let test = "a_recorded_run_of_an_fmu_is_repeated_with_its_inner_signals";
+    if !has_compiler() {
+        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+    }
+    let place = Place::new();
+    place.fmu("d.fmu", &reference("Dahlquist", 2));
+    let text = scenario("Dahlquist", "d.fmu", 10.0, 20.0);
+    let run = place
+        .run(&text, "--set plant.locals=[\"der(*)\"]")
+        .expect(0);
+    let folder = run.folder.to_str().expect("text");
+    let listed = place.hil(&["export", folder, "--list"]).expect(0).stdout;
+    assert!(listed.contains("truth.der__x"), "{listed}");
+    let again = place.rig.path("again");
+    place
+        .hil(&["rerun", folder, "--out", again.to_str().expect("text")])
+        .expect(0);
+}

@@ -1,0 +1,156 @@
+//! FMUs that tests run, built with the machine's C compiler: the Reference-FMUs, whose sources are in
+//! `tests/third-party`, and those of `tests/fmus`. An archive is written here, with stored entries.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::OnceLock;
+
+use crate::support::programs::{finish, target, workspace};
+
+/// The Reference-FMUs with co-simulation, each with its version of FMI and the rate of its own steps.
+pub(crate) const REFERENCE: [(&str, u32, f64); 14] = [
+    ("BouncingBall", 2, 1000.0),
+    ("BouncingBall", 3, 1000.0),
+    ("Dahlquist", 2, 10.0),
+    ("Dahlquist", 3, 10.0),
+    ("Feedthrough", 2, 10.0),
+    ("Feedthrough", 3, 10.0),
+    ("Resource", 2, 1.0),
+    ("Resource", 3, 1.0),
+    ("Roberts", 3, 1000.0),
+    ("Stair", 2, 5.0),
+    ("Stair", 3, 5.0),
+    ("StateSpace", 3, 1.0),
+    ("VanDerPol", 2, 100.0),
+    ("VanDerPol", 3, 100.0),
+];
+
+/// Folder of the libraries for this machine.
+pub(crate) fn platform(version: u32) -> &'static str {
+    match (version, cfg!(target_arch = "x86_64")) {
+        (2, true) => "linux64",
+        (_, true) => "x86_64-linux",
+        (_, false) => "aarch64-linux",
+    }
+}
+
+/// Checks for a C compiler.
+pub(crate) fn has_compiler() -> bool {
+    let asked = Command::new("cc").arg("--version").output();
+    asked.is_ok_and(|output| output.status.success())
+}
+
+/// A folder with all FMUs, built once for each test binary.
+fn built() -> &'static Path {
+    static BUILT: OnceLock<PathBuf> = OnceLock::new();
+    BUILT.get_or_init(|| {
+        let folder = target().join("fmus").join(std::process::id().to_string());
+        std::fs::create_dir_all(&folder).expect("a folder");
+        folder
+    })
+}
+
+/// Compiles sources with these options into a library; gives its bytes.
+pub(crate) fn compiled(name: &str, sources: &[PathBuf], options: &[&str]) -> Vec<u8> {
+    static COUNT: std::sync::atomic::AtomicU32 = std::sync::atomic::AtomicU32::new(0);
+    let number = COUNT.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+    let library = built().join(format!("{name}-{number}.so"));
+    let include = third_party().join("include");
+    let mut cc = Command::new("cc");
+    // A fused product would round once: the numbers of a machine would be its own.
+    cc.args(["-shared", "-fPIC", "-O1", "-ffp-contract=off", "-I"])
+        .arg(include);
+    cc.args(options)
+        .args(sources)
+        .arg("-o")
+        .arg(&library)
+        .arg("-lm");
+    finish(&mut cc);
+    let bytes = std::fs::read(&library).expect("it was built");
+    std::fs::remove_file(&library).expect("it is ours");
+    bytes
+}
+
+fn third_party() -> PathBuf {
+    workspace().join("tests/third-party/reference-fmus")
+}
+
+/// A Reference-FMU, as entries of its archive.
+pub(crate) fn reference(model: &str, version: u32) -> Vec<(String, Vec<u8>)> {
+    let place = third_party();
+    let source = |name: &str| place.join(name);
+    let sources = [
+        source(&format!("{model}/model.c")),
+        source(&format!("src/fmi{version}Functions.c")),
+        source("src/cosimulation.c"),
+    ];
+    let (own, number) = (source(model), format!("-DFMI_VERSION={version}"));
+    let own = format!("-I{}", own.display());
+    let library = compiled(
+        model,
+        &sources,
+        &[&number, "-DDISABLE_PREFIX", "-fvisibility=hidden", &own],
+    );
+    let read = |name: &str| std::fs::read(source(name)).expect("it is vendored");
+    let mut entries = vec![
+        (
+            "modelDescription.xml".into(),
+            read(&format!("{model}/FMI{version}.xml")),
+        ),
+        (
+            format!("binaries/{}/{model}.so", platform(version)),
+            library,
+        ),
+    ];
+    if model == "Resource" {
+        entries.push(("resources/y.txt".into(), read("Resource/y.txt")));
+    }
+    entries
+}
+
+/// The FMU of `tests/fmus`, as entries of its archive.
+pub(crate) fn proportional() -> Vec<(String, Vec<u8>)> {
+    let place = workspace().join("tests/fmus");
+    let library = compiled("proportional", &[place.join("proportional.c")], &[]);
+    let description = std::fs::read(place.join("proportional.xml")).expect("it is there");
+    vec![
+        ("modelDescription.xml".into(), description),
+        (format!("binaries/{}/proportional.so", platform(3)), library),
+    ]
+}
+
+/// Writes an archive of stored entries.
+pub(crate) fn write(path: &Path, entries: &[(String, Vec<u8>)]) {
+    let size = |number: usize| u32::try_from(number).expect("small").to_le_bytes();
+    let (mut bytes, mut list) = (Vec::new(), Vec::new());
+    for (name, content) in entries {
+        let length = u16::try_from(name.len()).expect("short").to_le_bytes();
+        let mut middle = vec![0; 8];
+        middle.extend(crc32fast::hash(content).to_le_bytes());
+        middle.extend(size(content.len()));
+        middle.extend(size(content.len()));
+        middle.extend(length);
+        middle.extend([0; 2]);
+        let head = bytes.len();
+        bytes.extend(b"PK\x03\x04\x14\0");
+        bytes.extend(&middle);
+        bytes.extend(name.as_bytes());
+        bytes.extend(content);
+        list.extend(b"PK\x01\x02\x14\x03\x14\0");
+        list.extend(&middle);
+        list.extend([0; 6]);
+        list.extend((0o100_644_u32 << 16).to_le_bytes());
+        list.extend(size(head));
+        list.extend(name.as_bytes());
+    }
+    let count = u16::try_from(entries.len()).expect("few").to_le_bytes();
+    let place = bytes.len();
+    bytes.extend(&list);
+    bytes.extend(b"PK\x05\x06\0\0\0\0");
+    bytes.extend(count);
+    bytes.extend(count);
+    bytes.extend(size(list.len()));
+    bytes.extend(size(place));
+    bytes.extend([0; 2]);
+    std::fs::write(path, bytes).expect("written");
+}

@@ -1,0 +1,96 @@
+//! `hil-fmu plant|controller MODEL.fmu`: an FMU as a plant or controller program.
+//!
+//! Started by `hil`, which names the FMU and asks and runs it as any program.
+
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+
+use glob::Pattern;
+use hil_foreign::fmi::{Fmu, sides};
+use shared_types::checkpoint::Side;
+use shared_types::describe::{Description, Imported};
+use shared_types::program::{self, Program, UNUSABLE};
+use shared_types::session::SessionInfo;
+use shared_types::supervision::Supervision;
+
+const NAME: &str = "hil-fmu";
+const VERSION: &str = env!("CARGO_PKG_VERSION");
+const USAGE: &str = "usage: hil-fmu plant|controller MODEL.fmu [--truth PATTERN].. --describe | --check JOB.json | --session FOLDER; hil starts it for a scenario that names an FMU";
+
+fn main() -> ExitCode {
+    ExitCode::from(run().unwrap_or_else(|reason| {
+        program::say(&format!("error: {reason}"));
+        UNUSABLE
+    }))
+}
+
+fn run() -> Result<u8, String> {
+    let mut arguments = std::env::args_os();
+    let own = arguments.next().unwrap_or_else(|| NAME.into());
+    let (Some(side), Some(path)) = (arguments.next(), arguments.next()) else {
+        return Err(USAGE.into());
+    };
+    let path = PathBuf::from(path);
+    let mut arguments = arguments.peekable();
+    let mut patterns = Vec::new();
+    while arguments.next_if(|one| one == "--truth").is_some() {
+        patterns.push(pattern(arguments.next())?);
+    }
+    let rest = std::iter::once(own).chain(arguments);
+    let told = |error: &dyn std::fmt::Display| told(&path, error);
+    let fmu = Arc::new(Fmu::open(&path, &patterns).map_err(|error| told(&error))?);
+    let imported = &fmu.model().tables.imported;
+    match side.to_str() {
+        Some("plant") => {
+            let kind = sides::plant(&fmu).map_err(|error| told(&error))?;
+            let inner = plant_process::program::of(NAME, VERSION, vec![kind]);
+            Ok(program::answer(&Described { inner, imported }, rest))
+        }
+        Some("controller") => {
+            let kind = sides::law(&fmu).map_err(|error| told(&error))?;
+            let inner = controller_process::program::of(NAME, VERSION, vec![kind]);
+            Ok(program::answer(&Described { inner, imported }, rest))
+        }
+        _ => Err(USAGE.into()),
+    }
+}
+
+fn pattern(text: Option<OsString>) -> Result<Pattern, String> {
+    let text = text.ok_or(USAGE)?;
+    let text = text.to_string_lossy();
+    Pattern::new(&text).map_err(|error| format!("{text:?} is no pattern: {error}"))
+}
+
+fn told(path: &Path, error: &dyn std::fmt::Display) -> String {
+    let name = path.file_name().unwrap_or(path.as_os_str());
+    format!("{}: {error}", name.to_string_lossy())
+}
+
+/// A program whose description has the facts of the FMU.
+struct Described<'a, P> {
+    inner: P,
+    imported: &'a Imported,
+}
+
+impl<P: Program> Program for Described<'_, P> {
+    fn description(&self) -> Description {
+        Description {
+            imported: Some(Box::new(self.imported.clone())),
+            ..self.inner.description()
+        }
+    }
+
+    fn side(&self) -> Side {
+        self.inner.side()
+    }
+
+    fn check(&self, job: &Path) -> Result<(), String> {
+        self.inner.check(job)
+    }
+
+    fn serve(&self, session: &SessionInfo, supervision: &Supervision) -> Result<u8, String> {
+        self.inner.serve(session, supervision)
+    }
+}

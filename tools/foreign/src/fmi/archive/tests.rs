@@ -1,0 +1,288 @@
+use std::io::Cursor;
+
+use super::*;
+
+/// Writes archives, sound ones and others.
+struct Writer {
+    bytes: Vec<u8>,
+    list: Vec<u8>,
+    entries: u16,
+}
+
+/// An entry to write.
+struct Written<'a> {
+    name: &'a str,
+    content: &'a [u8],
+    flags: u16,
+    method: u16,
+    mode: u32,
+    /// Size that the list tells.
+    told: usize,
+}
+
+impl<'a> Written<'a> {
+    fn new(name: &'a str, content: &'a [u8]) -> Self {
+        Self {
+            name,
+            content,
+            flags: 0,
+            method: DEFLATED,
+            mode: FILE | 0o644,
+            told: content.len(),
+        }
+    }
+}
+
+impl Writer {
+    fn new() -> Self {
+        Self {
+            bytes: Vec::new(),
+            list: Vec::new(),
+            entries: 0,
+        }
+    }
+
+    fn add(mut self, entry: &Written<'_>) -> Self {
+        let packed = match entry.method {
+            STORED => entry.content.to_vec(),
+            _ => miniz_oxide::deflate::compress_to_vec(entry.content, 6),
+        };
+        let short = |number: usize| u16::try_from(number).expect("short").to_le_bytes();
+        let long = |number: usize| u32::try_from(number).expect("long").to_le_bytes();
+        let mut middle = Vec::new();
+        middle.extend(entry.flags.to_le_bytes());
+        middle.extend(entry.method.to_le_bytes());
+        middle.extend([0; 4]);
+        middle.extend(crc32fast::hash(entry.content).to_le_bytes());
+        middle.extend(long(packed.len()));
+        middle.extend(long(entry.told));
+        middle.extend(short(entry.name.len()));
+        middle.extend(short(0));
+        let head = self.bytes.len();
+        self.bytes.extend(HEAD_MARK);
+        self.bytes.extend([20, 0]);
+        self.bytes.extend(&middle);
+        self.bytes.extend(entry.name.as_bytes());
+        self.bytes.extend(packed);
+        self.list.extend(LISTED_MARK);
+        self.list.extend([20, 3, 20, 0]);
+        self.list.extend(&middle);
+        self.list.extend([0; 6]);
+        self.list.extend((entry.mode << 16).to_le_bytes());
+        self.list.extend(long(head));
+        self.list.extend(entry.name.as_bytes());
+        self.entries += 1;
+        self
+    }
+
+    fn finish(mut self) -> Vec<u8> {
+        let list = u32::try_from(self.bytes.len()).expect("short");
+        self.bytes.extend(&self.list);
+        self.bytes.extend(END_MARK);
+        self.bytes.extend([0; 4]);
+        self.bytes.extend(self.entries.to_le_bytes());
+        self.bytes.extend(self.entries.to_le_bytes());
+        let length = u32::try_from(self.list.len()).expect("short");
+        self.bytes.extend(length.to_le_bytes());
+        self.bytes.extend(list.to_le_bytes());
+        self.bytes.extend([0; 2]);
+        self.bytes
+    }
+}
+
+fn read(bytes: &[u8]) -> Result<Archive<Cursor<&[u8]>>, ArchiveError> {
+    Archive::read(Cursor::new(bytes), &LIMITS)
+}
+
+fn refused(bytes: &[u8], fragment: &str) {
+    let told = read(bytes).expect_err(fragment).to_string();
+    assert!(told.contains(fragment), "{told}");
+}
+
+fn one(entry: &Written<'_>) -> Vec<u8> {
+    Writer::new().add(entry).finish()
+}
+
+fn sound() -> Vec<u8> {
+    let long = "a line of text\n".repeat(100);
+    Writer::new()
+        .add(&Written::new("modelDescription.xml", long.as_bytes()))
+        .add(&Written {
+            mode: FOLDER | 0o755,
+            ..Written::new("resources/", b"")
+        })
+        .add(&Written {
+            method: STORED,
+            mode: 0,
+            ..Written::new("resources/y.txt", b"y")
+        })
+        .finish()
+}
+
+#[test]
+fn files_are_read_and_unpacked_as_they_were_packed() {
+    let bytes = sound();
+    let mut archive = read(&bytes).expect("sound");
+    let names: Vec<_> = archive.names().collect();
+    assert_eq!(names, ["modelDescription.xml", "resources/y.txt"]);
+    let content = archive.content("modelDescription.xml", 1 << 20);
+    assert_eq!(content.expect("sound").len(), 1500);
+    let told = archive
+        .content("modelDescription.xml", 1000)
+        .expect_err("long");
+    assert!(told.to_string().contains("has more than"), "{told}");
+    let told = archive.content("other", 1000).expect_err("none");
+    assert_eq!(told.to_string(), "it has no other");
+    let folder = tempfile::tempdir().expect("a folder");
+    assert_eq!(
+        archive
+            .extract("resources/", folder.path())
+            .expect("unpacked"),
+        1
+    );
+    let text = std::fs::read(folder.path().join("resources/y.txt"));
+    assert_eq!(text.expect("there"), b"y");
+    assert!(!folder.path().join("modelDescription.xml").exists());
+}
+
+#[test]
+fn names_that_lead_elsewhere_are_refused() {
+    for name in [
+        "../x",
+        "a/../../x",
+        "/etc/passwd",
+        "a//b",
+        "a/./b",
+        "..",
+        ".",
+        "",
+        "c:/x",
+        "a\\b",
+        "a\u{1}b",
+    ] {
+        let bytes = one(&Written::new(name, b""));
+        refused(&bytes, "does not name a file inside the archive");
+    }
+    let deep = "a/".repeat(DEEPEST + 1) + "b";
+    refused(&one(&Written::new(&deep, b"")), "does not name a file");
+    let long = "a".repeat(LONGEST_NAME + 1);
+    refused(&one(&Written::new(&long, b"")), "does not name a file");
+}
+
+#[test]
+fn links_devices_and_twins_are_refused() {
+    for mode in [0o120_777, 0o020_644, 0o060_644, 0o010_644, 0o140_644] {
+        let entry = Written {
+            mode,
+            ..Written::new("resources/x", b"/etc/passwd")
+        };
+        refused(&one(&entry), "is a link or a device");
+    }
+    let twice = Writer::new()
+        .add(&Written::new("a", b"1"))
+        .add(&Written::new("a", b"2"));
+    refused(&twice.finish(), "is there twice");
+    let both = Writer::new()
+        .add(&Written::new("a", b"1"))
+        .add(&Written::new("a/b", b"2"));
+    refused(&both.finish(), "is there twice");
+}
+
+#[test]
+fn encryption_other_methods_and_parts_are_refused_by_name() {
+    let encrypted = Written {
+        flags: 1,
+        ..Written::new("a", b"1")
+    };
+    refused(&one(&encrypted), "is encrypted");
+    let other = Written {
+        method: 14,
+        ..Written::new("a", b"1")
+    };
+    refused(&one(&other), "method 14");
+    let mut parts = sound();
+    let end = parts.len() - END_BYTES as usize;
+    parts[end + 4] = 1;
+    refused(&parts, "several parts");
+    let mut large = sound();
+    large[end + 16..end + 20].fill(0xff);
+    refused(&large, "ZIP64");
+}
+
+#[test]
+fn bombs_are_refused_before_anything_is_unpacked() {
+    let zeros = vec![0; 1 << 20];
+    let bomb = Writer::new().add(&Written {
+        told: 600 << 20,
+        ..Written::new("a", &zeros)
+    });
+    refused(&bomb.finish(), "times its size");
+    let mut many = Writer::new();
+    for number in 0..4 {
+        let name = format!("a{number}");
+        many = many.add(&Written {
+            told: 500 << 20,
+            ..Written::new(&name, b"")
+        });
+    }
+    refused(&many.finish(), "MiB unpacked, more than 1024 MiB");
+    let mut crowd = Writer::new();
+    for number in 0..=LIMITS.entries {
+        crowd = crowd.add(&Written::new(&number.to_string(), b""));
+    }
+    refused(&crowd.finish(), "entries, more than 10000");
+    // Two entries of one content, as in bombs that unpack each byte many times.
+    let shared = Writer::new()
+        .add(&Written::new("a", &zeros))
+        .add(&Written::new("b", b""));
+    let mut bytes = shared.finish();
+    let list = bytes.len() - END_BYTES as usize - LISTED_BYTES - 1;
+    bytes[list + 42..list + 46].fill(0);
+    refused(&bytes, "share bytes");
+}
+
+#[test]
+fn content_that_is_not_what_the_list_says_is_refused() {
+    let longer = Written {
+        told: 10,
+        ..Written::new("a", b"0123456789 and more")
+    };
+    let shorter = Written {
+        told: 100,
+        ..Written::new("a", b"0123456789")
+    };
+    for entry in [longer, shorter] {
+        let bytes = one(&entry);
+        let told = read(&bytes).expect("a sound list").content("a", 1000);
+        assert!(matches!(told, Err(ArchiveError::Content(_))), "{told:?}");
+    }
+    let mut bytes = sound();
+    let name = b"resources/y.txt";
+    let place = { bytes.windows(name.len()) }
+        .position(|part| part == name)
+        .expect("its head");
+    bytes[place + name.len()] ^= 1;
+    let mut archive = read(&bytes).expect("a sound list");
+    let told = archive
+        .content("resources/y.txt", 10)
+        .expect_err("another byte");
+    assert!(told.to_string().contains("is damaged"), "{told}");
+}
+
+#[test]
+fn every_cut_and_every_changed_byte_is_taken_or_refused_without_a_panic() {
+    let whole = sound();
+    for length in 0..whole.len() {
+        let _ = read(&whole[..length]).expect_err("cut");
+    }
+    for place in 0..whole.len() {
+        let mut other = whole.clone();
+        other[place] ^= 0x55;
+        if let Ok(mut archive) = read(&other) {
+            let names: Vec<String> = archive.names().map(str::to_owned).collect();
+            for name in names {
+                let _ = archive.content(&name, 1 << 20); // any answer is one
+            }
+        }
+    }
+}

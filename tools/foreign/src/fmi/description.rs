@@ -1,0 +1,276 @@
+//! What an FMU says of itself: its `modelDescription.xml`, of FMI 2.0 and 3.0, in one form.
+//!
+//! [`ModelDescription::read`] takes the text and never asks for anything else: a document type, and with it
+//! every entity that a document could declare, is refused. Nothing here knows signals or plants; which
+//! variable becomes which is the work of [`tables`](super::tables).
+
+use std::fmt;
+
+mod reading;
+mod tree;
+
+#[cfg(test)]
+mod tests;
+
+/// A model description cannot be used.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum DescriptionError {
+    /// The document is damaged, or uses what no model description needs.
+    #[error("modelDescription.xml: {0}")]
+    Xml(String),
+    /// An attribute is missing or has no sense.
+    #[error("modelDescription.xml: {0}")]
+    Content(String),
+    /// The FMU cannot be run here; the text says why.
+    #[error("{0}")]
+    Unsupported(String),
+}
+
+/// Version of the standard.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Version {
+    /// FMI 2.0.
+    Two,
+    /// FMI 3.0.
+    Three,
+}
+
+impl fmt::Display for Version {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Two => "FMI 2.0",
+            Self::Three => "FMI 3.0",
+        })
+    }
+}
+
+/// An FMU for co-simulation as its model description has it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ModelDescription {
+    /// Version of the standard.
+    pub version: Version,
+    /// Name of the model.
+    pub name: String,
+    /// Sentence about the model.
+    pub description: String,
+    /// Tool that made the FMU.
+    pub tool: String,
+    /// Text by which library and description know each other.
+    pub token: String,
+    /// Name of the library, without its ending.
+    pub identifier: String,
+    /// True if the FMU's state can be taken, put back and written as bytes.
+    pub saves: bool,
+    /// Step of the FMU's own solver in s, if that is fixed and told.
+    pub internal_step_s: Option<f64>,
+    /// Categories of messages.
+    pub categories: Vec<String>,
+    /// Units by name.
+    pub units: Vec<Unit>,
+    /// All variables, aliases included.
+    pub variables: Vec<Variable>,
+    /// For each output that the model structure names, the variables it depends on directly.
+    pub dependencies: Vec<Dependency>,
+}
+
+/// A unit, in terms of base units.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Unit {
+    /// Name.
+    pub name: String,
+    /// Base unit, if it is told.
+    pub base: Option<BaseUnit>,
+}
+
+/// A unit as a product of powers: a value `v` in the unit is `factor v + offset` in base units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BaseUnit {
+    /// Exponents of kg, m, s, A, K, mol, cd and rad.
+    pub exponents: [i32; 8],
+    /// Factor.
+    pub factor: f64,
+    /// Offset.
+    pub offset: f64,
+}
+
+/// Names of the base units, in the order of the exponents.
+pub const BASE_UNITS: [&str; 8] = ["kg", "m", "s", "A", "K", "mol", "cd", "rad"];
+
+/// Direct dependency of an output.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Dependency {
+    /// Value reference of the output.
+    pub output: u32,
+    /// Value references of variables; `None`: all of them.
+    pub on: Option<Vec<u32>>,
+}
+
+/// Type of a variable.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Kind {
+    /// 32-bit floating point.
+    Float32,
+    /// 64-bit floating point.
+    Float64,
+    /// Signed 8-bit integer.
+    Int8,
+    /// Unsigned 8-bit integer.
+    UInt8,
+    /// Signed 16-bit integer.
+    Int16,
+    /// Unsigned 16-bit integer.
+    UInt16,
+    /// Signed 32-bit integer.
+    Int32,
+    /// Unsigned 32-bit integer.
+    UInt32,
+    /// Signed 64-bit integer.
+    Int64,
+    /// Unsigned 64-bit integer.
+    UInt64,
+    /// True or false.
+    Boolean,
+    /// Number of an item of a list.
+    Enumeration,
+    /// Text.
+    String,
+    /// Bytes.
+    Binary,
+    /// Clock.
+    Clock,
+}
+
+impl Kind {
+    /// In one word.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Float32 => "32-bit number",
+            Self::Float64 => "number",
+            Self::Int8 => "8-bit integer",
+            Self::UInt8 => "unsigned 8-bit integer",
+            Self::Int16 => "16-bit integer",
+            Self::UInt16 => "unsigned 16-bit integer",
+            Self::Int32 => "integer",
+            Self::UInt32 => "unsigned integer",
+            Self::Int64 => "64-bit integer",
+            Self::UInt64 => "unsigned 64-bit integer",
+            Self::Boolean => "boolean",
+            Self::Enumeration => "enumeration",
+            Self::String => "text",
+            Self::Binary => "binary",
+            Self::Clock => "clock",
+        }
+    }
+
+    /// Smallest and largest value that a row of numbers can carry exactly; `None`: it carries none.
+    #[must_use]
+    pub fn range(self) -> Option<(f64, f64)> {
+        /// Integers up to here are all numbers of 64 bits.
+        const EXACT: f64 = 9_007_199_254_740_992.0;
+        Some(match self {
+            Self::Float32 => (f64::from(f32::MIN), f64::from(f32::MAX)),
+            Self::Float64 => (f64::NEG_INFINITY, f64::INFINITY),
+            Self::Int8 => (i8::MIN.into(), i8::MAX.into()),
+            Self::UInt8 => (0.0, u8::MAX.into()),
+            Self::Int16 => (i16::MIN.into(), i16::MAX.into()),
+            Self::UInt16 => (0.0, u16::MAX.into()),
+            Self::Int32 => (i32::MIN.into(), i32::MAX.into()),
+            Self::UInt32 => (0.0, u32::MAX.into()),
+            Self::Int64 | Self::Enumeration => (-EXACT, EXACT),
+            Self::UInt64 => (0.0, EXACT),
+            Self::Boolean => (0.0, 1.0),
+            Self::String | Self::Binary | Self::Clock => return None,
+        })
+    }
+
+    /// Checks for a type of floating-point numbers; all others are whole.
+    #[must_use]
+    pub const fn is_float(self) -> bool {
+        matches!(self, Self::Float32 | Self::Float64)
+    }
+}
+
+/// Role of a variable.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Causality {
+    /// Value that stays as it was set.
+    Parameter,
+    /// Parameter that follows from others.
+    CalculatedParameter,
+    /// Parameter that sets sizes of arrays.
+    StructuralParameter,
+    /// Value from outside.
+    Input,
+    /// Value for the outside.
+    Output,
+    /// Inner value.
+    Local,
+    /// Time.
+    Independent,
+}
+
+/// One variable.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Variable {
+    /// Name.
+    pub name: String,
+    /// Sentence about the variable.
+    pub description: String,
+    /// Number by which the library knows it.
+    pub reference: u32,
+    /// Type.
+    pub kind: Kind,
+    /// Role.
+    pub causality: Causality,
+    /// True if it may change between steps although it is a parameter.
+    pub is_tunable: bool,
+    /// True if it never changes.
+    pub is_constant: bool,
+    /// Clocks by which it is active; such a variable has no value at other times.
+    pub is_clocked: bool,
+    /// Start values; one for each element.
+    pub start: Vec<f64>,
+    /// Unit.
+    pub unit: Option<String>,
+    /// Smallest value.
+    pub min: Option<f64>,
+    /// Largest value.
+    pub max: Option<f64>,
+    /// Size in each dimension; none for a single value.
+    pub dimensions: Vec<usize>,
+}
+
+impl Variable {
+    /// Number of elements.
+    #[must_use]
+    pub fn elements(&self) -> usize {
+        self.dimensions.iter().product()
+    }
+
+    /// Indices of an element, from 1, the last one running fastest.
+    #[must_use]
+    pub fn indices(&self, element: usize) -> Vec<usize> {
+        let mut rest = element;
+        let mut indices: Vec<usize> = (self.dimensions.iter().rev())
+            .map(|&size| {
+                let index = rest % size + 1;
+                rest /= size;
+                index
+            })
+            .collect();
+        indices.reverse();
+        indices
+    }
+
+    /// Name of an element: `x` of a single value, `x[2,1]` of a matrix.
+    #[must_use]
+    pub fn element_name(&self, element: usize) -> String {
+        if self.dimensions.is_empty() {
+            return self.name.clone();
+        }
+        let indices = self.indices(element);
+        let indices: Vec<String> = indices.iter().map(usize::to_string).collect();
+        format!("{}[{}]", self.name, indices.join(","))
+    }
+}

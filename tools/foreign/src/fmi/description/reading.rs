@@ -1,0 +1,396 @@
+//! From the elements of a document to a model description.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::tree::Element;
+use super::{
+    BASE_UNITS, BaseUnit, Causality, Dependency, DescriptionError, Kind, ModelDescription, Unit,
+    Variable, Version,
+};
+
+/// Most elements of an array.
+const MOST_ELEMENTS: usize = 65_536;
+
+/// Element names of FMI 3 and the types they stand for.
+const KINDS: [(&str, Kind); 15] = [
+    ("Float32", Kind::Float32),
+    ("Float64", Kind::Float64),
+    ("Int8", Kind::Int8),
+    ("UInt8", Kind::UInt8),
+    ("Int16", Kind::Int16),
+    ("UInt16", Kind::UInt16),
+    ("Int32", Kind::Int32),
+    ("UInt32", Kind::UInt32),
+    ("Int64", Kind::Int64),
+    ("UInt64", Kind::UInt64),
+    ("Boolean", Kind::Boolean),
+    ("Enumeration", Kind::Enumeration),
+    ("String", Kind::String),
+    ("Binary", Kind::Binary),
+    ("Clock", Kind::Clock),
+];
+
+type Types<'a> = BTreeMap<&'a str, &'a Element>;
+
+impl ModelDescription {
+    /// Reads the text of a `modelDescription.xml`.
+    ///
+    /// # Errors
+    /// If the text is no model description, or one of an FMU that cannot be run.
+    pub fn read(text: &str) -> Result<Self, DescriptionError> {
+        let root = Element::read(text)?;
+        if root.name != "fmiModelDescription" {
+            let name: String = root.name.chars().take(80).collect();
+            return Err(DescriptionError::Xml(format!(
+                "its root is {name:?}, not fmiModelDescription"
+            )));
+        }
+        let version = version(root.needed("fmiVersion")?)?;
+        let simulation = co_simulation(&root)?;
+        let state = match version {
+            Version::Two => ["canGetAndSetFMUstate", "canSerializeFMUstate"],
+            Version::Three => ["canGetAndSetFMUState", "canSerializeFMUState"],
+        };
+        let variables = variables(&root, version)?;
+        let token = match version {
+            Version::Two => root.needed("guid")?,
+            Version::Three => root.needed("instantiationToken")?,
+        };
+        let identifier = simulation.needed("modelIdentifier")?;
+        let is_name = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-' || c == '.';
+        if identifier.is_empty() || identifier.len() > 256 || !identifier.chars().all(is_name) {
+            return Err(simulation.wrong("modelIdentifier", "is no name of a library"));
+        }
+        Ok(Self {
+            version,
+            name: root.needed("modelName")?.into(),
+            description: root.text("description").unwrap_or_default().into(),
+            tool: root.text("generationTool").unwrap_or_default().into(),
+            token: token.into(),
+            identifier: identifier.into(),
+            saves: simulation.flag(state[0])? && simulation.flag(state[1])?,
+            internal_step_s: simulation.value("fixedInternalStepSize")?,
+            categories: (root.list("LogCategories").iter())
+                .filter_map(|category| category.text("name").map(str::to_owned))
+                .collect(),
+            units: units(&root)?,
+            dependencies: dependencies(&root, version, &variables)?,
+            variables,
+        })
+    }
+}
+
+fn version(text: &str) -> Result<Version, DescriptionError> {
+    let is = |major: &str| {
+        let rest = text.strip_prefix(major);
+        rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+    };
+    if is("2.0") {
+        return Ok(Version::Two);
+    }
+    if is("3.0") {
+        return Ok(Version::Three);
+    }
+    let text: String = text.chars().take(20).collect();
+    Err(DescriptionError::Unsupported(format!(
+        "it is of FMI {text}; FMI 2.0 and 3.0 are run"
+    )))
+}
+
+fn co_simulation(root: &Element) -> Result<&Element, DescriptionError> {
+    let Some(simulation) = root.child("CoSimulation") else {
+        let other = ["ModelExchange", "ScheduledExecution"];
+        let other = other.iter().find(|name| root.child(name).is_some());
+        return Err(DescriptionError::Unsupported(match other {
+            Some(&"ModelExchange") => {
+                "it is for model exchange alone, without a solver; export it for co-simulation"
+                    .into()
+            }
+            Some(_) => "it is for scheduled execution alone; export it for co-simulation".into(),
+            None => "it has no co-simulation".into(),
+        }));
+    };
+    if simulation.flag("needsExecutionTool")? {
+        return Err(DescriptionError::Unsupported(
+            "it needs the tool that it was made with (needsExecutionTool); export it with a library of its own".into(),
+        ));
+    }
+    Ok(simulation)
+}
+
+fn units(root: &Element) -> Result<Vec<Unit>, DescriptionError> {
+    let mut units = Vec::new();
+    for unit in root.list("UnitDefinitions") {
+        let base = match unit.child("BaseUnit") {
+            None => None,
+            Some(base) => {
+                let mut exponents = [0; 8];
+                for (exponent, name) in exponents.iter_mut().zip(BASE_UNITS) {
+                    *exponent = base.value(name)?.unwrap_or(0);
+                }
+                Some(BaseUnit {
+                    exponents,
+                    factor: base.value("factor")?.unwrap_or(1.0),
+                    offset: base.value("offset")?.unwrap_or(0.0),
+                })
+            }
+        };
+        units.push(Unit {
+            name: unit.needed("name")?.into(),
+            base,
+        });
+    }
+    Ok(units)
+}
+
+/// For FMI 2 the element with the type's attributes in each definition, for FMI 3 the definition itself.
+fn types(root: &Element, version: Version) -> Types<'_> {
+    let definitions = root.list("TypeDefinitions").iter();
+    let types = definitions.filter_map(|definition| {
+        let of = match version {
+            Version::Two => definition.children.first()?,
+            Version::Three => definition,
+        };
+        Some((definition.text("name")?, of))
+    });
+    types.collect()
+}
+
+fn variables(root: &Element, version: Version) -> Result<Vec<Variable>, DescriptionError> {
+    let types = types(root, version);
+    let mut variables = Vec::new();
+    let mut structure = Vec::new();
+    for element in root.list("ModelVariables") {
+        let (of, kind) = match version {
+            Version::Two => match element.children.iter().find_map(|of| Some((of, two(of)?))) {
+                Some(found) if element.name == "ScalarVariable" => found,
+                _ => return Err(element.wrong("type", "is missing or unknown")),
+            },
+            Version::Three => match KINDS.iter().find(|(name, _)| *name == element.name) {
+                Some((_, kind)) => (element, *kind),
+                None => return Err(element.wrong("type", "is unknown")),
+            },
+        };
+        let variable = variable(element, of, kind, &types)?;
+        let sizes: Vec<&Element> = (of.children.iter())
+            .filter(|child| version == Version::Three && child.name == "Dimension")
+            .collect();
+        let aliases = of.children.iter().filter(|child| child.name == "Alias");
+        let aliases = aliases.filter(|_| version == Version::Three).map(|alias| {
+            let description = alias.text("description");
+            Ok(Variable {
+                name: alias.needed("name")?.into(),
+                description: description.unwrap_or(&variable.description).into(),
+                ..variable.clone()
+            })
+        });
+        let aliases: Vec<Variable> = aliases.collect::<Result<_, DescriptionError>>()?;
+        structure.extend(std::iter::repeat_n(sizes, 1 + aliases.len()));
+        variables.push(variable);
+        variables.extend(aliases);
+    }
+    let starts: BTreeMap<u32, f64> = (variables.iter())
+        .filter_map(|variable| Some((variable.reference, *variable.start.first()?)))
+        .collect();
+    for (variable, sizes) in variables.iter_mut().zip(structure) {
+        variable.dimensions = dimensions(&sizes, &starts)?;
+        let count = variable.elements();
+        if let ([one], true) = (&variable.start[..], count != 1) {
+            variable.start = vec![*one; count];
+        }
+        if !variable.start.is_empty() && variable.start.len() != count {
+            let (name, given) = (&variable.name, variable.start.len());
+            return Err(DescriptionError::Content(format!(
+                "`start` of {name:?} has {given} values for {count} elements"
+            )));
+        }
+    }
+    let mut names = BTreeSet::new();
+    if let Some(twice) = variables.iter().find(|one| !names.insert(&one.name)) {
+        let name = &twice.name;
+        return Err(DescriptionError::Content(format!(
+            "variable {name:?} is there twice"
+        )));
+    }
+    Ok(variables)
+}
+
+fn two(element: &Element) -> Option<Kind> {
+    Some(match element.name.as_str() {
+        "Real" => Kind::Float64,
+        "Integer" => Kind::Int32,
+        "Boolean" => Kind::Boolean,
+        "Enumeration" => Kind::Enumeration,
+        "String" => Kind::String,
+        _ => return None,
+    })
+}
+
+/// A variable of one element; `of` has the attributes of its type.
+fn variable(
+    element: &Element,
+    of: &Element,
+    kind: Kind,
+    types: &Types<'_>,
+) -> Result<Variable, DescriptionError> {
+    let declared = of.text("declaredType").and_then(|name| types.get(name));
+    let inherited = |name: &str| {
+        let own = of.value::<f64>(name)?;
+        match (own, declared) {
+            (None, Some(declared)) => declared.value(name),
+            (own, _) => Ok(own),
+        }
+    };
+    let (mut min, mut max) = (None, None);
+    if !matches!(
+        kind,
+        Kind::Boolean | Kind::String | Kind::Binary | Kind::Clock
+    ) {
+        (min, max) = (inherited("min")?, inherited("max")?);
+    }
+    if let (Kind::Enumeration, Some(declared)) = (kind, declared) {
+        let items = declared.children.iter().filter(|item| item.name == "Item");
+        for item in items {
+            let value: f64 = item
+                .value("value")?
+                .ok_or_else(|| item.wrong("value", "is missing"))?;
+            min = Some(min.filter(|min| *min <= value).unwrap_or(value));
+            max = Some(max.filter(|max| *max >= value).unwrap_or(value));
+        }
+    }
+    let causality = causality(element)?;
+    let variability = element.text("variability");
+    let unit = of.text("unit").or_else(|| declared?.text("unit"));
+    Ok(Variable {
+        name: element.needed("name")?.into(),
+        description: element.text("description").unwrap_or_default().into(),
+        reference: (element.value("valueReference")?)
+            .ok_or_else(|| element.wrong("valueReference", "is missing"))?,
+        kind,
+        causality,
+        is_tunable: variability == Some("tunable"),
+        is_constant: variability == Some("constant"),
+        is_clocked: element
+            .text("clocks")
+            .is_some_and(|clocks| !clocks.trim().is_empty()),
+        start: start(of, kind)?,
+        unit: unit.map(str::to_owned),
+        min,
+        max,
+        dimensions: Vec::new(),
+    })
+}
+
+fn causality(element: &Element) -> Result<Causality, DescriptionError> {
+    Ok(match element.text("causality") {
+        None | Some("local") => Causality::Local,
+        Some("parameter") => Causality::Parameter,
+        Some("calculatedParameter") => Causality::CalculatedParameter,
+        Some("structuralParameter") => Causality::StructuralParameter,
+        Some("input") => Causality::Input,
+        Some("output") => Causality::Output,
+        Some("independent") => Causality::Independent,
+        Some(_) => return Err(element.wrong("causality", "is unknown")),
+    })
+}
+
+fn start(of: &Element, kind: Kind) -> Result<Vec<f64>, DescriptionError> {
+    let Some(text) = of.text("start").filter(|_| kind.range().is_some()) else {
+        return Ok(Vec::new());
+    };
+    let number = |word: &str| match (kind, word) {
+        (Kind::Boolean, "true") => Some(1.0),
+        (Kind::Boolean, "false") => Some(0.0),
+        (Kind::Float32 | Kind::Float64, _) => word.parse().ok(),
+        (_, _) => whole(word),
+    };
+    let numbers = text.split_ascii_whitespace().map(number);
+    let numbers: Option<Vec<f64>> = numbers.collect();
+    numbers.ok_or_else(|| of.wrong("start", "is not a value of its type"))
+}
+
+/// A whole number that a number of 64 bits holds exactly.
+fn whole(word: &str) -> Option<f64> {
+    let value: i128 = word.parse().ok()?;
+    #[expect(clippy::cast_precision_loss, reason = "compared below")]
+    let number = value as f64;
+    #[expect(clippy::cast_possible_truncation, reason = "compared here")]
+    (number as i128 == value).then_some(number)
+}
+
+/// Sizes of an array, of which some are start values of structural parameters.
+fn dimensions(
+    sizes: &[&Element],
+    starts: &BTreeMap<u32, f64>,
+) -> Result<Vec<usize>, DescriptionError> {
+    let mut dimensions = Vec::new();
+    let mut elements = 1_usize;
+    for size in sizes {
+        let fixed: Option<usize> = size.value("start")?;
+        let reference: Option<u32> = size.value("valueReference")?;
+        let named = reference.and_then(|reference| starts.get(&reference));
+        let size = match (fixed, named) {
+            (Some(fixed), _) => fixed,
+            (None, Some(&value)) if (0.0..=1e9).contains(&value) => {
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "in range"
+                )]
+                let size = value as usize;
+                size
+            }
+            _ => return Err(size.wrong("size", "is not known")),
+        };
+        elements = elements.saturating_mul(size);
+        if elements > MOST_ELEMENTS {
+            return Err(DescriptionError::Unsupported(format!(
+                "one of its arrays has more than {MOST_ELEMENTS} elements"
+            )));
+        }
+        dimensions.push(size);
+    }
+    Ok(dimensions)
+}
+
+fn dependencies(
+    root: &Element,
+    version: Version,
+    variables: &[Variable],
+) -> Result<Vec<Dependency>, DescriptionError> {
+    let Some(structure) = root.child("ModelStructure") else {
+        return Ok(Vec::new());
+    };
+    let (outputs, name): (Vec<&Element>, _) = match version {
+        Version::Two => (structure.list("Outputs").iter().collect(), "index"),
+        Version::Three => {
+            let outputs = structure.children.iter();
+            let outputs = outputs.filter(|child| child.name == "Output");
+            (outputs.collect(), "valueReference")
+        }
+    };
+    let mut dependencies = Vec::new();
+    for output in outputs {
+        let reference = |number: u32| match version {
+            Version::Two => {
+                let place = usize::try_from(number).ok().and_then(|n| n.checked_sub(1));
+                let variable = place.and_then(|place| variables.get(place));
+                variable.map(|variable| variable.reference)
+            }
+            Version::Three => Some(number),
+        };
+        let wrong = |name: &str| output.wrong(name, "names no variable");
+        let number = (output.value(name)?).and_then(reference);
+        let on = match output.text("dependencies") {
+            None => None,
+            Some(text) => {
+                let numbers = text.split_ascii_whitespace().map(|word| word.parse().ok());
+                let on: Option<Vec<u32>> = numbers.map(|number| reference(number?)).collect();
+                Some(on.ok_or_else(|| wrong("dependencies"))?)
+            }
+        };
+        let output = number.ok_or_else(|| wrong(name))?;
+        dependencies.push(Dependency { output, on });
+    }
+    Ok(dependencies)
+}

@@ -1,0 +1,200 @@
+use super::*;
+
+/// A document of FMI 3 with this content.
+fn three(inside: &str) -> String {
+    format!(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"3.0\" modelName=\"m\" instantiationToken=\"t\"><CoSimulation modelIdentifier=\"m\"/>{inside}</fmiModelDescription>"
+    )
+}
+
+fn read(inside: &str) -> Result<ModelDescription, DescriptionError> {
+    ModelDescription::read(&three(inside))
+}
+
+fn refused(text: &str, fragment: &str) {
+    let told = ModelDescription::read(text)
+        .expect_err(fragment)
+        .to_string();
+    assert!(told.contains(fragment), "{told}");
+}
+
+fn reference(name: &str) -> ModelDescription {
+    let folder = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../tests/third-party/reference-fmus/"
+    );
+    let text = std::fs::read_to_string(format!("{folder}{name}.xml")).expect("it is vendored");
+    ModelDescription::read(&text).expect("sound")
+}
+
+#[test]
+fn both_versions_of_a_model_say_the_same() {
+    for model in [
+        "BouncingBall",
+        "Dahlquist",
+        "Resource",
+        "Stair",
+        "VanDerPol",
+    ] {
+        let (two, three) = (
+            reference(&format!("{model}/FMI2")),
+            reference(&format!("{model}/FMI3")),
+        );
+        assert_eq!((two.version, three.version), (Version::Two, Version::Three));
+        assert_eq!(
+            (&two.identifier, two.saves),
+            (&three.identifier, three.saves)
+        );
+        for one in &two.variables {
+            let found = three.variables.iter().find(|other| other.name == one.name);
+            let Some(other) = found else {
+                assert_eq!(one.name, "h_ft", "{model}: of FMI 3 it is an alias");
+                continue;
+            };
+            let of = |one: &Variable| {
+                (
+                    one.causality,
+                    one.start.clone(),
+                    one.unit.clone(),
+                    one.min,
+                    one.max,
+                )
+            };
+            assert_eq!(of(one), of(other), "{model}: {}", one.name);
+        }
+        assert_eq!(two.dependencies.len(), three.dependencies.len(), "{model}");
+    }
+}
+
+#[test]
+fn an_array_has_the_sizes_of_its_structural_parameters() {
+    let model = reference("StateSpace/FMI3");
+    let named = |name: &str| {
+        model
+            .variables
+            .iter()
+            .find(|one| one.name == name)
+            .expect("there")
+    };
+    let matrix = named("A");
+    assert_eq!(matrix.dimensions, [3, 3]);
+    assert_eq!(matrix.start, [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
+    assert_eq!(matrix.element_name(5), "A[2,3]");
+    assert_eq!(named("u").element_name(2), "u[3]");
+    assert_eq!(named("m").element_name(0), "m");
+    assert_eq!(
+        model.dependencies,
+        [Dependency {
+            output: 10,
+            on: None
+        }]
+    );
+}
+
+#[test]
+fn types_units_and_lists_are_inherited() {
+    let model = reference("BouncingBall/FMI3");
+    let ball = model
+        .variables
+        .iter()
+        .find(|one| one.name == "h")
+        .expect("there");
+    assert_eq!(ball.unit.as_deref(), Some("m"));
+    assert_eq!(
+        model.units[1].base.expect("told").exponents,
+        [0, 1, -1, 0, 0, 0, 0, 0]
+    );
+    let model = reference("Feedthrough/FMI2");
+    let choice = model
+        .variables
+        .iter()
+        .find(|one| one.name == "Enumeration_input")
+        .expect("there");
+    assert_eq!((choice.min, choice.max), (Some(1.0), Some(2.0)));
+    assert_eq!(choice.start, [1.0]);
+}
+
+#[test]
+fn a_document_with_entities_is_refused() {
+    let bomb = r#"<?xml version="1.0"?><!DOCTYPE lolz [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;">]>
+        <fmiModelDescription fmiVersion="3.0" modelName="&b;"/>"#;
+    refused(bomb, "document type");
+    refused(&three("<X a=\"&b;\"/>"), "b");
+    refused(&three(&"<X>".repeat(100)), "too many elements");
+    refused(&three("<X>"), "modelDescription.xml");
+    refused("", "cut off");
+    refused("<a/>", "not fmiModelDescription");
+    refused(
+        &three("").replace("UTF-8", "UTF-16"),
+        "its encoding is UTF-16",
+    );
+}
+
+#[test]
+fn what_cannot_be_run_is_refused_by_name() {
+    let simulation = "<CoSimulation modelIdentifier=\"m\"/>";
+    let other = |with: &str| three("").replace(simulation, with);
+    refused(
+        &other("<ModelExchange modelIdentifier=\"m\"/>"),
+        "model exchange alone",
+    );
+    refused(
+        &other("<ScheduledExecution modelIdentifier=\"m\"/>"),
+        "scheduled execution alone",
+    );
+    refused(&other(""), "no co-simulation");
+    let tool = "<CoSimulation modelIdentifier=\"m\" needsExecutionTool=\"true\"/>";
+    refused(&other(tool), "needsExecutionTool");
+    for name in ["", "../m", "a/b", "a b"] {
+        let other = other(&format!("<CoSimulation modelIdentifier=\"{name}\"/>"));
+        refused(&other, "is no name of a library");
+    }
+    for version in ["1.0", "4.0", "", "30"] {
+        let text = three("").replace("fmiVersion=\"3.0\"", &format!("fmiVersion=\"{version}\""));
+        refused(&text, "FMI 2.0 and 3.0 are run");
+    }
+    ModelDescription::read(&three("").replace("\"3.0\"", "\"3.0.2\"")).expect("of 3.0");
+}
+
+#[test]
+fn variables_that_make_no_sense_are_refused() {
+    let one = |attributes: &str| {
+        read(&format!(
+            "<ModelVariables><Int8 valueReference=\"1\" {attributes}/></ModelVariables>"
+        ))
+    };
+    one("name=\"x\" start=\"1\"").expect("sound");
+    for (attributes, fragment) in [
+        ("", "`name` of Int8 is missing"),
+        (
+            "name=\"x\" start=\"1.5\"",
+            "`start` of Int8 \"x\" is not a value of its type",
+        ),
+        ("name=\"x\" start=\"1 2\"", "has 2 values for 1 elements"),
+        (
+            "name=\"x\" causality=\"odd\"",
+            "`causality` of Int8 \"x\" is unknown",
+        ),
+        ("name=\"x\" min=\"low\"", "`min` of Int8 \"x\" is \"low\""),
+    ] {
+        let told = one(attributes).expect_err(fragment).to_string();
+        assert!(told.contains(fragment), "{told}");
+    }
+    let large = "<ModelVariables><Float64 name=\"x\" valueReference=\"1\"><Dimension start=\"99999\"/><Dimension start=\"99999\"/></Float64></ModelVariables>";
+    let told = read(large).expect_err("large").to_string();
+    assert!(told.contains("more than 65536 elements"), "{told}");
+    let twice = "<ModelVariables><Int8 name=\"x\" valueReference=\"1\"/><Int8 name=\"x\" valueReference=\"2\"/></ModelVariables>";
+    let told = read(twice).expect_err("twice").to_string();
+    assert!(told.contains("variable \"x\" is there twice"), "{told}");
+}
+
+#[test]
+fn a_whole_number_that_no_signal_can_carry_is_no_start_value() {
+    let one = |start: &str| {
+        read(&format!(
+            "<ModelVariables><Int64 name=\"x\" valueReference=\"1\" start=\"{start}\"/></ModelVariables>"
+        ))
+    };
+    one("9007199254740992").expect("2^53");
+    one("9007199254740993").expect_err("2^53 + 1");
+}

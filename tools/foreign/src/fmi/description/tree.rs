@@ -1,0 +1,156 @@
+//! An XML document as a tree of elements with attributes; text between elements is no part of it.
+
+use quick_xml::XmlVersion;
+use quick_xml::events::{BytesStart, Event};
+use quick_xml::reader::Reader;
+
+use super::DescriptionError;
+
+/// Most elements inside each other.
+const DEEPEST: usize = 64;
+/// Most elements.
+const MOST: usize = 4_000_000;
+
+/// One element.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Element {
+    pub(super) name: String,
+    attributes: Vec<(String, String)>,
+    pub(super) children: Vec<Self>,
+}
+
+impl Element {
+    /// Reads a document; gives its root.
+    pub(super) fn read(text: &str) -> Result<Self, DescriptionError> {
+        let mut reader = Reader::from_str(text.trim_start_matches('\u{feff}'));
+        let mut open: Vec<Self> = vec![Self::default()];
+        let mut count = 0;
+        loop {
+            let event = reader.read_event().map_err(|error| refused(&error))?;
+            let (element, is_empty) = match event {
+                Event::Start(start) => (Self::of(&start)?, false),
+                Event::Empty(start) => (Self::of(&start)?, true),
+                Event::End(_) => {
+                    let done = open.pop().unwrap_or_default();
+                    let above = open.last_mut().ok_or_else(|| refused(&"it is cut off"))?;
+                    above.children.push(done);
+                    continue;
+                }
+                Event::DocType(_) => {
+                    return Err(refused(
+                        &"it has a document type, and with it entities, which are not read",
+                    ));
+                }
+                Event::Decl(declared) => {
+                    let encoding = declared.encoding().transpose();
+                    let encoding = encoding.map_err(|error| refused(&error))?;
+                    match encoding {
+                        Some(name) if !name.eq_ignore_ascii_case(b"utf-8") => {
+                            let name = String::from_utf8_lossy(&name);
+                            return Err(refused(&format!(
+                                "its encoding is {name}, and the standard asks for UTF-8"
+                            )));
+                        }
+                        _ => continue,
+                    }
+                }
+                Event::Eof => break,
+                _ => continue,
+            };
+            count += 1;
+            if count > MOST || open.len() > DEEPEST {
+                return Err(refused(
+                    &"it has too many elements, or too many in each other",
+                ));
+            }
+            match (is_empty, open.last_mut()) {
+                (true, Some(above)) => above.children.push(element),
+                _ => open.push(element),
+            }
+        }
+        let document = open.pop().filter(|_| open.is_empty());
+        let root = document.and_then(|document| document.children.into_iter().next());
+        root.ok_or_else(|| refused(&"it is cut off"))
+    }
+
+    fn of(start: &BytesStart<'_>) -> Result<Self, DescriptionError> {
+        let text = |bytes: &[u8]| {
+            let text = std::str::from_utf8(bytes);
+            text.map(str::to_owned).map_err(|error| refused(&error))
+        };
+        let mut attributes = Vec::new();
+        // Compared in pairs by the reader itself, which a bomb of attributes could make slow.
+        for attribute in start.attributes().with_checks(false) {
+            let attribute = attribute.map_err(|error| refused(&error))?;
+            let value = attribute.normalized_value(XmlVersion::Explicit1_0);
+            let value = value.map_err(|error| refused(&error))?;
+            attributes.push((text(attribute.key.as_ref())?, value.into_owned()));
+        }
+        Ok(Self {
+            name: text(start.name().as_ref())?,
+            attributes,
+            children: Vec::new(),
+        })
+    }
+
+    /// Text of an attribute.
+    pub(super) fn text(&self, name: &str) -> Option<&str> {
+        let found = self.attributes.iter().find(|(key, _)| key == name);
+        found.map(|(_, value)| value.as_str())
+    }
+
+    /// Text of an attribute that must be there.
+    pub(super) fn needed(&self, name: &str) -> Result<&str, DescriptionError> {
+        let missing = || self.wrong(name, "is missing");
+        self.text(name).ok_or_else(missing)
+    }
+
+    /// Attribute as a value of some type, if it is there.
+    pub(super) fn value<T: std::str::FromStr>(
+        &self,
+        name: &str,
+    ) -> Result<Option<T>, DescriptionError> {
+        let Some(text) = self.text(name) else {
+            return Ok(None);
+        };
+        let wrong = |_| self.wrong(name, &format!("is {:?}", shortened(text)));
+        text.trim().parse().map(Some).map_err(wrong)
+    }
+
+    /// Attribute that is true or false; left out it is false.
+    pub(super) fn flag(&self, name: &str) -> Result<bool, DescriptionError> {
+        match self.text(name).map(str::trim) {
+            None | Some("false" | "0") => Ok(false),
+            Some("true" | "1") => Ok(true),
+            Some(text) => Err(self.wrong(name, &format!("is {:?}", shortened(text)))),
+        }
+    }
+
+    /// The first element of this name in it.
+    pub(super) fn child(&self, name: &str) -> Option<&Self> {
+        self.children.iter().find(|child| child.name == name)
+    }
+
+    /// The elements in the element of this name.
+    pub(super) fn list(&self, name: &str) -> &[Self] {
+        self.child(name).map_or(&[], |child| &child.children)
+    }
+
+    /// Says what is wrong with an attribute.
+    pub(super) fn wrong(&self, attribute: &str, what: &str) -> DescriptionError {
+        let (name, of) = (&self.name, self.text("name").unwrap_or_default());
+        let of = match of {
+            "" => String::new(),
+            of => format!(" {:?}", shortened(of)),
+        };
+        DescriptionError::Content(format!("`{attribute}` of {name}{of} {what}"))
+    }
+}
+
+fn shortened(text: &str) -> String {
+    text.chars().take(80).collect()
+}
+
+fn refused(error: &dyn std::fmt::Display) -> DescriptionError {
+    DescriptionError::Xml(shortened(&error.to_string()))
+}

@@ -1,0 +1,504 @@
+//! One instance of an FMU, called in the order of the standard.
+//!
+//! 1. [`Instance::start`]: instantiated, parameters set, initialised at time 0; all signals are read.
+//! 2. [`Instance::step`]: inputs and changed parameters are set, the step is done, all signals are read.
+//!
+//! So the signals of a step are always read before its inputs are set, which FMI 2 asks for, and nothing is read
+//! between setting and stepping. After an answer that ends an instance only what the standard allows is called:
+//! nothing at all after `Fatal`, and freeing after `Error`.
+
+use std::cell::Cell;
+use std::ffi::{CString, c_char, c_int, c_void};
+use std::path::Path;
+use std::ptr::{null, null_mut};
+use std::sync::Arc;
+
+use shared_types::describe::Invalid;
+use shared_types::failure::Failure;
+use shared_types::state::State;
+use shared_types::time::Interval;
+
+use super::Model;
+use super::journal::{Journal, log_three, log_two};
+use super::library::{CallbacksTwo, Functions, Handle, Own, StateFunctions};
+use super::status::Status;
+use super::values::{Refused, Values};
+
+/// Number of co-simulation among the types of an FMU, in FMI 2.
+const CO_SIMULATION: c_int = 1;
+/// Number of the question whether the model ended, in FMI 2.
+const TERMINATED: c_int = 3;
+/// Deviation of a period from a multiple of the internal step, as a part of it, that is rounding alone.
+const ROUNDING: f64 = 1e-6;
+
+/// How far an instance is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Life {
+    /// Made, and not stepped yet.
+    Made,
+    /// Steps may be done.
+    Stepping,
+    /// It answered with an error: it can be freed.
+    Broken,
+    /// No function may be called any more.
+    Fatal,
+}
+
+/// An instance.
+pub(super) struct Instance {
+    model: Arc<Model>,
+    functions: Arc<Functions>,
+    handle: Handle,
+    life: Cell<Life>,
+    parameters: Values,
+    tunable: Values,
+    /// Places of the tunable parameters in the row of all.
+    tunable_places: Vec<usize>,
+    /// Tunable parameters as the instance has them, and as it is to have them.
+    tuned: Vec<f64>,
+    wanted: Vec<f64>,
+    inputs: Values,
+    outputs: Values,
+    /// Outputs, then inner signals, as they were read last.
+    signals: Vec<f64>,
+    // Both are known to the library by their addresses, until the instance is freed.
+    journal: Box<Journal>,
+    _callbacks: Option<Box<CallbacksTwo>>,
+}
+
+impl Instance {
+    /// An instance at time 0 with these parameters.
+    ///
+    /// # Errors
+    /// If the library refuses; the error has its message.
+    pub(super) fn start(
+        model: &Arc<Model>,
+        functions: &Arc<Functions>,
+        resources: &Path,
+        parameters: &[f64],
+    ) -> Result<Self, Invalid> {
+        let tables = &model.tables;
+        let described = &model.description;
+        let values = |columns| Values::new(described, columns);
+        let tunable = tables.parameters.iter().enumerate();
+        let tunable = tunable.filter(|(_, column)| column.field.faultable);
+        let (tunable_places, columns): (Vec<usize>, Vec<_>) = tunable
+            .map(|(place, column)| (place, column.clone()))
+            .unzip();
+        let signals = [&tables.outputs[..], &tables.locals].concat();
+        let journal = Box::<Journal>::default();
+        let (handle, callbacks) = instantiate(model, functions, resources, &journal)?;
+        let mut instance = Self {
+            model: Arc::clone(model),
+            functions: Arc::clone(functions),
+            handle,
+            life: Cell::new(Life::Made),
+            parameters: values(&tables.parameters),
+            tunable: values(&columns),
+            tuned: tunable_places
+                .iter()
+                .map(|&place| parameters[place])
+                .collect(),
+            wanted: tunable_places
+                .iter()
+                .map(|&place| parameters[place])
+                .collect(),
+            tunable_places,
+            inputs: values(&tables.inputs),
+            outputs: values(&signals),
+            signals: vec![0.0; signals.len()],
+            journal,
+            _callbacks: callbacks,
+        };
+        let started = instance.initialise(parameters);
+        started.map_err(|failure| Invalid(failure.to_string()))?;
+        Ok(instance)
+    }
+
+    fn initialise(&mut self, parameters: &[f64]) -> Result<(), Failure> {
+        self.ask_for_messages()?;
+        // SAFETY: the instance is made and not initialised: parameters may be set.
+        let set = unsafe { (self.parameters).set(&self.functions, self.handle, parameters) };
+        self.accept(set)?;
+        let functions = Arc::clone(&self.functions);
+        match functions.own {
+            Own::Two { setup, enter, .. } => {
+                // SAFETY: the instance is made; no tolerance, start at 0, no end.
+                self.judge("SetupExperiment", unsafe {
+                    setup(self.handle, 0, 0.0, 0.0, 0, 0.0)
+                })?;
+                // SAFETY: the experiment is set up.
+                self.judge("EnterInitializationMode", unsafe { enter(self.handle) })?;
+            }
+            Own::Three { enter, .. } => {
+                // SAFETY: the instance is made; no tolerance, start at 0, no end.
+                self.judge("EnterInitializationMode", unsafe {
+                    enter(self.handle, false, 0.0, 0.0, false, 0.0)
+                })?;
+            }
+        }
+        // SAFETY: the instance is in initialisation mode.
+        self.judge("ExitInitializationMode", unsafe {
+            (functions.exit)(self.handle)
+        })?;
+        self.life.set(Life::Stepping);
+        self.read()
+    }
+
+    /// Asks for messages of everything that goes wrong, if the library tells them apart from the others.
+    fn ask_for_messages(&self) -> Result<(), Failure> {
+        let all = self.model.description.categories.iter();
+        let wrong = all.filter(|name| name.starts_with("logStatus"));
+        let names: Vec<CString> = wrong
+            .filter_map(|name| CString::new(name.as_str()).ok())
+            .collect();
+        if names.is_empty() {
+            return Ok(());
+        }
+        let pointers: Vec<*const c_char> = names.iter().map(|name| name.as_ptr()).collect();
+        let functions = Arc::clone(&self.functions);
+        // SAFETY: the instance is made, and the list has so many texts, which live until the call is over.
+        self.judge("SetDebugLogging", unsafe {
+            match functions.own {
+                Own::Two { logging, .. } => {
+                    logging(self.handle, 1, pointers.len(), pointers.as_ptr())
+                }
+                Own::Three { logging, .. } => {
+                    logging(self.handle, true, pointers.len(), pointers.as_ptr())
+                }
+            }
+        })
+    }
+
+    /// Description and tables.
+    pub(super) fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// Signals as they were read last: outputs, then inner signals.
+    pub(super) fn signals(&self) -> &[f64] {
+        &self.signals
+    }
+
+    /// Takes a row of all parameters; tunable ones act from the next step on.
+    pub(super) fn retune(&mut self, parameters: &[f64]) {
+        for (wanted, &place) in self.wanted.iter_mut().zip(&self.tunable_places) {
+            *wanted = parameters[place];
+        }
+    }
+
+    /// Does one step under constant inputs and reads all signals.
+    ///
+    /// # Errors
+    /// If the FMU ends or fails; the failure has its last message.
+    pub(super) fn step(&mut self, interval: &Interval, inputs: &[f64]) -> Result<(), Failure> {
+        if self.life.get() != Life::Stepping {
+            return Err(self.failure("cannot go on after it failed"));
+        }
+        if self.wanted != self.tuned {
+            // SAFETY: the instance is between two steps: tunable parameters may be set.
+            let set = unsafe { (self.tunable).set(&self.functions, self.handle, &self.wanted) };
+            self.accept(set)?;
+            self.tuned.copy_from_slice(&self.wanted);
+        }
+        // SAFETY: the instance is between two steps: inputs may be set.
+        let set = unsafe { (self.inputs).set(&self.functions, self.handle, inputs) };
+        self.accept(set)?;
+        let functions = Arc::clone(&self.functions);
+        let (at_s, length_s) = (interval.start_s, interval.length_s);
+        match functions.own {
+            // The state before the step is never asked for again: 1, true.
+            // SAFETY: the instance is between two steps.
+            Own::Two { step, .. } => {
+                self.judge("DoStep", unsafe { step(self.handle, at_s, length_s, 1) })?
+            }
+            Own::Three { step, .. } => {
+                // As bytes, so that no value of the library is a wrong one.
+                let (mut event, mut is_over, mut is_early) = (0_u8, 0_u8, 0_u8);
+                let mut reached_s = at_s;
+                // SAFETY: the instance is between two steps, and all four places live until the call is over.
+                self.judge("DoStep", unsafe {
+                    step(
+                        self.handle,
+                        at_s,
+                        length_s,
+                        true,
+                        &raw mut event,
+                        &raw mut is_over,
+                        &raw mut is_early,
+                        &raw mut reached_s,
+                    )
+                })?;
+                if is_over != 0 {
+                    return Err(Failure::diverged(self.told("ended the simulation")));
+                }
+                if is_early != 0 {
+                    self.life.set(Life::Broken);
+                    return Err(
+                        self.failure("returned early from a step, which it was told not to do")
+                    );
+                }
+            }
+        }
+        self.read()
+    }
+
+    fn read(&mut self) -> Result<(), Failure> {
+        // SAFETY: the instance is initialised and nothing was set since its last step.
+        let got = unsafe { (self.outputs).get(&self.functions, self.handle, &mut self.signals) };
+        self.accept(got)
+    }
+
+    fn judge(&self, function: &'static str, answer: c_int) -> Result<(), Failure> {
+        match Status::of(answer) {
+            status if status.is_done() => Ok(()),
+            status => Err(self.refused(function, status)),
+        }
+    }
+
+    fn accept(&self, result: Result<(), Refused>) -> Result<(), Failure> {
+        match result {
+            Ok(()) => Ok(()),
+            Err(Refused::Status(function, status)) => Err(self.refused(function, status)),
+            Err(Refused::Value(why)) => Err(Failure::lost(why)),
+        }
+    }
+
+    /// Makes the failure of an answer that is no success, and notes what may still be called.
+    fn refused(&self, function: &str, status: Status) -> Failure {
+        let what = format!("answered {function} with {status}");
+        let life = match status {
+            Status::Fatal => Life::Fatal,
+            Status::Discard if function == "DoStep" => {
+                let what = match self.is_ended() {
+                    true => "ended the simulation",
+                    false => "could not do the step (Discard)",
+                };
+                return Failure::diverged(self.told(what));
+            }
+            _ => Life::Broken,
+        };
+        self.life.set(life);
+        self.failure(&what)
+    }
+
+    /// Checks whether a discarded step of FMI 2 was the model's end.
+    fn is_ended(&self) -> bool {
+        let Own::Two { status, .. } = self.functions.own else {
+            return false;
+        };
+        let mut is_ended = 0;
+        // SAFETY: a step of the instance was discarded, when its status may be asked.
+        let answer = unsafe { status(self.handle, TERMINATED, &raw mut is_ended) };
+        Status::of(answer).is_done() && is_ended != 0
+    }
+
+    fn failure(&self, what: &str) -> Failure {
+        Failure::lost(self.told(what))
+    }
+
+    fn told(&self, what: &str) -> String {
+        match self.journal.last() {
+            Some(message) => format!("the FMU {what}: {message}"),
+            None => format!("the FMU {what}"),
+        }
+    }
+}
+
+impl Instance {
+    /// The state of the instance as bytes, with the parameters that it has.
+    ///
+    /// # Errors
+    /// If the FMU cannot save its state, or fails at it.
+    pub(super) fn save(&self) -> Result<State, Invalid> {
+        let functions = Arc::clone(&self.functions);
+        let state = saving(&functions)?;
+        let mut taken = null_mut();
+        let mut size = 0;
+        // SAFETY: the instance is between two steps, when its state may be taken, and `taken` is null.
+        let got = unsafe { (state.get)(self.handle, &raw mut taken) };
+        self.saved("GetFMUState", got)?;
+        // SAFETY: the state was taken from this instance.
+        let sized = unsafe { (state.size)(self.handle, taken, &raw mut size) };
+        let mut bytes = Vec::new();
+        let mut written = sized;
+        if Status::of(sized).is_done() {
+            bytes = vec![0; size];
+            // SAFETY: the state is of this instance and `bytes` has the size that it asked for.
+            written =
+                unsafe { (state.serialize)(self.handle, taken, bytes.as_mut_ptr(), bytes.len()) };
+        }
+        // SAFETY: the state is of this instance and is not used again.
+        let freed = unsafe { (state.free)(self.handle, &raw mut taken) };
+        self.saved("SerializeFMUState", written)?;
+        self.saved("FreeFMUState", freed)?;
+        State::of(&(bytes, &self.tuned))
+    }
+
+    /// Puts a state back and reads all signals.
+    ///
+    /// # Errors
+    /// If it is no state of this FMU.
+    pub(super) fn restore(&mut self, saved: &State) -> Result<(), Invalid> {
+        let functions = Arc::clone(&self.functions);
+        let state = saving(&functions)?;
+        let (bytes, tuned): (Vec<u8>, Vec<f64>) = saved.read()?;
+        if tuned.len() != self.tuned.len() {
+            return Err(Invalid(
+                "the state has other tunable parameters than the FMU".into(),
+            ));
+        }
+        let mut made = null_mut();
+        // SAFETY: the instance is between two steps, and `bytes` has so many.
+        let read =
+            unsafe { (state.deserialize)(self.handle, bytes.as_ptr(), bytes.len(), &raw mut made) };
+        self.saved("DeserializeFMUState", read)?;
+        // SAFETY: the state was made by this instance.
+        let set = unsafe { (state.set)(self.handle, made) };
+        // SAFETY: the state is of this instance and is not used again.
+        let freed = unsafe { (state.free)(self.handle, &raw mut made) };
+        self.saved("SetFMUState", set)?;
+        self.saved("FreeFMUState", freed)?;
+        self.tuned = tuned;
+        self.read().map_err(|failure| Invalid(failure.to_string()))
+    }
+
+    fn saved(&self, function: &'static str, answer: c_int) -> Result<(), Invalid> {
+        let judged = self.judge(function, answer);
+        judged.map_err(|failure| Invalid(failure.to_string()))
+    }
+}
+
+fn saving(functions: &Functions) -> Result<&StateFunctions, Invalid> {
+    let refused = || Invalid("the FMU cannot save its state (canSerializeFMUState)".into());
+    functions.state.as_ref().ok_or_else(refused)
+}
+
+impl Drop for Instance {
+    fn drop(&mut self) {
+        // SAFETY: an instance that steps may be terminated, and one that is not at a fatal end be freed; it is
+        // not used again. The answer of an instance that goes away is nobody's concern.
+        unsafe {
+            if self.life.get() == Life::Stepping {
+                let _ = (self.functions.terminate)(self.handle);
+            }
+            if self.life.get() != Life::Fatal {
+                (self.functions.free)(self.handle);
+            }
+        }
+    }
+}
+
+/// Checks that the steps of a run fit the FMU's own.
+///
+/// # Errors
+/// If the FMU's own fixed step does not divide the period.
+pub(super) fn check_period(model: &Model, period_s: f64) -> Result<(), Invalid> {
+    let Some(own_s) = model.description.internal_step_s.filter(|step| *step > 0.0) else {
+        return Ok(());
+    };
+    let steps = period_s / own_s;
+    let whole = steps.round();
+    if whole >= 1.0 && (steps - whole).abs() <= ROUNDING * whole {
+        return Ok(());
+    }
+    let rate_hz = 1.0 / own_s;
+    Err(Invalid(format!(
+        "the FMU moves in steps of {own_s} s, which do not fit the {period_s} s between two samples; run.rate_hz must be {rate_hz} divided by a whole number"
+    )))
+}
+
+/// Makes an instance; gives its callbacks too, where the library keeps a pointer to them.
+fn instantiate(
+    model: &Model,
+    functions: &Functions,
+    resources: &Path,
+    journal: &Journal,
+) -> Result<(Handle, Option<Box<CallbacksTwo>>), Invalid> {
+    let text = |text: &str| {
+        let told = CString::new(text);
+        told.map_err(|_| Invalid(format!("{text:?} has a zero in it")))
+    };
+    let described = &model.description;
+    let (name, token) = (text(&described.name)?, text(&described.token)?);
+    let environment = std::ptr::from_ref(journal).cast_mut().cast();
+    // Messages of all kinds only where the library does not tell them apart.
+    let logs = !described
+        .categories
+        .iter()
+        .any(|name| name.starts_with("logStatus"));
+    let mut callbacks = None;
+    let handle = match functions.own {
+        Own::Two { instantiate, .. } => {
+            let place = text(&location(resources))?;
+            let callbacks = callbacks.insert(Box::new(CallbacksTwo {
+                logger: log_two,
+                allocate: calloc,
+                free,
+                step_finished: None,
+                environment,
+            }));
+            // SAFETY: all texts live until the call is over; the callbacks and the journal live until the
+            // instance is freed.
+            unsafe {
+                instantiate(
+                    name.as_ptr(),
+                    CO_SIMULATION,
+                    token.as_ptr(),
+                    place.as_ptr(),
+                    &raw const **callbacks,
+                    0,
+                    c_int::from(logs),
+                )
+            }
+        }
+        Own::Three { instantiate, .. } => {
+            // As the standard has it, with a separator at the end.
+            let place = text(&format!("{}/", resources.display()))?;
+            // SAFETY: as above. Neither event mode, early return nor intermediate update.
+            unsafe {
+                instantiate(
+                    name.as_ptr(),
+                    token.as_ptr(),
+                    place.as_ptr(),
+                    false,
+                    logs,
+                    false,
+                    false,
+                    null(),
+                    0,
+                    environment,
+                    log_three,
+                    null(),
+                )
+            }
+        }
+    };
+    if handle.is_null() {
+        let said = journal
+            .last()
+            .map_or(String::new(), |said| format!(": {said}"));
+        return Err(Invalid(format!("the FMU refuses to be instantiated{said}")));
+    }
+    Ok((handle, callbacks))
+}
+
+/// Place of a folder as FMI 2 has it, a URI.
+fn location(folder: &Path) -> String {
+    let mut uri = String::from("file://");
+    for byte in folder.as_os_str().as_encoded_bytes() {
+        match byte {
+            b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'/' | b'-' | b'_' | b'.' | b'~' => {
+                uri.push(char::from(*byte));
+            }
+            other => uri.push_str(&format!("%{other:02X}")),
+        }
+    }
+    uri
+}
+
+// The allocator that FMI 2 lets a library ask the importer for is that of C, whichever of the two frees.
+unsafe extern "C" {
+    fn calloc(count: usize, size: usize) -> *mut c_void;
+    fn free(place: *mut c_void);
+}

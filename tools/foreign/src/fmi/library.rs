@@ -1,0 +1,329 @@
+//! The shared library of an FMU and its functions, looked up by name.
+//!
+//! Whatever the library does, it does in this process: it may crash it, end it or never return. This module
+//! makes sure of what it can: that every function that will be called is there, and is of the version that
+//! the model description tells.
+
+use std::collections::BTreeMap;
+use std::ffi::{CStr, c_char, c_int, c_void};
+use std::mem::ManuallyDrop;
+use std::path::Path;
+
+use libloading::os::unix::{Library, RTLD_LOCAL, RTLD_NOW};
+use shared_types::text;
+
+use super::description::{Kind, Version};
+
+/// Instance of an FMU, or a state of one, as its library knows it.
+pub(super) type Handle = *mut c_void;
+
+/// A library cannot be used.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum LibraryError {
+    /// It cannot be loaded.
+    #[error("its library cannot be loaded: {0}")]
+    Load(String),
+    /// A function is missing.
+    #[error("its library has no function `{0}`")]
+    Missing(String),
+    /// It is of another version than the model description.
+    #[error("its library is of FMI {library}, its model description of {description}")]
+    Version {
+        /// Version that the library tells.
+        library: String,
+        /// Version of the description.
+        description: Version,
+    },
+}
+
+pub(super) type OnInstance = unsafe extern "C" fn(Handle) -> c_int;
+pub(super) type FreeInstance = unsafe extern "C" fn(Handle);
+pub(super) type OnState = unsafe extern "C" fn(Handle, Handle) -> c_int;
+pub(super) type OnStatePlace = unsafe extern "C" fn(Handle, *mut Handle) -> c_int;
+pub(super) type StateSize = unsafe extern "C" fn(Handle, Handle, *mut usize) -> c_int;
+pub(super) type Serialize = unsafe extern "C" fn(Handle, Handle, *mut u8, usize) -> c_int;
+pub(super) type Deserialize = unsafe extern "C" fn(Handle, *const u8, usize, *mut Handle) -> c_int;
+
+type GetVersion = unsafe extern "C" fn() -> *const c_char;
+
+/// `fmi2GetXXX`: instance, references, their number, values.
+pub(super) type GetTwo = unsafe extern "C" fn(Handle, *const u32, usize, *mut c_void) -> c_int;
+/// `fmi2SetXXX`.
+pub(super) type SetTwo = unsafe extern "C" fn(Handle, *const u32, usize, *const c_void) -> c_int;
+/// `fmi3GetXXX`: as that of FMI 2, and the number of values.
+pub(super) type GetThree =
+    unsafe extern "C" fn(Handle, *const u32, usize, *mut c_void, usize) -> c_int;
+/// `fmi3SetXXX`.
+pub(super) type SetThree =
+    unsafe extern "C" fn(Handle, *const u32, usize, *const c_void, usize) -> c_int;
+
+/// Functions that read and write variables of one type.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Access {
+    Two(GetTwo, SetTwo),
+    Three(GetThree, SetThree),
+}
+
+/// Callbacks that FMI 2 takes as one struct; its pointer must stay valid while the instance lives.
+#[repr(C)]
+pub(super) struct CallbacksTwo {
+    pub(super) logger:
+        unsafe extern "C" fn(*mut c_void, *const c_char, c_int, *const c_char, *const c_char),
+    pub(super) allocate: unsafe extern "C" fn(usize, usize) -> *mut c_void,
+    pub(super) free: unsafe extern "C" fn(*mut c_void),
+    pub(super) step_finished: Option<unsafe extern "C" fn(*mut c_void, c_int)>,
+    pub(super) environment: *mut c_void,
+}
+
+pub(super) type InstantiateTwo = unsafe extern "C" fn(
+    *const c_char,
+    c_int,
+    *const c_char,
+    *const c_char,
+    *const CallbacksTwo,
+    c_int,
+    c_int,
+) -> Handle;
+pub(super) type SetupTwo = unsafe extern "C" fn(Handle, c_int, f64, f64, c_int, f64) -> c_int;
+pub(super) type StepTwo = unsafe extern "C" fn(Handle, f64, f64, c_int) -> c_int;
+pub(super) type LoggingTwo =
+    unsafe extern "C" fn(Handle, c_int, usize, *const *const c_char) -> c_int;
+pub(super) type StatusTwo = unsafe extern "C" fn(Handle, c_int, *mut c_int) -> c_int;
+
+pub(super) type LogThree = unsafe extern "C" fn(*mut c_void, c_int, *const c_char, *const c_char);
+pub(super) type InstantiateThree = unsafe extern "C" fn(
+    *const c_char,
+    *const c_char,
+    *const c_char,
+    bool,
+    bool,
+    bool,
+    bool,
+    *const u32,
+    usize,
+    *mut c_void,
+    LogThree,
+    *const c_void,
+) -> Handle;
+pub(super) type EnterThree = unsafe extern "C" fn(Handle, bool, f64, f64, bool, f64) -> c_int;
+pub(super) type StepThree =
+    unsafe extern "C" fn(Handle, f64, f64, bool, *mut u8, *mut u8, *mut u8, *mut f64) -> c_int;
+pub(super) type LoggingThree =
+    unsafe extern "C" fn(Handle, bool, usize, *const *const c_char) -> c_int;
+
+/// Functions that differ between the versions.
+#[derive(Debug)]
+pub(super) enum Own {
+    Two {
+        instantiate: InstantiateTwo,
+        setup: SetupTwo,
+        enter: OnInstance,
+        step: StepTwo,
+        logging: LoggingTwo,
+        /// Tells whether a discarded step was the model's end.
+        status: StatusTwo,
+    },
+    Three {
+        instantiate: InstantiateThree,
+        enter: EnterThree,
+        step: StepThree,
+        logging: LoggingThree,
+    },
+}
+
+/// Functions of a state that can be saved.
+#[derive(Debug)]
+pub(super) struct StateFunctions {
+    pub(super) get: OnStatePlace,
+    pub(super) set: OnState,
+    pub(super) free: OnStatePlace,
+    pub(super) size: StateSize,
+    pub(super) serialize: Serialize,
+    pub(super) deserialize: Deserialize,
+}
+
+/// Every function of a library that is called.
+#[derive(Debug)]
+pub(super) struct Functions {
+    pub(super) own: Own,
+    pub(super) exit: OnInstance,
+    pub(super) terminate: OnInstance,
+    pub(super) free: FreeInstance,
+    pub(super) state: Option<StateFunctions>,
+    pub(super) access: BTreeMap<Kind, Access>,
+}
+
+impl Functions {
+    /// Loads a library, for variables of these types. It is never closed: a thread that it left running
+    /// would go on in memory that is gone.
+    ///
+    /// # Errors
+    /// If it cannot be loaded, is of another version or lacks a function.
+    pub(super) fn load(
+        path: &Path,
+        version: Version,
+        kinds: &[Kind],
+        saves: bool,
+    ) -> Result<Self, LibraryError> {
+        // SAFETY: loading runs code of the library, which is what somebody asked for who named the FMU; nothing
+        // of this process is told to it here.
+        let library = unsafe { Library::open(Some(path), RTLD_NOW | RTLD_LOCAL) };
+        let library = library.map_err(|error| LibraryError::Load(load_failure(&error)))?;
+        let library = ManuallyDrop::new(library);
+        let find = Find {
+            library: &library,
+            version,
+        };
+        find.check_version()?;
+        // SAFETY: each name stands with the type that the headers of its version give it.
+        let functions = unsafe {
+            Self {
+                own: find.own()?,
+                exit: find.function("ExitInitializationMode")?,
+                terminate: find.function("Terminate")?,
+                free: find.function("FreeInstance")?,
+                state: if saves { Some(find.state()?) } else { None },
+                access: (kinds.iter())
+                    .map(|kind| Ok((*kind, find.access(*kind)?)))
+                    .collect::<Result<_, LibraryError>>()?,
+            }
+        };
+        Ok(functions)
+    }
+}
+
+/// The system's reason, with the usual cause where the reason hides it.
+fn load_failure(error: &libloading::Error) -> String {
+    let mut told = text::line(
+        &std::error::Error::source(error)
+            .map_or_else(|| error.to_string(), |source| source.to_string()),
+    );
+    if told.contains("failed to map segment") {
+        told.push_str("; is the folder for temporary files mounted noexec? TMPDIR names another");
+    }
+    told
+}
+
+/// A library and the version that the names of its functions begin with.
+struct Find<'a> {
+    library: &'a Library,
+    version: Version,
+}
+
+impl Find<'_> {
+    /// A function by the name that it has without the version in front.
+    ///
+    /// # Safety
+    /// `T` must be the type that the function has in C.
+    unsafe fn function<T: Copy>(&self, name: &str) -> Result<T, LibraryError> {
+        let number = match self.version {
+            Version::Two => 2,
+            Version::Three => 3,
+        };
+        let full = format!("fmi{number}{name}\0");
+        // SAFETY: as the caller says.
+        let found = unsafe { self.library.get::<T>(full.as_bytes()) };
+        match found {
+            Ok(symbol) if !symbol.clone().into_raw().is_null() => Ok(*symbol),
+            _ => Err(LibraryError::Missing(full.trim_end_matches('\0').into())),
+        }
+    }
+
+    fn check_version(&self) -> Result<(), LibraryError> {
+        // SAFETY: `const char* fmiXGetVersion(void)` in both versions.
+        let told = unsafe {
+            let version: GetVersion = self.function("GetVersion")?;
+            version()
+        };
+        let library = if told.is_null() {
+            String::new()
+        } else {
+            // SAFETY: not null, and a text of the library.
+            text::line(&unsafe { CStr::from_ptr(told) }.to_string_lossy())
+        };
+        let expected = match self.version {
+            Version::Two => "2.0",
+            Version::Three => "3.0",
+        };
+        if library.starts_with(expected) {
+            return Ok(());
+        }
+        Err(LibraryError::Version {
+            library,
+            description: self.version,
+        })
+    }
+
+    /// # Safety
+    /// None of its own: the types are those of the headers.
+    unsafe fn own(&self) -> Result<Own, LibraryError> {
+        // SAFETY: the types are those of fmi2FunctionTypes.h and fmi3FunctionTypes.h.
+        unsafe {
+            Ok(match self.version {
+                Version::Two => Own::Two {
+                    instantiate: self.function("Instantiate")?,
+                    setup: self.function("SetupExperiment")?,
+                    enter: self.function("EnterInitializationMode")?,
+                    step: self.function("DoStep")?,
+                    logging: self.function("SetDebugLogging")?,
+                    status: self.function("GetBooleanStatus")?,
+                },
+                Version::Three => Own::Three {
+                    instantiate: self.function("InstantiateCoSimulation")?,
+                    enter: self.function("EnterInitializationMode")?,
+                    step: self.function("DoStep")?,
+                    logging: self.function("SetDebugLogging")?,
+                },
+            })
+        }
+    }
+
+    /// # Safety
+    /// As of [`own`](Self::own).
+    unsafe fn state(&self) -> Result<StateFunctions, LibraryError> {
+        let (state, de) = match self.version {
+            Version::Two => ("state", "DeSerialize"),
+            Version::Three => ("State", "Deserialize"),
+        };
+        // SAFETY: the types are those of the headers, where both versions agree but for the names.
+        unsafe {
+            Ok(StateFunctions {
+                get: self.function(&format!("GetFMU{state}"))?,
+                set: self.function(&format!("SetFMU{state}"))?,
+                free: self.function(&format!("FreeFMU{state}"))?,
+                size: self.function(&format!("SerializedFMU{state}Size"))?,
+                serialize: self.function(&format!("SerializeFMU{state}"))?,
+                deserialize: self.function(&format!("{de}FMU{state}"))?,
+            })
+        }
+    }
+
+    /// # Safety
+    /// As of [`own`](Self::own).
+    unsafe fn access(&self, kind: Kind) -> Result<Access, LibraryError> {
+        let name = match (self.version, kind) {
+            (Version::Two, Kind::Float64) => "Real",
+            (Version::Two, Kind::Int32 | Kind::Enumeration) => "Integer",
+            (Version::Three, Kind::Float32) => "Float32",
+            (Version::Three, Kind::Float64) => "Float64",
+            (Version::Three, Kind::Int8) => "Int8",
+            (Version::Three, Kind::UInt8) => "UInt8",
+            (Version::Three, Kind::Int16) => "Int16",
+            (Version::Three, Kind::UInt16) => "UInt16",
+            (Version::Three, Kind::Int32) => "Int32",
+            (Version::Three, Kind::UInt32) => "UInt32",
+            (Version::Three, Kind::Int64 | Kind::Enumeration) => "Int64",
+            (Version::Three, Kind::UInt64) => "UInt64",
+            (_, Kind::Boolean) => "Boolean",
+            _ => return Err(LibraryError::Missing(format!("for a {}", kind.name()))),
+        };
+        let (get, set) = (format!("Get{name}"), format!("Set{name}"));
+        // SAFETY: as the headers have them; a pointer to values of any type is passed as any other.
+        unsafe {
+            Ok(match self.version {
+                Version::Two => Access::Two(self.function(&get)?, self.function(&set)?),
+                Version::Three => Access::Three(self.function(&get)?, self.function(&set)?),
+            })
+        }
+    }
+}

@@ -1,0 +1,237 @@
+//! An FMU as a plant and as a law.
+//!
+//! As a plant its inputs are the commands, its outputs are measured and truth, and inner signals are truth if they
+//! were asked for. As a law its inputs are measured and reference signals, and its outputs are the commands.
+
+use std::sync::Arc;
+
+use controller_process::controller::{Law, LawKind, Row, SetupRows};
+use plant_process::plant::{Model as PlantModel, PlantKind};
+use serde::{Deserialize, Serialize};
+use shared_types::describe::{Invalid, LawDescription, PlantDescription};
+use shared_types::failure::Failure;
+use shared_types::state::State;
+use shared_types::table::Field;
+use shared_types::time::Interval;
+
+use super::instance::{Instance, check_period};
+use super::tables::{Column, reference_name};
+use super::{Fmu, FmuError, Model};
+
+/// The plant that an FMU is.
+///
+/// # Errors
+/// If its variables do not make sound tables.
+pub fn plant(fmu: &Arc<Fmu>) -> Result<PlantKind, FmuError> {
+    let Model {
+        description,
+        tables,
+    } = &**fmu.model();
+    let outputs = fields(&tables.outputs);
+    let described = PlantDescription {
+        name: description.identifier.clone(),
+        summary: summary(fmu),
+        parameters: fields(&tables.parameters),
+        truth: [&outputs[..], &fields(&tables.locals)].concat(),
+        measured: outputs.iter().map(free).collect(),
+        commands: fields(&tables.inputs),
+        faults: Vec::new(),
+        saves: description.saves,
+    };
+    let fmu = Arc::clone(fmu);
+    let kind = PlantKind::from_tables(described, move |parameters| {
+        Ok(Box::new(FmuPlant(start(&fmu, parameters)?)))
+    });
+    Ok(kind?)
+}
+
+/// The law that an FMU is.
+///
+/// # Errors
+/// If its variables do not make sound tables.
+pub fn law(fmu: &Arc<Fmu>) -> Result<LawKind, FmuError> {
+    let Model {
+        description,
+        tables,
+    } = &**fmu.model();
+    let (measured, reference) = tables.split_inputs();
+    let described = LawDescription {
+        name: description.identifier.clone(),
+        summary: summary(fmu),
+        plants: Vec::new(),
+        parameters: fields(&tables.parameters).iter().map(fixed).collect(),
+        model: Vec::new(),
+        measured: measured.iter().map(free).collect(),
+        reference: reference.iter().map(free).collect(),
+        commands: Some(fields(&tables.outputs).iter().map(free).collect()),
+        internals: fields(&tables.locals).iter().map(free).collect(),
+        saves: description.saves,
+    };
+    let fmu = Arc::clone(fmu);
+    let kind = LawKind::from_tables(described, move |setup: &SetupRows<'_>| {
+        check_period(fmu.model(), setup.period_s)?;
+        Ok(Box::new(FmuLaw {
+            is_reference: (fmu.model().tables.inputs.iter())
+                .map(|column| reference_name(&column.field.name).is_some())
+                .collect(),
+            inputs: vec![0.0; fmu.model().tables.inputs.len()],
+            commands: fmu.model().tables.outputs.len(),
+            instance: start(&fmu, setup.parameters)?,
+            period_s: setup.period_s,
+            clock: Clock::default(),
+        }))
+    });
+    Ok(kind?)
+}
+
+fn start(fmu: &Fmu, parameters: &[f64]) -> Result<Instance, Invalid> {
+    let loaded = fmu.loaded().map_err(|error| Invalid(error.to_string()))?;
+    Instance::start(
+        fmu.model(),
+        &loaded.functions,
+        &loaded.resources,
+        parameters,
+    )
+}
+
+fn summary(fmu: &Fmu) -> String {
+    let Model {
+        description,
+        tables,
+    } = &**fmu.model();
+    let format = &tables.imported.format;
+    let text = match description.description.as_str() {
+        "" => &description.name,
+        text => text,
+    };
+    format!("{} (FMU of {format})", shared_types::text::line(text))
+}
+
+fn fields(columns: &[Column]) -> Vec<Field> {
+    columns.iter().map(|column| column.field.clone()).collect()
+}
+
+/// A signal that is refused for no value.
+fn free(field: &Field) -> Field {
+    Field {
+        min: f64::NEG_INFINITY,
+        max: f64::INFINITY,
+        ..field.clone()
+    }
+}
+
+/// A parameter of a law, which no fault moves.
+fn fixed(field: &Field) -> Field {
+    Field {
+        faultable: false,
+        ..field.clone()
+    }
+}
+
+/// An FMU as a plant.
+struct FmuPlant(Instance);
+
+impl PlantModel for FmuPlant {
+    fn retune(&mut self, parameters: &[f64]) -> Result<(), Failure> {
+        self.0.retune(parameters);
+        Ok(())
+    }
+
+    fn measure(&mut self, measured: &mut [f64]) -> Result<(), Failure> {
+        measured.copy_from_slice(&self.0.signals()[..measured.len()]);
+        Ok(())
+    }
+
+    fn truth(&mut self, _: f64, _: &[f64], truth: &mut [f64]) -> Result<(), Failure> {
+        truth.copy_from_slice(self.0.signals());
+        Ok(())
+    }
+
+    fn advance(&mut self, interval: &Interval, command: &[f64]) -> Result<(), Failure> {
+        self.0.step(interval, command)
+    }
+
+    fn check_period(&self, period_s: f64) -> Result<(), Invalid> {
+        check_period(self.0.model(), period_s)
+    }
+
+    fn save(&self) -> Result<State, Invalid> {
+        self.0.save()
+    }
+
+    fn restore(&mut self, state: &State) -> Result<(), Invalid> {
+        self.0.restore(state)
+    }
+}
+
+/// An FMU as a law. The sample of a step is set, one period is done, and the command is read.
+struct FmuLaw {
+    instance: Instance,
+    /// For each input whether it is a reference signal.
+    is_reference: Vec<bool>,
+    inputs: Vec<f64>,
+    commands: usize,
+    period_s: f64,
+    clock: Clock,
+}
+
+/// Time of the FMU in a law: it begins at 0 with the first sample, which is later where a controller takes over.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+struct Clock {
+    /// Simulated time of the first sample in s.
+    first_s: Option<f64>,
+    /// Time up to which the FMU was stepped in s, in its own time.
+    reached_s: f64,
+}
+
+impl Law for FmuLaw {
+    fn step(
+        &mut self,
+        sample: &Row<'_>,
+        command: &mut [f64],
+        internals: &mut [f64],
+    ) -> Result<(), Failure> {
+        let (mut measured, mut reference) = (sample.measured.iter(), sample.reference.iter());
+        for (input, is_reference) in self.inputs.iter_mut().zip(&self.is_reference) {
+            let next = if *is_reference {
+                reference.next()
+            } else {
+                measured.next()
+            };
+            *input = next.copied().unwrap_or_default();
+        }
+        let at_s = sample.time_s - *self.clock.first_s.get_or_insert(sample.time_s);
+        // Against the clock samples may be left out: an FMU moves in equal steps, so it makes up for them.
+        while at_s - self.clock.reached_s > 0.5 * self.period_s {
+            self.advance(self.clock.reached_s)?;
+        }
+        self.advance(at_s)?;
+        let (commands, inner) = self.instance.signals().split_at(self.commands);
+        command.copy_from_slice(commands);
+        internals.copy_from_slice(inner);
+        Ok(())
+    }
+
+    fn save(&self) -> Result<State, Invalid> {
+        State::of(&(self.instance.save()?, self.clock))
+    }
+
+    fn restore(&mut self, state: &State) -> Result<(), Invalid> {
+        let (instance, clock): (State, Clock) = state.read()?;
+        self.instance.restore(&instance)?;
+        self.clock = clock;
+        Ok(())
+    }
+}
+
+impl FmuLaw {
+    fn advance(&mut self, at_s: f64) -> Result<(), Failure> {
+        let interval = Interval {
+            start_s: at_s,
+            length_s: self.period_s,
+            substeps: 1,
+        };
+        self.clock.reached_s = at_s + self.period_s;
+        self.instance.step(&interval, &self.inputs)
+    }
+}

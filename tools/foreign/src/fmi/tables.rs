@@ -1,0 +1,348 @@
+//! Which variable of an FMU becomes which signal or parameter, under which name, and what is left out.
+//!
+//! Follows from the model description alone, so that an FMU is described without its library. Variables keep
+//! their order; an array is one column for each element, and stays or is left out as a whole.
+
+use std::collections::BTreeSet;
+
+use glob::Pattern;
+use shared_types::describe::{DefinedUnit, DirectDependency, Imported, Invalid, LeftOut};
+use shared_types::frame::MAX_SIGNALS;
+use shared_types::layout::{MOST_FIELDS, is_line};
+use shared_types::spelling::{spelled, spelled_all};
+use shared_types::table::Field;
+
+use super::description::{
+    BASE_UNITS, BaseUnit, Causality, Kind, ModelDescription, Unit, Variable, Version,
+};
+
+/// Longest description of a column that is taken over.
+const LONGEST_TEXT: usize = 500;
+/// Longest unit that is taken over.
+const LONGEST_UNIT: usize = 64;
+/// Begins of the names of inputs that are reference signals of a controller.
+const REFERENCE: [&str; 2] = ["reference.", "reference_"];
+
+/// A column: one element of a variable.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Column {
+    /// Name, unit and range.
+    pub field: Field,
+    /// Place of the variable in the model description.
+    pub(super) variable: usize,
+    /// Place of the element in the variable.
+    pub(super) element: usize,
+}
+
+/// Columns of an FMU by their role.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Tables {
+    /// Parameters; the tunable ones can be faulted.
+    pub parameters: Vec<Column>,
+    /// Inputs.
+    pub inputs: Vec<Column>,
+    /// Outputs.
+    pub outputs: Vec<Column>,
+    /// Inner signals that were asked for.
+    pub locals: Vec<Column>,
+    /// Everything else there is to say.
+    pub imported: Imported,
+}
+
+impl Tables {
+    /// The tables of a model, with the inner signals whose names, in the model or here, match a pattern.
+    ///
+    /// # Errors
+    /// If two names cannot be told apart, one is too long, or a pattern matches none.
+    pub fn of(model: &ModelDescription, patterns: &[Pattern]) -> Result<Self, Invalid> {
+        let mut tables = Self {
+            imported: imported(model),
+            ..Self::default()
+        };
+        let mut matched = vec![false; patterns.len()];
+        for (place, variable) in model.variables.iter().enumerate() {
+            let is_parameter = variable.causality == Causality::Parameter;
+            let reason = match variable.causality {
+                Causality::Independent => continue,
+                Causality::StructuralParameter => {
+                    Some("it sets sizes of arrays and keeps its start value".into())
+                }
+                _ => unsupported(variable, is_parameter),
+            };
+            if let Some(reason) = reason {
+                tables.leave_out(variable, reason);
+                continue;
+            }
+            let elements = 0..variable.elements();
+            let columns = elements.map(|element| column(variable, place, element, is_parameter));
+            let columns: Vec<Column> = columns.collect::<Result<_, _>>()?;
+            let (table, most) = match variable.causality {
+                Causality::Parameter => (&mut tables.parameters, MOST_FIELDS),
+                Causality::Input => (&mut tables.inputs, MAX_SIGNALS),
+                Causality::Output => (&mut tables.outputs, MAX_SIGNALS),
+                _ => {
+                    let names = columns.iter().map(|column| &column.field.name);
+                    (tables.imported.locals).extend(names.cloned());
+                    let is_asked = asked(variable, &columns, patterns, &mut matched);
+                    if !is_asked {
+                        continue;
+                    }
+                    (&mut tables.locals, MOST_FIELDS - MAX_SIGNALS)
+                }
+            };
+            if table.len() + columns.len() > most {
+                tables.leave_out(
+                    variable,
+                    format!("it is beyond the first {most} of its kind"),
+                );
+            } else {
+                table.extend(columns);
+            }
+        }
+        if let Some(place) = matched.iter().position(|matched| !matched) {
+            let pattern = patterns[place].as_str();
+            return Err(Invalid(format!(
+                "no inner signal of the FMU matches {pattern:?}; `hil describe` lists them"
+            )));
+        }
+        tables.check_names(model)?;
+        tables.imported.direct = tables.direct(model);
+        Ok(tables)
+    }
+
+    /// Inputs in the order of a controller: measured signals, and reference signals under the names that
+    /// stimuli have.
+    #[must_use]
+    pub fn split_inputs(&self) -> (Vec<Field>, Vec<Field>) {
+        let (mut measured, mut reference) = (Vec::new(), Vec::new());
+        for column in &self.inputs {
+            match reference_name(&column.field.name) {
+                Some(name) => reference.push(Field {
+                    name: name.into(),
+                    ..column.field.clone()
+                }),
+                None => measured.push(column.field.clone()),
+            }
+        }
+        (measured, reference)
+    }
+
+    fn leave_out(&mut self, variable: &Variable, reason: String) {
+        let name = line(&variable.name, LONGEST_TEXT);
+        self.imported.left_out.push(LeftOut { name, reason });
+    }
+
+    /// Checks that the names of each table are different here and in a recording.
+    fn check_names(&self, model: &ModelDescription) -> Result<(), Invalid> {
+        let truth = self.outputs.iter().chain(&self.locals);
+        let tables: [Vec<&Column>; 3] = [
+            self.parameters.iter().collect(),
+            self.inputs.iter().collect(),
+            truth.collect(),
+        ];
+        for table in tables {
+            let foreign =
+                |column: &&Column| model.variables[column.variable].element_name(column.element);
+            let names: Vec<String> = table.iter().map(foreign).collect();
+            spelled_all(&names).map_err(|error| Invalid(error.to_string()))?;
+        }
+        Ok(())
+    }
+
+    /// Outputs that depend directly on inputs, as far as both have columns.
+    fn direct(&self, model: &ModelDescription) -> Vec<DirectDependency> {
+        let mut direct = Vec::new();
+        for output in self.outputs.iter().filter(|output| output.element == 0) {
+            let variable = &model.variables[output.variable];
+            let told = model.dependencies.iter();
+            let told = { told }.find(|told| told.output == variable.reference);
+            // Nothing told: it may depend on all of them.
+            let on: Option<BTreeSet<u32>> = told
+                .and_then(|told| told.on.as_ref())
+                .map(|on| on.iter().copied().collect());
+            let is_one = |input: &&Column| {
+                let input = &model.variables[input.variable];
+                on.as_ref().is_none_or(|on| on.contains(&input.reference))
+            };
+            let inputs = self.inputs.iter().filter(is_one);
+            let inputs: Vec<String> = inputs.map(|input| input.field.name.clone()).collect();
+            if inputs.is_empty() {
+                continue;
+            }
+            for element in self
+                .outputs
+                .iter()
+                .filter(|one| one.variable == output.variable)
+            {
+                direct.push(DirectDependency {
+                    output: element.field.name.clone(),
+                    inputs: inputs.clone(),
+                });
+            }
+        }
+        direct
+    }
+}
+
+/// The name that a reference signal of a controller has without the begin that makes it one.
+pub(super) fn reference_name(name: &str) -> Option<&str> {
+    let rests = REFERENCE
+        .iter()
+        .filter_map(|begin| name.strip_prefix(begin));
+    { rests }.find(|rest| !rest.is_empty())
+}
+
+/// The reason for which a variable can have no column, if there is one.
+fn unsupported(variable: &Variable, is_parameter: bool) -> Option<String> {
+    let kind = variable.kind.name();
+    if variable.kind.range().is_none() {
+        return Some(match variable.causality {
+            Causality::Input | Causality::Parameter => {
+                format!("it is a {kind} and keeps its start value")
+            }
+            _ => format!("it is a {kind}"),
+        });
+    }
+    if variable.is_clocked {
+        return Some("it has a clock".into());
+    }
+    let is_told = variable.start.len() == variable.elements();
+    (is_parameter && !is_told).then(|| "it is a parameter without a start value".into())
+}
+
+/// Checks whether an inner signal is asked for, and notes by which patterns.
+fn asked(
+    variable: &Variable,
+    columns: &[Column],
+    patterns: &[Pattern],
+    matched: &mut [bool],
+) -> bool {
+    let mut is_asked = false;
+    for (pattern, matched) in patterns.iter().zip(matched) {
+        let here = columns
+            .iter()
+            .any(|column| pattern.matches(&column.field.name));
+        if here || pattern.matches(&variable.name) {
+            (*matched, is_asked) = (true, true);
+        }
+    }
+    is_asked
+}
+
+fn column(
+    variable: &Variable,
+    place: usize,
+    element: usize,
+    is_parameter: bool,
+) -> Result<Column, Invalid> {
+    let foreign = variable.element_name(element);
+    let name = spelled(&foreign).map_err(|error| Invalid(error.to_string()))?;
+    let (low, high) = variable
+        .kind
+        .range()
+        .unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
+    let is_above = |bound: &f64| *bound > low;
+    let is_below = |bound: &f64| *bound < high;
+    let mut text = line(&variable.description, LONGEST_TEXT);
+    if text.is_empty() {
+        text = "Variable of the FMU".into();
+    }
+    if !text.ends_with('.') {
+        text.push('.');
+    }
+    if name != foreign {
+        text = format!("{text} `{}` in the FMU.", line(&foreign, LONGEST_TEXT));
+    }
+    let unit = variable.unit.as_deref().unwrap_or("1");
+    let field = Field {
+        default: match is_parameter {
+            true => variable.start.get(element).copied(),
+            false => None,
+        },
+        min: variable.min.filter(is_above).unwrap_or(low),
+        max: variable.max.filter(is_below).unwrap_or(high),
+        faultable: is_parameter && variable.is_tunable,
+        ..Field::signal(&name, &unit_text(unit), &text)
+    };
+    Ok(Column {
+        field,
+        variable: place,
+        element,
+    })
+}
+
+/// A unit as a column may have it.
+fn unit_text(unit: &str) -> String {
+    let unit = line(&unit.replace('[', "(").replace(']', ")"), LONGEST_UNIT);
+    match unit.is_empty() {
+        true => "1".into(),
+        false => unit,
+    }
+}
+
+/// A text as one line of bounded length, without rows of signs that separate columns elsewhere.
+fn line(text: &str, most: usize) -> String {
+    let words = text.split(|c: char| c.is_whitespace() || !is_line(c.encode_utf8(&mut [0; 4])));
+    let words = words.filter(|word| !word.is_empty() && !word.contains("========"));
+    let mut line = words.collect::<Vec<_>>().join(" ");
+    while line.len() > most {
+        line.pop();
+    }
+    line
+}
+
+fn imported(model: &ModelDescription) -> Imported {
+    let defined = |unit: &Unit| {
+        let base = unit.base?;
+        Some(DefinedUnit {
+            name: unit_text(&unit.name),
+            base: base_text(&base),
+            factor: base.factor,
+            offset: base.offset,
+        })
+    };
+    Imported {
+        format: format!("{} co-simulation", model.version),
+        tool: line(&model.tool, LONGEST_TEXT),
+        internal_step_s: model.internal_step_s,
+        units: model.units.iter().filter_map(defined).collect(),
+        ..Imported::default()
+    }
+}
+
+/// Product of powers, for example `kg m2 s-2`.
+fn base_text(base: &BaseUnit) -> String {
+    let powers = BASE_UNITS.iter().zip(base.exponents);
+    let powers = powers.filter(|(_, exponent)| *exponent != 0);
+    let powers = powers.map(|(name, exponent)| match exponent {
+        1 => (*name).to_owned(),
+        exponent => format!("{name}{exponent}"),
+    });
+    let text = powers.collect::<Vec<_>>().join(" ");
+    match text.is_empty() {
+        true => "1".into(),
+        false => text,
+    }
+}
+
+/// Types of variables that have a column.
+pub(super) fn kinds(model: &ModelDescription, columns: &[&[Column]]) -> Vec<Kind> {
+    let all = columns.iter().flat_map(|columns| columns.iter());
+    let kinds: BTreeSet<Kind> = all
+        .map(|column| model.variables[column.variable].kind)
+        .collect();
+    kinds.into_iter().collect()
+}
+
+/// Folder of the libraries for this machine, in the words of a version.
+pub(super) const fn platform(version: Version) -> &'static str {
+    match version {
+        Version::Two if cfg!(target_arch = "x86_64") => "linux64",
+        Version::Two => "aarch64-linux",
+        Version::Three if cfg!(target_arch = "x86_64") => "x86_64-linux",
+        Version::Three => "aarch64-linux",
+    }
+}
+
+#[cfg(test)]
+mod tests;

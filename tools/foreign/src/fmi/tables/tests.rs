@@ -1,0 +1,163 @@
+use super::*;
+
+fn model(name: &str) -> ModelDescription {
+    let folder = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../tests/third-party/reference-fmus/"
+    );
+    let text = std::fs::read_to_string(format!("{folder}{name}.xml")).expect("it is vendored");
+    ModelDescription::read(&text).expect("sound")
+}
+
+fn tables(model: &ModelDescription, patterns: &[&str]) -> Result<Tables, Invalid> {
+    let pattern = |text: &&str| Pattern::new(text).expect("a pattern");
+    Tables::of(model, &patterns.iter().map(pattern).collect::<Vec<_>>())
+}
+
+fn names(columns: &[Column]) -> Vec<&str> {
+    columns
+        .iter()
+        .map(|column| column.field.name.as_str())
+        .collect()
+}
+
+#[test]
+fn every_variable_has_its_place_or_a_reason_for_none() {
+    let tables = tables(&model("BouncingBall/FMI3"), &[]).expect("sound");
+    assert_eq!(names(&tables.parameters), ["g", "e"]);
+    assert_eq!(names(&tables.outputs), ["h", "h_ft", "v"]);
+    assert_eq!(tables.imported.locals, ["der__h", "der__v", "v_min"]);
+    assert_eq!(tables.locals, []);
+    let tunable = &tables.parameters[1].field;
+    assert_eq!(
+        (tunable.default, tunable.min, tunable.max),
+        (Some(0.7), 0.5, 1.0)
+    );
+    assert!(tunable.faultable && !tables.parameters[0].field.faultable);
+    assert_eq!(tables.outputs[2].field.unit, "m/s");
+    assert_eq!(tables.imported.units[1].base, "m s-1");
+    assert_eq!(tables.imported.left_out, []);
+}
+
+#[test]
+fn inner_signals_are_truth_on_request_by_either_name() {
+    let model = model("BouncingBall/FMI3");
+    let asked = |patterns: &[&str]| {
+        let tables = tables(&model, patterns)?;
+        Ok::<_, Invalid>(names(&tables.locals).join(" "))
+    };
+    assert_eq!(asked(&["der(*)"]).as_deref(), Ok("der__h der__v"));
+    assert_eq!(asked(&["der__v", "v_*"]).as_deref(), Ok("der__v v_min"));
+    let told = asked(&["der(*)", "h"]).expect_err("an output").0;
+    assert!(
+        told.contains("no inner signal of the FMU matches \"h\""),
+        "{told}"
+    );
+}
+
+#[test]
+fn arrays_are_flattened_and_depend_on_all_inputs_where_nothing_is_told() {
+    let tables = tables(&model("StateSpace/FMI3"), &[]).expect("sound");
+    assert_eq!(names(&tables.inputs), ["u__1", "u__2", "u__3"]);
+    assert_eq!(tables.parameters.len(), 9 * 4 + 3);
+    assert_eq!(tables.parameters[5].field.name, "A__2_3");
+    assert_eq!(tables.imported.direct.len(), 3);
+    assert_eq!(tables.imported.direct[0].inputs, ["u__1", "u__2", "u__3"]);
+    assert_eq!(tables.imported.left_out.len(), 3, "m, n and r");
+}
+
+#[test]
+fn direct_dependencies_are_those_of_the_model_structure() {
+    let tables = tables(&model("Feedthrough/FMI3"), &[]).expect("sound");
+    let direct = &tables.imported.direct;
+    assert_eq!(direct.len(), tables.outputs.len());
+    assert!(direct.iter().all(|one| one.inputs.len() == 1));
+    let whole = direct
+        .iter()
+        .find(|one| one.output == "Int32_output")
+        .expect("there");
+    assert_eq!(whole.inputs, ["Int32_input"]);
+    let left: Vec<_> = tables
+        .imported
+        .left_out
+        .iter()
+        .map(|one| one.name.as_str())
+        .collect();
+    assert_eq!(
+        left,
+        [
+            "String_input",
+            "String_output",
+            "Binary_input",
+            "Binary_output"
+        ]
+    );
+    let small = tables
+        .inputs
+        .iter()
+        .find(|one| one.field.name == "Int8_input")
+        .expect("there");
+    assert_eq!((small.field.min, small.field.max), (-128.0, 127.0));
+}
+
+#[test]
+fn names_that_a_recording_cannot_tell_apart_are_refused() {
+    let mut model = model("BouncingBall/FMI3");
+    let mut other = model.variables[1].clone();
+    "h.x".clone_into(&mut model.variables[1].name);
+    "h_x".clone_into(&mut other.name);
+    model.variables.push(other);
+    let told = tables(&model, &[]).expect_err("alike").0;
+    assert!(
+        told.contains("\"h.x\"") && told.contains("\"h_x\""),
+        "{told}"
+    );
+}
+
+#[test]
+fn what_is_beyond_a_frame_is_left_out_whole_and_named() {
+    let mut model = model("StateSpace/FMI3");
+    let output = model
+        .variables
+        .iter()
+        .position(|one| one.name == "y")
+        .expect("there");
+    let mut many = model.variables[output].clone();
+    "z".clone_into(&mut many.name);
+    many.dimensions = vec![MAX_SIGNALS - 2];
+    model.variables.push(many);
+    let tables = tables(&model, &[]).expect("sound");
+    assert_eq!(names(&tables.outputs), ["y__1", "y__2", "y__3"]);
+    let left = tables.imported.left_out.last().expect("one");
+    assert_eq!(left.name, "z");
+    assert!(
+        left.reason.contains("beyond the first 512"),
+        "{}",
+        left.reason
+    );
+}
+
+#[test]
+fn inputs_of_a_law_are_references_by_the_begin_of_their_names() {
+    let mut model = model("StateSpace/FMI3");
+    let input = model
+        .variables
+        .iter_mut()
+        .find(|one| one.name == "u")
+        .expect("there");
+    input.dimensions.clear();
+    input.start.truncate(1);
+    "reference.angle_rad".clone_into(&mut input.name);
+    let mut other = input.clone();
+    "reference".clone_into(&mut other.name);
+    model.variables.push(other);
+    let (measured, reference) = tables(&model, &[]).expect("sound").split_inputs();
+    let of = |fields: &[Field]| {
+        fields
+            .iter()
+            .map(|one| one.name.clone())
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(of(&measured), ["reference"]);
+    assert_eq!(of(&reference), ["angle_rad"]);
+}

@@ -1,0 +1,314 @@
+//! Values of variables between a row of numbers and the types of an FMU, one call for all of a type.
+//!
+//! All space is taken once. A number that the FMU cannot be given exactly, or gives and a row cannot carry
+//! exactly, is an error that names the variable; nothing is rounded.
+
+use std::ffi::{c_int, c_void};
+
+use super::description::{Kind, ModelDescription, Version};
+use super::library::{Access, Functions, Handle};
+use super::status::Status;
+use super::tables::Column;
+
+/// Largest whole number up to which a row of numbers carries every one.
+const EXACT: i128 = 1 << 53;
+
+/// Values of one type as the library has them.
+#[derive(Debug)]
+enum Buffer {
+    Float32(Vec<f32>),
+    Float64(Vec<f64>),
+    Int8(Vec<i8>),
+    UInt8(Vec<u8>),
+    Int16(Vec<i16>),
+    UInt16(Vec<u16>),
+    Int32(Vec<i32>),
+    UInt32(Vec<u32>),
+    Int64(Vec<i64>),
+    UInt64(Vec<u64>),
+    /// Booleans of FMI 3; bytes, so that no value of the library is a wrong one.
+    Boolean(Vec<u8>),
+}
+
+/// Runs an expression with the values of a buffer, whatever their type.
+macro_rules! each {
+    ($buffer:expr, $values:ident => $then:expr) => {
+        match $buffer {
+            Buffer::Float32($values) => $then,
+            Buffer::Float64($values) => $then,
+            Buffer::Int8($values) => $then,
+            Buffer::UInt8($values) | Buffer::Boolean($values) => $then,
+            Buffer::Int16($values) => $then,
+            Buffer::UInt16($values) => $then,
+            Buffer::Int32($values) => $then,
+            Buffer::UInt32($values) => $then,
+            Buffer::Int64($values) => $then,
+            Buffer::UInt64($values) => $then,
+        }
+    };
+}
+
+impl Buffer {
+    fn new(version: Version, kind: Kind, count: usize) -> Self {
+        match (version, kind) {
+            (Version::Two, Kind::Int32 | Kind::Enumeration | Kind::Boolean) => {
+                Self::Int32(vec![0; count])
+            }
+            (_, Kind::Float32) => Self::Float32(vec![0.0; count]),
+            (_, Kind::Int8) => Self::Int8(vec![0; count]),
+            (_, Kind::UInt8) => Self::UInt8(vec![0; count]),
+            (_, Kind::Int16) => Self::Int16(vec![0; count]),
+            (_, Kind::UInt16) => Self::UInt16(vec![0; count]),
+            (_, Kind::Int32) => Self::Int32(vec![0; count]),
+            (_, Kind::UInt32) => Self::UInt32(vec![0; count]),
+            (_, Kind::Int64 | Kind::Enumeration) => Self::Int64(vec![0; count]),
+            (_, Kind::UInt64) => Self::UInt64(vec![0; count]),
+            (_, Kind::Boolean) => Self::Boolean(vec![0; count]),
+            // Variables of the types without a range have no column.
+            (_, Kind::Float64 | Kind::String | Kind::Binary | Kind::Clock) => {
+                Self::Float64(vec![0.0; count])
+            }
+        }
+    }
+
+    fn pointer(&mut self) -> *mut c_void {
+        each!(self, values => values.as_mut_ptr().cast())
+    }
+
+    /// A value as a number, if a number can have it.
+    #[expect(
+        clippy::cast_precision_loss,
+        reason = "whole numbers of 64 bits are compared with the largest that is exact"
+    )]
+    fn get(&self, place: usize) -> Option<f64> {
+        let exact = |value: i128| (-EXACT..=EXACT).contains(&value).then_some(value as f64);
+        match self {
+            Self::Float32(values) => Some(values[place].into()),
+            Self::Float64(values) => Some(values[place]),
+            Self::Int8(values) => Some(values[place].into()),
+            Self::UInt8(values) => Some(values[place].into()),
+            Self::Int16(values) => Some(values[place].into()),
+            Self::UInt16(values) => Some(values[place].into()),
+            Self::Int32(values) => Some(values[place].into()),
+            Self::UInt32(values) => Some(values[place].into()),
+            Self::Int64(values) => exact(values[place].into()),
+            Self::UInt64(values) => exact(values[place].into()),
+            Self::Boolean(values) => Some(f64::from(u8::from(values[place] != 0))),
+        }
+    }
+
+    /// Sets a value that its type has exactly; false if the type does not.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "each cast is compared with what it was made of"
+    )]
+    fn set(&mut self, place: usize, value: f64) -> bool {
+        macro_rules! whole {
+            ($values:ident, $of:ty) => {{
+                let is_exact = value.fract() == 0.0 && value.abs() <= EXACT as f64;
+                match <$of>::try_from(value as i64) {
+                    Ok(number) if is_exact => {
+                        $values[place] = number;
+                        true
+                    }
+                    _ => false,
+                }
+            }};
+        }
+        match self {
+            Self::Float64(values) => {
+                values[place] = value;
+                true
+            }
+            // Every number of a simulation in single precision is rounded; only one too large is not one.
+            Self::Float32(values) => {
+                values[place] = value as f32;
+                values[place].is_finite() == value.is_finite()
+            }
+            Self::Int8(values) => whole!(values, i8),
+            Self::UInt8(values) => whole!(values, u8),
+            Self::Int16(values) => whole!(values, i16),
+            Self::UInt16(values) => whole!(values, u16),
+            Self::Int32(values) => whole!(values, i32),
+            Self::UInt32(values) => whole!(values, u32),
+            Self::Int64(values) => whole!(values, i64),
+            Self::UInt64(values) => whole!(values, u64),
+            Self::Boolean(values) => {
+                values[place] = u8::from(value == 1.0);
+                value == 0.0 || value == 1.0
+            }
+        }
+    }
+}
+
+/// Variables of one type: their references, and for each value the place in the row.
+#[derive(Debug)]
+struct Group {
+    kind: Kind,
+    references: Vec<u32>,
+    places: Vec<usize>,
+    buffer: Buffer,
+}
+
+/// Variables that are read or written together.
+#[derive(Debug)]
+pub(super) struct Values {
+    groups: Vec<Group>,
+    names: Vec<String>,
+}
+
+/// Reason for which values were not read or written.
+#[derive(Debug)]
+pub(super) enum Refused {
+    /// The library's answer.
+    Status(&'static str, Status),
+    /// A value that one of the two forms does not have.
+    Value(String),
+}
+
+impl Values {
+    /// The variables of these columns, of which those of an array stand side by side.
+    pub(super) fn new(model: &ModelDescription, columns: &[Column]) -> Self {
+        let mut groups: Vec<Group> = Vec::new();
+        for (place, column) in columns.iter().enumerate() {
+            let variable = &model.variables[column.variable];
+            let found = groups.iter_mut().find(|group| group.kind == variable.kind);
+            let group = match found {
+                Some(group) => group,
+                None => {
+                    let kind = variable.kind;
+                    groups.push(Group {
+                        kind,
+                        references: Vec::new(),
+                        places: Vec::new(),
+                        buffer: Buffer::new(model.version, kind, 0),
+                    });
+                    let last = groups.len() - 1;
+                    &mut groups[last]
+                }
+            };
+            if column.element == 0 {
+                group.references.push(variable.reference);
+            }
+            group.places.push(place);
+        }
+        for group in &mut groups {
+            group.buffer = Buffer::new(model.version, group.kind, group.places.len());
+        }
+        Self {
+            groups,
+            names: columns
+                .iter()
+                .map(|column| column.field.name.clone())
+                .collect(),
+        }
+    }
+
+    /// Reads all variables into a row.
+    ///
+    /// # Safety
+    /// `handle` is a living instance of the library, in a state in which it may be read.
+    pub(super) unsafe fn get(
+        &mut self,
+        functions: &Functions,
+        handle: Handle,
+        row: &mut [f64],
+    ) -> Result<(), Refused> {
+        for group in &mut self.groups {
+            let (references, count) = (&group.references, group.places.len());
+            let (first, values) = (references.as_ptr(), group.buffer.pointer());
+            // SAFETY: the instance is alive, `references` has so many references and the buffer as many values
+            // of the type as these variables have elements.
+            let status = unsafe {
+                match functions.access[&group.kind] {
+                    Access::Two(get, _) => get(handle, first, references.len(), values),
+                    Access::Three(get, _) => get(handle, first, references.len(), values, count),
+                }
+            };
+            done("get", status)?;
+            for (index, &place) in group.places.iter().enumerate() {
+                row[place] = group.buffer.get(index).ok_or_else(|| {
+                    let name = &self.names[place];
+                    Refused::Value(format!(
+                        "`{name}` is a whole number beyond 2^53, which a signal cannot carry exactly"
+                    ))
+                })?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes all variables from a row.
+    ///
+    /// # Safety
+    /// `handle` is a living instance of the library, in a state in which these may be written.
+    pub(super) unsafe fn set(
+        &mut self,
+        functions: &Functions,
+        handle: Handle,
+        row: &[f64],
+    ) -> Result<(), Refused> {
+        for group in &mut self.groups {
+            for (index, &place) in group.places.iter().enumerate() {
+                if !group.buffer.set(index, row[place]) {
+                    let (name, value, kind) = (&self.names[place], row[place], group.kind.name());
+                    return Err(Refused::Value(format!(
+                        "`{name}` is set to {value}, which is no {kind}"
+                    )));
+                }
+            }
+            let (references, count) = (&group.references, group.places.len());
+            let (first, values) = (references.as_ptr(), group.buffer.pointer().cast_const());
+            // SAFETY: as in `get`.
+            let status = unsafe {
+                match functions.access[&group.kind] {
+                    Access::Two(_, set) => set(handle, first, references.len(), values),
+                    Access::Three(_, set) => set(handle, first, references.len(), values, count),
+                }
+            };
+            done("set", status)?;
+        }
+        Ok(())
+    }
+}
+
+fn done(function: &'static str, status: c_int) -> Result<(), Refused> {
+    match Status::of(status) {
+        status if status.is_done() => Ok(()),
+        status => Err(Refused::Status(function, status)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whole_numbers_are_carried_exactly_or_refused() {
+        let mut bytes = Buffer::new(Version::Three, Kind::Int8, 1);
+        for value in [-128.0, -1.0, 0.0, 127.0] {
+            assert!(bytes.set(0, value));
+            assert_eq!(bytes.get(0), Some(value));
+        }
+        for value in [-129.0, 128.0, 0.5, f64::NAN, f64::INFINITY] {
+            assert!(!bytes.set(0, value), "{value}");
+        }
+        let most = 9_007_199_254_740_992.0;
+        let mut large = Buffer::new(Version::Three, Kind::Int64, 1);
+        assert!(large.set(0, -most) && large.get(0) == Some(-most));
+        assert!(!large.set(0, most * 2.0));
+        let beyond = Buffer::Int64(vec![(1 << 53) + 1]);
+        assert_eq!(beyond.get(0), None);
+        let beyond = Buffer::UInt64(vec![u64::MAX]);
+        assert_eq!(beyond.get(0), None);
+    }
+
+    #[test]
+    fn booleans_are_0_and_1() {
+        let mut flags = Buffer::new(Version::Three, Kind::Boolean, 1);
+        assert!(flags.set(0, 1.0) && flags.get(0) == Some(1.0));
+        assert!(!flags.set(0, 2.0));
+        assert_eq!(Buffer::Boolean(vec![7]).get(0), Some(1.0));
+    }
+}

@@ -1,0 +1,39 @@
+//! The command line of `hil describe`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+pub(super) const EXAMPLES: &str = "\
+Of an FMU it also tells which outputs depend directly on inputs, which inner signals can be recorded, and
+what is left out and why. Nothing of an FMU is run.
+
+Exit codes: 0 described; 2 no such file, no program, or an FMU that cannot be run here.
+
+Examples:
+  hil describe model.fmu
+  hil describe controller.fmu --as controller
+  hil describe target/release/plant-process --json";
+
+/// Arguments of `hil describe`.
+#[derive(Debug, Args)]
+pub struct DescribeArguments {
+    /// A plant or controller program, or an FMU
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+    /// Side that an FMU is described as; a program has its own
+    #[arg(long = "as", value_name = "SIDE", default_value = "plant")]
+    pub side: DescribedSide,
+    /// Print the description as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// A side of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum DescribedSide {
+    /// Inputs are commands, outputs are measured.
+    Plant,
+    /// Inputs are measured or reference signals, outputs are commands.
+    Controller,
+}

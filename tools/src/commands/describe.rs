@@ -1,0 +1,194 @@
+//! `hil describe FILE`: the tables of a program or an FMU, as scenarios are checked against them.
+
+use std::fmt::Write;
+
+use serde_json::json;
+use shared_types::describe::{Description, Imported, LawDescription, PlantDescription};
+use shared_types::number::exact;
+use shared_types::table::Field;
+
+use crate::arguments::describe::{DescribeArguments, DescribedSide};
+use crate::programs::binaries::Binary;
+use crate::programs::binaries::named::{CONTROLLER, PLANT};
+use crate::terminal::exit::{Exit, Failure};
+use crate::terminal::interruption::Interruption;
+use crate::terminal::output;
+use crate::terminal::table::{Table, left};
+
+/// Runs the command.
+///
+/// # Errors
+/// If the file is neither a program nor an FMU that can be run here.
+pub(crate) fn describe(arguments: &DescribeArguments) -> Result<Exit, Failure> {
+    let interruption = Interruption::listen()?;
+    let role = match arguments.side {
+        DescribedSide::Plant => &PLANT,
+        DescribedSide::Controller => &CONTROLLER,
+    };
+    let binary = Binary::described(&arguments.file, role, &interruption)?;
+    let Binary {
+        description,
+        blake3,
+        host,
+        ..
+    } = &binary;
+    let file = arguments.file.display().to_string();
+    let host = host.as_ref().map(|host| &host.blake3);
+    let result = json!({
+        "file": file,
+        "blake3": blake3,
+        "host_blake3": host,
+        "description": description,
+    });
+    output::result(arguments.json, &result, || {
+        output::text(|text| write_all(text, &file, description))
+    })?;
+    Ok(Exit::Pass)
+}
+
+type Written = std::fmt::Result;
+
+fn write_all(text: &mut String, file: &str, description: &Description) -> Written {
+    let Description {
+        program,
+        version,
+        plants,
+        laws,
+        faults,
+        imported,
+        ..
+    } = description;
+    writeln!(text, "{file}: {program} {version}")?;
+    if let Some(imported) = imported {
+        write_format(text, imported)?;
+    }
+    for plant in plants {
+        write_plant(text, plant)?;
+    }
+    for law in laws {
+        write_law(text, law)?;
+    }
+    if let Some(imported) = imported {
+        write_imported(text, imported)?;
+    } else if !faults.is_empty() {
+        let kinds: Vec<&str> = faults.iter().map(|fault| fault.kind.as_str()).collect();
+        writeln!(
+            text,
+            "\nkinds of faults on signals and links: {}",
+            kinds.join(", ")
+        )?;
+    }
+    Ok(())
+}
+
+fn write_plant(text: &mut String, plant: &PlantDescription) -> Written {
+    writeln!(text, "\nplant {}: {}", plant.name, plant.summary)?;
+    writeln!(text, "  checkpoints: {}", yes(plant.saves))?;
+    write_fields(text, "parameters", &plant.parameters)?;
+    write_fields(text, "commands", &plant.commands)?;
+    write_fields(text, "measured", &plant.measured)?;
+    write_fields(text, "truth", &plant.truth)?;
+    for fault in &plant.faults {
+        writeln!(text, "  fault {}: {}", fault.kind, fault.summary)?;
+    }
+    Ok(())
+}
+
+fn write_law(text: &mut String, law: &LawDescription) -> Written {
+    let plants = match law.plants.is_empty() {
+        true => "any plant".into(),
+        false => law.plants.join(", "),
+    };
+    writeln!(text, "\nlaw {} for {plants}: {}", law.name, law.summary)?;
+    writeln!(text, "  checkpoints: {}", yes(law.saves))?;
+    write_fields(text, "parameters", &law.parameters)?;
+    write_fields(text, "model", &law.model)?;
+    write_fields(text, "measured", &law.measured)?;
+    write_fields(text, "reference", &law.reference)?;
+    match &law.commands {
+        Some(commands) => write_fields(text, "commands", commands)?,
+        None => writeln!(text, "  commands: those of the plant")?,
+    }
+    write_fields(text, "internals", &law.internals)
+}
+
+const fn yes(is_so: bool) -> &'static str {
+    if is_so { "yes" } else { "no" }
+}
+
+fn write_fields(text: &mut String, title: &str, fields: &[Field]) -> Written {
+    if fields.is_empty() {
+        return Ok(());
+    }
+    writeln!(text, "  {title}: {}", fields.len())?;
+    let longest = |of: fn(&Field) -> usize| fields.iter().map(of).max().unwrap_or_default() + 2;
+    let name = longest(|field| field.name.len());
+    let unit = longest(|field| field.unit.len());
+    let mut table = Table::new(4, [left(name), left(unit), left(34), left(0)]);
+    for field in fields {
+        table.row(&[&field.name, &field.unit, &values(field), &field.description]);
+    }
+    write!(text, "{table}")
+}
+
+/// Default and range, as far as there are any, and whether a fault can move it.
+fn values(field: &Field) -> String {
+    let mut parts = Vec::new();
+    parts.extend(field.default.map(exact));
+    if field.min.is_finite() || field.max.is_finite() {
+        parts.push(format!("in {} to {}", exact(field.min), exact(field.max)));
+    }
+    if field.faultable {
+        parts.push("tunable".into());
+    }
+    parts.join(" ")
+}
+
+fn write_format(text: &mut String, imported: &Imported) -> Written {
+    let Imported { format, tool, .. } = imported;
+    match tool.as_str() {
+        "" => writeln!(text, "{format}")?,
+        tool => writeln!(text, "{format}, made by {tool}")?,
+    }
+    if let Some(step_s) = imported.internal_step_s {
+        writeln!(
+            text,
+            "moves in steps of {} s: a period must be a multiple",
+            exact(step_s)
+        )?;
+    }
+    Ok(())
+}
+
+fn write_imported(text: &mut String, imported: &Imported) -> Written {
+    if !imported.direct.is_empty() {
+        writeln!(
+            text,
+            "\noutputs that depend directly on inputs; they show the command of the step before:"
+        )?;
+    }
+    for direct in &imported.direct {
+        writeln!(text, "  {} on {}", direct.output, direct.inputs.join(", "))?;
+    }
+    if !imported.locals.is_empty() {
+        let names = imported.locals.join(", ");
+        writeln!(
+            text,
+            "\ninner signals, part of the truth on request (`plant.locals`):\n  {names}"
+        )?;
+    }
+    if !imported.units.is_empty() {
+        writeln!(text, "\nunits as the model defines them:")?;
+    }
+    for unit in &imported.units {
+        let (factor, offset) = (exact(unit.factor), exact(unit.offset));
+        writeln!(text, "  {} = {factor} {} + {offset}", unit.name, unit.base)?;
+    }
+    if !imported.left_out.is_empty() {
+        writeln!(text, "\nleft out:")?;
+    }
+    for left_out in &imported.left_out {
+        writeln!(text, "  {}: {}", left_out.name, left_out.reason)?;
+    }
+    Ok(())
+}
