@@ -1,7 +1,7 @@
 //! Mathematics for programs in C: functions whose last bit is the same everywhere, and the integrator.
 
 use std::ffi::{c_int, c_void};
-use std::slice;
+use std::{ptr, slice};
 
 use plant_process::integrate::integrate;
 use shared_types::time;
@@ -97,7 +97,10 @@ unsafe fn padded<const N: usize>(
         let mut dx = [0.0; N];
         // SAFETY: both arrays have room for at least as many numbers as the state.
         unsafe { rates(context, time_s, x.as_ptr(), dx.as_mut_ptr()) };
-        dx
+        // One by one, as they were written: a wider load would wait until all have left the store buffer.
+        let dx = dx.each_ref();
+        // SAFETY: a reference is valid for reads.
+        dx.map(|rate| unsafe { ptr::read_volatile(rate) })
     });
     state.copy_from_slice(&whole[..state.len()]);
 }
