@@ -60,7 +60,7 @@ fn study(cases: u64) -> String {
     format!(
         "schema = 1\nscenario = \"{}\"\ncases = {cases}\n\
          set = [\"run.duration_s=0.01\", \"stimuli[0].at_s=0\", \"metrics=[]\", \
-         \"requirements[0].formula=always[0s,0.01s](abs(truth.position_m) < 1)\"]\n\
+         'requirements=[{{name=\"stays\", formula=\"always(abs(truth.position_m) < 1)\"}}]']\n\
          [[vary]]\nkey = \"plant.parameters.mass_kg\"\nkind = \"uniform\"\nmin = 0.5\nmax = 2\n\
          [[vary]]\nkey = \"plant.parameters.stiffness_n_per_m\"\nkind = \"uniform\"\nmin = 50\nmax = 200\n",
         scenario("spring-mass.toml")
