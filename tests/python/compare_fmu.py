@@ -57,7 +57,8 @@ class Calls:
             instanceName=model.modelName,
         )
         known = [one for one in model.modelVariables if one.type in self.kinds and one.alias is None]
-        self.sizes = {one.name: int(one.start) for one in known if one.causality == "structuralParameter"}
+        sizes = [one for one in known if one.causality == "structuralParameter" and "Int" in one.type]
+        self.sizes = {one.name: int(one.start) for one in sizes}
         self.inputs, self.outputs, self.parameters = (
             [one for one in known if one.causality == role] for role in ("input", "output", "parameter")
         )

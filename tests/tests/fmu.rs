@@ -220,7 +220,7 @@ fn a_tunable_parameter_can_be_faulted_and_a_fixed_one_cannot() {
     place.fmu("f.fmu", &reference("Feedthrough", 3));
     let fault = |parameter: &str| {
         format!(
-            "[[faults]]\nkind = \"bias\"\nat_s = 1.0\n[[faults.effects]]\ntarget = \"parameter.{parameter}\"\noffset = 0.5\n"
+            "[[faults]]\nkind = \"bias\"\nat_s = 1.0\n[[faults.effects]]\ntarget = \"parameter.{parameter}\"\nbias = 0.5\n"
         )
     };
     let text = scenario("Feedthrough", "f.fmu", 10.0, 20.0);
