@@ -207,10 +207,11 @@ impl Instance {
         let functions = Arc::clone(&self.functions);
         let (at_s, length_s) = (interval.start_s, interval.length_s);
         match functions.own {
-            // The state before the step is never asked for again: 1, true.
-            // SAFETY: the instance is between two steps.
             Own::Two { step, .. } => {
-                self.judge("DoStep", unsafe { step(self.handle, at_s, length_s, 1) })?
+                // The state before the step is never asked for again: 1, true.
+                // SAFETY: the instance is between two steps.
+                let status = unsafe { step(self.handle, at_s, length_s, 1) };
+                self.judge("DoStep", status)?
             }
             Own::Three { step, .. } => {
                 // As bytes, so that no value of the library is a wrong one.

@@ -100,7 +100,6 @@ impl Buffer {
     /// Sets a value that its type has exactly; false if the type does not.
     #[expect(
         clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
         reason = "each cast is compared with what it was made of"
     )]
     fn set(&mut self, place: usize, value: f64) -> bool {
