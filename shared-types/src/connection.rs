@@ -14,7 +14,7 @@ use crate::number::exact;
 use crate::table::Field;
 use crate::units::Conversion;
 
-/// One signal of a law and the signal of a plant, or of its rig, that is bound to it.
+/// Binding of a signal of a law to a signal of a plant or of its rig.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Connection {
     /// Kind of both: measured, reference or command.

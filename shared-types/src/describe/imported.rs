@@ -1,4 +1,4 @@
-//! What a program tells of a model that another tool made, as an FMU, besides its tables.
+//! Facts that a program gives of a model that another tool made, as an FMU, besides its tables.
 //!
 //! Made by the program that runs such a model, shown by `hil describe`. No run depends on it.
 

@@ -54,7 +54,7 @@ impl Play {
         stdin.write_all(b"on\n").expect("it listens");
     }
 
-    /// What came of it, which no browser had a word against.
+    /// Waits for the end of the play, in which the browser reported no error; gives its result.
     fn told(mut self) -> Value {
         let mut told = String::new();
         self.stdout.read_to_string(&mut told).expect("text");

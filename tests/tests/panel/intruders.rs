@@ -22,7 +22,7 @@ fn connected(panel: &Panel) -> TcpStream {
     stream
 }
 
-/// What is answered until it is closed, in order or not.
+/// Reads the answer until the connection closes, in order or not.
 fn rest(mut stream: TcpStream) -> String {
     let mut all = Vec::new();
     let mut bytes = [0; 4096];

@@ -1,4 +1,4 @@
-//! What a page is sent, against the recording; and a page that takes nothing.
+//! Points that a page is sent, against the recording; and a page that takes nothing.
 
 use std::net::TcpStream;
 

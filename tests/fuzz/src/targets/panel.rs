@@ -1,4 +1,4 @@
-//! What a browser sends to the panel: the head of a request, and messages of a page.
+//! Text of browsers for the panel: the head of a request, and messages of a page.
 //!
 //! Bytes that begin with `{` are a message, all else is a request. A request that is taken names a host of this
 //! machine, and to the WebSocket an origin that is the page's own; whatever way it comes in pieces, it is judged the
