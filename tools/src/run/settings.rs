@@ -113,6 +113,12 @@ impl ByHand {
                 Side::Plant => ("plant", &binaries.plant),
                 Side::Controller => ("controller", &binaries.controller),
             };
+            if binary.host.is_some() {
+                let path = binary.path.display();
+                return Err(Failure::usage(format!(
+                    "--{name} external: {path} is a model that another program runs; it takes a program"
+                )));
+            }
             if binary.is_script() {
                 let path = binary.path.display();
                 return Err(Failure::usage(format!(
