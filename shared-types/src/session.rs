@@ -18,7 +18,7 @@ use crate::place;
 use crate::process::ProcessId;
 use crate::shared_memory::FOLDER as SHARED_MEMORY;
 use all::AllSessions;
-pub use all::{abandon, dead, list, sweep};
+pub use all::{abandon, dead, list, peek, sweep};
 use prefix::{is_prefix, noted_prefix, remove_below, segments_of};
 
 mod all;

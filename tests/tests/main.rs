@@ -3,6 +3,7 @@
 //! | module | proves |
 //! |---|---|
 //! | [`architecture`] | packages, binaries and dependency arrows, of packages and of their modules |
+//! | [`completion`] | what is offered in the real shells, and that nothing else comes of it |
 //! | [`clocks`] | lockstep, paced and real time; what comes too late and how it is repeated |
 //! | [`audit`] | what depends on more than its samples is caught |
 //! | [`bad_input`] | any bytes through every reader: taken or refused by name, never a panic |
@@ -58,12 +59,12 @@
 //!
 //! [`support::terminal`] is one that a program of a test runs in. [`support::python`] finds an interpreter with what a test imports.
 //!
-//! Eleven parts need more than Rust; a test that lacks its part says so and passes, unless the
+//! Twelve parts need more than Rust; a test that lacks its part says so and passes, unless the
 //! environment demands it: `HIL_TEST_RELEASE=1` builds the binaries of the other profile, `HIL_TEST_PYTHON=1`
 //! makes a Python environment, `HIL_TEST_NODE=1` installs Foxglove's packages with npm,
 //! `HIL_TEST_STRACE=1` wants `strace`, `HIL_TEST_CHROMIUM=1` a Chromium, `HIL_TEST_UNSHARE=1` a user who may
 //! mount file systems, `HIL_TEST_NETNS=1` one who may make network namespaces, `HIL_TEST_SSHD=1` `sshd` and `python3`,
-//! `HIL_TEST_SLURM=1` Slurm and munge, `HIL_TEST_GDB=1` a `gdb` that may trace,
+//! `HIL_TEST_SLURM=1` Slurm and munge, `HIL_TEST_GDB=1` a `gdb` that may trace, `HIL_TEST_SHELLS=1` `bash`, `zsh` and `fish`,
 //! `HIL_TEST_AARCH64=1` Rust's target `aarch64-unknown-linux-musl` and `qemu-aarch64-static`.
 //!
 //! `HIL_WRITE_BOOK=1` writes the references of the book anew; `HIL_TEST_PAGE=docs/faults` runs the commands of
@@ -80,6 +81,7 @@ mod chatter;
 mod checkpoints;
 mod cli;
 mod clocks;
+mod completion;
 mod connect;
 mod determinism;
 mod doctor;

@@ -175,14 +175,22 @@ Examples:
     #[command(hide = true)]
     LatencyPeer(LatencyPeerArguments),
     /// Print completions for a shell
-    #[command(
-        after_help = "Example:\n  hil completions bash > ~/.local/share/bash-completion/completions/hil"
-    )]
+    #[command(after_help = COMPLETIONS_HELP)]
     Completions {
         /// The shell.
         shell: Shell,
     },
 }
+
+const COMPLETIONS_HELP: &str = "\
+The script asks hil at each request, so it knows the sessions that run, the runs below runs,
+the keys of the scenario on the line, and signals, kinds of faults and targets of the session or
+scenario.
+
+The line for the start file of a shell:
+  ~/.bashrc                   source <(hil completions bash)
+  ~/.zshrc, after compinit    source <(hil completions zsh)
+  ~/.config/fish/config.fish  hil completions fish | source";
 
 /// Subcommands as `hil --help` groups them; clap has one heading for all.
 const GROUPS: [(&str, &[&str]); 4] = [
@@ -327,14 +335,6 @@ pub struct SessionChoice {
     /// Print the answer as JSON
     #[arg(long)]
     pub json: bool,
-}
-
-/// The completions for a shell.
-#[must_use]
-pub(crate) fn completions(shell: Shell) -> String {
-    let mut text = Vec::new();
-    clap_complete::generate(shell, &mut command(), "hil", &mut text);
-    String::from_utf8_lossy(&text).into_owned()
 }
 
 #[cfg(test)]

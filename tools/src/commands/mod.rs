@@ -1,6 +1,7 @@
 //! The one place that sends each verb to its room, and the verbs that belong to no other: config,
 //! controller swap, describe, new, recover, runs, sessions, completions. No work of a verb that has a room of its own is done here.
 
+pub(crate) mod completion;
 pub(crate) mod config;
 pub(crate) mod describe;
 pub(crate) mod new;
@@ -17,7 +18,7 @@ use shared_types::session;
 
 use crate::arguments::recordings::ScenarioAction;
 use crate::arguments::swap::ControllerAction;
-use crate::arguments::{Command, CommandLine, completions};
+use crate::arguments::{Command, CommandLine};
 use crate::session::{clock, inject, mark};
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::{advice, interruption, output};
@@ -28,6 +29,9 @@ use crate::{benchmark, campaign, doctor};
 /// Does what the command line of this process says, and tells why if that cannot be done.
 #[must_use]
 pub fn main() -> ExitCode {
+    if completion::answered() {
+        return ExitCode::SUCCESS;
+    }
     let command_line = CommandLine::of_process();
     match interruption::end_at_once().and_then(|()| execute(&command_line)) {
         Ok(exit) => exit.into(),
@@ -103,7 +107,7 @@ fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
         Command::Latency(arguments) => benchmark::latency(arguments),
         Command::LatencyPeer(arguments) => benchmark::peer::peer(arguments),
         Command::Completions { shell } => {
-            output::write(&completions(*shell))?;
+            output::write(&completion::script(*shell))?;
             Ok(Exit::Pass)
         }
     }

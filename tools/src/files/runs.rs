@@ -11,7 +11,7 @@ use serde_json::Value;
 /// Folder below which runs lie, unless another one is named.
 pub(crate) const RUNS: &str = "runs";
 /// What stands for the newest run.
-const LATEST: &str = "latest";
+pub(crate) const LATEST: &str = "latest";
 /// File that each folder of a run has from its start.
 pub(crate) const SCENARIO: &str = "scenario.toml";
 /// File that the folder of an ended run has.
@@ -42,6 +42,31 @@ pub(crate) fn below(folder: &Path) -> io::Result<Vec<RunFolder>> {
     search(folder, DEEPEST, &mut runs)?;
     runs.sort_by(|a, b| (b.started, &b.path).cmp(&(a.started, &a.path)));
     Ok(runs)
+}
+
+/// Returns the newest runs below a folder, so many at most, by the times of their folders alone.
+pub(crate) fn newest(folder: &Path, most: usize) -> Vec<PathBuf> {
+    let mut runs = Vec::new();
+    look(folder, DEEPEST, &mut runs);
+    runs.sort_by(|a, b| b.cmp(a));
+    runs.truncate(most);
+    runs.into_iter().map(|(_, path)| path).collect()
+}
+
+/// Lists folders of runs with the times of their scenarios, which are written when a run begins.
+fn look(folder: &Path, depth: usize, runs: &mut Vec<(SystemTime, PathBuf)>) {
+    if let Ok(scenario) = fs::metadata(folder.join(SCENARIO)) {
+        let begun = scenario.modified().unwrap_or(SystemTime::UNIX_EPOCH);
+        if FILES[1..].iter().any(|name| folder.join(name).is_file()) {
+            runs.push((begun, folder.to_owned()));
+        }
+        return;
+    }
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        if depth > 0 && entry.file_type().is_ok_and(|kind| kind.is_dir()) {
+            look(&entry.path(), depth - 1, runs);
+        }
+    }
 }
 
 fn search(folder: &Path, depth: usize, runs: &mut Vec<RunFolder>) -> io::Result<()> {

@@ -117,6 +117,39 @@ pub(super) fn of(possible: &Possible) -> serde_json::Value {
     serde_json::json!(Listing::of(possible, None).faults)
 }
 
+/// Kind of fault, with what it acts on and its keys.
+#[derive(Clone, Debug)]
+pub(crate) struct Kind {
+    pub(crate) kind: String,
+    pub(crate) summary: String,
+    pub(crate) targets: Vec<String>,
+    /// Keys with what they are.
+    pub(crate) keys: Vec<(String, String)>,
+}
+
+/// Kinds of faults of a plant, its own and those of any.
+pub(crate) fn kinds_of(
+    plant: &PlantDescription,
+    reference: &[Field],
+    shared: &[FaultKindDescription],
+) -> Vec<Kind> {
+    let listing = Listing::new(plant, reference, shared);
+    (listing.faults.into_iter())
+        .map(|entry| {
+            let selector = (entry.selector.into_iter())
+                .map(|selector| (selector, "the target by its number".to_owned()));
+            let sizes = (entry.parameters.into_iter()).map(|field| (field.name, field.description));
+            let list = (entry.list.into_iter()).map(|list| (list.key, list.description));
+            Kind {
+                kind: entry.kind,
+                summary: entry.summary,
+                targets: entry.targets,
+                keys: selector.chain(sizes).chain(list).collect(),
+            }
+        })
+        .collect()
+}
+
 fn listings(arguments: &InjectArguments) -> Result<Vec<Listing>, RequestError> {
     let wants_binary = arguments.plant_bin.is_some() || arguments.model.is_some();
     let running = session::list().map_err(Failure::infrastructure)?;

@@ -1,0 +1,251 @@
+//! Who gets the place of a side and who does not, and what is refused before anybody is awaited.
+
+use std::io::{BufRead, BufReader, Write};
+use std::os::unix::fs::PermissionsExt;
+use std::os::unix::net::UnixStream;
+use std::os::unix::process::CommandExt;
+use std::path::Path;
+use std::process::Command;
+
+use rustix::process::Signal;
+use serde_json::{Value, json};
+use shared_types::process::ProcessId;
+use shared_types::session::SessionInfo;
+
+use super::{Hand, SCENARIO, awaited, controller, held, launched, resume};
+use crate::support::harness::{Rig, until};
+use crate::support::programs::{misbehaving_controller, program};
+
+/// The user that is nobody.
+const NOBODY: u32 = 65534;
+
+/// Shows something at the door of the controller, and gives the answer to it.
+fn asked(folder: &Path, line: &str) -> String {
+    let mut stream = UnixStream::connect(folder.join("controller.door")).expect("a door");
+    writeln!(stream, "{line}").expect("written");
+    let mut said = String::new();
+    BufReader::new(stream)
+        .read_line(&mut said)
+        .expect("an answer");
+    said
+}
+
+/// An entry as a program shows it.
+fn entry(token: &Value, process: ProcessId) -> String {
+    json!({"token": token, "process": process}).to_string()
+}
+
+#[test]
+fn nobody_else_gets_in() {
+    let digest = launched();
+    let rig = Rig::new();
+    let running = rig.start(&format!("{SCENARIO} --controller external"));
+    let folder = rig.session_folder();
+    let door = folder.join("controller.door");
+    awaited(&folder, "controller");
+    let file = folder.join("controller.token");
+    let mode = |path: &Path| {
+        std::fs::metadata(path)
+            .expect("it is there")
+            .permissions()
+            .mode()
+    };
+    assert_eq!((mode(&file) & 0o777, mode(&folder) & 0o777), (0o600, 0o700));
+    let token: Value =
+        serde_json::from_str(&std::fs::read_to_string(&file).expect("text")).expect("JSON");
+    let own = ProcessId::own();
+    let mut wrong = token.clone();
+    wrong["token"] = json!("0".repeat(64));
+    let second = second_session(&rig);
+    for (attempt, line, expected) in [
+        ("nonsense", "hello".to_owned(), "not a request"),
+        (
+            "no token",
+            json!({"process": own}).to_string(),
+            "missing field `token`",
+        ),
+        (
+            "a wrong token",
+            entry(&wrong, own),
+            "the token is not that of the controller of this session",
+        ),
+        (
+            "the token of another session",
+            entry(&second, own),
+            "the token is not that of the controller of this session",
+        ),
+        (
+            "the name of another process",
+            entry(&token, ProcessId::of(1).expect("the first")),
+            "it says that it is process 1, and process",
+        ),
+        (
+            "a process of before",
+            entry(
+                &token,
+                ProcessId {
+                    start_ticks: own.start_ticks + 1,
+                    ..own
+                },
+            ),
+            "it says that it is process",
+        ),
+        (
+            "another program with the right token",
+            entry(&token, own),
+            "was checked: start that, or name yours by --controller-bin",
+        ),
+    ] {
+        let said = asked(&folder, &line);
+        assert!(
+            said.contains("refused") && said.contains(expected),
+            "{attempt}: {said}"
+        );
+    }
+    // A program that speaks all of it, from another file.
+    let (code, said) = Hand::start(&rig, "controller", &misbehaving_controller(), &[]).end();
+    assert_eq!(code, Some(2), "{said}");
+    assert!(said.contains("misbehaving-controller with hash"), "{said}");
+    if rustix::process::geteuid().is_root() {
+        let mut cat = Command::new("cat");
+        let output = cat
+            .arg(&file)
+            .uid(NOBODY)
+            .gid(NOBODY)
+            .output()
+            .expect("cat");
+        assert!(!output.status.success() && output.stdout.is_empty());
+        let mut shell = Command::new(program("controller-process"));
+        let output = shell.arg("--session").arg(&folder).arg("--by-hand");
+        let output = output.uid(NOBODY).gid(NOBODY).output();
+        // It may not even be allowed to run the program.
+        assert!(!output.is_ok_and(|output| output.status.success()));
+    } else {
+        eprintln!("not root: attempts of another user were left out");
+    }
+    let hand = controller(&rig);
+    until("it is admitted", || {
+        SessionInfo::read(&folder).is_ok_and(|info| info.controller.is_some())
+    });
+    let pid = hand.pid();
+    let line = entry(&token, own);
+    if let Ok(mut stream) = UnixStream::connect(&door) {
+        // The run may be over by now.
+        let _ = writeln!(stream, "{line}");
+        let mut said = String::new();
+        let _ = BufReader::new(stream).read_line(&mut said);
+        let expected = format!("process {pid} is the controller of this run");
+        assert!(said.is_empty() || said.contains(&expected), "{said}");
+    }
+    let run = running.finish().expect(0);
+    assert_eq!(run.digest(), digest);
+    assert_eq!(hand.end().0, Some(0));
+    let secret = token["token"].as_str().expect("text");
+    let mut kept = vec![run.stderr.clone(), run.stdout.clone()];
+    for file in std::fs::read_dir(&run.folder).expect("a folder").flatten() {
+        let bytes = std::fs::read(file.path()).expect("a file");
+        kept.push(String::from_utf8_lossy(&bytes).into_owned());
+    }
+    assert!(kept.iter().all(|text| !text.contains(secret)));
+}
+
+/// The token of another session of this user.
+fn second_session(rig: &Rig) -> Value {
+    let name = format!("{}-2", rig.session());
+    let folder = rig.session_folder().with_file_name(&name);
+    let out = rig.path("second");
+    let out = out.to_str().expect("text");
+    let arguments = [
+        "run",
+        SCENARIO,
+        "--controller",
+        "external",
+        "--session",
+        &name,
+        "--out",
+        out,
+    ];
+    let running = rig.start_hil(&arguments);
+    let file = folder.join("controller.token");
+    awaited(&folder, "controller");
+    let token = std::fs::read_to_string(file).expect("text");
+    running.signal(Signal::INT);
+    assert_eq!(running.finish_beside_another().code, Some(130));
+    assert!(!Path::new(out).exists());
+    serde_json::from_str(&token).expect("JSON")
+}
+
+#[test]
+fn a_second_process_with_the_right_token_is_refused() {
+    let rig = Rig::new();
+    let (running, hand) = held(&rig, "--wait-limit 60");
+    let (code, said) = controller(&rig).end();
+    assert_eq!(code, Some(2), "{said}");
+    let expected = format!("process {} is the controller of this run", hand.pid());
+    assert!(said.contains(&expected), "{said}");
+    resume(&rig);
+    running.finish().expect(0);
+    assert_eq!(hand.end().0, Some(0));
+}
+
+#[test]
+fn what_makes_no_sense_is_refused_by_name() {
+    let rig = Rig::new();
+    let script = rig.script(
+        "controller",
+        &format!(
+            "#!/bin/sh\nexec {} \"$@\"\n",
+            program("controller-process").display()
+        ),
+    );
+    let script = format!(
+        "{SCENARIO} --controller external --controller-bin {}",
+        script.display()
+    );
+    let other = "scenarios/severe-leakage.toml";
+    for (arguments, expected) in [
+        (
+            format!("{SCENARIO} --controller external --link in-process"),
+            "--controller external needs a process to start",
+        ),
+        (
+            format!("{SCENARIO} --plant external --target me@board"),
+            "--plant external is for a side on this machine",
+        ),
+        (
+            format!("{SCENARIO} {other} --controller external"),
+            "--controller external is for a single run; several run by themselves",
+        ),
+        (
+            format!("{SCENARIO} --controller external --repeat 2"),
+            "--controller external is for a single run; several run by themselves",
+        ),
+        (
+            format!("{SCENARIO} --controller external --jobs 1"),
+            "--controller external is for a single run; leave out --jobs",
+        ),
+        (
+            format!("{SCENARIO} --controller external --audit"),
+            "--audit starts both sides again and again",
+        ),
+        (
+            script,
+            "is a script, and which one an interpreter runs cannot be seen",
+        ),
+    ] {
+        rig.run(&arguments).expect(2).says(&[expected]);
+    }
+    // Where nobody waits for one.
+    let running = rig.held();
+    let mut hand = Command::new(program("controller-process"));
+    hand.arg("--session")
+        .arg(rig.session_folder())
+        .arg("--by-hand");
+    let told = rig.program(hand);
+    told.expect(2).says(&[
+        "waits for no controller that is started by hand",
+        "hil run --controller external",
+    ]);
+    resume(&rig);
+    running.finish().expect(0);
+}

@@ -1,0 +1,120 @@
+//! Ends of sides that somebody started by hand: each is named, and leaves nothing.
+
+use rustix::process::Signal;
+use shared_types::session::SessionInfo;
+
+use super::{Hand, SCENARIO, awaited, controller, held, is_held, plant, resume};
+use crate::support::harness::{Rig, send, until};
+use crate::support::programs::{misbehaving_controller, workspace};
+
+#[test]
+fn an_interrupted_wait_leaves_nothing() {
+    for flags in [
+        "--controller external",
+        "--plant external --controller external",
+    ] {
+        let rig = Rig::new();
+        let running = rig.start(&format!("{SCENARIO} {flags}"));
+        let folder = running.folder().to_owned();
+        awaited(&rig.session_folder(), "controller");
+        // One of two is there, and goes too.
+        let hand = flags.contains("plant").then(|| plant(&rig));
+        if hand.is_some() {
+            until("the plant is admitted", || {
+                SessionInfo::read(&rig.session_folder()).is_ok_and(|info| info.children.len() == 1)
+            });
+        }
+        running.signal(Signal::INT);
+        let run = running.finish().expect(130);
+        assert!(!folder.exists(), "{}", run.stderr);
+        if let Some(hand) = hand {
+            assert_ne!(hand.end().0, Some(0));
+        }
+    }
+}
+
+#[test]
+fn an_interrupted_run_ends_a_side_that_is_held() {
+    let rig = Rig::new();
+    let (running, hand) = held(&rig, "--wait-limit inf");
+    hand.stop();
+    resume(&rig);
+    running.signal(Signal::INT);
+    let run = running.finish().expect(130);
+    assert_eq!(run.summary()["verdict"], "aborted");
+    assert_eq!(hand.end().0, None);
+}
+
+#[test]
+fn whatever_ends_it_its_end_is_named() {
+    let program = misbehaving_controller();
+    let path = program.display();
+    let silent = "controller, started by hand, is gone without a word";
+    for (law, expected) in [("panics", "controller panicked"), ("leaves", silent)] {
+        let rig = Rig::new();
+        let scenario = format!(
+            "{SCENARIO} --controller-bin {path} --set controller.law={law} --controller external"
+        );
+        let scenario = scenario_without_gains(&rig, &scenario);
+        let running = rig.start(&scenario);
+        let hand = Hand::start(&rig, "controller", &program, &[]);
+        let run = running.finish().expect(3);
+        let reason = run.summary()["reason"].to_string();
+        assert!(reason.contains(expected), "{law}: {reason}");
+        hand.end();
+    }
+    for side in ["plant", "controller"] {
+        let rig = Rig::new();
+        let running = rig.start(&format!(
+            "{SCENARIO} --{side} external --pause-at 2.5 --wait-limit inf"
+        ));
+        let hand = match side {
+            "plant" => plant(&rig),
+            _ => controller(&rig),
+        };
+        is_held(&rig);
+        send(hand.pid(), Signal::KILL);
+        let run = running.finish().expect(3);
+        let reason = run.summary()["reason"].to_string();
+        let expected = format!("{side}, started by hand, is gone without a word");
+        assert!(reason.contains(&expected), "{reason}");
+    }
+}
+
+/// The teaching scenario without what only the law `pid` has.
+fn scenario_without_gains(rig: &Rig, arguments: &str) -> String {
+    let text = std::fs::read_to_string(workspace().join(SCENARIO));
+    let text = text.expect("text");
+    let (before, after) = text.split_once("[controller.pid]").expect("gains");
+    let after = after.split_once("[[stimuli]]").expect("stimuli").1;
+    let path = rig.write("plain.toml", &format!("{before}[[stimuli]]{after}"));
+    arguments.replace(SCENARIO, path.to_str().expect("text"))
+}
+
+#[test]
+fn it_ends_with_a_killed_hil_also_if_it_is_stopped() {
+    let rig = Rig::alone();
+    for is_stopped in [false, true] {
+        let (running, hand) = held(&rig, "--wait-limit inf");
+        if is_stopped {
+            hand.stop();
+        }
+        running.kill();
+        if is_stopped {
+            // The next command, whichever it is, ends what a dead one left.
+            rig.hil(&["config", "schema"]).expect(0);
+            assert_eq!(hand.end().0, None);
+        } else {
+            let (code, said) = hand.end();
+            assert_eq!(code, Some(3), "{said}");
+            // Its own leash or the plant's word comes first.
+            let told = [
+                "stopped at step 2500",
+                "gave up at step 2500: it was asked to stop",
+            ];
+            assert!(told.iter().any(|told| said.contains(told)), "{said}");
+            rig.hil(&["config", "schema"]).expect(0);
+        }
+        rig.assert_nothing_left();
+    }
+}

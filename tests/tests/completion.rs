@@ -1,0 +1,256 @@
+//! Completions in the real shells: what a session, a scenario and the folder offer, and nothing beside them.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use crate::support::harness::Rig;
+use crate::support::programs::{misbehaving_controller, program, skip, workspace};
+use crate::support::terminal::Terminal;
+
+const VARIABLE: &str = "HIL_TEST_SHELLS";
+
+/// Lines as they are typed, and what each is completed to or offers. Other tests have sessions too.
+fn lines(rig: &Rig) -> Vec<(String, String)> {
+    let session = rig.session();
+    let lines = [
+        (
+            format!("hil pause --session {}", &session[..session.len() - 1]),
+            session,
+        ),
+        (format!("hil inject --session {session} bia"), "bias"),
+        (
+            format!("hil inject --session {session} bias measured.pos"),
+            "measured.position_m",
+        ),
+        (
+            format!("hil inject --session {session} bias measured.position_m --bi"),
+            "--bias",
+        ),
+        (
+            format!("hil get --session {session} truth.pos"),
+            "truth.position_m",
+        ),
+        (
+            format!("hil watch --session {session} tracking_err"),
+            "tracking_error_m",
+        ),
+        ("hil run pla".into(), "plain.toml"),
+        ("hil run my".into(), "my own.toml"),
+        ("hil run 'my".into(), "my own.toml"),
+        (
+            "hil run plain.toml --set controller.pid.prop".into(),
+            "controller.pid.proportional_n_per_m=",
+        ),
+        (
+            "hil run plain.toml --set controller.law=ho".into(),
+            "controller.law=hold",
+        ),
+        ("hil report lat".into(), "latest"),
+        ("hil export runs/fir".into(), "runs/first"),
+    ];
+    lines.map(|(line, expected)| (line, expected.into())).into()
+}
+
+/// A folder with a scenario and a run of it.
+fn desk(rig: &Rig) -> PathBuf {
+    let desk = rig.path("desk");
+    std::fs::create_dir(&desk).expect("a folder");
+    let scenario = workspace().join("scenarios/spring-mass.toml");
+    for name in ["plain.toml", "my own.toml"] {
+        std::fs::copy(&scenario, desk.join(name)).expect("copied");
+    }
+    let run = ["run", "plain.toml", "--out", "runs/first"];
+    rig.hil_in(&desk, &run).expect(0);
+    desk
+}
+
+/// Tells whether a shell is here.
+fn has(shell: &str) -> bool {
+    let tried = Command::new(shell).args(["-c", "exit 0"]).status();
+    tried.is_ok_and(|status| status.success())
+}
+
+/// The path on which `hil` is found.
+fn path() -> String {
+    let folder = program("hil");
+    let folder = folder.parent().expect("a folder").display().to_string();
+    format!("{folder}:{}", std::env::var("PATH").unwrap_or_default())
+}
+
+/// Types lines into a shell at a terminal and presses the tabulator.
+fn typed(rig: &Rig, desk: &Path, shell: &[&str], setup: &str) {
+    let mut command = Command::new("setsid");
+    command.arg("--ctty").args(shell).current_dir(desk);
+    command.env("PS1", "ready> ").env("PATH", path());
+    command
+        .env("HOME", desk)
+        .env_remove("EDITOR")
+        .env_remove("VISUAL");
+    let mut terminal = Terminal::start(command, (150, 50));
+    terminal.until_it_shows("ready> ");
+    terminal.press(&format!("{setup}; echo set up\n"));
+    terminal.until_it_shows("\nset up");
+    for (line, expected) in lines(rig) {
+        // An empty line on an empty screen.
+        terminal.press("\u{15}\u{c}");
+        terminal.press(&line);
+        terminal.until_it_shows(&line);
+        terminal.press("\t\t");
+        let quoted = expected.replace(' ', "\\ ");
+        let is_open = line.contains('\'');
+        terminal.until_it_shows(if is_open { &expected } else { &quoted });
+        let shown = terminal.text();
+        assert!(!shown.contains("error:"), "{line}: {shown}");
+    }
+}
+
+#[test]
+fn bash_offers_what_is_there() {
+    const TEST: &str = "bash_offers_what_is_there";
+    if !has("bash") {
+        return skip(TEST, "bash is not here", VARIABLE);
+    }
+    let rig = Rig::new();
+    let desk = desk(&rig);
+    let running = rig.held();
+    let bash = ["bash", "--norc", "--noprofile", "-i"];
+    typed(&rig, &desk, &bash, "source <(hil completions bash)");
+    resumed(&rig);
+    running.finish().expect(0);
+}
+
+#[test]
+fn zsh_offers_what_is_there() {
+    const TEST: &str = "zsh_offers_what_is_there";
+    if !has("zsh") {
+        return skip(TEST, "zsh is not here", VARIABLE);
+    }
+    let rig = Rig::new();
+    let desk = desk(&rig);
+    let running = rig.held();
+    let setup = "bindkey -e; autoload -U compinit; compinit -u -D; source <(hil completions zsh)";
+    typed(&rig, &desk, &["zsh", "-f", "-i"], setup);
+    resumed(&rig);
+    running.finish().expect(0);
+}
+
+#[test]
+fn fish_offers_what_is_there() {
+    const TEST: &str = "fish_offers_what_is_there";
+    if !has("fish") {
+        return skip(TEST, "fish is not here", VARIABLE);
+    }
+    let rig = Rig::new();
+    let desk = desk(&rig);
+    let running = rig.held();
+    for (line, expected) in lines(&rig) {
+        let mut fish = Command::new("fish");
+        fish.args(["--no-config", "-c"]).current_dir(&desk);
+        fish.arg("hil completions fish | source; complete --do-complete $argv[1]");
+        fish.arg(&line);
+        let output = fish.env("PATH", path()).env("HOME", &desk).output();
+        let output = output.expect("fish");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(said, "", "{line}");
+        let offered = String::from_utf8_lossy(&output.stdout);
+        let values = offered.lines().filter_map(|line| line.split('\t').next());
+        let values: Vec<&str> = values.collect();
+        assert!(
+            values
+                .iter()
+                .any(|value| value.trim_end_matches('/') == expected),
+            "{line}: {offered}"
+        );
+    }
+    resumed(&rig);
+    running.finish().expect(0);
+}
+
+fn resumed(rig: &Rig) {
+    rig.beside(&["resume", "--session", rig.session()])
+        .expect(0);
+}
+
+/// Asks as the script of `bash` does.
+fn asked(desk: &Path, line: &str) -> String {
+    let mut hil = Command::new(program("hil"));
+    hil.env("HIL_COMPLETE", "bash");
+    hil.env("HIL_COMPLETE_BREAKS", "=:");
+    hil.args(["--", "hil", line]).current_dir(desk);
+    hil.stdin(Stdio::null());
+    let output = hil.output().expect("it can be run");
+    assert!(output.status.success(), "{line}");
+    assert_eq!(String::from_utf8_lossy(&output.stderr), "", "{line}");
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+#[test]
+fn a_request_says_nothing_else_and_leaves_nothing() {
+    let rig = Rig::new();
+    let desk = desk(&rig);
+    std::fs::write(desk.join("broken.toml"), "schema = [").expect("written");
+    let before = listed(&desk);
+    for (line, expected) in [
+        ("hil run none.toml --set run.", ""),
+        ("hil run broken.toml --set run.", ""),
+        ("hil run 'open", ""),
+        ("hil run my", "my\\ own.toml\n"),
+        ("hil run \"my o", "my own.toml\n"),
+        ("hil run my' o", " own.toml\n"),
+        (
+            "hil run plain.toml --set 'controller.law=pi",
+            "controller.law=pid\n",
+        ),
+        ("other run ", ""),
+        ("hil run plain.toml --set run.see", "run.seed=\n"),
+        ("A=b hil run plain.toml --set=run.see", "run.seed=\n"),
+        // Only what stands behind the last of the characters that part words.
+        ("hil run plain.toml --set controller.law=pi", "pid\n"),
+        ("hil run plain.toml --set run.clock=lo", "lockstep\n"),
+        ("hil controller swap --session none --set controller.", ""),
+        ("hil judge latest --js", "--json\n"),
+        ("hil export latest --signal truth.pos", "truth.position_m\n"),
+        ("hil pause --session no-such", ""),
+    ] {
+        assert_eq!(asked(&desk, line), expected, "{line}");
+    }
+    assert_eq!(listed(&desk), before);
+    rig.assert_nothing_left();
+    // Without a session the built-in plants answer.
+    let kinds = asked(&desk, "hil inject ");
+    assert!(kinds.lines().any(|kind| kind == "leakage"), "{kinds}");
+    let keys = asked(&desk, "hil inject leakage --coe");
+    assert_eq!(keys, "--coefficient_m3ps_per_sqrt_pa\n");
+}
+
+/// Everything below a folder.
+fn listed(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).expect("a folder").flatten() {
+        found.push(entry.path());
+        if entry.path().is_dir() {
+            found.extend(listed(&entry.path()));
+        }
+    }
+    found.sort();
+    found
+}
+
+#[test]
+fn a_program_of_ones_own_is_asked_what_its_keys_are() {
+    let rig = Rig::new();
+    let desk = desk(&rig);
+    let program = misbehaving_controller();
+    let line = format!(
+        "hil run plain.toml --controller-bin {} --set controller.law=pan",
+        program.display()
+    );
+    // The scenario has gains of a law that the program does not have: nothing is offered.
+    assert_eq!(asked(&desk, &line), "");
+    let text = std::fs::read_to_string(desk.join("plain.toml")).expect("text");
+    let (before, after) = text.split_once("[controller]").expect("a controller");
+    let after = after.split_once("[[stimuli]]").expect("stimuli").1;
+    let text = format!("{before}[controller]\nlaw = \"babbles\"\n[[stimuli]]{after}");
+    std::fs::write(desk.join("plain.toml"), text).expect("written");
+    assert_eq!(asked(&desk, &line), "panics\n");
+}

@@ -1,0 +1,99 @@
+//! Completion of a command line in a shell: what each argument can be, from what lies here, what runs and what
+//! the programs say of themselves.
+//!
+//! The script of a shell asks `hil` anew at each request ([`answered`]). Only looks: it starts no run, leaves
+//! nothing and never writes a message. A program of one's own is asked for its description; the built-in
+//! ones are known.
+
+mod candidates;
+mod line;
+mod shells;
+
+use std::ffi::OsStr;
+use std::panic;
+use std::path::Path;
+
+use clap::{Arg, Command};
+use clap_complete::Shell;
+use clap_complete::engine::{ArgValueCompleter, CompletionCandidate};
+use clap_complete::env::{CompleteEnv, Elvish, Fish, Powershell, Shells};
+
+use crate::arguments;
+use candidates::Source;
+use line::Line;
+use shells::{Bash, Zsh};
+
+/// Variable of the environment by which the script of a shell, which it names, asks.
+const VARIABLE: &str = "HIL_COMPLETE";
+/// Shells that can ask.
+const SHELLS: Shells<'static> = Shells(&[&Bash, &Elvish, &Fish, &Powershell, &Zsh]);
+
+/// Answers the request of a shell's script, if this process was started for one.
+pub(crate) fn answered() -> bool {
+    let Some(shell) = std::env::var_os(VARIABLE) else {
+        return false;
+    };
+    // Nothing may come into the line that is being typed.
+    panic::set_hook(Box::new(|_| {}));
+    let words = Line::words_of(std::env::args_os(), shell == "bash");
+    if words.is_empty() {
+        return true; // a line that cannot be parted into words is completed by nothing
+    }
+    let answer = || {
+        let line = Line::new(words.clone());
+        let here = std::env::current_dir().ok();
+        CompleteEnv::with_factory(|| command(&line))
+            .var(VARIABLE)
+            .shells(SHELLS)
+            .try_complete(Line::asked(words.clone()), here.as_deref())
+    };
+    let answered = panic::catch_unwind(panic::AssertUnwindSafe(answer));
+    // A line that is no command is completed by nothing; a variable without a shell asks nothing.
+    !matches!(answered, Ok(Ok(false)))
+}
+
+/// Returns the script that makes a shell ask this program, by its name if that is how it was called.
+pub(crate) fn script(shell: Shell) -> String {
+    let called = std::env::args().next().unwrap_or_default();
+    let path = std::env::current_exe()
+        .ok()
+        .filter(|_| called.contains('/'));
+    let hil = path.as_deref().and_then(Path::to_str).unwrap_or("hil");
+    let mut text = Vec::new();
+    if let Some(shell) = SHELLS.completer(&shell.to_string()) {
+        // Writing to memory cannot fail.
+        let _ = shell.write_registration(VARIABLE, "hil", "hil", hil, &mut text);
+    }
+    String::from_utf8_lossy(&text).into_owned()
+}
+
+/// The command line, each argument with what it can be.
+fn command(line: &Line) -> Command {
+    let command = arguments::command();
+    let command = candidates::with_keys_of_the_kind(command, line);
+    with_values(command, line)
+}
+
+fn with_values(command: Command, line: &Line) -> Command {
+    let name = command.get_name().to_owned();
+    // Options are many: before their dash is typed they are offered only where nothing else is.
+    let is_option = line.typed().starts_with('-');
+    command
+        .disable_help_flag(!is_option)
+        .disable_version_flag(!is_option)
+        .mut_args(|argument| {
+            let is_hidden = !is_option && !argument.is_positional();
+            with_source(&name, argument, line).hide(is_hidden)
+        })
+        .mut_subcommands(|inner| with_values(inner, line))
+}
+
+fn with_source(command: &str, argument: Arg, line: &Line) -> Arg {
+    let Some(source) = Source::of(command, &argument) else {
+        return argument;
+    };
+    let line = line.clone();
+    argument.add(ArgValueCompleter::new(
+        move |typed: &OsStr| -> Vec<CompletionCandidate> { candidates::of(source, &line, typed) },
+    ))
+}

@@ -1,0 +1,209 @@
+//! Scripts of shells whose words are not those of the line: `bash` parts them at `=` and `:`, and `zsh` gives
+//! them as they were quoted.
+
+use std::ffi::OsString;
+use std::io::{Error, Write};
+use std::path::Path;
+
+use clap::Command;
+use clap_complete::engine::complete;
+use clap_complete::env::{self, EnvCompleter};
+
+/// Variable with the characters at which `bash` parts words.
+const BREAKS: &str = "HIL_COMPLETE_BREAKS";
+
+/// Adapter for `bash`: it gives the name of the command and the line up to the cursor.
+pub(super) struct Bash;
+
+const BASH: &str = r#"_hil_complete() {
+    mapfile -t COMPREPLY < <(VARIABLE=bash HIL_COMPLETE_BREAKS=$COMP_WORDBREAKS COMPLETER -- "$1" "${COMP_LINE:0:COMP_POINT}" 2>/dev/null)
+    [[ ${#COMPREPLY[@]} -eq 1 && ${COMPREPLY[0]} == *[=/] ]] && compopt -o nospace 2>/dev/null
+    return 0
+}
+complete -o bashdefault -F _hil_complete BIN"#;
+
+/// The words of a line, of which the last is being typed; from the name of the command on.
+pub(super) fn words(name: &str, line: &str) -> Option<Vec<String>> {
+    let (mut words, quote) = parted(line)?;
+    if words.is_empty() || (quote.is_none() && line.ends_with(char::is_whitespace)) {
+        words.push(String::new());
+    }
+    let begin = words.iter().position(|word| word == name)?;
+    Some(words.split_off(begin))
+}
+
+/// A word that is being typed, without its quotes.
+pub(super) fn unquoted(word: &str) -> Option<String> {
+    let (words, _) = parted(word)?;
+    <[String; 1]>::try_from(words).ok().map(|[word]| word)
+}
+
+/// The words of a line, and the quote that its last word has not closed yet.
+fn parted(line: &str) -> Option<(Vec<String>, Option<char>)> {
+    if let Some(words) = shlex::split(line) {
+        return Some((words, None));
+    }
+    ['\'', '"'].into_iter().find_map(|quote| {
+        let words = shlex::split(&format!("{line}{quote}"))?;
+        Some((words, Some(quote)))
+    })
+}
+
+/// A word as `bash` has to read it, with a backslash before each character that parts or changes words.
+fn escaped(word: &str) -> String {
+    let mut text = String::new();
+    for letter in word.chars() {
+        if letter.is_ascii_whitespace() || "\\'\"`$&|;<>()*?!#{}".contains(letter) {
+            text.push('\\');
+        }
+        text.push(letter);
+    }
+    text
+}
+
+impl EnvCompleter for Bash {
+    fn name(&self) -> &'static str {
+        "bash"
+    }
+
+    fn is(&self, name: &str) -> bool {
+        name == "bash"
+    }
+
+    fn write_registration(
+        &self,
+        variable: &str,
+        _: &str,
+        bin: &str,
+        completer: &str,
+        text: &mut dyn Write,
+    ) -> Result<(), Error> {
+        writeln!(text, "{}", filled(BASH, variable, bin, completer))
+    }
+
+    fn write_complete(
+        &self,
+        command: &mut Command,
+        words: Vec<OsString>,
+        here: Option<&Path>,
+        text: &mut dyn Write,
+    ) -> Result<(), Error> {
+        let index = words.len().saturating_sub(1);
+        let typed = words.last().map(|word| word.to_string_lossy().into_owned());
+        let typed = typed.unwrap_or_default();
+        let line = std::env::args().next_back().unwrap_or_default();
+        let quote = parted(&line).and_then(|(_, quote)| quote);
+        let breaks = std::env::var(BREAKS).unwrap_or_default();
+        // Only what stands behind such a character, or behind the quote that is open, is replaced.
+        let is_break = |letter: char| matches!(letter, '=' | ':') && breaks.contains(letter);
+        let kept = match quote.and_then(|quote| line.rsplit(quote).next()) {
+            Some(quoted) => typed.len().saturating_sub(quoted.len()),
+            None => typed.rfind(is_break).map_or(0, |place| place + 1),
+        };
+        for candidate in complete(command, words, index, here)? {
+            let value = candidate.get_value().to_string_lossy();
+            match (value.get(kept..), quote) {
+                (Some(rest), None) => writeln!(text, "{}", escaped(rest))?,
+                (Some(rest), Some(_)) => writeln!(text, "{rest}")?,
+                (None, _) => {}
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Adapter for `zsh`.
+pub(super) struct Zsh;
+
+const ZSH: &str = r#"#compdef BIN
+_hil_complete() {
+    local -a rows folders keys others
+    local row value
+    rows=("${(@f)$(VARIABLE=zsh _CLAP_IFS=$'\n' _CLAP_COMPLETE_INDEX=$((CURRENT - 1)) COMPLETER -- "${(@Q)words}" 2>/dev/null)}")
+    for row in $rows; do
+        value=${row%%:*}
+        case $value in
+            */) folders+=("${value%/}${row#$value}") ;;
+            *=) keys+=("$row") ;;
+            *) others+=("$row") ;;
+        esac
+    done
+    if (( $#folders )); then _describe -V folder folders -S / -r /; fi
+    if (( $#keys )); then _describe -V key keys -S ''; fi
+    if (( $#others )); then _describe -V value others; fi
+}
+compdef _hil_complete BIN"#;
+
+impl EnvCompleter for Zsh {
+    fn name(&self) -> &'static str {
+        "zsh"
+    }
+
+    fn is(&self, name: &str) -> bool {
+        name == "zsh"
+    }
+
+    fn write_registration(
+        &self,
+        variable: &str,
+        _: &str,
+        bin: &str,
+        completer: &str,
+        text: &mut dyn Write,
+    ) -> Result<(), Error> {
+        writeln!(text, "{}", filled(ZSH, variable, bin, completer))
+    }
+
+    fn write_complete(
+        &self,
+        command: &mut Command,
+        words: Vec<OsString>,
+        here: Option<&Path>,
+        text: &mut dyn Write,
+    ) -> Result<(), Error> {
+        env::Zsh.write_complete(command, words, here, text)
+    }
+}
+
+/// A script with its variable, the command that it is for and the program that it calls.
+fn filled(script: &str, variable: &str, bin: &str, completer: &str) -> String {
+    let completer = shlex::try_quote(completer).unwrap_or_default();
+    (script.replace("VARIABLE", variable))
+        .replace("COMPLETER", &completer)
+        .replace("BIN", bin)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_words_of_a_line_begin_with_the_command_and_end_with_what_is_typed() {
+        for (line, expected) in [
+            ("hil run", Some(&["hil", "run"][..])),
+            ("hil run ", Some(&["hil", "run", ""])),
+            ("A=1 hil --set 'a b'=c", Some(&["hil", "--set", "a b=c"])),
+            ("hil 'an open", Some(&["hil", "an open"])),
+            ("hil \"an open ", Some(&["hil", "an open "])),
+            ("hil an\\ open", Some(&["hil", "an open"])),
+            ("other", None),
+        ] {
+            let found = words("hil", line);
+            let found: Option<Vec<&str>> =
+                (found.as_ref()).map(|words| words.iter().map(String::as_str).collect());
+            assert_eq!(found.as_deref(), expected, "{line}");
+        }
+    }
+    #[test]
+    fn an_escaped_word_is_read_as_it_was() {
+        for (word, text) in [
+            ("runs/my own run", "runs/my\\ own\\ run"),
+            ("controller.law=pid", "controller.law=pid"),
+            ("faults[0].at_s=", "faults[0].at_s="),
+            ("it's $5", "it\\'s\\ \\$5"),
+        ] {
+            assert_eq!(escaped(word), text);
+            assert_eq!(unquoted(text).as_deref(), Some(word));
+        }
+    }
+}
