@@ -9,7 +9,7 @@
 #include "fmi3Functions.h"
 
 enum { POSITION = 1, REFERENCE, FORCE, GAIN, TROUBLE, COUNT };
-enum { NONE, CRASH, ABORT, EXIT, DISCARD, FAIL, FATAL, TERMINATE, BEYOND, NOT_A_NUMBER, EARLY };
+enum { NONE, CRASH, ABORT, EXIT, DISCARD, FAIL, FATAL, TERMINATE, BEYOND, NOT_A_NUMBER, EARLY, LOOP, TALK };
 
 typedef struct {
     double position, reference, force, gain;
@@ -156,6 +156,11 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 at, fmi3Float64 length,
     case BEYOND: one->broken = false; one->count = (INT64_C(1) << 53) + 1; return fmi3OK;
     case NOT_A_NUMBER: one->broken = false; one->force = 0.0 / (one->force - one->force); return fmi3OK;
     case EARLY: *early = true; *reached = at; return fmi3OK;
+    case LOOP:
+        say(one, fmi3Warning, "the solver looks for a root");
+        for (volatile int i = 0;; i ^= 1) {
+        }
+    case TALK: one->broken = false; say(one, fmi3Warning, "the filter clogs"); return fmi3OK;
     default: return fmi3Error;
     }
 }

@@ -1,5 +1,7 @@
 //! FMUs as plants and controllers: the numbers that FMPy gets, what is told of them, and what misbehaves.
 
+mod ends;
+
 use std::path::PathBuf;
 use std::process::Command;
 

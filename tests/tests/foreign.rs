@@ -1,5 +1,7 @@
 //! Plants and controllers in C: the same numbers as in Rust, and every deed and mistake with its name.
 
+mod connected;
+
 use std::fmt::Write;
 use std::mem::offset_of;
 use std::path::{Path, PathBuf};
@@ -9,7 +11,7 @@ use hil_foreign::c::interface::{
     Controller, Interval, Parameter, Plant, Rows, Sample, Setup, Signal,
 };
 
-use crate::support::harness::{Rig, Run};
+use crate::support::harness::{Rig, Run, send, until};
 use crate::support::programs::{example, program, skip, workspace};
 use crate::support::python::succeeds;
 
@@ -267,6 +269,32 @@ fn every_deed_of_a_plant_in_c_is_named() {
 }
 
 #[test]
+fn a_plant_in_c_that_is_killed_is_lost_by_name_with_its_last_words() {
+    let test = "a_plant_in_c_that_is_killed_is_lost_by_name_with_its_last_words";
+    if !has("cc", test) {
+        return;
+    }
+    let rig = Rig::new();
+    let plant = misbehaving(&rig, "misbehaving-plant", CLEAN);
+    let scenario = rig.write(
+        "killed.toml",
+        "schema = 1\nname = \"killed\"\nplant.model = \"misbehaves\"\ncontroller.law = \"hold\"\n\
+         plant.parameters.deed = 11\nrun.duration_s = 1.0\nrun.rate_hz = 1000\n",
+    );
+    let (scenario, plant) = (scenario.display(), plant.display());
+    let held = "--pause-at 0.5 --wait-limit 60";
+    let running = rig.start(&format!("{scenario} --plant-bin {plant} {held}"));
+    let log = running.folder().join("plant.log");
+    until("the plant says something", || {
+        std::fs::read_to_string(&log).is_ok_and(|log| log.contains("the spring creaks"))
+    });
+    let [plant, _] = running.children_at_once();
+    send(plant.pid, rustix::process::Signal::KILL);
+    let fragments = ["plant was killed by SIGKILL", "the spring creaks"];
+    reason(running.finish(), 3, &fragments);
+}
+
+#[test]
 fn every_deed_of_a_controller_in_c_is_named() {
     if !has("cc", "every_deed_of_a_controller_in_c_is_named") {
         return;
@@ -369,11 +397,9 @@ fn every_mistake_in_the_tables_is_named_before_anything_starts() {
         &format!("#!/bin/sh\nMISTAKE=twice exec {} \"$@\"\n", plant.display()),
     );
     let run = deed(&rig, "plant", &wrong, 0).expect(2);
-    assert!(
-        run.stderr.contains("`x_m` is there twice"),
-        "{}",
-        run.stderr
-    );
+    let told = "truth of plant `misbehaves`: `x_m` is there twice";
+    let expected = format!("error: cannot run {}: {told}\n", wrong.display());
+    assert_eq!(run.stderr, expected, "the reason, first and alone");
 }
 
 #[test]

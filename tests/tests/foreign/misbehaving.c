@@ -2,10 +2,11 @@
  * name says. `MISTAKE` in the environment makes its tables wrong instead. Used by the tests of C programs. */
 #include <hil.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { BEHAVES, CRASHES, ABORTS, LEAVES, LOOPS, IS_NO_NUMBER, FORGETS, DIVERGES, FAILS, IS_SILENT, OVERRUNS };
+enum { BEHAVES, CRASHES, ABORTS, LEAVES, LOOPS, IS_NO_NUMBER, FORGETS, DIVERGES, FAILS, IS_SILENT, OVERRUNS, TALKS };
 
 static hil_parameter parameters[] = {{"deed", "1", "What it does.", 0.0, 0.0, 20.0, 0}};
 static hil_signal truth[] = {{"x_m", "m", "Position.", 0.0, 0.0}, {"v_mps", "m/s", "Velocity.", 0.0, 0.0}};
@@ -47,6 +48,9 @@ static int does(const struct side *side, double *row) {
         for (int i = 0; i < 100; i++) {
             row[i] = i;
         }
+        break;
+    case TALKS:
+        printf("the spring creaks\n");
         break;
     }
     return HIL_OK;

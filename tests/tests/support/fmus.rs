@@ -108,14 +108,23 @@ pub(crate) fn reference(model: &str, version: u32) -> Vec<(String, Vec<u8>)> {
     entries
 }
 
-/// The FMU of `tests/fmus`, as entries of its archive.
+/// The FMU of `tests/fmus` that is a controller and can misbehave, as entries of its archive.
 pub(crate) fn proportional() -> Vec<(String, Vec<u8>)> {
+    own("proportional")
+}
+
+/// The FMU of `tests/fmus` that is a plant in millimetres and kilonewtons, as entries of its archive.
+pub(crate) fn slider() -> Vec<(String, Vec<u8>)> {
+    own("slider")
+}
+
+fn own(name: &str) -> Vec<(String, Vec<u8>)> {
     let place = workspace().join("tests/fmus");
-    let library = compiled("proportional", &[place.join("proportional.c")], &[]);
-    let description = std::fs::read(place.join("proportional.xml")).expect("it is there");
+    let library = compiled(name, &[place.join(format!("{name}.c"))], &[]);
+    let description = std::fs::read(place.join(format!("{name}.xml"))).expect("it is there");
     vec![
         ("modelDescription.xml".into(), description),
-        (format!("binaries/{}/proportional.so", platform(3)), library),
+        (format!("binaries/{}/{name}.so", platform(3)), library),
     ]
 }
 

@@ -34,6 +34,9 @@ use crate::arguments::BinaryArguments;
 use crate::terminal::exit::Failure;
 use crate::terminal::interruption::Interruption;
 
+/// Begin of the line by which a program of the framework gives its reason.
+const REASON: &str = "error: ";
+
 pub(crate) mod host;
 pub(crate) mod named;
 pub(crate) mod reached;
@@ -400,9 +403,10 @@ impl Binary {
                 asked.map_err(|error| cannot(&error))?
             }
         };
-        if host.is_some() && !answer.is_success {
-            let said = answer.stderr.trim().trim_start_matches("error: ");
-            return Err(cannot(&text::printable(said)));
+        if !answer.is_success
+            && let Some(reason) = refusal(&answer.stderr)
+        {
+            return Err(cannot(&text::printable(reason)));
         }
         let description: Description = serde_json::from_str(&answer.stdout).map_err(|error| {
             let said = &answer.stderr;
@@ -486,6 +490,16 @@ impl Binary {
         let (program, why) = (&self.description.program, text::printable(why));
         Failure::usage(format!("{program}: {why}"))
     }
+}
+
+/// The reason for which a program of the framework does not answer; others say nothing of the kind.
+fn refusal(stderr: &str) -> Option<&str> {
+    let begins = |line: &str| line.starts_with(REASON);
+    let before = stderr
+        .split_inclusive('\n')
+        .take_while(|line| !begins(line));
+    let begin: usize = before.map(str::len).sum();
+    Some(stderr[begin..].strip_prefix(REASON)?.trim())
 }
 
 /// Asks a program on this machine; the inner error is its own.
@@ -587,6 +601,22 @@ mod tests {
         assert!(told(Path::new("/dev/null")).contains("no file"));
         assert_eq!(unfit(Path::new("/nowhere")), None);
         assert_eq!(unfit(&std::env::current_exe().expect("this")), None);
+    }
+
+    #[test]
+    fn the_reason_of_a_program_is_what_stands_behind_its_mark() {
+        for (stderr, reason) in [
+            (
+                "error: `x_m` is there twice\n",
+                Some("`x_m` is there twice"),
+            ),
+            ("a library speaks\nerror: no\nunit\n", Some("no\nunit")),
+            ("who are you", None),
+            ("an error: none", None),
+            ("", None),
+        ] {
+            assert_eq!(refusal(stderr), reason, "{stderr}");
+        }
     }
 
     #[test]

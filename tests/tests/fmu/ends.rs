@@ -1,0 +1,116 @@
+//! FMUs that never answer or are killed, and those that cannot be started by hand: each is named, and nothing is left.
+
+use rustix::process::Signal;
+
+use super::{Place, scenario};
+use crate::support::fmus::{has_compiler, proportional};
+use crate::support::harness::{send, until};
+use crate::support::programs::skip;
+
+/// The FMU as the controller of the mass on a spring.
+const AS_CONTROLLER: &str = "schema = 1
+name = \"fmu\"
+[run]
+duration_s = 1.0
+rate_hz = 100
+[plant]
+model = \"spring-mass\"
+[controller]
+law = \"proportional\"
+program = \"p.fmu\"
+[[stimuli]]
+target = \"position_m\"
+kind = \"step\"
+at_s = 0.5
+after = 0.01
+";
+
+#[test]
+fn an_endless_loop_is_named_by_the_wait_limit() {
+    let test = "an_endless_loop_is_named_by_the_wait_limit";
+    if !has_compiler() {
+        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+    }
+    let place = Place::new();
+    place.fmu("p.fmu", &proportional());
+    let as_plant = scenario("proportional", "p.fmu", 100.0, 100.0);
+    for (text, key, told) in [
+        (as_plant.as_str(), "plant.parameters", "plant was stuck"),
+        (
+            AS_CONTROLLER,
+            "controller.proportional",
+            "controller did not answer step 2",
+        ),
+    ] {
+        // That nothing runs on and nothing stays on the disk is looked at when the run has ended.
+        let run = place.run(text, &format!("--set {key}.trouble=11 --wait-limit 0.5"));
+        let run = run.expect(3);
+        let said = format!("{}{}", run.stdout, run.stderr);
+        for fragment in [told, "the solver looks for a root"] {
+            assert!(said.contains(fragment), "`{fragment}` is not in {said}");
+        }
+    }
+}
+
+#[test]
+fn a_killed_fmu_is_lost_by_name_with_its_last_message() {
+    let test = "a_killed_fmu_is_lost_by_name_with_its_last_message";
+    if !has_compiler() {
+        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+    }
+    let place = Place::new();
+    place.fmu("p.fmu", &proportional());
+    let as_plant = scenario("proportional", "p.fmu", 100.0, 100.0);
+    for (text, key, side) in [
+        (as_plant.as_str(), "plant.parameters", "plant"),
+        (AS_CONTROLLER, "controller.proportional", "controller"),
+    ] {
+        let path = place.rig.write("scenario.toml", text);
+        let held = format!("--set {key}.trouble=12 --pause-at 0.5 --wait-limit 60");
+        let arguments = format!("{} {held}", path.display());
+        let running = place.rig.start_with(place.command(), &arguments);
+        let log = running.folder().join(format!("{side}.log"));
+        until("the FMU says something", || {
+            std::fs::read_to_string(&log).is_ok_and(|log| log.contains("the filter clogs"))
+        });
+        let [plant, controller] = running.children_at_once();
+        let fmu = if side == "plant" { plant } else { controller };
+        let program = std::fs::read_link(format!("/proc/{}/exe", fmu.pid)).expect("it runs");
+        assert!(program.ends_with("hil-fmu"), "{}", program.display());
+        send(fmu.pid, Signal::KILL);
+        let run = running.finish().expect(3);
+        place.assert_nothing_unpacked();
+        let said = format!("{}{}", run.stdout, run.stderr);
+        for fragment in [
+            format!("{side} was killed by SIGKILL").as_str(),
+            "the filter clogs",
+        ] {
+            assert!(said.contains(fragment), "`{fragment}` is not in {said}");
+        }
+    }
+}
+
+#[test]
+fn a_model_that_another_program_runs_is_not_started_by_hand() {
+    let test = "a_model_that_another_program_runs_is_not_started_by_hand";
+    if !has_compiler() {
+        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+    }
+    let place = Place::new();
+    // By its content as well as by its name.
+    for name in ["p.fmu", "renamed"] {
+        place.fmu(name, &proportional());
+        let plant = scenario("proportional", name, 100.0, 100.0);
+        let controller = AS_CONTROLLER.replace("p.fmu", name);
+        for (side, text) in [("plant", plant), ("controller", controller)] {
+            let run = place.run(&text, &format!("--{side} external"));
+            let named = place.rig.path(name).display().to_string();
+            let told = format!(
+                "--{side} external: {named} is a model that another program runs; it takes a program"
+            );
+            let run = run.expect(2).says(&[&told]);
+            assert!(!run.folder.exists(), "nothing was started");
+            assert!(!run.stderr.contains("start it"), "{}", run.stderr);
+        }
+    }
+}

@@ -1,0 +1,184 @@
+//! The law `pid` on the same mass in millimetres and kilonewtons as an FMU, as a plant in C and as one in Rust: one
+//! digest, in every way to run it.
+
+use std::path::PathBuf;
+
+use serde_json::Value;
+
+use super::{CLEAN, compiled, has};
+use crate::support::board::Board;
+use crate::support::fmus::{slider, write};
+use crate::support::harness::{Rig, Run};
+use crate::support::mcap_reader::Recording;
+use crate::support::programs::program_of_tests;
+
+const SCENARIO: &str = "schema = 1
+name = \"connected\"
+[run]
+duration_s = 2.0
+rate_hz = 1000
+[plant]
+model = \"slider\"
+substeps = 1
+[plant.parameters]
+damping_n_s_per_m = 20.0
+[controller]
+law = \"pid\"
+made_for = \"spring-mass\"
+[[stimuli]]
+target = \"goal_mm\"
+unit = \"mm\"
+kind = \"step\"
+at_s = 0.1
+after = 10.0
+[[connect]]
+law = \"measured.position_m\"
+plant = \"measured.s\"
+[[connect]]
+law = \"reference.position_m\"
+plant = \"reference.goal_mm\"
+[[connect]]
+law = \"command.force_n\"
+plant = \"command.f\"
+[[requirements]]
+name = \"arrives\"
+formula = \"eventually (truth.s > 9)\"
+";
+
+/// The plant as an FMU and as a program in C.
+fn plants(rig: &Rig) -> [PathBuf; 2] {
+    let fmu = rig.path("slider.fmu");
+    write(&fmu, &slider());
+    let in_c = compiled(rig, "cc", "tests/tests/foreign/slider.c", "slider", CLEAN);
+    [fmu, in_c]
+}
+
+fn run(rig: &Rig, plant: &std::path::Path, more: &str) -> Run {
+    let scenario = rig.write("connected.toml", SCENARIO);
+    let (scenario, plant) = (scenario.display(), plant.display());
+    rig.run(&format!("{scenario} --plant-bin {plant} {more}"))
+        .expect(0)
+}
+
+fn values(run: &Run, column: &str) -> Vec<f64> {
+    let recording = Recording::open(&run.recording());
+    let values = recording
+        .records()
+        .map(|record| recording.value(&record, column));
+    values.collect()
+}
+
+#[test]
+fn a_law_of_other_names_has_one_digest_on_an_fmu_on_c_and_on_rust() {
+    let test = "a_law_of_other_names_has_one_digest_on_an_fmu_on_c_and_on_rust";
+    if !has("cc", test) {
+        return;
+    }
+    let rig = Rig::new();
+    let in_rust = run(&rig, &program_of_tests("foreign-plant"), "");
+    for plant in plants(&rig) {
+        let shown = plant.display().to_string();
+        let first = run(&rig, &plant, "");
+        assert_eq!(first.digest(), in_rust.digest(), "{shown}");
+        for more in ["", "--pace 10", "--no-record"] {
+            assert_eq!(
+                run(&rig, &plant, more).digest(),
+                first.digest(),
+                "{shown} {more}"
+            );
+        }
+        let (folder, out) = (first.folder.display().to_string(), rig.path("again"));
+        let again = ["rerun", &folder, "--out", out.to_str().expect("text")];
+        // Named by a flag and not by the scenario, so the recording names no program.
+        let again = rig
+            .hil(&[&again[..], &["--plant-bin", &shown]].concat())
+            .expect(0);
+        assert!(again.stdout.contains(&first.digest()), "{}", again.stdout);
+        std::fs::remove_dir_all(out).expect("ours");
+        // k_p (r - x) = k x with k_p = 300 N/m, k = 100 N/m and r = 10 mm; what moves decays with exp(-10 t).
+        let gains =
+            "controller.pid.integral_n_per_m_s=0 --set controller.pid.derivative_n_s_per_m=0";
+        let alone = format!("--set {gains} --set requirements=[]");
+        let last_mm = values(&run(&rig, &plant, &alone), "truth.s").pop();
+        assert!(
+            (last_mm.expect("records") - 7.5).abs() < 1e-6,
+            "{shown}: {last_mm:?}"
+        );
+    }
+}
+
+#[test]
+fn connections_hold_against_the_clock_and_on_another_machine() {
+    let test = "connections_hold_against_the_clock_and_on_another_machine";
+    if !has("cc", test) {
+        return;
+    }
+    let rig = Rig::new();
+    let board = Board::new(&rig);
+    for plant in plants(&rig) {
+        let shown = plant.display();
+        let here = run(&rig, &plant, "");
+        let scenario = rig.path("connected.toml");
+        let there = format!(
+            "{} --plant-bin {shown} --target me@board",
+            scenario.display()
+        );
+        let there = rig.start_with(board.hil(), &there).finish().expect(0);
+        assert_eq!(there.digest(), here.digest(), "{shown}");
+        assert_eq!(there.summary()["target"]["name"], "me@board");
+        // Which step a command comes in depends on the machine, and the names and units do not.
+        let clocked = run(&rig, &plant, "--clock realtime");
+        let summary = clocked.summary();
+        assert_eq!(summary["clock"], "realtime");
+        assert_eq!(
+            summary["connections"],
+            here.summary()["connections"],
+            "{shown}"
+        );
+        assert_eq!(summary["connections"][2]["plant_unit"], "kN", "{shown}");
+    }
+}
+
+#[test]
+fn cases_of_a_campaign_have_the_digests_of_connected_runs() {
+    let test = "cases_of_a_campaign_have_the_digests_of_connected_runs";
+    if !has("cc", test) {
+        return;
+    }
+    let rig = Rig::new();
+    rig.write("connected.toml", SCENARIO);
+    let study = "schema = 1\nscenario = \"connected.toml\"\nseed = 1\nsampling = \"grid\"\n\
+                 [[vary]]\nkey = \"plant.parameters.mass_kg\"\nkind = \"list\"\nvalues = [0.5, 1.0, 2.0]\n";
+    let study = rig.write("study.toml", study).display().to_string();
+    for plant in plants(&rig) {
+        let shown = plant.display().to_string();
+        let folder = rig.path("campaign");
+        let folder = folder.to_str().expect("text");
+        let plan = [
+            "campaign",
+            "plan",
+            &study,
+            "-o",
+            folder,
+            "--plant-bin",
+            &shown,
+        ];
+        rig.hil(&plan).expect(0);
+        rig.hil(&["campaign", "run", folder]).expect(0);
+        for (case, mass_kg) in [0.5, 1.0, 2.0].into_iter().enumerate() {
+            let out = format!("{folder}-case-{case}");
+            let (number, out) = (case.to_string(), out.as_str());
+            // It fails if the digest is not that of the campaign.
+            let told = ["campaign", "case", folder, &number, "--out", out, "--json"];
+            let told: Value = serde_json::from_str(&rig.hil(&told).expect(0).stdout).expect("JSON");
+            std::fs::remove_dir_all(out).expect("ours");
+            let alone = run(
+                &rig,
+                &plant,
+                &format!("--set plant.parameters.mass_kg={mass_kg:?}"),
+            );
+            assert_eq!(told["digest"], alone.digest(), "{shown}: case {case}");
+        }
+        std::fs::remove_dir_all(folder).expect("ours");
+    }
+}
