@@ -19,6 +19,7 @@ use shared_types::time::{Rate, Step};
 use shared_types::zerocopy::IntoBytes;
 
 use super::targets::{rig, session};
+use crate::support::fmus;
 use crate::support::programs::workspace;
 
 const IDENTITY: FrameIdentity = FrameIdentity {
@@ -35,6 +36,7 @@ fn seeds_are_written() {
     frames(&corpus.join("frame"));
     messages(&corpus.join("hello"));
     files(&corpus.join("session"));
+    fmus(&corpus.join("fmu"));
 }
 
 fn write(path: &Path, bytes: &[u8]) {
@@ -244,4 +246,106 @@ fn files(folder: &Path) {
         "description.json",
         serde_json::to_value(controller).expect(plain),
     );
+}
+
+/// Models as the Reference-FMUs and our own describe them, and archives: a sound one, a packed one, and those that
+/// are refused.
+fn fmus(folder: &Path) {
+    let file = |path: &str| {
+        let path = workspace().join("tests").join(path);
+        fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+    };
+    let ours = file("fmus/slider.xml");
+    for (name, path) in [
+        (
+            "arrays.xml",
+            "third-party/reference-fmus/StateSpace/FMI3.xml",
+        ),
+        (
+            "types-2.xml",
+            "third-party/reference-fmus/Feedthrough/FMI2.xml",
+        ),
+        (
+            "types-3.xml",
+            "third-party/reference-fmus/Feedthrough/FMI3.xml",
+        ),
+        (
+            "state-2.xml",
+            "third-party/reference-fmus/VanDerPol/FMI2.xml",
+        ),
+        ("units.xml", "fmus/slider.xml"),
+    ] {
+        write(&folder.join(name), &file(path));
+    }
+    let entries = |second: &str| {
+        vec![
+            ("modelDescription.xml".to_owned(), ours.clone()),
+            (second.to_owned(), b"no library".to_vec()),
+        ]
+    };
+    let library = "binaries/x86_64-linux/slider.so";
+    let of = |name: &str, second: &str| {
+        let path = folder.join(name);
+        fmus::write(&path, &entries(second));
+        fs::read(&path).expect("it was just written")
+    };
+    let sound = of("sound.fmu", library);
+    of("climbs-out.fmu", "../../outside");
+    of("file-as-folder.fmu", "modelDescription.xml/x");
+    let changed = |name: &str, place: usize, bytes: &[u8]| {
+        let mut archive = sound.clone();
+        archive[place..place + bytes.len()].copy_from_slice(bytes);
+        write(&folder.join(name), &archive);
+    };
+    let places = sound.windows(4).enumerate();
+    let listed = places.filter_map(|(place, mark)| (mark == b"PK\x01\x02").then_some(place));
+    let [first, second] = listed.collect::<Vec<_>>()[..] else {
+        panic!("two entries are listed");
+    };
+    changed(
+        "link.fmu",
+        second + 38,
+        &(0o120_777_u32 << 16).to_le_bytes(),
+    );
+    changed("encrypted.fmu", second + 8, &[1, 0]);
+    changed("shared-bytes.fmu", second + 42, &[0; 4]);
+    // Told to unpack to 600 MiB.
+    changed("bomb.fmu", first + 10, &[8, 0]);
+    let mut bomb = fs::read(folder.join("bomb.fmu")).expect("it was just written");
+    bomb[first + 24..first + 28].copy_from_slice(&(600_u32 << 20).to_le_bytes());
+    write(&folder.join("bomb.fmu"), &bomb);
+    let end = sound.len() - 22;
+    changed("list-elsewhere.fmu", end + 16, &[0xff, 0xff, 0xff, 0x7f]);
+    write(&folder.join("cut-off.fmu"), &sound[..end + 10]);
+    write(&folder.join("packed.fmu"), &packed(folder, &ours));
+    let entities = "<!DOCTYPE d [<!ENTITY a \"aaaaaaaaaa\"><!ENTITY b \"&a;&a;&a;&a;&a;&a;\">]>\n<fmiModelDescription";
+    let text = String::from_utf8(ours.clone()).expect("text");
+    let bomb = text.replace("<fmiModelDescription", entities);
+    write(&folder.join("entities.xml"), bomb.as_bytes());
+}
+
+/// An archive whose one entry is packed, in a block that a packer leaves as it is.
+fn packed(folder: &Path, content: &[u8]) -> Vec<u8> {
+    let length = u16::try_from(content.len()).expect("short");
+    let mut block = vec![1];
+    block.extend(length.to_le_bytes());
+    block.extend((!length).to_le_bytes());
+    block.extend(content);
+    let path = folder.join("packed.fmu");
+    fmus::write(&path, &[("modelDescription.xml".into(), block)]);
+    let mut archive = fs::read(&path).expect("it was just written");
+    let list = { archive.windows(4) }.rposition(|mark| mark == b"PK\x01\x02");
+    for (method, sum, size) in [(8, 14, 22), (10, 16, 24)] {
+        let head = if method == 8 {
+            0
+        } else {
+            list.expect("a list")
+        };
+        archive[head + method] = 8;
+        archive[head + sum..head + sum + 4]
+            .copy_from_slice(&crc32fast::hash(content).to_le_bytes());
+        let told = u32::from(length).to_le_bytes();
+        archive[head + size..head + size + 4].copy_from_slice(&told);
+    }
+    archive
 }

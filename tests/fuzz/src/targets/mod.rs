@@ -7,6 +7,7 @@
 
 pub mod expression;
 pub mod fault;
+pub mod fmu;
 pub mod frame;
 pub mod hello;
 mod numbers;
@@ -25,7 +26,7 @@ pub struct Target {
 }
 
 /// Every way in.
-pub const ALL: [Target; 8] = [
+pub const ALL: [Target; 9] = [
     Target {
         name: "scenario",
         run: scenario::run,
@@ -57,6 +58,10 @@ pub const ALL: [Target; 8] = [
     Target {
         name: "panel",
         run: panel::run,
+    },
+    Target {
+        name: "fmu",
+        run: fmu::run,
     },
 ];
 

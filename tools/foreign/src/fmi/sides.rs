@@ -23,21 +23,7 @@ use super::{Fmu, FmuError, Model};
 /// # Errors
 /// If its variables do not make sound tables.
 pub fn plant(fmu: &Arc<Fmu>) -> Result<PlantKind, FmuError> {
-    let Model {
-        description,
-        tables,
-    } = &**fmu.model();
-    let outputs = fields(&tables.outputs);
-    let described = PlantDescription {
-        name: description.identifier.clone(),
-        summary: summary(fmu),
-        parameters: fields(&tables.parameters),
-        truth: [&outputs[..], &fields(&tables.locals)].concat(),
-        measured: outputs.iter().map(free).collect(),
-        commands: fields(&tables.inputs),
-        faults: Vec::new(),
-        saves: description.saves,
-    };
+    let described = plant_description(fmu.model());
     let fmu = Arc::clone(fmu);
     let kind = PlantKind::from_tables(described, move |parameters| {
         Ok(Box::new(FmuPlant(start(&fmu, parameters)?)))
@@ -45,28 +31,32 @@ pub fn plant(fmu: &Arc<Fmu>) -> Result<PlantKind, FmuError> {
     Ok(kind?)
 }
 
+/// Tables of a model as a plant.
+#[must_use]
+pub fn plant_description(model: &Model) -> PlantDescription {
+    let Model {
+        description,
+        tables,
+    } = model;
+    let outputs = fields(&tables.outputs);
+    PlantDescription {
+        name: description.identifier.clone(),
+        summary: summary(model),
+        parameters: fields(&tables.parameters),
+        truth: [&outputs[..], &fields(&tables.locals)].concat(),
+        measured: outputs.iter().map(free).collect(),
+        commands: fields(&tables.inputs),
+        faults: Vec::new(),
+        saves: description.saves,
+    }
+}
+
 /// The law that an FMU is.
 ///
 /// # Errors
 /// If its variables do not make sound tables.
 pub fn law(fmu: &Arc<Fmu>) -> Result<LawKind, FmuError> {
-    let Model {
-        description,
-        tables,
-    } = &**fmu.model();
-    let (measured, reference) = tables.split_inputs();
-    let described = LawDescription {
-        name: description.identifier.clone(),
-        summary: summary(fmu),
-        plants: Vec::new(),
-        parameters: fields(&tables.parameters).iter().map(fixed).collect(),
-        model: Vec::new(),
-        measured: measured.iter().map(free).collect(),
-        reference: reference.iter().map(free).collect(),
-        commands: Some(fields(&tables.outputs).iter().map(free).collect()),
-        internals: fields(&tables.locals).iter().map(free).collect(),
-        saves: description.saves,
-    };
+    let described = law_description(fmu.model());
     let fmu = Arc::clone(fmu);
     let kind = LawKind::from_tables(described, move |setup: &SetupRows<'_>| {
         check_period(fmu.model(), setup.period_s)?;
@@ -84,6 +74,28 @@ pub fn law(fmu: &Arc<Fmu>) -> Result<LawKind, FmuError> {
     Ok(kind?)
 }
 
+/// Tables of a model as a law.
+#[must_use]
+pub fn law_description(model: &Model) -> LawDescription {
+    let Model {
+        description,
+        tables,
+    } = model;
+    let (measured, reference) = tables.split_inputs();
+    LawDescription {
+        name: description.identifier.clone(),
+        summary: summary(model),
+        plants: Vec::new(),
+        parameters: fields(&tables.parameters).iter().map(fixed).collect(),
+        model: Vec::new(),
+        measured: measured.iter().map(free).collect(),
+        reference: reference.iter().map(free).collect(),
+        commands: Some(fields(&tables.outputs).iter().map(free).collect()),
+        internals: fields(&tables.locals).iter().map(free).collect(),
+        saves: description.saves,
+    }
+}
+
 fn start(fmu: &Fmu, parameters: &[f64]) -> Result<Instance, Invalid> {
     let loaded = fmu.loaded().map_err(|error| Invalid(error.to_string()))?;
     Instance::start(
@@ -94,11 +106,11 @@ fn start(fmu: &Fmu, parameters: &[f64]) -> Result<Instance, Invalid> {
     )
 }
 
-fn summary(fmu: &Fmu) -> String {
+fn summary(model: &Model) -> String {
     let Model {
         description,
         tables,
-    } = &**fmu.model();
+    } = model;
     let format = &tables.imported.format;
     let text = match description.description.as_str() {
         "" => &description.name,

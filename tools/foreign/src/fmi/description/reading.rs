@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::tree::Element;
+use super::tree::{Element, shortened};
 use super::{
     BASE_UNITS, BaseUnit, Causality, Dependency, DescriptionError, Kind, ModelDescription, Unit,
     Variable, Version,
@@ -91,7 +91,7 @@ fn version(text: &str) -> Result<Version, DescriptionError> {
     if is("3.0") {
         return Ok(Version::Three);
     }
-    let text: String = text.chars().take(20).collect();
+    let text = shortened(text);
     Err(DescriptionError::Unsupported(format!(
         "it is of FMI {text}; FMI 2.0 and 3.0 are run"
     )))

@@ -3,6 +3,7 @@
 use quick_xml::XmlVersion;
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::reader::Reader;
+use shared_types::text;
 
 use super::DescriptionError;
 
@@ -138,7 +139,8 @@ impl Element {
 
     /// Says what is wrong with an attribute.
     pub(super) fn wrong(&self, attribute: &str, what: &str) -> DescriptionError {
-        let (name, of) = (&self.name, self.text("name").unwrap_or_default());
+        let name = shortened(&self.name);
+        let of = self.text("name").unwrap_or_default();
         let of = match of {
             "" => String::new(),
             of => format!(" {:?}", shortened(of)),
@@ -147,8 +149,9 @@ impl Element {
     }
 }
 
-fn shortened(text: &str) -> String {
-    text.chars().take(80).collect()
+/// The begin of a text of the document, as it may be shown.
+pub(super) fn shortened(text: &str) -> String {
+    text::line(text).chars().take(80).collect()
 }
 
 fn refused(error: &dyn std::fmt::Display) -> DescriptionError {
