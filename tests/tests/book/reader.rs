@@ -16,6 +16,7 @@ use rustix::process::{Pid, Signal, kill_process_group};
 
 use super::page::Page;
 use super::shown;
+use crate::support::fmus;
 use crate::support::harness::Rig;
 use crate::support::programs::{program, target, workspace};
 use crate::support::python::python;
@@ -146,6 +147,14 @@ impl Desk {
         clone
     }
 
+    /// Builds what a reader of the page about FMUs has from elsewhere: a plant and a controller.
+    fn build_fmus(&self) {
+        let folder = self.folder.join("fmus");
+        std::fs::create_dir_all(&folder).expect("a folder");
+        fmus::write(&folder.join("plant.fmu"), &fmus::reference("Dahlquist", 3));
+        fmus::write(&folder.join("controller.fmu"), &fmus::proportional());
+    }
+
     /// Does all that a page says.
     ///
     /// # Errors
@@ -157,6 +166,9 @@ impl Desk {
         }
         let rig = Rig::new();
         let clone = self.clone();
+        if page.text.contains("$FMUS") {
+            self.build_fmus();
+        }
         let notes = self.folder.join("notes");
         let _ = std::fs::remove_dir_all(&notes);
         std::fs::create_dir_all(&notes).expect("a folder");
@@ -195,6 +207,7 @@ impl Desk {
             .env("PATH", format!("{}:{path}", bin.display()))
             .env("CLONE", &clone)
             .env("NOTES", &notes)
+            .env("FMUS", self.folder.join("fmus"))
             .env("OUTSIDE", target().join("examples-outside"))
             .env("PROGRAMS", &self.programs)
             .env("CARGO", env!("CARGO"))
