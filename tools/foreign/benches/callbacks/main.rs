@@ -150,6 +150,10 @@ fn compiled() -> PathBuf {
         "-shared",
         "-fPIC",
         "-Dmain=process",
+        // Pointers in place of functions, declared by the header in both files.
+        "-fcommon",
+        "-Dhil_sin=(*bench_sin)",
+        "-Dhil_integrate=(*bench_integrate)",
         "-I",
     ]);
     cc.arg(package.join("include"));
@@ -173,7 +177,7 @@ fn loaded(path: &Path) -> PlantKind {
         symbol
     };
     let symbol = |name: &str| symbol(&CString::new(name).expect("a name"));
-    // SAFETY: `taken.c` declares these as a function, two pointers to functions and a plant of `hil.h`, and nothing
+    // SAFETY: `taken.c` and the options make these a function, two pointers to functions and a plant of `hil.h`, and nothing
     // else uses them while they are set.
     unsafe {
         let sin: *mut extern "C" fn(f64) -> f64 = symbol("bench_sin").cast();
