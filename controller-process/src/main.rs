@@ -5,7 +5,7 @@ use std::process::ExitCode;
 fn main() -> ExitCode {
     controller_process::program::run(
         env!("CARGO_PKG_NAME"),
-        env!("CARGO_PKG_VERSION"),
+        shared_types::origin!(),
         controller_process::laws::all(),
     )
 }

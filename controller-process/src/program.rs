@@ -11,6 +11,7 @@ use shared_types::describe::Description;
 use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{Link, LinkError};
 use shared_types::lockstep::ControllerEvent;
+use shared_types::origin::Origin;
 use shared_types::program::{self, COMPLETED, FAILED, Program};
 use shared_types::realtime;
 use shared_types::session::SessionInfo;
@@ -24,11 +25,13 @@ use crate::runner::{End, Progress, Runner, choose};
 
 /// Runs a controller process that can run any of these laws, by what its arguments say. The process can
 /// run [`hold`] too, which fits every plant, unless a law of its own has that name.
+///
+/// The origin is [`origin!`](shared_types::origin), or a version alone.
 #[must_use]
-pub fn run(program: &'static str, version: &'static str, laws: Vec<LawKind>) -> ExitCode {
+pub fn run(program: &'static str, origin: impl Into<Origin>, laws: Vec<LawKind>) -> ExitCode {
     program::run(&ControllerProgram {
         program: program.into(),
-        version: version.into(),
+        origin: origin.into(),
         laws: with_hold(laws),
     })
 }
@@ -44,7 +47,7 @@ pub fn answer(
 ) -> u8 {
     let program = ControllerProgram {
         program,
-        version,
+        origin: version.into(),
         laws: with_hold(laws),
     };
     program::answer(&program, arguments)
@@ -52,10 +55,10 @@ pub fn answer(
 
 /// The program that [`run`] runs, for a `main` that adds to its description.
 #[must_use]
-pub fn of(program: &str, version: &str, laws: Vec<LawKind>) -> impl Program {
+pub fn of(program: &str, origin: impl Into<Origin>, laws: Vec<LawKind>) -> impl Program {
     ControllerProgram {
         program: program.into(),
-        version: version.into(),
+        origin: origin.into(),
         laws: with_hold(laws),
     }
 }
@@ -71,7 +74,7 @@ fn with_hold(mut laws: Vec<LawKind>) -> Vec<LawKind> {
 
 struct ControllerProgram {
     program: String,
-    version: String,
+    origin: Origin,
     laws: Vec<LawKind>,
 }
 
@@ -89,7 +92,7 @@ impl Program for ControllerProgram {
     }
 
     fn description(&self) -> Description {
-        let mut description = Description::new(&self.program, &self.version);
+        let mut description = Description::of_origin(&self.program, self.origin.clone());
         description.laws = self
             .laws
             .iter()

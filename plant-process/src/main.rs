@@ -5,7 +5,7 @@ use std::process::ExitCode;
 fn main() -> ExitCode {
     plant_process::program::run(
         env!("CARGO_PKG_NAME"),
-        env!("CARGO_PKG_VERSION"),
+        shared_types::origin!(),
         plant_process::models::all(),
     )
 }

@@ -13,6 +13,7 @@ use shared_types::describe::Description;
 use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{Link, LinkError};
 use shared_types::lockstep::PlantEvent;
+use shared_types::origin::Origin;
 use shared_types::program::{self, COMPLETED, DIVERGED, FAILED, Program};
 use shared_types::realtime;
 use shared_types::record::Outcome;
@@ -33,22 +34,24 @@ pub const HELD: Duration = Duration::from_millis(1);
 
 /// Runs a plant process that can be any of these plants, by what its arguments say. Its faults are
 /// those of the plants and the [built-in kinds](kinds::all).
+///
+/// The origin is [`origin!`](shared_types::origin), or a version alone.
 #[must_use]
-pub fn run(program: &'static str, version: &'static str, plants: Vec<PlantKind>) -> ExitCode {
-    run_with_faults(program, version, plants, kinds::all())
+pub fn run(program: &'static str, origin: impl Into<Origin>, plants: Vec<PlantKind>) -> ExitCode {
+    run_with_faults(program, origin, plants, kinds::all())
 }
 
 /// The same, with these kinds of faults: the built-in ones and one's own.
 #[must_use]
 pub fn run_with_faults(
     program: &'static str,
-    version: &'static str,
+    origin: impl Into<Origin>,
     plants: Vec<PlantKind>,
     faults: Vec<FaultKindEntry>,
 ) -> ExitCode {
     program::run(&PlantProgram {
         program: program.into(),
-        version: version.into(),
+        origin: origin.into(),
         plants,
         faults,
     })
@@ -65,7 +68,7 @@ pub fn answer(
 ) -> u8 {
     let program = PlantProgram {
         program,
-        version,
+        origin: version.into(),
         plants,
         faults: kinds::all(),
     };
@@ -74,10 +77,10 @@ pub fn answer(
 
 /// The program that [`run`] runs, for a `main` that adds to its description.
 #[must_use]
-pub fn of(program: &str, version: &str, plants: Vec<PlantKind>) -> impl Program {
+pub fn of(program: &str, origin: impl Into<Origin>, plants: Vec<PlantKind>) -> impl Program {
     PlantProgram {
         program: program.into(),
-        version: version.into(),
+        origin: origin.into(),
         plants,
         faults: kinds::all(),
     }
@@ -85,7 +88,7 @@ pub fn of(program: &str, version: &str, plants: Vec<PlantKind>) -> impl Program 
 
 struct PlantProgram {
     program: String,
-    version: String,
+    origin: Origin,
     plants: Vec<PlantKind>,
     faults: Vec<FaultKindEntry>,
 }
@@ -146,7 +149,7 @@ impl Program for PlantProgram {
     }
 
     fn description(&self) -> Description {
-        let mut description = Description::new(&self.program, &self.version);
+        let mut description = Description::of_origin(&self.program, self.origin.clone());
         description.plants = self
             .plants
             .iter()

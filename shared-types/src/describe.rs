@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::frame::MAX_SIGNALS;
 use crate::layout::{MOST_FIELDS, Unusable, check_fields, check_title};
+use crate::origin::{Build, Origin};
 use crate::table::{Field, Table, number};
 
 /// Version of the protocol between launcher, plant and controller: description, job file, control
@@ -24,6 +25,9 @@ pub struct Description {
     pub program: String,
     /// Version of the program.
     pub version: String,
+    /// Source that it was built from; `None`: its build noted nothing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub build: Option<Build>,
     /// The plants it can be; empty for a controller.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub plants: Vec<PlantDescription>,
@@ -40,6 +44,15 @@ pub struct Description {
 }
 
 impl Description {
+    /// A description of a program of this origin, without plants and laws, to be filled.
+    #[must_use]
+    pub fn of_origin(program: &str, origin: Origin) -> Self {
+        Self {
+            build: origin.source.map(Into::into),
+            ..Self::new(program, &origin.version)
+        }
+    }
+
     /// A description without plants and laws, to be filled.
     #[must_use]
     pub fn new(program: &str, version: &str) -> Self {
@@ -47,6 +60,7 @@ impl Description {
             protocol: PROTOCOL,
             program: program.into(),
             version: version.into(),
+            build: None,
             plants: Vec::new(),
             laws: Vec::new(),
             faults: Vec::new(),

@@ -14,7 +14,7 @@
 //! each [`process`] in it known by more than its number;
 //! [`live`] is how another terminal talks to it while it runs, and [`directive`] what a fault of
 //! timing tells a runner. [`supervision`] is what its processes hear from the one that started them and [`program`] what
-//! they have in common; [`by_hand`] is the way in for one that somebody else starts. A [`checkpoint`] keeps the [`state`] of both sides before a step, so that a run
+//! they have in common, with the [`mod@origin`] that each tells; [`by_hand`] is the way in for one that somebody else starts. A [`checkpoint`] keeps the [`state`] of both sides before a step, so that a run
 //! can go on from there; [`random`] gives
 //! each consumer of random numbers a stream of its own; [`clock`] is the meters' clock;
 //! [`mod@shared_memory`] knows what keeps that from being used;
@@ -45,6 +45,7 @@ pub mod link;
 pub mod live;
 pub mod lockstep;
 pub mod number;
+pub mod origin;
 pub mod pacer;
 pub mod place;
 pub mod process;

@@ -12,11 +12,16 @@ use crate::support::programs::workspace;
 
 /// Package and what it may depend on, when it is built and when it is tested. What moves to a target,
 /// the controller, knows neither simulator nor scenario.
-const ARROWS: [(&str, &[&str], &[&str]); 10] = [
+const ARROWS: [(&str, &[&str], &[&str]); 11] = [
+    ("hil-origin", &[], &[]),
     ("shared-types", &[], &[]),
     ("hil-config", &["shared-types"], &[]),
-    ("plant-process", &["shared-types", "hil-config"], &[]),
-    ("controller-process", &["shared-types"], &[]),
+    (
+        "plant-process",
+        &["shared-types", "hil-config", "hil-origin"],
+        &[],
+    ),
+    ("controller-process", &["shared-types", "hil-origin"], &[]),
     ("hil-recording", &["shared-types"], &[]),
     ("hil-target", &["shared-types"], &[]),
     ("hil-campaign", &["shared-types", "hil-config"], &[]),
@@ -29,6 +34,7 @@ const ARROWS: [(&str, &[&str], &[&str]); 10] = [
         "tools",
         &[
             "shared-types",
+            "hil-origin",
             "hil-recording",
             "hil-target",
             "hil-campaign",

@@ -3,6 +3,7 @@
 mod listening;
 mod long;
 mod processor;
+mod unusable;
 mod wire;
 
 use std::os::unix::fs::PermissionsExt;
@@ -13,7 +14,7 @@ use serde_json::Value;
 
 use crate::support::board::Board;
 use crate::support::harness::{Rig, Run, until};
-use crate::support::programs::program;
+use crate::support::programs::{program, workspace};
 
 /// Less than a second of the teaching run, without metrics and requirements.
 const SHORT: &str =
@@ -106,6 +107,28 @@ fn a_run_there_has_the_digest_of_the_desk_and_says_where_it_was() {
         run.stdout
     );
 
+    // Each program names its source; the lock file is the one of this workspace.
+    let lock = std::fs::read(workspace().join("Cargo.lock")).expect("read");
+    let git = |arguments: &[&str]| {
+        let mut git = std::process::Command::new("git");
+        let output = git.args(arguments).current_dir(workspace()).output();
+        output.is_ok_and(|output| output.status.success())
+    };
+    let is_clone = git(&["rev-parse", "HEAD"]);
+    for (side, package) in [
+        ("plant", "plant-process/src"),
+        ("controller", "controller-process/src"),
+    ] {
+        let build = &there[side]["build"];
+        assert_eq!(build["lock_blake3"], *blake3::hash(&lock).to_hex());
+        let commit = build["commit"].as_str();
+        assert_eq!(commit.is_some(), is_clone, "{build}");
+        // The commit has the sources, unless they are told to be others.
+        let same = |commit| git(&["diff", "--quiet", commit, "--", package, "shared-types/src"]);
+        let is_modified = build["modified"].as_bool().expect("true or false");
+        assert!(is_modified || commit.is_none_or(same), "{build}");
+    }
+
     // The agent and the program are kept, by their hashes, for this user alone; and can be removed.
     let kept = |board: &Board| -> Vec<(String, u32)> {
         let files = std::fs::read_dir(board.cache()).expect("the cache");
@@ -131,6 +154,14 @@ fn a_run_there_has_the_digest_of_the_desk_and_says_where_it_was() {
                 .all(|(name, mode)| name.len() == 64 && *mode == 0o500),
         "{files:?}"
     );
+    // What ran there as the agent is the other file.
+    let agent = files
+        .iter()
+        .find(|(name, _)| *name != here["controller"]["blake3"]);
+    let agent = board.cache().join(&agent.expect("two files").0);
+    let agent = blake3::hash(&std::fs::read(agent).expect("read"));
+    assert_eq!(target["agent_blake3"], *agent.to_hex());
+    assert!(target["free_bytes"].as_u64() > Some(0), "{target}");
     let mode = std::fs::metadata(board.cache())
         .expect("there")
         .permissions()
@@ -225,6 +256,8 @@ fn a_check_says_what_is_there() {
         "{checked}"
     );
     assert!(checked["fit_for_hz"].as_f64() > Some(0.0), "{checked}");
+    assert!(checked["cache_free_bytes"].as_u64() > Some(0), "{checked}");
+    assert_eq!(checked["hindrance"], Value::Null);
 }
 
 #[test]

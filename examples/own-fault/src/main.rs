@@ -62,8 +62,9 @@ impl FaultKind for Backlash {
 fn main() -> ExitCode {
     let mut kinds = kinds::all();
     kinds.push(FaultKindEntry::of::<Backlash>());
-    let (program, version) = (env!("CARGO_PKG_NAME"), env!("CARGO_PKG_VERSION"));
-    plant_process::program::run_with_faults(program, version, models::all(), kinds)
+    // The version, and the source that it was built from, as build.rs noted it.
+    let (program, origin) = (env!("CARGO_PKG_NAME"), shared_types::origin!());
+    plant_process::program::run_with_faults(program, origin, models::all(), kinds)
 }
 
 #[cfg(test)]

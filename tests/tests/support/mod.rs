@@ -1,10 +1,11 @@
 //! Shared pieces of the tests, none of them a test: a place of its own and a watchdog for each run
-//! ([`harness`]), the programs that are run ([`programs`]), a board for the controller ([`board`]) and two hosts with a wire ([`hosts`]), a cluster ([`slurm`]), others beside them ([`company`]), a terminal
+//! ([`harness`]), the programs that are run ([`programs`]), a board for the controller ([`board`]) and two hosts with a wire ([`hosts`]), a guest with a kernel of its own ([`guest`]), a cluster ([`slurm`]), others beside them ([`company`]), a terminal
 //! ([`terminal`]), FMUs ([`fmus`]), a Python interpreter ([`python`]) and a reader of recordings without the project's code ([`mcap_reader`]).
 
 pub(crate) mod board;
 pub(crate) mod company;
 pub(crate) mod fmus;
+pub(crate) mod guest;
 pub(crate) mod harness;
 pub(crate) mod hosts;
 pub(crate) mod mcap_reader;

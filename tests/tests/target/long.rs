@@ -6,7 +6,8 @@ use shared_types::random::RandomStream;
 
 use super::processor::on_another_processor;
 use super::wire::nothing_left_on_board;
-use super::{log, under_way};
+use super::{SHORT, log, text, under_way};
+use crate::support::guest::Guest;
 use crate::support::harness::Rig;
 use crate::support::hosts::Hosts;
 
@@ -101,4 +102,38 @@ fn two_hundred_cuts_at_random_times_leave_no_hang_no_stale_command_and_nothing_e
 fn the_papers_severe_leakage_on_another_processor_has_its_digests() {
     let test = "the_papers_severe_leakage_on_another_processor_has_its_digests";
     on_another_processor(test, "scenarios/severe-leakage.toml");
+}
+
+#[test]
+#[ignore = "long: .ci/run long"]
+fn a_kernel_of_its_own_is_evidence_of_pil_and_against_the_clock_of_hil() {
+    let test = "a_kernel_of_its_own_is_evidence_of_pil_and_against_the_clock_of_hil";
+    // A tenth of a second: a frame takes tens of milliseconds to an emulated processor and back.
+    let few = SHORT.replace("duration_s=0.8", "duration_s=0.1");
+    let rig = Rig::new();
+    // Not in the test's folder: the guest goes on after a run.
+    let folder = tempfile::tempdir().expect("a folder");
+    let key = folder.path().join("board.key");
+    rig.hil(&["target", "key", text(&key)]).expect(0);
+    let Some(guest) = Guest::new(test, folder.path(), &key) else {
+        return;
+    };
+    let here = rig.run(&few).expect(0).summary();
+    let there = rig
+        .run(&format!("{few} --wait-limit 60 {}", guest.target))
+        .expect(0);
+    let summary = there.summary();
+    assert_eq!(summary["digest"], here["digest"]);
+    assert_eq!(summary["evidence"], "pil", "{summary}");
+    let kernel = std::fs::read_to_string("/proc/sys/kernel/random/boot_id").expect("it is there");
+    assert_ne!(summary["target"]["boot_id"], kernel.trim());
+    assert_ne!(summary["target"]["kernel"], here["target"]["kernel"]);
+    let clock = "--clock realtime --wait-limit 60";
+    let there = rig
+        .run(&format!("{few} {clock} {}", guest.target))
+        .expect(0);
+    assert_eq!(there.summary()["evidence"], "hil");
+    let again = rig.path("again");
+    rig.hil(&["rerun", text(&there.folder), "--out", text(&again)])
+        .expect(0);
 }

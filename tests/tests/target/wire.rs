@@ -124,6 +124,70 @@ fn against_the_clock_bursts_of_lost_datagrams_repeat_here_to_the_same_digest() {
 }
 
 #[test]
+fn a_target_without_samples_switches_its_output_to_the_safe_command_by_itself() {
+    let test = "a_target_without_samples_switches_its_output_to_the_safe_command_by_itself";
+    let Some(mut hosts) = Hosts::new(test) else {
+        return;
+    };
+    const HELD_N: f64 = 0.5;
+    const SAFE_N: f64 = -1.25;
+    let rig = Rig::new();
+    // A law that keeps the mass where it is, however late its commands come.
+    let clock = format!(
+        "--set run.duration_s=12 --clock realtime --wait-limit 60 --set metrics=[] --set requirements=[] \
+         --set controller.law=hold --set controller.hold.value={HELD_N} --set plant.safe_command.force_n={SAFE_N}"
+    );
+    let running = rig.start_with(
+        hosts.hil(),
+        &format!("scenarios/spring-mass.toml {clock} --target board"),
+    );
+    under_way(&rig);
+    let mut last = 0;
+    until("commands are put out", || {
+        let output = hosts.output();
+        output.is_some_and(|(step, is_safe, values)| {
+            last = step;
+            !is_safe && step > 0 && values == [HELD_N]
+        })
+    });
+    hosts.order("cut");
+    let mut safe = None;
+    until("the output is the safe command", || {
+        safe = hosts.output().filter(|(_, is_safe, _)| *is_safe);
+        safe.is_some()
+    });
+    let (step, _, values) = safe.expect("seen");
+    assert_eq!(values, [SAFE_N]);
+    assert!(step >= last, "{step} {last}");
+    // Nobody told it to.
+    let controller_log = running.folder().join("controller.log");
+    let heard = std::fs::read_to_string(controller_log).expect("a log");
+    let is_told = format!("no sample after step {step} ");
+    assert!(!heard.contains(&is_told), "{heard}");
+    hosts.order("mend");
+    until("the output is the controller's again", || {
+        let output = hosts.output();
+        output.is_some_and(|(back, is_safe, _)| back > step && !is_safe)
+    });
+    let run = running.finish().expect(0);
+    // What it did alone is told by number: in the log, as a note of the recording, and in the summary.
+    assert!(log(&run).contains(&is_told), "{}", log(&run));
+    let summary = run.summary();
+    assert!(
+        summary["target"]["safe_switches"].as_u64() >= Some(1),
+        "{summary}"
+    );
+    let marks = summary["marks"].as_array().expect("notes");
+    let told = marks.iter().find(|mark| {
+        let text = mark["text"].as_str().unwrap_or_default();
+        text.contains(&is_told) && text.contains("its output was the safe command for")
+    });
+    let told = told.unwrap_or_else(|| panic!("{summary}"));
+    assert!(told["step"].as_u64() > Some(step), "{told}");
+    nothing_left_on_board(&hosts);
+}
+
+#[test]
 fn a_cut_is_survived_or_named_and_the_board_is_clean_either_way() {
     let test = "a_cut_is_survived_or_named_and_the_board_is_clean_either_way";
     let Some(mut hosts) = Hosts::new(test) else {

@@ -73,7 +73,7 @@ pub struct TargetCommand {
 pub enum TargetAction {
     /// Check whether a target can be reached and what it is fit for
     #[command(
-        after_help = "Exit codes: 0 it can be used; 2 it cannot as it was named; 3 it does not answer, or has no /dev/shm.\n\nExample:\n  hil target check me@board"
+        after_help = "Exit codes: 0 it can be used; 2 it cannot as it was named; 3 it does not answer, or has no room in /dev/shm or in its cache folder.\n\nExample:\n  hil target check me@board"
     )]
     Check(TargetContact),
     /// Remove the programs that are kept on a target

@@ -1,5 +1,6 @@
 //! `hil target`: look at the machines that controllers run on, clean them, and listen on one.
 
+use hil_target::cache::no_room;
 use hil_target::machine::Findings;
 use hil_target::{key, serve};
 use serde::Serialize;
@@ -72,6 +73,14 @@ fn check(arguments: &TargetContact) -> Result<Exit, Failure> {
     trips.sort_unstable();
     let at = |share: f64| trips[((trips.len() - 1) as f64 * share) as usize];
     let findings = reached.findings();
+    if let Some(free) = findings.cache_free_bytes {
+        let needed = reached.agent_bytes()?;
+        if free < needed {
+            let target = reached.target();
+            let why = no_room(needed, free);
+            return Err(Failure::infrastructure(format!("target {target}: {why}")));
+        }
+    }
     let checked = Checked {
         schema: 1,
         target: reached.target().to_string(),
@@ -103,6 +112,13 @@ fn check(arguments: &TargetContact) -> Result<Exit, Failure> {
         ),
         ("kernel", findings.kernel.clone()),
         ("shared memory", format!("{free} MiB free in /dev/shm")),
+        (
+            "programs",
+            match findings.cache_free_bytes {
+                Some(free) => format!("room for {} MiB in the cache folder", free >> 20),
+                None => "those that were listed when the agent was started".into(),
+            },
+        ),
         ("scheduling", priority),
         (
             "round trip",

@@ -28,7 +28,7 @@ use shared_types::text;
 
 use host::Host;
 use named::{CONTROLLER, Choice, Named, NamedBy, PLANT, Role};
-use reached::Reached;
+use reached::{BesideDesk, Reached};
 
 use crate::arguments::BinaryArguments;
 use crate::terminal::exit::Failure;
@@ -58,6 +58,8 @@ pub(crate) struct Binary {
     pub(crate) at: Option<Reached>,
     /// Program that runs it, if it is a model and no program.
     pub(crate) host: Option<Host>,
+    /// Comparison with the desk's build of it, where another build runs elsewhere.
+    pub(crate) beside_desk: Option<BesideDesk>,
     /// The file that was hashed.
     file: FileIdentity,
 }
@@ -97,6 +99,8 @@ pub(crate) struct Choices {
     plant: Choice,
     controller: Choice,
     at: Option<Reached>,
+    /// The controller that would run at this desk, where another place was asked for.
+    at_desk: Option<Choice>,
 }
 
 impl Choices {
@@ -113,6 +117,8 @@ impl Choices {
             plant: named.choice(&PLANT, arguments.plant_bin.as_deref(), None)?,
             controller: named.choice(&CONTROLLER, arguments.controller_bin.as_deref(), at)?,
             at: at.cloned(),
+            // One that must not be run here is compared with nothing.
+            at_desk: at.and_then(|_| named.choice(&CONTROLLER, None, None).ok()),
         })
     }
 
@@ -128,6 +134,7 @@ impl Choices {
             plant: copy(plant),
             controller: copy(controller),
             at: None,
+            at_desk: None,
         }
     }
 
@@ -143,9 +150,15 @@ impl Choices {
     /// # Errors
     /// If one is missing, cannot be executed or does not speak the protocol.
     pub(crate) fn find(&self, interruption: &Interruption) -> Result<Arc<Binaries>, Failure> {
+        let at = self.at.as_ref();
+        let mut controller = Binary::of_controller(&self.controller, at, interruption)?;
+        controller.beside_desk = self
+            .at_desk
+            .as_ref()
+            .and_then(|desk| BesideDesk::of(&controller, desk, interruption));
         Ok(Arc::new(Binaries {
             plant: Binary::of_plant(&self.plant, interruption)?,
-            controller: Binary::of_controller(&self.controller, self.at.as_ref(), interruption)?,
+            controller,
         }))
     }
 }
@@ -159,6 +172,9 @@ impl Binaries {
                 .as_ref()
                 .map_or_else(String::new, |at| format!(" on {}", at.target()));
             tell!("{}: {} ({by}){on}", role.side, path.display());
+        }
+        if let Some(beside) = &self.controller.beside_desk {
+            tell!("controller: {beside}");
         }
     }
 
@@ -437,6 +453,7 @@ impl Binary {
             by: by.clone(),
             at: at.cloned(),
             host,
+            beside_desk: None,
             file,
         };
         binary.refuse_changed()?;

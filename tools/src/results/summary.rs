@@ -12,6 +12,7 @@ use serde::Serialize;
 use shared_types::connection::Connection;
 use shared_types::ignored::Ignored;
 use shared_types::number::{short, unit_shown};
+use shared_types::origin::Build;
 use shared_types::pacer::Streaks;
 use shared_types::record::{Mark, Outcome, RunEnd};
 use shared_types::session::SessionInfo;
@@ -199,6 +200,8 @@ struct Program {
     /// Hash of the program that runs it, if it is an FMU.
     #[serde(skip_serializing_if = "Option::is_none")]
     host_blake3: Option<String>,
+    /// Source that it was built from; null if its build noted none.
+    build: Option<Build>,
 }
 
 /// Note at a step and its time.
@@ -233,6 +236,7 @@ impl Program {
             binary: binary.path.display().to_string(),
             blake3: binary.blake3.clone(),
             host_blake3: binary.host.as_ref().map(|host| host.blake3.clone()),
+            build: binary.description.build.clone(),
         }
     }
 }
@@ -370,6 +374,15 @@ impl Summary {
     #[must_use]
     pub(crate) fn with_company(self, company: Option<Company>) -> Self {
         Self { company, ..self }
+    }
+
+    /// The same of a run whose target's output was switched to the safe command so often.
+    #[must_use]
+    pub(crate) fn with_target_switches(mut self, switches: Option<u32>) -> Self {
+        if let Some(target) = &mut self.target {
+            target.safe_switches = switches.or(Some(0));
+        }
+        self
     }
 
     /// The same of a run that was begun then, with these values of its scenario changed.

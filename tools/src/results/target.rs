@@ -6,6 +6,7 @@ use serde::Serialize;
 use shared_types::text;
 
 use crate::programs::binaries::Binary;
+use crate::programs::binaries::reached::BesideDesk;
 
 /// A target, by what its agent found.
 #[derive(Clone, Debug, Serialize)]
@@ -19,6 +20,18 @@ pub(crate) struct Target {
     kernel: String,
     boot_id: String,
     cores: u32,
+    /// Hash of the agent's file.
+    agent_blake3: String,
+    /// Highest real-time priority that the agent may ask for.
+    most_priority: u32,
+    /// Bytes that were free in the target's `/dev/shm` before the run; null if nobody looked.
+    free_bytes: Option<u64>,
+    /// True if another build of the controller ran there, and commit and lock file of both are known to be the same;
+    /// null if it was the same file or if that cannot be told.
+    same_source: Option<bool>,
+    /// Times that the target's output was switched to the safe command because samples were missing, as far as the desk
+    /// heard of it; null if only the recording is there, which has each as a mark.
+    pub(crate) safe_switches: Option<u32>,
 }
 
 impl Target {
@@ -33,6 +46,14 @@ impl Target {
             kernel: findings.kernel,
             boot_id: findings.boot_id,
             cores: findings.cores,
+            agent_blake3: findings.agent_blake3,
+            most_priority: findings.most_priority,
+            free_bytes: findings.free_bytes,
+            same_source: controller
+                .beside_desk
+                .as_ref()
+                .and_then(BesideDesk::is_same_source),
+            safe_switches: None,
         })
     }
 
@@ -46,19 +67,31 @@ impl Target {
             kernel: known("target_kernel"),
             boot_id: known("target_boot_id"),
             cores: known("target_cores").parse().unwrap_or(0),
+            agent_blake3: known("target_agent_blake3"),
+            most_priority: known("target_most_priority").parse().unwrap_or(0),
+            free_bytes: known("target_free_bytes").parse().ok(),
+            same_source: known("target_same_source").parse().ok(),
+            safe_switches: None,
         })
     }
 
     /// Facts for the recording, by their names.
-    pub(crate) fn facts(&self) -> [(&'static str, String); 6] {
-        [
+    pub(crate) fn facts(&self) -> Vec<(&'static str, String)> {
+        let mut facts = vec![
             ("target", self.name.clone()),
             ("target_host", self.host.clone()),
             ("target_machine", self.machine.clone()),
             ("target_kernel", self.kernel.clone()),
             ("target_boot_id", self.boot_id.clone()),
             ("target_cores", self.cores.to_string()),
-        ]
+            ("target_agent_blake3", self.agent_blake3.clone()),
+            ("target_most_priority", self.most_priority.to_string()),
+        ];
+        let free = self.free_bytes.map(|bytes| bytes.to_string());
+        facts.extend(free.map(|free| ("target_free_bytes", free)));
+        let same = self.same_source.map(|same| same.to_string());
+        facts.extend(same.map(|same| ("target_same_source", same)));
+        facts
     }
 }
 

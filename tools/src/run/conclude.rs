@@ -17,6 +17,7 @@ use crate::results::summary::Summary;
 use crate::terminal::advice;
 use crate::terminal::exit::{Exit, Failure};
 use hil_recording::reader::RECORDING;
+use hil_target::bridge::switches;
 
 /// Ends the session of a run and writes its summary.
 ///
@@ -52,6 +53,7 @@ pub(super) fn conclude(
         ),
         Some(_) => Ok(Vec::new()),
     };
+    let switches = switches(&prepared.session);
     drop(session);
     let (checkpoints, collected) = match collected {
         Ok(made) => (made, Ok(())),
@@ -74,6 +76,7 @@ pub(super) fn conclude(
     .with_checkpoints(prepared.resumed, checkpoints)
     .with_started_by_hand(prepared.settings.by_hand.roles().map(Side::name))
     .with_company(company)
+    .with_target_switches(switches)
     .with_start(prepared.started_utc, prepared.settings.set);
     let json = serde_json::to_string_pretty(&summary).map_err(Failure::infrastructure)?;
     prepared.reserve.release();

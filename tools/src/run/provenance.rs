@@ -62,6 +62,14 @@ pub(super) fn of(
     if !locals.is_empty() {
         fact(LOCALS, serde_json::json!(locals).to_string());
     }
+    for (side, program) in [
+        ("plant", &binaries.plant),
+        ("controller", &binaries.controller),
+    ] {
+        if let Some(build) = &program.description.build {
+            fact(&format!("{side}_build"), build.to_string());
+        }
+    }
     let named = [
         ("plant_binary", &binaries.plant),
         ("controller_binary", &binaries.controller),

@@ -18,7 +18,7 @@ use crate::asking::ask;
 use crate::cache::{Programs, Storing};
 use crate::channel::{Ear, Heard, Mouth};
 use crate::machine::Findings;
-use crate::message::{PROTOCOL, RunRequest, ToAgent, ToDesk, from_hex, prologue, to_hex};
+use crate::message::{PROTOCOL, Refusal, RunRequest, ToAgent, ToDesk, from_hex, prologue, to_hex};
 use crate::path::{Wire, listen};
 use crate::seal::{Key, answer};
 use crate::sleep::LateBell;
@@ -71,9 +71,6 @@ pub fn run(
     served.map_err(|(_, reason)| reason)
 }
 
-/// A reason to end, and whether the user can mend it where it was typed.
-type Refusal = (bool, String);
-
 struct Agent<'a> {
     ear: Ear<ToAgent>,
     mouth: Mouth,
@@ -88,7 +85,7 @@ impl Agent<'_> {
     fn serve(&mut self) -> Result<(), Refusal> {
         self.mouth.say(&ToDesk::Here {
             protocol: PROTOCOL,
-            findings: Findings::own(),
+            findings: Findings::of_agent(self.programs.folder()),
         });
         let mut storing: Option<(String, Storing)> = None;
         loop {
@@ -107,10 +104,7 @@ impl Agent<'_> {
                     match self.programs.find(&blake3) {
                         Some(path) => self.have(blake3, path),
                         None => {
-                            let begun = self
-                                .programs
-                                .store(&blake3, bytes)
-                                .map_err(|reason| (true, reason))?;
+                            let begun = self.programs.store(&blake3, bytes)?;
                             storing = Some((blake3, begun));
                             self.mouth.say(&ToDesk::Send);
                         }
@@ -227,5 +221,6 @@ fn cannot_run(error: &dyn std::fmt::Display) -> String {
     format!("cannot run the program there: {error}")
 }
 
+mod output;
 mod run;
 mod started;

@@ -6,15 +6,19 @@
 use std::io::Write;
 use std::net::SocketAddr;
 use std::path::Path;
+use std::time::Duration;
 
 use serde_json::Value;
 use shared_types::clock::monotonic_ns;
+use shared_types::describe::Settings;
 use shared_types::frame::FrameIdentity;
 use shared_types::hello::Control;
 use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{FrameSpec, Link, LinkError};
+use shared_types::live::{Request, ask};
 use shared_types::program::{self, CONTROLLER_JOB, FAILED, PLANT_JOB};
 use shared_types::realtime::CONTROLLER_FILE;
+use shared_types::record::LONGEST_MARK;
 use shared_types::session::SessionInfo;
 use shared_types::supervision::{PEER_GONE, STOP, Supervision};
 use shared_types::table::number;
@@ -35,7 +39,7 @@ use crate::way::Way;
 
 /// Share of the wait limit after which a silent target is given up: before the plant gives up, which knows no target.
 const SHARE: f64 = 0.9;
-/// Sample periods without a sample after which a target announces the safe command.
+/// Sample periods without a sample after which the output of a target is the safe command.
 pub const MISSED_PERIODS: u32 = 20;
 /// Silence of the datagrams after which the frames go through the channel as well.
 const PATH_NS: u64 = 1_000_000_000;
@@ -45,6 +49,17 @@ const SIGN_NS: u64 = 250_000_000;
 const STOPPING_NS: u64 = 3_000_000_000;
 /// Time that the last frames of a controller may take once it has ended.
 const PARTING_NS: u64 = 1_000_000_000;
+
+/// Name of the file in a session's folder that has the number of switches of the target's output to the safe command.
+const SWITCHES_FILE: &str = "target-switches.json";
+/// Time for the plant to take a note.
+const MARKING: Duration = Duration::from_secs(2);
+
+/// Number of switches of the target's output to the safe command in a session, if the desk heard of one.
+#[must_use]
+pub fn switches(session: &SessionInfo) -> Option<u32> {
+    session.read_file(SWITCHES_FILE).ok()
+}
 
 /// Name of the file in a session's folder that tells that the controller of this epoch runs on its target.
 #[must_use]
@@ -61,11 +76,18 @@ struct Job {
     wait_limit_s: f64,
 }
 
-/// The wait limit of a job.
+/// The parts of a plant's job that matter to a target.
 #[derive(serde::Deserialize)]
-struct Limit {
+struct PlantJob {
     #[serde(with = "number")]
     wait_limit_s: f64,
+    plant: Safe,
+}
+
+#[derive(serde::Deserialize)]
+struct Safe {
+    #[serde(default)]
+    safe_command: Settings,
 }
 
 /// Runs the controller of a session on a target; returns the exit code of a controller.
@@ -86,8 +108,9 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
     let job = job.to_string();
     // The controller's job has the plant's limit and a step of a paced run; where there is no plant's, as in a
     // replay, its own is that.
-    let plant: Result<Limit, _> = session.read_file(PLANT_JOB);
-    let limit_s = plant.map_or(known.wait_limit_s, |plant| plant.wait_limit_s);
+    let plant: Result<PlantJob, _> = session.read_file(PLANT_JOB);
+    let limit_s = (plant.as_ref()).map_or(known.wait_limit_s, |plant| plant.wait_limit_s);
+    let safe = plant.map_or_else(|_| Settings::default(), |plant| plant.plant.safe_command);
     let limit = WaitLimit::from_seconds(SHARE * limit_s);
 
     let bell = LateBell::default();
@@ -121,6 +144,7 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
         key: key.to_hex(),
         handshake: to_hex(&first),
         missed,
+        safe,
         boot_id: boot_id.clone(),
     })));
     let running = contact
@@ -137,6 +161,7 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
     let link = program::attach(&session, known.epoch, limit, &supervision)?;
     bell.is(link.bell());
     supervision.ring_at_news(link.bell());
+    let session_switches = switches(&session).unwrap_or(0);
     Bridge {
         both_here: contact.findings().boot_id == boot_id,
         contact,
@@ -158,6 +183,7 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
         ended: None,
         stopping_ns: 0,
         told_gone: false,
+        switches_before: session_switches,
     }
     .drive(limit, &supervision)
 }
@@ -197,6 +223,8 @@ struct Bridge {
     /// Time at which the controller was told to stop; 0 if it was not.
     stopping_ns: u64,
     told_gone: bool,
+    /// Switches of outputs to the safe command under controllers before this.
+    switches_before: u32,
 }
 
 impl Bridge {
@@ -358,9 +386,11 @@ impl Bridge {
                         .map_err(|e| e.to_string())?;
                 }
             }
-            ToDesk::Output { what } => {
-                program::say(&format!("target {}: {what}", self.contact.way.target))
-            }
+            ToDesk::Output {
+                what,
+                switches,
+                is_back,
+            } => self.output(&what, switches, is_back)?,
             ToDesk::Ended { code, fate, said } => {
                 let since_ns = monotonic_ns();
                 self.ended = Some(Ended {
@@ -374,6 +404,22 @@ impl Bridge {
                 return Err(format!("target {}: {reason}", self.contact.way.target));
             }
             _ => {}
+        }
+        Ok(())
+    }
+
+    /// Notes a switch of the target's output, once it is over also at the step that the plant is at.
+    fn output(&self, what: &str, switches: u32, is_back: bool) -> Result<(), String> {
+        let text = format!("target {}: {what}", self.contact.way.target);
+        program::say(&text);
+        let all = self.switches_before.saturating_add(switches);
+        let written = self.session.write_file(SWITCHES_FILE, &all);
+        written.map_err(|e| e.to_string())?;
+        if is_back {
+            let session = self.session.clone();
+            let text = text.chars().take(LONGEST_MARK).collect();
+            // Beside the loop; a plant that has ended takes no more notes.
+            std::thread::spawn(move || ask(&session, &Request::Mark { text }, MARKING));
         }
         Ok(())
     }

@@ -5,11 +5,15 @@ use std::fs;
 use std::io::{self, Write};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
-use crate::machine::hash;
+use crate::machine::{free_bytes, hash};
+use crate::message::Refusal;
 
 /// Most files in a cache.
 const MOST_FILES: usize = 8;
+/// Age at which the part of a copy is of no use any more: nobody waits so long for its next piece.
+const PART_LIMIT: Duration = Duration::from_secs(300);
 /// Longest program in bytes.
 pub const MOST_BYTES: u64 = 512 << 20;
 
@@ -74,20 +78,30 @@ impl Programs {
             .then_some(file)
     }
 
+    /// Folder of the cache, if there is one.
+    pub(crate) fn folder(&self) -> Option<&Path> {
+        match self {
+            Self::Cached(folder) => Some(folder),
+            Self::Listed(_) => None,
+        }
+    }
+
     /// Begins to store a program.
     ///
     /// # Errors
     /// If the programs are listed, or there is no room.
-    pub fn store(&self, blake3: &str, bytes: u64) -> Result<Storing, String> {
+    pub(crate) fn store(&self, blake3: &str, bytes: u64) -> Result<Storing, Refusal> {
         let Self::Cached(folder) = self else {
-            return Err(
-                "this agent runs only the programs that were listed when it was started".into(),
-            );
+            let told = "this agent runs only the programs that were listed when it was started";
+            return Err((true, told.into()));
         };
         if blake3::Hash::from_hex(blake3).is_err() || bytes > MOST_BYTES {
-            return Err("that is no program".into());
+            return Err((true, "that is no program".into()));
         }
         make_room(folder);
+        if let Some(free) = free_bytes(folder).filter(|free| *free < bytes) {
+            return Err((false, no_room(bytes, free)));
+        }
         let part = folder.join(format!("{blake3}.part{}", std::process::id()));
         let mut options = fs::OpenOptions::new();
         let file = options
@@ -96,7 +110,7 @@ impl Programs {
             .truncate(true)
             .mode(0o600)
             .open(&part);
-        let file = file.map_err(|error| format!("{}: {error}", part.display()))?;
+        let file = file.map_err(|error| (true, format!("{}: {error}", part.display())))?;
         Ok(Storing {
             file,
             blake3: blake3.into(),
@@ -164,22 +178,37 @@ fn files(folder: &Path) -> Vec<PathBuf> {
     files.map(|entry| entry.path()).collect()
 }
 
+/// Says that there is no room for a program of so many bytes.
+#[must_use]
+pub fn no_room(bytes: u64, free: u64) -> String {
+    let mib = |bytes: u64| bytes.div_ceil(1 << 20);
+    format!(
+        "no room for a program of {} MiB: {} MiB are free in its cache folder, which `hil target clean` empties",
+        mib(bytes),
+        free >> 20
+    )
+}
+
 /// Removes the oldest programs, so that one more has room, and what is left of copies that were cut off.
 fn make_room(folder: &Path) {
-    let mut files: Vec<_> = files(folder)
-        .into_iter()
-        .map(|file| {
-            (
-                fs::metadata(&file).and_then(|found| found.modified()).ok(),
-                file,
-            )
-        })
-        .collect();
-    files.sort();
+    let mut programs = Vec::new();
+    for file in files(folder) {
+        let changed = fs::metadata(&file).and_then(|found| found.modified()).ok();
+        if file.extension().is_none() {
+            programs.push((changed, file));
+            continue;
+        }
+        // Another agent may be writing it.
+        let age = changed.and_then(|changed| changed.elapsed().ok());
+        if age.is_some_and(|age| age > PART_LIMIT) {
+            let _ = fs::remove_file(file); // the next one tries again
+        }
+    }
+    programs.sort();
     let own = std::env::current_exe().ok();
-    files.retain(|(_, file)| Some(file) != own.as_ref());
-    let surplus = (files.len() + 2).saturating_sub(MOST_FILES);
-    for (_, file) in files.into_iter().take(surplus) {
+    programs.retain(|(_, file)| Some(file) != own.as_ref());
+    let surplus = (programs.len() + 2).saturating_sub(MOST_FILES);
+    for (_, file) in programs.into_iter().take(surplus) {
         let _ = fs::remove_file(file); // the next one tries again
     }
 }
@@ -188,12 +217,12 @@ fn make_room(folder: &Path) {
 mod tests {
     use super::*;
 
-    fn store(programs: &Programs, content: &[u8]) -> Result<String, String> {
+    fn store(programs: &Programs, content: &[u8]) -> Result<String, Refusal> {
         let hash = blake3::hash(content).to_hex().to_string();
         let mut storing = programs.store(&hash, content.len() as u64)?;
         let (first, second) = content.split_at(content.len() / 2);
         assert_eq!(storing.take(first), Ok(false));
-        assert_eq!(storing.take(second), Ok(true));
+        assert_eq!(storing.take(second), Ok(true)); // whole
         Ok(hash)
     }
 
@@ -243,6 +272,36 @@ mod tests {
         );
         assert!(programs.clean() > 0);
         assert!(files(folder.path()).is_empty());
+    }
+
+    #[test]
+    fn parts_of_copies_count_for_nothing_and_old_ones_go() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let programs = Programs::Cached(folder.path().into());
+        for number in 0..MOST_FILES - 1 {
+            store(&programs, format!("program {number}").as_bytes()).expect("kept");
+        }
+        let kept = files(folder.path()).len();
+        let part = |name: &str, age: Duration| {
+            let path = folder.path().join(format!("{name}.part1"));
+            let file = fs::File::create(&path).expect("made");
+            let changed = std::time::SystemTime::now() - age;
+            file.set_modified(changed).expect("set");
+            path
+        };
+        let name = |number: u8| blake3::hash(&[number]).to_hex().to_string();
+        let new: Vec<PathBuf> = (0..9)
+            .map(|number| part(&name(number), Duration::ZERO))
+            .collect();
+        let old = part(&name(9), 2 * PART_LIMIT);
+        make_room(folder.path());
+        assert!(new.iter().all(|part| part.exists()) && !old.exists());
+        assert_eq!(files(folder.path()).len(), kept - 1 + new.len());
+        // More than any disk has.
+        let bytes = free_bytes(folder.path()).expect("a disk");
+        if bytes < MOST_BYTES {
+            assert!(programs.store(&name(1), MOST_BYTES).is_err());
+        }
     }
 
     #[test]

@@ -5,7 +5,8 @@ use std::io::{self, Read};
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use shared_types::text::line_of;
+use shared_types::shared_memory::{FOLDER, hindrance};
+use shared_types::text::{line_if_any, line_of};
 
 /// Findings of an agent about the machine that it runs on.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -31,6 +32,15 @@ pub struct Findings {
     pub emulates: Vec<String>,
     /// Bytes free in `/dev/shm`, if it is there.
     pub free_bytes: Option<u64>,
+    /// What keeps a session from being made there, and what to do; `None` if nothing is known that does.
+    #[serde(default, deserialize_with = "line_if_any")]
+    pub hindrance: Option<String>,
+    /// Bytes free in the folder of programs, of an agent that takes any.
+    #[serde(default)]
+    pub cache_free_bytes: Option<u64>,
+    /// Hash of the agent's file; empty for who is no agent.
+    #[serde(default, deserialize_with = "line_of")]
+    pub agent_blake3: String,
 }
 
 impl Findings {
@@ -41,7 +51,6 @@ impl Findings {
         let text = |text: &std::ffi::CStr| text.to_string_lossy().into_owned();
         let boot_id =
             std::fs::read_to_string("/proc/sys/kernel/random/boot_id").unwrap_or_default();
-        let disk = rustix::fs::statvfs("/dev/shm").ok();
         Self {
             host: text(host.nodename()),
             machine: text(host.machine()),
@@ -50,9 +59,29 @@ impl Findings {
             cores: std::thread::available_parallelism().map_or(1, |cores| cores.get() as u32),
             most_priority: most_priority(),
             emulates: emulated(),
-            free_bytes: disk.map(|disk| disk.f_bavail.saturating_mul(disk.f_frsize)),
+            free_bytes: free_bytes(Path::new(FOLDER)),
+            hindrance: hindrance(),
+            cache_free_bytes: None,
+            agent_blake3: String::new(),
         }
     }
+
+    /// Looks at this machine as an agent, with the folder where it keeps programs.
+    #[must_use]
+    pub(crate) fn of_agent(cache: Option<&Path>) -> Self {
+        let own = std::env::current_exe().and_then(|own| hash(&own));
+        Self {
+            cache_free_bytes: cache.and_then(free_bytes),
+            agent_blake3: own.unwrap_or_default(),
+            ..Self::own()
+        }
+    }
+}
+
+/// Bytes free where a folder is, if it is there.
+pub(crate) fn free_bytes(folder: &Path) -> Option<u64> {
+    let disk = rustix::fs::statvfs(folder).ok()?;
+    Some(disk.f_bavail.saturating_mul(disk.f_frsize))
 }
 
 /// Returns the machines that qemu-user is registered for, as Debian's package does it.

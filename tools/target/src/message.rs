@@ -1,12 +1,16 @@
 //! Messages between desk and agent.
 
 use serde::{Deserialize, Serialize};
+use shared_types::describe::Settings;
 use shared_types::text::{line_if_any, line_of};
 
 use crate::machine::Findings;
 
 /// Version of everything that desk and agent say to each other.
-pub const PROTOCOL: u32 = 1;
+pub const PROTOCOL: u32 = 2;
+
+/// A reason of the agent to end, and whether the user can mend it where it was typed.
+pub(crate) type Refusal = (bool, String);
 
 /// Message of the desk.
 #[derive(Debug, Serialize, Deserialize)]
@@ -63,11 +67,13 @@ pub struct RunRequest {
     pub handshake: String,
     /// Rule for a target that hears no sample any more, where the plant waits for nobody.
     pub missed: Missed,
+    /// The safe command, by the names of the plant's commands.
+    pub safe: Settings,
     /// Random number of the desk's boot.
     pub boot_id: String,
 }
 
-/// Rule for a target that hears no sample any more: then it announces the safe command.
+/// Rule for a target that hears no sample any more: then its output is the safe command.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Missed {
     /// Sample period in s.
@@ -125,11 +131,15 @@ pub enum ToDesk {
         /// The file.
         report: String,
     },
-    /// Samples have been missing for long, or came back.
+    /// The output was switched to the safe command, or is the controller's again.
     Output {
         /// What happened.
         #[serde(deserialize_with = "line_of")]
         what: String,
+        /// Number of times that it was switched in this run.
+        switches: u32,
+        /// It is the controller's again.
+        is_back: bool,
     },
     /// The program ended.
     Ended {

@@ -42,7 +42,37 @@ pub struct Way {
     pub key_file: Option<PathBuf>,
 }
 
+/// The static agent for a type of machine in the same build folder as a program of this build, and the agent beside that.
+fn agents(own: &Path, machine: &str) -> (Option<PathBuf>, PathBuf) {
+    let beside = own.with_file_name("hil-target");
+    let profile = own.parent().and_then(Path::file_name);
+    let folder = own.parent().and_then(Path::parent);
+    let built = folder.zip(profile).zip(triple(machine));
+    let built = built
+        .map(|((folder, profile), triple)| folder.join(triple).join(profile).join("hil-target"));
+    (built, beside)
+}
+
 impl Way {
+    /// The agent for a type of machine, if nobody named it and it is older than the one beside this program, with
+    /// that: a part of this build that was not built anew.
+    #[must_use]
+    pub fn stale_agent(&self, machine: &str) -> Option<(PathBuf, PathBuf)> {
+        if self.agent.is_some() {
+            return None;
+        }
+        let own = std::env::current_exe().ok()?;
+        let (built, beside) = agents(&own, machine);
+        let changed = |file: &Path| {
+            std::fs::metadata(file)
+                .and_then(|found| found.modified())
+                .ok()
+        };
+        let built = built
+            .filter(|file| built_for(file).is_ok_and(|built| built.as_deref() == Some(machine)))?;
+        (changed(&built)? < changed(&beside)?).then_some((built, beside))
+    }
+
     pub(crate) fn usage(&self, reason: impl std::fmt::Display) -> TargetError {
         TargetError::Usage {
             target: self.target.to_string(),
@@ -62,7 +92,7 @@ impl Way {
     ///
     /// # Errors
     /// If there is none for this machine; the error says how to build one.
-    pub(crate) fn agent_for(&self, machine: &str) -> Result<PathBuf, TargetError> {
+    pub fn agent_for(&self, machine: &str) -> Result<PathBuf, TargetError> {
         let is_for =
             |file: &Path| built_for(file).is_ok_and(|built| built.as_deref() == Some(machine));
         if let Some(named) = &self.agent {
@@ -78,16 +108,7 @@ impl Way {
             };
         }
         let own = std::env::current_exe().map_err(|error| self.infrastructure(error))?;
-        let beside = own.with_file_name("hil-target");
-        let profile = own.parent().and_then(Path::file_name);
-        let built = own
-            .parent()
-            .and_then(Path::parent)
-            .zip(profile)
-            .zip(triple(machine));
-        let built = built.map(|((folder, profile), triple)| {
-            folder.join(triple).join(profile).join("hil-target")
-        });
+        let (built, beside) = agents(&own, machine);
         let found = built.into_iter().chain([beside]).find(|file| is_for(file));
         found.ok_or_else(|| {
             self.usage(match triple(machine) {

@@ -34,6 +34,7 @@ impl Summary {
             host_blake3: reader
                 .fact(&format!("{side}_host_blake3"))
                 .map(str::to_owned),
+            build: described.build.clone(),
         };
         let origin = Origin {
             session: fact("session").to_owned(),

@@ -4,6 +4,7 @@ use std::os::unix::process::ExitStatusExt;
 use std::process::ExitStatus;
 
 use shared_types::clock::monotonic_ns;
+use shared_types::describe::Settings;
 use shared_types::frame::{FrameIdentity, FrameKind};
 use shared_types::hello::Control;
 use shared_types::link::iceoryx::IceoryxLink;
@@ -12,6 +13,7 @@ use shared_types::realtime::CONTROLLER_FILE;
 use shared_types::session::SessionInfo;
 use shared_types::wait::WaitLimit;
 
+use super::output::Output;
 use super::started::Started;
 use crate::channel::{Ear, Heard, Mouth};
 use crate::exchange::{BEAT_NS, TargetEnd};
@@ -57,7 +59,14 @@ pub(super) struct Run<'a> {
     heard_ns: u64,
     /// Time at which the last sample came; 0 before the first and while the run is held.
     sample_ns: u64,
-    is_safe: bool,
+    /// The output, once its signals are known; against the clock alone.
+    output: Option<Output>,
+    safe: Settings,
+    /// Time since which samples are missing and the output is the safe command; 0 if it is not for that.
+    safe_ns: u64,
+    /// Step of the first sample since then.
+    back: Option<u64>,
+    switches: u32,
     has_reported: bool,
     has_told_end: bool,
     /// Exit status of the program, and the time at which it was seen.
@@ -91,7 +100,11 @@ impl<'a> Run<'a> {
             is_at_work: false,
             heard_ns: monotonic_ns(),
             sample_ns: 0,
-            is_safe: false,
+            output: None,
+            safe: request.safe.clone(),
+            safe_ns: 0,
+            back: None,
+            switches: 0,
             has_reported: false,
             has_told_end: false,
             ended: None,
@@ -106,7 +119,7 @@ impl<'a> Run<'a> {
         let (mut look_ns, mut sign_ns) = (0, 0);
         loop {
             let mut busy = self.hear_wire().map_err(told)?;
-            match self.hear_channel().map_err(told)? {
+            match self.hear_channel()? {
                 Some(came) => busy |= came,
                 None => return Ok(()),
             }
@@ -146,7 +159,7 @@ impl<'a> Run<'a> {
     }
 
     /// True if something came; nothing at the end of the channel.
-    fn hear_channel(&mut self) -> Result<Option<bool>, LinkError> {
+    fn hear_channel(&mut self) -> Result<Option<bool>, String> {
         let Some(heard) = self.ear.next() else {
             return Ok(Some(false));
         };
@@ -155,7 +168,7 @@ impl<'a> Run<'a> {
             Heard::Closed(_) => return Ok(None),
             Heard::Packet(bytes) => {
                 if let Some(packet) = Packet::read(&bytes) {
-                    self.take(packet, Way::Channel)?;
+                    self.take(packet, Way::Channel).map_err(told)?;
                 }
             }
             Heard::Message(ToAgent::Control { content }) => self.control(&content)?,
@@ -166,20 +179,23 @@ impl<'a> Run<'a> {
     }
 
     /// Passes a control message of the plant on; the frames are open before the controller hears of them.
-    fn control(&mut self, content: &str) -> Result<(), LinkError> {
+    fn control(&mut self, content: &str) -> Result<(), String> {
         if let Ok(Control::Welcome(welcome)) = Control::from_bytes(content.as_bytes()) {
             let spec = FrameSpec {
                 identity: welcome.frame_identity(),
                 outgoing: welcome.sample.len(),
                 incoming: welcome.command.len(),
             };
-            self.link.open_frames(&spec)?;
+            self.link.open_frames(&spec).map_err(told)?;
             self.end = TargetEnd::new(welcome.against_clock);
             self.against_clock = welcome.against_clock;
+            if welcome.against_clock {
+                self.output = Some(Output::create(&self.session, &welcome, &self.safe)?);
+            }
             self.values = vec![0.0; spec.incoming];
             self.open = Some((spec.identity, spec.outgoing));
         }
-        self.link.send_control(content.as_bytes())
+        self.link.send_control(content.as_bytes()).map_err(told)
     }
 
     fn take(&mut self, packet: Packet, way: Way) -> Result<(), LinkError> {
@@ -189,13 +205,11 @@ impl<'a> Run<'a> {
             .frame
             .as_ref()
             .filter(|frame| self.end.is_news(frame));
-        if let Some(sample) = sample.filter(|frame| frame.header.kind() == Some(FrameKind::Sample))
-        {
+        let sample = sample.filter(|frame| frame.header.kind() == Some(FrameKind::Sample));
+        if let Some(sample) = sample {
             self.sample_ns = self.heard_ns;
-            if std::mem::take(&mut self.is_safe) {
-                let step = sample.header.step;
-                let what = format!("step {step}: samples come again");
-                self.mouth.try_say(&ToDesk::Output { what });
+            if self.safe_ns > 0 {
+                self.back.get_or_insert(sample.header.step);
             }
         }
         let Some(frame) = self.end.take(packet) else {
@@ -215,10 +229,16 @@ impl<'a> Run<'a> {
         self.link.send(&frame.header, &frame.values)?;
         match frame.header.kind() {
             Some(FrameKind::Sample) => self.is_at_work = true,
-            Some(FrameKind::End) => (self.is_at_work, self.sample_ns) = (true, 0),
+            Some(FrameKind::End) => {
+                (self.is_at_work, self.sample_ns) = (true, 0);
+                self.make_safe();
+            }
             // Nothing answers a hold or an abort: the desk hears that it came.
-            _ => {
+            kind => {
                 self.sample_ns = 0;
+                if kind == Some(FrameKind::Abort) {
+                    self.make_safe();
+                }
                 self.answer();
             }
         }
@@ -239,6 +259,9 @@ impl<'a> Run<'a> {
             && let Some(header) = self.link.receive(&mut self.values)?
         {
             self.is_at_work = false;
+            if header.kind() == Some(FrameKind::Command) {
+                self.put(header.step);
+            }
             self.end.say(&header, &self.values);
             self.answer();
             came = true;
@@ -263,6 +286,9 @@ impl<'a> Run<'a> {
         self.look_for_samples(now_ns);
         if self.ended.is_none() {
             self.ended = self.started.status().map(|status| (status, now_ns));
+            if self.ended.is_some() {
+                self.make_safe();
+            }
         }
         let Some((status, since_ns)) = self.ended else {
             return Ok(());
@@ -281,19 +307,58 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// Announces the safe command once samples have been missing for long, by this machine's clock.
-    fn look_for_samples(&mut self, now_ns: u64) {
-        let Missed { period_s, periods } = self.missed;
-        if !self.against_clock {
+    fn make_safe(&mut self) {
+        if let Some(output) = &mut self.output {
+            output.switch();
+        }
+    }
+
+    /// Puts the newest command out, unless it answers a sample from before samples went missing.
+    fn put(&mut self, step: u64) {
+        let Some(output) = &mut self.output else {
+            return;
+        };
+        if self.safe_ns > 0 && self.back.is_none_or(|first| step < first) {
             return;
         }
-        let limit_ns = (period_s * f64::from(periods) * 1e9) as u64;
-        if self.sample_ns > 0 && !self.is_safe && now_ns.saturating_sub(self.sample_ns) > limit_ns {
-            self.is_safe = true;
+        let last = output.step();
+        output.put(step, &self.values);
+        let safe_ns = std::mem::take(&mut self.safe_ns);
+        if safe_ns > 0 {
+            let for_s = monotonic_ns().saturating_sub(safe_ns) as f64 / 1e9;
             let what = format!(
-                "no sample for {periods} periods: outputs of the target should be the safe command; this agent drives none"
+                "no sample after step {last} for {} periods: its output was the safe command for {for_s:.3} s, and is the controller's again from step {step}",
+                self.missed.periods
             );
-            self.mouth.try_say(&ToDesk::Output { what });
+            self.tell_output(what, true);
+        }
+    }
+
+    fn tell_output(&self, what: String, is_back: bool) {
+        self.mouth.try_say(&ToDesk::Output {
+            what,
+            switches: self.switches,
+            is_back,
+        });
+    }
+
+    /// Switches the output to the safe command once samples have been missing for long, by this machine's clock.
+    fn look_for_samples(&mut self, now_ns: u64) {
+        let Missed { period_s, periods } = self.missed;
+        let Some(output) = &mut self.output else {
+            return;
+        };
+        let limit_ns = (period_s * f64::from(periods) * 1e9) as u64;
+        let is_late = self.sample_ns > 0 && now_ns.saturating_sub(self.sample_ns) > limit_ns;
+        if is_late && self.safe_ns == 0 {
+            output.switch();
+            let what = format!(
+                "no sample after step {} for {periods} periods: its output is the safe command",
+                output.step()
+            );
+            (self.safe_ns, self.back) = (now_ns, None);
+            self.switches += 1;
+            self.tell_output(what, false);
         }
     }
 }

@@ -1,0 +1,5 @@
+//! Notes the source that the program is built from, for `--describe`.
+
+fn main() {
+    hil_origin::note();
+}

@@ -1,0 +1,214 @@
+//! The source that a program is built from, noted by its build script: commits, changes since, and the lock file.
+//!
+//! Used by the `build.rs` of a package with a plant's or controller's `main`; `shared_types::origin!()` reads the note,
+//! and `--describe` tells it. A build that finds no `git` or no commit notes that, and goes on.
+//!
+//! Sources are those of the package and of each that it names by path, and the commit is the last one that changed them.
+//! So the script runs again when a source changes or, while there are changes, at the next commit, and a commit of
+//! anything else has nothing built anew. A commit that is rewritten later with the same sources keeps its name here.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::ffi::OsStr;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use serde_json::Value;
+
+/// Text for a source of which no commit is known.
+const UNKNOWN: &str = "unknown";
+/// Parts of a package that a program is built from.
+const PARTS: [&str; 3] = ["src", "Cargo.toml", "build.rs"];
+
+/// Notes the source of the package whose build script calls it. The variable `HIL_COMMIT` of its build has the commit alone.
+///
+/// # Panics
+/// If it is called by anything else than a build script.
+pub fn note() {
+    let variable = |name: &str| std::env::var(name).unwrap_or_else(|_| panic!("{name} is not set"));
+    let origin = Origin::of(Path::new(&variable("CARGO_MANIFEST_DIR")));
+    for path in &origin.watched {
+        println!("cargo::rerun-if-changed={}", path.display());
+    }
+    let modified = if origin.is_modified { "-modified" } else { "" };
+    println!("cargo::rustc-env=HIL_COMMIT={}{modified}", origin.commit());
+    let file = Path::new(&variable("OUT_DIR")).join("origin.rs");
+    let text = origin.expression(&variable("CARGO_PKG_VERSION"));
+    fs::write(&file, text).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
+}
+
+/// The source of a package.
+#[derive(Debug, Default)]
+struct Origin {
+    /// Last commit of the sources in each repository, the package's own first; `None` for packages that are in none.
+    commits: Vec<Option<String>>,
+    is_modified: bool,
+    lock: Option<PathBuf>,
+    watched: Vec<PathBuf>,
+}
+
+impl Origin {
+    fn of(package: &Path) -> Self {
+        let mut origin = Self::default();
+        let found = Packages::of(package);
+        if let Some(root) = &found.root {
+            origin.lock = Some(root.join("Cargo.lock")).filter(|lock| lock.is_file());
+            origin.watched.push(root.join("Cargo.toml"));
+            origin.watched.extend(origin.lock.clone());
+        }
+        // Sources by repository; those in none come under `None`.
+        let mut repositories: Vec<(Option<PathBuf>, Vec<PathBuf>)> = Vec::new();
+        for folder in &found.folders {
+            let parts = PARTS.map(|part| folder.join(part));
+            let parts = parts.into_iter().filter(|part| part.exists());
+            // In a repository, and part of it: one that only lies in its folder has no commit.
+            let is_part = git(folder, &["ls-files", "--error-unmatch", "Cargo.toml"]).is_some();
+            let top = git(folder, &["rev-parse", "--show-toplevel"]).filter(|_| is_part);
+            let top = top.map(PathBuf::from);
+            match repositories.iter_mut().find(|(known, _)| *known == top) {
+                Some((_, all)) => all.extend(parts),
+                None => repositories.push((top, parts.collect())),
+            }
+        }
+        for (top, sources) in repositories {
+            let commit = top.and_then(|top| origin.look(&top, &sources));
+            origin.commits.push(commit);
+            origin.watched.extend(sources);
+        }
+        origin
+    }
+
+    /// Looks at the sources in a repository; returns the last commit that changed them.
+    fn look(&mut self, top: &Path, sources: &[PathBuf]) -> Option<String> {
+        let ask = |arguments: &[&str]| {
+            let sources = sources.iter().map(|source| source.as_os_str());
+            let all = arguments.iter().map(OsStr::new);
+            git(top, &all.chain(sources).collect::<Vec<_>>())
+        };
+        let status = ask(&["status", "--porcelain", "--untracked-files=normal", "--"]);
+        if status.is_none_or(|changes| !changes.is_empty()) {
+            self.is_modified = true;
+            let files = ["HEAD", "logs/HEAD"].map(|file| {
+                let path = ["rev-parse", "--path-format=absolute", "--git-path", file];
+                git(top, &path).map(PathBuf::from)
+            });
+            let files = files.into_iter().flatten();
+            self.watched.extend(files.filter(|file| file.exists()));
+        }
+        ask(&["log", "-1", "--format=%H", "--"]).filter(|commit| !commit.is_empty())
+    }
+
+    /// Names the commits in one text.
+    fn commit(&self) -> String {
+        if self.commits.is_empty() {
+            return UNKNOWN.into();
+        }
+        let all = self.commits.iter();
+        let all: Vec<&str> = all.map(|one| one.as_deref().unwrap_or(UNKNOWN)).collect();
+        all.join("+")
+    }
+
+    /// Writes it as `shared_types::origin!()` reads it.
+    fn expression(&self, version: &str) -> String {
+        let is_known = self.commits.iter().any(Option::is_some);
+        let commit = is_known.then(|| self.commit());
+        let lock = self.lock.as_deref().and_then(Path::to_str);
+        let lock = lock.map_or_else(
+            || "None".to_owned(),
+            |lock| format!("Some(&include_bytes!({lock:?})[..])"),
+        );
+        let modified = self.is_modified;
+        format!(
+            "::shared_types::origin::Origin {{ version: {version:?}.into(), source: Some(::shared_types::origin::Source {{ \
+             commit: {commit:?}, modified: {modified}, lock: {lock} }}) }}\n"
+        )
+    }
+}
+
+/// A package and the packages that it names by path, with those that they name.
+#[derive(Debug, Default)]
+struct Packages {
+    /// Folder of the workspace, where the lock file is.
+    root: Option<PathBuf>,
+    /// Folders of the packages, its own first.
+    folders: Vec<PathBuf>,
+}
+
+impl Packages {
+    fn of(package: &Path) -> Self {
+        let mut packages = Self {
+            root: None,
+            folders: vec![package.to_owned()],
+        };
+        let mut named: BTreeMap<PathBuf, BTreeSet<PathBuf>> = BTreeMap::new();
+        let mut place = 0;
+        while let Some(folder) = packages.folders.get(place).cloned() {
+            place += 1;
+            if !named.contains_key(&folder)
+                && let Some(metadata) = metadata(&folder)
+            {
+                packages
+                    .root
+                    .get_or_insert_with(|| path(&metadata["workspace_root"]));
+                named.extend(list(&metadata["packages"]).map(dependencies));
+            }
+            for next in named.get(&folder).into_iter().flatten() {
+                if !packages.folders.contains(next) {
+                    packages.folders.push(next.clone());
+                }
+            }
+        }
+        packages
+    }
+}
+
+/// Folder of a package, and those of the packages that its programs name by path.
+fn dependencies(package: &Value) -> (PathBuf, BTreeSet<PathBuf>) {
+    let manifest = path(&package["manifest_path"]);
+    let folder = manifest.parent().unwrap_or(Path::new("")).to_owned();
+    let built = list(&package["dependencies"]).filter(|one| one["kind"].is_null());
+    let named = built.filter(|one| one["path"].is_string());
+    (folder, named.map(|one| path(&one["path"])).collect())
+}
+
+fn metadata(folder: &Path) -> Option<Value> {
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let arguments = [
+        "metadata",
+        "--no-deps",
+        "--offline",
+        "--format-version",
+        "1",
+    ];
+    let output = Command::new(cargo)
+        .args(arguments)
+        .current_dir(folder)
+        .output()
+        .ok()?;
+    serde_json::from_slice(&output.stdout).ok()
+}
+
+fn list(value: &Value) -> impl Iterator<Item = &Value> {
+    value.as_array().into_iter().flatten()
+}
+
+fn path(value: &Value) -> PathBuf {
+    value.as_str().unwrap_or_default().into()
+}
+
+/// The answer of `git` in a folder; nothing if it failed or is not there.
+fn git(folder: &Path, arguments: &[impl AsRef<OsStr>]) -> Option<String> {
+    let output = Command::new("git")
+        .arg("-C")
+        .arg(folder)
+        .args(arguments)
+        // A build changes nothing in a repository.
+        .env("GIT_OPTIONAL_LOCKS", "0")
+        .output()
+        .ok()?;
+    let text = String::from_utf8(output.stdout).ok()?;
+    output.status.success().then(|| text.trim().to_owned())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,87 @@
+use super::*;
+
+const HEX: usize = 40;
+
+/// Two packages, one of which names the other by path, in `a` and `b`.
+fn two() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (name, dependencies) in [
+        ("a", "[dependencies]\nb = { path = \"../b\" }\n"),
+        ("b", ""),
+    ] {
+        let package = folder.path().join(name);
+        fs::create_dir_all(package.join("src")).expect("a folder");
+        fs::write(package.join("src/lib.rs"), "").expect("written");
+        let manifest = format!(
+            "[package]\nname = \"{name}\"\nversion = \"1.0.0\"\nedition = \"2024\"\n{dependencies}[workspace]\n"
+        );
+        fs::write(package.join("Cargo.toml"), manifest).expect("written");
+    }
+    fs::write(folder.path().join("a/Cargo.lock"), "version = 4\n").expect("written");
+    folder
+}
+
+fn commit(folder: &Path) -> String {
+    git(folder, &["init", "-q"]).expect("git");
+    git(folder, &["add", "."]).expect("git");
+    let person = ["-c", "user.name=a", "-c", "user.email=a@b"];
+    let commit = ["commit", "-q", "--no-gpg-sign", "-m", "all"];
+    git(folder, &[&person[..], &commit].concat()).expect("git");
+    git(folder, &["rev-parse", "HEAD"]).expect("a commit")
+}
+
+#[test]
+fn sources_of_both_packages_count_and_nothing_else() {
+    let folder = two();
+    let hash = commit(folder.path());
+    let package = folder.path().join("a");
+    let clean = Origin::of(&package);
+    assert_eq!((clean.commit(), clean.is_modified), (hash.clone(), false));
+    assert_eq!(clean.lock, Some(package.join("Cargo.lock")));
+    let is_watched =
+        |origin: &Origin, file: &str| origin.watched.contains(&folder.path().join(file));
+    for watched in ["a/src", "b/src", "b/Cargo.toml", "a/Cargo.lock"] {
+        assert!(is_watched(&clean, watched), "{clean:?}");
+    }
+    // Beside the sources, so no build is another.
+    fs::write(folder.path().join("README.md"), "text").expect("written");
+    assert_ne!(commit(folder.path()), hash);
+    let same = Origin::of(&package);
+    assert_eq!((same.commit(), same.is_modified), (hash.clone(), false));
+    assert!(!is_watched(&same, ".git/HEAD"), "{same:?}");
+    // Of the package that it names, and not there in the commit.
+    fs::write(folder.path().join("b/src/more.rs"), "").expect("written");
+    let changed = Origin::of(&package);
+    assert_eq!((changed.commit(), changed.is_modified), (hash, true));
+    // The next commit has it, and no file of the program changes then.
+    assert!(is_watched(&changed, ".git/logs/HEAD"), "{changed:?}");
+    let next = commit(folder.path());
+    let clean = Origin::of(&package);
+    assert_eq!((clean.commit(), clean.is_modified), (next, false));
+}
+
+#[test]
+fn packages_of_two_repositories_have_two_commits_and_one_without_says_so() {
+    let folder = two();
+    let (a, b) = (folder.path().join("a"), folder.path().join("b"));
+    let theirs = commit(&b);
+    let origin = Origin::of(&a);
+    assert_eq!(origin.commit(), format!("{UNKNOWN}+{theirs}"));
+    let own = commit(&a);
+    assert_eq!(Origin::of(&a).commit(), format!("{own}+{theirs}"));
+    assert_eq!(own.len(), HEX);
+}
+
+#[test]
+fn a_package_that_lies_in_a_repository_without_being_part_of_it_has_no_commit() {
+    let folder = two();
+    fs::write(folder.path().join(".gitignore"), "/a\n/b\n").expect("written");
+    commit(folder.path());
+    let origin = Origin::of(&folder.path().join("a"));
+    assert_eq!(
+        (origin.commit(), origin.is_modified),
+        (UNKNOWN.into(), false)
+    );
+    let text = origin.expression("1.0.0");
+    assert!(text.contains("commit: None, modified: false"), "{text}");
+}

@@ -1,0 +1,147 @@
+//! Origin of a program: its version and the source that it was built from, which `--describe` tells.
+//!
+//! A program whose package has a build script that calls `hil_origin::note` passes [`origin!`](crate::origin) to its
+//! `program::run`; any other one passes its version.
+
+use std::borrow::Cow;
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+/// Origin of a program, as its `main` passes it on.
+#[derive(Clone, Debug)]
+pub struct Origin {
+    /// Version of the program.
+    pub version: Cow<'static, str>,
+    /// Source of the program, if its build noted it.
+    pub source: Option<Source>,
+}
+
+/// Source of a program, as its build script noted it.
+#[derive(Clone, Copy, Debug)]
+pub struct Source {
+    /// Commits of the repositories, the program's own first and joined by `+`; `None`: the build found none.
+    pub commit: Option<&'static str>,
+    /// True if sources of the program were changed since, or were in no commit of their repository.
+    pub modified: bool,
+    /// Content of the lock file.
+    pub lock: Option<&'static [u8]>,
+}
+
+impl From<&'static str> for Origin {
+    fn from(version: &'static str) -> Self {
+        Self {
+            version: version.into(),
+            source: None,
+        }
+    }
+}
+
+impl From<String> for Origin {
+    fn from(version: String) -> Self {
+        Self {
+            version: version.into(),
+            source: None,
+        }
+    }
+}
+
+/// Source of a program, as its description has it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Build {
+    /// Commits of the repositories that its sources are in, the program's own first and joined by `+`; `unknown` is
+    /// a source in no commit. `None`: the build found no commit.
+    pub commit: Option<String>,
+    /// True if sources of the program were changed since the commit.
+    pub modified: bool,
+    /// Hash of the lock file, BLAKE3.
+    pub lock_blake3: Option<String>,
+}
+
+impl From<Source> for Build {
+    fn from(source: Source) -> Self {
+        let hash = |lock| blake3::hash(lock).to_hex().to_string();
+        Self {
+            commit: source.commit.map(Into::into),
+            modified: source.modified,
+            lock_blake3: source.lock.map(hash),
+        }
+    }
+}
+
+impl Build {
+    /// Checks whether both were built from the same source: known commits without changes, and the same lock file.
+    #[must_use]
+    pub fn is_of_source_of(&self, other: &Self) -> bool {
+        let is_known = |commit: &String| !commit.split('+').any(|one| one == "unknown");
+        self == other
+            && !self.modified
+            && self.commit.as_ref().is_some_and(is_known)
+            && self.lock_blake3.is_some()
+    }
+}
+
+impl fmt::Display for Build {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.commit {
+            Some(commit) => write!(f, "commit {commit}")?,
+            None => f.write_str("no known commit")?,
+        }
+        if self.modified {
+            f.write_str(" with changes")?;
+        }
+        match &self.lock_blake3 {
+            Some(hash) => write!(f, ", lock file {hash}"),
+            None => f.write_str(", no lock file"),
+        }
+    }
+}
+
+/// Origin of the program of the package that names it, as its build script noted it by `hil_origin::note`.
+#[macro_export]
+macro_rules! origin {
+    () => {
+        ::core::include!(::core::concat!(::core::env!("OUT_DIR"), "/origin.rs"))
+    };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_is_known_and_unchanged_is_of_one_source() {
+        let build = |commit: Option<&'static str>, modified, lock| {
+            Build::from(Source {
+                commit,
+                modified,
+                lock,
+            })
+        };
+        let one = build(Some("ab+cd"), false, Some(b"lock"));
+        assert!(one.is_of_source_of(&one.clone()));
+        for other in [
+            build(Some("ab+ce"), false, Some(b"lock")),
+            build(Some("ab+cd"), false, Some(b"lick")),
+            build(Some("ab+cd"), true, Some(b"lock")),
+        ] {
+            assert!(!one.is_of_source_of(&other), "{other}");
+        }
+        for unknown in [
+            build(None, false, Some(b"lock")),
+            build(Some("unknown+cd"), false, Some(b"lock")),
+            build(Some("ab"), true, Some(b"lock")),
+            build(Some("ab"), false, None),
+        ] {
+            assert!(!unknown.is_of_source_of(&unknown.clone()), "{unknown}");
+        }
+        // The published test vector of BLAKE3 for no input.
+        let empty = build(None, false, Some(b""));
+        let hash = "af1349b9f5f9a1a6a0404dea36dcc9499bcb25c9adc112b7cc9a93cae41f3262";
+        assert_eq!(empty.lock_blake3.as_deref(), Some(hash));
+        assert_eq!(
+            empty.to_string(),
+            format!("no known commit, lock file {hash}")
+        );
+    }
+}
