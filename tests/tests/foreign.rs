@@ -1,6 +1,7 @@
 //! Plants and controllers in C: the same numbers as in Rust, and every deed and mistake with its name.
 
 mod connected;
+mod deeds;
 
 use std::fmt::Write;
 use std::mem::offset_of;
@@ -11,9 +12,10 @@ use hil_foreign::c::interface::{
     Controller, Interval, Parameter, Plant, Rows, Sample, Setup, Signal,
 };
 
-use crate::support::harness::{Rig, Run, send, until};
+use crate::support::harness::{Rig, Run};
 use crate::support::programs::{example, program, skip, workspace};
 use crate::support::python::succeeds;
+use deeds::{deed, misbehaving};
 
 const PENDULUM: &str = "examples/own-plant/pendulum.toml";
 const CLEAN: &[&str] = &[];
@@ -171,235 +173,6 @@ fn a_program_in_cpp_includes_the_header() {
     let (scenario, still) = (scenario.display(), still.display());
     rig.run(&format!("{scenario} --plant-bin {still}"))
         .expect(0);
-}
-
-fn misbehaving(rig: &Rig, name: &str, options: &[&str]) -> PathBuf {
-    compiled(
-        rig,
-        "cc",
-        "tests/tests/foreign/misbehaving.c",
-        name,
-        options,
-    )
-}
-
-/// Runs a deed of the plant or of the controller in C; the other side behaves.
-fn deed(rig: &Rig, side: &str, program: &Path, deed: u32) -> Run {
-    let (law, section) = match side {
-        "plant" => ("hold", "plant.parameters"),
-        _ => ("misbehaves", "controller.misbehaves"),
-    };
-    let text = format!(
-        "schema = 1\nname = \"deed\"\nplant.model = \"misbehaves\"\ncontroller.law = \"{law}\"\n\
-         {section}.deed = {deed}\nrun.duration_s = 1.0\nrun.rate_hz = 1000\n"
-    );
-    let scenario = rig.write("deed.toml", &text);
-    let (scenario, program) = (scenario.display(), program.display());
-    let programs = match side {
-        "plant" => format!("--plant-bin {program}"),
-        _ => {
-            let plant = rig.path("misbehaving-plant");
-            format!("--plant-bin {} --controller-bin {program}", plant.display())
-        }
-    };
-    // Only a side that loops is found out by waiting.
-    let limit_s = if deed == 4 { 0.5 } else { 30.0 };
-    rig.run(&format!("{scenario} {programs} --wait-limit {limit_s}"))
-}
-
-#[track_caller]
-fn reason(run: Run, code: i32, fragments: &[&str]) {
-    let run = run.expect(code);
-    let summary = run.summary();
-    let reason = summary["reason"].as_str().expect("a reason");
-    let said = format!("{reason}\n{}", run.stderr);
-    for fragment in fragments {
-        assert!(said.contains(fragment), "`{fragment}` is not in `{said}`");
-    }
-}
-
-#[test]
-fn every_deed_of_a_plant_in_c_is_named() {
-    if !has("cc", "every_deed_of_a_plant_in_c_is_named") {
-        return;
-    }
-    let rig = Rig::new();
-    let plant = misbehaving(&rig, "misbehaving-plant", CLEAN);
-    deed(&rig, "plant", &plant, 0).expect(0);
-    let deeds: [(u32, i32, &[&str]); 9] = [
-        (1, 3, &["plant was killed by SIGSEGV"]),
-        (2, 3, &["plant was killed by SIGABRT"]),
-        (3, 3, &["plant ended before the run was over"]),
-        (4, 3, &["plant was stuck"]),
-        (
-            5,
-            1,
-            &["step 100", "measured x_m = NaN is not a finite number"],
-        ),
-        (
-            6,
-            1,
-            &["step 100", "measured x_m = NaN is not a finite number"],
-        ),
-        (
-            7,
-            1,
-            &["plant diverged at step 100 (0.1 s): the spring broke"],
-        ),
-        (
-            8,
-            3,
-            &["plant failed at step 100 (0.1 s): the table of the spring is gone"],
-        ),
-        (
-            9,
-            3,
-            &["plant failed at step 100 (0.1 s): `measure` returned 7 and no reason"],
-        ),
-    ];
-    for (number, code, fragments) in deeds {
-        reason(deed(&rig, "plant", &plant, number), code, fragments);
-    }
-    let refused = deed(&rig, "plant", &plant, 20).expect(2);
-    assert!(
-        refused.stderr.contains("20 goes with nothing"),
-        "{}",
-        refused.stderr
-    );
-}
-
-#[test]
-fn a_plant_in_c_that_is_killed_is_lost_by_name_with_its_last_words() {
-    let test = "a_plant_in_c_that_is_killed_is_lost_by_name_with_its_last_words";
-    if !has("cc", test) {
-        return;
-    }
-    let rig = Rig::new();
-    let plant = misbehaving(&rig, "misbehaving-plant", CLEAN);
-    let scenario = rig.write(
-        "killed.toml",
-        "schema = 1\nname = \"killed\"\nplant.model = \"misbehaves\"\ncontroller.law = \"hold\"\n\
-         plant.parameters.deed = 11\nrun.duration_s = 1.0\nrun.rate_hz = 1000\n",
-    );
-    let (scenario, plant) = (scenario.display(), plant.display());
-    let held = "--pause-at 0.5 --wait-limit 60";
-    let running = rig.start(&format!("{scenario} --plant-bin {plant} {held}"));
-    let log = running.folder().join("plant.log");
-    until("the plant says something", || {
-        std::fs::read_to_string(&log).is_ok_and(|log| log.contains("the spring creaks"))
-    });
-    let [plant, _] = running.children_at_once();
-    send(plant.pid, rustix::process::Signal::KILL);
-    let fragments = ["plant was killed by SIGKILL", "the spring creaks"];
-    reason(running.finish(), 3, &fragments);
-}
-
-#[test]
-fn every_deed_of_a_controller_in_c_is_named() {
-    if !has("cc", "every_deed_of_a_controller_in_c_is_named") {
-        return;
-    }
-    let rig = Rig::new();
-    let plant = misbehaving(&rig, "misbehaving-plant", CLEAN);
-    let controller = rig.path("misbehaving-controller");
-    std::fs::copy(plant, &controller).expect("copied");
-    deed(&rig, "controller", &controller, 0).expect(0);
-    let deeds: [(u32, &[&str]); 7] = [
-        (1, &["step 100", "controller was killed by SIGSEGV"]),
-        (2, &["step 100", "controller was killed by SIGABRT"]),
-        (3, &["controller", "step 100"]),
-        (4, &["controller did not answer step 100", "stuck"]),
-        (
-            5,
-            &["command of step 100", "u_n = NaN is not a finite number"],
-        ),
-        (
-            8,
-            &[
-                "controller",
-                "the law failed at step 100: the table of the spring is gone",
-            ],
-        ),
-        (
-            9,
-            &[
-                "controller",
-                "the law failed at step 100: `step` returned 7 and no reason",
-            ],
-        ),
-    ];
-    for (number, fragments) in deeds {
-        reason(deed(&rig, "controller", &controller, number), 3, fragments);
-    }
-}
-
-#[test]
-fn every_mistake_in_the_tables_is_named_before_anything_starts() {
-    if !has(
-        "cc",
-        "every_mistake_in_the_tables_is_named_before_anything_starts",
-    ) {
-        return;
-    }
-    let rig = Rig::new();
-    let plant = misbehaving(&rig, "misbehaving-plant", CLEAN);
-    for (mistake, told) in [
-        ("twice", "truth of plant `misbehaves`: `x_m` is there twice"),
-        (
-            "unit",
-            "truth of plant `misbehaves`: \"m]\" is no unit, that of `v_mps`",
-        ),
-        (
-            "no-unit",
-            "truth of plant `misbehaves`: `v_mps` has no unit",
-        ),
-        ("name", "truth of plant `misbehaves`: \"2 m\" is no name"),
-        (
-            "null-name",
-            "the name of row 2 of `truth` is a null pointer",
-        ),
-        ("null-rows", "`measured` has 1 rows at a null pointer"),
-        ("callback", "the callback `advance` is missing"),
-        (
-            "range",
-            "`deed` has a range that begins above its end: 30 to 20",
-        ),
-        (
-            "default",
-            "`deed` has the default 21, which is not in 0 to 20",
-        ),
-        (
-            "flags",
-            "`deed` of `parameters` has flags that are none: 64",
-        ),
-        ("api", "`api` is 99, and this library speaks 1"),
-        ("utf-8", "the summary of the plant is not UTF-8"),
-        (
-            "saving",
-            "`saved_size`, `save` and `restore` belong together",
-        ),
-        (
-            "text",
-            "measured of plant `misbehaves`: `x_m` has no description",
-        ),
-        ("null", "hil_plant_main got a null pointer"),
-    ] {
-        let mut command = Command::new(&plant);
-        let output = command.arg("--describe").env("MISTAKE", mistake).output();
-        let output = output.expect("it runs");
-        let said = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(2), "{mistake}: {said}");
-        assert!(said.contains(told), "{mistake}: {said}");
-    }
-    // And `hil` shows it.
-    let wrong = rig.script(
-        "wrong",
-        &format!("#!/bin/sh\nMISTAKE=twice exec {} \"$@\"\n", plant.display()),
-    );
-    let run = deed(&rig, "plant", &wrong, 0).expect(2);
-    let told = "truth of plant `misbehaves`: `x_m` is there twice";
-    let expected = format!("error: cannot run {}: {told}\n", wrong.display());
-    assert_eq!(run.stderr, expected, "the reason, first and alone");
 }
 
 #[test]
