@@ -44,6 +44,8 @@ exec /hil-target serve --listen 0.0.0.0:7000 --key-file /key --allow /controller
 pub(crate) struct Guest {
     qemu: Child,
     said: Receiver<String>,
+    /// Release of its kernel.
+    pub(crate) kernel: String,
     /// The arguments of `hil` that name it.
     pub(crate) target: String,
 }
@@ -63,6 +65,8 @@ impl Guest {
         };
         let files = folder.join("initramfs");
         fs::write(&files, initramfs(&unpacked, key)).expect("written");
+        let name = kernel.file_name().expect("a file").to_string_lossy();
+        let release = name.trim_start_matches("vmlinuz-").to_owned();
         let port = TcpListener::bind("127.0.0.1:0").and_then(|one| one.local_addr());
         let port = port.expect("a port").port();
         let mut qemu = Command::new("qemu-system-x86_64");
@@ -88,6 +92,7 @@ impl Guest {
         let mut guest = Self {
             qemu,
             said,
+            kernel: release,
             target: format!(
                 "--target serve://127.0.0.1:{port} --key-file {}",
                 key.display()

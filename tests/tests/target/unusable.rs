@@ -53,6 +53,10 @@ fn a_target_without_shared_memory_or_room_is_named_and_nothing_is_started() {
             "mount -t tmpfs -o nr_inodes=9 none /dev/shm",
             "free inodes, and a run takes up to",
         ),
+        (
+            "mkdir -p $HOME/.cache; mount -t tmpfs -o noexec none $HOME/.cache",
+            "Permission denied",
+        ),
         (&cache("1m"), "the agent did not arrive there whole"),
         (&cache(&format!("{room}m")), "no room for a program of"),
     ] {
