@@ -11,7 +11,8 @@ use shared_types::table::{self, Field, Table};
 /// A control law, called in this order:
 ///
 /// 1. [`start`](Controller::start), once.
-/// 2. [`step`](Controller::step) with every sample, one period apart.
+/// 2. [`step`](Controller::step) with every sample, one period apart; ahead of that what
+///    [`tuning`](Controller::tuning) tells, if somebody changed a parameter.
 ///
 /// At a checkpoint what [`state`](Controller::state) tells is saved between two samples. A run that
 /// goes on from there starts the law, puts the state back and goes on with 2.
@@ -24,7 +25,7 @@ pub trait Controller: Sized + 'static {
     const SUMMARY: &'static str;
     /// Names of the plants it is made for; empty means any.
     const PLANTS: &'static [&'static str] = &[];
-    /// Parameters of the law, each with a default.
+    /// Parameters of the law, each with a default; mark those `tunable` that may change while it runs.
     type Parameters: table::Parameters;
     /// Model that the law has of the plant; [`Empty`](shared_types::table::Empty) if it has none.
     type Model: table::Parameters;
@@ -43,6 +44,13 @@ pub trait Controller: Sized + 'static {
         None
     }
 
+    /// Returns how the law takes new values of its `tunable` parameters while it runs; `None`: none of them
+    /// can be changed then.
+    #[must_use]
+    fn tuning() -> Option<Tuning<Self>> {
+        None
+    }
+
     /// The law before its first sample.
     ///
     /// # Errors
@@ -51,6 +59,24 @@ pub trait Controller: Sized + 'static {
 
     /// The command that answers a sample.
     fn step(&mut self, sample: &Sample<Self>) -> (Self::Command, Self::Internals);
+}
+
+/// Way in which a law takes new values of its parameters while it runs.
+pub struct Tuning<C: Controller> {
+    /// Sentence for whoever tunes the law: what its command does at a change.
+    pub does: &'static str,
+    /// Takes the values, ahead of the [`step`](Controller::step) that they count from, without allocating.
+    /// Whether they go together was asked of [`start`](Controller::start) before.
+    pub take: fn(&mut C, &Setup<C>, Transition),
+}
+
+/// Transition from parameters to new ones.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Transition {
+    /// At least one value jumps.
+    Step,
+    /// All values that change are on a ramp, at the first sample of which they are what they were.
+    Ramp,
 }
 
 /// Configuration of a law.
@@ -111,6 +137,21 @@ pub trait Law {
     fn restore(&mut self, _state: &State) -> Result<(), Invalid> {
         Err(cannot_save())
     }
+
+    /// Takes new values of the parameters, ahead of the step that they count from. Called only for a law
+    /// with tunable parameters.
+    fn retune(&mut self, _setup: &TunedRows<'_>, _transition: Transition) {}
+}
+
+/// Configuration of a law that is tuned, as rows in the order of its tables.
+#[derive(Clone, Copy, Debug)]
+pub struct TunedRows<'a> {
+    /// Every parameter of the law.
+    pub parameters: &'a [f64],
+    /// Model that the law has of the plant.
+    pub model: &'a [f64],
+    /// Time between two samples that it sees, in s.
+    pub period_s: f64,
 }
 
 fn cannot_save() -> Invalid {
@@ -160,6 +201,17 @@ impl<C: Controller> Law for C {
     fn restore(&mut self, state: &State) -> Result<(), Invalid> {
         C::state().ok_or_else(cannot_save)?.restore(self, state)
     }
+
+    fn retune(&mut self, setup: &TunedRows<'_>, transition: Transition) {
+        if let Some(tuning) = C::tuning() {
+            let setup = Setup {
+                parameters: C::Parameters::from_row(setup.parameters),
+                model: C::Model::from_row(setup.model),
+                period_s: setup.period_s,
+            };
+            (tuning.take)(self, &setup, transition);
+        }
+    }
 }
 
 /// Configuration that a law of any type is started with.
@@ -206,18 +258,26 @@ impl LawKind {
     /// The entry of a law type.
     #[must_use]
     pub fn of<C: Controller>() -> Self {
+        let tuning = C::tuning();
+        let mut parameters = C::Parameters::fields();
+        for field in &mut parameters {
+            field.tunable &= tuning.is_some();
+        }
+        let is_tunable = parameters.iter().any(|field| field.tunable);
         Self {
             description: LawDescription {
                 name: C::NAME.into(),
                 summary: C::SUMMARY.into(),
                 plants: C::PLANTS.iter().map(|&name| name.into()).collect(),
-                parameters: C::Parameters::fields(),
+                parameters,
                 model: C::Model::fields(),
                 measured: C::Measured::fields(),
                 reference: C::Reference::fields(),
                 commands: Some(C::Command::fields()),
                 internals: C::Internals::fields(),
                 saves: C::state().is_some(),
+                tuning: (tuning.filter(|_| is_tunable))
+                    .map_or_else(String::new, |tuning| tuning.does.into()),
             },
             start: Box::new(|start| {
                 let section = format!("controller.{}", C::NAME);
@@ -273,6 +333,7 @@ impl LawKind {
     ///     commands: Some(vec![Field::signal("torque_nm", "N m", "Torque.")]),
     ///     internals: Vec::new(),
     ///     saves: false,
+    ///     tuning: String::new(),
     /// };
     /// let kind = LawKind::from_tables(description, |setup: &SetupRows<'_>| {
     ///     Ok(Box::new(Gains(setup.parameters.to_vec())))

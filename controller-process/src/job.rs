@@ -43,6 +43,9 @@ pub struct Job {
     /// True if somebody starts the plant by hand: nothing limits the wait for it before the first sample.
     #[serde(default)]
     pub is_plant_by_hand: bool,
+    /// Parameters as changes of the scenario will make them, for the law to judge at its start.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub changes: Vec<Settings>,
     /// Checkpoints that the controller writes and the one that it begins from.
     #[serde(default)]
     pub checkpoints: Checkpoints,
@@ -73,6 +76,7 @@ impl Job {
             command_delay_steps: 0,
             is_kept: false,
             is_plant_by_hand: false,
+            changes: Vec::new(),
             checkpoints: Checkpoints::default(),
             realtime: realtime::Settings::default(),
             wait_limit_s,

@@ -26,6 +26,7 @@ use shared_types::wait::Sleeper;
 use crate::controller::{Law, LawKind, Row, Start};
 use crate::job::Job;
 use saved::SavedController;
+use tuning::{Found, Tuning, offered};
 
 /// Progress of the runner: the thing that it waits for, if it does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -110,6 +111,9 @@ struct Bound {
     last: Option<Step>,
     answered: Answered,
     sampler: ThreadSampler,
+    tuning: Tuning,
+    /// Sample that waits for a message of the plant that comes before it.
+    waiting: Option<Header>,
     /// Time of the last answer in ns; before the first answer, time at which this [`Bound`] was made.
     sent_ns: u64,
 }
@@ -153,9 +157,14 @@ fn start(kind: &LawKind, job: &Job, commands: &[Field]) -> Result<Box<dyn Law>, 
     (kind.start)(&Start {
         parameters: &job.parameters,
         model: &job.model,
-        period_s: f64::from(job.rate_divisor) / job.rate.hz(),
+        period_s: period_s(job),
         commands,
     })
+}
+
+/// Returns the time between two samples that the law sees.
+fn period_s(job: &Job) -> f64 {
+    f64::from(job.rate_divisor) / job.rate.hz()
 }
 
 impl<'a, L: Link> Runner<'a, L> {
@@ -175,11 +184,22 @@ impl<'a, L: Link> Runner<'a, L> {
             Some(resume) => Some(resume.read(&law.name)?),
             None => None,
         };
-        let mut started = start(kind, &job, law.commands.as_deref().unwrap_or_default())?;
+        let commands = law.commands.as_deref().unwrap_or_default();
+        let mut started = start(kind, &job, commands)?;
+        for parameters in &job.changes {
+            let changed = Job {
+                parameters: parameters.clone(),
+                ..job.clone()
+            };
+            start(kind, &changed, commands)?;
+        }
         if let Some(saved) = &saved {
             started.restore(&saved.law)?;
         }
-        let hello = Hello::of(&law.connected(&job.connections)?, job.session);
+        let hello = Hello {
+            tunable: offered(law, &job.parameters),
+            ..Hello::of(&law.connected(&job.connections)?, job.session)
+        };
         Ok(Self {
             link,
             side: ControllerSide::new(),
@@ -218,7 +238,14 @@ impl<'a, L: Link> Runner<'a, L> {
         }
         let done = match &mut self.bound {
             None => self.greet()?,
-            Some(bound) => match self.link.receive(&mut bound.sample)? {
+            Some(bound) => match self
+                .link
+                .receive(&mut bound.sample)?
+                .or(bound.waiting.take())
+            {
+                Some(header) if header.tuning > bound.tuning.number() && !self.hear(&header)? => {
+                    false
+                }
                 Some(header) => {
                     let done = self.take(&header)?;
                     if header.kind() == Some(FrameKind::Hold) && !self.side.is_over() {
@@ -236,6 +263,25 @@ impl<'a, L: Link> Runner<'a, L> {
         } else {
             Progress::Plant
         })
+    }
+
+    /// Hears what the plant said of parameters before a sample; false if the sample is not to be answered
+    /// now: it waits until that came.
+    fn hear(&mut self, header: &Header) -> Result<bool, LinkError> {
+        let Some(bound) = &mut self.bound else {
+            return Ok(true);
+        };
+        if header.kind() != Some(FrameKind::Sample) {
+            return Ok(true);
+        }
+        while let Some(bytes) = self.link.receive_control()? {
+            if let Ok(Control::Tuned(tuned)) = Control::from_bytes(&bytes) {
+                bound.tuning.hear(tuned);
+            }
+        }
+        let found = bound.tuning.find(header.tuning);
+        bound.waiting = (found == Found::Missing).then_some(*header);
+        Ok(found == Found::Here)
     }
 
     /// Handles the wait limit, a death or a request to stop.
@@ -270,6 +316,11 @@ impl<'a, L: Link> Runner<'a, L> {
         let Ok(message) = Control::from_bytes(&bytes) else {
             return Ok(false);
         };
+        // The first sample may come after what is said of it.
+        if let (Control::Tuned(tuned), Some(bound)) = (&message, &mut self.bound) {
+            bound.tuning.hear(tuned.clone());
+            return Ok(false);
+        }
         let before = self.side.standing();
         match self.side.on(&ControllerEvent::Control(&message)) {
             ControllerAction::OpenFrames(welcome) => match self.bind(&welcome) {
@@ -358,6 +409,13 @@ impl<'a, L: Link> Runner<'a, L> {
             last: None,
             answered: Answered::default(),
             sampler: ThreadSampler::default(),
+            tuning: Tuning::new(
+                law,
+                &self.job.parameters,
+                &self.job.model,
+                period_s(&self.job),
+            ),
+            waiting: None,
             sent_ns: monotonic_ns(),
         };
         if let Some(saved) = self.saved.clone() {
@@ -529,6 +587,7 @@ impl Bound {
             valid,
             held_steps: header.held_steps,
         };
+        self.tuning.apply(step, self.law.as_mut());
         let (command, internals) = self.answer.split_at_mut(self.previous.len());
         self.law.step(&row, command, internals)?;
         convert(command, &self.converted.command);
@@ -544,6 +603,7 @@ fn convert(row: &mut [f64], conversions: &[(usize, Conversion)]) {
 }
 
 mod saved;
+mod tuning;
 
 #[cfg(test)]
 mod chatter;

@@ -8,6 +8,7 @@
 
 mod analyses;
 mod binding;
+mod changes;
 mod connect;
 mod controller;
 mod csv;
@@ -36,8 +37,11 @@ use crate::problem::{ProblemKind, Problems};
 use crate::reader::{Reader, Section};
 use crate::scenario::Scenario;
 use crate::source::{Place, Sources};
+use changes::ChangeContext;
 use faults::{EventContext, Origin};
 use run::Grid;
+
+pub use changes::LiveChanges;
 
 pub(crate) use faults::{groups, unit_of};
 
@@ -267,6 +271,13 @@ fn parts(
         grid,
         origin: Origin::Scenario { folder },
     };
+    let changed = ChangeContext {
+        plant,
+        law: law.map(|law| (law.name.as_str(), &law.parameters[..])),
+        stimuli: stimuli.as_deref(),
+        grid,
+    };
+    let changes = changes::check(reader, root, &changed);
     let problems = reader.problems.len();
     let faults = faults::check(reader, root, &context);
     let context = analyses::AnalysisContext {
@@ -290,6 +301,7 @@ fn parts(
         },
         stimuli: stimuli?,
         faults,
+        changes,
         derived,
         metrics,
         analyses,

@@ -4,6 +4,7 @@
 //! can say something else than the others. Parameters of plants and laws are not here: they come
 //! from the descriptions that the binaries give of themselves.
 
+mod changes;
 mod faults;
 mod metrics;
 mod plots;
@@ -14,7 +15,10 @@ mod study;
 
 use shared_types::time::Rate;
 
+use changes::CHANGE;
 use faults::FAULT;
+
+pub(crate) use changes::LIVE_CHANGE;
 pub(crate) use faults::{EFFECT, PROFILE, PROFILES, REQUEST, TARGET, TRIGGERS};
 pub(crate) use metrics::{EXPRESSION, METRIC, METRICS, PUBLISHED};
 pub(crate) use plots::PLOT;
@@ -197,6 +201,11 @@ pub(crate) const SCENARIO: &[Key] = &[
         "faults",
         Kind::List(FAULT),
         "Fault events. All effects of an event take hold at the same step.",
+    ),
+    Key::new(
+        "changes",
+        Kind::List(CHANGE),
+        "Values of parameters and reference signals that change while the run goes on, as `hil set` does. All keys of a change change at the same step.",
     ),
     Key::new(
         "derived",

@@ -4,6 +4,7 @@
 //! can be out of range, unknown or unbound any more.
 
 mod analysis;
+mod change;
 mod fault;
 mod plot;
 mod records;
@@ -27,6 +28,7 @@ use crate::expression::Expression;
 pub use analysis::{
     Analysis, AnalysisKind, DetectionPlan, FrequencyResponsePlan, StepResponsePlan,
 };
+pub use change::{Change, PLANT_KEYS, REFERENCE_KEYS, law_keys, settings_after};
 pub use fault::{
     Condition, FaultAction, FaultEffect, FaultEnd, FaultEvent, FaultSource, Move, Profile, Trigger,
 };
@@ -53,6 +55,8 @@ pub struct Plan {
     pub stimuli: Vec<Stimulus>,
     /// Fault events in the order of the file.
     pub faults: Vec<FaultEvent>,
+    /// Changes of values in the order of the file.
+    pub changes: Vec<Change>,
     /// Derived signals, each using only signals and earlier ones.
     pub derived: Vec<Derived>,
     /// Metrics.

@@ -5,6 +5,7 @@
 //! Keys come in the order of the tables in `keys`, and one that has no value here is an error at once.
 
 mod analyses;
+mod changes;
 mod faults;
 mod plots;
 mod requirements;
@@ -20,7 +21,7 @@ use shared_types::time::{Rate, Step};
 
 use crate::keys::{self, Key, Kind, SCHEMA};
 use crate::plan::{
-    Clock, ControllerProgram, Derived, FaultEvent, Metric, Plan, Realtime, Run, Stimulus,
+    Change, Clock, ControllerProgram, Derived, FaultEvent, Metric, Plan, Realtime, Run, Stimulus,
 };
 use crate::quantity::{Quantity, toml_float};
 
@@ -30,6 +31,9 @@ pub enum ShowError {
     /// The plan speaks of something that no description has.
     #[error("there is no description of {0}; give those that the plan was checked against")]
     Undescribed(String),
+    /// A scenario has no word for a change at once.
+    #[error("change {0} is to be at once; give it the step at which it was")]
+    NowChange(u32),
     /// A scenario has no word for a fault that takes hold at once.
     #[error("fault {0} takes hold at once; give it the step at which it did")]
     Now(u32),
@@ -83,6 +87,14 @@ pub fn fault_toml(
     written(|text| look.event(text, event))
 }
 
+/// Writes one change as `[[changes]]` of a scenario.
+///
+/// # Errors
+/// If it is to be at once.
+pub fn change_toml(change: &Change, rate: Rate) -> Result<String, ShowError> {
+    written(|text| changes::change(text, change, rate))
+}
+
 fn written(write: impl FnOnce(&mut String) -> Written) -> Result<String, ShowError> {
     let mut text = String::new();
     match write(&mut text) {
@@ -132,6 +144,9 @@ fn write(
                 };
                 each(text, &plan.faults, |text, event| look.event(text, event))?;
             }
+            "changes" => each(text, &plan.changes, |text, one| {
+                changes::change(text, one, plan.run.rate)
+            })?,
             "derived" => each(text, &plan.derived, derived)?,
             "metrics" => {
                 each(text, &plan.metrics, metric)?;
@@ -305,6 +320,9 @@ fn settings(text: &mut String, table: &str, values: &Settings, fields: &[Field])
         let mut notes = vec![field.unit.clone(), range];
         if field.faultable {
             notes.push("faultable".into());
+        }
+        if field.tunable {
+            notes.push("tunable".into());
         }
         notes.retain(|note| !note.is_empty());
         writeln!(

@@ -10,12 +10,14 @@ use shared_types::state::State;
 
 use crate::faults::SavedFaults;
 use crate::plant::Model;
+use crate::tuning::SavedTuning;
 
 /// The plant's state before a step.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct SavedPlant {
     pub(crate) model: State,
     pub(crate) faults: SavedFaults,
+    pub(crate) tuning: SavedTuning,
     /// The words of the record of the step before, which conditions are asked of.
     pub(crate) record: Vec<u64>,
 }

@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use hil_config::plan::Clock;
+use hil_config::plan::{Clock, PLANT_KEYS, settings_after};
 use shared_types::checkpoint::{Saves, Side};
 use shared_types::clock::monotonic_ns;
 use shared_types::describe::{Invalid, PlantDescription};
@@ -27,6 +27,7 @@ use crate::job::Job;
 use crate::plant::{Model, PlantKind};
 use crate::request_queue::RequestQueue;
 use crate::rows::Rows;
+use crate::tuning::Tuning;
 use commands::Commands;
 use handover::Handover;
 use publisher::Publisher;
@@ -91,6 +92,7 @@ struct Plant {
     model: Box<dyn Model>,
     builder: Arc<FaultBuilder>,
     faults: FaultLayer,
+    tuning: Tuning,
     guard: Guard,
 }
 
@@ -119,6 +121,9 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             (job.run.rate, job.run.seed),
             &job.derived,
         )?;
+        for changed in settings_after(&job.changes, PLANT_KEYS, parameters) {
+            (kind.start)(&changed)?; // they must go together
+        }
         let mut model = (kind.start)(parameters)?;
         model.check_period(job.run.rate.period_s())?;
         let checkpoints = &job.checkpoints;
@@ -141,6 +146,14 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             model,
             guard: Guard::new(&description.truth, &job.plant.limits)?,
             faults: FaultLayer::new(&builder, &job.faults)?,
+            tuning: Tuning::new(
+                job.run.rate,
+                &description.parameters,
+                parameters,
+                &job.stimuli,
+                &job.changes,
+                first,
+            ),
             builder: Arc::new(builder),
             reference,
             description,
@@ -270,6 +283,14 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     fn tell(&mut self) -> Result<bool, LinkError> {
         if !self.publisher.publish(&self.rows.record)? {
             return Ok(false);
+        }
+        while self.plant.tuning.has_events() {
+            if !self.publisher.sink.has_room()? {
+                return Ok(false);
+            }
+            if let Some(event) = self.plant.tuning.next_event() {
+                self.publisher.sink.event(&event)?;
+            }
         }
         while self.plant.faults.has_events() {
             if !self.publisher.sink.has_room()? {

@@ -1,6 +1,6 @@
 //! The job: what a launcher tells a plant process to do. A JSON file in the session's folder.
 
-use hil_config::plan::{FaultEvent, Plan, PlantPlan, Run, Stimulus};
+use hil_config::plan::{Change, FaultEvent, Plan, PlantPlan, Run, Stimulus};
 use serde::{Deserialize, Serialize};
 use shared_types::checkpoint::Checkpoints;
 use shared_types::describe::{LawDescription, PROTOCOL};
@@ -27,6 +27,9 @@ pub struct Job {
     pub stimuli: Vec<Stimulus>,
     /// Faults of the scenario.
     pub faults: Vec<FaultEvent>,
+    /// Changes of values of the scenario.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub changes: Vec<Change>,
     /// Names and expressions of the scenario's derived signals, which conditions of faults may use.
     pub derived: Vec<(String, String)>,
     /// Steps at which the controller of a run against the clock was not in time, if such a run is
@@ -69,6 +72,7 @@ impl Job {
             plant,
             stimuli: Vec::new(),
             faults: Vec::new(),
+            changes: Vec::new(),
             derived: Vec::new(),
             missed: Vec::new(),
             law: None,
@@ -88,6 +92,7 @@ impl Job {
         Self {
             stimuli: plan.stimuli.clone(),
             faults: plan.faults.clone(),
+            changes: plan.changes.clone(),
             derived: plan.derived_texts(),
             ..Self::new(session, plan.run, plan.plant.clone(), wait_limit_s)
         }

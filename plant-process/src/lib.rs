@@ -29,3 +29,4 @@ pub mod repeat;
 pub mod request_queue;
 pub mod rows;
 pub mod stimulus;
+pub mod tuning;

@@ -9,13 +9,17 @@ use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::{Duration, Instant};
 
 use hil_config::expression::Columns;
+use hil_config::live_changes::LiveChanges;
 use hil_config::live_faults::FaultContext;
-use hil_config::plan::{FaultEvent, Stimulus};
+use hil_config::plan::{Change, FaultEvent, PLANT_KEYS, Stimulus, law_keys};
+use shared_types::describe::LawDescription;
 use shared_types::live::{
-    self, Injected, Listening, Possible, Refusal, Request, Response, SOCKET, Status,
+    self, ChangeRequest, Changed, Injected, JUDGE, Judged, Judgement, Listening, Possible, Refusal,
+    Request, Response, SOCKET, Status, Tunables,
 };
 use shared_types::record::{LONGEST_MARK, RecordLayout};
 use shared_types::session::SessionInfo;
+use shared_types::table::Field;
 use shared_types::text;
 use shared_types::time::Step;
 
@@ -23,17 +27,22 @@ use crate::faults::{FaultBuilder, FaultKindEntry};
 use crate::job::Job;
 use crate::plant::PlantKind;
 use crate::request_queue::{LoopRequest, RequestQueue};
+use crate::tuning::Offered;
 
 /// Limit for the loop to look at the queue, which it does before each step.
 const LOOP_LIMIT: Duration = Duration::from_secs(5);
 /// Time between two looks of the service for the loop's answer.
 const LOOK: Duration = Duration::from_micros(200);
+/// Limit for the answer of the controller's program on parameters: it is started for that.
+const JUDGE_LIMIT: Duration = Duration::from_secs(30);
 /// Most faults in one request: the loop takes them between two steps.
 const MOST_FAULTS: usize = 16;
 
 /// Context that requests are checked against.
 pub struct LiveContext {
     run: FaultContext,
+    changes: LiveChanges,
+    law: Option<LawDescription>,
     /// True if every fault must be one that can be saved.
     saves: bool,
 }
@@ -55,8 +64,34 @@ impl LiveContext {
         };
         run.note(&job.faults);
         let saves = !job.checkpoints.steps.is_empty();
-        Self { run, saves }
+        let changes = LiveChanges {
+            plant: plant.description.clone(),
+            stimuli: job.stimuli.clone(),
+            rate: job.run.rate,
+            steps: job.run.steps,
+        };
+        Self {
+            run,
+            changes,
+            law: job.law.clone(),
+            saves,
+        }
     }
+}
+
+/// Judge of whether parameters of the plant or the active law go together: gives the objection. Neither is started
+/// beside the one that runs in this process: a library may bear one of it.
+pub type Judge = Box<dyn FnMut(&Judged) -> Result<(), String> + Send>;
+
+/// The judge of a session whose `hil` asks the programs.
+#[must_use]
+pub fn judge_of(session: &SessionInfo) -> Judge {
+    let session = session.clone();
+    Box::new(move |judged| {
+        let answer = live::ask_at::<_, Judgement>(&session, JUDGE, judged, JUDGE_LIMIT);
+        let judgement = answer.map_err(|error| format!("it was not asked: {error}"))?;
+        judgement.objection.map_or(Ok(()), Err)
+    })
 }
 
 /// Listens on the session's socket until what it gives is dropped.
@@ -68,11 +103,13 @@ pub fn serve(
     context: LiveContext,
     queue: Arc<RequestQueue>,
     builder: Arc<FaultBuilder>,
+    judge: Judge,
 ) -> Result<Listening, String> {
     let mut service = Service {
         context,
         queue,
         builder,
+        judge,
     };
     live::listen(session, SOCKET, move |client| {
         // A client that went away needs no answer.
@@ -87,6 +124,7 @@ struct Service {
     context: LiveContext,
     queue: Arc<RequestQueue>,
     builder: Arc<FaultBuilder>,
+    judge: Judge,
 }
 
 /// Reason why there is no answer from the loop.
@@ -105,6 +143,8 @@ impl Service {
             Request::Advance { steps } => self.advance(steps),
             Request::Record => self.record(),
             Request::Mark { text } => self.mark(&text),
+            Request::Set(request) => return self.set(&request),
+            Request::Tunable => self.tunable(),
         };
         answered.unwrap_or_else(refused)
     }
@@ -254,6 +294,105 @@ impl Service {
             step: step.0,
             at_s: self.context.run.rate.seconds(step),
         })
+    }
+
+    fn set(&mut self, request: &ChangeRequest) -> Response {
+        let changed = self.change(request);
+        changed.unwrap_or_else(|problems| Response::Refused { problems })
+    }
+
+    fn change(&mut self, request: &ChangeRequest) -> Result<Response, Vec<Refusal>> {
+        let one = |refusal: Refusal| vec![refusal];
+        for (place, new) in request.set.iter().enumerate() {
+            if request.set[..place]
+                .iter()
+                .any(|other| other.key == new.key)
+            {
+                let message = format!("`{}` is given twice", new.key);
+                return Err(one(Refusal::new(message)));
+            }
+        }
+        let shown = (self.request(|answer| LoopRequest::Tunable(None, answer))).map_err(one)?;
+        let offered = &shown.offered;
+        let fields = self.fields_of(offered);
+        let checked = (self.context.changes).check(request, (&offered.law, &fields), 0);
+        let change = checked.map_err(|problems| -> Vec<Refusal> {
+            problems.0.iter().map(Refusal::from).collect()
+        })?;
+        let epoch = offered.epoch;
+        let own = law_keys(&offered.law);
+        if epoch == 0 && change.set.iter().any(|one| one.key.starts_with(&own)) {
+            let message = "there is no controller whose law could be tuned";
+            return Err(one(Refusal::new(message)));
+        }
+        let asked = Some(Box::new(change.clone()));
+        let after = (self.request(|answer| LoopRequest::Tunable(asked, answer))).map_err(one)?;
+        for parameters in after.plant_after {
+            let judged = Judged {
+                epoch: 0,
+                parameters,
+            };
+            (self.judge)(&judged)
+                .map_err(|objection| one(Refusal::new(format!("the plant: {objection}"))))?;
+        }
+        for parameters in after.law_after {
+            let judged = Judged { epoch, parameters };
+            (self.judge)(&judged)
+                .map_err(|objection| one(Refusal::new(format!("the controller: {objection}"))))?;
+        }
+        let asked = Box::new(change.clone());
+        let taken = self.request(|answer| LoopRequest::Change(asked, epoch, answer));
+        let (id, step) = (taken.map_err(one)?).map_err(|reason| one(Refusal::new(reason)))?;
+        for new in &change.set {
+            if let Some(name) = new.key.strip_prefix(PLANT_KEYS) {
+                self.context.run.parameters.set(name, new.value);
+            }
+        }
+        let change = Change {
+            id,
+            step: Some(step),
+            ..change
+        };
+        Ok(Response::Changed(self.changed(&change)))
+    }
+
+    /// Parameters of the active law: as described, if that is its description, else those that it offers.
+    fn fields_of(&self, offered: &Offered) -> Vec<Field> {
+        match &self.context.law {
+            Some(law) if law.name == offered.law => law.parameters.clone(),
+            _ => (offered.parameters.iter())
+                .map(|one| Field {
+                    tunable: true,
+                    ..one.field.clone()
+                })
+                .collect(),
+        }
+    }
+
+    fn changed(&self, change: &Change) -> Changed {
+        let step = change.step.unwrap_or(Step(0));
+        Changed {
+            id: change.id,
+            step: step.0,
+            at_s: self.context.run.rate.seconds(step),
+            ramp_steps: change.ramp_steps,
+            set: change.set.clone(),
+            clear: change.clear.clone(),
+        }
+    }
+
+    fn tunable(&self) -> Result<Response, Unanswered> {
+        let shown = self.request(|answer| LoopRequest::Tunable(None, answer))?;
+        let law = &self.context.law;
+        let is_active = |law: &&LawDescription| law.name == shown.offered.law;
+        Ok(Response::Tunable(Box::new(Tunables {
+            status: self.progress(),
+            waiting: shown.waiting.iter().map(|one| self.changed(one)).collect(),
+            law_does: (law.as_ref().filter(is_active))
+                .map_or_else(String::new, |law| law.tuning.clone()),
+            left: u32::try_from(shown.left).unwrap_or(u32::MAX),
+            values: shown.values,
+        })))
     }
 
     /// Returns the layout of the records; waits for hello.

@@ -12,7 +12,7 @@ use shared_types::time::Interval;
 /// A plant, called in this order:
 ///
 /// 1. [`start`](Plant::start), once: the state at step 0.
-/// 2. At every step `k`: [`retune`](Plant::retune) if a fault moved a parameter, then
+/// 2. At every step `k`: [`retune`](Plant::retune) if a fault or somebody moved a parameter, then
 ///    [`measure`](Plant::measure) and, when the command of step `k` is there,
 ///    [`truth`](Plant::truth), both of the state at step `k`.
 /// 3. [`advance`](Plant::advance) with that command to step `k + 1`.
@@ -29,7 +29,8 @@ pub trait Plant: Sized + 'static {
     const NAME: &'static str;
     /// One sentence.
     const SUMMARY: &'static str;
-    /// Parameters, each with a default; mark those open to faults `faultable`.
+    /// Parameters, each with a default; mark those open to faults `faultable`, and
+    /// others that may be changed while it runs `tunable`.
     type Parameters: table::Parameters;
     /// True state and outputs. A range on a signal is its limit of validity: outside it the run
     /// ends as diverged, with the signal named.
@@ -57,7 +58,7 @@ pub trait Plant: Sized + 'static {
     /// If the parameters, each in its range, do not go together.
     fn start(parameters: &Self::Parameters) -> Result<Self, Invalid>;
 
-    /// Takes new values of the faultable parameters.
+    /// Takes new values of the parameters that are faultable or tunable.
     fn retune(&mut self, parameters: &Self::Parameters);
 
     /// Returns the sensors' readings of the present state.

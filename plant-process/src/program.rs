@@ -123,7 +123,8 @@ impl PlantProgram {
             true => None,
             false => {
                 let (queue, builder) = (engine.queue(), engine.builder());
-                Some(live::serve(session, context, queue, builder)?)
+                let judge = live::judge_of(session);
+                Some(live::serve(session, context, queue, builder, judge)?)
             }
         };
         // Threads that there are by now keep ordinary scheduling.

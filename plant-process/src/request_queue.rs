@@ -9,11 +9,14 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Mutex, OnceLock, PoisonError};
 
-use shared_types::live::{FaultState, Status};
+use hil_config::plan::Change;
+use shared_types::describe::Settings;
+use shared_types::live::{FaultState, Status, Tunable};
 use shared_types::record::RecordLayout;
 use shared_types::time::Step;
 
 use crate::faults::{Admitted, ArmedFault};
+use crate::tuning::Offered;
 
 /// Request to the loop.
 pub enum LoopRequest {
@@ -31,8 +34,29 @@ pub enum LoopRequest {
     Advance(u64, Sender<Result<Step, String>>),
     /// Show the newest record; `None` before the first.
     Record(Sender<Option<Vec<u64>>>),
+    /// Take a change of values, checked for the controller of this epoch; answered with its number and step.
+    Change(Box<Change>, u32, Sender<Result<(u32, Step), String>>),
+    /// Show what can be changed, and what a change would make of it.
+    Tunable(Option<Box<Change>>, Sender<Box<TuningShown>>),
     /// Put a note before the next step.
     Mark(String, Sender<Result<Step, String>>),
+}
+
+/// What can be changed, at a step.
+#[derive(Clone, Debug)]
+pub struct TuningShown {
+    /// Values, changes that wait, and the number of those that the run can still take.
+    pub values: Vec<Tunable>,
+    /// Changes that wait.
+    pub waiting: Vec<Change>,
+    /// Number of changes that the run can still take.
+    pub left: usize,
+    /// Parameters that the active law offers.
+    pub offered: Offered,
+    /// Settings of the plant and of the law as the change would make them.
+    pub plant_after: Vec<Settings>,
+    /// Those of the law, as far as changes set them.
+    pub law_after: Vec<Settings>,
 }
 
 /// Queue of requests. Shared between the loop and the service thread.

@@ -287,6 +287,7 @@ mod tests {
             reference: vec![],
             commands: Some(fields(commands)),
             internals: fields(internals),
+            tunable: vec![],
         };
         let offer = Offer {
             session: 5,

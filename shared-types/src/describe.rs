@@ -8,13 +8,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::{Deserialize, Serialize};
 
 use crate::frame::MAX_SIGNALS;
-use crate::layout::{MOST_FIELDS, Unusable, check_fields, check_title};
+use crate::layout::{MOST_FIELDS, Unusable, check_fields, check_title, is_line};
 use crate::origin::{Build, Origin};
 use crate::table::{Field, Table, number};
 
 /// Version of the protocol between launcher, plant and controller: description, job file, control
 /// messages, frames and records. Two sides with different versions refuse each other.
-pub const PROTOCOL: u32 = 6;
+pub const PROTOCOL: u32 = 7;
 
 /// A binary's answer to `--describe`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -326,9 +326,18 @@ pub struct LawDescription {
     /// True if the law's state can be saved, so that a run can go on from a checkpoint.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub saves: bool,
+    /// Sentence that says what the law does when a tunable parameter changes while it runs; empty if there
+    /// are none.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub tuning: String,
 }
 
 impl LawDescription {
+    /// Lists the parameters that can be changed while the law runs.
+    pub fn tunable(&self) -> impl Iterator<Item = &Field> {
+        (self.parameters.iter()).filter(|field| field.tunable)
+    }
+
     /// Tells whether the law is made for a plant of this name.
     #[must_use]
     pub fn suits(&self, plant: &str) -> bool {
@@ -344,6 +353,16 @@ impl LawDescription {
     /// Checks names, units and texts of one law.
     fn check(&self) -> Result<(), String> {
         let name = shown("law", &self.name)?;
+        if !is_line(&self.tuning) {
+            return Err(format!(
+                "{name} says on more than one line what it does when it is tuned"
+            ));
+        }
+        if self.tunable().next().is_some() == self.tuning.is_empty() {
+            return Err(format!(
+                "{name} has tunable parameters if it says what it does when they change, and only then"
+            ));
+        }
         let commands = self.commands.as_deref().unwrap_or_default();
         let (commanded, inner) = (commands.len(), self.internals.len());
         if commanded <= MAX_SIGNALS && commanded + inner > MAX_SIGNALS {

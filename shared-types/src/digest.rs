@@ -1,13 +1,16 @@
 //! The digest of a run: one hash over everything that must repeat, nothing that may not.
 //!
-//! For each record in order: the fault events that take hold at its step, then the record's words
-//! up to the timing (step, validity, truth, measured, reference, command, applied, internals), all
-//! little-endian. A fault event is the byte length of its text as a 64-bit word and the text
-//! `step kind target parameter course`. Any reader of a recording can recompute it.
+//! For each record in order: the changes of values and the fault events that take hold at its step, then
+//! the record's words up to the timing (step, validity, truth, measured, reference, command, applied,
+//! internals), all little-endian. An event is the byte length of its text as a 64-bit word and the text: of a
+//! fault `step kind target parameter course`, of a change `step change ramp_steps` and, each with a space in
+//! front, `key=value` for every key and `clear:key` for every reference signal that follows its stimulus
+//! again. Any reader of a recording can recompute it.
 
 use zerocopy::IntoBytes;
 
-use crate::record::FaultTaken;
+use crate::number::exact;
+use crate::record::{ChangedValue, Event, FaultTaken, ValueChange};
 
 /// Bytes hashed at once: small pieces cost several times as much.
 const BATCH: usize = 1 << 16;
@@ -43,7 +46,31 @@ impl Digest {
             canonical,
             ..
         } = fault;
-        let text = format!("{step} {kind} {target} {parameter} {canonical}");
+        self.text(&format!("{step} {kind} {target} {parameter} {canonical}"));
+    }
+
+    /// Takes in a change of values; it comes before the record of its step.
+    pub fn change(&mut self, change: &ValueChange) {
+        let mut text = format!("{} change {}", change.step, change.ramp_steps);
+        for ChangedValue { key, value, .. } in &change.set {
+            text += &format!(" {key}={}", exact(*value));
+        }
+        for key in &change.clear {
+            text += &format!(" clear:{key}");
+        }
+        self.text(&text);
+    }
+
+    /// Takes in an event, if it counts.
+    pub fn event(&mut self, event: &Event) {
+        match event {
+            Event::Fault(taken) => self.fault(taken),
+            Event::Change(change) => self.change(change),
+            _ => {}
+        }
+    }
+
+    fn text(&mut self, text: &str) {
         self.pending.extend((text.len() as u64).to_le_bytes());
         self.pending.extend(text.as_bytes());
     }
@@ -90,6 +117,37 @@ mod tests {
         let before = of(&records);
         records[500][2] ^= 1;
         assert_ne!(of(&records), before);
+    }
+
+    #[test]
+    fn a_change_counts_by_its_step_its_ramp_and_its_values() {
+        let change = ValueChange {
+            id: 1,
+            step: 2,
+            ramp_steps: 3,
+            live: false,
+            set: vec![ChangedValue {
+                key: "plant.parameters.mass_kg".into(),
+                unit: "kg".into(),
+                value: 0.1,
+            }],
+            clear: vec!["reference.position_m".into()],
+        };
+        let of = |change: &ValueChange| {
+            let mut digest = Digest::default();
+            digest.event(&Event::Change(change.clone()));
+            digest.finish()
+        };
+        let text = "2 change 3 plant.parameters.mass_kg=0.1 clear:reference.position_m";
+        let mut bytes = (text.len() as u64).to_le_bytes().to_vec();
+        bytes.extend(text.as_bytes());
+        assert_eq!(of(&change), blake3::hash(&bytes).to_hex().as_str());
+        let others = ValueChange {
+            id: 7,
+            live: true,
+            ..change.clone()
+        };
+        assert_eq!(of(&others), of(&change), "numbers and origin do not count");
     }
 
     #[test]

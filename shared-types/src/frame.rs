@@ -51,7 +51,7 @@ impl FrameKind {
     }
 }
 
-/// The header of a frame: 152 bytes, little-endian, no padding.
+/// The header of a frame: 160 bytes, little-endian, no padding.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout, ZeroCopySend,
 )]
@@ -75,6 +75,9 @@ pub struct Header {
     pub directive: u64,
     /// Statistics of the sender's thread ([`ThreadStatistics`](crate::surroundings::ThreadStatistics)).
     pub surroundings: u64,
+    /// In a sample: number of messages with changed parameters of the law that come before it
+    /// ([`Tuned`](crate::tuning::Tuned)); 0 as long as none was changed.
+    pub tuning: u64,
     /// Number of the controller in the session: 1 for the first, one more for each that replaces it.
     pub epoch: u32,
     /// Age of the content in steps.
@@ -107,6 +110,7 @@ impl Header {
             work_ns: 0,
             directive: 0,
             surroundings: 0,
+            tuning: 0,
             epoch: 0,
             age_steps: 0,
             held_steps: 0,
@@ -351,7 +355,7 @@ mod tests {
     #[test]
     fn every_single_flipped_bit_is_found() {
         let frame = frame(&[1.0, -2.0, 3.5]);
-        assert_eq!(frame.bits(), 8 * (152 + 24));
+        assert_eq!(frame.bits(), 8 * (160 + 24));
         for bit in 0..frame.bits() {
             let mut broken = frame;
             broken.flip(bit);

@@ -9,10 +9,12 @@ use serde::{Deserialize, Serialize};
 use crate::describe::{LawDescription, PROTOCOL};
 use crate::frame::{FrameIdentity, MAX_SIGNALS};
 use crate::layout::{
-    SignalKind, SignalTable, Unbound, Unusable, check_fields, check_title, difference, layout_hash,
+    MOST_FIELDS, SignalKind, SignalTable, Unbound, Unusable, check_fields, check_title, difference,
+    layout_hash,
 };
-use crate::table::Field;
+use crate::table::{Field, number};
 use crate::time::{Rate, Step};
+use crate::tuning::Tuned;
 
 /// A control message, JSON on the wire.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -32,6 +34,8 @@ pub enum Control {
         /// The epoch that was welcomed.
         epoch: u32,
     },
+    /// Plant to controller, while frames flow: parameters of the law that were changed.
+    Tuned(Tuned),
 }
 
 impl Control {
@@ -70,6 +74,20 @@ pub struct Hello {
     pub commands: Option<Vec<Field>>,
     /// Inner quantities it shows.
     pub internals: Vec<Field>,
+    /// Parameters of the law that can be changed while it runs, each with its value at the start.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub tunable: Vec<TunableParameter>,
+}
+
+/// Parameter of a law that can be changed while it runs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TunableParameter {
+    /// Name, unit, range and description.
+    #[serde(flatten)]
+    pub field: Field,
+    /// Value that the law was started with.
+    #[serde(with = "number")]
+    pub value: f64,
 }
 
 /// Answer of the plant to a hello that it accepts.
@@ -131,7 +149,7 @@ impl Welcome {
 }
 
 impl Hello {
-    /// Makes the greeting of a law, as it is on the wire.
+    /// Makes the greeting of a law with its defaults, as it is on the wire.
     #[must_use]
     pub fn of(law: &LawDescription, session: u64) -> Self {
         Self {
@@ -142,6 +160,12 @@ impl Hello {
             reference: law.reference.clone(),
             commands: law.commands.clone(),
             internals: law.internals.clone(),
+            tunable: (law.tunable())
+                .map(|field| TunableParameter {
+                    field: field.clone(),
+                    value: field.default.unwrap_or(field.min),
+                })
+                .collect(),
         }
     }
 
@@ -155,7 +179,19 @@ impl Hello {
         for (kind, fields) in self.tables() {
             check_fields(fields, MAX_SIGNALS).map_err(unusable(kind.prefix()))?;
         }
-        Ok(())
+        check_fields(&self.tunable_fields(), MOST_FIELDS).map_err(unusable("tunable"))?;
+        // As a table of parameters says: within its range, which a value that is no number is not.
+        let wrong = self.tunable.iter().find(|one| !one.field.admits(one.value));
+        wrong.map_or(Ok(()), |one| {
+            let (name, value) = (&one.field.name, one.value);
+            Err(Refused::Otherwise(format!(
+                "tunable parameter {name:?} is {value}, out of its range"
+            )))
+        })
+    }
+
+    fn tunable_fields(&self) -> Vec<Field> {
+        (self.tunable.iter()).map(|one| one.field.clone()).collect()
     }
 
     /// Checks it against what the binary said of its law before, when it was asked with `--describe`.
@@ -180,7 +216,10 @@ impl Hello {
         let mut differences = both.filter_map(|((kind, said), (_, described))| {
             difference(kind.prefix(), said, described)
         });
-        differences.next().map_or(Ok(()), otherwise)
+        let tunable: Vec<Field> = law.tunable().cloned().collect();
+        (differences.next())
+            .or_else(|| difference("tunable", &self.tunable_fields(), &tunable))
+            .map_or(Ok(()), otherwise)
     }
 
     fn tables(&self) -> [(SignalKind, &[Field]); 4] {

@@ -13,7 +13,7 @@
 //! A [`session`] is the private place where all this happens and which leaves nothing behind, with
 //! each [`process`] in it known by more than its number;
 //! [`live`] is how another terminal talks to it while it runs, and [`directive`] what a fault of
-//! timing tells a runner. [`supervision`] is what its processes hear from the one that started them and [`program`] what
+//! timing tells a runner. [`tuning`] is how values change on the way. [`supervision`] is what its processes hear from the one that started them and [`program`] what
 //! they have in common, with the [`mod@origin`] that each tells; [`by_hand`] is the way in for one that somebody else starts. A [`checkpoint`] keeps the [`state`] of both sides before a step, so that a run
 //! can go on from there; [`random`] gives
 //! each consumer of random numbers a stream of its own; [`clock`] is the meters' clock;
@@ -63,6 +63,7 @@ pub mod surroundings;
 pub mod table;
 pub mod text;
 pub mod time;
+pub mod tuning;
 pub mod units;
 pub mod wait;
 

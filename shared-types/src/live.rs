@@ -13,14 +13,18 @@ use std::time::Duration;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use crate::describe::{FaultKindDescription, PlantDescription};
+use crate::describe::{FaultKindDescription, PlantDescription, Settings};
 use crate::record::{FaultEffectSize, RecordLayout};
 use crate::session::SessionInfo;
-use crate::table::Field;
+use crate::table::{Field, number};
 use crate::time::Rate;
+
+pub use crate::record::ChangedValue;
 
 /// Name of the socket in the session's folder.
 pub const SOCKET: &str = "control";
+/// Name of the socket in the session's folder at which parameters of plant and law are judged.
+pub const JUDGE: &str = "judge";
 /// Time that a client may take to write its line or to read the answer.
 const CLIENT_LIMIT: Duration = Duration::from_secs(1);
 /// Longest request.
@@ -62,6 +66,41 @@ pub enum Request {
         /// Text of the note, one line.
         text: String,
     },
+    /// Asks to change values at one step, all or none.
+    Set(ChangeRequest),
+    /// Asks for everything that can be changed while the run goes on, with its value.
+    Tunable,
+}
+
+/// Values to change while a run goes on, all at one step.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ChangeRequest {
+    /// New values, by the keys that a scenario has: `controller.pid.proportional_n_per_m`,
+    /// `plant.parameters.mass_kg`, `reference.position_m`. The last part of a parameter's name sets all
+    /// that end so, as in a scenario.
+    #[serde(default)]
+    pub set: Vec<NewValue>,
+    /// Reference signals that follow their stimulus again: `reference.position_m`.
+    #[serde(default)]
+    pub clear: Vec<String>,
+    /// Simulated time in s at or after which the change begins; `None`: at the next step.
+    #[serde(default)]
+    pub at_s: Option<f64>,
+    /// Time in s that the values take from what they are at the begin; `None`: none.
+    #[serde(default)]
+    pub ramp_s: Option<f64>,
+}
+
+/// New value of a key.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NewValue {
+    /// The key.
+    pub key: String,
+    /// The value, in the unit of the key.
+    #[serde(with = "number")]
+    pub value: f64,
 }
 
 /// Answer to a request.
@@ -105,6 +144,10 @@ pub enum Response {
         /// Simulated time of that step in s.
         at_s: f64,
     },
+    /// The change was taken.
+    Changed(Changed),
+    /// Everything that can be changed.
+    Tunable(Box<Tunables>),
     /// No, and nothing was changed.
     Refused {
         /// Problems and what would be possible, one entry for each thing that is wrong.
@@ -142,6 +185,72 @@ pub struct FaultState {
     pub waits_for: Option<String>,
     /// Effects of the fault.
     pub effects: Vec<FaultEffectSize>,
+}
+
+/// A change that was taken.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Changed {
+    /// Number of the change in the run, from 1; those of the scenario come first.
+    pub id: u32,
+    /// The step at which it takes hold.
+    pub step: u64,
+    /// Simulated time of that step in s.
+    pub at_s: f64,
+    /// Steps until the values are reached; 0: at once.
+    pub ramp_steps: u64,
+    /// Each key by its full name, in the order of the names.
+    pub set: Vec<ChangedValue>,
+    /// Reference signals that follow their stimulus again.
+    pub clear: Vec<String>,
+}
+
+/// Everything that can be changed while a run goes on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Tunables {
+    /// Status of the run.
+    pub status: Status,
+    /// Parameters of the law, of the plant, then reference signals.
+    pub values: Vec<Tunable>,
+    /// Changes that were taken and have not begun, in the order in which they will.
+    pub waiting: Vec<Changed>,
+    /// Words of the active law on what it does when a parameter changes; empty without a law that can be
+    /// tuned.
+    pub law_does: String,
+    /// Number of changes that the run can still take.
+    pub left: u32,
+}
+
+/// A value that can be changed while a run goes on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Tunable {
+    /// Full name: `controller.pid.proportional_n_per_m`, `plant.parameters.mass_kg`,
+    /// `reference.position_m`.
+    pub key: String,
+    /// Unit of the value.
+    pub unit: String,
+    /// Description in one sentence.
+    pub description: String,
+    /// Smallest legal value.
+    #[serde(with = "number")]
+    pub min: f64,
+    /// Largest legal value.
+    #[serde(with = "number")]
+    pub max: f64,
+    /// Value at the next step, before faults; during a ramp one on the way.
+    #[serde(with = "number")]
+    pub value: f64,
+    /// Value that was reached, or will be at the end of a ramp; of a reference signal that follows its
+    /// stimulus the same as `value`.
+    #[serde(with = "number")]
+    pub target: f64,
+    /// Value without any change; of a reference signal that of its stimulus at the next step.
+    #[serde(with = "number")]
+    pub original: f64,
+    /// First step at which a ramp under way has its target.
+    #[serde(default)]
+    pub until_step: Option<u64>,
+    /// True if a change acts on it; a reference signal then does not follow its stimulus.
+    pub is_changed: bool,
 }
 
 /// Status of a run: where it is.
@@ -195,6 +304,22 @@ impl Refusal {
             nearest: Vec::new(),
         }
     }
+}
+
+/// Parameters of the plant or the active law that a change would make: do they go together?
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Judged {
+    /// Number of the controller; 0 for the plant.
+    pub epoch: u32,
+    /// Values by name, of the parameters that were changed.
+    pub parameters: Settings,
+}
+
+/// Judgement of parameters: `None` if they go together, else the objection.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Judgement {
+    /// Objection of the plant or the law.
+    pub objection: Option<String>,
 }
 
 /// A request got no answer.

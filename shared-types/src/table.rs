@@ -44,6 +44,10 @@ pub struct Field {
     /// True if a fault may change the value while the plant runs.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub faultable: bool,
+    /// True if the value may be set anew while the plant or the law runs; of a plant's parameters those open
+    /// to faults may be too.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub tunable: bool,
 }
 
 impl Field {
@@ -58,6 +62,7 @@ impl Field {
             min: lowest(),
             max: highest(),
             faultable: false,
+            tunable: false,
         }
     }
 
@@ -117,8 +122,8 @@ pub trait Table:
 /// table's.
 ///
 /// A signal is `name: "unit"`, optionally with its range of validity (`in min..=max`, used by the
-/// engine's guard). A parameter has a default and a range, and may be open to faults:
-/// `name: "unit" = default in min..=max [faultable]`. Numbers other than plain literals stand in
+/// engine's guard). A parameter has a default and a range, and may be open to faults, or to be set anew
+/// while the run goes on: `name: "unit" = default in min..=max [faultable]`, or `[tunable]`. Numbers other than plain literals stand in
 /// parentheses. The description is the doc comment.
 ///
 /// ```
@@ -332,7 +337,7 @@ macro_rules! table {
                         );
                         $( field.default = Some($default $($default_size)?); )?
                         $( (field.min, field.max) = ($min $($min_size)?, $max $($max_size)?); )?
-                        $( field.faultable = $crate::table::flag::$flag(); )?
+                        $( field = $crate::table::flag::$flag(field); )?
                         field
                     },)*
                 ]

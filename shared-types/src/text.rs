@@ -51,6 +51,15 @@ pub fn line_of<'de, D: Deserializer<'de>>(from: D) -> Result<String, D::Error> {
     String::deserialize(from).map(|text| line(&text))
 }
 
+/// Deserialises a list of texts, each as a [`line()`].
+///
+/// # Errors
+/// If there is no such list.
+pub fn lines_of<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<String>, D::Error> {
+    let texts = Vec::<String>::deserialize(from)?;
+    Ok(texts.iter().map(|text| line(text)).collect())
+}
+
 /// Deserialises a text that may be missing as a [`line()`].
 ///
 /// # Errors

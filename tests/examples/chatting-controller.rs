@@ -79,6 +79,10 @@ impl Link for Chatting {
         self.inner.send_control(message)
     }
 
+    fn tell(&mut self, message: &[u8]) -> Result<(), LinkError> {
+        self.inner.tell(message)
+    }
+
     fn receive_control(&mut self) -> Result<Option<Vec<u8>>, LinkError> {
         if self.habit == Habit::Greets {
             self.inner.send_control(&self.hello)?;

@@ -111,10 +111,10 @@ fn every_figure_counts_the_steps_after_the_warm_up_and_no_other() {
         } else {
             assert!(each["release_ns"].is_null(), "nothing is due in lockstep");
         }
-        // A header of 152 bytes, then room for 16, 32, 64 numbers.
+        // A header of 160 bytes, then room for 16, 32, 64 numbers.
         let (there, back) = match each["signals"].as_u64() {
-            Some(8) => (152 + 8 * 16, 152 + 8 * 16),
-            _ => (152 + 8 * 64, 152 + 8 * 16),
+            Some(8) => (160 + 8 * 16, 160 + 8 * 16),
+            _ => (160 + 8 * 64, 160 + 8 * 16),
         };
         assert_eq!(each["frame_bytes"], serde_json::json!([there, back]));
     }

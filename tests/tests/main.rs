@@ -129,5 +129,6 @@ mod support;
 mod survival;
 mod tables;
 mod target;
+mod tuning;
 mod values;
 mod viewers;

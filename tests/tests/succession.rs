@@ -277,6 +277,7 @@ fn who_was_not_launched_is_told_to_leave_and_the_run_stays_the_same() {
         reference: vec![],
         commands: None,
         internals: vec![],
+        tunable: vec![],
     };
     (link.send_control(&Control::Hello(hello).to_bytes())).expect("sends");
     let mut answer = None;

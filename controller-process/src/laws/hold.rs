@@ -2,20 +2,22 @@
 //!
 //! For open-loop runs, for a first try of an own plant and as the other side of a latency
 //! measurement. It is the one law that fits any plant, so it implements [`Law`] on rows and has no
-//! command table of its own.
+//! command table of its own. A value that jumps while it runs is reached within 0.1 s, in a straight line.
 
+use serde::{Deserialize, Serialize};
 use shared_types::describe::{Invalid, LawDescription};
 use shared_types::failure::Failure;
 use shared_types::state::State;
 use shared_types::table::Table;
 
-use crate::controller::{Law, LawKind, Row, Start};
+use super::transfer::Transfer;
+use crate::controller::{Law, LawKind, Row, Start, Transition, TunedRows};
 
 shared_types::table! {
     /// Parameters of `hold`.
     pub struct Parameters {
         /// Value of every command, in the unit of that command.
-        value: "1" = 0.0 in (f64::MIN)..=(f64::MAX),
+        value: "1" = 0.0 in (f64::MIN)..=(f64::MAX) [tunable],
     }
 }
 
@@ -23,6 +25,18 @@ shared_types::table! {
 #[derive(Clone, Copy, Debug)]
 pub struct Hold {
     value: f64,
+    period_s: f64,
+    state: HoldState,
+}
+
+/// State that the law keeps from sample to sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct HoldState {
+    /// Command given last, if any was.
+    last: Option<f64>,
+    /// The value jumped since then.
+    jumped: bool,
+    transfer: Transfer,
 }
 
 impl Law for Hold {
@@ -32,16 +46,28 @@ impl Law for Hold {
         command: &mut [f64],
         _internals: &mut [f64],
     ) -> Result<(), Failure> {
-        command.fill(self.value);
+        let state = &mut self.state;
+        let value = match state.last.filter(|_| std::mem::take(&mut state.jumped)) {
+            Some(last) => state.transfer.begin(last, self.value, self.period_s),
+            None => self.value + state.transfer.next(),
+        };
+        state.last = Some(value);
+        command.fill(value);
         Ok(())
     }
 
     fn save(&self) -> Result<State, Invalid> {
-        Ok(State::default()) // it has none
+        State::of(&self.state)
     }
 
     fn restore(&mut self, state: &State) -> Result<(), Invalid> {
-        state.read::<()>()
+        self.state = state.read()?;
+        Ok(())
+    }
+
+    fn retune(&mut self, setup: &TunedRows<'_>, transition: Transition) {
+        self.value = Parameters::from_row(setup.parameters).value;
+        self.state.jumped |= transition == Transition::Step;
     }
 }
 
@@ -60,6 +86,7 @@ pub fn kind() -> LawKind {
             commands: None,
             internals: Vec::new(),
             saves: true,
+            tuning: "The commands go from the old value to the new one in a straight line within 0.1 s after a jump.".into(),
         },
         start: Box::new(start),
     }
@@ -69,6 +96,8 @@ fn start(start: &Start<'_>) -> Result<Box<dyn Law>, Invalid> {
     let parameters: Parameters = start.parameters.to_table("controller.hold")?;
     Ok(Box::new(Hold {
         value: parameters.value,
+        period_s: start.period_s,
+        state: HoldState::default(),
     }))
 }
 
@@ -98,6 +127,45 @@ mod tests {
         };
         (law.step(&sample, &mut command, &mut [])).expect("answers");
         assert_eq!(command, [-2.5; 3]);
+    }
+
+    #[test]
+    fn a_value_that_jumps_is_reached_in_a_straight_line_and_one_on_a_ramp_is_followed() {
+        let mut law = Hold {
+            value: 8.0,
+            period_s: 0.025,
+            state: HoldState::default(),
+        };
+        let step = |law: &mut Hold| {
+            let sample = Row {
+                held_steps: 0,
+                time_s: 0.0,
+                measured: &[],
+                reference: &[],
+                valid: true,
+            };
+            let mut command = [f64::NAN];
+            law.step(&sample, &mut command, &mut []).expect("answers");
+            command[0]
+        };
+        let retune = |law: &mut Hold, value, transition| {
+            let setup = TunedRows {
+                parameters: &[value],
+                model: &[],
+                period_s: 0.025,
+            };
+            law.retune(&setup, transition);
+        };
+        // Nothing was commanded: there is nothing to go on from.
+        retune(&mut law, 4.0, Transition::Step);
+        assert_eq!([step(&mut law), step(&mut law)], [4.0, 4.0]);
+        retune(&mut law, 0.0, Transition::Step);
+        let commands: Vec<f64> = (0..6).map(|_| step(&mut law)).collect();
+        assert_eq!(commands, [4.0, 3.0, 2.0, 1.0, 0.0, 0.0]);
+        for value in [0.0, 0.5, 1.0] {
+            retune(&mut law, value, Transition::Ramp);
+            assert_eq!(step(&mut law), value);
+        }
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //!
 //! [`all`] is what the runner and `--describe` read; nothing else lists the laws. A law is pure
 //! arithmetic on its configuration and the sample: it knows no clock, no file and no random number.
+//! Each keeps its command continuous where its parameters jump while it runs.
 //!
 //! | law | plant | file |
 //! |---|---|---|
@@ -15,6 +16,7 @@ pub mod drhas;
 pub mod hold;
 mod limit;
 pub mod pid;
+mod transfer;
 
 use crate::controller::LawKind;
 

@@ -9,6 +9,11 @@ pub mod spring_mass;
 use serde::{Deserialize, Serialize};
 
 use super::limit::limited;
+use super::transfer::Transfer;
+use crate::controller::Transition;
+
+/// What the laws named `pid` do when a gain changes while they run.
+pub const TUNING: &str = "The command goes on from what the old gains would have given: the integral takes up the difference; without an integral gain it fades within 0.1 s after a jump.";
 
 /// Gains, in units of the command per unit of the error (and per second or times second).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,6 +37,8 @@ pub struct Gains {
 #[derive(Clone, Copy, Debug)]
 pub struct Pid {
     gains: Gains,
+    /// Gains before a change that the next sample brings about, and whether they jump.
+    former: Option<(Gains, Transition)>,
     period_s: f64,
     state: PidState,
 }
@@ -44,6 +51,9 @@ pub struct PidState {
     /// Samples without a valid error since the last valid one.
     missed: u32,
     command: f64,
+    /// The gains changed while there was no valid error.
+    changed: bool,
+    transfer: Transfer,
 }
 
 impl Pid {
@@ -52,9 +62,23 @@ impl Pid {
     pub fn new(gains: Gains, period_s: f64) -> Self {
         Self {
             gains,
+            former: None,
             period_s,
             state: PidState::default(),
         }
+    }
+
+    /// Takes other gains, from the next update on.
+    ///
+    /// The command of that update is what the old gains give, within the new limit: the integral becomes
+    /// `(u_old - k_p e - k_d de/dt) / k_i`. Without an integral gain the difference fades, if the gains jump.
+    pub fn retune(&mut self, gains: Gains, transition: Transition) {
+        // Before the first sample there is no command to go on from.
+        if self.state.last_error.is_some() {
+            let before = self.former.map_or(self.gains, |(before, _)| before);
+            self.former = Some((before, transition));
+        }
+        self.gains = gains;
     }
 
     /// Returns the state that the loop keeps.
@@ -66,10 +90,51 @@ impl Pid {
     /// Goes on with what it remembered.
     pub const fn restore(&mut self, state: PidState) {
         self.state = state;
+        self.former = None;
     }
 
     /// The command that answers an error.
     pub fn update(&mut self, error: f64) -> f64 {
+        if self.former.is_some() || self.state.changed {
+            return self.change_over(error);
+        }
+        let command = self.answer(error) + self.state.transfer.next();
+        self.state.command = limited(command, self.gains.limit);
+        self.state.command
+    }
+
+    /// Answers an error so that the command goes on from the gains before, or from the one that was held.
+    fn change_over(&mut self, error: f64) -> f64 {
+        let gains = self.gains;
+        let (former, transition) = self.former.take().unwrap_or((gains, Transition::Step));
+        let held = std::mem::take(&mut self.state.changed).then_some(self.state.command);
+        let last_error = self.state.last_error;
+        let elapsed_s = f64::from(self.state.missed.saturating_add(1)) * self.period_s;
+        self.gains = former;
+        let wanted = self.answer(error);
+        let left = self.state.transfer.next();
+        let old = held.unwrap_or_else(|| limited(wanted + left, former.limit));
+        let old = limited(old, gains.limit);
+        self.gains = gains;
+
+        let rate = last_error.map_or(0.0, |last| (error - last) / elapsed_s);
+        let rest = gains.proportional * error + gains.derivative * rate;
+        let integral = (old - rest) / gains.integral;
+        let new = rest + gains.integral * self.state.integral;
+        let command = if integral.is_finite() {
+            (self.state.integral, self.state.transfer) = (integral, Transfer::default());
+            old
+        } else if transition == Transition::Ramp && former.integral == 0.0 {
+            new + left
+        } else {
+            self.state.transfer.begin(old, new, self.period_s)
+        };
+        self.state.command = limited(command, gains.limit);
+        self.state.command
+    }
+
+    /// The command without what is left of a change, within the limit as far as the integral goes.
+    fn answer(&mut self, error: f64) -> f64 {
         let state = &mut self.state;
         let elapsed_s = f64::from(state.missed.saturating_add(1)) * self.period_s;
         let (area, rate) = match state.last_error {
@@ -91,14 +156,13 @@ impl Pid {
         if !(wanted.abs() > limit && pushes_further) {
             state.integral += area;
         }
-        let command = rest + k_i * state.integral;
-        state.command = limited(command, limit);
-        state.command
+        rest + k_i * state.integral
     }
 
     /// The command when the sample is not valid: the last one. Integral and derivative bridge the
     /// gap at the next valid sample.
     pub fn hold(&mut self) -> f64 {
+        self.state.changed |= self.former.take().is_some();
         self.state.missed = self.state.missed.saturating_add(1);
         self.state.command
     }
@@ -210,6 +274,143 @@ mod tests {
         };
         let mut pid = Pid::new(gains, 0.01);
         assert_eq!((pid.update(3.0), pid.update(-3.0)), (1.0, -1.0));
+    }
+
+    /// The commands of a loop for errors, whose gains are others from the sample `at` on.
+    fn retuned(before: Gains, after: Gains, at: usize, errors: &[f64]) -> Vec<f64> {
+        let mut pid = Pid::new(before, 0.025);
+        let answers = errors.iter().enumerate().map(|(k, error)| {
+            if k == at {
+                pid.retune(after, Transition::Step);
+            }
+            pid.update(*error)
+        });
+        answers.collect()
+    }
+
+    const WITH_INTEGRAL: Gains = Gains {
+        proportional: 2.0,
+        integral: 8.0,
+        derivative: 0.5,
+        ..P_ONLY
+    };
+
+    #[test]
+    fn a_change_of_gains_leaves_the_command_what_the_old_ones_give() {
+        let errors = [1.0, 0.75, 0.25, -0.5, 0.5, 1.5];
+        let other = Gains {
+            proportional: -7.0,
+            integral: 0.5,
+            derivative: 3.0,
+            ..P_ONLY
+        };
+        let unchanged = retuned(WITH_INTEGRAL, WITH_INTEGRAL, 0, &errors);
+        let changed = retuned(WITH_INTEGRAL, other, 3, &errors);
+        assert_eq!(
+            changed[..4],
+            unchanged[..4],
+            "to the last bit, the change included"
+        );
+        // From there on u' = u + k_p de + k_i area + k_d d(de/dt) with the new gains alone:
+        // de = 1, area = 0 and 0.025, rates 40 after -30 and 40 after 40.
+        let wanted = changed[3] - 7.0 * 1.0 + 0.0 + 3.0 * (40.0 + 30.0);
+        assert!(
+            (changed[4] - wanted).abs() < 1e-12,
+            "{} {wanted}",
+            changed[4]
+        );
+        let wanted = wanted - 7.0 * 1.0 + 0.5 * 0.025 + 0.0;
+        assert!(
+            (changed[5] - wanted).abs() < 1e-12,
+            "{} {wanted}",
+            changed[5]
+        );
+    }
+
+    #[test]
+    fn gains_on_a_ramp_never_jump_and_come_to_where_they_are_to_be() {
+        let mut pid = Pid::new(WITH_INTEGRAL, 0.025);
+        let before = [pid.update(1.0), pid.update(1.0)];
+        for k in 1..=10 {
+            let gains = Gains {
+                proportional: 2.0 + f64::from(k),
+                ..WITH_INTEGRAL
+            };
+            pid.retune(gains, Transition::Ramp);
+            // The error stands still: only the integral moves, by k_i e T.
+            let wanted = before[1] + 8.0 * 0.025 * f64::from(k);
+            assert!((pid.update(1.0) - wanted).abs() < 1e-12, "{k}");
+        }
+        assert!((pid.update(2.0) - (before[1] + 2.0 + 12.0 + 0.5 / 0.025 + 0.3)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn without_an_integral_the_difference_fades_in_a_straight_line() {
+        let gains = |proportional| Gains {
+            proportional,
+            ..P_ONLY
+        };
+        // 90 to 30 at e = 0.5: u = 15 + 30 (1 - j / 4) at the samples after the change, 25 ms apart.
+        let commands = retuned(gains(90.0), gains(30.0), 2, &[0.5; 8]);
+        assert_eq!(commands, [45.0, 45.0, 45.0, 37.5, 30.0, 22.5, 15.0, 15.0]);
+        // An integral gain that goes away leaves its part, which fades likewise.
+        let commands = retuned(WITH_INTEGRAL, gains(2.0), 2, &[1.0; 7]);
+        let part = 8.0 * 0.05;
+        let wanted = [1.0, 0.75, 0.5, 0.25, 0.0].map(|share| 2.0 + part * share);
+        for (found, wanted) in commands[2..].iter().zip(wanted) {
+            assert!((found - wanted).abs() < 1e-12, "{commands:?}");
+        }
+    }
+
+    #[test]
+    fn proportional_gains_on_a_ramp_act_at_once() {
+        let mut pid = Pid::new(P_ONLY, 0.025);
+        pid.update(0.5);
+        for k in 0..4 {
+            let gains = Gains {
+                proportional: f64::from(k),
+                ..P_ONLY
+            };
+            pid.retune(gains, Transition::Ramp);
+            assert_eq!(pid.update(0.5), 0.5 * f64::from(k));
+        }
+    }
+
+    #[test]
+    fn a_lower_limit_counts_at_once_and_winds_nothing_up() {
+        let gains = |limit| Gains {
+            derivative: 0.0,
+            limit,
+            ..WITH_INTEGRAL
+        };
+        let commands = retuned(gains(f64::INFINITY), gains(1.5), 1, &[1.0, 1.0, 1.0, 0.5]);
+        assert_eq!(commands[1..3], [1.5, 1.5]);
+        // Off the limit as soon as the error falls: 1.5 + 2 (-0.5) + 8 (0.01875).
+        assert!((commands[3] - 0.65).abs() < 1e-12, "{commands:?}");
+    }
+
+    #[test]
+    fn a_change_beside_samples_that_are_not_valid_goes_on_from_the_command_held() {
+        let mut pid = Pid::new(WITH_INTEGRAL, 0.025);
+        pid.update(1.0);
+        let held = pid.update(1.0);
+        pid.retune(P_ONLY, Transition::Step);
+        assert_eq!(pid.hold(), held);
+        let mut resumed = Pid::new(P_ONLY, 0.025);
+        resumed.restore(pid.state());
+        assert_eq!((pid.update(3.0), resumed.update(3.0)), (held, held));
+        assert_eq!(pid.update(3.0), 0.75 * held);
+    }
+
+    #[test]
+    fn a_change_before_the_first_sample_is_no_change() {
+        let mut pid = Pid::new(WITH_INTEGRAL, 0.025);
+        let gains = Gains {
+            proportional: 5.0,
+            ..P_ONLY
+        };
+        pid.retune(gains, Transition::Step);
+        assert_eq!((pid.update(1.0), pid.update(1.0)), (5.0, 5.0));
     }
 
     #[test]

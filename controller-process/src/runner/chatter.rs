@@ -47,6 +47,10 @@ impl Link for Echo {
         self.inner.send_control(message)
     }
 
+    fn tell(&mut self, message: &[u8]) -> Result<(), LinkError> {
+        self.inner.tell(message)
+    }
+
     fn receive_control(&mut self) -> Result<Option<Vec<u8>>, LinkError> {
         Ok(match self.inner.receive_control()? {
             None if self.message.is_some() && self.again() => self.message.clone(),

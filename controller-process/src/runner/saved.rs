@@ -9,6 +9,7 @@ use shared_types::directive::Answered;
 use shared_types::state::State;
 use shared_types::time::Step;
 
+use super::tuning::SavedTuning;
 use super::{Bound, Made};
 
 /// The controller's state between two samples.
@@ -23,6 +24,7 @@ pub(super) struct SavedController {
     last: Option<Step>,
     /// Answered samples as on the wire.
     answered: u64,
+    tuning: SavedTuning,
 }
 
 impl Bound {
@@ -37,6 +39,7 @@ impl Bound {
             late_until: self.late_until,
             last: self.last,
             answered: self.answered.to_wire(),
+            tuning: self.tuning.save(),
         })
     }
 
@@ -60,6 +63,7 @@ impl Bound {
         self.late_until = saved.late_until;
         self.last = saved.last;
         self.answered = Answered::from_wire(saved.answered);
+        self.tuning.restore(&saved.tuning, self.law.as_mut())?;
         self.law.restore(&saved.law)
     }
 }

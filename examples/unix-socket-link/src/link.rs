@@ -25,6 +25,8 @@ pub struct UnixSocketLink {
     side: Side,
     folder: PathBuf,
     control: Socket,
+    /// Control messages of the controller whose frames are in use, if another one is expected.
+    active: Option<Socket>,
     frames: Option<Frames>,
     /// Those opened last, if others are in use.
     next: Option<Frames>,
@@ -59,6 +61,7 @@ impl UnixSocketLink {
             side,
             folder: folder.into(),
             control: socket(folder, side, "control", epoch)?,
+            active: None,
             frames: None,
             next: None,
             rejected: Ignored::default(),
@@ -79,12 +82,21 @@ impl Link for UnixSocketLink {
         self.control.queue(message)
     }
 
+    fn tell(&mut self, message: &[u8]) -> Result<(), LinkError> {
+        self.active.as_mut().unwrap_or(&mut self.control).queue(message)
+    }
+
     fn receive_control(&mut self) -> Result<Option<Vec<u8>>, LinkError> {
         self.control.next()
     }
 
     fn expect(&mut self, epoch: u32) -> Result<(), LinkError> {
-        self.control = socket(&self.folder, self.side, "control", epoch)?;
+        let next = socket(&self.folder, self.side, "control", epoch)?;
+        let before = std::mem::replace(&mut self.control, next);
+        // Another one may have been expected in vain before.
+        if self.active.is_none() && self.frames.is_some() {
+            self.active = Some(before);
+        }
         Ok(())
     }
 
@@ -111,6 +123,7 @@ impl Link for UnixSocketLink {
     fn take_over(&mut self) {
         if self.next.is_some() {
             self.frames = self.next.take();
+            self.active = None;
         }
     }
 

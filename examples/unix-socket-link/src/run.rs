@@ -114,9 +114,7 @@ impl RecordSink for Digesting<'_> {
     }
 
     fn event(&mut self, event: &Event) -> Result<(), LinkError> {
-        if let Event::Fault(fault) = event {
-            self.digest.fault(fault);
-        }
+        self.digest.event(event);
         Ok(())
     }
 }

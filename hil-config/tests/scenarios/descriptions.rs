@@ -227,6 +227,7 @@ fn law(name: &str, plants: &[&str]) -> LawDescription {
         commands: None,
         internals: Vec::new(),
         saves: false,
+        tuning: String::new(),
     }
 }
 

@@ -27,6 +27,7 @@ fn the_base_means_what_it_says() {
         controller,
         stimuli,
         faults,
+        changes,
         derived,
         metrics,
         analyses,
@@ -34,7 +35,7 @@ fn the_base_means_what_it_says() {
         plots,
         programs,
     } = plan(BASE);
-    assert!(analyses.is_empty());
+    assert!(analyses.is_empty() && changes.is_empty());
     assert_eq!(programs, Programs::default());
     let wanted = Requirement {
         name: "stays-small".into(),

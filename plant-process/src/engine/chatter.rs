@@ -72,12 +72,17 @@ fn hello() -> Hello {
         reference: vec![],
         commands: None,
         internals: vec![],
+        tunable: vec![],
     }
 }
 
 impl Link for Parrot {
     fn send_control(&mut self, message: &[u8]) -> Result<(), LinkError> {
         self.welcome = Control::from_bytes(message).ok();
+        Ok(())
+    }
+
+    fn tell(&mut self, _: &[u8]) -> Result<(), LinkError> {
         Ok(())
     }
 

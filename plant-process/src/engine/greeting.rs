@@ -10,6 +10,7 @@ use shared_types::stream::RecordSink;
 use super::{Engine, Plant, Progress};
 use crate::repeat::Repetition;
 use crate::rows::Rows;
+use crate::tuning::Offered;
 
 impl<L: Link, S: RecordSink> Engine<L, S> {
     /// Before the first step: agree with a controller on what the frames carry.
@@ -19,7 +20,16 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         };
         let before = self.side.standing();
         match self.take_message(&message, 1) {
-            PlantAction::Welcome(welcome) => self.welcome(*welcome)?,
+            PlantAction::Welcome(welcome) => {
+                if let Control::Hello(hello) = message {
+                    self.plant.tuning.offer(Offered {
+                        epoch: 1,
+                        law: hello.law,
+                        parameters: hello.tunable,
+                    });
+                }
+                self.welcome(*welcome)?;
+            }
             PlantAction::Refuse(reason) => {
                 let refusal = Control::Refusal {
                     reason: reason.clone(),
@@ -74,6 +84,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             return Ok(());
         };
         self.plant.faults.restore(saved.faults)?;
+        (self.plant.tuning).restore(saved.tuning, self.first);
         self.rows.restore_record(&saved.record)
     }
 }

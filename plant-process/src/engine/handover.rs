@@ -2,7 +2,7 @@
 
 use shared_types::clock::monotonic_ns;
 use shared_types::frame::{FrameKind, Header};
-use shared_types::hello::{Control, Offer, Welcome};
+use shared_types::hello::{Control, Offer, TunableParameter, Welcome};
 use shared_types::ignored::Reason;
 use shared_types::link::{FrameSpec, Link, LinkError, Peer};
 use shared_types::lockstep::{Abort, AbortCode, OnLoss, PlantAction, PlantEvent};
@@ -14,6 +14,7 @@ use shared_types::time::Step;
 
 use super::commands::Command;
 use super::{Clock, Engine, Progress};
+use crate::tuning::Offered;
 
 /// Newest controller on its way to take over.
 pub(super) struct Handover {
@@ -30,6 +31,7 @@ pub(super) struct Handover {
 struct Agreed {
     welcome: Welcome,
     law: String,
+    tunable: Vec<TunableParameter>,
 }
 
 impl Default for Handover {
@@ -148,7 +150,9 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                 self.side.on(&PlantEvent::Hello(hello, &offer))
             }
             Control::Ready { epoch } => self.side.on(&PlantEvent::Ready(*epoch)),
-            Control::Welcome(_) | Control::Refusal { .. } => self.side.ignore(Reason::OutOfTurn),
+            Control::Welcome(_) | Control::Refusal { .. } | Control::Tuned(_) => {
+                self.side.ignore(Reason::OutOfTurn)
+            }
         }
     }
 
@@ -175,6 +179,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                     self.handover.agreed = Some(Agreed {
                         welcome: (*welcome).clone(),
                         law: hello.law,
+                        tunable: hello.tunable,
                     });
                 }
                 self.link
@@ -192,7 +197,12 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         unanswered: Option<Step>,
         (was_alone, waited): (bool, bool),
     ) -> Result<(), LinkError> {
-        let Some(Agreed { welcome, law }) = self.handover.agreed.take() else {
+        let Some(Agreed {
+            welcome,
+            law,
+            tunable,
+        }) = self.handover.agreed.take()
+        else {
             return Ok(()); // there is one whenever the protocol says so
         };
         if !was_alone {
@@ -206,6 +216,14 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             pacer.delay(now_ns - self.commands.heard_ns);
         }
         self.commands.heard_ns = now_ns;
+        self.plant.tuning.offer(Offered {
+            epoch: self.side.epoch(),
+            law: law.clone(),
+            parameters: tunable,
+        });
+        if self.plant.tuning.number() > 0 {
+            self.tell_law()?;
+        }
         self.publish(self.side.epoch(), Change::Joined { law })?;
         if let Some(step) = unanswered {
             self.sample.sent_ns = monotonic_ns();
@@ -220,6 +238,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         let (at, policy) = (self.side.at(), self.job.run.on_controller_loss);
         // It may only be stopped, and wake up again.
         self.dismiss_active(why.code())?;
+        self.plant.tuning.lose_controller();
         if policy == OnLoss::SafeCommand {
             let invalid = self.rows.fill_frame(&self.job.plant.safe_command);
             self.commands.newest = Command::new(Header {

@@ -3,6 +3,7 @@
 use hil_config::plan::Clock;
 use shared_types::clock::monotonic_ns;
 use shared_types::frame::{FrameKind, Header};
+use shared_types::hello::Control;
 use shared_types::link::{Link, LinkError};
 use shared_types::lockstep::{AbortCode, PlantAction, PlantEvent};
 use shared_types::pacer::Pacer;
@@ -125,11 +126,17 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     /// Saves the state before a step, of which nothing was done yet; every record before it was
     /// published.
     fn save(&mut self, step: Step) -> Result<(), String> {
-        let Plant { model, faults, .. } = &mut self.plant;
+        let Plant {
+            model,
+            faults,
+            tuning,
+            ..
+        } = &mut self.plant;
         let saved = model.save().and_then(|model| {
             Ok(SavedPlant {
                 model,
                 faults: faults.save()?,
+                tuning: tuning.save(),
                 record: self.rows.record.clone(),
             })
         });
@@ -143,6 +150,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             directive: self.sample.directive,
             age_steps: self.sample.age_steps,
             surroundings: self.timing.plant_surroundings,
+            tuning: self.plant.tuning.number(),
             held_steps: self.commands.newest.held_steps,
             invalid: self.rows.invalid,
             ..Header::new(FrameKind::Sample, step)
@@ -161,7 +169,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     }
 
     /// Makes the reference signals of a step, which depend on time alone.
-    fn prepare(&mut self, step: Step) {
+    pub(super) fn prepare(&mut self, step: Step) {
         let time_s = self.job.run.rate.seconds(step);
         let mut reference = &mut self.rows.stimulus[..];
         for stimulus in &self.job.stimuli {
@@ -173,8 +181,37 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         self.rows.stimulus_of = Some(step);
     }
 
+    /// Changes the values that are to be others from a step on, and tells the controller of those of its law
+    /// ahead of the sample that they count for.
+    fn tune(&mut self, step: Step) -> Result<(), LinkError> {
+        let Plant { tuning, faults, .. } = &mut self.plant;
+        let moved = tuning.advance(step, &self.rows.stimulus);
+        for (index, value) in tuning.bases(step) {
+            faults.rebase(index, value);
+        }
+        if moved.law {
+            self.tell_law()?;
+        }
+        Ok(())
+    }
+
+    /// Tells the active controller of all parameters of its law that were changed.
+    pub(super) fn tell_law(&mut self) -> Result<(), LinkError> {
+        if self.side.is_alone() {
+            return Ok(()); // the next one is told when it takes over
+        }
+        let tuned = Control::Tuned(self.plant.tuning.tuned());
+        self.link.tell(&tuned.to_bytes())
+    }
+
     /// Fills the sample of a step; false if the plant diverged or failed.
     fn measure(&mut self, step: Step) -> Result<bool, LinkError> {
+        if self.rows.stimulus_of != Some(step) {
+            self.prepare(step);
+        }
+        if self.plant.tuning.is_due(step) {
+            self.tune(step)?;
+        }
         let (plant, rows) = (&mut self.plant, &mut self.rows);
         if plant.faults.advance(step, rows.last_values(step)) {
             if let Err(failure) = plant.model.retune(plant.faults.parameters()) {
@@ -183,10 +220,6 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             }
             plant.faults.faultable(&mut rows.parameter);
         }
-        if self.rows.stimulus_of != Some(step) {
-            self.prepare(step);
-        }
-        let (plant, rows) = (&mut self.plant, &mut self.rows);
         if let Err(failure) = plant.model.measure(&mut rows.sensed) {
             self.failed(step, &failure)?;
             return Ok(false);
@@ -196,6 +229,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             return Ok(false);
         }
         rows.sent_stimulus.copy_from_slice(&rows.stimulus);
+        plant.tuning.overrule(step, &mut rows.sent_stimulus);
         self.sample.age_steps = plant.faults.sample(
             step,
             (&rows.sensed, &rows.sent_stimulus),

@@ -1,5 +1,6 @@
 //! What others ask of a running run, served between two steps: faults, and to hold it or let it go on.
 
+use hil_config::plan::{PLANT_KEYS, law_keys};
 use shared_types::clock::monotonic_ns;
 use shared_types::frame::{FrameKind, Header};
 use shared_types::link::{Link, LinkError};
@@ -8,7 +9,7 @@ use shared_types::stream::RecordSink;
 use shared_types::time::Step;
 
 use super::{Engine, NEVER};
-use crate::request_queue::LoopRequest;
+use crate::request_queue::{LoopRequest, TuningShown};
 
 /// Hold of a run, in ns of the monotonic clock.
 #[derive(Clone, Copy)]
@@ -106,6 +107,35 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             LoopRequest::Record(answer) => {
                 let record = (step.0 > 0).then(|| self.rows.record.clone());
                 let _ = answer.send(record);
+            }
+            LoopRequest::Change(change, epoch, answer) => {
+                let tuning = &mut self.plant.tuning;
+                let is_late = step.0 >= self.job.run.steps;
+                let _ = answer.send(if is_late {
+                    Err("the run is over".into())
+                } else if epoch != tuning.offered().epoch {
+                    Err("another controller took over meanwhile, or none is there".into())
+                } else {
+                    tuning.admit(*change, step)
+                });
+            }
+            LoopRequest::Tunable(change, answer) => {
+                if self.rows.stimulus_of != Some(step) {
+                    self.prepare(step);
+                }
+                let tuning = &self.plant.tuning;
+                let after = |prefix: &str| match &change {
+                    Some(change) => tuning.settings_with(change, prefix),
+                    None => Vec::new(),
+                };
+                let _ = answer.send(Box::new(TuningShown {
+                    values: tuning.tunable(step, &self.rows.stimulus),
+                    waiting: tuning.waiting().iter().cloned().collect(),
+                    left: tuning.left(),
+                    offered: tuning.offered().clone(),
+                    plant_after: after(PLANT_KEYS),
+                    law_after: after(&law_keys(&tuning.offered().law)),
+                }));
             }
             LoopRequest::Mark(text, answer) => {
                 let taken = self.marks < MOST_MARKS;

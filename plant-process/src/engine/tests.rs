@@ -187,6 +187,7 @@ fn greeted_by(kind: &PlantKind, job: Job) -> (TestEngine, InProcessLink, InProce
             Command::fields().remove(0),
         ]),
         internals: vec![Field::signal("seen_m", "m", "x")],
+        tunable: vec![],
     };
     controller
         .send_control(&Control::Hello(hello).to_bytes())

@@ -351,12 +351,12 @@ mod tests {
         line.note(1);
         line.0.begin();
         let bits = line.0.bits();
-        assert_eq!(bits, 8 * (152 + 2 * 8));
+        assert_eq!(bits, 8 * (160 + 2 * 8));
         // In the header, in the first value, in the last; and one that no copy carries.
         let mut refused = 0;
         for (step, bit, copies) in [
             (2, 0, [Some(0), None]),
-            (3, 8 * 152, [Some(0), Some(1)]),
+            (3, 8 * 160, [Some(0), Some(1)]),
             (4, bits - 1, [Some(3), None]),
             (5, 0, LOST),
         ] {

@@ -185,6 +185,11 @@ impl FaultLayer {
         self.targets.parameters.advance(effects, step, rate)
     }
 
+    /// Gives a parameter of the plant another base, on which faults act; ahead of [`advance`](Self::advance).
+    pub fn rebase(&mut self, index: usize, value: f64) {
+        self.targets.parameters.rebase(index, value);
+    }
+
     /// The plant's parameters as they act.
     #[must_use]
     pub fn parameters(&self) -> &[f64] {

@@ -96,6 +96,14 @@ impl Parameters {
         &mut self.stack
     }
 
+    /// Gives a parameter another healthy value.
+    pub(super) fn rebase(&mut self, index: usize, value: f64) {
+        if self.healthy[index].to_bits() != value.to_bits() {
+            self.healthy[index] = value;
+            self.stale = true;
+        }
+    }
+
     /// An effect ended.
     pub(super) const fn heal(&mut self) {
         self.stale = true;

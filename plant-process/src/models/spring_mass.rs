@@ -19,9 +19,9 @@ table! {
     /// Parameters of the plant.
     pub struct Parameters {
         /// Mass m.
-        mass_kg: "kg" = 1.0 in 1e-6..=1e9,
+        mass_kg: "kg" = 1.0 in 1e-6..=1e9 [tunable],
         /// Damping c.
-        damping_n_s_per_m: "N s/m" = 2.0 in 0.0..=1e9,
+        damping_n_s_per_m: "N s/m" = 2.0 in 0.0..=1e9 [tunable],
         /// Spring stiffness k.
         stiffness_n_per_m: "N/m" = 100.0 in 0.0..=1e12 [faultable],
         /// Force d that pushes the mass besides the command.

@@ -74,6 +74,7 @@ macro_rules! conformance {
             too_many_signals_are_refused
             the_peer_of_a_pair_is_no_stranger
             another_controller_takes_over_from_the_active_one
+            the_active_controller_is_told_while_another_is_expected
             a_dead_controller_is_silent_after_its_last_frame
             another_controller_follows_a_dead_one
             a_dead_plant_is_silent_after_its_last_frame

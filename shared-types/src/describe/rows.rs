@@ -61,8 +61,9 @@ fn check_parameters(table: &str, whose: &str, fields: &[Field]) -> Result<(), In
 fn check_signals(table: &str, whose: &str, fields: &[Field]) -> Result<(), Invalid> {
     check_each(table, whose, fields, |field| {
         let has_default = field.default.is_some();
-        (has_default || field.faultable)
-            .then(|| "is a signal, which has no default and is not faultable".into())
+        (has_default || field.faultable || field.tunable).then(|| {
+            "is a signal, which has no default and is neither faultable nor tunable".into()
+        })
     })
 }
 
@@ -137,6 +138,7 @@ mod tests {
             commands: None,
             internals: Vec::new(),
             saves: false,
+            tuning: String::new(),
         }
     }
 
@@ -185,14 +187,14 @@ mod tests {
         assert_eq!(law().check_rows(), Ok(()));
         let mut plant = plant();
         plant.measured[0].default = Some(0.0);
-        let told = "measured of plant `still`: `x_m` is a signal, which has no default and is not faultable";
+        let told = "measured of plant `still`: `x_m` is a signal, which has no default and is neither faultable nor tunable";
         assert_eq!(plant.check_rows(), Err(Invalid(told.into())));
         let mut law = law();
         law.internals = vec![Field {
             faultable: true,
             ..signal("i_m")
         }];
-        let told = "internals of law `still`: `i_m` is a signal, which has no default and is not faultable";
+        let told = "internals of law `still`: `i_m` is a signal, which has no default and is neither faultable nor tunable";
         assert_eq!(law.check_rows(), Err(Invalid(told.into())));
     }
 

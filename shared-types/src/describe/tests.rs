@@ -19,6 +19,7 @@ fn law(name: &str, plants: &[&str]) -> LawDescription {
         commands: Some(table(&["u_m"])),
         internals: table(&["e_m"]),
         saves: false,
+        tuning: String::new(),
     }
 }
 

@@ -15,6 +15,7 @@ fn hello() -> Hello {
         reference: vec![],
         commands: Some(vec![field("spare_rad"), field("drive_rad")]),
         internals: vec![field("integral_rad")],
+        tunable: vec![],
     }
 }
 
@@ -101,6 +102,7 @@ fn a_hello_that_says_other_things_than_the_description_is_refused() {
             commands: said.commands.clone(),
             internals: said.internals.clone(),
             saves: false,
+            tuning: String::new(),
         };
         change(&mut law);
         (said.check_described(&law)).map_err(|refused| refused.to_string())

@@ -63,6 +63,8 @@ pub struct IceoryxLink {
     /// Bell that this side sleeps on.
     bell: Bell,
     control: ControlChannel,
+    /// Control channel of the controller whose frames are in use, if another one is expected.
+    active: Option<ControlChannel>,
     frames: Option<Frames>,
     /// Frame channels opened last, if others are in use.
     next: Option<Frames>,
@@ -144,6 +146,7 @@ impl IceoryxLink {
             session: session.clone(),
             bell,
             control,
+            active: None,
             frames: None,
             next: None,
             kept: None,
@@ -204,6 +207,19 @@ impl ControlChannel {
                 None => Bell::open(session, Owner::Plant)?,
             },
         })
+    }
+}
+
+impl ControlChannel {
+    fn send(&self, message: &[u8]) -> Result<(), LinkError> {
+        let failed = |e: &dyn std::fmt::Debug| transport("control", e);
+        let sample = (self.speak.loan_slice_uninit(message.len())).map_err(|e| failed(&e))?;
+        sample
+            .write_from_slice(message)
+            .send()
+            .map_err(|e| failed(&e))?;
+        self.bell.ring();
+        Ok(())
     }
 }
 
@@ -324,15 +340,11 @@ fn process_of(node: &UniqueNodeId) -> u32 {
 
 impl Link for IceoryxLink {
     fn send_control(&mut self, message: &[u8]) -> Result<(), LinkError> {
-        let failed = |e: &dyn std::fmt::Debug| transport("control", e);
-        let speak = &self.control.speak;
-        let sample = (speak.loan_slice_uninit(message.len())).map_err(|e| failed(&e))?;
-        sample
-            .write_from_slice(message)
-            .send()
-            .map_err(|e| failed(&e))?;
-        self.control.bell.ring();
-        Ok(())
+        self.control.send(message)
+    }
+
+    fn tell(&mut self, message: &[u8]) -> Result<(), LinkError> {
+        self.active.as_ref().unwrap_or(&self.control).send(message)
     }
 
     fn receive_control(&mut self) -> Result<Option<Vec<u8>>, LinkError> {
@@ -345,7 +357,13 @@ impl Link for IceoryxLink {
     }
 
     fn expect(&mut self, epoch: u32) -> Result<(), LinkError> {
-        self.control = ControlChannel::new(&self.node, &self.session, self.side, epoch)?;
+        let next = ControlChannel::new(&self.node, &self.session, self.side, epoch)?;
+        let before = std::mem::replace(&mut self.control, next);
+        // Another one may have been expected in vain before.
+        let is_in_use = |frames: &Frames| frames.identity.epoch == before.epoch;
+        if self.frames.as_ref().is_some_and(is_in_use) {
+            self.active = Some(before);
+        }
         Ok(())
     }
 
@@ -412,6 +430,7 @@ impl Link for IceoryxLink {
     fn take_over(&mut self) {
         if self.next.is_some() {
             self.frames = self.next.take();
+            self.active = None;
         }
     }
 

@@ -36,6 +36,8 @@ pub struct InProcessLink {
 #[derive(Default)]
 struct Mailbox {
     control: VecDeque<Vec<u8>>,
+    /// Messages to the controller of an epoch, whose frames are in use.
+    told: VecDeque<(u32, Vec<u8>)>,
     frame: Option<Header>,
     values: Vec<f64>,
 }
@@ -68,8 +70,22 @@ impl Link for InProcessLink {
         Ok(())
     }
 
+    fn tell(&mut self, message: &[u8]) -> Result<(), LinkError> {
+        let identity = self.identity.ok_or(LinkError::NotOpen)?;
+        let mut mailbox = self.outgoing.borrow_mut();
+        mailbox.told.push_back((identity.epoch, message.to_vec()));
+        Ok(())
+    }
+
     fn receive_control(&mut self) -> Result<Option<Vec<u8>>, LinkError> {
-        Ok(self.incoming.borrow_mut().control.pop_front())
+        let mut mailbox = self.incoming.borrow_mut();
+        let is_own = |(epoch, _): &(u32, Vec<u8>)| {
+            (self.identity).is_some_and(|identity| identity.epoch == *epoch)
+        };
+        if mailbox.told.front().is_some_and(is_own) {
+            return Ok(mailbox.told.pop_front().map(|(_, message)| message));
+        }
+        Ok(mailbox.control.pop_front())
     }
 
     fn expect(&mut self, _epoch: u32) -> Result<(), LinkError> {
@@ -100,6 +116,9 @@ impl Link for InProcessLink {
         if let Some(next) = self.next.take() {
             self.identity = Some(next);
             self.sequence = 0;
+            // Nobody is there any more to whom the others were told.
+            let mut mailbox = self.outgoing.borrow_mut();
+            mailbox.told.retain(|(epoch, _)| *epoch >= next.epoch);
         }
     }
 

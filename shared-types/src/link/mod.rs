@@ -23,13 +23,20 @@ use crate::wait::Sleeper;
 ///    latest state, not a queue.
 /// 4. The plant may [`expect`](Link::expect) another controller: control messages are its from then
 ///    on, while the frames of the active one go on until the plant calls
-///    [`take_over`](Link::take_over).
+///    [`take_over`](Link::take_over). Until then the plant can still [`tell`](Link::tell) the active one.
 pub trait Link {
     /// Sends a control message.
     ///
     /// # Errors
     /// If the transport failed.
     fn send_control(&mut self, message: &[u8]) -> Result<(), LinkError>;
+
+    /// Sends a control message to the controller whose frames are in use, also while another one is
+    /// expected. For the plant.
+    ///
+    /// # Errors
+    /// If the transport failed.
+    fn tell(&mut self, message: &[u8]) -> Result<(), LinkError>;
 
     /// The next control message, if there is one.
     ///
@@ -88,6 +95,10 @@ pub trait Link {
 impl<L: Link> Link for &mut L {
     fn send_control(&mut self, message: &[u8]) -> Result<(), LinkError> {
         (**self).send_control(message)
+    }
+
+    fn tell(&mut self, message: &[u8]) -> Result<(), LinkError> {
+        (**self).tell(message)
     }
 
     fn receive_control(&mut self) -> Result<Option<Vec<u8>>, LinkError> {

@@ -43,6 +43,7 @@ fn hello() -> Hello {
         reference: vec![],
         commands: None,
         internals: vec![],
+        tunable: vec![],
     }
 }
 

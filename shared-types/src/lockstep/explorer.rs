@@ -109,6 +109,7 @@ fn hello() -> Hello {
         reference: vec![],
         commands: None,
         internals: vec![],
+        tunable: vec![],
     }
 }
 

@@ -17,6 +17,7 @@ fn hello() -> Hello {
         reference: vec![],
         commands: None,
         internals: vec![],
+        tunable: vec![],
     }
 }
 

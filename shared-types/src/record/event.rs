@@ -4,7 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::ignored::Ignored;
 use crate::lockstep::OnLoss;
+use crate::number::exact_in;
 use crate::pacer::Streaks;
+use crate::table::number;
 use crate::text;
 
 /// Something that happened at a step, recorded beside the records. JSON in the stream.
@@ -19,10 +21,69 @@ pub enum Event {
     FaultEnded(FaultEnded),
     /// The controller changed while the run went on.
     Controller(ControllerChange),
+    /// Values were changed while the run went on.
+    Change(ValueChange),
     /// Somebody who watches the run put a note at a step.
     Mark(Mark),
     /// The run ended.
     End(RunEnd),
+}
+
+/// Most changes of values in a run.
+pub const MOST_CHANGES: usize = 10_000;
+
+/// Values that were changed while a run went on, all from one step on; part of the digest.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ValueChange {
+    /// Number of the change in the run, from 1; those of the scenario come first.
+    pub id: u32,
+    /// First step of the change.
+    pub step: u64,
+    /// Steps until the values are reached; 0: at once.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub ramp_steps: u64,
+    /// True if it was asked for while the run went on, false if it is of the scenario.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub live: bool,
+    /// Each key by its full name, in the order of the names.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub set: Vec<ChangedValue>,
+    /// Reference signals that follow their stimulus again.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(deserialize_with = "text::lines_of")]
+    pub clear: Vec<String>,
+}
+
+/// New value of a key.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ChangedValue {
+    /// Full name of the key.
+    #[serde(deserialize_with = "text::line_of")]
+    pub key: String,
+    /// Unit of the value.
+    #[serde(deserialize_with = "text::line_of")]
+    pub unit: String,
+    /// The value.
+    #[serde(with = "number")]
+    pub value: f64,
+}
+
+impl ValueChange {
+    /// Describes the new values, as `plant.parameters.mass_kg = 1.2 kg, reference.position_m as its stimulus`.
+    #[must_use]
+    pub fn described(&self) -> String {
+        let set = self
+            .set
+            .iter()
+            .map(|ChangedValue { key, unit, value }| format!("{key} = {}", exact_in(*value, unit)));
+        let clear = (self.clear.iter()).map(|key| format!("{key} as its stimulus"));
+        set.chain(clear).collect::<Vec<_>>().join(", ")
+    }
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's contract")]
+const fn is_zero(steps: &u64) -> bool {
+    *steps == 0
 }
 
 /// Most marks in a run.

@@ -120,6 +120,7 @@ fn law(size: usize) -> LawKind {
             commands: Some(fields("command", size / 2)),
             internals: Vec::new(),
             saves: false,
+            tuning: String::new(),
         },
         start: Box::new(|_| Ok(Box::new(NullLaw))),
     }

@@ -191,6 +191,7 @@ fn messages(folder: &Path) {
         reference: law.reference.clone(),
         commands: law.commands.clone(),
         internals: law.internals.clone(),
+        tunable: vec![],
     };
     let offer = Offer {
         session: 7,

@@ -80,6 +80,15 @@ impl Recording {
         })
     }
 
+    /// The values of a signal in all records.
+    pub(crate) fn column(&self, column: &str) -> Vec<f64> {
+        let place = self.place(column);
+        let values = self
+            .records()
+            .map(|record| f64::from_bits(record.words[place]));
+        values.collect()
+    }
+
     /// Returns the place of a word in a record.
     pub(crate) fn place(&self, column: &str) -> usize {
         let found = self.columns.iter().position(|name| name == column);
@@ -106,6 +115,27 @@ impl Recording {
                     let (kind, target) = (part("kind"), part("target"));
                     let (parameter, course) = (part("parameter"), part("canonical"));
                     let text = format!("{step} {kind} {target} {parameter} {course}");
+                    hasher.update(&(text.len() as u64).to_le_bytes());
+                    hasher.update(text.as_bytes());
+                }
+            }
+            for event in self
+                .events
+                .iter()
+                .filter(|event| event["event"] == "change")
+            {
+                if event["step"] == step {
+                    let ramp_steps = event["ramp_steps"].as_u64().unwrap_or(0);
+                    let mut text = format!("{step} change {ramp_steps}");
+                    for set in event["set"].as_array().into_iter().flatten() {
+                        let (key, value) = (&set["key"], &set["value"]);
+                        let value = value.as_f64().expect("a finite number");
+                        let value = shared_types::number::exact(value);
+                        text += &format!(" {}={value}", key.as_str().expect("a key"));
+                    }
+                    for key in event["clear"].as_array().into_iter().flatten() {
+                        text += &format!(" clear:{}", key.as_str().expect("a key"));
+                    }
                     hasher.update(&(text.len() as u64).to_le_bytes());
                     hasher.update(text.as_bytes());
                 }

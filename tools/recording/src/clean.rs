@@ -29,6 +29,13 @@ pub fn clean(mut event: Event) -> Event {
             | Change::Refused { reason: text } => shown(text),
         },
         Event::Mark(mark) => shown(&mut mark.text),
+        Event::Change(change) => {
+            change.clear.iter_mut().for_each(shown);
+            for one in &mut change.set {
+                shown(&mut one.key);
+                shown(&mut one.unit);
+            }
+        }
         Event::End(end) => {
             end.reason.iter_mut().for_each(shown);
             for effect in &mut end.effects {

@@ -312,10 +312,8 @@ impl RunReader {
                 Next::Other => {}
                 Next::End => return Ok(false),
                 Next::Event(event) => {
-                    if let Event::Fault(taken) = &event
-                        && self.is_hashing
-                    {
-                        self.digest.fault(taken);
+                    if self.is_hashing {
+                        self.digest.event(&event);
                     }
                     self.events.push(event);
                 }

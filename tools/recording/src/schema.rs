@@ -130,7 +130,7 @@ pub(super) const FACTS: [(&str, &str, &str); 19] = [
     (
         "string",
         "event",
-        "accepted: a live fault was accepted; fault: one took hold of a target; fault-ended: it let go; controller: it was lost, or another joined or was refused; mark: a note of somebody who watched; end: the run ended",
+        "accepted: a live fault was accepted; fault: one took hold of a target; fault-ended: it let go; controller: it was lost, or another joined or was refused; change: values were changed, as the JSON lists; mark: a note of somebody who watched; end: the run ended",
     ),
     (
         "uint64",

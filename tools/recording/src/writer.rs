@@ -206,7 +206,7 @@ impl Recording {
                 Event::Accepted(FaultAccepted { step, .. })
                 | Event::Fault(FaultTaken { step, .. })
                 | Event::FaultEnded(FaultEnded { step, .. }) => excerpt.fault(*step),
-                Event::Controller(_) | Event::Mark(_) | Event::End(_) => {}
+                Event::Controller(_) | Event::Change(_) | Event::Mark(_) | Event::End(_) => {}
             }
             // Records stand before what comes after them.
             self.settle(matches!(event, Event::End(_)))?;

@@ -25,6 +25,7 @@ pub(crate) mod replay;
 pub(crate) mod report;
 pub(crate) mod run;
 pub(crate) mod runs;
+pub(crate) mod set;
 pub(crate) mod swap;
 pub(crate) mod target;
 pub(crate) mod tolerance;
@@ -57,6 +58,7 @@ use replay::ReplayArguments;
 use report::ReportArguments;
 use run::{RerunArguments, RunArguments};
 use runs::RunsArguments;
+use set::SetArguments;
 use swap::ControllerArguments;
 use target::TargetCommand;
 use values::{GetArguments, WatchArguments};
@@ -98,6 +100,9 @@ pub enum Command {
     /// Tell values of a session's signals again and again
     #[command(after_help = values::WATCH_EXAMPLES)]
     Watch(WatchArguments),
+    /// Change values of a running session, all at one step
+    #[command(after_help = set::HELP)]
+    Set(SetArguments),
     /// Put a note at the step where a session is
     #[command(after_help = mark::HELP)]
     Mark(MarkArguments),
@@ -206,6 +211,7 @@ const GROUPS: [(&str, &[&str]); 4] = [
             "get",
             "watch",
             "inject",
+            "set",
             "mark",
             "pause",
             "resume",

@@ -12,6 +12,7 @@ answer.
 Examples:
   hil get
   hil get 'truth.*force*' tracking_error_rad
+  hil get --tunable 'controller.*'
   hil get --json truth.position_m | jq '.signals[0].value'";
 
 pub(super) const WATCH_EXAMPLES: &str = "\
@@ -32,6 +33,9 @@ pub struct GetArguments {
     /// A signal, or several with * and ? [default: all]
     #[arg(value_name = "SIGNAL")]
     pub signals: Vec<String>,
+    /// List what `hil set` can change, with its value, in place of signals
+    #[arg(long)]
+    pub tunable: bool,
     /// Which session
     #[command(flatten)]
     pub session: SessionChoice,

@@ -102,6 +102,7 @@ pub(crate) fn law(signals: usize) -> LawKind {
             commands: Some(fields("command", answered_with(signals) - 1)),
             internals: vec![Field::signal(CALLED, "ns", "When the law was called.")],
             saves: false,
+            tuning: String::new(),
         },
         start: Box::new(|_| Ok(Box::new(NullLaw))),
     }

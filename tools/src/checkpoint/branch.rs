@@ -5,7 +5,7 @@
 //! target, its times and its course, and only its sizes may be others from there on; one that has not
 //! begun may not begin before. How long the run is, its clock, its metrics are free.
 
-use hil_config::plan::{Clock, FaultAction, FaultEvent, Plan, Stimulus, Trigger};
+use hil_config::plan::{Change, Clock, FaultAction, FaultEvent, Plan, Stimulus, Trigger};
 use plant_process::stimulus;
 use shared_types::describe::Settings;
 use shared_types::number::exact;
@@ -42,6 +42,7 @@ pub(crate) fn check(
     check.sides(then, now);
     check.stimuli(&then.stimuli, &now.stimuli);
     check.faults(&then.faults, &now.faults);
+    check.changes(&then.changes, &now.changes);
     let conditions = |event: &FaultEvent| {
         matches!(event.trigger, Trigger::Condition(_)) || event.end.condition.is_some()
     };
@@ -201,6 +202,24 @@ impl Check<'_> {
             if then != now {
                 self.fault(then, now);
             }
+        }
+    }
+
+    /// Changes before the checkpoint stay; later ones are free.
+    fn changes(&mut self, then: &[Change], now: &[Change]) {
+        let before = |changes: &[Change]| {
+            let past = changes
+                .iter()
+                .filter(|change| change.step < Some(self.step));
+            past.map(|change| Change {
+                id: 0,
+                ..change.clone()
+            })
+            .collect::<Vec<_>>()
+        };
+        if before(then) != before(now) {
+            let at = self.at(self.step);
+            self.refuse(format!("changes of values before {at} stay as they were"));
         }
     }
 

@@ -19,7 +19,7 @@ use shared_types::session;
 use crate::arguments::recordings::ScenarioAction;
 use crate::arguments::swap::ControllerAction;
 use crate::arguments::{Command, CommandLine};
-use crate::session::{clock, inject, mark};
+use crate::session::{clock, inject, mark, set};
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::{advice, interruption, output};
 use crate::verification::{compare, judge, repetition, replay, rerun, suite};
@@ -72,6 +72,7 @@ fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
         }
         Command::Get(arguments) => values::get(arguments),
         Command::Watch(arguments) => values::watch(arguments),
+        Command::Set(arguments) => set::set(arguments),
         Command::Mark(arguments) => mark::mark(arguments),
         Command::Monitor(arguments) => monitor::monitor(arguments),
         Command::Panel(arguments) => panel::panel(arguments),

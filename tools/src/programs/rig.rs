@@ -47,6 +47,7 @@ pub(crate) fn described() -> [Description; 2] {
         commands: None,
         internals: vec![],
         saves: false,
+        tuning: String::new(),
     }];
     [plant, controller]
 }

@@ -75,6 +75,7 @@ impl Collector {
         }
         match event {
             Event::Controller(change) => self.recorded.changes.push(change.clone()),
+            Event::Change(change) => self.recorded.values.push(change.clone()),
             Event::Mark(mark) => self.recorded.marks.push(mark.clone()),
             Event::End(end) => self.recorded.end = Some(end.clone()),
             Event::Accepted(_) | Event::Fault(_) | Event::FaultEnded(_) => {}

@@ -99,7 +99,7 @@ impl FaultLog {
             Event::Fault(taken) => self.taken.push(taken.clone()),
             Event::FaultEnded(ended) => self.ended.push(ended.clone()),
             Event::End(end) => self.sizes = Some(end.effects.clone()),
-            Event::Controller(_) | Event::Mark(_) => {}
+            Event::Controller(_) | Event::Change(_) | Event::Mark(_) => {}
         }
         Ok(())
     }

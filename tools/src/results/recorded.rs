@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use hil_campaign::curve::Curve;
 use hil_config::evaluation::MetricValue;
 use hil_config::requirements::RequirementValue;
-use shared_types::record::{ControllerChange, Mark, RunEnd};
+use shared_types::record::{ControllerChange, Mark, RunEnd, ValueChange};
 
 use crate::results::ending::Answers;
 use crate::results::faults::FaultLog;
@@ -20,6 +20,8 @@ pub struct Recorded {
     pub faults: FaultLog,
     /// Changes of controllers.
     pub changes: Vec<ControllerChange>,
+    /// Changes of values.
+    pub values: Vec<ValueChange>,
     /// Notes of those who watched.
     pub marks: Vec<Mark>,
     /// Records taken, those of the past included.
@@ -60,6 +62,7 @@ impl Recorded {
             end: None,
             faults: FaultLog::default(),
             changes: Vec::new(),
+            values: Vec::new(),
             marks: Vec::new(),
             records: 0,
             written: 0,

@@ -14,7 +14,7 @@ use shared_types::ignored::Ignored;
 use shared_types::number::{short, unit_shown};
 use shared_types::origin::Build;
 use shared_types::pacer::Streaks;
-use shared_types::record::{Mark, Outcome, RunEnd};
+use shared_types::record::{Mark, Outcome, RunEnd, ValueChange};
 use shared_types::session::SessionInfo;
 use shared_types::time::{Rate, Step};
 
@@ -87,6 +87,8 @@ pub(crate) struct Summary {
     /// Signals of the law that were bound under other names and units; not there if none was.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     connections: Vec<Connection>,
+    /// Values that were changed while the run went on.
+    changes: Vec<ChangeAt>,
     /// Notes of those who watched the run.
     marks: Vec<MarkAt>,
     /// All controllers, if the first was lost or replaced.
@@ -203,6 +205,17 @@ struct Program {
     /// Source that it was built from; null if its build noted none.
     build: Option<Build>,
 }
+
+/// Change of values and its time.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct ChangeAt {
+    #[serde(flatten)]
+    change: ValueChange,
+    at_s: f64,
+}
+
+/// Most changes that a person is shown.
+const MOST_SHOWN: usize = 20;
 
 /// Note at a step and its time.
 #[derive(Clone, Debug, Serialize)]
@@ -339,6 +352,12 @@ impl Summary {
             controller: origin.controller,
             started_by_hand: Vec::new(),
             connections: plan.controller.connections.clone(),
+            changes: (recorded.values.iter())
+                .map(|change| ChangeAt {
+                    change: change.clone(),
+                    at_s: plan.run.rate.seconds(Step(change.step)),
+                })
+                .collect(),
             marks: marks(&recorded.marks, plan.run.rate),
             controllers: tenures(&ended.controllers, &recorded.changes, plan.run.rate),
             plant: origin.plant,
@@ -441,6 +460,18 @@ impl Summary {
         }
         for fault in &self.faults {
             writeln!(text, "  {}", fault.describe())?;
+        }
+        for ChangeAt { change, at_s } in self.changes.iter().take(MOST_SHOWN) {
+            let (id, step, told) = (change.id, change.step, change.described());
+            let live = if change.live { " (live)" } else { "" };
+            writeln!(
+                text,
+                "  change {id}{live} at step {step} ({at_s} s): {told}"
+            )?;
+        }
+        if self.changes.len() > MOST_SHOWN {
+            let more = self.changes.len() - MOST_SHOWN;
+            writeln!(text, "  {more} more changes are in the summary's JSON")?;
         }
         for MarkAt { mark, at_s } in &self.marks {
             writeln!(

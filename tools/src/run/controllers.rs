@@ -4,6 +4,7 @@
 //! and ended accordingly.
 
 use std::path::PathBuf;
+use std::sync::PoisonError;
 use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
@@ -14,6 +15,7 @@ use shared_types::session::{Session, SessionInfo};
 use shared_types::supervision::{EXPECT, MOST_EPOCHS, PEER_GONE};
 
 use super::jobs;
+use super::judge::Crew;
 use super::processes::LOOK;
 use super::side::Side;
 use crate::programs::binaries::Binary;
@@ -42,6 +44,8 @@ pub(super) struct Controllers {
     recorded: usize,
     /// The plant told of one that was never started.
     unknown: Option<u32>,
+    /// Programs and jobs, for those who judge parameters.
+    crew: Crew,
 }
 
 /// One controller process.
@@ -133,17 +137,30 @@ impl Controllers {
             known: 0,
             recorded: 1, // of the first it tells from the start
             unknown: None,
+            crew: Crew::default(),
         };
         match by_hand {
-            Some(side) => controllers
-                .members
-                .push(Member::new(1, side, binary, job, Vec::new())),
+            Some(side) => {
+                controllers.know(&binary, &job);
+                (controllers.members).push(Member::new(1, side, binary, job, Vec::new()));
+            }
             None => {
                 controllers.add(session, binary, job, Vec::new())?;
             }
         }
         controllers.members[0].standing = Standing::InOffice;
         Ok(controllers)
+    }
+
+    /// Programs and jobs of all that were started, those to come included.
+    pub(super) fn crew(&self) -> Crew {
+        Crew::clone(&self.crew)
+    }
+
+    /// Takes down one that starts, for those who judge parameters.
+    fn know(&self, binary: &Binary, job: &Job) {
+        let mut crew = self.crew.lock().unwrap_or_else(PoisonError::into_inner);
+        crew.push((binary.clone(), job.clone()));
     }
 
     /// Starts one more.
@@ -172,6 +189,7 @@ impl Controllers {
         session
             .add_controller(epoch, side.process_id())
             .map_err(Failure::infrastructure)?;
+        self.know(&binary, &job);
         self.members
             .push(Member::new(epoch, side, binary, job, set));
         Ok(epoch)

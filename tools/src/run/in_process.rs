@@ -21,6 +21,7 @@ use shared_types::supervision::Supervision;
 use shared_types::wait::{WaitLimit, Waiter};
 
 use super::attach::refuse_other_layout;
+use super::jobs::{tuned, tuned_plant};
 use super::prepare::Prepared;
 use super::realtime::Watched;
 use crate::programs::binaries::Binaries;
@@ -160,6 +161,18 @@ pub(super) fn run(prepared: &Prepared, realtime: &mut Watched) -> Result<Ended, 
     })
 }
 
+/// Judges parameters of plant and law by a start of it.
+fn judge(plant: plant_process::job::Job, job: controller_process::job::Job) -> live::Judge {
+    Box::new(move |judged| {
+        if judged.epoch == 0 {
+            let job = tuned_plant(plant.clone(), &judged.parameters);
+            return plant_process::program::check(plant_of(&job)?, &FAULTS, job);
+        }
+        let (_, link) = in_process::pair();
+        runner(tuned(job.clone(), &judged.parameters), link).map(|_| ())
+    })
+}
+
 /// Polls both sides in turns to the end of the run.
 fn take_turns(
     session: &SessionInfo,
@@ -172,9 +185,16 @@ fn take_turns(
     let kind = plant_of(&plant)?;
     let (plant_link, controller_link) = in_process::pair();
     let context = LiveContext::new(kind, &FAULTS, &plant);
+    let plant_job = plant.clone();
     let engine = Engine::new(kind, &FAULTS, plant, plant_link, sink);
     let mut engine = engine.map_err(|e| e.to_string())?;
-    let _listening = live::serve(session, context, engine.queue(), engine.builder())?;
+    let _listening = live::serve(
+        session,
+        context,
+        engine.queue(),
+        engine.builder(),
+        judge(plant_job, controller.clone()),
+    )?;
     let mut runner = runner(controller, controller_link)?;
     // Both sides run in this thread: the plant's settings are those of both.
     let report = settings.apply();

@@ -1,9 +1,10 @@
 //! Jobs of a run: the part of the plan that each side gets, put into the session's folder and looked at by
 //! both programs before anything is started.
 
-use hil_config::plan::{Clock, ControllerPlan, Plan};
+use hil_config::plan::{Clock, ControllerPlan, Plan, law_keys, settings_after};
 use serde::Serialize;
 use shared_types::checkpoint::Checkpoints;
+use shared_types::describe;
 use shared_types::session::SessionInfo;
 use shared_types::time::Step;
 
@@ -57,7 +58,11 @@ pub(crate) fn controller(
     let (made_for, law) = (&plan.controller.made_for, &plan.controller.law);
     let rate = plan.run.rate;
     let job = controller_process::job::Job::new(session, made_for, law, rate, wait_limit_s);
-    with_law(job, plan.controller.clone())
+    let job = with_law(job, plan.controller.clone());
+    controller_process::job::Job {
+        changes: settings_after(&plan.changes, &law_keys(law), &plan.controller.parameters),
+        ..job
+    }
 }
 
 /// Gives a job another law.
@@ -67,6 +72,7 @@ pub(super) fn with_law(
 ) -> controller_process::job::Job {
     controller_process::job::Job {
         plant: plan.made_for,
+        changes: Vec::new(),
         law: plan.law,
         connections: plan.connections,
         parameters: plan.parameters,
@@ -75,6 +81,32 @@ pub(super) fn with_law(
         command_delay_steps: plan.command_delay_steps,
         ..job
     }
+}
+
+/// The same job with other values of some parameters, as a law judges it: it goes on from nothing.
+pub(super) fn tuned(
+    mut job: controller_process::job::Job,
+    parameters: &describe::Settings,
+) -> controller_process::job::Job {
+    job.checkpoints.resume = None;
+    job.changes.clear();
+    for (name, value) in &parameters.0 {
+        job.parameters.set(name, value.0);
+    }
+    job
+}
+
+/// The same job of a plant with other parameters, as the plant judges them.
+pub(super) fn tuned_plant(
+    mut job: plant_process::job::Job,
+    parameters: &describe::Settings,
+) -> plant_process::job::Job {
+    job.checkpoints.resume = None;
+    job.changes.clear();
+    for (name, value) in &parameters.0 {
+        job.plant.parameters.set(name, value.0);
+    }
+    job
 }
 
 /// Puts a job into the session's folder and has its program look at it.

@@ -20,6 +20,7 @@ mod controllers;
 mod execute;
 mod in_process;
 pub(crate) mod jobs;
+mod judge;
 pub(crate) mod kept;
 mod log;
 pub(crate) mod open_files;

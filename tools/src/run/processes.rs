@@ -13,6 +13,7 @@ use shared_types::supervision::{PEER_GONE, STOP};
 use super::attach::attach;
 use super::by_hand::ByHand;
 use super::controllers::Controllers;
+use super::judge;
 use super::prepare::Prepared;
 use super::realtime::Watched;
 use super::side::{GRACE, Side};
@@ -93,6 +94,12 @@ pub(super) fn run(
         },
     )?;
 
+    let _judging = judge::listen(
+        info,
+        (binaries.plant.clone(), prepared.plant.clone()),
+        controllers.crew(),
+        prepared.interruption.clone(),
+    )?;
     let _standing = standing::listen(info, recorder.board())?;
 
     let mut progress = prepared.progress();

@@ -8,4 +8,5 @@ pub mod inject;
 pub(crate) mod live;
 pub(crate) mod mark;
 pub(crate) mod observer;
+pub(crate) mod set;
 pub(crate) mod standing;

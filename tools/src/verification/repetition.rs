@@ -9,11 +9,13 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use hil_config::plan::{Clock, Condition, FaultEnd, FaultEvent, Realtime, Trigger};
+use hil_config::plan::{Change, Clock, Condition, FaultEnd, FaultEvent, Realtime, Trigger};
 use hil_config::show;
 use hil_recording::reader::{ReadError, RunReader};
 use plant_process::repeat::Missed;
-use shared_types::record::{Change, ControllerChange, Event, FaultEnded, FaultTaken};
+use shared_types::record::{
+    Change as OfController, ControllerChange, Event, FaultEnded, FaultTaken, ValueChange,
+};
 use shared_types::time::{Rate, Step};
 
 use crate::arguments::recordings::ScenarioFromArguments;
@@ -31,6 +33,8 @@ use crate::terminal::output;
 pub struct RecordedScenario {
     recorded: RecordedRun,
     log: FaultLog,
+    /// Changes of values that were asked for while the run went on.
+    live_changes: Vec<ValueChange>,
     session: String,
     started: String,
     /// Its programs.
@@ -72,9 +76,11 @@ pub(crate) fn scenario_from(arguments: &ScenarioFromArguments) -> Result<Exit, F
 fn refuse_succession(run: &Path, change: &ControllerChange) -> Result<(), Failure> {
     let (run, epoch, step) = (run.display(), change.epoch, change.step);
     let what = match &change.change {
-        Change::Lost { reason, .. } => format!("lost controller {epoch} at step {step} ({reason})"),
-        Change::Joined { .. } => format!("got controller {epoch} at step {step}"),
-        Change::Refused { .. } => return Ok(()),
+        OfController::Lost { reason, .. } => {
+            format!("lost controller {epoch} at step {step} ({reason})")
+        }
+        OfController::Joined { .. } => format!("got controller {epoch} at step {step}"),
+        OfController::Refused { .. } => return Ok(()),
     };
     Err(Failure::usage(format!(
         "{run} {what}: a run whose controller changed cannot be repeated; `hil judge`, `hil compare` and `hil export` read it"
@@ -101,6 +107,7 @@ impl RecordedScenario {
         let recorded = RecordedRun::of(&reader, run)?;
         let plan = &recorded.plan;
         let mut log = FaultLog::default();
+        let mut live_changes = Vec::new();
         let mut outcome = None;
         let mut missed = LateCommands::of(&reader);
         loop {
@@ -114,6 +121,7 @@ impl RecordedScenario {
             for event in reader.events() {
                 match event {
                     Event::Controller(change) => refuse_succession(run, change)?,
+                    Event::Change(change) if change.live => live_changes.push(change.clone()),
                     Event::End(end) => outcome = Some(end.outcome.name().to_owned()),
                     event => log
                         .take(event)
@@ -136,6 +144,7 @@ impl RecordedScenario {
         let fact = |name| reader.fact(name).map(str::to_owned);
         Ok(Self {
             log,
+            live_changes,
             session: fact("session").unwrap_or_default(),
             started: fact("started_utc").unwrap_or_default(),
             programs: Recorded::of(&reader, run),
@@ -208,6 +217,16 @@ impl RecordedScenario {
                 comment(&event.kind)
             );
         }
+        let scenario = plan.changes.len();
+        plan.changes
+            .extend((1..).zip(&self.live_changes).map(|(id, live)| Change {
+                id: scenario as u32 + id,
+                step: Some(Step(live.step)),
+                ramp_steps: live.ramp_steps,
+                live: false,
+                set: live.set.clone(),
+                clear: live.clear.clone(),
+            }));
         text += &show::show(&plan, plants, laws, kinds).map_err(Failure::usage)?;
         let mut live: Vec<&LiveFault> = self.log.accepted.iter().collect();
         live.sort_by_key(|live| live.event.id);

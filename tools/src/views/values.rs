@@ -35,6 +35,9 @@ use crate::terminal::table::{Table, left, right};
 /// # Errors
 /// If there is no session to ask, no such signal, or no step was executed yet.
 pub(crate) fn get(arguments: &GetArguments) -> Result<Exit, Failure> {
+    if arguments.tunable {
+        return tunable(arguments);
+    }
     let interruption = Interruption::listen()?;
     let json = arguments.session.json;
     let (_, values) = asked(&arguments.session, &arguments.signals, &interruption)?;
@@ -43,6 +46,43 @@ pub(crate) fn get(arguments: &GetArguments) -> Result<Exit, Failure> {
     } else {
         values.table()
     })?;
+    Ok(Exit::Pass)
+}
+
+/// Lists what can be changed while the session runs.
+fn tunable(arguments: &GetArguments) -> Result<Exit, Failure> {
+    let json = arguments.session.json;
+    let answer =
+        live::find(&arguments.session).and_then(|session| live::ask(&session, &Request::Tunable));
+    let mut answer = answer.map_err(|error| error.tell(json))?;
+    let Response::Tunable(shown) = &mut answer else {
+        return Err(RequestError::tell(live::unexpected(&answer), json));
+    };
+    let columns: Vec<Column> = (shown.values.iter())
+        .map(|one| Column {
+            name: one.key.clone(),
+            unit: one.unit.clone(),
+        })
+        .collect();
+    let chosen = chosen(&columns, &arguments.signals)?;
+    shown.values = chosen
+        .into_iter()
+        .map(|place| shown.values[place].clone())
+        .collect();
+    if json {
+        output::write(&live::to_json(&answer)?)?;
+        return Ok(Exit::Pass);
+    }
+    let mut table = Table::new(0, [left(0), right(0), left(0), left(0)]);
+    for one in &shown.values {
+        let note = match (one.is_changed, one.until_step) {
+            (false, _) => String::new(),
+            (true, None) => "changed".into(),
+            (true, Some(step)) => format!("to {} at step {step}", exact(one.target)),
+        };
+        table.row(&[&one.key, &exact(one.value), &unit_shown(&one.unit), &note]);
+    }
+    output::write(&table.to_string())?;
     Ok(Exit::Pass)
 }
 

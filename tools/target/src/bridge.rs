@@ -175,6 +175,7 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
         values: Vec::new(),
         bytes: Vec::new(),
         at_step: 0,
+        tuning: 0,
         heard_ns: monotonic_ns(),
         datagram_ns: monotonic_ns(),
         goes_through_channel: true,
@@ -211,6 +212,8 @@ struct Bridge {
     values: Vec<f64>,
     bytes: Vec<u8>,
     at_step: u64,
+    /// Number of the plant's messages about parameters that were passed on.
+    tuning: u64,
     /// Time at which anything of the target came.
     heard_ns: u64,
     /// Time at which a datagram of it came.
@@ -297,6 +300,13 @@ impl Bridge {
         {
             came = true;
             self.at_step = header.step;
+            // What the plant said of parameters before the sample goes ahead of it.
+            if header.tuning > self.tuning {
+                while let Some(content) = self.link.receive_control()? {
+                    self.control(&content)?;
+                }
+                self.tuning = header.tuning;
+            }
             self.desk.say(&header, &self.values);
         }
         Ok(came)
@@ -317,7 +327,7 @@ impl Bridge {
             self.open = Some((spec.identity, spec.outgoing));
         }
         let content = String::from_utf8_lossy(content).into_owned();
-        self.contact.mouth.say(&ToAgent::Control { content }); // few, and before the first step
+        self.contact.mouth.say(&ToAgent::Control { content }); // few, and most of them before the first step
         Ok(())
     }
 

@@ -12,11 +12,11 @@ shared_types::table! {
     /// The estimate of one actuator's leakage coefficient (Table 2).
     pub struct AdaptationGains {
         /// Learning rate Gamma. Higher learns faster.
-        learning_rate_m8s2_per_n3: "m8 s2/N3" = 1e-37 in 0.0..=1e100,
+        learning_rate_m8s2_per_n3: "m8 s2/N3" = 1e-37 in 0.0..=1e100 [tunable],
         /// Smallest possible coefficient, theta_min.
-        estimate_min_m3ps_per_sqrt_pa: "m3/s/sqrt(Pa)" = 0.0 in 0.0..=1e3,
+        estimate_min_m3ps_per_sqrt_pa: "m3/s/sqrt(Pa)" = 0.0 in 0.0..=1e3 [tunable],
         /// Largest possible coefficient, theta_max.
-        estimate_max_m3ps_per_sqrt_pa: "m3/s/sqrt(Pa)" = 5e-6 in 0.0..=1e3,
+        estimate_max_m3ps_per_sqrt_pa: "m3/s/sqrt(Pa)" = 5e-6 in 0.0..=1e3 [tunable],
     }
 }
 
@@ -52,6 +52,14 @@ impl LeakageEstimate {
             gains,
             theta_hat: Vector2::new(first, second),
         })
+    }
+
+    /// Takes other gains; the estimate stays, within what is now possible.
+    pub fn retune(&mut self, gains: [AdaptationGains; 2]) {
+        self.gains = gains;
+        for (estimate, own) in self.theta_hat.iter_mut().zip(&gains) {
+            *estimate = projected(*estimate, own);
+        }
     }
 
     /// The estimate now, in m3/s/sqrt(Pa).

@@ -6,10 +6,10 @@ use shared_types::state::StateOf;
 
 use super::adaptation::{AdaptationGains, LeakageEstimate};
 use super::gains::{ComponentGains, Gains, Output, Performance, TrajectoryGains};
-use super::law::Backstepping;
+use super::law::{Backstepping, TUNING};
 use super::model::Model;
 use super::signals::{Internals, Measured, Reference};
-use crate::controller::{Controller, Sample, Setup};
+use crate::controller::{Controller, Sample, Setup, Tuning};
 use crate::laws::drhas::{Command, PLANT};
 
 shared_types::table! {
@@ -38,6 +38,15 @@ shared_types::table! {
 #[derive(Clone, Copy, Debug)]
 pub struct Ftsc(Backstepping);
 
+fn gains(own: &Parameters) -> Gains {
+    Gains {
+        trajectory: own.trajectory,
+        components: [own.force_sum, own.force_difference],
+        outputs: [own.actuator1, own.actuator2],
+        performance: own.performance,
+    }
+}
+
 impl Controller for Ftsc {
     const NAME: &'static str = "ftsc";
     const SUMMARY: &'static str =
@@ -57,15 +66,20 @@ impl Controller for Ftsc {
         ))
     }
 
+    fn tuning() -> Option<Tuning<Self>> {
+        Some(Tuning {
+            does: TUNING,
+            take: |law, setup, transition| {
+                let adaptation = Some([setup.parameters.adaptation1, setup.parameters.adaptation2]);
+                (law.0).retune(&gains(&setup.parameters), adaptation, transition);
+            },
+        })
+    }
+
     fn start(setup: &Setup<Self>) -> Result<Self, Invalid> {
-        let own = &setup.parameters;
-        let gains = Gains {
-            trajectory: own.trajectory,
-            components: [own.force_sum, own.force_difference],
-            outputs: [own.actuator1, own.actuator2],
-            performance: own.performance,
-        };
-        let estimate = LeakageEstimate::new([own.adaptation1, own.adaptation2])?;
+        let gains = gains(&setup.parameters);
+        let estimate =
+            LeakageEstimate::new([setup.parameters.adaptation1, setup.parameters.adaptation2])?;
         Backstepping::start(&gains, &setup.model, Some(estimate), setup.period_s).map(Self)
     }
 

@@ -15,9 +15,9 @@ shared_types::table! {
     /// the spring forces.
     pub struct TrajectoryGains {
         /// k_1 (eq. 28). Higher follows the angle more tightly.
-        angle_gain_per_s: "1/s" = 300.0 in 1e-6..=1e9,
+        angle_gain_per_s: "1/s" = 300.0 in 1e-6..=1e9 [tunable],
         /// k_2 (eq. 25). Higher follows the angular rate more tightly.
-        rate_gain_per_s: "1/s" = 300.0 in 1e-6..=1e9,
+        rate_gain_per_s: "1/s" = 300.0 in 1e-6..=1e9 [tunable],
     }
 }
 
@@ -25,25 +25,25 @@ shared_types::table! {
     /// Gains of one component of the transformed system.
     pub struct ComponentGains {
         /// k_11 or k_12, the gain on z_1 (after eq. 41).
-        position_gain_per_s: "1/s" = 1000.0 in 1e-6..=1e9,
+        position_gain_per_s: "1/s" = 1000.0 in 1e-6..=1e9 [tunable],
         /// k_2s11 or k_2s12, the gain on z_2 (eq. 45).
-        velocity_gain_per_s: "1/s" = 1000.0 in 1e-6..=1e9,
+        velocity_gain_per_s: "1/s" = 1000.0 in 1e-6..=1e9 [tunable],
         /// k_3s11 or k_3s12, the gain on z_3 (eq. 52).
-        force_gain_per_s: "1/s" = 1000.0 in 1e-6..=1e9,
+        force_gain_per_s: "1/s" = 1000.0 in 1e-6..=1e9 [tunable],
         /// Largest expected effect of the disturbance, d-bar (eq. 36).
-        disturbance_bound_n_per_s2: "N/s2" = 1.8e9 in 0.0..=1e100,
+        disturbance_bound_n_per_s2: "N/s2" = 1.8e9 in 0.0..=1e100 [tunable],
         /// h_21 or h_22, at least the square of that bound (eqs. 47, 48). Higher resists
         /// disturbances more.
-        disturbance_weight_n2_per_s4: "N2/s4" = 3.4e18 in 0.0..=1e200,
+        disturbance_weight_n2_per_s4: "N2/s4" = 3.4e18 in 0.0..=1e200 [tunable],
         /// epsilon_1 or epsilon_2 (eq. 46). Lower resists disturbances more.
-        disturbance_margin_n2_per_s3: "N2/s3" = 1e14 in 1e-100..=1e100,
+        disturbance_margin_n2_per_s3: "N2/s3" = 1e14 in 1e-100..=1e100 [tunable],
         /// Largest leakage effect to be tolerated without adaptation, q-bar (eq. 53).
-        leakage_bound_n_per_s3: "N/s3" = 4.5e11 in 0.0..=1e100,
+        leakage_bound_n_per_s3: "N/s3" = 4.5e11 in 0.0..=1e100 [tunable],
         /// h_31 or h_32, at least the square of that bound (eqs. 55, 56). Higher resists leakage
         /// more.
-        leakage_weight_n2_per_s6: "N2/s6" = 2.5e23 in 0.0..=1e200,
+        leakage_weight_n2_per_s6: "N2/s6" = 2.5e23 in 0.0..=1e200 [tunable],
         /// xi_1 or xi_2 (eq. 54). Lower resists leakage more, and lowers the bound V_r.
-        leakage_margin_n2_per_s5: "N2/s5" = 1e21 in 1e-100..=1e100,
+        leakage_margin_n2_per_s5: "N2/s5" = 1e21 in 1e-100..=1e100 [tunable],
     }
 }
 
@@ -51,7 +51,7 @@ shared_types::table! {
     /// Limits of one actuator's command.
     pub struct Output {
         /// Largest magnitude of the current; infinite means no limit.
-        command_limit_a: "A" = UNLIMITED in 0.0..=UNLIMITED,
+        command_limit_a: "A" = UNLIMITED in 0.0..=UNLIMITED [tunable],
     }
 }
 
@@ -60,7 +60,7 @@ shared_types::table! {
     pub struct Performance {
         /// Time for which V_3 must stay above V_r to count as a detected fault (Remark 16). V_3
         /// exceeds V_r for single samples after every start, whether there is a fault or not.
-        detection_hold_s: "s" = 0.010 in 0.0..=1e6,
+        detection_hold_s: "s" = 0.010 in 0.0..=1e6 [tunable],
     }
 }
 

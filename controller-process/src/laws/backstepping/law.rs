@@ -8,33 +8,57 @@ use serde::{Deserialize, Serialize};
 use shared_types::describe::Invalid;
 use shared_types::table::row;
 
-use super::adaptation::LeakageEstimate;
+use super::adaptation::{AdaptationGains, LeakageEstimate};
 use super::gains::Gains;
 use super::hydraulics::{Hydraulics, hydraulic_force_n};
 use super::model::{ActuatorModel, Model};
 use super::performance::{Indicator, IndicatorState};
 use super::signals::{Internals, Measured, PistonState, Reference};
-use super::steps::Steps;
+use super::steps::{Errors, Steps};
 use super::trajectory::Trajectory;
 use super::transformation::Transformation;
+use crate::controller::Transition;
 use crate::laws::drhas::Command;
 use crate::laws::limit::limited;
+use crate::laws::transfer::Transfer;
 
 /// The backstepping law with its state.
 #[derive(Clone, Copy, Debug)]
 pub struct Backstepping {
     actuators: [ActuatorModel; 2],
     plant: Transformation,
-    trajectory: Trajectory,
-    steps: Steps,
-    command_limits_a: [f64; 2],
+    design: Design,
+    /// Design and estimate before a change that the next sample brings about.
+    former: Option<(Design, Vector2<f64>)>,
     period_s: f64,
 
     velocity: VelocityHistory,
     indicator: Indicator,
     estimate: Option<LeakageEstimate>,
+    transfers: Transfers,
+    /// False before the first sample.
+    has_answered: bool,
     answer: (Command, Internals),
 }
+
+/// Parts of the law that follow from its gains and that the command is computed with.
+#[derive(Clone, Copy, Debug)]
+struct Design {
+    trajectory: Trajectory,
+    steps: Steps,
+    command_limits_a: [f64; 2],
+}
+
+/// State of what keeps the commands continuous.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Transfers {
+    of_actuators: [Transfer; 2],
+    /// The gains jumped while there was no valid sample.
+    changed: bool,
+}
+
+/// What the backstepping laws do when a gain changes while they run.
+pub(super) const TUNING: &str = "The commands go on from what the old gains would have given; after a jump the difference fades within 0.1 s.";
 
 /// State that the law keeps from sample to sample.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -44,6 +68,8 @@ pub struct LawState {
     indicator: IndicatorState,
     /// The estimates of the leakage, in m3/s/sqrt(Pa); none for NRSC.
     theta_hat: Option<[f64; 2]>,
+    transfers: Transfers,
+    has_answered: bool,
     #[serde(with = "row")]
     command: Command,
     #[serde(with = "row")]
@@ -65,15 +91,52 @@ impl Backstepping {
         Ok(Self {
             actuators: model.actuators(),
             plant: Transformation::new(model),
-            trajectory: Trajectory::new(model, gains.trajectory),
-            steps: Steps::new(gains),
-            command_limits_a: gains.outputs.map(|own| own.command_limit_a),
+            design: Design {
+                trajectory: Trajectory::new(model, gains.trajectory),
+                steps: Steps::new(gains),
+                command_limits_a: gains.outputs.map(|own| own.command_limit_a),
+            },
+            former: None,
             period_s,
             velocity: VelocityHistory::default(),
             indicator: Indicator::new(gains, period_s),
             estimate,
+            transfers: Transfers::default(),
+            has_answered: false,
             answer: (Command::default(), Internals::default()),
         })
+    }
+
+    /// Takes other gains, from the next sample on; `adaptation` are those of the estimate, if there is one.
+    ///
+    /// The law integrates nothing but the estimate, which stays. So a command that would jump with the gains
+    /// goes on from where it was, and the difference fades.
+    pub fn retune(
+        &mut self,
+        gains: &Gains,
+        adaptation: Option<[AdaptationGains; 2]>,
+        transition: Transition,
+    ) {
+        if self.has_answered && transition == Transition::Step {
+            let before = (self.design, self.theta_hat());
+            self.former = Some(self.former.unwrap_or(before));
+        }
+        self.design = Design {
+            trajectory: self.design.trajectory.with(gains.trajectory),
+            steps: Steps::new(gains),
+            command_limits_a: gains.outputs.map(|own| own.command_limit_a),
+        };
+        self.indicator.retune(gains);
+        if let (Some(estimate), Some(adaptation)) = (&mut self.estimate, adaptation) {
+            estimate.retune(adaptation);
+        }
+    }
+
+    fn theta_hat(&self) -> Vector2<f64> {
+        match &self.estimate {
+            Some(estimate) => estimate.theta_hat(),
+            None => Vector2::zeros(),
+        }
     }
 
     /// Returns the state that the law keeps.
@@ -85,6 +148,8 @@ impl Backstepping {
             missed: self.velocity.missed,
             indicator: self.indicator.state(),
             theta_hat: (self.estimate.as_ref()).map(|estimate| estimate.theta_hat().into()),
+            transfers: self.transfers,
+            has_answered: self.has_answered,
             command,
             internals,
         }
@@ -100,6 +165,8 @@ impl Backstepping {
         if let (Some(estimate), Some(theta_hat)) = (&mut self.estimate, state.theta_hat) {
             estimate.restore(theta_hat.into());
         }
+        (self.former, self.transfers) = (None, state.transfers);
+        self.has_answered = state.has_answered;
         self.answer = (state.command, state.internals);
     }
 
@@ -110,33 +177,17 @@ impl Backstepping {
         let velocities = Vector2::new(pistons[0].velocity_mps, pistons[1].velocity_mps);
         let accelerations = self.velocity.acceleration(velocities, self.period_s);
 
-        let f = [positions, velocities, accelerations].map(|x| self.plant.sum_and_difference(x));
-        let theta_d = self.trajectory.surface_angle(
-            measured.surface_angle_rad,
-            measured.surface_rate_radps,
-            &f.map(|f| f[0]),
-        );
-        let theta_r = reference.jet();
-        let x_r1 = self.trajectory.sum(&theta_d, &theta_r);
-        let x_r2 = self.trajectory.difference(&theta_r);
-        let x_r = core::array::from_fn(|j| Vector2::new(x_r1[j], x_r2[j]));
-
-        let [force1_n, force2_n] =
-            core::array::from_fn(|i| hydraulic_force_n(&self.actuators[i], &pistons[i]));
-        let x_3 = Vector2::new(force1_n, force2_n);
-        let (errors, force_rate) =
-            self.steps
-                .errors_and_force_rate(&self.plant, &f, &x_r, &theta_d, x_3);
-
-        let theta_hat = match &self.estimate {
-            Some(estimate) => estimate.theta_hat(),
-            None => Vector2::zeros(),
+        let sampled = Sampled {
+            measured,
+            reference,
+            pistons: &pistons,
+            f: [positions, velocities, accelerations].map(|x| self.plant.sum_and_difference(x)),
+            hydraulics: core::array::from_fn(|i| Hydraulics::at(&self.actuators[i], &pistons[i])),
         };
-        let hydraulics: [Hydraulics; 2] =
-            core::array::from_fn(|i| Hydraulics::at(&self.actuators[i], &pistons[i]));
-        let [current1_a, current2_a] = core::array::from_fn(|i| {
-            self.current_a(i, &hydraulics[i], &pistons[i], force_rate[i], theta_hat[i])
-        });
+        let theta_hat = self.theta_hat();
+        let (errors, wanted_a) = self.demand(&self.design, &sampled, theta_hat);
+        let [current1_a, current2_a] = self.continued(wanted_a, &sampled);
+        let hydraulics = sampled.hydraulics;
 
         let verdict = self.indicator.judge(&errors);
         if let Some(estimate) = &mut self.estimate
@@ -174,9 +225,76 @@ impl Backstepping {
         self.answer
     }
 
+    /// The errors of a design at a sample, and the currents that it demands.
+    fn demand(
+        &self,
+        design: &Design,
+        sampled: &Sampled<'_>,
+        theta_hat: Vector2<f64>,
+    ) -> (Errors, [f64; 2]) {
+        let Sampled {
+            measured,
+            reference,
+            pistons,
+            f,
+            hydraulics,
+        } = sampled;
+        let theta_d = design.trajectory.surface_angle(
+            measured.surface_angle_rad,
+            measured.surface_rate_radps,
+            &f.map(|f| f[0]),
+        );
+        let theta_r = reference.jet();
+        let x_r1 = design.trajectory.sum(&theta_d, &theta_r);
+        let x_r2 = design.trajectory.difference(&theta_r);
+        let x_r = core::array::from_fn(|j| Vector2::new(x_r1[j], x_r2[j]));
+
+        let [force1_n, force2_n] =
+            core::array::from_fn(|i| hydraulic_force_n(&self.actuators[i], &pistons[i]));
+        let x_3 = Vector2::new(force1_n, force2_n);
+        let (errors, force_rate) =
+            design
+                .steps
+                .errors_and_force_rate(&self.plant, f, &x_r, &theta_d, x_3);
+        let currents_a = core::array::from_fn(|i| {
+            let current_a =
+                self.current_a(i, &hydraulics[i], &pistons[i], force_rate[i], theta_hat[i]);
+            limited(current_a, design.command_limits_a[i])
+        });
+        (errors, currents_a)
+    }
+
+    /// The currents that go on from those before a change, within the limits as they are now.
+    fn continued(&mut self, wanted_a: [f64; 2], sampled: &Sampled<'_>) -> [f64; 2] {
+        let held = std::mem::take(&mut self.transfers.changed).then(|| {
+            let (command, _) = self.answer;
+            [
+                command.actuator1_valve_current_a,
+                command.actuator2_valve_current_a,
+            ]
+        });
+        self.has_answered = true;
+        let former = (self.former.take())
+            .map(|(design, theta_hat)| self.demand(&design, sampled, theta_hat).1);
+        let mut currents_a = wanted_a;
+        for (i, current_a) in currents_a.iter_mut().enumerate() {
+            let transfer = &mut self.transfers.of_actuators[i];
+            let left_a = transfer.next();
+            let old_a = held.map(|held| held[i]);
+            let old_a = old_a.or_else(|| former.map(|former| former[i] + left_a));
+            *current_a = match old_a {
+                Some(old_a) => transfer.begin(old_a, wanted_a[i], self.period_s),
+                None => wanted_a[i] + left_a,
+            };
+            *current_a = limited(*current_a, self.design.command_limits_a[i]);
+        }
+        currents_a
+    }
+
     /// Answers a sample that is not valid: the last command again. Nothing is estimated or judged
     /// from it; the next velocity difference spans the gap.
     pub fn hold(&mut self) -> (Command, Internals) {
+        self.transfers.changed |= self.former.take().is_some();
         self.velocity.skip();
         self.indicator.skip();
         self.answer
@@ -184,7 +302,7 @@ impl Backstepping {
 
     /// The current of one valve.
     ///
-    /// `u = F_1^-1 [F_2 + F_3 theta_hat + M_3^-1 (..)]` (eq. 52), within the command's limit.
+    /// `u = F_1^-1 [F_2 + F_3 theta_hat + M_3^-1 (..)]` (eq. 52).
     fn current_a(
         &self,
         actuator: usize,
@@ -197,9 +315,18 @@ impl Backstepping {
         let bracket = hydraulics.motion_effect_n_per_s(model, piston)
             + hydraulics.leakage_effect(piston) * theta_hat
             + force_rate_n_per_s;
-        let current_a = hydraulics.current_a(model, piston, bracket);
-        limited(current_a, self.command_limits_a[actuator])
+        hydraulics.current_a(model, piston, bracket)
     }
+}
+
+/// Sample with what every design makes of it.
+struct Sampled<'a> {
+    measured: &'a Measured,
+    reference: &'a Reference,
+    pistons: &'a [PistonState; 2],
+    /// Sum and difference of the pistons' motion, with two derivatives.
+    f: [Vector2<f64>; 3],
+    hydraulics: [Hydraulics; 2],
 }
 
 /// The last measured velocities, for the acceleration.

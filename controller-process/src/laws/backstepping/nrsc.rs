@@ -4,10 +4,10 @@ use shared_types::describe::Invalid;
 use shared_types::state::StateOf;
 
 use super::gains::{ComponentGains, Gains, Output, Performance, TrajectoryGains};
-use super::law::Backstepping;
+use super::law::{Backstepping, TUNING};
 use super::model::Model;
 use super::signals::{Internals, Measured, Reference};
-use crate::controller::{Controller, Sample, Setup};
+use crate::controller::{Controller, Sample, Setup, Tuning};
 use crate::laws::drhas::{Command, PLANT};
 
 shared_types::table! {
@@ -32,6 +32,15 @@ shared_types::table! {
 #[derive(Clone, Copy, Debug)]
 pub struct Nrsc(Backstepping);
 
+fn gains(own: &Parameters) -> Gains {
+    Gains {
+        trajectory: own.trajectory,
+        components: [own.force_sum, own.force_difference],
+        outputs: [own.actuator1, own.actuator2],
+        performance: own.performance,
+    }
+}
+
 impl Controller for Nrsc {
     const NAME: &'static str = "nrsc";
     const SUMMARY: &'static str =
@@ -51,14 +60,18 @@ impl Controller for Nrsc {
         ))
     }
 
+    fn tuning() -> Option<Tuning<Self>> {
+        Some(Tuning {
+            does: TUNING,
+            take: |law, setup, transition| {
+                let adaptation = None;
+                (law.0).retune(&gains(&setup.parameters), adaptation, transition);
+            },
+        })
+    }
+
     fn start(setup: &Setup<Self>) -> Result<Self, Invalid> {
-        let own = &setup.parameters;
-        let gains = Gains {
-            trajectory: own.trajectory,
-            components: [own.force_sum, own.force_difference],
-            outputs: [own.actuator1, own.actuator2],
-            performance: own.performance,
-        };
+        let gains = gains(&setup.parameters);
         Backstepping::start(&gains, &setup.model, None, setup.period_s).map(Self)
     }
 

@@ -79,6 +79,15 @@ impl Indicator {
         }
     }
 
+    /// Takes other gains; what was counted stays.
+    pub fn retune(&mut self, gains: &Gains) {
+        let state = self.state;
+        *self = Self {
+            state,
+            ..Self::new(gains, self.period_s)
+        };
+    }
+
     /// Returns the state that the indicator keeps.
     #[must_use]
     pub const fn state(&self) -> IndicatorState {

@@ -13,7 +13,7 @@ use super::gains::{ComponentGains, TrajectoryGains};
 use super::model::Model;
 use super::nrsc::{self, Nrsc};
 use super::signals::{Internals, Measured, Reference};
-use crate::controller::{Controller, Sample, Setup};
+use crate::controller::{Controller, Sample, Setup, Transition};
 use crate::laws::drhas::Command;
 
 #[derive(Deserialize)]
@@ -308,4 +308,120 @@ fn parameters_that_break_a_condition_are_refused_at_the_start() {
     parameters.adaptation1.estimate_max_m3ps_per_sqrt_pa = 0.0;
     parameters.adaptation1.estimate_min_m3ps_per_sqrt_pa = 1e-9;
     assert!(refused(parameters).contains("adaptation1"));
+}
+
+/// The currents of a law for samples, of which the last is repeated; its parameters jump ahead of the
+/// sample `at`.
+fn tuned<C>(
+    parameters: [C::Parameters; 2],
+    at: usize,
+    sequence: &Sequence,
+    count: usize,
+) -> Vec<[f64; 2]>
+where
+    C: Controller<Model = Model, Measured = Measured, Reference = Reference, Command = Command>,
+{
+    let [before, after] = parameters;
+    let setup = |parameters| Setup::<C> {
+        parameters,
+        model: sequence.model(),
+        period_s: 1.0 / sequence.rate_hz,
+    };
+    let mut law = C::start(&setup(before)).expect("starts");
+    let tuning = C::tuning().expect("it can be tuned");
+    let answers = (0..count).map(|k| {
+        if k == at {
+            (tuning.take)(&mut law, &setup(after), Transition::Step);
+        }
+        let sample = sequence.samples.get(k).or(sequence.samples.last());
+        let (command, _) = law.step(&valid_sample(sample.expect("there is one")));
+        [
+            command.actuator1_valve_current_a,
+            command.actuator2_valve_current_a,
+        ]
+    });
+    answers.collect()
+}
+
+#[test]
+fn gains_of_nrsc_change_without_a_jump_and_the_difference_fades() {
+    let sequence = severe_leak();
+    let (before, mut after) = (sequence.nrsc(), sequence.nrsc());
+    after.force_sum.force_gain_per_s *= 2.0;
+    after.trajectory.angle_gain_per_s *= 0.5;
+    let at = 20;
+    // A tenth of a second, and some samples more.
+    let samples = (0.1 * sequence.rate_hz).round();
+    let count = at + samples as usize + 5;
+    // Without an estimate the law answers each sample by itself, so its commands with either gains are known.
+    let old = tuned::<Nrsc>([before; 2], 0, &sequence, count);
+    let new = tuned::<Nrsc>([after; 2], 0, &sequence, count);
+    let found = tuned::<Nrsc>([before, after], at, &sequence, count);
+    assert_eq!(
+        found[..=at],
+        old[..=at],
+        "to the last bit, the change included"
+    );
+    let difference: [f64; 2] = std::array::from_fn(|i| old[at][i] - new[at][i]);
+    assert!(difference.iter().all(|d| d.abs() > 1e-6), "{difference:?}");
+    for (k, (found, new)) in found.iter().zip(&new).enumerate().skip(at) {
+        let share = 1.0 - (k - at) as f64 / samples;
+        let left = if share > 0.0 { share } else { 0.0 };
+        for i in 0..2 {
+            let wanted = new[i] + difference[i] * left;
+            let off = (found[i] - wanted).abs();
+            assert!(
+                off <= 1e-9 * difference[i].abs(),
+                "{k}: {} {wanted}",
+                found[i]
+            );
+        }
+    }
+    assert_eq!(found[count - 1], new[count - 1], "nothing is left of it");
+}
+
+#[test]
+fn an_estimate_of_ftsc_goes_on_over_a_change_and_within_its_new_bounds() {
+    let sequence = severe_leak();
+    let (before, mut after) = (sequence.ftsc(), sequence.ftsc());
+    let last = sequence.samples.len() - 1;
+    let theta = sequence.samples[last].theta_hat;
+    assert!(theta[0] > 0.0, "the estimate has moved");
+    after.adaptation1.estimate_max_m3ps_per_sqrt_pa = 0.5 * theta[0];
+    after.adaptation1.learning_rate_m8s2_per_n3 = 0.0;
+    let old = tuned::<Ftsc>([before; 2], 0, &sequence, last + 1);
+    let found = tuned::<Ftsc>([before, after], last, &sequence, last + 1);
+    assert_eq!(found, old, "the command does not jump with the estimate");
+
+    let setup = |parameters| Setup::<Ftsc> {
+        parameters,
+        model: sequence.model(),
+        period_s: 1.0 / sequence.rate_hz,
+    };
+    let mut law = Ftsc::start(&setup(before)).expect("starts");
+    for sample in &sequence.samples[..last] {
+        law.step(&valid_sample(sample));
+    }
+    let tuning = Ftsc::tuning().expect("it can be tuned");
+    (tuning.take)(&mut law, &setup(after), Transition::Step);
+    let (_, internals) = law.step(&valid_sample(&sequence.samples[last]));
+    assert_eq!(internals.leakage_estimate1_m3ps_per_sqrt_pa, 0.5 * theta[0]);
+}
+
+#[test]
+fn gains_on_a_ramp_act_at_once() {
+    let sequence = severe_leak();
+    let mut after = sequence.nrsc();
+    after.force_sum.force_gain_per_s *= 1.25;
+    let setup = |parameters| Setup::<Nrsc> {
+        parameters,
+        model: sequence.model(),
+        period_s: 1.0 / sequence.rate_hz,
+    };
+    let mut law = Nrsc::start(&setup(sequence.nrsc())).expect("starts");
+    law.step(&valid_sample(&sequence.samples[0]));
+    let tuning = Nrsc::tuning().expect("it can be tuned");
+    (tuning.take)(&mut law, &setup(after), Transition::Ramp);
+    let answer = law.step(&valid_sample(&sequence.samples[1]));
+    assert_eq!(answer, answers::<Nrsc>(after, &sequence)[1]);
 }

@@ -33,6 +33,12 @@ impl Trajectory {
         }
     }
 
+    /// The same generator with other gains.
+    #[must_use]
+    pub const fn with(self, gains: TrajectoryGains) -> Self {
+        Self { gains, ..self }
+    }
+
     /// Load torque and its derivatives.
     ///
     /// `T_L = r_d F_L = K_d r_d^2 y_1` (section 4 of the paper: `F_L = K_d x_d`).

@@ -7,8 +7,8 @@ use shared_types::describe::Invalid;
 use shared_types::state::StateOf;
 use shared_types::table::Empty;
 
-use super::{Gains, Pid};
-use crate::controller::{Controller, Sample, Setup};
+use super::{Gains, Pid, TUNING};
+use crate::controller::{Controller, Sample, Setup, Tuning};
 use crate::laws::drhas::{Command, PLANT};
 use crate::laws::limit::UNLIMITED;
 
@@ -16,13 +16,13 @@ shared_types::table! {
     /// The gains of one actuator's loop (Table 2).
     pub struct ActuatorGains {
         /// Proportional gain k_p.
-        proportional_a_per_m: "A/m" = 90.0 in (-1e9)..=1e9,
+        proportional_a_per_m: "A/m" = 90.0 in (-1e9)..=1e9 [tunable],
         /// Integral gain k_i.
-        integral_a_per_m_s: "A/(m s)" = 0.0 in (-1e9)..=1e9,
+        integral_a_per_m_s: "A/(m s)" = 0.0 in (-1e9)..=1e9 [tunable],
         /// Derivative gain k_d.
-        derivative_a_s_per_m: "A s/m" = 0.0 in (-1e9)..=1e9,
+        derivative_a_s_per_m: "A s/m" = 0.0 in (-1e9)..=1e9 [tunable],
         /// Largest magnitude of the current; infinite means no limit.
-        command_limit_a: "A" = UNLIMITED in 0.0..=UNLIMITED,
+        command_limit_a: "A" = UNLIMITED in 0.0..=UNLIMITED [tunable],
     }
 }
 
@@ -77,6 +77,15 @@ pub struct ActuatorPid {
     loops: [Pid; 2],
 }
 
+fn gains(parameters: &Parameters) -> [Gains; 2] {
+    [parameters.actuator1, parameters.actuator2].map(|own| Gains {
+        proportional: own.proportional_a_per_m,
+        integral: own.integral_a_per_m_s,
+        derivative: own.derivative_a_s_per_m,
+        limit: own.command_limit_a,
+    })
+}
+
 impl Controller for ActuatorPid {
     const NAME: &'static str = "pid";
     const SUMMARY: &'static str =
@@ -100,22 +109,21 @@ impl Controller for ActuatorPid {
         ))
     }
 
+    fn tuning() -> Option<Tuning<Self>> {
+        Some(Tuning {
+            does: TUNING,
+            take: |law, setup, transition| {
+                for (pid, gains) in law.loops.iter_mut().zip(gains(&setup.parameters)) {
+                    pid.retune(gains, transition);
+                }
+            },
+        })
+    }
+
     fn start(setup: &Setup<Self>) -> Result<Self, Invalid> {
-        let Parameters {
-            actuator1,
-            actuator2,
-        } = setup.parameters;
         Ok(Self {
             radial_distance_m: setup.model.surface.radial_distance_m,
-            loops: [actuator1, actuator2].map(|own| {
-                let gains = Gains {
-                    proportional: own.proportional_a_per_m,
-                    integral: own.integral_a_per_m_s,
-                    derivative: own.derivative_a_s_per_m,
-                    limit: own.command_limit_a,
-                };
-                Pid::new(gains, setup.period_s)
-            }),
+            loops: gains(&setup.parameters).map(|own| Pid::new(own, setup.period_s)),
         })
     }
 
@@ -141,6 +149,7 @@ impl Controller for ActuatorPid {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::controller::Transition;
 
     fn sample(angle_rad: f64, positions_m: [f64; 2], valid: bool) -> Sample<ActuatorPid> {
         Sample {
@@ -171,6 +180,30 @@ mod tests {
         assert!((command.actuator2_valve_current_a - 4.5).abs() < 1e-12);
         let (held, _) = law.step(&sample(9.0, [9.0, 9.0], false));
         assert_eq!(held, command);
+    }
+
+    #[test]
+    fn the_papers_gains_change_without_a_jump() {
+        let mut setup = Setup {
+            parameters: Parameters::default(),
+            model: Model::default(),
+            period_s: 0.05,
+        };
+        let mut law = ActuatorPid::start(&setup).expect("starts");
+        let step = |law: &mut ActuatorPid| {
+            let (command, _) = law.step(&sample(0.0, [-0.5, -0.25], true));
+            [
+                command.actuator1_valve_current_a,
+                command.actuator2_valve_current_a,
+            ]
+        };
+        assert_eq!(step(&mut law), [45.0, 22.5]);
+        setup.parameters.actuator1.proportional_a_per_m = 30.0;
+        let tuning = ActuatorPid::tuning().expect("it can be tuned");
+        (tuning.take)(&mut law, &setup, Transition::Step);
+        // 45 to 15 within 0.1 s, two samples; nothing changes for actuator 2.
+        let commands = [step(&mut law), step(&mut law), step(&mut law)];
+        assert_eq!(commands, [[45.0, 22.5], [30.0, 22.5], [15.0, 22.5]]);
     }
 
     #[test]

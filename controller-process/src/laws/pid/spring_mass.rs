@@ -7,21 +7,21 @@ use shared_types::describe::Invalid;
 use shared_types::state::StateOf;
 use shared_types::table::Empty;
 
-use super::{Gains, Pid};
-use crate::controller::{Controller, Sample, Setup};
+use super::{Gains, Pid, TUNING};
+use crate::controller::{Controller, Sample, Setup, Tuning};
 use crate::laws::limit::UNLIMITED;
 
 shared_types::table! {
     /// Parameters of the law.
     pub struct Parameters {
         /// Proportional gain k_p.
-        proportional_n_per_m: "N/m" = 300.0 in (-1e9)..=1e9,
+        proportional_n_per_m: "N/m" = 300.0 in (-1e9)..=1e9 [tunable],
         /// Integral gain k_i.
-        integral_n_per_m_s: "N/(m s)" = 2000.0 in (-1e9)..=1e9,
+        integral_n_per_m_s: "N/(m s)" = 2000.0 in (-1e9)..=1e9 [tunable],
         /// Derivative gain k_d. A jump of the reference passes through it as one large command.
-        derivative_n_s_per_m: "N s/m" = 30.0 in (-1e9)..=1e9,
+        derivative_n_s_per_m: "N s/m" = 30.0 in (-1e9)..=1e9 [tunable],
         /// Largest magnitude of the force; infinite means no limit.
-        command_limit_n: "N" = UNLIMITED in 0.0..=UNLIMITED,
+        command_limit_n: "N" = UNLIMITED in 0.0..=UNLIMITED [tunable],
     }
 }
 
@@ -55,6 +55,15 @@ pub struct ForcePid {
     pid: Pid,
 }
 
+fn gains(parameters: &Parameters) -> Gains {
+    Gains {
+        proportional: parameters.proportional_n_per_m,
+        integral: parameters.integral_n_per_m_s,
+        derivative: parameters.derivative_n_s_per_m,
+        limit: parameters.command_limit_n,
+    }
+}
+
 impl Controller for ForcePid {
     const NAME: &'static str = "pid";
     const SUMMARY: &'static str = "A PID loop from the position's error to the force.";
@@ -73,15 +82,16 @@ impl Controller for ForcePid {
         ))
     }
 
+    fn tuning() -> Option<Tuning<Self>> {
+        Some(Tuning {
+            does: TUNING,
+            take: |law, setup, transition| law.pid.retune(gains(&setup.parameters), transition),
+        })
+    }
+
     fn start(setup: &Setup<Self>) -> Result<Self, Invalid> {
-        let gains = Gains {
-            proportional: setup.parameters.proportional_n_per_m,
-            integral: setup.parameters.integral_n_per_m_s,
-            derivative: setup.parameters.derivative_n_s_per_m,
-            limit: setup.parameters.command_limit_n,
-        };
         Ok(Self {
-            pid: Pid::new(gains, setup.period_s),
+            pid: Pid::new(gains(&setup.parameters), setup.period_s),
         })
     }
 

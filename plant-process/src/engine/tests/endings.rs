@@ -104,6 +104,7 @@ fn a_controller_that_does_not_fit_is_refused_with_the_reason() {
         reference: vec![],
         commands: None,
         internals: vec![],
+        tunable: vec![],
     };
     controller
         .send_control(&Control::Hello(hello).to_bytes())
@@ -133,6 +134,10 @@ struct LastWord {
 impl Link for LastWord {
     fn send_control(&mut self, message: &[u8]) -> Result<(), LinkError> {
         self.inner.send_control(message)
+    }
+
+    fn tell(&mut self, message: &[u8]) -> Result<(), LinkError> {
+        self.inner.tell(message)
     }
 
     fn receive_control(&mut self) -> Result<Option<Vec<u8>>, LinkError> {
@@ -194,6 +199,7 @@ fn what_a_controller_confirmed_before_it_ended_counts() {
         reference: vec![],
         commands: None,
         internals: vec![],
+        tunable: vec![],
     };
     let say = |message: Control| {
         let sent = controller.borrow_mut().send_control(&message.to_bytes());

@@ -44,6 +44,26 @@ pub fn another_controller_takes_over_from_the_active_one<F: Fixture>() {
     silence::<F>(&mut pair.plant, &mut got, "the first one is not active");
 }
 
+/// Until the handover a plant can tell the active controller something, and nobody else hears it; from
+/// then on it tells the next one.
+pub fn the_active_controller_is_told_while_another_is_expected<F: Fixture>() {
+    let mut pair = Pair::<F>::open(1, 1);
+    pair.plant.tell(b"alone").expect("tells");
+    assert_eq!(message::<F>(&mut pair.controller), b"alone");
+    let mut second = second(&mut pair.plant, &mut pair.place);
+    pair.plant.tell(b"active").expect("tells");
+    pair.plant.send_control(b"welcome").expect("sends");
+    assert_eq!(message::<F>(&mut second), b"welcome");
+    assert_eq!(message::<F>(&mut pair.controller), b"active");
+    let mut got = [0.0];
+    silence::<F>(&mut second, &mut got, "the other one was told");
+    pair.plant.take_over();
+    pair.plant.tell(b"next").expect("tells");
+    assert_eq!(message::<F>(&mut second), b"next");
+    let heard = pair.controller.receive_control();
+    assert_eq!(heard, Ok(None), "the first one is not active");
+}
+
 /// The last command of a controller counts; after it nothing comes, which is no error.
 pub fn a_dead_controller_is_silent_after_its_last_frame<F: Fixture>() {
     let mut pair = Pair::<F>::open(1, 1);

@@ -21,6 +21,8 @@ flaws! {
         the_latest_frame_wins, each_of_many_samples_is_answered_once;
     a_link_that_delivers_another_epochs_command_is_found: KeepsEpoch over InProcess =>
         another_controller_takes_over_from_the_active_one, another_controller_follows_a_dead_one;
+    a_link_that_tells_the_next_controller_is_found: TellsTheNext over InProcess =>
+        the_active_controller_is_told_while_another_is_expected;
     a_link_that_tears_a_frame_is_found: Tears over InProcess =>
         frames_cross_both_ways, each_of_many_samples_is_answered_once;
     a_link_between_processes_that_tears_a_frame_is_found: TearsApart over Iceoryx =>
@@ -130,6 +132,13 @@ impl<L, const FLAW: usize> Drop for BrokenLink<L, FLAW> {
 impl<L: Link, const FLAW: usize> Link for BrokenLink<L, FLAW> {
     fn send_control(&mut self, message: &[u8]) -> Result<(), LinkError> {
         self.link.send_control(message)
+    }
+
+    fn tell(&mut self, message: &[u8]) -> Result<(), LinkError> {
+        match Self::has(Flaw::TellsTheNext) {
+            true => self.link.send_control(message),
+            false => self.link.tell(message),
+        }
     }
 
     fn receive_control(&mut self) -> Result<Option<Vec<u8>>, LinkError> {

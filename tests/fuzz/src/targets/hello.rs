@@ -23,7 +23,7 @@ pub fn run(bytes: &[u8]) {
     match control {
         Control::Hello(hello) => asked(hello),
         Control::Welcome(welcome) => answered(&welcome),
-        Control::Refusal { .. } | Control::Ready { .. } => {}
+        Control::Refusal { .. } | Control::Ready { .. } | Control::Tuned(_) => {}
     }
 }
 
@@ -80,6 +80,7 @@ fn answered(welcome: &Welcome) {
         reference: welcome.sample.fields(SignalKind::Reference),
         commands: Some(welcome.command.fields(SignalKind::Command)),
         internals: welcome.command.fields(SignalKind::Internal),
+        tunable: vec![],
     };
     if let Err(refused) = welcome.check(&hello) {
         assert!(!refused.to_string().is_empty());

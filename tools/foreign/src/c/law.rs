@@ -53,6 +53,7 @@ pub unsafe fn kind(controller: &Controller) -> Result<LawKind, Invalid> {
             commands: Some(commands.clone()),
             internals: signals(&controller.internals, "internals")?,
             saves: saving.is_some(),
+            tuning: String::new(),
         };
         (description, commands)
     };

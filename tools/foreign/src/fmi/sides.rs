@@ -93,6 +93,7 @@ pub fn law_description(model: &Model) -> LawDescription {
         commands: Some(fields(&tables.outputs).iter().map(free).collect()),
         internals: fields(&tables.locals).iter().map(free).collect(),
         saves: description.saves,
+        tuning: String::new(),
     }
 }
 

@@ -2,7 +2,9 @@
 
 use hil_config::plan::{Clock, Plan};
 use shared_types::lockstep::OnLoss;
-use shared_types::record::{Change, ControllerChange, Event, LONGEST_MARK, MOST_MARKS, RecordView};
+use shared_types::record::{
+    Change, ControllerChange, Event, LONGEST_MARK, MOST_CHANGES, MOST_MARKS, RecordView,
+};
 use shared_types::supervision::MOST_EPOCHS;
 use shared_types::time::Step;
 
@@ -91,6 +93,7 @@ impl Heard {
             Event::Fault(taken) => taken.step,
             Event::FaultEnded(ended) => ended.step,
             Event::Controller(change) => change.step,
+            Event::Change(change) => change.step,
             Event::Mark(mark) => mark.step,
             Event::End(_) => return Ok(()),
         };
@@ -102,6 +105,9 @@ impl Heard {
         }
         match event {
             Event::Controller(change) => controller(plan, change, recorded.changes.len()),
+            Event::Change(_) if recorded.values.len() >= MOST_CHANGES => {
+                Err(format!("more than {MOST_CHANGES} changes of values came"))
+            }
             Event::Mark(_) if recorded.marks.len() >= MOST_MARKS => {
                 Err(format!("more than {MOST_MARKS} marks came"))
             }

@@ -253,12 +253,11 @@ impl Work {
         if let Err(error) = self.collector.event(event) {
             self.fail(format!("the record stream is broken: {error}"));
         }
+        self.digest.event(event);
         match event {
             Event::Accepted(accepted) => Some(accepted.step),
-            Event::Fault(taken) => {
-                self.digest.fault(taken);
-                Some(taken.step)
-            }
+            Event::Fault(taken) => Some(taken.step),
+            Event::Change(change) => Some(change.step),
             Event::FaultEnded(ended) => Some(ended.step),
             Event::Controller(change) => {
                 let changes = self.shared.changes.lock();

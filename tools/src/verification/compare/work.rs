@@ -292,12 +292,17 @@ impl Pair {
     }
 }
 
-/// The fault events of the digest in front of a record, as text.
+/// The faults and changes of the digest in front of a record, as text.
 fn faults(reader: &RunReader) -> String {
     let taken = reader.events().iter().filter_map(|event| match event {
         Event::Fault(taken) if !taken.wall_only => Some(format!(
             "{} {} {} {}",
             taken.kind, taken.target, taken.parameter, taken.canonical
+        )),
+        Event::Change(change) => Some(format!(
+            "change over {} steps of {}",
+            change.ramp_steps,
+            change.described()
         )),
         _ => None,
     });

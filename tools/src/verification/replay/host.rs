@@ -6,7 +6,9 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use plant_process::tuning::{Offered, Tuning};
 use shared_types::clock::monotonic_ns;
+use shared_types::describe::Settings;
 use shared_types::frame::{FrameKind, Header};
 use shared_types::hello::{Control, Offer, Welcome};
 use shared_types::link::{FrameSpec, Link, LinkError};
@@ -68,6 +70,8 @@ pub(super) struct Host<L> {
     received: Vec<f64>,
     answer: (Header, Vec<f64>),
     comparison: Option<Comparison>,
+    /// Changes of the law's parameters, as recorded.
+    tuning: Tuning,
     /// Samples answered, for who watches.
     answered: Arc<AtomicU64>,
     began_ns: u64,
@@ -83,8 +87,12 @@ impl<L: Link> Host<L> {
         batches: Batches,
         answered: Arc<AtomicU64>,
     ) -> Self {
+        // Only the law's parameters matter: what the plant had is in the samples.
+        let rate = original.plan.run.rate;
+        let tuning = Tuning::new(rate, &[], &Settings::default(), &[], &[], Step(0));
         Self {
             link,
+            tuning,
             side: PlantSide::new(original.plan.run.steps),
             session,
             original,
@@ -153,9 +161,19 @@ impl<L: Link> Host<L> {
         let offer = original.offer(self.session);
         let before = self.side.standing();
         let action = match Control::from_bytes(&bytes) {
-            Ok(Control::Hello(hello)) => self.side.on(&PlantEvent::Hello(&hello, &offer)),
+            Ok(Control::Hello(hello)) => {
+                let action = self.side.on(&PlantEvent::Hello(&hello, &offer));
+                self.tuning.offer(Offered {
+                    epoch: 1,
+                    law: hello.law,
+                    parameters: hello.tunable,
+                });
+                action
+            }
             Ok(Control::Ready { epoch }) => self.side.on(&PlantEvent::Ready(epoch)),
-            Ok(Control::Welcome(_) | Control::Refusal { .. }) | Err(_) => PlantAction::Nothing,
+            Ok(Control::Welcome(_) | Control::Refusal { .. } | Control::Tuned(_)) | Err(_) => {
+                PlantAction::Nothing
+            }
         };
         match action {
             PlantAction::Welcome(welcome) => self.welcome(*welcome)?,
@@ -221,12 +239,21 @@ impl<L: Link> Host<L> {
                 let Some(batch) = &self.batch else {
                     return Ok(Progress::Over);
                 };
+                for change in batch.changes(self.index) {
+                    self.tuning.repeat(change);
+                }
+                if self.tuning.is_due(step) && self.tuning.advance(step, &[]).law {
+                    let tuned = Control::Tuned(self.tuning.tuned());
+                    self.link.tell(&tuned.to_bytes())?;
+                }
+                while self.tuning.next_event().is_some() {} // nobody observes
                 let row = batch.row(self.index);
                 let header = Header {
                     time_ns: self.original.plan.run.rate.nanoseconds(step),
                     directive: row.head.directive.to_wire(),
                     age_steps: row.head.age_steps,
                     held_steps: row.head.held_steps,
+                    tuning: self.tuning.number(),
                     invalid: row.head.invalid,
                     ..Header::new(FrameKind::Sample, step)
                 };

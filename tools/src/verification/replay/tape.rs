@@ -11,7 +11,7 @@ use hil_config::plan::Clock;
 use hil_recording::reader::{ReadError, RunReader};
 use shared_types::directive::{Answered, Directive};
 use shared_types::frame::VALIDITY_WORDS;
-use shared_types::record::{Change, ControllerChange, Event, FaultTaken};
+use shared_types::record::{Change, ControllerChange, Event, FaultTaken, ValueChange};
 use shared_types::time::Step;
 
 use super::original::Places;
@@ -50,6 +50,8 @@ pub(super) struct Head {
 pub(super) struct Batch {
     heads: Vec<Head>,
     values: Vec<f64>,
+    /// Changes of values, each with the row before which it took hold.
+    changes: Vec<(usize, ValueChange)>,
     samples: usize,
     answers: usize,
 }
@@ -59,6 +61,7 @@ impl Batch {
         Self {
             heads: Vec::with_capacity(BATCH),
             values: Vec::with_capacity(BATCH * (samples + answers)),
+            changes: Vec::new(),
             samples,
             answers,
         }
@@ -79,7 +82,14 @@ impl Batch {
         }
     }
 
+    /// Changes of values that took hold at a row.
+    pub(super) fn changes(&self, index: usize) -> impl Iterator<Item = &ValueChange> {
+        let of_row = self.changes.iter().filter(move |(row, _)| *row == index);
+        of_row.map(|(_, change)| change)
+    }
+
     fn clear(&mut self) {
+        self.changes.clear();
         self.heads.clear();
         self.values.clear();
     }
@@ -180,6 +190,10 @@ impl Winder {
         while reader.advance()? {
             for event in reader.events() {
                 self.check(event)?;
+                if let Event::Change(change) = event {
+                    let row = self.batch.len();
+                    self.batch.changes.push((row, change.clone()));
+                }
             }
             if reader.step() == self.steps {
                 break; // the truth after the last step, which no command answers

@@ -242,6 +242,11 @@ impl Model {
                 ending.reason = end.reason;
                 ending.steps = Some(end.steps);
             }
+            Event::Change(change) => {
+                let (step, at_s) = (change.step, at(change.step));
+                let told = change.described();
+                self.note = Some(format!("changed at step {step} ({at_s} s): {told}"));
+            }
             Event::Mark(mark) => {
                 let (step, at_s) = (mark.step, at(mark.step));
                 self.note = Some(format!("mark at step {step} ({at_s} s): {}", mark.text));

@@ -33,7 +33,7 @@ struct RunData {
     faults: Vec<SpanData>,
     /// Handovers and losses of controllers.
     changes: Vec<SpanData>,
-    /// Notes of those who watched.
+    /// Changes of values, and notes of those who watched.
     marks: Vec<SpanData>,
     signals: BTreeMap<String, SignalData>,
     spikes: Vec<SpikeData>,
@@ -103,6 +103,9 @@ impl Data {
     }
 }
 
+/// Most changes of values that are drawn.
+const MOST_SHOWN: usize = 100;
+
 /// Begin of a note, short enough to stand in a plot; the whole is in the list of events.
 fn shortened(note: &str) -> String {
     const MOST: usize = 40;
@@ -134,6 +137,20 @@ impl RunData {
                 until_s,
             })
         });
+        let values = run
+            .outcome
+            .recorded
+            .values
+            .iter()
+            .take(MOST_SHOWN)
+            .map(|change| {
+                let from_s = run.rate.seconds(Step(change.step));
+                SpanData {
+                    label: shortened(&change.described()),
+                    from_s,
+                    until_s: Some(from_s),
+                }
+            });
         let marks = run.outcome.recorded.marks.iter().map(|mark| {
             let from_s = run.rate.seconds(Step(mark.step));
             SpanData {
@@ -156,7 +173,7 @@ impl RunData {
             period_s: run.rate.period_s(),
             faults: spans.collect(),
             changes: changes.collect(),
-            marks: marks.collect(),
+            marks: values.chain(marks).collect(),
             signals: written(signals),
             spikes: spikes.collect(),
             histograms: histograms.collect(),

@@ -181,9 +181,11 @@ impl Run {
             .changes
             .iter()
             .map(|change| change.step);
+        let values = self.outcome.recorded.values.iter().map(|one| one.step);
         let marks = self.outcome.recorded.marks.iter().map(|mark| mark.step);
         let spikes = self.outcome.recorded.latency.spikes.iter();
         let steps = changes
+            .chain(values.take(KEPT))
             .chain(marks.take(KEPT))
             .chain(spikes.take(KEPT / 3).map(|spike| spike.step));
         let margins = self.requirements.iter().filter_map(|one| one.at_s);

@@ -187,7 +187,7 @@ fn published<'a>(run: &'a Run, metric: &Metric) -> Option<&'a Published> {
     Some(published)
 }
 
-/// Writes the lists of faults, controllers and marks.
+/// Writes the lists of faults, controllers, changes of values and marks.
 pub(super) fn events(runs: &[Run]) -> Markup {
     html! {
         @for (number, run) in runs.iter().enumerate() {
@@ -203,6 +203,9 @@ pub(super) fn events(runs: &[Run]) -> Markup {
                 } }
                 @for change in changes {
                     li { "controller " (change.epoch) ", step " (change.step) ": " (changed(change)) }
+                }
+                @for change in &run.outcome.recorded.values {
+                    li { "change " (change.id) ", step " (change.step) ", " (seconds(run.rate.seconds(Step(change.step)))) " s: " (change.described()) }
                 }
                 @for mark in &run.outcome.recorded.marks {
                     li { "mark, step " (mark.step) ", " (seconds(run.rate.seconds(Step(mark.step)))) " s: " (mark.text) }

@@ -54,6 +54,10 @@ pub(super) struct Run<'a> {
     open: Option<(FrameIdentity, usize)>,
     end: TargetEnd,
     way: Way,
+    /// Number of the plant's messages about parameters that were given to the controller.
+    tuning: u64,
+    /// Packet with a sample that such a message comes before.
+    waiting: Option<(Packet, Way)>,
     /// A frame was given to the controller, and it has not answered.
     is_at_work: bool,
     heard_ns: u64,
@@ -97,6 +101,8 @@ impl<'a> Run<'a> {
             open: None,
             end: TargetEnd::new(false),
             way: Way::Channel,
+            tuning: 0,
+            waiting: None,
             is_at_work: false,
             heard_ns: monotonic_ns(),
             sample_ns: 0,
@@ -195,12 +201,28 @@ impl<'a> Run<'a> {
             self.values = vec![0.0; spec.incoming];
             self.open = Some((spec.identity, spec.outgoing));
         }
-        self.link.send_control(content.as_bytes()).map_err(told)
+        let said = Control::from_bytes(content.as_bytes());
+        self.link.send_control(content.as_bytes()).map_err(told)?;
+        if let Ok(Control::Tuned(tuned)) = said {
+            self.tuning = self.tuning.max(tuned.number);
+            if let Some((packet, way)) = self.waiting.take() {
+                return self.take(packet, way).map_err(told);
+            }
+        }
+        Ok(())
     }
 
     fn take(&mut self, packet: Packet, way: Way) -> Result<(), LinkError> {
         self.heard_ns = monotonic_ns();
         self.way = way;
+        // Datagrams and the channel have no common order: the sample waits for what was said before it.
+        let is_early = |frame: &Numbered| {
+            frame.header.kind() == Some(FrameKind::Sample) && frame.header.tuning > self.tuning
+        };
+        if packet.frame.as_ref().is_some_and(is_early) {
+            self.waiting = Some((packet, way));
+            return Ok(());
+        }
         let sample = packet
             .frame
             .as_ref()

@@ -182,6 +182,7 @@ impl Outlet {
             Event::Fault(taken) => Some(taken.step),
             Event::FaultEnded(ended) => Some(ended.step),
             Event::Controller(change) => Some(change.step),
+            Event::Change(change) => Some(change.step),
             Event::Mark(mark) => Some(mark.step),
             Event::End(_) => None,
         };

@@ -1,0 +1,397 @@
+//! `[[changes]]`: values that change while the run goes on.
+//!
+//! The same code checks the changes of a scenario and those that are asked for while a run goes on.
+//! Combinations of parameters are judged by the side that knows them, as at the start of a run.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use shared_types::describe::PlantDescription;
+use shared_types::live::ChangeRequest;
+use shared_types::record::{ChangedValue, MOST_CHANGES};
+use shared_types::table::Field;
+use shared_types::time::{Rate, Step};
+
+use super::run::Grid;
+use crate::document::{Entry, Table, Value};
+use crate::keys::LIVE_CHANGE;
+use crate::plan::{Change, PLANT_KEYS, REFERENCE_KEYS, Stimulus, law_keys};
+use crate::problem::{ProblemKind, Problems, listed};
+use crate::quantity::{Quantity, toml_float};
+use crate::reader::{Reader, Section};
+use crate::scenario::Scenario;
+
+/// More keys than these are not listed in a message.
+const LISTED: usize = 12;
+
+/// Context that changes are checked against. A part that is `None` is not right itself; whatever depends on
+/// that part is then not checked.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ChangeContext<'a> {
+    /// The plant.
+    pub plant: Option<&'a PlantDescription>,
+    /// The law's name and its parameters.
+    pub law: Option<(&'a str, &'a [Field])>,
+    /// The reference signals.
+    pub stimuli: Option<&'a [Stimulus]>,
+    /// The steps of the run.
+    pub grid: Option<Grid>,
+}
+
+/// A key that can be named, and whether it can be changed.
+struct Known {
+    key: String,
+    field: Field,
+    is_tunable: bool,
+}
+
+/// The changes that are right; the others are reported.
+pub(crate) fn check(
+    reader: &mut Reader,
+    root: &Section<'_>,
+    context: &ChangeContext<'_>,
+) -> Vec<Change> {
+    let sections = reader.list(root, "changes");
+    if sections.len() > MOST_CHANGES {
+        let message = format!("there are {} changes", sections.len());
+        reader
+            .report_at(root, "changes", ProblemKind::OutOfRange, message)
+            .expected(format!("{MOST_CHANGES} at most"));
+        return Vec::new();
+    }
+    let keys = known(context);
+    let changes = (1..)
+        .zip(&sections)
+        .map(|(id, section)| change(reader, section, context, keys.as_deref(), id));
+    changes.collect::<Vec<_>>().into_iter().flatten().collect()
+}
+
+/// A change that is asked for while the run goes on, if it is right.
+fn live(
+    reader: &mut Reader,
+    root: &Section<'_>,
+    context: &ChangeContext<'_>,
+    id: u32,
+) -> Option<Change> {
+    let keys = known(context);
+    let change = change(reader, root, context, keys.as_deref(), id)?;
+    Some(Change {
+        live: true,
+        ..change
+    })
+}
+
+/// All keys; `None` if some are not known.
+fn known(context: &ChangeContext<'_>) -> Option<Vec<Known>> {
+    let (law, parameters) = context.law?;
+    let of_law = parameters.iter().map(|field| Known {
+        key: law_keys(law) + &field.name,
+        field: field.clone(),
+        is_tunable: field.tunable,
+    });
+    let of_plant = context.plant?.parameters.iter().map(|field| Known {
+        key: format!("{PLANT_KEYS}{}", field.name),
+        field: field.clone(),
+        is_tunable: field.tunable || field.faultable,
+    });
+    let signals = context.stimuli?.iter().map(|stimulus| Known {
+        key: format!("{REFERENCE_KEYS}{}", stimulus.target),
+        field: Field {
+            min: f64::MIN,
+            max: f64::MAX,
+            ..Field::signal(&stimulus.target, &stimulus.unit, "")
+        },
+        is_tunable: true,
+    });
+    Some(of_law.chain(of_plant).chain(signals).collect())
+}
+
+fn change(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    context: &ChangeContext<'_>,
+    keys: Option<&[Known]>,
+    id: u32,
+) -> Option<Change> {
+    reader.refuse_unknown(section, &[]);
+    let problems = reader.problems.len();
+    let at_s = reader.number(section, "at_s");
+    let ramp_s = reader.number(section, "ramp_s");
+    let set = section
+        .table
+        .get("set")
+        .and_then(|_| reader.table(section, "set"));
+    let set = set.map(|set| values(reader, section, &set, keys));
+    let clear = section
+        .table
+        .get("clear")
+        .and_then(|_| cleared(reader, section, keys));
+    if reader.problems.len() > problems {
+        return None;
+    }
+    let (set, clear) = (set.unwrap_or_default(), clear.unwrap_or_default());
+    if set.is_empty() && clear.is_empty() {
+        let message = match section.path.as_str() {
+            "" => "nothing is to be changed".into(),
+            path => format!("`{path}` changes nothing"),
+        };
+        reader
+            .report(
+                ProblemKind::MissingKey,
+                &section.path,
+                section.place,
+                message,
+            )
+            .expected("values under `set`, or reference signals under `clear`");
+        return None;
+    }
+    if let Some(both) = set.iter().find(|one| clear.contains(&one.key)) {
+        let message = format!("`{}` is set and cleared at once", both.key);
+        reader.report_at(section, "clear", ProblemKind::Duplicate, message);
+        return None;
+    }
+    let is_endless = |one: &&ChangedValue| ramp_s.is_some() && !one.value.is_finite();
+    let no_way = match set.iter().find(is_endless) {
+        Some(one) => Some(format!("no ramp leads `{}` to {}", one.key, one.value)),
+        None if ramp_s.is_some() && set.is_empty() => Some(
+            "a reference signal follows its stimulus at once: there is no value for a ramp".into(),
+        ),
+        None => None,
+    };
+    if let Some(message) = no_way {
+        reader
+            .report_at(section, "ramp_s", ProblemKind::Mismatch, message)
+            .help("leave out the ramp");
+        return None;
+    }
+    let Grid { rate, steps } = context.grid?;
+    let step = at_s.map(|at_s| rate.step_at_or_after(at_s));
+    if let (Some(at_s), Some(step)) = (at_s, step)
+        && step.0 >= steps
+    {
+        let end_s = rate.seconds(Step(steps));
+        let message = format!(
+            "`{}` is {at_s}, and the run ends at {end_s} s",
+            section.path_of("at_s")
+        );
+        reader
+            .report_at(section, "at_s", ProblemKind::OutOfRange, message)
+            .expected(format!("a time before {end_s} s"));
+        return None;
+    }
+    Some(Change {
+        id,
+        step,
+        ramp_steps: ramp_s.map_or(0, |ramp_s| rate.step_at_or_after(ramp_s).0),
+        live: false,
+        set,
+        clear,
+    })
+}
+
+/// The values of a table by full names; of two keys that mean a name the longer one counts.
+fn values(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    set: &Section<'_>,
+    keys: Option<&[Known]>,
+) -> Vec<ChangedValue> {
+    let mut leaves = Vec::new();
+    collect(set.table, "", &mut leaves);
+    let mut found: BTreeMap<String, (usize, ChangedValue)> = BTreeMap::new();
+    for (name, entry) in leaves {
+        // As it was typed, where it was.
+        let path = match section.path.as_str() {
+            "" => name.clone(),
+            _ => set.path_of(&name),
+        };
+        let Some(keys) = keys else {
+            continue;
+        };
+        let meant: Vec<&Known> = keys
+            .iter()
+            .filter(|one| is_meant(&one.key, &name))
+            .collect();
+        let tunable: Vec<&Known> = meant.iter().copied().filter(|one| one.is_tunable).collect();
+        if tunable.is_empty() {
+            unknown(reader, &path, &name, entry, keys, !meant.is_empty());
+        }
+        for one in tunable {
+            let parts = name.split('.').count();
+            let Some(value) = reader.quantity(&path, &entry.node, &Quantity::from(&one.field))
+            else {
+                break; // one message for one value
+            };
+            let value = ChangedValue {
+                key: one.key.clone(),
+                unit: one.field.unit.clone(),
+                value,
+            };
+            let before = found.get(&one.key).map(|(parts, _)| *parts);
+            if before.is_none_or(|before| before < parts) {
+                found.insert(one.key.clone(), (parts, value));
+            }
+        }
+    }
+    found.into_values().map(|(_, value)| value).collect()
+}
+
+/// Tells if a written key means a full one: the same, or the same group and the last parts of the name.
+fn is_meant(key: &str, written: &str) -> bool {
+    if key == written {
+        return true;
+    }
+    let groups = [PLANT_KEYS.len(), key_group(key)];
+    groups.into_iter().any(|length| {
+        let (Some(own), Some(other)) = (key.get(..length), written.get(..length)) else {
+            return false;
+        };
+        let ends = |name: &str, end: &str| {
+            name.strip_suffix(end)
+                .is_some_and(|rest| rest.is_empty() || rest.ends_with('.'))
+        };
+        own == other && own.ends_with('.') && ends(&key[length..], &written[length..])
+    })
+}
+
+/// Length of the group in front of a parameter of a law.
+fn key_group(key: &str) -> usize {
+    let mut dots = key.match_indices('.').map(|(place, _)| place + 1);
+    dots.nth(1).unwrap_or(0)
+}
+
+/// Every value below a table with its dotted key. A table that is empty counts as a value.
+fn collect<'a>(table: &'a Table, prefix: &str, leaves: &mut Vec<(String, &'a Entry)>) {
+    for entry in table.entries() {
+        let key = format!("{prefix}{}", entry.key);
+        match &entry.node.value {
+            Value::Table(inner) if !inner.entries().is_empty() => {
+                collect(inner, &format!("{key}."), leaves);
+            }
+            _ => leaves.push((key, entry)),
+        }
+    }
+}
+
+fn unknown(
+    reader: &mut Reader,
+    path: &str,
+    name: &str,
+    entry: &Entry,
+    keys: &[Known],
+    is_there: bool,
+) {
+    let tunable = keys.iter().filter(|one| one.is_tunable);
+    let names: Vec<&str> = tunable.map(|one| one.key.as_str()).collect();
+    let expected = match names.len() {
+        0 => "nothing: neither the law nor the plant has anything that can be changed".into(),
+        count if count <= LISTED => format!("one of {}", listed(names.iter().copied())),
+        count => format!("one of {count} keys, which `hil get --tunable` lists"),
+    };
+    let message = match is_there {
+        true => format!("`{name}` cannot be changed while the run goes on"),
+        false => format!("there is no `{name}` to change"),
+    };
+    reader
+        .report(ProblemKind::UnknownKey, path, &entry.key_place, message)
+        .expected(expected)
+        .nearest(name, names.iter().copied());
+}
+
+/// The keys of reference signals that are to follow their stimulus again.
+fn cleared(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    keys: Option<&[Known]>,
+) -> Option<Vec<String>> {
+    let texts = reader.texts(section, "clear")?;
+    let keys = keys?;
+    let signals: Vec<&str> = (keys.iter().map(|one| one.key.as_str()))
+        .filter(|key| key.starts_with(REFERENCE_KEYS))
+        .collect();
+    let mut clear = Vec::new();
+    for (path, place, text) in texts {
+        if signals.contains(&text) {
+            clear.push(text.to_owned());
+        } else {
+            let message = format!("`{text}` has no stimulus that it could follow again");
+            reader
+                .report(ProblemKind::UnknownName, path, place, message)
+                .expected(format!("one of {}", listed(signals.iter().copied())))
+                .nearest(text, signals.iter().copied());
+        }
+    }
+    clear.sort_unstable();
+    clear.dedup();
+    Some(clear)
+}
+
+/// The run that changes are asked of.
+#[derive(Clone, Debug)]
+pub struct LiveChanges {
+    /// Its plant.
+    pub plant: PlantDescription,
+    /// Its reference signals.
+    pub stimuli: Vec<Stimulus>,
+    /// Steps per second.
+    pub rate: Rate,
+    /// Number of steps of the whole run.
+    pub steps: u64,
+}
+
+impl LiveChanges {
+    /// Checks a change that is to have a number, against the run and its law as it is then: the law's name
+    /// and the parameters that it offers.
+    ///
+    /// # Errors
+    /// With everything that is wrong.
+    pub fn check(
+        &self,
+        request: &ChangeRequest,
+        law: (&str, &[Field]),
+        id: u32,
+    ) -> Result<Change, Problems> {
+        let scenario = Scenario::parse(&toml(request), "request")?;
+        let mut reader = Reader::new(scenario.sources.clone(), Vec::new());
+        let root = Section {
+            keys: LIVE_CHANGE,
+            ..super::root(&scenario)
+        };
+        let context = ChangeContext {
+            plant: Some(&self.plant),
+            law: Some(law),
+            stimuli: Some(&self.stimuli),
+            grid: Some(Grid {
+                rate: self.rate,
+                steps: self.steps,
+            }),
+        };
+        let change = live(&mut reader, &root, &context, id);
+        reader.finish(change)
+    }
+}
+
+/// A request as the table that a scenario has for a change.
+fn toml(request: &ChangeRequest) -> String {
+    let mut text = String::new();
+    let number = toml_float;
+    for (key, value) in [("at_s", request.at_s), ("ramp_s", request.ramp_s)] {
+        if let Some(value) = value {
+            // Writing to a string cannot fail.
+            let _ = writeln!(text, "{key} = {}", number(value));
+        }
+    }
+    let string = |text: &str| toml::Value::from(text).to_string();
+    if !request.clear.is_empty() {
+        let keys: Vec<String> = request.clear.iter().map(|key| string(key)).collect();
+        let _ = writeln!(text, "clear = [{}]", keys.join(", "));
+    }
+    if !request.set.is_empty() {
+        let _ = writeln!(text, "[set]");
+    }
+    for one in &request.set {
+        let parts: Vec<String> = one.key.split('.').map(string).collect();
+        let _ = writeln!(text, "{} = {}", parts.join("."), number(one.value));
+    }
+    text
+}

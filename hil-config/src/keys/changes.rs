@@ -1,0 +1,44 @@
+//! `[[changes]]`: the keys of a change of values while the run goes on.
+
+use super::{Key, Kind, LENGTH, MAX_S, number};
+
+/// `[[changes]]`.
+pub(crate) const CHANGE: &[Key] = &[
+    Key::new(
+        "at_s",
+        number("s", 0.0, MAX_S),
+        "When the values change; rounds up to a step.",
+    )
+    .required(),
+    RAMP,
+    SET,
+    CLEAR,
+];
+
+/// What a change that is asked of a running run has: without a time it begins at once.
+pub(crate) const LIVE_CHANGE: &[Key] = &[
+    Key::new(
+        "at_s",
+        number("s", 0.0, MAX_S),
+        "When the values change; rounds up to a step. Default: at once.",
+    ),
+    RAMP,
+    SET,
+    CLEAR,
+];
+
+const RAMP: Key = Key::new(
+    "ramp_s",
+    LENGTH,
+    "Time that the values take, in a straight line from what they are then; rounds up to a step. Default: none.",
+);
+const SET: Key = Key::new(
+    "set",
+    Kind::Described,
+    "New values by their keys: controller.<law>.x and plant.parameters.x for parameters that can be tuned, a full name or the last part alone; reference.x for a reference signal, which leaves its stimulus.",
+);
+const CLEAR: Key = Key::new(
+    "clear",
+    Kind::Texts,
+    "Reference signals that follow their stimulus again: reference.x.",
+);

@@ -1,0 +1,516 @@
+//! Values that change while a run goes on: changes that wait for their step, and the courses of all values
+//! that were changed.
+//!
+//! The engine asks at each step whether there is something to do, which is one comparison as long as there
+//! is not. A change takes hold before the step is measured, all its keys at once. A parameter of the plant
+//! changes its base, on which faults act; one of the law is told to the controller; a reference signal leaves
+//! its stimulus until it is cleared.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use hil_config::plan::{Change, PLANT_KEYS, REFERENCE_KEYS, Stimulus, law_keys};
+use serde::{Deserialize, Serialize};
+use shared_types::describe::Settings;
+use shared_types::hello::TunableParameter;
+use shared_types::live::{ChangedValue, Tunable};
+use shared_types::record::{Event, MOST_CHANGES, ValueChange};
+use shared_types::table::Field;
+use shared_types::time::{Rate, Step};
+use shared_types::tuning::{Course, Tuned};
+
+/// A step that no run reaches.
+const NEVER: Step = Step(u64::MAX);
+/// Most live changes that wait for their step.
+const MOST_WAITING: usize = 256;
+
+/// Changes of a run and the values that they made.
+#[derive(Debug)]
+pub struct Tuning {
+    rate: Rate,
+    fields: Vec<Field>,
+    originals: Settings,
+    /// Changes that have not begun, in the order in which they will.
+    waiting: VecDeque<Change>,
+    /// First step at which there is something to do.
+    next: Step,
+    /// Courses of the plant's parameters by their place, and those of its law by their full name.
+    plant: BTreeMap<usize, Course>,
+    law: BTreeMap<String, Course>,
+    /// What the active law offers.
+    offered: Offered,
+    /// Number of messages that the law was to be told.
+    number: u64,
+    references: Vec<Reference>,
+    told: VecDeque<Event>,
+    /// Number of changes that were taken, and of the last of them.
+    taken: usize,
+    last_id: u32,
+}
+
+/// Parameters that a law offers to be tuned.
+#[derive(Clone, Debug, Default)]
+pub struct Offered {
+    /// Number of the controller; 0 for none.
+    pub epoch: u32,
+    /// Name of the law.
+    pub law: String,
+    /// The parameters.
+    pub parameters: Vec<TunableParameter>,
+}
+
+/// A reference signal: where it is among all, and its course if it left its stimulus.
+#[derive(Debug)]
+struct Reference {
+    key: String,
+    unit: String,
+    column: usize,
+    derivatives: usize,
+    course: Option<Course>,
+}
+
+/// What a step changed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Moved {
+    /// Parameters of the plant have other bases.
+    pub plant: bool,
+    /// The law is to be told.
+    pub law: bool,
+}
+
+/// A course as a checkpoint keeps it: from, to, begin, steps.
+type SavedCourse = (f64, f64, u64, u64);
+
+/// A change that waits: step, ramp, values with their units, cleared signals.
+type SavedChange = (u64, u64, Vec<(String, String, f64)>, Vec<String>);
+
+/// State of all changes between two steps.
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub(crate) struct SavedTuning {
+    plant: Vec<(usize, SavedCourse)>,
+    law: Vec<(String, SavedCourse)>,
+    references: Vec<(String, SavedCourse)>,
+    number: u64,
+    /// Live changes that wait.
+    waiting: Vec<SavedChange>,
+    taken: usize,
+}
+
+fn saved(course: &Course) -> SavedCourse {
+    let Course {
+        from,
+        to,
+        begin,
+        steps,
+    } = *course;
+    (from, to, begin.0, steps)
+}
+
+fn restored((from, to, begin, steps): SavedCourse) -> Course {
+    Course {
+        from,
+        to,
+        begin: Step(begin),
+        steps,
+    }
+}
+
+/// Gives a value a new course from a step on.
+fn course(from: f64, to: f64, begin: Step, steps: u64) -> Course {
+    Course {
+        from,
+        to,
+        begin,
+        steps,
+    }
+}
+
+impl Tuning {
+    /// The changes of a scenario, of a run that begins at a step.
+    #[must_use]
+    pub fn new(
+        rate: Rate,
+        fields: &[Field],
+        originals: &Settings,
+        stimuli: &[Stimulus],
+        changes: &[Change],
+        first: Step,
+    ) -> Self {
+        let mut column = 0;
+        let references = stimuli.iter().map(|stimulus| {
+            let derivatives = stimulus.waveform.derivatives();
+            let begin = column;
+            column += 1 + derivatives;
+            Reference {
+                key: format!("{REFERENCE_KEYS}{}", stimulus.target),
+                unit: stimulus.unit.clone(),
+                column: begin,
+                derivatives,
+                course: None,
+            }
+        });
+        let mut tuning = Self {
+            rate,
+            fields: fields.to_vec(),
+            originals: originals.clone(),
+            references: references.collect(),
+            waiting: (changes.iter())
+                .filter(|change| change.step >= Some(first))
+                .cloned()
+                .collect(),
+            next: NEVER,
+            plant: BTreeMap::new(),
+            law: BTreeMap::new(),
+            offered: Offered::default(),
+            number: 0,
+            told: VecDeque::new(),
+            taken: changes.len(),
+            last_id: changes.iter().map(|change| change.id).max().unwrap_or(0),
+        };
+        tuning.sort();
+        tuning
+    }
+
+    fn sort(&mut self) {
+        let order = |change: &Change| (change.step, change.id);
+        self.waiting.make_contiguous().sort_by_key(order);
+        let first = self.waiting.front().and_then(|change| change.step);
+        self.next = first.map_or(self.next, |first| first.min(self.next));
+    }
+
+    /// Checks whether there is something to do at a step.
+    #[inline]
+    #[must_use]
+    pub fn is_due(&self, step: Step) -> bool {
+        step >= self.next
+    }
+
+    /// Takes a live change before a step.
+    ///
+    /// # Errors
+    /// If its step is past, or there are too many.
+    pub fn admit(&mut self, mut change: Change, next: Step) -> Result<(u32, Step), String> {
+        let step = change.step.unwrap_or(next);
+        if step < next {
+            let (at_s, next_s) = (self.rate.seconds(step), self.rate.seconds(next));
+            return Err(format!(
+                "step {step} ({at_s} s) is past: the run is at step {next} ({next_s} s)"
+            ));
+        }
+        if self.left() == 0 {
+            return Err(format!(
+                "the run has had {MOST_CHANGES} changes, which is the most"
+            ));
+        }
+        if self.waiting.iter().filter(|change| change.live).count() >= MOST_WAITING {
+            return Err(format!(
+                "{MOST_WAITING} changes wait for their step, which is the most"
+            ));
+        }
+        self.taken += 1;
+        self.last_id += 1;
+        change.id = self.last_id;
+        change.step = Some(step);
+        self.waiting.push_back(change);
+        self.sort();
+        Ok((self.last_id, step))
+    }
+
+    /// Takes a change as it was recorded.
+    pub fn repeat(&mut self, change: &ValueChange) {
+        self.waiting.push_back(Change {
+            id: change.id,
+            step: Some(Step(change.step)),
+            ramp_steps: change.ramp_steps,
+            live: change.live,
+            set: change.set.clone(),
+            clear: change.clear.clone(),
+        });
+        self.sort();
+    }
+
+    /// Number of changes that the run can still take.
+    #[must_use]
+    pub fn left(&self) -> usize {
+        MOST_CHANGES.saturating_sub(self.taken)
+    }
+
+    /// Brings the values to a step; `stimulus` are the reference signals of the step as their stimuli say.
+    pub fn advance(&mut self, step: Step, stimulus: &[f64]) -> Moved {
+        let mut moved = Moved::default();
+        while let Some(change) = self.waiting.pop_front() {
+            if change.step > Some(step) {
+                self.waiting.push_front(change);
+                break;
+            }
+            self.take(change, step, stimulus, &mut moved);
+        }
+        moved.plant |= !self.plant.is_empty();
+        let goes_on = (self.plant.values()).any(|course| !course.is_over(step));
+        let first = self.waiting.front().and_then(|change| change.step);
+        self.next = match (goes_on, first) {
+            (true, _) => step.next(),
+            (false, Some(first)) => first,
+            (false, None) => NEVER,
+        };
+        self.number += u64::from(moved.law);
+        moved
+    }
+
+    fn take(&mut self, change: Change, step: Step, stimulus: &[f64], moved: &mut Moved) {
+        let own = law_keys(&self.offered.law);
+        for ChangedValue { key, value, .. } in &change.set {
+            let (to, steps) = (*value, change.ramp_steps);
+            if let Some(name) = key.strip_prefix(PLANT_KEYS) {
+                if let Some(place) = self.fields.iter().position(|field| field.name == name) {
+                    let from = self.plant_value(place, step);
+                    (self.plant).insert(place, course(from, to, step, steps));
+                    moved.plant = true;
+                }
+            } else if let Some(signal) = self.references.iter_mut().find(|one| one.key == *key) {
+                let from =
+                    (signal.course).map_or(stimulus[signal.column], |course| course.at(step));
+                signal.course = Some(course(from, to, step, steps));
+            } else {
+                let offered = key.strip_prefix(&*own).and_then(|name| {
+                    let named = |one: &&TunableParameter| one.field.name == name;
+                    self.offered.parameters.iter().find(named)
+                });
+                let before = self.law.get(key).map(|course| course.at(step));
+                let from = before.or(offered.map(|one| one.value)).unwrap_or(to);
+                (self.law).insert(key.clone(), course(from, to, step, steps));
+                moved.law = true;
+            }
+        }
+        for signal in &mut self.references {
+            if change.clear.contains(&signal.key) {
+                signal.course = None;
+            }
+        }
+        self.told.push_back(Event::Change(ValueChange {
+            id: change.id,
+            step: step.0,
+            ramp_steps: change.ramp_steps,
+            live: change.live,
+            set: change.set,
+            clear: change.clear,
+        }));
+    }
+
+    fn plant_value(&self, place: usize, step: Step) -> f64 {
+        let original = self.originals.get(&self.fields[place].name);
+        (self.plant.get(&place)).map_or(original.unwrap_or(f64::NAN), |course| course.at(step))
+    }
+
+    /// The bases of the plant's parameters that were changed, at a step.
+    pub fn bases(&self, step: Step) -> impl Iterator<Item = (usize, f64)> {
+        (self.plant.iter()).map(move |(place, course)| (*place, course.at(step)))
+    }
+
+    /// Puts reference signals that left their stimulus into the row of a step.
+    pub fn overrule(&self, step: Step, row: &mut [f64]) {
+        for signal in &self.references {
+            let Some(course) = &signal.course else {
+                continue;
+            };
+            let own = &mut row[signal.column..=signal.column + signal.derivatives];
+            own.fill(0.0);
+            if signal.derivatives > 0 {
+                own[1] = course.slope_at(step) * self.rate.hz();
+            }
+            own[0] = course.at(step);
+        }
+    }
+
+    /// Number of messages that the law was to be told.
+    #[inline]
+    #[must_use]
+    pub const fn number(&self) -> u64 {
+        self.number
+    }
+
+    /// What the active law is to be told: all of its parameters that were changed.
+    #[must_use]
+    pub fn tuned(&self) -> Tuned {
+        let own = law_keys(&self.offered.law);
+        let courses = (0_u32..)
+            .zip(&self.offered.parameters)
+            .filter_map(|(place, one)| {
+                let course = self.law.get(&format!("{own}{}", one.field.name))?;
+                Some((place, *course))
+            });
+        Tuned {
+            number: self.number,
+            courses: courses.collect(),
+        }
+    }
+
+    /// Another law is active. Values that it was started with and the one before was not stay; the others are
+    /// as they were tuned.
+    pub fn offer(&mut self, offered: Offered) {
+        let before = std::mem::replace(&mut self.offered, offered);
+        if before.law == self.offered.law {
+            for one in &self.offered.parameters {
+                let same = |other: &&TunableParameter| other.field.name == one.field.name;
+                let was = before.parameters.iter().find(same);
+                if was.is_some_and(|was| was.value.to_bits() != one.value.to_bits()) {
+                    self.law
+                        .remove(&(law_keys(&self.offered.law) + &one.field.name));
+                }
+            }
+        }
+    }
+
+    /// There is no controller any more that could be tuned.
+    pub fn lose_controller(&mut self) {
+        self.offered.epoch = 0;
+    }
+
+    /// What the active law offers.
+    #[must_use]
+    pub const fn offered(&self) -> &Offered {
+        &self.offered
+    }
+
+    /// Tells if there is an event for observers.
+    #[must_use]
+    pub fn has_events(&self) -> bool {
+        !self.told.is_empty()
+    }
+
+    /// Takes out the next event.
+    pub fn next_event(&mut self) -> Option<Event> {
+        self.told.pop_front()
+    }
+
+    /// Changes that have not begun, in the order in which they will.
+    #[must_use]
+    pub const fn waiting(&self) -> &VecDeque<Change> {
+        &self.waiting
+    }
+
+    /// Everything that can be changed, as it is at a step.
+    #[must_use]
+    pub fn tunable(&self, step: Step, stimulus: &[f64]) -> Vec<Tunable> {
+        let one = |key: String, field: &Field, original: f64, course: Option<&Course>| Tunable {
+            key,
+            unit: field.unit.clone(),
+            description: field.description.clone(),
+            min: field.min,
+            max: field.max,
+            value: course.map_or(original, |course| course.at(step)),
+            target: course.map_or(original, |course| course.to),
+            original,
+            until_step: (course.filter(|course| !course.is_over(step)))
+                .map(|course| course.end().0),
+            is_changed: course.is_some(),
+        };
+        let own = law_keys(&self.offered.law);
+        let of_law = self.offered.parameters.iter().map(|parameter| {
+            let key = format!("{own}{}", parameter.field.name);
+            let course = self.law.get(&key);
+            one(key, &parameter.field, parameter.value, course)
+        });
+        let is_tunable = |(_, field): &(usize, &Field)| field.tunable || field.faultable;
+        let of_plant = (self.fields.iter().enumerate().filter(is_tunable)).map(|(place, field)| {
+            let original = self.originals.get(&field.name).unwrap_or(f64::NAN);
+            let key = format!("{PLANT_KEYS}{}", field.name);
+            one(key, field, original, self.plant.get(&place))
+        });
+        let signals = self.references.iter().map(|signal| {
+            let field = Field {
+                min: f64::MIN,
+                max: f64::MAX,
+                ..Field::signal("", &signal.unit, "Reference signal of the rig.")
+            };
+            let original = stimulus.get(signal.column).copied().unwrap_or(0.0);
+            one(signal.key.clone(), &field, original, signal.course.as_ref())
+        });
+        of_law.chain(of_plant).chain(signals).collect()
+    }
+
+    /// Settings of the plant or the law as they will be once a change took hold, and after each later one.
+    #[must_use]
+    pub fn settings_with(&self, change: &Change, prefix: &str) -> Vec<Settings> {
+        let mut present = Settings::default();
+        if prefix == PLANT_KEYS {
+            present = self.originals.clone();
+            for (place, course) in &self.plant {
+                present.set(&self.fields[*place].name, course.to);
+            }
+        } else {
+            for (key, course) in &self.law {
+                if let Some(name) = key.strip_prefix(prefix) {
+                    present.set(name, course.to);
+                }
+            }
+        }
+        let is_of_it = |change: &Change| change.set.iter().any(|one| one.key.starts_with(prefix));
+        let mut all: Vec<Change> = self.waiting.iter().cloned().collect();
+        all.push(change.clone());
+        all.retain(is_of_it);
+        match is_of_it(change) {
+            true => hil_config::plan::settings_after(&all, prefix, &present),
+            false => Vec::new(),
+        }
+    }
+
+    pub(crate) fn save(&self) -> SavedTuning {
+        let waiting = (self.waiting.iter().filter(|change| change.live)).map(|change| {
+            let set = (change.set.iter())
+                .map(|one| (one.key.clone(), one.unit.clone(), one.value))
+                .collect();
+            let step = change.step.unwrap_or(NEVER).0;
+            (step, change.ramp_steps, set, change.clear.clone())
+        });
+        let courses = self.references.iter();
+        SavedTuning {
+            plant: (self.plant.iter())
+                .map(|(place, course)| (*place, saved(course)))
+                .collect(),
+            law: (self.law.iter())
+                .map(|(key, course)| (key.clone(), saved(course)))
+                .collect(),
+            references: courses
+                .filter_map(|one| Some((one.key.clone(), saved(one.course.as_ref()?))))
+                .collect(),
+            number: self.number,
+            waiting: waiting.collect(),
+            taken: self.taken,
+        }
+    }
+
+    /// Puts a state back, before a step.
+    pub(crate) fn restore(&mut self, state: SavedTuning, first: Step) {
+        let places = self.fields.len();
+        self.plant = (state.plant.into_iter())
+            .filter(|(place, _)| *place < places)
+            .map(|(place, course)| (place, restored(course)))
+            .collect();
+        self.law = (state.law.into_iter())
+            .map(|(key, course)| (key, restored(course)))
+            .collect();
+        for (key, course) in state.references {
+            if let Some(signal) = self.references.iter_mut().find(|one| one.key == key) {
+                signal.course = Some(restored(course));
+            }
+        }
+        self.number = state.number;
+        self.taken = self.taken.max(state.taken);
+        for (step, ramp_steps, set, clear) in state.waiting {
+            self.last_id += 1;
+            let set = set.into_iter();
+            self.waiting.push_back(Change {
+                id: self.last_id,
+                step: Some(Step(step)),
+                ramp_steps,
+                live: true,
+                set: set
+                    .map(|(key, unit, value)| ChangedValue { key, unit, value })
+                    .collect(),
+                clear,
+            });
+        }
+        self.next = first;
+        self.sort();
+    }
+}

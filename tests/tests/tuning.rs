@@ -1,0 +1,302 @@
+//! Values changed while a run goes on: at the step told, all or none, and the same again from what was
+//! recorded.
+
+use std::time::Duration;
+
+use serde_json::{Value, json};
+use shared_types::live::{ChangeRequest, NewValue, Request, Response, ask};
+use shared_types::random::RandomStream;
+use shared_types::session::SessionInfo;
+
+use crate::live::until_paused_at;
+use crate::support::harness::{Rig, Run};
+use crate::support::mcap_reader::Recording;
+
+const SPRING: &str = "scenarios/spring-mass.toml";
+
+fn beside(rig: &Rig, words: &str) -> Run {
+    let mut arguments: Vec<&str> = words.split(' ').collect();
+    arguments.extend(["--session", rig.session()]);
+    rig.beside(&arguments)
+}
+
+fn changed(rig: &Rig, words: &str) -> Value {
+    let told = beside(rig, &format!("set {words} --json")).expect(0).stdout;
+    serde_json::from_str(&told).expect("JSON")
+}
+
+/// The run again in every way: by rerun, from the scenario made of it in both links, and by replay.
+fn repeats(rig: &Rig, run: &Run) {
+    let folder = run.folder.display().to_string();
+    let again = rig.path("again").display().to_string();
+    rig.hil(&["rerun", &folder, "--out", &again]).expect(0);
+    rig.hil(&["compare", &folder, &again]).expect(0);
+    let written = rig.path("written.toml").display().to_string();
+    rig.hil(&["scenario", "from", &folder, "-o", &written])
+        .expect(0);
+    let from = rig.run(&written).expect(0);
+    assert_eq!(from.digest(), run.digest());
+    let in_process = rig.run(&format!("{written} --link in-process")).expect(0);
+    assert_eq!(in_process.digest(), run.digest());
+    rig.hil(&["replay", &folder]).expect(0);
+    rig.hil(&["replay", &folder, "--link", "in-process"])
+        .expect(0);
+}
+
+#[test]
+fn keys_change_together_at_the_step_told_and_every_repetition_does_the_same() {
+    let rig = Rig::new();
+    let plain = rig.run(SPRING).expect(0).digest();
+    let run = rig.start(&format!("{SPRING} --pause-at 1"));
+    until_paused_at(&rig, 1000);
+    let told = changed(
+        &rig,
+        "controller.pid.proportional_n_per_m=600 plant.parameters.mass_kg=1.2 reference.position_m=0.02",
+    );
+    assert_eq!(
+        told,
+        json!({"response": "changed", "id": 1, "step": 1000, "at_s": 1.0, "ramp_steps": 0, "clear": [], "set": [
+            {"key": "controller.pid.proportional_n_per_m", "unit": "N/m", "value": 600.0},
+            {"key": "plant.parameters.mass_kg", "unit": "kg", "value": 1.2},
+            {"key": "reference.position_m", "unit": "m", "value": 0.02},
+        ]})
+    );
+    // Held as it is, a second one at the same step; and one that waits.
+    let second = changed(&rig, "controller.pid.integral_n_per_m_s=1500 --ramp 300ms");
+    assert_eq!(
+        (&second["id"], &second["step"], &second["ramp_steps"]),
+        (&json!(2), &json!(1000), &json!(300))
+    );
+    let later = changed(&rig, "reference.position_m=0 --ramp 1s --at 2.0005");
+    assert_eq!((&later["id"], &later["step"]), (&json!(3), &json!(2001)));
+    let cleared = changed(&rig, "--clear reference.position_m --at 3.2");
+    assert_eq!(cleared["clear"], json!(["reference.position_m"]));
+    beside(&rig, "step 10").expect(0);
+    let shown = beside(&rig, "get --tunable --json").expect(0).stdout;
+    let shown: Value = serde_json::from_str(&shown).expect("JSON");
+    let value = |key: &str| {
+        let values = shown["values"].as_array().expect("a list");
+        values
+            .iter()
+            .find(|one| one["key"] == key)
+            .expect("there")
+            .clone()
+    };
+    assert_eq!(value("plant.parameters.mass_kg")["value"], 1.2);
+    assert_eq!(value("plant.parameters.mass_kg")["original"], 1.0);
+    let integral = value("controller.pid.integral_n_per_m_s");
+    assert_eq!(
+        (&integral["target"], &integral["until_step"]),
+        (&json!(1500.0), &json!(1300))
+    );
+    assert_eq!(integral["value"], 2000.0 - 500.0 * 10.0 / 300.0);
+    assert_eq!(shown["waiting"].as_array().map(Vec::len), Some(2));
+    beside(&rig, "resume").expect(0);
+    let run = run.finish().expect(0);
+    assert_ne!(run.digest(), plain);
+    let changes = &run.summary()["changes"];
+    assert_eq!(changes.as_array().map(Vec::len), Some(4));
+    assert_eq!(
+        (&changes[0]["step"], &changes[0]["live"]),
+        (&json!(1000), &json!(true))
+    );
+
+    let recording = Recording::open(&run.recording());
+    let steps: Vec<&Value> = (recording.events.iter())
+        .filter(|event| event["event"] == "change")
+        .map(|event| &event["step"])
+        .collect();
+    assert_eq!(json!(steps), json!([1000, 1000, 2001, 3200]));
+    let reference = recording.column("reference.position_m");
+    let expected = [
+        (999, 0.01),
+        (1000, 0.02),
+        (2001, 0.02),
+        (2501, 0.01),
+        (3001, 0.0),
+        (3200, 0.01),
+    ];
+    for (step, wanted) in expected {
+        assert!(
+            (reference[step] - wanted).abs() < 1e-12,
+            "{step}: {}",
+            reference[step]
+        );
+    }
+    repeats(&rig, &run);
+
+    let page = rig.path("report.html").display().to_string();
+    let folder = run.folder.display().to_string();
+    rig.hil(&["report", &folder, "-o", &page]).expect(0);
+    let page = std::fs::read_to_string(page).expect("there");
+    assert!(
+        page.contains("change 1, step 1000, 1 s: controller.pid.proportional_n_per_m = 600 N/m")
+    );
+}
+
+#[test]
+fn what_is_wrong_is_refused_by_name_and_changes_nothing() {
+    let rig = Rig::new();
+    let plain = rig.run(SPRING).expect(0).digest();
+    let run = rig.start(&format!("{SPRING} --pause-at 1"));
+    until_paused_at(&rig, 1000);
+    for (words, why) in [
+        ("plant.parameters.mas_kg=1", "plant.parameters.mass_kg"),
+        (
+            "controller.pid.proportional_n_per=1",
+            "controller.pid.proportional_n_per_m",
+        ),
+        ("controller.nrsc.x=1", "there is no"),
+        (
+            "plant.parameters.initial_position_m=0.1",
+            "cannot be changed while the run goes on",
+        ),
+        ("plant.parameters.mass_kg=0", "out of range"),
+        ("plant.parameters.mass_kg=nan", "not a number"),
+        (
+            "plant.parameters.mass_kg=1 plant.parameters.mass_kg=2",
+            "given twice",
+        ),
+        (
+            "plant.parameters.mass_kg=2 reference.position_m=inf",
+            "out of range",
+        ),
+        ("plant.parameters.mass_kg=2 --at 0.5", "is past"),
+        ("plant.parameters.mass_kg=2 --at 5", "the run ends at 5 s"),
+        (
+            "controller.pid.command_limit_n=inf --ramp 1s",
+            "no ramp leads",
+        ),
+        ("--clear reference.velocity_mps", "has no stimulus"),
+        (
+            "--clear reference.position_m --ramp 1s",
+            "no value for a ramp",
+        ),
+    ] {
+        beside(&rig, &format!("set {words}")).expect(2).says(&[why]);
+    }
+    beside(&rig, "resume").expect(0);
+    let run = run.finish().expect(0);
+    assert_eq!(run.digest(), plain);
+    assert_eq!(run.summary()["changes"], json!([]));
+    beside(&rig, "set plant.parameters.mass_kg=1")
+        .expect(2)
+        .says(&["no session"]);
+}
+
+#[test]
+fn a_law_judges_combinations_of_its_parameters() {
+    for link in ["iceoryx2", "in-process"] {
+        let rig = Rig::new();
+        let run = rig.start(&format!(
+            "tests/scenarios/leakage.toml --set controller.law=nrsc --pause-at 0.1 --link {link}"
+        ));
+        until_paused_at(&rig, 1000);
+        let bound = "controller.nrsc.disturbance_bound_n_per_s2=2e9";
+        beside(&rig, &format!("set {bound}"))
+            .expect(2)
+            .says(&["eq. 48", "the controller"]);
+        let both = format!("set {bound} controller.nrsc.disturbance_weight_n2_per_s4=5e18");
+        beside(&rig, &both).expect(0);
+        beside(&rig, "resume").expect(0);
+        let run = run.finish().expect(0);
+        let changes = &run.summary()["changes"];
+        assert_eq!(changes[0]["set"].as_array().map(Vec::len), Some(4));
+    }
+}
+
+#[test]
+fn a_fault_acts_on_the_base_that_a_change_made() {
+    let rig = Rig::new();
+    let scenario = std::fs::read_to_string(crate::support::programs::workspace().join(SPRING));
+    let scenario = scenario.expect("there")
+        + "\n[[faults]]\nkind = \"stiffness-loss\"\nat_s = 1.0\nend_s = 3.0\n[[faults.effects]]\nfactor = 0.5\n\
+           \n[[changes]]\nat_s = 2.0\nset.plant.parameters.stiffness_n_per_m = 60.0\n\
+           \n[[changes]]\nat_s = 3.2\nramp_s = 0.2\n[changes.set]\nplant.parameters.stiffness_n_per_m = 80.0\n";
+    let path = rig.write("base.toml", &scenario).display().to_string();
+    let run = rig.run(&path).expect(0);
+    let stiffness = Recording::open(&run.recording()).column("parameter.stiffness_n_per_m");
+    let wanted = [
+        (999, 100.0),
+        (1000, 50.0),
+        (1999, 50.0),
+        (2000, 30.0),
+        (2999, 30.0),
+        (3000, 60.0),
+    ];
+    for (step, wanted) in wanted
+        .into_iter()
+        .chain([(3200, 60.0), (3300, 70.0), (3400, 80.0)])
+    {
+        assert_eq!(stiffness[step], wanted, "{step}");
+    }
+    repeats(&rig, &run);
+    let wrong = scenario.replace("stiffness_n_per_m = 80.0", "stifness_n_per_m = 80.0");
+    let path = rig.write("wrong.toml", &wrong).display().to_string();
+    rig.run(&path)
+        .expect(2)
+        .says(&["wrong.toml:", "plant.parameters.stiffness_n_per_m"]);
+}
+
+#[test]
+fn random_changes_at_full_speed_take_hold_at_the_steps_told() {
+    let rig = Rig::new();
+    let run = rig.start(&format!(
+        "{SPRING} --set run.duration_s=600 --pause-at 0.001"
+    ));
+    until_paused_at(&rig, 1);
+    let session = SessionInfo::read(&rig.session_folder()).expect("it runs");
+    let asked =
+        |request: &Request| ask(&session, request, Duration::from_secs(60)).expect("answered");
+    let keys = [
+        ("controller.pid.proportional_n_per_m", 200.0, 400.0),
+        ("controller.pid.integral_n_per_m_s", 1000.0, 3000.0),
+        ("controller.pid.derivative_n_s_per_m", 20.0, 40.0),
+        ("plant.parameters.mass_kg", 0.5, 2.0),
+        ("plant.parameters.damping_n_s_per_m", 1.0, 3.0),
+        ("reference.position_m", -0.02, 0.02),
+    ];
+    asked(&Request::Resume);
+    let mut random = RandomStream::new(1, "changes");
+    let mut told = Vec::new();
+    for _ in 0..200 {
+        let (key, low, high) = keys[(random.uniform() * keys.len() as f64) as usize];
+        let value = low + (high - low) * random.uniform();
+        let request = Request::Set(ChangeRequest {
+            set: vec![NewValue {
+                key: key.into(),
+                value,
+            }],
+            ramp_s: (random.uniform() < 0.3).then_some(0.05),
+            ..ChangeRequest::default()
+        });
+        match asked(&request) {
+            Response::Changed(changed) => told.push((changed.step, changed.set[0].clone())),
+            // A run that is over takes none.
+            other => panic!("{other:?} after {}", told.len()),
+        }
+    }
+    run.signal(rustix::process::Signal::INT);
+    let run = run.finish();
+    let recording = Recording::open(&run.recording());
+    let taken: Vec<(u64, Value)> = (recording.events.iter())
+        .filter(|event| event["event"] == "change")
+        .map(|event| {
+            (
+                event["step"].as_u64().expect("a step"),
+                event["set"][0].clone(),
+            )
+        })
+        .collect();
+    assert_eq!(taken.len(), told.len());
+    for ((at, set), (step, wanted)) in taken.iter().zip(&told) {
+        assert_eq!(
+            (at, &set["key"], &set["value"]),
+            (step, &json!(wanted.key), &json!(wanted.value))
+        );
+    }
+    let again = rig.path("again").display().to_string();
+    let folder = run.folder.display().to_string();
+    let rerun = rig.hil(&["rerun", &folder, "--out", &again]).expect(0);
+    assert!(rerun.stdout.contains("same digest"), "{}", rerun.stdout);
+}

@@ -1,0 +1,80 @@
+//! Judges parameters of plant and law: the plant asks before it takes a change, and the program that they are
+//! for answers, by `--check` with a job that has them.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use controller_process::job::Job;
+use hil_target::name::Target;
+use shared_types::live::{self, JUDGE, Judged, Judgement, Listening, Refusal};
+use shared_types::session::SessionInfo;
+
+use super::jobs;
+use crate::programs::binaries::Binary;
+use crate::programs::binaries::reached::Reached;
+use crate::terminal::exit::Failure;
+use crate::terminal::interruption::Interruption;
+
+/// Job that is judged, in the session's folder.
+const FILE: &str = "judge.json";
+
+/// The controllers that were started: program and job of each, by their numbers from 1.
+pub(super) type Crew = Arc<Mutex<Vec<(Binary, Job)>>>;
+
+/// Listens until what it gives is dropped.
+///
+/// # Errors
+/// If the socket cannot be made.
+pub(super) fn listen(
+    session: &SessionInfo,
+    plant: (Binary, plant_process::job::Job),
+    crew: Crew,
+    interruption: Interruption,
+) -> Result<Listening, Failure> {
+    let theirs = session.clone();
+    let check_plant = move |session: &SessionInfo, judged: &Judged, interruption: &Interruption| {
+        let (binary, job) = &plant;
+        let job = jobs::tuned_plant(job.clone(), &judged.parameters);
+        objection(jobs::check(binary, session, FILE, &job, interruption))
+    };
+    let listening = live::listen(session, JUDGE, move |client| {
+        // A plant that went away needs no answer.
+        let _ = live::answer(client, |judged: Result<Judged, Refusal>| {
+            let found = judged
+                .map_err(|refusal| refusal.message)
+                .and_then(|judged| match judged.epoch {
+                    0 => check_plant(&theirs, &judged, &interruption),
+                    _ => judge(&theirs, &crew, &judged, &interruption),
+                });
+            Judgement {
+                objection: found.err(),
+            }
+        });
+    });
+    listening.map_err(Failure::infrastructure)
+}
+
+fn judge(
+    session: &SessionInfo,
+    crew: &Crew,
+    judged: &Judged,
+    interruption: &Interruption,
+) -> Result<(), String> {
+    let member = {
+        let crew = crew.lock().unwrap_or_else(PoisonError::into_inner);
+        let place = (judged.epoch as usize).checked_sub(1);
+        place.and_then(|place| crew.get(place).cloned())
+    };
+    let (binary, job) = member.ok_or("there is no such controller")?;
+    let target = binary.at.as_ref().map(Reached::target);
+    if let Some(target) = target.filter(|target| matches!(target, Target::Serve(_))) {
+        return Err(format!(
+            "{target} serves one session at a time, so its program cannot judge other parameters meanwhile; `[[changes]]` of a scenario are judged before the run"
+        ));
+    }
+    let job = jobs::tuned(job, &judged.parameters);
+    objection(jobs::check(&binary, session, FILE, &job, interruption))
+}
+
+fn objection(checked: Result<(), Failure>) -> Result<(), String> {
+    checked.map_err(|failure| failure.to_string().trim_start_matches("error: ").to_owned())
+}
