@@ -109,7 +109,7 @@ pub enum Command {
     /// Watch a running session: plots, faults, latency, requirements
     #[command(after_help = monitor::EXAMPLES)]
     Monitor(MonitorArguments),
-    /// Show a running session in a browser: plots, margins, faults, controls
+    /// Show a running session in a browser, with its faults and controls
     #[command(after_help = panel::EXAMPLES)]
     Panel(PanelArguments),
     /// Change the controller of a running session

@@ -60,9 +60,9 @@ pub enum Wish {
 #[serde(tag = "deed", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Deed {
     /// Hold before the next step.
-    Pause,
+    Pause {},
     /// Go on.
-    Resume,
+    Resume {},
     /// Execute some steps, then hold.
     Step {
         /// Number of steps.
@@ -90,8 +90,8 @@ impl Deed {
     #[must_use]
     pub fn request(&self) -> Option<Request> {
         Some(match self {
-            Self::Pause => Request::Pause,
-            Self::Resume => Request::Resume,
+            Self::Pause {} => Request::Pause,
+            Self::Resume {} => Request::Resume,
             Self::Step { steps } => Request::Advance { steps: *steps },
             Self::Mark { text } => Request::Mark { text: text.clone() },
             Self::Clear { fault } => Request::Clear { id: *fault },
