@@ -2,8 +2,8 @@
 #include <hil.h>
 
 static const hil_parameter gains[] = {
-    {"angle_nm_per_rad", "N m/rad", "Gain k_1 on the angle.", 9.0, 0.0, 1e6, 0},
-    {"rate_nm_s_per_rad", "N m s/rad", "Gain k_2 on the rate.", 2.95, 0.0, 1e6, 0},
+    {"angle_nm_per_rad", "N m/rad", "Gain k_1 on the angle.", 9.0, 0.0, 1e6, HIL_TUNABLE},
+    {"rate_nm_s_per_rad", "N m s/rad", "Gain k_2 on the rate.", 2.95, 0.0, 1e6, HIL_TUNABLE},
 };
 static const hil_parameter model[] = {
     {"mass_kg", "kg", "Mass m.", 1.0, 1e-3, 1e3, 0},
@@ -27,6 +27,10 @@ static int start(void *self, const hil_setup *setup) {
     law->weight_nm = setup->model[0] * 9.80665 * setup->model[1];
     return HIL_OK;
 }
+static void retune(void *self, const hil_setup *setup, int jumps) {
+    (void)jumps;
+    start(self, setup);
+}
 static int step(void *self, const hil_sample *sample, double *torque_nm, double *internals) {
     const struct state_feedback *law = self;
     const double a = sample->measured[0], a_dot = sample->measured[1];
@@ -44,6 +48,7 @@ int main(int argc, char **argv) {
         .measured = HIL_TABLE(measured), .reference = HIL_TABLE(reference),
         .commands = HIL_TABLE(command), .size = sizeof(struct state_feedback),
         .start = start, .step = step,
+        .retune = retune, .tuning = "The torque jumps with a gain.",
     };
     return hil_controller_main(argc, argv, &controller);
 }

@@ -13,6 +13,7 @@ mod connect;
 mod controller;
 mod csv;
 mod faults;
+mod panel;
 mod parameters;
 mod plant;
 mod plots;
@@ -289,6 +290,7 @@ fn parts(
     let analyses = analyses::check(reader, &analysed, &context);
     let law = law.map(|law| law.name.as_str());
     let plots = plots::check(reader, root, columns.as_ref(), law, laws);
+    let panel = panel::check(reader, root, columns.as_ref(), &changed);
     Some(Plan {
         name,
         description: description.into(),
@@ -307,6 +309,7 @@ fn parts(
         analyses,
         requirements,
         plots,
+        panel,
         programs,
     })
 }

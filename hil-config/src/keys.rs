@@ -21,7 +21,7 @@ use faults::FAULT;
 pub(crate) use changes::LIVE_CHANGE;
 pub(crate) use faults::{EFFECT, PROFILE, PROFILES, REQUEST, TARGET, TRIGGERS};
 pub(crate) use metrics::{EXPRESSION, METRIC, METRICS, PUBLISHED};
-pub(crate) use plots::PLOT;
+pub(crate) use plots::{PANEL, PLOT};
 pub(crate) use realtime::REALTIME;
 pub(crate) use requirements::REQUIREMENT;
 pub(crate) use stimuli::{STIMULUS, WAVEFORMS};
@@ -226,6 +226,11 @@ pub(crate) const SCENARIO: &[Key] = &[
         "plots",
         Kind::List(PLOT),
         "Plots that report, monitor and layouts of the run begin with; nothing of the run depends on them.",
+    ),
+    Key::new(
+        "panel",
+        Kind::Section(PANEL),
+        "Contents of `hil panel` beside the plots; nothing of the run depends on them.",
     ),
 ];
 

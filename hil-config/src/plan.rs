@@ -32,7 +32,7 @@ pub use change::{Change, PLANT_KEYS, REFERENCE_KEYS, law_keys, settings_after};
 pub use fault::{
     Condition, FaultAction, FaultEffect, FaultEnd, FaultEvent, FaultSource, Move, Profile, Trigger,
 };
-pub use plot::{Plot, Scale};
+pub use plot::{Panel, Plot, Scale};
 pub use requirement::Requirement;
 pub use stimulus::{Stimulus, Sweep, Waveform};
 
@@ -67,6 +67,8 @@ pub struct Plan {
     pub requirements: Vec<Requirement>,
     /// Plots that a report begins with.
     pub plots: Vec<Plot>,
+    /// Contents of the panel beside the plots.
+    pub panel: Panel,
     /// Programs of its own.
     pub programs: Programs,
 }

@@ -156,6 +156,7 @@ fn write(
             }
             "requirements" => each(text, &plan.requirements, requirements::requirement)?,
             "plots" => each(text, &plan.plots, plots::plot)?,
+            "panel" => plots::panel(text, &plan.panel)?,
             other => forgotten(other),
         }
     }

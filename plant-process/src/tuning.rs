@@ -24,7 +24,7 @@ const NEVER: Step = Step(u64::MAX);
 const MOST_WAITING: usize = 256;
 
 /// Changes of a run and the values that they made.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Tuning {
     rate: Rate,
     fields: Vec<Field>,
@@ -59,7 +59,7 @@ pub struct Offered {
 }
 
 /// A reference signal: where it is among all, and its course if it left its stimulus.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Reference {
     key: String,
     unit: String,
@@ -388,9 +388,18 @@ impl Tuning {
         &self.waiting
     }
 
-    /// Everything that can be changed, as it is at a step.
+    /// Everything that can be changed, as it is at a step, with the changes that begin there.
     #[must_use]
     pub fn tunable(&self, step: Step, stimulus: &[f64]) -> Vec<Tunable> {
+        if self
+            .waiting
+            .front()
+            .is_some_and(|change| change.step <= Some(step))
+        {
+            let mut there = self.clone();
+            there.advance(step, stimulus);
+            return there.tunable(step, stimulus);
+        }
         let one = |key: String, field: &Field, original: f64, course: Option<&Course>| Tunable {
             key,
             unit: field.unit.clone(),

@@ -70,6 +70,16 @@ def attached(page):
     page.wait_for_selector("#inject-box:not([hidden])")
 
 
+def inked(page):
+    """Waits until every curve in sight has ink, and gives how much."""
+    for _ in range(100):
+        ink = page.evaluate(INK)
+        if ink and all(one for plot in ink for one in plot):
+            break
+        page.wait_for_timeout(100)
+    return ink
+
+
 def says(page, text):
     """Waits for a line of the log."""
     wait(page, "(text) => document.getElementById('log').textContent.includes(text)", text)
@@ -142,6 +152,71 @@ def controls(desk):
     return told
 
 
+def tune(desk):
+    """Sliders: typed, dragged, by keys, on a ramp, refused, and given back; another page follows."""
+    page, other = desk.open(), desk.open()
+    for one in (page, other):
+        attached(one)
+        state(one, "paused")
+        one.wait_for_selector("#tune-box:not([hidden])")
+
+    def slider(key):
+        return page.locator(f"#knobs input[type=range][aria-label='{key}']")
+
+    def field(key):
+        return slider(key).locator("xpath=following-sibling::input")
+
+    def value(one, key, wanted):
+        wait(one, "([key, wanted]) => Math.abs(document.querySelector(`#knobs input[aria-label='${key}']`).nextSibling.value - wanted) < 1e-9", [key, wanted])
+
+    mass, gain, position = "plant.parameters.mass_kg", "controller.pid.proportional_n_per_m", "reference.position_m"
+    field(mass).fill("1.25")
+    page.keyboard.press("Enter")
+    says(page, mass + " = 1.25 kg")
+    value(other, mass, 1.25)
+    field(mass).fill("-1")
+    page.keyboard.press("Enter")
+    says(page, "out of range")
+    page.evaluate("document.activeElement.blur()")
+    value(page, mass, 1.25)
+    # From the middle of twice its value to three quarters, in some moves.
+    box = slider(gain).bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.down()
+    for part in range(51, 76):
+        page.mouse.move(box["x"] + box["width"] * part / 100, box["y"] + box["height"] / 2)
+    page.mouse.up()
+    says(page, gain)
+    page.wait_for_timeout(500)
+    dragged = float(field(gain).input_value())
+    slider(gain).press("ArrowRight")
+    page.wait_for_timeout(500)
+    pressed = float(field(gain).input_value())
+    value(other, gain, pressed)
+    page.fill("#tune-ramp", "0.1")
+    field(position).fill("0.02")
+    page.keyboard.press("Enter")
+    says(page, position + " = 0.02 m")
+    page.click("#steps")
+    says(page, "paused before step 2600")
+    page.locator(f"[aria-label='Stimulus again: {position}']").click()
+    says(page, "follows its stimulus")
+    page.locator(f"[aria-label='Reset {mass}']").click()
+    says(page, mass + " = 1 kg")
+    value(other, mass, 1)
+    page.evaluate("document.activeElement.blur()")
+    page.keyboard.press("t")
+    focused = page.evaluate("document.activeElement.getAttribute('aria-label')")
+    if len(sys.argv) > 4:
+        page.screenshot(path=f"{sys.argv[4]}/tune.png", full_page=True)
+    page.click("#pause")
+    state(page, "ended")
+    told = {"dragged": dragged, "pressed": pressed, "focused": focused, "rows": page.locator("#log li").count()}
+    for one in (page, other):
+        desk.close(one)
+    return told
+
+
 def keyboard(desk):
     """Everything without a pointer."""
     page = desk.open()
@@ -178,7 +253,7 @@ def keyboard(desk):
     # Every control can be reached, in an order, and shows that it has the focus.
     page.evaluate("document.activeElement.blur()")
     reached, outlined = [], True
-    for _ in range(60):
+    for _ in range(120):
         press("Tab")
         name = page.evaluate("document.activeElement.id || document.activeElement.textContent.slice(0, 20)")
         if name in reached[:1]:
@@ -240,14 +315,13 @@ def reconnect(desk):
     page.evaluate("document.documentElement.dataset.points = '0'")
     go()  # the test cuts every connection
     wait(page, "document.documentElement.dataset.connection === 'open' && document.documentElement.dataset.points > 0")
-    cut = page.evaluate(INK)
+    cut = inked(page)
     page.click("#step")
     says(page, "paused before step 2501")
     page.reload()
     attached(page)
     wait(page, "document.documentElement.dataset.newest === '2500'")
-    page.wait_for_timeout(300)
-    told = {"cut": cut, "loaded": page.evaluate(INK), "state": page.inner_text("#state"), "url": page.url}
+    told = {"cut": cut, "loaded": inked(page), "state": page.inner_text("#state"), "url": page.url}
     desk.wrong.clear()  # a browser says on its console that a connection broke
     page.close()
     return told
@@ -306,7 +380,7 @@ def pace(desk):
     return told
 
 
-PLAYS = {play.__name__: play for play in (controls, keyboard, looks, several, reconnect, strangers, pace)}
+PLAYS = {play.__name__: play for play in (controls, tune, keyboard, looks, several, reconnect, strangers, pace)}
 
 
 def main(play, url, chromium="/usr/bin/chromium"):

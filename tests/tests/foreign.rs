@@ -100,10 +100,10 @@ fn copied(rig: &Rig, folder: &str) -> PathBuf {
     copy
 }
 
-fn pendulum(rig: &Rig, plant: &Path, controller: &Path) -> Run {
+fn run_of(rig: &Rig, scenario: &str, plant: &Path, controller: &Path) -> Run {
     let (plant, controller) = (plant.display(), controller.display());
     let programs = format!("--plant-bin {plant} --controller-bin {controller}");
-    rig.run(&format!("{PENDULUM} {programs}")).expect(0)
+    rig.run(&format!("{scenario} {programs}")).expect(0)
 }
 
 #[test]
@@ -114,7 +114,16 @@ fn a_pendulum_in_c_has_the_digest_of_that_in_rust() {
     }
     let rig = Rig::new();
     let (plant, law) = (example("own-plant"), example("own-controller"));
+    // With gains that are others from some time on, at once and on a ramp.
+    let scenario = rig.path("tuned.toml");
+    let text = std::fs::read_to_string(workspace().join(PENDULUM)).expect("a scenario");
+    let changes = "\n[[changes]]\nat_s = 0.5\nset.controller.state-feedback.angle_nm_per_rad = 12.0\n\
+                   \n[[changes]]\nat_s = 1.0\nramp_s = 0.3\nset.controller.state-feedback.rate_nm_s_per_rad = 4.0\n";
+    std::fs::write(&scenario, text + changes).expect("written");
+    let scenario = scenario.display().to_string();
+    let pendulum = |rig: &Rig, plant: &Path, law: &Path| run_of(rig, &scenario, plant, law);
     let wanted = pendulum(&rig, &plant, &law).digest();
+    assert_ne!(wanted, run_of(&rig, PENDULUM, &plant, &law).digest());
     let plant_in_c = made(&rig, "c-plant", "pendulum");
     let law_in_c = made(&rig, "c-controller", "state_feedback");
     assert_eq!(pendulum(&rig, &plant_in_c, &law).digest(), wanted);
@@ -191,7 +200,7 @@ fn both_sides_are_clean_under_the_sanitizers_and_a_row_that_is_overrun_is_found(
     );
     let source = "examples/c-controller/state_feedback.c";
     let law = compiled(&rig, "cc", source, "state_feedback", SANITIZED);
-    let run = pendulum(&rig, &plant, &law);
+    let run = run_of(&rig, PENDULUM, &plant, &law);
     for side in ["plant", "controller"] {
         let log = run.folder.join(format!("{side}.log"));
         let log = std::fs::read_to_string(log).unwrap_or_default();
@@ -346,6 +355,8 @@ fn the_structs_of_the_header_are_those_of_rust() {
         size,
         start,
         step,
+        retune,
+        tuning,
         saved_size,
         save,
         restore,

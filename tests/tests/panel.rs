@@ -238,7 +238,7 @@ fn what_cannot_be_shown_is_refused_before_anything_starts() {
         .says(&["the session has no signal"]);
     rig.beside(&[&at[..], &["--inject", "leek"]].concat())
         .expect(2)
-        .says(&["--inject 'leek'"]);
+        .says(&["prepared fault 'leek'"]);
     rig.beside(&["resume", "--session", rig.session()])
         .expect(0);
     run.finish().expect(0);

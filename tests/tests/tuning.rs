@@ -71,6 +71,14 @@ fn keys_change_together_at_the_step_told_and_every_repetition_does_the_same() {
     assert_eq!((&later["id"], &later["step"]), (&json!(3), &json!(2001)));
     let cleared = changed(&rig, "--clear reference.position_m --at 3.2");
     assert_eq!(cleared["clear"], json!(["reference.position_m"]));
+    let told = beside(&rig, "get --tunable --json plant.parameters.mass_kg")
+        .expect(0)
+        .stdout;
+    let told: Value = serde_json::from_str(&told).expect("JSON");
+    assert_eq!(
+        told["values"][0]["value"], 1.2,
+        "it begins with the next step"
+    );
     beside(&rig, "step 10").expect(0);
     let shown = beside(&rig, "get --tunable --json").expect(0).stdout;
     let shown: Value = serde_json::from_str(&shown).expect("JSON");

@@ -3,7 +3,7 @@
 
 use std::process::ExitCode;
 
-use controller_process::controller::{Controller, LawKind, Sample, Setup};
+use controller_process::controller::{Controller, LawKind, Sample, Setup, Tuning};
 use shared_types::describe::Invalid;
 use shared_types::table;
 use shared_types::table::Empty;
@@ -12,9 +12,9 @@ table! {
     /// What a scenario can set under [controller.state-feedback].
     struct Gains {
         /// Gain k_1 on the angle.
-        angle_nm_per_rad: "N m/rad" = 9.0 in 0.0..=1e6,
+        angle_nm_per_rad: "N m/rad" = 9.0 in 0.0..=1e6 [tunable],
         /// Gain k_2 on the rate.
-        rate_nm_s_per_rad: "N m s/rad" = 2.95 in 0.0..=1e6,
+        rate_nm_s_per_rad: "N m s/rad" = 2.95 in 0.0..=1e6 [tunable],
     }
 }
 
@@ -73,6 +73,13 @@ impl Controller for StateFeedback {
         let (gains, model) = (setup.parameters, setup.model);
         let weight_nm = model.mass_kg * 9.80665 * model.length_m;
         Ok(Self { gains, weight_nm })
+    }
+
+    fn tuning() -> Option<Tuning<Self>> {
+        Some(Tuning {
+            does: "The torque jumps with a gain.",
+            take: |law, setup, _| law.gains = setup.parameters,
+        })
     }
 
     fn step(&mut self, sample: &Sample<Self>) -> (Command, Empty) {

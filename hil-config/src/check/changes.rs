@@ -81,6 +81,12 @@ fn live(
     })
 }
 
+/// Every key that can be changed; `None` if some are not known.
+pub(super) fn tunable(context: &ChangeContext<'_>) -> Option<Vec<String>> {
+    let tunable = known(context)?.into_iter().filter(|one| one.is_tunable);
+    Some(tunable.map(|one| one.key).collect())
+}
+
 /// All keys; `None` if some are not known.
 fn known(context: &ChangeContext<'_>) -> Option<Vec<Known>> {
     let (law, parameters) = context.law?;

@@ -1,6 +1,6 @@
-//! `[[plots]]`.
+//! `[[plots]]` and `[panel]`.
 
-use super::{Key, Kind, TEXT};
+use super::{Key, Kind, TEXT, number_or};
 
 /// `[[plots]]`.
 pub(crate) const PLOT: &[Key] = &[
@@ -28,5 +28,29 @@ pub(crate) const PLOT: &[Key] = &[
         "lines",
         Kind::Numbers,
         "Values that are drawn as level lines, in the unit of the signals.",
+    ),
+];
+
+/// `[panel]`.
+pub(crate) const PANEL: &[Key] = &[
+    Key::new(
+        "window_s",
+        number_or("s", 1e-6, 86_400.0, 5.0),
+        "Width of the time axis to begin with, in simulated time; `--window` goes before it.",
+    ),
+    Key::new(
+        "readings",
+        Kind::Texts,
+        "Signals whose newest values stand beside the plots: names, or patterns with * and ?. Default: the first of the plots.",
+    ),
+    Key::new(
+        "tune",
+        Kind::Texts,
+        "Keys that have a slider, as `hil get --tunable` lists them: names, or patterns with * and ?. Default: all.",
+    ),
+    Key::new(
+        "inject",
+        Kind::Texts,
+        "Faults that have a button, each with the words of `hil inject`; those of `--inject` come first. Default: none.",
     ),
 ];

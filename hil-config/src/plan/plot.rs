@@ -15,6 +15,30 @@ pub struct Plot {
     pub lines: Vec<f64>,
 }
 
+/// Contents of a panel beside the plots. Nothing of a run depends on it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Panel {
+    /// Width of the time axis in s.
+    pub window_s: f64,
+    /// Names and patterns of signals; empty: the first of the plots.
+    pub readings: Vec<String>,
+    /// Names and patterns of keys that can be changed; empty: all.
+    pub tune: Vec<String>,
+    /// Faults, in the words of `hil inject`.
+    pub inject: Vec<String>,
+}
+
+impl Default for Panel {
+    fn default() -> Self {
+        Self {
+            window_s: 5.0,
+            readings: Vec::new(),
+            tune: Vec::new(),
+            inject: Vec::new(),
+        }
+    }
+}
+
 /// Scale of an axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Scale {

@@ -1,10 +1,11 @@
-//! A plot as `[[plots]]` of a scenario.
+//! Plots and panel as `[[plots]]` and `[panel]` of a scenario.
 
 use std::fmt::Write;
 
 use super::{Written, forgotten, list, section, string};
-use crate::keys::PLOT;
-use crate::plan::{Plot, Scale};
+use crate::keys::{PANEL, PLOT};
+use crate::plan::{Panel, Plot, Scale};
+use crate::quantity::toml_float;
 
 pub(super) fn plot(text: &mut String, plot: &Plot) -> Written {
     writeln!(text, "\n[[plots]]")?;
@@ -14,6 +15,22 @@ pub(super) fn plot(text: &mut String, plot: &Plot) -> Written {
         "laws" => (!plot.laws.is_empty()).then(|| strings(&plot.laws)),
         "scale" => (plot.scale != Scale::Linear).then(|| string(plot.scale.name())),
         "lines" => (!plot.lines.is_empty()).then(|| list(&plot.lines)),
+        other => forgotten(other),
+    })
+}
+
+pub(super) fn panel(text: &mut String, panel: &Panel) -> Written {
+    let usual = Panel::default();
+    if *panel == usual {
+        return Ok(());
+    }
+    let given = |texts: &[String]| (!texts.is_empty()).then(|| strings(texts));
+    writeln!(text, "\n[panel]")?;
+    section(text, PANEL, |key| match key {
+        "window_s" => (panel.window_s != usual.window_s).then(|| toml_float(panel.window_s)),
+        "readings" => given(&panel.readings),
+        "tune" => given(&panel.tune),
+        "inject" => given(&panel.inject),
         other => forgotten(other),
     })
 }

@@ -31,6 +31,11 @@ const CASES: &[Case] = &[
     ("scale = \"log\"", "scale = ^\"cubic\"", UnknownName, &["`plots[0].scale` is `cubic`", "`linear`, `log`"]),
     ("lines = [0.1, 0.2]", "lines = [^nan]", OutOfRange, &["`plots[0].lines[0]` is not a number"]),
     ("lines = [0.1, 0.2]", "^line = 0.1", UnknownKey, &["unknown key `line`", "nearest: `lines`"]),
+    ("window_s = 2", "window_s = ^0", OutOfRange, &["`panel.window_s` is 0"]),
+    ("\"internal.*\"]", "^\"truth.surface_angel_rad\"]", UnknownName, &["`panel.readings[1]` is `truth.surface_angel_rad`, which is no signal", "nearest: `truth.surface_angle_rad`"]),
+    ("tune = [\"reference.*\"]", "tune = [^\"reference.surface_angel_rad\"]", UnknownName, &["cannot be changed while this run goes on", "nearest: `reference.surface_angle_rad`"]),
+    ("inject = [\"leakage --actuator 1\"]", "inject = [^1]", WrongType, &["`panel.inject[0]` is a number"]),
+    ("tune = [\"reference.*\"]", "^slider = []", UnknownKey, &["unknown key `slider`"]),
 ];
 
 #[test]

@@ -2,8 +2,8 @@
 
 use hil_config::formula::Formula;
 use hil_config::plan::{
-    Clock, FaultAction, FaultEffect, FaultEnd, FaultSource, Move, Plan, Plot, Profile, Programs,
-    Realtime, Requirement, Scale, Trigger, Waveform,
+    Clock, FaultAction, FaultEffect, FaultEnd, FaultSource, Move, Panel, Plan, Plot, Profile,
+    Programs, Realtime, Requirement, Scale, Trigger, Waveform,
 };
 use proptest::prelude::*;
 use shared_types::describe::{Operation, Settings};
@@ -33,6 +33,7 @@ fn the_base_means_what_it_says() {
         analyses,
         requirements,
         plots,
+        panel,
         programs,
     } = plan(BASE);
     assert!(analyses.is_empty() && changes.is_empty());
@@ -60,6 +61,13 @@ fn the_base_means_what_it_says() {
     };
     assert!(error.is_for("ftsc") && !error.is_for("pid") && surface.is_for("pid"));
     assert_eq!(plots, [error, surface]);
+    let wanted = Panel {
+        window_s: 2.0,
+        readings: vec!["error_rad".into(), "internal.*".into()],
+        tune: vec!["reference.*".into()],
+        inject: vec!["leakage --actuator 1".into()],
+    };
+    assert_eq!(panel, wanted);
     assert_eq!(
         (name.as_str(), description.as_str()),
         ("base", "every part of the format")

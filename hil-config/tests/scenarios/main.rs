@@ -137,6 +137,12 @@ lines = [0.1, 0.2]
 [[plots]]
 title = "Surface"
 signals = ["truth.surface_angle_rad"]
+
+[panel]
+window_s = 2
+readings = ["error_rad", "internal.*"]
+tune = ["reference.*"]
+inject = ["leakage --actuator 1"]
 "#;
 
 fn parse(text: &str) -> Result<Scenario, Problems> {

@@ -86,7 +86,7 @@ fn the_schema_offers_every_key_of_a_right_scenario_and_no_other() {
     let value: toml::Value = toml::from_str(&text).expect("TOML");
     unknown_keys(&schema, &value, "", &mut unknown);
     unknown.sort();
-    assert_eq!(unknown, [".controller.lqr", ".plots.colour", ".run.sed"]);
+    assert_eq!(unknown, [".controller.lqr", ".panel.colour", ".run.sed"]);
 }
 
 #[test]

@@ -194,6 +194,57 @@ fn every_control_does_in_the_session_what_it_says() {
 }
 
 #[test]
+fn a_slider_changes_its_value_and_every_page_follows() {
+    let rig = Rig::new();
+    let (run, panel) = begun(&rig, "--pace 0.2", &[]);
+    let Some(play) = Play::start("tune", &panel.url) else {
+        return;
+    };
+    let told = play.told();
+    let run = run.finish();
+    let summary = run.summary();
+    let changes = summary["changes"].as_array().expect("changes");
+    let of = |key: &str| {
+        let own = changes
+            .iter()
+            .filter(|change| change["set"][0]["key"] == key);
+        own.map(|change| (change["step"].clone(), change["set"][0]["value"].clone()))
+            .collect::<Vec<_>>()
+    };
+    let mass = of("plant.parameters.mass_kg");
+    assert_eq!(
+        mass,
+        [(json!(2500), json!(1.25)), (json!(2600), json!(1.0))]
+    );
+    let gains = of("controller.pid.proportional_n_per_m");
+    assert!(
+        gains.len() >= 2 && gains.iter().all(|(step, _)| step == 2500),
+        "{gains:?}"
+    );
+    // A slider of 300 N/m goes from 0 to 600 in 200 steps of 3; a pixel or two of the drag are its thumb.
+    let (dragged, pressed) = (told["dragged"].as_f64(), told["pressed"].as_f64());
+    let (dragged, pressed) = dragged.zip(pressed).expect("numbers");
+    assert!((435.0..=465.0).contains(&dragged), "{told}");
+    assert_eq!(pressed, dragged + 3.0);
+    assert_eq!(gains.last().expect("some").1, pressed);
+    let reference = changes
+        .iter()
+        .find(|change| change["set"][0]["key"] == "reference.position_m");
+    assert_eq!(reference.expect("it was set")["ramp_steps"], 100);
+    let back = changes
+        .iter()
+        .find(|change| change["clear"] == json!(["reference.position_m"]));
+    assert_eq!(back.expect("it was given back")["step"], 2600);
+    let focused = told["focused"].as_str().expect("a key");
+    assert!(focused.starts_with("controller.pid."), "{focused}");
+    let folder = run.folder.display().to_string();
+    let again = rig.path("again").display().to_string();
+    let rerun = rig.hil(&["rerun", &folder, "--out", &again]);
+    assert!(rerun.stdout.contains("same digest"), "{}", rerun.stdout);
+    drop(panel);
+}
+
+#[test]
 fn everything_can_be_done_without_a_pointer() {
     let rig = Rig::new();
     let (run, panel) = begun(&rig, "", &["--inject", DROPOUT]);

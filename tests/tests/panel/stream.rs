@@ -231,6 +231,67 @@ pub(super) fn until_held(rig: &Rig) {
     });
 }
 
+#[test]
+fn the_panel_of_a_scenario_chooses_readings_sliders_and_buttons() {
+    let rig = Rig::new();
+    let scenario = std::fs::read_to_string(workspace().join(SCENARIO)).expect("a scenario");
+    let panel = "\n[panel]\nwindow_s = 2.0\nreadings = [\"tracking_error_m\", \"truth.*\"]\n\
+                 tune = [\"reference.*\", \"plant.parameters.mass_kg\"]\ninject = [\"dropout measured.position_m\"]\n";
+    let scenario = rig.write("panel.toml", &(scenario + panel));
+    let run = rig.start(&format!(
+        "{} --pause-at 0.001 --wait-limit 60",
+        scenario.display()
+    ));
+    until_held(&rig);
+    let panel = Panel::start(&rig, &[]);
+    let mut client = Client::greeted(&panel.url);
+    let about = client.until(|told| told["tell"] == "about");
+    assert_eq!(about["window_s"], 2.0);
+    assert_eq!(about["buttons"][0]["words"], "dropout measured.position_m");
+    let names = about["readings"].as_array().expect("readings").iter();
+    let names =
+        names.map(|place| &about["signals"][place.as_u64().expect("a place") as usize]["name"]);
+    let names: Vec<&Value> = names.collect();
+    assert_eq!(names[0], "tracking_error_m");
+    assert!(
+        names.len() > 2
+            && names[1..]
+                .iter()
+                .all(|name| name.as_str().is_some_and(|name| name.starts_with("truth.")))
+    );
+    let tunable = client.until(|told| told["tell"] == "tunable");
+    let keys = tunable["values"].as_array().expect("values").iter();
+    let keys: Vec<&Value> = keys.map(|one| &one["key"]).collect();
+    assert_eq!(keys, ["plant.parameters.mass_kg", "reference.position_m"]);
+    // A page may change what has no slider, and is refused what the session refuses.
+    for (value, is_done) in [(600.0, true), (1e30, false)] {
+        let set = json!([{ "key": "controller.pid.proportional_n_per_m", "value": value }]);
+        client.do_it(&json!({ "deed": "set", "change": { "set": set } }));
+        let answer = client.until(|told| told["tell"] == "answer");
+        assert_eq!(answer["is_done"], is_done, "{answer}");
+    }
+    rig.beside(&["resume", "--session", rig.session()])
+        .expect(0);
+    let run = run.finish();
+    assert_eq!(run.summary()["changes"].as_array().map(Vec::len), Some(1));
+    drop((client, panel));
+
+    let wrong = "\n[panel]\ninject = [\"leek\"]\n";
+    let text = std::fs::read_to_string(workspace().join(SCENARIO)).expect("a scenario");
+    let scenario = rig.write("wrong.toml", &(text + wrong));
+    let run = rig.start(&format!(
+        "{} --pause-at 0.001 --wait-limit 60",
+        scenario.display()
+    ));
+    until_held(&rig);
+    rig.beside(&["panel", "--no-open", "--session", rig.session()])
+        .expect(2)
+        .says(&["prepared fault 'leek'"]);
+    rig.beside(&["resume", "--session", rig.session()])
+        .expect(0);
+    run.finish();
+}
+
 /// Memory of a process that is not shared, in KiB.
 fn memory_kib(pid: u32) -> u64 {
     let status = std::fs::read_to_string(format!("/proc/{pid}/status")).expect("it lives");

@@ -30,7 +30,8 @@ extern "C" {
 
 /* Flags of a parameter. */
 enum {
-    HIL_FAULTABLE = 1 /* a fault may change it while the plant runs */
+    HIL_FAULTABLE = 1, /* a fault may change it while the plant runs, and `hil set` too */
+    HIL_TUNABLE = 2    /* `hil set` may change it while the plant or the controller runs */
 };
 
 typedef struct hil_parameter {
@@ -39,7 +40,7 @@ typedef struct hil_parameter {
     const char *description; /* one sentence */
     double initial;          /* value that it has when a scenario says nothing */
     double min, max;         /* range; both 0: any number */
-    unsigned flags;          /* HIL_FAULTABLE or 0 */
+    unsigned flags;          /* sum of flags, or 0 */
 } hil_parameter;
 
 typedef struct hil_signal {
@@ -78,7 +79,7 @@ typedef struct hil_interval {
     uint32_t substeps;        /* equal parts to integrate in, as the scenario says */
 } hil_interval;
 
-/* Called in this order: `start`; at every step `retune` if a fault moved a parameter, `measure`, and with the
+/* Called in this order: `start`; at every step `retune` if a parameter was changed, `measure`, and with the
  * command `tell_truth` and `advance`; after the last step `measure` and `tell_truth` once more.
  * `self` is memory of the plant's own, all zero before `start`. */
 typedef struct hil_plant {
@@ -119,7 +120,8 @@ typedef struct hil_sample {
     uint32_t held_steps; /* steps for which a late command has been held; 0 except against the clock */
 } hil_sample;
 
-/* Called in this order: `start`, then `step` with every sample. `self` as of a plant. */
+/* Called in this order: `start`; with every sample `retune` if a parameter was changed, and `step`. `self` as of a
+ * plant. Parameters that are HIL_TUNABLE need `retune` and `tuning`. */
 typedef struct hil_controller {
     uint32_t api;        /* HIL_API */
     const char *name;    /* controller.law of a scenario */
@@ -131,6 +133,10 @@ typedef struct hil_controller {
     size_t size; /* bytes of `self` */
     int (*start)(void *self, const hil_setup *setup);
     int (*step)(void *self, const hil_sample *sample, double *command, double *internals);
+    /* Takes new values ahead of the sample that they count from; `jumps` is 0 if all that change are on a ramp. Whether
+     * they go together `start` was asked before, of another `self`. */
+    void (*retune)(void *self, const hil_setup *setup, int jumps);
+    const char *tuning; /* what the command does at a change, one sentence for whoever tunes it */
     /* As of a plant. */
     size_t saved_size;
     int (*save)(const void *self, void *bytes);

@@ -7,8 +7,8 @@ use super::monitor::window;
 use crate::terminal::duration::seconds;
 
 pub(super) const EXAMPLES: &str = "\
-A page in a browser: plots that follow, readings, margins, faults; pause, step, mark, inject. Only this
-machine reaches it, at a port of the system's choice, and only who has the printed address with its
+A page in a browser: plots that follow, readings, margins, faults; sliders for what can be tuned; pause,
+step, mark, inject. [panel] of a scenario chooses readings, sliders and buttons. Only this machine reaches it, at a port of the system's choice, and only who has the printed address with its
 secret. Over ssh: ssh -L 8000:127.0.0.1:PORT HOST, and the address with 8000 in place of the port.
 
 The run has the same digest with it and without it, unless a page changes the run. Up to 8 pages may be
@@ -33,9 +33,9 @@ pub struct PanelArguments {
     /// Draw a signal, or several with * and ?; may be given several times [default: as hil monitor]
     #[arg(long, value_name = "PATTERN")]
     pub signal: Vec<String>,
-    /// Width of the time axis in simulated time, to begin with
-    #[arg(long, value_name = "TIME", value_parser = window, default_value = "5s")]
-    pub window: f64,
+    /// Width of the time axis in simulated time, to begin with [default: that of the scenario, or 5s]
+    #[arg(long, value_name = "TIME", value_parser = window)]
+    pub window: Option<f64>,
     /// Prepare a fault for a button, with the words of `hil inject`
     #[arg(long, value_name = "FAULT", allow_hyphen_values = true)]
     pub inject: Vec<String>,

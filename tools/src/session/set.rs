@@ -39,7 +39,9 @@ pub(crate) fn set(arguments: &SetArguments) -> Result<Exit, Failure> {
     Ok(Exit::Pass)
 }
 
-fn describe(changed: &Changed) -> String {
+/// Describes a change that was taken, with a line for each value.
+#[must_use]
+pub(crate) fn describe(changed: &Changed) -> String {
     let Changed {
         id,
         step,

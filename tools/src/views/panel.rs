@@ -68,7 +68,8 @@ pub(crate) fn panel(arguments: &PanelArguments) -> Result<Exit, Failure> {
         return Ok(Exit::Pass); // the run ended before it began
     };
     let plan = monitor::notice(&session, &interruption)?.plan()?;
-    let prepared = prepared::all(&arguments.inject, &session, &plan);
+    let faults = [&arguments.inject[..], &plan.panel.inject].concat();
+    let prepared = prepared::all(&faults, &session, &plan);
     let prepared = prepared.map_err(|error| error.tell(json))?;
     let buttons = prepared.into_iter().map(|fault| Button {
         label: fault.words.clone(),
@@ -77,6 +78,7 @@ pub(crate) fn panel(arguments: &PanelArguments) -> Result<Exit, Failure> {
     let buttons: Vec<Button> = buttons.collect();
 
     let run_dir = session.run_dir.clone();
+    let window_s = arguments.window.unwrap_or(plan.panel.window_s);
     let model = Model::new(&session.name, run_dir, plan, &arguments.signal);
     let model = SharedModel(Arc::new(Mutex::new(model)));
     let watch = Watch::start(session.clone(), model.clone(), None);
@@ -86,7 +88,6 @@ pub(crate) fn panel(arguments: &PanelArguments) -> Result<Exit, Failure> {
     }
     show_newest(&session, &model);
     let asking = Asking::start(session.clone(), model.clone());
-    let window_s = arguments.window;
     let board = Arc::new(Board::new(session, model.clone(), buttons, window_s));
     let server = Server::start(board)?;
     let url = server.url();

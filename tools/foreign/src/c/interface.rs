@@ -6,6 +6,8 @@ use std::ffi::{c_char, c_int, c_uint, c_void};
 pub const API: u32 = 1;
 /// `HIL_FAULTABLE`.
 pub const FAULTABLE: c_uint = 1;
+/// `HIL_TUNABLE`.
+pub const TUNABLE: c_uint = 2;
 /// `HIL_OK`.
 pub const OK: c_int = 0;
 /// `HIL_DIVERGED`.
@@ -109,6 +111,8 @@ pub type WriteTruth = unsafe extern "C" fn(*const c_void, f64, *const f64, *mut 
 pub type Advance = unsafe extern "C" fn(*mut c_void, *const Interval, *const f64) -> c_int;
 /// Callback that starts a law.
 pub type StartLaw = unsafe extern "C" fn(*mut c_void, *const Setup) -> c_int;
+/// Callback that takes new parameters of a law.
+pub type RetuneLaw = unsafe extern "C" fn(*mut c_void, *const Setup, c_int);
 /// Callback that answers a sample.
 pub type Answer = unsafe extern "C" fn(*mut c_void, *const Sample, *mut f64, *mut f64) -> c_int;
 /// Callback that saves.
@@ -194,6 +198,10 @@ pub struct Controller {
     pub start: Option<StartLaw>,
     /// Answers a sample.
     pub step: Option<Answer>,
+    /// Takes new parameters.
+    pub retune: Option<RetuneLaw>,
+    /// Sentence for whoever tunes it.
+    pub tuning: *const c_char,
     /// Bytes of a saved state.
     pub saved_size: usize,
     /// Saves the state.

@@ -1,11 +1,11 @@
 //! A controller in C as a [`LawKind`].
 
-use controller_process::controller::{Law, LawKind, Row};
+use controller_process::controller::{Law, LawKind, Row, Transition, TunedRows};
 use shared_types::describe::{Invalid, LawDescription};
 use shared_types::failure::Failure;
 use shared_types::state::State;
 
-use super::interface::{Answer, Controller, Sample, Setup};
+use super::interface::{Answer, Controller, RetuneLaw, Sample, Setup};
 use super::memory::{Memory, Saving};
 use super::reason::outcome;
 use super::tables::{check_form, parameters, required, saving, signals, text};
@@ -14,11 +14,14 @@ use super::tables::{check_form, parameters, required, saving, signals, text};
 #[derive(Clone, Copy, Debug)]
 struct Calls {
     step: Answer,
+    retune: Option<RetuneLaw>,
     saving: Option<Saving>,
     measured: usize,
     reference: usize,
     commands: usize,
     internals: usize,
+    /// Of the parameters and of the model.
+    setup: (usize, usize),
 }
 
 /// A controller that has started.
@@ -53,23 +56,28 @@ pub unsafe fn kind(controller: &Controller) -> Result<LawKind, Invalid> {
             commands: Some(commands.clone()),
             internals: signals(&controller.internals, "internals")?,
             saves: saving.is_some(),
-            tuning: String::new(),
+            tuning: match controller.tuning.is_null() {
+                true => String::new(),
+                false => text(controller.tuning, "`tuning`")?,
+            },
         };
         (description, commands)
     };
+    check_tuning(&description, controller.retune)?;
     let start = required(controller.start, "start")?;
     let calls = Calls {
         step: required(controller.step, "step")?,
+        retune: controller.retune,
         saving,
         measured: description.measured.len(),
         reference: description.reference.len(),
         commands: commands.len(),
         internals: description.internals.len(),
+        setup: (description.parameters.len(), description.model.len()),
     };
     let (size, end) = (controller.size, controller.end);
-    let lengths = (description.parameters.len(), description.model.len());
     LawKind::from_tables(description, move |rows| {
-        assert_eq!((rows.parameters.len(), rows.model.len()), lengths);
+        assert_eq!((rows.parameters.len(), rows.model.len()), calls.setup);
         let setup = Setup {
             parameters: rows.parameters.as_ptr(),
             model: rows.model.as_ptr(),
@@ -82,6 +90,20 @@ pub unsafe fn kind(controller: &Controller) -> Result<LawKind, Invalid> {
         memory.end = end;
         Ok(Box::new(InC { calls, memory }))
     })
+}
+
+/// Checks that a controller with tunable parameters says how it takes them.
+fn check_tuning(law: &LawDescription, retune: Option<RetuneLaw>) -> Result<(), Invalid> {
+    let Some(first) = law.parameters.iter().find(|field| field.tunable) else {
+        return Ok(());
+    };
+    if retune.is_none() || law.tuning.is_empty() {
+        return Err(Invalid(format!(
+            "`{}` is HIL_TUNABLE: that needs `retune` and `tuning`",
+            first.name
+        )));
+    }
+    Ok(())
 }
 
 impl Law for InC {
@@ -109,6 +131,21 @@ impl Law for InC {
         // SAFETY: the callback is that of this memory, which has started, and all rows are as long as their tables.
         let status = unsafe { (calls.step)(self.memory.change(), &sample, command, internals) };
         outcome("step", status)
+    }
+
+    fn retune(&mut self, rows: &TunedRows<'_>, transition: Transition) {
+        assert_eq!((rows.parameters.len(), rows.model.len()), self.calls.setup);
+        let Some(retune) = self.calls.retune else {
+            return;
+        };
+        let setup = Setup {
+            parameters: rows.parameters.as_ptr(),
+            model: rows.model.as_ptr(),
+            period_s: rows.period_s,
+        };
+        let jumps = transition == Transition::Step;
+        // SAFETY: the callback is that of this memory, which has started, and the rows are as long as their tables.
+        unsafe { retune(self.memory.change(), &setup, jumps.into()) }
     }
 
     fn save(&self) -> Result<State, Invalid> {

@@ -7,7 +7,7 @@ use shared_types::describe::Invalid;
 use shared_types::layout::MOST_FIELDS;
 use shared_types::table::Field;
 
-use super::interface::{API, FAULTABLE, Parameter, Restore, Rows, Save, Signal};
+use super::interface::{API, FAULTABLE, Parameter, Restore, Rows, Save, Signal, TUNABLE};
 use super::memory::{MOST_BYTES, Saving};
 
 /// Refuses a program that was compiled with another header, or whose memory has no possible size.
@@ -133,7 +133,7 @@ pub(super) unsafe fn parameters(
         // SAFETY: the caller says so of the texts of each row.
         let field = unsafe { column((row.name, row.unit, row.description), name, number) }?;
         let (flags, shown) = (row.flags, &field.name);
-        if flags & !FAULTABLE != 0 {
+        if flags & !(FAULTABLE | TUNABLE) != 0 {
             return Err(Invalid(format!(
                 "`{shown}` of `{name}` has flags that are none: {flags}"
             )));
@@ -141,6 +141,7 @@ pub(super) unsafe fn parameters(
         Ok(Field {
             default: Some(row.initial),
             faultable: flags & FAULTABLE != 0,
+            tunable: flags & TUNABLE != 0,
             ..in_range(field, row.min, row.max)
         })
     };

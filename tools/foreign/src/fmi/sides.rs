@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use controller_process::controller::{Law, LawKind, Row, SetupRows};
+use controller_process::controller::{Law, LawKind, Row, SetupRows, Transition, TunedRows};
 use plant_process::plant::{Model as PlantModel, PlantKind};
 use serde::{Deserialize, Serialize};
 use shared_types::describe::{Invalid, LawDescription, PlantDescription};
@@ -82,18 +82,23 @@ pub fn law_description(model: &Model) -> LawDescription {
         tables,
     } = model;
     let (measured, reference) = tables.split_inputs();
+    let mut parameters = tables.parameters.iter();
+    let is_tunable = parameters.any(|column| column.field.faultable);
     LawDescription {
         name: description.identifier.clone(),
         summary: summary(model),
         plants: Vec::new(),
-        parameters: fields(&tables.parameters).iter().map(fixed).collect(),
+        parameters: fields(&tables.parameters).iter().map(of_law).collect(),
         model: Vec::new(),
         measured: measured.iter().map(free).collect(),
         reference: reference.iter().map(free).collect(),
         commands: Some(fields(&tables.outputs).iter().map(free).collect()),
         internals: fields(&tables.locals).iter().map(free).collect(),
         saves: description.saves,
-        tuning: String::new(),
+        tuning: match is_tunable {
+            true => "The FMU takes the values before its next step; its own equations say what the command does.".into(),
+            false => String::new(),
+        },
     }
 }
 
@@ -134,9 +139,10 @@ fn free(field: &Field) -> Field {
 }
 
 /// A parameter of a law, which no fault moves.
-fn fixed(field: &Field) -> Field {
+fn of_law(field: &Field) -> Field {
     Field {
         faultable: false,
+        tunable: field.faultable,
         ..field.clone()
     }
 }
@@ -223,6 +229,10 @@ impl Law for FmuLaw {
         command.copy_from_slice(commands);
         internals.copy_from_slice(inner);
         Ok(())
+    }
+
+    fn retune(&mut self, setup: &TunedRows<'_>, _: Transition) {
+        self.instance.retune(setup.parameters);
     }
 
     fn save(&self) -> Result<State, Invalid> {

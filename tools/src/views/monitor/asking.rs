@@ -12,7 +12,7 @@ use shared_types::session::SessionInfo;
 
 use super::SharedModel;
 use crate::session::live::{RequestError, refused_text};
-use crate::session::{clock, inject, standing};
+use crate::session::{clock, inject, set, standing};
 
 /// Interval between two requests for the run's status, which cost the loop nothing.
 const STATUS: Duration = Duration::from_millis(250);
@@ -122,6 +122,7 @@ pub(crate) fn met(
             model.lock().hear_status(status);
             Ok(told)
         }
+        Ok(Response::Changed(changed)) => Ok(set::describe(&changed)),
         Ok(Response::Marked { step, at_s }) => Ok(format!("marked step {step} ({at_s} s)")),
         Ok(response) => inject::describe(&response).map_err(|error| match error {
             RequestError::Failed(failure) => failure.to_string(),

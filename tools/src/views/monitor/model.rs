@@ -16,7 +16,7 @@ use shared_types::time::{Rate, Step};
 
 use super::history::History;
 use super::pace::Pace;
-use super::plots::{Plot, chosen};
+use super::plots::{self, Plot, chosen};
 use crate::session::observer::Seen;
 use crate::session::standing::Standing;
 use crate::terminal::exit::Failure;
@@ -85,6 +85,8 @@ pub(crate) struct Model {
     patterns: Vec<String>,
     columns: Vec<Column>,
     plots: Vec<Plot>,
+    /// Columns whose values the panel's table asks for.
+    readings: Vec<usize>,
     traces: Vec<Trace>,
     /// For derived signals that are drawn.
     derived: Option<Evaluation>,
@@ -100,6 +102,8 @@ pub(crate) struct Model {
     status: Option<Status>,
     faults: Vec<FaultState>,
     judged: Judged,
+    /// Number of times that what can be tuned may have become another.
+    retunings: u64,
     note: Option<String>,
     notes: VecDeque<Note>,
     ending: Option<Ending>,
@@ -122,6 +126,7 @@ impl Model {
             patterns: patterns.to_vec(),
             columns: Vec::new(),
             plots: Vec::new(),
+            readings: Vec::new(),
             traces: Vec::new(),
             derived: None,
             validity: Validity::default(),
@@ -133,6 +138,7 @@ impl Model {
             status: None,
             faults: Vec::new(),
             judged: Judged::Unknown,
+            retunings: 0,
             note: None,
             notes: VecDeque::new(),
             ending: None,
@@ -159,8 +165,10 @@ impl Model {
                 unit: derived.unit.clone(),
             }));
         self.plots = chosen(&self.columns, &self.plan, bounds, &self.patterns)?;
+        self.readings = plots::readings(&self.columns, &self.plan.panel.readings)?;
         let mut drawn: Vec<usize> = (self.plots.iter())
             .flat_map(|plot| plot.signals.iter().copied())
+            .chain(self.readings.iter().copied())
             .collect();
         drawn.sort_unstable();
         drawn.dedup();
@@ -231,6 +239,7 @@ impl Model {
                             self.keep_note(step, format!("controller {epoch} ({law})"));
                         }
                         self.law = law;
+                        self.retunings += 1;
                         told
                     }
                     Change::Refused { reason } => format!("controller {epoch} refused: {reason}"),
@@ -246,6 +255,8 @@ impl Model {
                 let (step, at_s) = (change.step, at(change.step));
                 let told = change.described();
                 self.note = Some(format!("changed at step {step} ({at_s} s): {told}"));
+                self.keep_note(step, told);
+                self.retunings += 1;
             }
             Event::Mark(mark) => {
                 let (step, at_s) = (mark.step, at(mark.step));
@@ -405,6 +416,18 @@ impl Model {
     #[must_use]
     pub(crate) fn history(&self, signal: usize) -> Option<&History> {
         self.trace(signal).map(|trace| &trace.history)
+    }
+
+    /// Number of changes of values and of controllers that were seen.
+    #[must_use]
+    pub(crate) const fn retunings(&self) -> u64 {
+        self.retunings
+    }
+
+    /// Lists the columns that the panel's readings show; empty: those of the plots.
+    #[must_use]
+    pub(crate) fn readings(&self) -> &[usize] {
+        &self.readings
     }
 
     /// Every signal that is drawn, with its place among the columns.

@@ -117,6 +117,32 @@ pub(crate) fn chosen(
     Ok(plots)
 }
 
+/// Lists the columns that names and patterns of the panel's readings mean; a pattern may mean none.
+///
+/// # Errors
+/// If one is no pattern, or they mean too many.
+pub(crate) fn readings(columns: &[Column], patterns: &[String]) -> Result<Vec<usize>, Failure> {
+    let mut found = Vec::new();
+    for text in patterns {
+        let pattern = Pattern::new(text)
+            .map_err(|error| Failure::usage(format!("panel.readings `{text}`: {error}")))?;
+        let matches = |column: &Column| {
+            pattern.matches(&column.name) || pattern.matches(&recorded_name(&column.name))
+        };
+        found.extend(
+            (0..columns.len())
+                .filter(|place| matches(&columns[*place]) && !found.contains(place))
+                .collect::<Vec<_>>(),
+        );
+    }
+    match found.len() {
+        ..=MOST => Ok(found),
+        number => Err(Failure::usage(format!(
+            "{number} signals match panel.readings; {MOST} can be watched at a time"
+        ))),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -165,6 +191,18 @@ mod tests {
             .expect_err("no such signal")
             .to_string();
         assert!(unknown.contains("nearest: `error_m`"), "{unknown}");
+    }
+
+    #[test]
+    fn readings_stand_in_the_order_in_which_they_are_named() {
+        let of = |texts: &[&str]| {
+            let texts: Vec<String> = texts.iter().map(|&text| text.into()).collect();
+            readings(&columns(), &texts)
+        };
+        let found = of(&["error_m", "*.position_m", "internal.*", "error_m"]).expect("right");
+        assert_eq!(found, [5, 0, 2, 3]);
+        let wrong = of(&["truth.[x"]).expect_err("no pattern").to_string();
+        assert!(wrong.contains("panel.readings `truth.[x`"), "{wrong}");
     }
 
     #[test]

@@ -49,7 +49,10 @@ pub(crate) fn all(
         return Ok(Vec::new());
     }
     if texts.len() > MOST {
-        let message = format!("{} times --inject; there are keys for {MOST}", texts.len());
+        let message = format!(
+            "{} faults are prepared; there are keys for {MOST}",
+            texts.len()
+        );
         return Err(Refusal::new(message).into());
     }
     let layout = layout(session)?;
@@ -60,7 +63,7 @@ pub(crate) fn all(
                 problems
                     .into_iter()
                     .map(|problem| Refusal {
-                        message: format!("--inject '{text}': {}", problem.message),
+                        message: format!("prepared fault '{text}': {}", problem.message),
                         ..problem
                     })
                     .collect(),

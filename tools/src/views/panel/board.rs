@@ -3,6 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, OnceLock, PoisonError};
 
+use glob::Pattern;
 use hil_config::plan::Clock;
 use serde_json::{Value, json};
 use shared_types::live::Possible;
@@ -93,6 +94,11 @@ impl Board {
             told["signals"] = plot.signals.iter().filter_map(of).collect();
             told
         });
+        let readings: Vec<usize> = model
+            .readings()
+            .iter()
+            .filter_map(|one| places.iter().position(|place| place == one))
+            .collect();
         let pace = match plan.run.clock {
             Clock::Paced { factor } => Some(factor),
             _ => None,
@@ -110,6 +116,7 @@ impl Board {
             "duration_s": model.seconds(plan.run.steps),
             "signals": signals.map(|one| json!({"name": one.name, "unit": one.unit})).collect::<Vec<_>>(),
             "plots": plots.collect::<Vec<_>>(),
+            "readings": (!readings.is_empty()).then_some(readings),
             "window_s": self.window_s,
             "buttons": self.buttons.iter().map(|one| json!({"label": one.label, "words": one.fault.words})).collect::<Vec<_>>(),
         }))
@@ -120,6 +127,26 @@ impl Board {
         let (possible, _) = self.ask_possible().ok()?;
         let listed = inject::listed(possible);
         Some(json!({ "tell": "faults", "faults": listed }))
+    }
+
+    /// Describes the values that can be changed, of those that the panel is to show.
+    pub(super) fn tunable(&self) -> Option<Value> {
+        let asked = live::ask(&self.session, &Request::Tunable, LIMIT);
+        let Ok(Response::Tunable(tunable)) = asked else {
+            return None;
+        };
+        let mut values = tunable.values;
+        let wanted = self.model.lock().plan().panel.tune.clone();
+        if !wanted.is_empty() {
+            let patterns: Vec<Pattern> = wanted
+                .iter()
+                .filter_map(|text| Pattern::new(text).ok())
+                .collect();
+            values.retain(|one| patterns.iter().any(|pattern| pattern.matches(&one.key)));
+        }
+        Some(
+            json!({ "tell": "tunable", "values": values, "law_does": tunable.law_does, "left": tunable.left }),
+        )
     }
 
     /// Does something to the session, and tells what came of it.

@@ -28,6 +28,8 @@ const BYTES_PER_S: f64 = 1e6;
 const UNDER_WAY: u32 = 3;
 /// Interval between two looks at the state of the session.
 const STATE: Duration = Duration::from_millis(150);
+/// Interval between two looks at whether values were changed.
+const TUNABLE: Duration = Duration::from_millis(500);
 /// Interval after which the state is told although it is the same: the page knows by it that it is connected.
 const ALIVE: Duration = Duration::from_secs(5);
 /// Interval between two questions to the page for a sign of life, and limit for it.
@@ -40,6 +42,14 @@ const AT_ONCE: usize = 32;
 /// Limit for a page to hear the end.
 const END_LIMIT: Duration = Duration::from_secs(2);
 
+/// Question or deed that waits for the session's answer.
+enum Work {
+    /// Something that the session is to do, with its number.
+    Do(u32, Deed),
+    /// The values that can be changed.
+    AskTunable,
+}
+
 pub(super) struct Client<'a> {
     socket: WebSocket<TcpStream>,
     board: &'a Arc<Board>,
@@ -50,13 +60,13 @@ pub(super) struct Client<'a> {
     /// The socket has not taken everything.
     is_full: bool,
     heard_at: Instant,
-    deeds: SyncSender<(u32, Deed)>,
+    work: SyncSender<Work>,
     answers: Receiver<String>,
 }
 
 impl<'a> Client<'a> {
     pub(super) fn new(socket: WebSocket<TcpStream>, board: &'a Arc<Board>) -> Self {
-        let (deeds, asked) = sync_channel::<(u32, Deed)>(DEEDS);
+        let (work, asked) = sync_channel(DEEDS);
         let (answer, answers) = channel();
         let theirs = Arc::clone(board);
         // Not joined: an answer may take long when nobody wants it any more.
@@ -64,9 +74,14 @@ impl<'a> Client<'a> {
             if let Some(faults) = theirs.faults() {
                 let _ = answer.send(faults.to_string()); // the page may have gone
             }
-            for (number, deed) in asked {
-                let told = message::answer(number, &theirs.act(&deed));
-                if answer.send(told).is_err() {
+            for work in asked {
+                let told = match work {
+                    Work::Do(number, deed) => Some(message::answer(number, &theirs.act(&deed))),
+                    Work::AskTunable => theirs.tunable().map(|told| told.to_string()),
+                };
+                if let Some(told) = told
+                    && answer.send(told).is_err()
+                {
                     return;
                 }
             }
@@ -80,7 +95,7 @@ impl<'a> Client<'a> {
             seen: 0,
             is_full: false,
             heard_at: Instant::now(),
-            deeds,
+            work,
             answers,
         }
     }
@@ -95,6 +110,7 @@ impl<'a> Client<'a> {
         let now = Instant::now();
         let (mut state_at, mut points_at, mut ping_at) = (now, now, now + PING);
         let mut told_at = now;
+        let (mut retunings, mut tunable_at) = (None, now);
         loop {
             self.listen()?;
             let now = Instant::now();
@@ -122,6 +138,17 @@ impl<'a> Client<'a> {
                         self.say(newest.to_string().into())?;
                         (state, told_at) = (newest, now);
                     }
+                }
+                if now >= tunable_at && is_described {
+                    let model = self.board.model.lock();
+                    // Of a run that is held a change is seen by nobody until it goes on.
+                    let seen = (!model.is_paused()).then(|| model.retunings());
+                    drop(model);
+                    let is_news = seen.is_none() || seen != retunings;
+                    if is_news && self.work.try_send(Work::AskTunable).is_ok() {
+                        retunings = seen;
+                    }
+                    tunable_at = now + TUNABLE;
                 }
                 if now >= points_at && is_described {
                     let sent = self.points()?;
@@ -200,7 +227,7 @@ impl<'a> Client<'a> {
                     }
                 }
                 Ok(Wish::Do { number, deed }) => {
-                    if let Err(TrySendError::Full(_)) = self.deeds.try_send((number, deed)) {
+                    if let Err(TrySendError::Full(_)) = self.work.try_send(Work::Do(number, deed)) {
                         let busy = Err("the session has not answered yet".into());
                         self.say(message::answer(number, &busy).into())?;
                     }

@@ -6,7 +6,7 @@
 
 use serde::Deserialize;
 use serde_json::{Value, json};
-use shared_types::live::Request;
+use shared_types::live::{ChangeRequest, Request};
 use shared_types::time::Rate;
 
 use crate::views::monitor::history::Range;
@@ -73,6 +73,11 @@ pub enum Deed {
         /// Text of the note.
         text: String,
     },
+    /// Change values.
+    Set {
+        /// Values, and when they begin.
+        change: ChangeRequest,
+    },
     /// Put in a fault.
     Inject {
         /// Words as `hil inject` takes them.
@@ -95,6 +100,7 @@ impl Deed {
             Self::Step { steps } => Request::Advance { steps: *steps },
             Self::Mark { text } => Request::Mark { text: text.clone() },
             Self::Clear { fault } => Request::Clear { id: *fault },
+            Self::Set { change } => Request::Set(change.clone()),
             Self::Inject { .. } => return None,
         })
     }
@@ -210,6 +216,9 @@ mod tests {
             r#"{"ask":"seen","number":7}"#,
             r#"{"ask":"do","number":1,"deed":{"deed":"pause"}}"#,
             r#"{"ask":"do","number":2,"deed":{"deed":"clear","fault":null}}"#,
+            r#"{"ask":"do","number":2,"deed":{"deed":"set","change":{"set":[{"key":"plant.parameters.mass_kg","value":1.2}],"ramp_s":0.5}}}"#,
+            r#"{"ask":"do","number":2,"deed":{"deed":"set","change":{"set":[{"key":"controller.pid.command_limit_n","value":"inf"}]}}}"#,
+            r#"{"ask":"do","number":2,"deed":{"deed":"set","change":{"clear":["reference.position_m"]}}}"#,
             r#"{"ask":"do","number":3,"deed":{"deed":"inject","words":"bias measured.x_m 1"}}"#,
         ] {
             wish(text).expect(text);
@@ -220,6 +229,8 @@ mod tests {
             r#"{"ask":"view","number":1,"window_s":1e9}"#,
             r#"{"ask":"view","number":-1,"window_s":5}"#,
             r#"{"ask":"do","number":1,"deed":{"deed":"swap"}}"#,
+            r#"{"ask":"do","number":1,"deed":{"deed":"set","change":{"set":{"plant.parameters.mass_kg":1.2}}}}"#,
+            r#"{"ask":"do","number":1,"deed":{"deed":"set","change":{"set":[],"file":"x"}}}"#,
             r#"{"ask":"do","number":1,"deed":{"deed":"pause","at":3}}"#,
             r#"{"ask":"run","program":"sh"}"#,
         ] {

@@ -69,6 +69,7 @@ fn page(nonce: &str) -> String {
                     aside aria-label="Session" {
                         (readings())
                         (requirements())
+                        (tune())
                         (faults())
                         (inject())
                         (log())
@@ -112,7 +113,7 @@ fn head() -> Markup {
                     summary { "Keys" }
                     div {
                         kbd { "Space" } " pause, resume; " kbd { "s" } " one step, " kbd { "S" } " 100 steps; " kbd { "m" } " mark; "
-                        kbd { "f" } " fault; " kbd { "+" } " " kbd { "-" } " window; " kbd { "1" } " to " kbd { "9" } " prepared faults. "
+                        kbd { "f" } " fault; " kbd { "t" } " tune; " kbd { "+" } " " kbd { "-" } " window; " kbd { "1" } " to " kbd { "9" } " prepared faults. "
                         "Point at a plot for its values."
                     }
                 }
@@ -131,6 +132,17 @@ fn requirements() -> Markup {
         section #requirements-box hidden {
             h2 { "Requirements" }
             table { thead { tr { th scope="col" { "" } th scope="col" { "name" } th.n scope="col" { "margin" } } } tbody #requirements {} }
+        }
+    }
+}
+
+fn tune() -> Markup {
+    html! {
+        section #tune-box hidden {
+            h2 { "Tune" }
+            div #knobs {}
+            div.field { label for="tune-ramp" { "Ramp [s]" } input #tune-ramp inputmode="decimal" placeholder="at once" autocomplete="off"; }
+            p #law-does .hint {}
         }
     }
 }

@@ -513,7 +513,7 @@
     if (about) note();
     requirements(told.requirements);
     faults(told.faults);
-    if (told.note && told.note !== before?.note) log(told.note);
+    if (told.note && told.note !== before?.note) log(told.note, "", /^changed at [^:]*: (\S+) =/.exec(told.note)?.[1]);
     if (told.told && told.told !== before?.told) log(told.told, tones[ending.verdict]);
     if (told.told) trouble(told.told, false);
     drawSoon();
@@ -564,8 +564,11 @@
     at("no-faults").hidden = list.length > 0;
     at("clear-all").hidden = Boolean(state.ending) || list.filter((one) => one.state !== "ended").length < 2;
   };
-  const log = (text, tone) => {
-    const row = make("li", text, { "data-tone": tone ?? "" });
+  // A row about the same thing as the newest one takes its place: a slider that moves says many.
+  const log = (text, tone, about = "") => {
+    const row = make("li", text, { "data-tone": tone ?? "", "data-about": about });
+    const before = at("log").firstChild;
+    if (about && before?.dataset.about === about) before.remove();
     at("log").prepend(row);
     while (at("log").children.length > 100) at("log").lastChild.remove();
     at("no-log").hidden = true;
@@ -578,8 +581,11 @@
     ask({ ask: "do", number: ++deeds, deed });
     return deeds;
   };
-  const answered = ({ is_done, text }) => {
-    log(text, is_done ? "" : "bad");
+  const answered = ({ number: deed, is_done, text }) => {
+    const knob = asked.get(deed);
+    asked.delete(deed);
+    log(text, is_done ? "" : "bad", knob?.told.key);
+    knob?.answered(is_done);
     write(at("status"), text);
     root.dataset.answers = String(Number(root.dataset.answers ?? 0) + 1);
   };
@@ -598,6 +604,143 @@
   at("clear-all").addEventListener("click", () => act({ deed: "clear", fault: null }));
   at("window").addEventListener("change", () => setWindow(Number(at("window").value)));
   at("theme").addEventListener("click", () => setTheme(root.dataset.theme !== "dark"));
+
+  // ---- Values that can be changed ----
+
+  // Positions of a slider, and the least time between two changes while it moves.
+  const POSITIONS = 200;
+  const BETWEEN_MS = 150;
+  const real = (value) => (typeof value === "number" ? value : Number(String(value).trim().replace("inf", "Infinity")));
+  const wire = (value) => (Number.isFinite(value) ? value : String(value).replace("Infinity", "inf"));
+  const largestSeen = (name) => {
+    let most = 0;
+    const one = signals.find((signal) => signal.name === name);
+    if (one) for (let i = view.first; i <= view.last; i++) most = Math.max(most, Math.abs(one.least[i % KEPT]) || 0, Math.abs(one.greatest[i % KEPT]) || 0);
+    return most;
+  };
+  const knobs = new Map();
+  const asked = new Map();
+
+  // A value with a slider and a field. While one change is on its way only the newest wish waits behind it.
+  class Knob {
+    constructor(told, nth) {
+      this.told = told;
+      this.wish = null;
+      this.isAsking = false;
+      this.isHeld = false;
+      this.sentAt = 0;
+      this.isReference = told.key.startsWith("reference.");
+      const unit = told.unit && told.unit !== "1" ? ` [${told.unit}]` : "";
+      const id = "knob-" + nth;
+      this.row = make("div", undefined, { class: "knob", title: told.description });
+      const label = make("label", undefined, { for: id });
+      this.back = make("button", this.isReference ? "Stimulus" : "Reset", { type: "button", class: "back", "aria-label": (this.isReference ? "Stimulus again: " : "Reset ") + told.key });
+      label.append(this.back, parted(told.key.replace(/^plant\.parameters\./, "plant.").replace(/^controller\./, "")), unit);
+      this.slider = make("input", undefined, { type: "range", min: 0, max: POSITIONS, step: 1, "aria-label": told.key });
+      this.field = make("input", undefined, { id, inputmode: "decimal", autocomplete: "off" });
+      this.row.append(label, this.slider, this.field);
+      this.span = this.reach();
+      this.slider.addEventListener("pointerdown", () => (this.isHeld = true));
+      this.slider.addEventListener("input", () => this.ask(this.at(Number(this.slider.value))));
+      this.slider.addEventListener("change", () => (this.isHeld = false));
+      this.field.addEventListener("change", () => {
+        const value = real(this.field.value);
+        if (this.field.value.trim() === "" || Number.isNaN(value)) return this.show();
+        this.ask(value);
+      });
+      this.back.addEventListener("click", () => {
+        this.wish = null;
+        this.send(this.isReference ? { clear: [told.key] } : { set: [{ key: told.key, value: told.original }] });
+      });
+      this.show();
+    }
+
+    // The ends of the slider: twice the largest value there is to be seen, within the range.
+    reach() {
+      const [min, max] = [real(this.told.min), real(this.told.max)];
+      const values = [this.told.original, this.told.value, this.told.target].map(real).filter(Number.isFinite);
+      let size = Math.max(...values.map(Math.abs), largestSeen(this.told.key), 0);
+      if (!size) size = max - min <= 1e3 ? Math.max(Math.abs(min), Math.abs(max)) / 2 : 0.5;
+      const isSigned = this.isReference || values.some((one) => one < 0) || (min < 0 && values.every((one) => one === 0));
+      return [Math.max(min, isSigned ? -2 * size : 0), Math.min(max, 2 * size)];
+    }
+
+    at(position) {
+      const [low, high] = this.span;
+      if (position <= 0) return low;
+      if (position >= POSITIONS) return high;
+      const grain = 10 ** Math.floor(Math.log10((high - low) / POSITIONS));
+      return Number((Math.round((low + ((high - low) * position) / POSITIONS) / grain) * grain).toPrecision(12));
+    }
+
+    now() {
+      return this.wish ?? real(this.told.target);
+    }
+
+    show() {
+      const value = this.now();
+      if (Number.isFinite(value) && (value < this.span[0] || value > this.span[1])) this.span = this.reach();
+      const [low, high] = this.span;
+      const share = (Math.min(Math.max(value, low), high) - low) / (high - low || 1);
+      this.slider.value = String(Math.round(share * POSITIONS));
+      this.slider.setAttribute("aria-valuetext", shown(value, this.told.unit));
+      if (document.activeElement !== this.field) this.field.value = Number.isFinite(value) ? String(+value.toPrecision(7)) : number(value);
+      this.row.dataset.changed = String(this.told.is_changed);
+      this.back.hidden = !this.told.is_changed;
+    }
+
+    hear(told) {
+      this.told = told;
+      if (!this.isHeld && !this.isAsking && this.wish === null) this.show();
+    }
+
+    ask(value) {
+      this.wish = value;
+      this.slider.setAttribute("aria-valuetext", shown(value, this.told.unit));
+      if (document.activeElement !== this.field) this.field.value = String(value);
+      this.push();
+    }
+
+    push() {
+      if (this.isAsking || this.wish === null) return;
+      const wait = this.sentAt + BETWEEN_MS - performance.now();
+      clearTimeout(this.timer);
+      if (wait > 0) {
+        this.timer = setTimeout(() => this.push(), wait);
+        return;
+      }
+      const value = this.wish;
+      this.wish = null;
+      this.told = { ...this.told, target: value, is_changed: true };
+      const ramp_s = Number(at("tune-ramp").value);
+      const set = [{ key: this.told.key, value: wire(value) }];
+      this.send(at("tune-ramp").value.trim() && ramp_s > 0 ? { set, ramp_s } : { set });
+    }
+
+    send(change) {
+      this.isAsking = isOpen();
+      this.sentAt = performance.now();
+      asked.set(act({ deed: "set", change }), this);
+    }
+
+    answered(isDone) {
+      this.isAsking = false;
+      if (!isDone) this.wish = null;
+      this.push();
+    }
+  }
+
+  const listTunable = (told) => {
+    at("tune-box").hidden = told.values.length === 0;
+    write(at("law-does"), told.law_does);
+    const keys = told.values.map((one) => one.key);
+    if (keys.length !== knobs.size || keys.some((key) => !knobs.has(key))) {
+      knobs.clear();
+      told.values.forEach((one, nth) => knobs.set(one.key, new Knob(one, nth)));
+      at("knobs").replaceChildren(...[...knobs.values()].map((knob) => knob.row));
+    }
+    for (const one of told.values) knobs.get(one.key).hear(one);
+  };
 
   // ---- A fault of its own ----
 
@@ -699,7 +842,7 @@
     };
     const keys = {
       " ": () => !target.closest("button, summary, a") && (pause(), true),
-      s: () => step(1), S: () => step(100), m: () => (at("mark").focus(), true), f: () => (at("kind").focus(), true),
+      s: () => step(1), S: () => step(100), m: () => (at("mark").focus(), true), t: () => (at("knobs").querySelector("input")?.focus(), true), f: () => (at("kind").focus(), true),
       "+": () => wider(-1), "=": () => wider(-1), "-": () => wider(1),
     };
     const button = /^[1-9]$/.test(event.key) ? at("buttons").children[Number(event.key) - 1] : null;
@@ -733,10 +876,12 @@
   };
   const enable = () => {
     const isUsable = isOpen() && state && !state.ending && state.state !== "starting";
-    for (const button of document.querySelectorAll("#pause, #step, #steps, #mark-form button, #inject button, #buttons button, #faults button, #clear-all")) button.disabled = !isUsable;
+    for (const button of document.querySelectorAll("#pause, #step, #steps, #mark-form button, #inject button, #buttons button, #faults button, #clear-all, #tune-box button, #tune-box input")) button.disabled = !isUsable;
   };
   const lost = () => {
     socket = null;
+    for (const knob of asked.values()) knob.isAsking = false;
+    asked.clear();
     enable();
     root.dataset.connection = "lost";
     if (isOver || state?.ending?.verdict) return;
@@ -774,6 +919,7 @@
       }
       if (told.tell === "about") describe(told);
       else if (told.tell === "faults") listFaults(told);
+      else if (told.tell === "tunable") listTunable(told);
       else if (told.tell === "state") show(told);
       else if (told.tell === "answer") answered(told);
       else if (told.tell === "over") {

@@ -1,0 +1,75 @@
+//! `[panel]`: signals and keys that exist.
+
+use super::changes::{self, ChangeContext};
+use crate::expression::Columns;
+use crate::plan::Panel;
+use crate::problem::ProblemKind;
+use crate::reader::{Reader, Section};
+
+/// The panel; what is wrong with it is reported. Names are looked up as far as all that may be named is known; a
+/// pattern may match nothing, as with another law.
+pub(super) fn check(
+    reader: &mut Reader,
+    root: &Section<'_>,
+    columns: Option<&Columns>,
+    changed: &ChangeContext<'_>,
+) -> Panel {
+    let Some(section) = reader.section(root, "panel") else {
+        return Panel::default();
+    };
+    reader.refuse_unknown(&section, &[]);
+    let window_s = reader.number(&section, "window_s");
+    let signals: Option<Vec<String>> =
+        columns.map(|columns| columns.names().map(Into::into).collect());
+    let keys = changes::tunable(changed);
+    let readings = names(
+        reader,
+        &section,
+        "readings",
+        signals,
+        "is no signal of this run",
+    );
+    let tune = names(
+        reader,
+        &section,
+        "tune",
+        keys,
+        "cannot be changed while this run goes on",
+    );
+    let inject = names(reader, &section, "inject", None, "");
+    Panel {
+        window_s: window_s.unwrap_or_else(|| Panel::default().window_s),
+        readings,
+        tune,
+        inject,
+    }
+}
+
+fn names(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    key: &str,
+    known: Option<Vec<String>>,
+    what: &str,
+) -> Vec<String> {
+    if section.table.get(key).is_none() {
+        return Vec::new();
+    }
+    let given = reader.texts(section, key).unwrap_or_default();
+    for (path, place, name) in &given {
+        let is_pattern = name.contains(['*', '?', '[']);
+        let Some(known) = known
+            .as_deref()
+            .filter(|known| !is_pattern && !known.iter().any(|one| one == name))
+        else {
+            continue;
+        };
+        let message = format!("`{path}` is `{name}`, which {what}");
+        let problem = reader.report(ProblemKind::UnknownName, path, place, message);
+        problem.nearest(name, known.iter().map(String::as_str));
+    }
+    given
+        .into_iter()
+        .map(|(_, _, name)| name.to_owned())
+        .collect()
+}
