@@ -34,6 +34,18 @@ fn lines(rig: &Rig) -> Vec<(String, String)> {
             format!("hil watch --session {session} tracking_err"),
             "tracking_error_m",
         ),
+        (
+            format!("hil set --session {session} controller.pid.prop"),
+            "controller.pid.proportional_n_per_m=",
+        ),
+        (
+            format!("hil set --session {session} plant.parameters.stif"),
+            "plant.parameters.stiffness_n_per_m=",
+        ),
+        (
+            format!("hil set --session {session} --clear ref"),
+            "reference.position_m",
+        ),
         ("hil run pla".into(), "plain.toml"),
         ("hil run my".into(), "my own.toml"),
         ("hil run 'my".into(), "my own.toml"),

@@ -30,6 +30,8 @@ pub(super) enum Source {
     Scenarios,
     /// Keys of a scenario, as `KEY=`.
     Keys,
+    /// Reference signals, as keys of a change.
+    References,
     Signals,
     Kinds,
     /// Targets of the kind of fault on the line, or of any.
@@ -52,6 +54,7 @@ impl Source {
             (_, _, "SCENARIO.toml") => Self::Scenarios,
             (_, _, "RUN" | "CHECKPOINT") | ("compare", "a" | "b", _) => Self::Runs,
             (_, "set", _) => Self::Keys,
+            ("set", "clear", _) => Self::References,
             (_, "signal" | "signals" | "record", "SIGNAL" | "PATTERN") => Self::Signals,
             ("inject", "kind" | "list_kind", _) => Self::Kinds,
             ("inject", "words" | "target", _) => Self::Targets,
@@ -69,6 +72,9 @@ pub(super) fn of(source: Source, line: &Line, typed: &OsStr) -> Vec<CompletionCa
         Source::Runs => return runs(typed),
         Source::Scenarios => return scenarios(typed),
         Source::Keys => keys(line, typed),
+        Source::References => references(line)
+            .map(|(name, unit)| told(&name, &unit))
+            .collect(),
         Source::Signals => signals(line),
         Source::Kinds => kinds(line)
             .iter()
@@ -169,9 +175,14 @@ fn keys(line: &Line, typed: &OsStr) -> Vec<CompletionCandidate> {
     if let Some(document) = document {
         flatten("", document.as_item(), &mut found);
     }
-    // A swap changes the controller alone.
+    // A swap changes the controller alone, and a change of a running session what is offered for it.
     if line.is_of("swap") {
         found.retain(|(key, _)| key.starts_with("controller."));
+    }
+    if line.is_of("set") {
+        let offered = tunable(&subject);
+        found.retain(|(key, _)| offered.contains(key));
+        found.extend(references(line));
     }
     found
         .iter()
@@ -211,6 +222,35 @@ fn flatten(key: &str, item: &Item, found: &mut Vec<(String, String)>) {
         }
         Item::None => {}
     }
+}
+
+/// Parameters that can be changed while a session runs, by their keys.
+fn tunable(subject: &Subject) -> Vec<String> {
+    let Subject {
+        plan,
+        plant,
+        controller,
+    } = subject;
+    let plant = plan.plant_among(&plant.plants).into_iter();
+    let of_plant = plant
+        .flat_map(|plant| &plant.parameters)
+        .filter(|field| field.tunable || field.faultable)
+        .map(|field| format!("plant.parameters.{}", field.name));
+    let law = plan.law_among(&controller.laws);
+    let of_law = (law.iter()).flat_map(|law| {
+        let name = &law.name;
+        (law.tunable()).map(move |field| format!("controller.{name}.{}", field.name))
+    });
+    of_plant.chain(of_law).collect()
+}
+
+/// Reference signals of the session as keys of a change, with their units.
+fn references(line: &Line) -> impl Iterator<Item = (String, String)> {
+    let stimuli = line.subject().map(|subject| subject.plan.stimuli);
+    (stimuli.into_iter().flatten()).map(|stimulus| {
+        let unit = unit_shown(&stimulus.unit).to_owned();
+        (format!("reference.{}", stimulus.target), unit)
+    })
 }
 
 /// Signals of a record and derived ones.
