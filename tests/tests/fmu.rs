@@ -310,7 +310,8 @@ fn an_fmu_is_a_controller() {
         .next()
         .expect("the begin")
         .to_owned()
-        + "[[stimuli]]\ntarget = \"position_m\"\nkind = \"step\"\nat_s = 0.5\nafter = 0.01\n";
+        + "[[stimuli]]\ntarget = \"position_m\"\nkind = \"step\"\nat_s = 0.5\nafter = 0.01\n\
+           [[changes]]\nat_s = 0.7\nset.controller.proportional.gain_n_per_m = 250.0\n";
     let run = place.run(&text, &arguments).expect(0);
     let out = place.rig.path("table.csv");
     let arguments = [
@@ -330,7 +331,8 @@ fn an_fmu_is_a_controller() {
         .expect(0);
     let table = std::fs::read_to_string(out).expect("written");
     let mut moved = 0;
-    for line in table.lines().skip(1).take(1000) {
+    for (step, line) in table.lines().skip(1).take(1000).enumerate() {
+        let gain = if step < 700 { 100.0 } else { 250.0 };
         let row: Vec<f64> = line
             .split(',')
             .map(|cell| cell.parse().expect("a number"))
@@ -338,7 +340,7 @@ fn an_fmu_is_a_controller() {
         let [.., measured, reference, command] = row[..] else {
             panic!("{line}")
         };
-        assert_eq!(command, 100.0 * (reference - measured), "{line}");
+        assert_eq!(command, gain * (reference - measured), "{line}");
         moved += usize::from(command != 0.0);
     }
     assert!(moved > 400, "{moved}");

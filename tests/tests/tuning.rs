@@ -250,7 +250,7 @@ fn a_fault_acts_on_the_base_that_a_change_made() {
 fn random_changes_at_full_speed_take_hold_at_the_steps_told() {
     let rig = Rig::new();
     let run = rig.start(&format!(
-        "{SPRING} --set run.duration_s=600 --pause-at 0.001"
+        "{SPRING} --set run.duration_s=2000 --pause-at 0.001"
     ));
     until_paused_at(&rig, 1);
     let session = SessionInfo::read(&rig.session_folder()).expect("it runs");
@@ -267,7 +267,7 @@ fn random_changes_at_full_speed_take_hold_at_the_steps_told() {
     asked(&Request::Resume);
     let mut random = RandomStream::new(1, "changes");
     let mut told = Vec::new();
-    for _ in 0..200 {
+    for _ in 0..1000 {
         let (key, low, high) = keys[(random.uniform() * keys.len() as f64) as usize];
         let value = low + (high - low) * random.uniform();
         let request = Request::Set(ChangeRequest {

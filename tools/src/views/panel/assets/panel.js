@@ -274,7 +274,10 @@
       ctx.textAlign = "left";
       const boxes = [];
       const line = 13 * ratio;
-      for (const { label, from_s, until_s, isFault } of happenings()) {
+      // Of changes of one value that are close to each other, as of a slider that moved, the last has a label.
+      const places = happenings().map((one) => u.valToPos(one.from_s, "x", true));
+      const isLast = (nth) => happenings().every(({ key }, other) => other <= nth || !key || key !== happenings()[nth].key || places[other] - places[nth] > 80 * ratio);
+      for (const [nth, { label, from_s, until_s, isFault }] of happenings().entries()) {
         const from = u.valToPos(from_s, "x", true);
         const to = until_s === null ? left + width : u.valToPos(until_s, "x", true);
         if (to < left || from > left + width) continue;
@@ -284,6 +287,7 @@
         }
         ctx.fillStyle = isFault ? ink.edge : ink.text;
         ctx.fillRect(from, top, ratio, height);
+        if (!isLast(nth)) continue;
         const wide = ctx.measureText(label).width;
         const x = Math.max(left + 2 * ratio, Math.min(Math.max(from, left) + 4 * ratio, left + width - wide - 2 * ratio));
         const row = [0, 1, 2, 3].find((row) => boxes.every((box) => box.row !== row || box.right < x || box.left > x + wide));
@@ -378,7 +382,11 @@
         until_s: ends.every((one) => one !== null && one !== undefined) ? Math.max(...ends) * period() : null,
       });
     }
-    for (const one of state.notes) list.push({ label: one.text.slice(0, 60), isFault: false, from_s: one.step * period(), until_s: one.step * period() });
+    for (const one of state.notes) {
+      const key = /^(\S+) = /.exec(one.text)?.[1];
+      const label = one.text.replace(/^(plant\.parameters|controller\.[^.\s]+)\./, "").slice(0, 60);
+      list.push({ label, key, isFault: false, from_s: one.step * period(), until_s: one.step * period() });
+    }
     happened = list;
   };
 
