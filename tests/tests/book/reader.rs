@@ -40,7 +40,7 @@ const MODULES: [&str; 6] = ["hil_run", "json", "mcap", "numpy", "pandas", "pyarr
 const HIL: &str = r#"#!/usr/bin/env bash
 # Names the session of the page for a command that would look for the only one.
 case "$1" in
-    inject | pause | resume | step | controller | monitor)
+    controller | get | inject | mark | monitor | panel | pause | resume | set | step | watch)
         [[ " $* " == *" --list "* || " $* " == *" --session "* ]] || set -- "$@" --session "$SESSION" ;;
 esac
 exec "$PROGRAMS/hil" "$@"
@@ -245,17 +245,23 @@ impl Desk {
     }
 }
 
-/// Runs to the end, or until the watchdog barks; whether it succeeded.
+/// Runs to the end, or until the watchdog barks; whether it succeeded. A page that failed leaves no session.
 fn finish(bash: &mut Command) -> bool {
     let mut child = bash.spawn().expect("bash is there");
+    let group = i32::try_from(child.id()).ok().and_then(Pid::from_raw);
+    let end = |signal| {
+        let _ = kill_process_group(group.expect("a number"), signal); // gone already?
+    };
     let since = Instant::now();
     loop {
         if let Some(status) = child.try_wait().expect("it is our child") {
+            if !status.success() {
+                end(Signal::INT);
+            }
             return status.success();
         }
         if since.elapsed() > WATCHDOG {
-            let group = i32::try_from(child.id()).ok().and_then(Pid::from_raw);
-            let _ = kill_process_group(group.expect("a number"), Signal::KILL); // gone already?
+            end(Signal::KILL);
             child.wait().expect("it is our child");
             return false;
         }
