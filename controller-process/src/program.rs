@@ -26,7 +26,7 @@ use crate::runner::{End, Progress, Runner, choose};
 /// Runs a controller process that can run any of these laws, by what its arguments say. The process can
 /// run [`hold`] too, which fits every plant, unless a law of its own has that name.
 ///
-/// The origin is [`origin!`](shared_types::origin), or a version alone.
+/// The origin is [`origin!`](macro@shared_types::origin), or a version alone.
 #[must_use]
 pub fn run(program: &'static str, origin: impl Into<Origin>, laws: Vec<LawKind>) -> ExitCode {
     program::run(&ControllerProgram {

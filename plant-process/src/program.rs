@@ -35,7 +35,7 @@ pub const HELD: Duration = Duration::from_millis(1);
 /// Runs a plant process that can be any of these plants, by what its arguments say. Its faults are
 /// those of the plants and the [built-in kinds](kinds::all).
 ///
-/// The origin is [`origin!`](shared_types::origin), or a version alone.
+/// The origin is [`origin!`](macro@shared_types::origin), or a version alone.
 #[must_use]
 pub fn run(program: &'static str, origin: impl Into<Origin>, plants: Vec<PlantKind>) -> ExitCode {
     run_with_faults(program, origin, plants, kinds::all())

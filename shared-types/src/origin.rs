@@ -1,6 +1,6 @@
 //! Origin of a program: its version and the source that it was built from, which `--describe` tells.
 //!
-//! A program whose package has a build script that calls `hil_origin::note` passes [`origin!`](crate::origin) to its
+//! A program whose package has a build script that calls `hil_origin::note` passes [`origin!`](macro@crate::origin) to its
 //! `program::run`; any other one passes its version.
 
 use std::borrow::Cow;
