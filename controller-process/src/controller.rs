@@ -66,7 +66,7 @@ pub struct Tuning<C: Controller> {
     /// Sentence for whoever tunes the law: what its command does at a change.
     pub does: &'static str,
     /// Takes the values, ahead of the [`step`](Controller::step) that they count from, without allocating.
-    /// Whether they go together was asked of [`start`](Controller::start) before.
+    /// [`start`](Controller::start) was asked before whether they go together.
     pub take: fn(&mut C, &Setup<C>, Transition),
 }
 

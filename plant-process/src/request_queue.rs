@@ -42,7 +42,7 @@ pub enum LoopRequest {
     Mark(String, Sender<Result<Step, String>>),
 }
 
-/// What can be changed, at a step.
+/// Values that can be changed, at a step.
 #[derive(Clone, Debug)]
 pub struct TuningShown {
     /// Values, changes that wait, and the number of those that the run can still take.

@@ -36,7 +36,7 @@ pub struct Tuning {
     /// Courses of the plant's parameters by their place, and those of its law by their full name.
     plant: BTreeMap<usize, Course>,
     law: BTreeMap<String, Course>,
-    /// What the active law offers.
+    /// Offer of the active law.
     offered: Offered,
     /// Number of messages that the law was to be told.
     number: u64,
@@ -68,7 +68,7 @@ struct Reference {
     course: Option<Course>,
 }
 
-/// What a step changed.
+/// Changes that a step brought.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Moved {
     /// Parameters of the plant have other bases.
@@ -328,7 +328,7 @@ impl Tuning {
         self.number
     }
 
-    /// What the active law is to be told: all of its parameters that were changed.
+    /// Message to the active law: all of its parameters that were changed.
     #[must_use]
     pub fn tuned(&self) -> Tuned {
         let own = law_keys(&self.offered.law);
@@ -365,7 +365,7 @@ impl Tuning {
         self.offered.epoch = 0;
     }
 
-    /// What the active law offers.
+    /// Offer of the active law.
     #[must_use]
     pub const fn offered(&self) -> &Offered {
         &self.offered

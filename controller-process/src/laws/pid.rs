@@ -12,7 +12,7 @@ use super::limit::limited;
 use super::transfer::Transfer;
 use crate::controller::Transition;
 
-/// What the laws named `pid` do when a gain changes while they run.
+/// Sentence on a gain of the laws named `pid` that changes while they run.
 pub const TUNING: &str = "The command goes on from what the old gains would have given: the integral takes up the difference; without an integral gain it fades within 0.1 s after a jump.";
 
 /// Gains, in units of the command per unit of the error (and per second or times second).

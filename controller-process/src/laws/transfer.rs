@@ -1,4 +1,4 @@
-//! What keeps a command continuous where parameters jump and no integral takes up the difference.
+//! Transfer that keeps a command continuous where parameters jump and no integral takes up the difference.
 //!
 //! Used by the laws of this folder at the sample of such a change. A law that has an integral re-initialises
 //! that instead ([`pid`](super::pid)); parameters on a ramp need neither.

@@ -15,7 +15,7 @@ pub(crate) const CHANGE: &[Key] = &[
     CLEAR,
 ];
 
-/// What a change that is asked of a running run has: without a time it begins at once.
+/// Keys of a change that is asked of a running run: without a time it begins at once.
 pub(crate) const LIVE_CHANGE: &[Key] = &[
     Key::new(
         "at_s",

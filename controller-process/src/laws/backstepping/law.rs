@@ -57,7 +57,7 @@ struct Transfers {
     changed: bool,
 }
 
-/// What the backstepping laws do when a gain changes while they run.
+/// Sentence on a gain of the backstepping laws that changes while they run.
 pub(super) const TUNING: &str = "The commands go on from what the old gains would have given; after a jump the difference fades within 0.1 s.";
 
 /// State that the law keeps from sample to sample.

@@ -620,10 +620,12 @@
   const BETWEEN_MS = 150;
   const real = (value) => (typeof value === "number" ? value : Number(String(value).trim().replace("inf", "Infinity")));
   const wire = (value) => (Number.isFinite(value) ? value : String(value).replace("Infinity", "inf"));
-  const largestSeen = (name) => {
+  const largestSeen = (isMeant) => {
     let most = 0;
-    const one = signals.find((signal) => signal.name === name);
-    if (one) for (let i = view.first; i <= view.last; i++) most = Math.max(most, Math.abs(one.least[i % KEPT]) || 0, Math.abs(one.greatest[i % KEPT]) || 0);
+    for (const one of signals) {
+      if (!isMeant(one.name)) continue;
+      for (let i = view.first; i <= view.last; i++) most = Math.max(most, Math.abs(one.least[i % KEPT]) || 0, Math.abs(one.greatest[i % KEPT]) || 0);
+    }
     return most;
   };
   const knobs = new Map();
@@ -667,7 +669,7 @@
     reach() {
       const [min, max] = [real(this.told.min), real(this.told.max)];
       const values = [this.told.original, this.told.value, this.told.target].map(real).filter(Number.isFinite);
-      let size = Math.max(...values.map(Math.abs), largestSeen(this.told.key), 0);
+      let size = Math.max(...values.map(Math.abs), largestSeen((name) => name === this.told.key), 0);
       if (!size) size = max - min <= 1e3 ? Math.max(Math.abs(min), Math.abs(max)) / 2 : 0.5;
       const isSigned = this.isReference || values.some((one) => one < 0) || (min < 0 && values.every((one) => one === 0));
       return [Math.max(min, isSigned ? -2 * size : 0), Math.min(max, 2 * size)];
@@ -774,11 +776,7 @@
     const round = (value) => +value.toPrecision(1);
     if (field.unit === "target") {
       const name = target.replace(/^[^.]*\./, "");
-      let most = 0;
-      for (const one of signals) {
-        if (one.name.replace(/^[^.]*\./, "") !== name) continue;
-        for (let i = view.first; i <= view.last; i++) most = Math.max(most, Math.abs(one.least[i % KEPT]) || 0, Math.abs(one.greatest[i % KEPT]) || 0);
-      }
+      const most = largestSeen((one) => one.replace(/^[^.]*\./, "") === name);
       return most > 0 ? round(most / 10) : 0.1;
     }
     const bound = (value) => (Number.isFinite(value) ? value : null);
@@ -888,8 +886,6 @@
   };
   const lost = () => {
     socket = null;
-    for (const knob of asked.values()) knob.isAsking = false;
-    asked.clear();
     enable();
     root.dataset.connection = "lost";
     if (isOver || state?.ending?.verdict) return;
@@ -900,6 +896,9 @@
   };
   const connect = () => {
     clearTimeout(retry);
+    // What was asked over the connection before is answered by nobody.
+    for (const knob of asked.values()) knob.isAsking = false;
+    asked.clear();
     if (!/^[0-9a-f]{32}$/.test(secret)) {
       badge(at("state"), "no secret", "bad");
       return trouble("This address has no secret: open the whole address that hil panel printed.", false);
