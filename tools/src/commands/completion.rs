@@ -21,12 +21,12 @@ use clap_complete::env::{CompleteEnv, Elvish, Fish, Powershell, Shells};
 use crate::arguments;
 use candidates::Source;
 use line::Line;
-use shells::{Bash, Zsh};
+use shells::{BASH, ZSH};
 
 /// Variable of the environment by which the script of a shell, which it names, asks.
 const VARIABLE: &str = "HIL_COMPLETE";
 /// Shells that can ask.
-const SHELLS: Shells<'static> = Shells(&[&Bash, &Elvish, &Fish, &Powershell, &Zsh]);
+const SHELLS: Shells<'static> = Shells(&[&BASH, &Elvish, &Fish, &Powershell, &ZSH]);
 
 /// Answers the request of a shell's script, if this process was started for one.
 pub(crate) fn answered() -> bool {

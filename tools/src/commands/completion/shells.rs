@@ -12,15 +12,56 @@ use clap_complete::env::{self, EnvCompleter};
 /// Variable with the characters at which `bash` parts words.
 const BREAKS: &str = "HIL_COMPLETE_BREAKS";
 
-/// Adapter for `bash`: it gives the name of the command and the line up to the cursor.
-pub(super) struct Bash;
+/// Writer of what stands behind the words of a line, in a folder.
+type Writer = fn(&mut Command, Vec<OsString>, Option<&Path>, &mut dyn Write) -> Result<(), Error>;
 
-const BASH: &str = r#"_hil_complete() {
+/// Adapter for a shell.
+pub(super) struct Adapter {
+    name: &'static str,
+    /// Script, with `VARIABLE`, the command `BIN` that it is for, and the program `COMPLETER` that it calls.
+    script: &'static str,
+    write: Writer,
+}
+
+/// Adapter for `bash`: it gives the name of the command and the line up to the cursor.
+pub(super) const BASH: Adapter = Adapter {
+    name: "bash",
+    script: BASH_SCRIPT,
+    write: write_for_bash,
+};
+
+/// Adapter for `zsh`.
+pub(super) const ZSH: Adapter = Adapter {
+    name: "zsh",
+    script: ZSH_SCRIPT,
+    write: |command, words, here, text| env::Zsh.write_complete(command, words, here, text),
+};
+
+const BASH_SCRIPT: &str = r#"_hil_complete() {
     mapfile -t COMPREPLY < <(VARIABLE=bash HIL_COMPLETE_BREAKS=$COMP_WORDBREAKS COMPLETER -- "$1" "${COMP_LINE:0:COMP_POINT}" 2>/dev/null)
     [[ ${#COMPREPLY[@]} -eq 1 && ${COMPREPLY[0]} == *[=/] ]] && compopt -o nospace 2>/dev/null
     return 0
 }
 complete -o bashdefault -F _hil_complete BIN"#;
+
+const ZSH_SCRIPT: &str = r#"#compdef BIN
+_hil_complete() {
+    local -a rows folders keys others
+    local row value
+    rows=("${(@f)$(VARIABLE=zsh _CLAP_IFS=$'\n' _CLAP_COMPLETE_INDEX=$((CURRENT - 1)) COMPLETER -- "${(@Q)words}" 2>/dev/null)}")
+    for row in $rows; do
+        value=${row%%:*}
+        case $value in
+            */) folders+=("${value%/}${row#$value}") ;;
+            *=) keys+=("$row") ;;
+            *) others+=("$row") ;;
+        esac
+    done
+    if (( $#folders )); then _describe -V folder folders -S / -r /; fi
+    if (( $#keys )); then _describe -V key keys -S ''; fi
+    if (( $#others )); then _describe -V value others; fi
+}
+compdef _hil_complete BIN"#;
 
 /// The words of a line, of which the last is being typed; from the name of the command on.
 pub(super) fn words(name: &str, line: &str) -> Option<Vec<String>> {
@@ -61,86 +102,43 @@ fn escaped(word: &str) -> String {
     text
 }
 
-impl EnvCompleter for Bash {
-    fn name(&self) -> &'static str {
-        "bash"
-    }
-
-    fn is(&self, name: &str) -> bool {
-        name == "bash"
-    }
-
-    fn write_registration(
-        &self,
-        variable: &str,
-        _: &str,
-        bin: &str,
-        completer: &str,
-        text: &mut dyn Write,
-    ) -> Result<(), Error> {
-        writeln!(text, "{}", filled(BASH, variable, bin, completer))
-    }
-
-    fn write_complete(
-        &self,
-        command: &mut Command,
-        words: Vec<OsString>,
-        here: Option<&Path>,
-        text: &mut dyn Write,
-    ) -> Result<(), Error> {
-        let index = words.len().saturating_sub(1);
-        let typed = words.last().map(|word| word.to_string_lossy().into_owned());
-        let typed = typed.unwrap_or_default();
-        let line = std::env::args().next_back().unwrap_or_default();
-        let quote = parted(&line).and_then(|(_, quote)| quote);
-        let breaks = std::env::var(BREAKS).unwrap_or_default();
-        // Only what stands behind such a character, or behind the quote that is open, is replaced.
-        let is_break = |letter: char| matches!(letter, '=' | ':') && breaks.contains(letter);
-        let kept = match quote.and_then(|quote| line.rsplit(quote).next()) {
-            Some(quoted) => typed.len().saturating_sub(quoted.len()),
-            None => typed.rfind(is_break).map_or(0, |place| place + 1),
-        };
-        for candidate in complete(command, words, index, here)? {
-            let value = candidate.get_value().to_string_lossy();
-            match (value.get(kept..), quote) {
-                (Some(rest), None) => writeln!(text, "{}", escaped(rest))?,
-                (Some(rest), Some(_)) => writeln!(text, "{rest}")?,
-                (None, _) => {}
-            }
+/// Writes what stands behind the words of a line, as `bash` is to put it there.
+fn write_for_bash(
+    command: &mut Command,
+    words: Vec<OsString>,
+    here: Option<&Path>,
+    text: &mut dyn Write,
+) -> Result<(), Error> {
+    let index = words.len().saturating_sub(1);
+    let typed = words.last().map(|word| word.to_string_lossy().into_owned());
+    let typed = typed.unwrap_or_default();
+    let line = std::env::args().next_back().unwrap_or_default();
+    let quote = parted(&line).and_then(|(_, quote)| quote);
+    let breaks = std::env::var(BREAKS).unwrap_or_default();
+    // Only what stands behind such a character, or behind the quote that is open, is replaced.
+    let is_break = |letter: char| matches!(letter, '=' | ':') && breaks.contains(letter);
+    let kept = match quote.and_then(|quote| line.rsplit(quote).next()) {
+        Some(quoted) => typed.len().saturating_sub(quoted.len()),
+        None => typed.rfind(is_break).map_or(0, |place| place + 1),
+    };
+    for candidate in complete(command, words, index, here)? {
+        let value = candidate.get_value().to_string_lossy();
+        match (value.get(kept..), quote) {
+            (Some(rest), None) => writeln!(text, "{}", escaped(rest))?,
+            (Some(rest), Some(_)) => writeln!(text, "{rest}")?,
+            (None, _) => {}
         }
-        Ok(())
     }
+    Ok(())
 }
 
-/// Adapter for `zsh`.
-pub(super) struct Zsh;
-
-const ZSH: &str = r#"#compdef BIN
-_hil_complete() {
-    local -a rows folders keys others
-    local row value
-    rows=("${(@f)$(VARIABLE=zsh _CLAP_IFS=$'\n' _CLAP_COMPLETE_INDEX=$((CURRENT - 1)) COMPLETER -- "${(@Q)words}" 2>/dev/null)}")
-    for row in $rows; do
-        value=${row%%:*}
-        case $value in
-            */) folders+=("${value%/}${row#$value}") ;;
-            *=) keys+=("$row") ;;
-            *) others+=("$row") ;;
-        esac
-    done
-    if (( $#folders )); then _describe -V folder folders -S / -r /; fi
-    if (( $#keys )); then _describe -V key keys -S ''; fi
-    if (( $#others )); then _describe -V value others; fi
-}
-compdef _hil_complete BIN"#;
-
-impl EnvCompleter for Zsh {
+impl EnvCompleter for Adapter {
     fn name(&self) -> &'static str {
-        "zsh"
+        self.name
     }
 
     fn is(&self, name: &str) -> bool {
-        name == "zsh"
+        name == self.name
     }
 
     fn write_registration(
@@ -151,7 +149,11 @@ impl EnvCompleter for Zsh {
         completer: &str,
         text: &mut dyn Write,
     ) -> Result<(), Error> {
-        writeln!(text, "{}", filled(ZSH, variable, bin, completer))
+        let completer = shlex::try_quote(completer).unwrap_or_default();
+        let script = (self.script.replace("VARIABLE", variable))
+            .replace("COMPLETER", &completer)
+            .replace("BIN", bin);
+        writeln!(text, "{script}")
     }
 
     fn write_complete(
@@ -161,16 +163,8 @@ impl EnvCompleter for Zsh {
         here: Option<&Path>,
         text: &mut dyn Write,
     ) -> Result<(), Error> {
-        env::Zsh.write_complete(command, words, here, text)
+        (self.write)(command, words, here, text)
     }
-}
-
-/// A script with its variable, the command that it is for and the program that it calls.
-fn filled(script: &str, variable: &str, bin: &str, completer: &str) -> String {
-    let completer = shlex::try_quote(completer).unwrap_or_default();
-    (script.replace("VARIABLE", variable))
-        .replace("COMPLETER", &completer)
-        .replace("BIN", bin)
 }
 
 #[cfg(test)]
@@ -194,6 +188,7 @@ mod tests {
             assert_eq!(found.as_deref(), expected, "{line}");
         }
     }
+
     #[test]
     fn an_escaped_word_is_read_as_it_was() {
         for (word, text) in [
