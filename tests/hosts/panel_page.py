@@ -30,6 +30,15 @@ INK = """() => [...document.querySelectorAll('figure.plot')].filter((figure) => 
   return ink;
 })"""
 
+# Waits for the ink of a curve.
+DRAWN = f"""() => new Promise((done) => {{
+  const ink = {INK};
+  const look = () => document.documentElement.dataset.points > 0 && ink().some((plot) => plot.some((one) => one > 3)) ? done(true) : requestAnimationFrame(look);
+  look();
+}})"""
+# Curves of the plots that are wholly in sight.
+CURVES = "() => [...document.querySelectorAll('figure.plot')].filter((figure) => figure.getBoundingClientRect().bottom <= innerHeight).reduce((sum, figure) => sum + figure.querySelectorAll('.legend button').length, 0)"
+
 
 class Desk:
     """One browser with its pages."""
@@ -83,6 +92,16 @@ def inked(page):
 def says(page, text):
     """Waits for a line of the log."""
     wait(page, "(text) => document.getElementById('log').textContent.includes(text)", text)
+
+
+# The events of the log, the oldest first.
+ROWS = "() => [...document.querySelectorAll('#log li[data-event]')].map((row) => row.textContent).reverse()"
+
+
+def rows(page, *parts):
+    """Waits until the log has an event with each of these words, and gives all of them."""
+    wait(page, "(parts) => parts.every((part) => [...document.querySelectorAll('#log li[data-event]')].some((row) => row.textContent.includes(part)))", list(parts))
+    return page.evaluate(ROWS)
 
 
 def state(page, name):
@@ -204,6 +223,7 @@ def tune(desk):
     page.locator(f"[aria-label='Reset {mass}']").click()
     says(page, mass + " = 1 kg")
     value(other, mass, 1)
+    gains = [row for row in rows(page, gain, mass + " = 1.25 kg", position) if gain in row]
     page.evaluate("document.activeElement.blur()")
     page.keyboard.press("t")
     focused = page.evaluate("document.activeElement.getAttribute('aria-label')")
@@ -211,7 +231,7 @@ def tune(desk):
         page.screenshot(path=f"{sys.argv[4]}/tune.png", full_page=True)
     page.click("#pause")
     state(page, "ended")
-    told = {"dragged": dragged, "pressed": pressed, "focused": focused, "rows": page.locator("#log li").count()}
+    told = {"dragged": dragged, "pressed": pressed, "focused": focused, "rows": gains}
     for one in (page, other):
         desk.close(one)
     return told
@@ -302,7 +322,11 @@ def several(desk):
     other.keyboard.press("Enter")
     one.click("#step")
     says(one, "from the other")
-    told = {"one": one.inner_text("#faults"), "newest": [page.evaluate("document.documentElement.dataset.newest") for page in (one, other)]}
+    words = ("fault 1 dropout on", "from the other")
+    log, other_log = rows(one, *words), rows(other, *words)
+    other.reload()
+    attached(other)
+    told = {"log": log, "other-log": other_log, "loaded-log": rows(other, *words), "one": one.inner_text("#faults"), "newest": [page.evaluate("document.documentElement.dataset.newest") for page in (one, other)]}
     for page in (one, other):
         desk.close(page)
     return told
@@ -312,16 +336,19 @@ def reconnect(desk):
     """A connection that is cut comes back, so does a page that is loaded anew, with what was before."""
     page = desk.open()
     attached(page)
+    page.fill("#mark", "before the cut")
+    page.keyboard.press("Enter")
+    before = rows(page, "before the cut")
     page.evaluate("document.documentElement.dataset.points = '0'")
     go()  # the test cuts every connection
     wait(page, "document.documentElement.dataset.connection === 'open' && document.documentElement.dataset.points > 0")
-    cut = inked(page)
+    cut, cut_log = inked(page), rows(page, "before the cut")
     page.click("#step")
     says(page, "paused before step 2501")
     page.reload()
     attached(page)
     wait(page, "document.documentElement.dataset.newest === '2500'")
-    told = {"cut": cut, "loaded": inked(page), "state": page.inner_text("#state"), "url": page.url}
+    told = {"cut": cut, "log": before, "cut-log": cut_log, "loaded-log": rows(page, "before the cut"), "loaded": inked(page), "state": page.inner_text("#state"), "url": page.url}
     desk.wrong.clear()  # a browser says on its console that a connection broke
     page.close()
     return told
@@ -354,9 +381,20 @@ def strangers(desk):
     return told
 
 
+def first(desk):
+    """The first curve of a panel whose address comes by standard input once the browser is there: `drawn`."""
+    print("go", flush=True)
+    desk.url = sys.stdin.readline().strip()
+    page = desk.open()
+    page.evaluate(DRAWN)
+    print("drawn", flush=True)
+    desk.close(page)
+    return {}
+
+
 def pace(desk):
-    """Time that the script takes for a frame, and bytes that it is sent, for some seconds."""
-    page = desk.open(viewport={"width": 1400, "height": 1500})
+    """Time that the script takes for a frame with 20 curves in sight, and bytes that it is sent, for some seconds."""
+    page = desk.open(viewport={"width": 1400, "height": 900})
     received = {"bytes": 0, "messages": 0}
 
     def took(payload):
@@ -366,21 +404,31 @@ def pace(desk):
     page.on("websocket", lambda socket: socket.on("framereceived", took))
     page.reload()
     attached(page)
-    first = page.evaluate("performance.now()")
+    for height in range(900, 4000, 100):
+        page.set_viewport_size({"width": 1400, "height": height})
+        if page.evaluate(CURVES) >= 20:
+            break
     page.wait_for_timeout(1000)
-    before = dict(received)
-    page.evaluate("performance.clearMeasures('frame')")
-    page.wait_for_timeout(5000)
-    frames = page.evaluate("performance.getEntriesByName('frame').map((one) => one.duration)")
+    page.evaluate("() => { window.spent = []; new PerformanceObserver((list) => spent.push(...list.getEntriesByName('frame').map((one) => one.duration))).observe({ entryTypes: ['measure'] }); }")
+    browser = page.context.new_cdp_session(page)
+    browser.send("Performance.enable")
+
+    def script_s():
+        return next(one["value"] for one in browser.send("Performance.getMetrics")["metrics"] if one["name"] == "ScriptDuration")
+
+    before, script, since = dict(received), script_s(), time.monotonic()
+    page.wait_for_timeout(10_000)
+    script, taken = script_s() - script, time.monotonic() - since
+    frames = page.evaluate("spent")
     told = {
-        "frame_ms": sorted(frames), "bytes_per_s": (received["bytes"] - before["bytes"]) / 5, "messages_per_s": (received["messages"] - before["messages"]) / 5,
-        "first_ms": first, "curves": page.evaluate("[...document.querySelectorAll('.legend button')].filter((one) => one.getBoundingClientRect().top < innerHeight).length"),
+        "frame_ms": sorted(frames), "browser_ms": 1000 * script / max(1, len(frames)), "curves": page.evaluate(CURVES),
+        "bytes_per_s": (received["bytes"] - before["bytes"]) / taken, "messages_per_s": (received["messages"] - before["messages"]) / taken,
     }
     page.close()
     return told
 
 
-PLAYS = {play.__name__: play for play in (controls, tune, keyboard, looks, several, reconnect, strangers, pace)}
+PLAYS = {play.__name__: play for play in (controls, tune, keyboard, looks, several, reconnect, strangers, first, pace)}
 
 
 def main(play, url, chromium="/usr/bin/chromium"):

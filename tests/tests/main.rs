@@ -111,6 +111,8 @@ mod mutations;
 mod named_programs;
 mod new;
 mod panel;
+#[path = "../shared/panel_socket.rs"]
+mod panel_socket;
 mod paper;
 mod paths;
 mod plots;

@@ -5,6 +5,7 @@
 
 mod browser;
 mod intruders;
+mod log;
 mod stream;
 
 use std::ffi::OsStr;
@@ -14,6 +15,7 @@ use std::process::{Child, ChildStderr, ChildStdout, Command, Stdio};
 use rustix::process::Signal;
 use serde_json::Value;
 
+use crate::panel_socket::parts;
 use crate::support::harness::{Rig, send, until};
 use crate::support::programs::{program, workspace};
 
@@ -82,12 +84,6 @@ impl Drop for Panel {
         let _ = self.process.kill(); // it may have ended by itself
         let _ = self.process.wait();
     }
-}
-
-/// Address and secret of a page.
-fn parts(url: &str) -> (&str, &str) {
-    let rest = url.strip_prefix("http://").expect("an address");
-    rest.split_once("/#").expect("a secret")
 }
 
 #[test]

@@ -74,7 +74,7 @@ impl Drop for Play {
 }
 
 /// A run that is held before step 2500, with a panel that has seen it from its begin.
-fn begun<'r>(rig: &'r Rig, pace: &str, arguments: &[&str]) -> (Running<'r>, Panel) {
+pub(super) fn begun<'r>(rig: &'r Rig, pace: &str, arguments: &[&str]) -> (Running<'r>, Panel) {
     let run = rig.start(&format!(
         "{SCENARIO} {pace} --pause-at 0.001 --wait-limit 60"
     ));
@@ -235,6 +235,13 @@ fn a_slider_changes_its_value_and_every_page_follows() {
         .iter()
         .find(|change| change["clear"] == json!(["reference.position_m"]));
     assert_eq!(back.expect("it was given back")["step"], 2600);
+    // The changes of the slider are one row, which counts them.
+    let rows = told["rows"].as_array().expect("rows");
+    let (count, pressed) = (gains.len(), number(&told["pressed"].to_string()));
+    let row = format!(
+        "changed at step 2500 (2.5 s): controller.pid.proportional_n_per_m = {pressed} N/m ({count} changes since step 2500)"
+    );
+    assert_eq!(rows, &[json!(row)], "{told}");
     let focused = told["focused"].as_str().expect("a key");
     assert!(focused.starts_with("controller.pid."), "{focused}");
     let folder = run.folder.display().to_string();
@@ -316,6 +323,17 @@ fn two_browsers_show_what_each_other_does() {
         told["one"].as_str().expect("text").contains("dropout"),
         "{told}"
     );
+    // The mark and the fault are of one step, and so of one look at the state.
+    let log = told["log"].as_array().expect("rows");
+    let rows = |part: &str| {
+        let has = |row: &&Value| row.as_str().is_some_and(|row| row.contains(part));
+        log.iter().filter(has).count()
+    };
+    assert_eq!(rows("fault 1 dropout on"), 1, "{told}");
+    assert_eq!(rows("mark at step 2501 (2.501 s): from the other"), 1);
+    for later in ["other-log", "loaded-log"] {
+        assert_eq!(told[later], told["log"], "{later}: {told}");
+    }
     drop(panel);
     rig.beside(&["resume", "--session", rig.session()])
         .expect(0);
@@ -391,6 +409,12 @@ fn a_connection_over_another_port_that_is_cut_comes_back_with_what_was() {
     let told = play.told();
     assert_drawn(&told["cut"]);
     assert_drawn(&told["loaded"]);
+    let log = told["log"].as_array().expect("rows");
+    let is_mark = |row: &&Value| row == &"mark at step 2500 (2.5 s): before the cut";
+    assert_eq!(log.iter().filter(is_mark).count(), 1, "{told}");
+    for later in ["cut-log", "loaded-log"] {
+        assert_eq!(told[later], told["log"], "{later}: {told}");
+    }
     assert_eq!(
         (&told["state"], &told["url"]),
         (&json!("paused"), &json!(url))

@@ -4,11 +4,10 @@ use std::net::TcpStream;
 use std::time::Instant;
 
 use serde_json::{Value, json};
-use tungstenite::handshake::client::generate_key;
-use tungstenite::http::Request;
 use tungstenite::{Message, WebSocket};
 
-use super::{Panel, SCENARIO, parts};
+use super::{Panel, SCENARIO};
+use crate::panel_socket::{connected, parts};
 use crate::support::harness::{Rig, WATCHDOG, until};
 use crate::support::mcap_reader::Recording;
 use crate::support::programs::workspace;
@@ -58,20 +57,9 @@ pub(super) struct Client {
 impl Client {
     /// Connects as the page does.
     pub(super) fn connected(url: &str) -> Self {
-        let (address, _) = parts(url);
-        let stream = TcpStream::connect(address).expect("it listens");
-        stream.set_read_timeout(Some(WATCHDOG)).expect("a limit");
-        let request = Request::builder()
-            .uri(format!("ws://{address}/live"))
-            .header("Host", address)
-            .header("Origin", format!("http://{address}"))
-            .header("Connection", "Upgrade")
-            .header("Upgrade", "websocket")
-            .header("Sec-WebSocket-Version", "13")
-            .header("Sec-WebSocket-Key", generate_key())
-            .body(());
-        let request = request.expect("a request");
-        let (socket, _) = tungstenite::client(request, stream).expect("a WebSocket");
+        let socket = connected(url);
+        let limit = socket.get_ref().set_read_timeout(Some(WATCHDOG));
+        limit.expect("a limit");
         Self { socket }
     }
 
@@ -97,7 +85,7 @@ impl Client {
     }
 
     /// The next message; points are acknowledged.
-    fn next(&mut self) -> Result<Result<Value, Points>, tungstenite::Error> {
+    pub(super) fn next(&mut self) -> Result<Result<Value, Points>, tungstenite::Error> {
         loop {
             match self.socket.read()? {
                 Message::Text(text) => return Ok(Ok(serde_json::from_str(&text).expect("JSON"))),

@@ -4,6 +4,7 @@
 //! decides (`plant_process::live`). No run is started or ended here.
 
 pub(crate) mod clock;
+pub(crate) mod happening;
 pub mod inject;
 pub(crate) mod live;
 pub(crate) mod mark;

@@ -1,8 +1,9 @@
-//! State of the requirements of a running session, for observers.
+//! State of the requirements of a running session, and the account of it, for observers.
 //!
 //! The `hil` that runs a session listens on a socket of its own. Asked, it has the recorder, which
-//! judges every record from step 0 on, say what came of each requirement so far: one who joined late
-//! could not know. The loop is not asked; the recorder looks at one atomic at each waking.
+//! judges every record from step 0 on, say what came of each requirement so far, and tells what
+//! [happened](super::happening): one who joined late could not know. The loop is not asked; the recorder
+//! looks at one atomic at each waking.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Sender, channel};
@@ -14,6 +15,7 @@ use serde::{Deserialize, Serialize};
 use shared_types::live::{self, Listening, LiveError, Refusal};
 use shared_types::session::SessionInfo;
 
+use super::happening::Happening;
 use crate::terminal::exit::Failure;
 
 /// Name of the socket in the session's folder.
@@ -22,6 +24,8 @@ const SOCKET: &str = "standing";
 const ANSWER_LIMIT: Duration = Duration::from_secs(1);
 /// Limit of the asking side's wait.
 const ASK_LIMIT: Duration = Duration::from_secs(2);
+/// Most events in an answer.
+const MOST_EVENTS: usize = 2000;
 
 /// State of a requirement.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -60,11 +64,12 @@ pub(crate) fn of(evaluation: &Evaluation) -> Vec<Standing> {
         .collect()
 }
 
-/// Queue of questions to the recorder.
+/// Queue of questions to the recorder, and its account.
 #[derive(Debug, Default)]
 pub struct Board {
     is_asked: AtomicBool,
     askers: Mutex<Vec<Sender<Vec<Standing>>>>,
+    account: Mutex<Vec<Happening>>,
 }
 
 impl Board {
@@ -80,6 +85,19 @@ impl Board {
         }
     }
 
+    /// Notes an event; called by the recorder, in the order of the events.
+    pub fn note(&self, happening: Happening) {
+        let account = self.account.lock();
+        (account.unwrap_or_else(PoisonError::into_inner)).push(happening);
+    }
+
+    /// The account after so many events, or the next part of it.
+    fn account(&self, after: usize) -> Vec<Happening> {
+        let account = self.account.lock().unwrap_or_else(PoisonError::into_inner);
+        let rest = account.get(after..).unwrap_or_default();
+        rest[..rest.len().min(MOST_EVENTS)].to_vec()
+    }
+
     fn ask(&self) -> Option<Vec<Standing>> {
         let (answer, answered) = channel();
         (self.askers.lock())
@@ -92,12 +110,20 @@ impl Board {
 
 /// Question.
 #[derive(Debug, Serialize, Deserialize)]
-struct Request {}
+struct Request {
+    /// Number of events of the account that are known.
+    #[serde(default)]
+    after: usize,
+}
 
-/// Answer; `None` if the recorder is busy or has ended.
-#[derive(Debug, Serialize, Deserialize)]
-struct Response {
-    standings: Option<Vec<Standing>>,
+/// Answer.
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub(crate) struct Answer {
+    /// State of each requirement; `None` if the recorder is busy or has ended.
+    pub standings: Option<Vec<Standing>>,
+    /// The account after the events that are known.
+    #[serde(default)]
+    pub account: Vec<Happening>,
 }
 
 /// Answers whoever asks, as long as what it returns is kept.
@@ -107,25 +133,45 @@ struct Response {
 pub(crate) fn listen(session: &SessionInfo, board: Arc<Board>) -> Result<Listening, Failure> {
     let listening = live::listen(session, SOCKET, move |client| {
         // A client that went away needs no answer.
-        let _ = live::answer(client, |request: Result<Request, Refusal>| Response {
-            standings: request.ok().and_then(|_| board.ask()),
+        let _ = live::answer(client, |request: Result<Request, Refusal>| match request {
+            Ok(Request { after }) => Answer {
+                standings: board.ask(),
+                account: board.account(after),
+            },
+            Err(_) => Answer::default(),
         });
     });
     listening.map_err(Failure::infrastructure)
 }
 
-/// Asks a session; `None` if its recorder had no answer.
+/// Asks a session, of whose account so many events are known.
 ///
 /// # Errors
 /// If nobody listens, as in a session that is starting, or `hil` is stopped.
-pub(crate) fn ask(session: &SessionInfo) -> Result<Option<Vec<Standing>>, LiveError> {
-    let response: Response = live::ask_at(session, SOCKET, &Request {}, ASK_LIMIT)?;
-    Ok(response.standings)
+pub(crate) fn ask(session: &SessionInfo, after: usize) -> Result<Answer, LiveError> {
+    live::ask_at(session, SOCKET, &Request { after }, ASK_LIMIT)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_account_is_told_in_parts_from_what_is_known() {
+        let board = Board::default();
+        let event = |step| Happening {
+            step,
+            text: format!("mark at step {step}"),
+            label: None,
+            key: None,
+        };
+        let all: Vec<Happening> = (0..MOST_EVENTS as u64 + 3).map(event).collect();
+        all.iter().cloned().for_each(|one| board.note(one));
+        assert_eq!(board.account(0), all[..MOST_EVENTS]);
+        assert_eq!(board.account(MOST_EVENTS), all[MOST_EVENTS..]);
+        assert_eq!(board.account(all.len()), []);
+        assert_eq!(board.account(all.len() + 1), [], "of another run");
+    }
 
     #[test]
     fn everybody_who_asked_is_answered_and_nobody_else_costs_anything() {

@@ -3,7 +3,7 @@
 //! 1. [`watch`] attaches an [`observer`](crate::session::observer) to the session's record stream, on a thread;
 //!    [`asking`] asks its plant and its `hil`, on another.
 //! 2. Both feed the [`model`]: the [`pace`] of the run, the [`history`] of the signals that the
-//!    [`plots`] show, faults, requirements.
+//!    [`plots`] show, the [`log`] of events, faults, requirements.
 //! 3. The [`screen`] draws a [`view`] of it on the [`terminal`] and reads keys into the [`display`];
 //!    [`prepared`] faults are among what keys can ask for. Without a terminal one
 //!    [line](mod@line) tells it.
@@ -19,6 +19,7 @@ pub(crate) mod foxglove;
 pub(crate) mod history;
 pub(crate) mod keys;
 pub(crate) mod line;
+pub(crate) mod log;
 pub(crate) mod model;
 pub(crate) mod pace;
 pub(crate) mod plots;

@@ -24,6 +24,7 @@ use crate::results::evaluation::RecordEvaluation;
 use crate::results::recorded::Recorded;
 use crate::run::realtime;
 use crate::run::recorder::{NAP, RecordingPlan, Shared};
+use crate::session::happening::Happening;
 use crate::session::standing;
 
 /// The thread's own state.
@@ -254,6 +255,9 @@ impl Work {
             self.fail(format!("the record stream is broken: {error}"));
         }
         self.digest.event(event);
+        if let Some(happening) = Happening::of(event, self.plan.run.rate) {
+            self.shared.board.note(happening);
+        }
         match event {
             Event::Accepted(accepted) => Some(accepted.step),
             Event::Fault(taken) => Some(taken.step),

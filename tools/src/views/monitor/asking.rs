@@ -1,5 +1,5 @@
 //! Asking the session, on a thread of its own: where the run is, its faults, how its requirements
-//! stand, and what keys ask for.
+//! stand, what happened, and what keys ask for.
 //!
 //! An answer may take as long as the plant's own wait limit, and a drawing must not wait for it. The
 //! loop sees of this what it sees of `hil inject --active`, once a second.
@@ -97,8 +97,11 @@ impl Thread {
     }
 
     fn ask_standings(&self) {
-        let standings = standing::ask(&self.session);
-        self.model.lock().hear_standings(standings.unwrap_or(None));
+        let known = self.model.lock().log().told();
+        let answer = standing::ask(&self.session, known).unwrap_or_default();
+        let mut model = self.model.lock();
+        model.hear_standings(answer.standings);
+        model.hear_account(answer.account);
     }
 
     fn short(&self, request: &Request) -> Result<Response, LiveError> {

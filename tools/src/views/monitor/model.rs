@@ -3,20 +3,20 @@
 //! Drawn by the [view](super::view), told in one line by the [line](super::line). Knows no terminal and
 //! asks nobody.
 
-use std::collections::VecDeque;
 use std::path::PathBuf;
 
 use hil_config::evaluation::Evaluation;
 use hil_config::expression::Columns;
 use hil_config::plan::Plan;
-use serde::Serialize;
 use shared_types::live::{FaultState, Status};
 use shared_types::record::{Change, Event, Outcome, RecordLayout, Validity};
 use shared_types::time::{Rate, Step};
 
 use super::history::History;
+use super::log::Log;
 use super::pace::Pace;
 use super::plots::{self, Plot, chosen};
+use crate::session::happening::Happening;
 use crate::session::observer::Seen;
 use crate::session::standing::Standing;
 use crate::terminal::exit::Failure;
@@ -63,16 +63,6 @@ struct Trace {
     history: History,
 }
 
-/// Something that happened at a step and that a plot marks.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub(crate) struct Note {
-    step: u64,
-    text: String,
-}
-
-/// Most notes that are kept, the newest ones.
-const NOTES: usize = 200;
-
 /// The watched session.
 pub(crate) struct Model {
     /// Name of the session.
@@ -105,7 +95,7 @@ pub(crate) struct Model {
     /// Number of times that what can be tuned may have become another.
     retunings: u64,
     note: Option<String>,
-    notes: VecDeque<Note>,
+    log: Log,
     ending: Option<Ending>,
 }
 
@@ -140,7 +130,7 @@ impl Model {
             judged: Judged::Unknown,
             retunings: 0,
             note: None,
-            notes: VecDeque::new(),
+            log: Log::default(),
             ending: None,
         }
     }
@@ -208,70 +198,33 @@ impl Model {
                     trace.history.take(record.step, trace.value);
                 }
             }
-            Seen::Event(event) => self.note_event(event),
+            Seen::Event(event) => self.take_event(event),
             Seen::Lost(count) => self.lost += count,
             Seen::Broken(what) => self.note = Some(format!("unreadable: {what}")),
         }
     }
 
-    fn note_event(&mut self, event: Event) {
-        let at = |step: u64| self.seconds(step);
+    fn take_event(&mut self, event: Event) {
+        if let Some(happening) = Happening::of(&event, self.rate()) {
+            self.note = Some(happening.text.clone());
+            self.log.see(happening);
+        }
         match event {
-            Event::Fault(taken) => {
-                let (id, kind, target) = (taken.id, &taken.kind, &taken.target);
-                let (step, at_s) = (taken.step, at(taken.step));
-                self.note = Some(format!(
-                    "fault {id} {kind} on {target} from step {step} ({at_s} s)"
-                ));
-            }
-            Event::FaultEnded(ended) => {
-                self.note = Some(format!("fault {} ended at step {}", ended.id, ended.step));
-            }
             Event::Controller(change) => {
-                let (epoch, step) = (change.epoch, change.step);
-                self.note = Some(match change.change {
-                    Change::Lost { reason, .. } => {
-                        format!("controller {epoch} lost at step {step}: {reason}")
-                    }
-                    Change::Joined { law } => {
-                        let told = format!("controller {epoch} ({law}) from step {step}");
-                        if epoch > 1 {
-                            self.keep_note(step, format!("controller {epoch} ({law})"));
-                        }
-                        self.law = law;
-                        self.retunings += 1;
-                        told
-                    }
-                    Change::Refused { reason } => format!("controller {epoch} refused: {reason}"),
-                });
+                if let Change::Joined { law } = change.change {
+                    self.law = law;
+                    self.retunings += 1;
+                }
             }
+            Event::Change(_) => self.retunings += 1,
             Event::End(end) => {
                 let ending = self.ending.get_or_insert_default();
                 ending.outcome = Some(end.outcome);
                 ending.reason = end.reason;
                 ending.steps = Some(end.steps);
             }
-            Event::Change(change) => {
-                let (step, at_s) = (change.step, at(change.step));
-                let told = change.described();
-                self.note = Some(format!("changed at step {step} ({at_s} s): {told}"));
-                self.keep_note(step, told);
-                self.retunings += 1;
-            }
-            Event::Mark(mark) => {
-                let (step, at_s) = (mark.step, at(mark.step));
-                self.note = Some(format!("mark at step {step} ({at_s} s): {}", mark.text));
-                self.keep_note(step, mark.text);
-            }
-            Event::Accepted(_) => {}
+            Event::Accepted(_) | Event::Fault(_) | Event::FaultEnded(_) | Event::Mark(_) => {}
         }
-    }
-
-    fn keep_note(&mut self, step: u64, text: String) {
-        if self.notes.len() == NOTES {
-            self.notes.pop_front();
-        }
-        self.notes.push_back(Note { step, text });
     }
 
     /// Takes the status that the plant reports.
@@ -465,9 +418,15 @@ impl Model {
         &self.judged
     }
 
-    /// Marks, and other controllers that took over.
-    pub(crate) fn notes(&self) -> impl Iterator<Item = &Note> + '_ {
-        self.notes.iter()
+    /// Takes what the recorder's account tells after the events that it has told.
+    pub(crate) fn hear_account(&mut self, account: Vec<Happening>) {
+        self.log.hear(account);
+    }
+
+    /// Everything that happened.
+    #[must_use]
+    pub(crate) const fn log(&self) -> &Log {
+        &self.log
     }
 
     /// The last thing that happened.

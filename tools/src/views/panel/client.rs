@@ -57,6 +57,8 @@ pub(super) struct Client<'a> {
     /// Points that were sent, and those that were seen.
     sent: u32,
     seen: u32,
+    /// Edition of the log, and how much of it was sent.
+    logged: (u32, usize),
     /// The socket has not taken everything.
     is_full: bool,
     heard_at: Instant,
@@ -93,6 +95,7 @@ impl<'a> Client<'a> {
             view: View::new(0, board.window_s, rate),
             sent: 0,
             seen: 0,
+            logged: (0, 0),
             is_full: false,
             heard_at: Instant::now(),
             work,
@@ -133,7 +136,14 @@ impl<'a> Client<'a> {
                 }
                 if now >= state_at || self.board.is_over() {
                     state_at = now + STATE;
-                    let newest = message::state(&self.board.model.lock(), monotonic_ns());
+                    let model = self.board.model.lock();
+                    // The page knows by then how long a step is.
+                    let log = is_described.then(|| message::log(model.log(), &mut self.logged));
+                    let newest = message::state(&model, monotonic_ns());
+                    drop(model);
+                    if let Some(log) = log.flatten() {
+                        self.say(log.to_string().into())?;
+                    }
                     if newest != state || now > told_at + ALIVE {
                         self.say(newest.to_string().into())?;
                         (state, told_at) = (newest, now);

@@ -11,12 +11,15 @@ use shared_types::time::Rate;
 
 use crate::views::monitor::history::Range;
 use crate::views::monitor::line;
+use crate::views::monitor::log::Log;
 use crate::views::monitor::model::Model;
 
 /// Longest message of a page.
 pub const LONGEST: usize = 16 << 10;
 /// Most stretches of time that a page is sent at a time; a window has half of them at least.
 const STRETCHES: u64 = 800;
+/// Most events in a message.
+const EVENTS: usize = 1000;
 /// Shortest and longest window of a page in s.
 const WINDOWS_S: [f64; 2] = [1e-6, 1e6];
 /// First byte of points.
@@ -134,15 +137,25 @@ pub(super) fn over(text: &str) -> String {
     json!({ "tell": "over", "text": text }).to_string()
 }
 
-/// State of the session, apart from its signals.
+/// Events that a page was not sent; `None` if it has all. `sent` is the edition of the log and how much of it was
+/// sent.
+pub(super) fn log(log: &Log, sent: &mut (u32, usize)) -> Option<Value> {
+    let edition = log.edition();
+    let (of, from) = *sent;
+    let from = if of == edition { from } else { 0 };
+    let rest = &log.list()[from..];
+    let events = &rest[..rest.len().min(EVENTS)];
+    *sent = (edition, from + events.len());
+    (!events.is_empty())
+        .then(|| json!({ "tell": "log", "edition": edition, "from": from, "events": events }))
+}
+
+/// State of the session, apart from its signals and its log.
 pub(super) fn state(model: &Model, now_ns: u64) -> Value {
     let mut state = line::json(model, now_ns);
     state["tell"] = "state".into();
     state["signals"] = Value::Null; // they come as points
     state["law"] = model.law().into();
-    state["note"] = json!(model.note());
-    let notes = model.notes();
-    state["notes"] = notes.map(|note| json!(note)).collect();
     state["told"] = json!(model.ending().map(|ending| line::ended(model, ending)));
     state
 }
@@ -208,6 +221,7 @@ impl View {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::session::happening::Happening;
 
     #[test]
     fn what_a_page_may_say_is_a_short_list() {
@@ -236,6 +250,33 @@ mod tests {
         ] {
             wish(text).expect_err(text);
         }
+    }
+
+    #[test]
+    fn a_log_is_sent_in_parts_and_anew_when_it_has_another_begin() {
+        let mark = |step| Happening {
+            step,
+            text: format!("mark at step {step}"),
+            label: None,
+            key: None,
+        };
+        let mut log = Log::default();
+        let mut sent = (0, 0);
+        assert_eq!(super::log(&log, &mut sent), None);
+        (10..12 + EVENTS as u64)
+            .map(mark)
+            .for_each(|one| log.see(one));
+        for (from, first, count) in [(0, 10, EVENTS), (EVENTS, 10 + EVENTS, 2)] {
+            let told = super::log(&log, &mut sent).expect("a part");
+            assert_eq!(told["from"], from);
+            assert_eq!(told["events"][0]["step"], first);
+            assert_eq!(told["events"].as_array().map(Vec::len), Some(count));
+        }
+        assert_eq!(super::log(&log, &mut sent), None);
+        log.hear(vec![mark(3)]);
+        let told = super::log(&log, &mut sent).expect("all of it");
+        assert_eq!((&told["edition"], &told["from"]), (&json!(1), &json!(0)));
+        assert_eq!(told["events"][0]["step"], 3);
     }
 
     #[test]

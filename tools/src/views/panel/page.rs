@@ -181,5 +181,5 @@ fn inject() -> Markup {
 }
 
 fn log() -> Markup {
-    html! { section { h2 { "What was done" } ol #log {} p #no-log .hint { "Nothing yet." } } }
+    html! { section { h2 { "Log" } ol #log {} p #more-log .hint hidden {} p #no-log .hint { "Nothing yet." } } }
 }

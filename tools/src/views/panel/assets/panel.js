@@ -73,6 +73,13 @@
       one.greatest.fill(NaN);
     }
   };
+  // Script time since the last frame.
+  let spent = 0;
+  const timed = (does) => {
+    const start = performance.now();
+    does();
+    spent += performance.now() - start;
+  };
   const take = (buffer) => {
     const words = new DataView(buffer);
     if (words.getUint8(0) !== 1) return;
@@ -274,20 +281,16 @@
       ctx.textAlign = "left";
       const boxes = [];
       const line = 13 * ratio;
-      // Of changes of one value that are close to each other, as of a slider that moved, the last has a label.
-      const places = happenings().map((one) => u.valToPos(one.from_s, "x", true));
-      const isLast = (nth) => happenings().every(({ key }, other) => other <= nth || !key || key !== happenings()[nth].key || places[other] - places[nth] > 80 * ratio);
-      for (const [nth, { label, from_s, until_s, isFault }] of happenings().entries()) {
+      for (const { label, isLabelled, from_s, until_s, isFault } of inSight) {
         const from = u.valToPos(from_s, "x", true);
         const to = until_s === null ? left + width : u.valToPos(until_s, "x", true);
-        if (to < left || from > left + width) continue;
         if (isFault) {
           ctx.fillStyle = ink.fault;
           ctx.fillRect(from, top, Math.max(to - from, ratio), height);
         }
         ctx.fillStyle = isFault ? ink.edge : ink.text;
         ctx.fillRect(from, top, ratio, height);
-        if (!isLast(nth)) continue;
+        if (!isLabelled) continue;
         const wide = ctx.measureText(label).width;
         const x = Math.max(left + 2 * ratio, Math.min(Math.max(from, left) + 4 * ratio, left + width - wide - 2 * ratio));
         const row = [0, 1, 2, 3].find((row) => boxes.every((box) => box.row !== row || box.right < x || box.left > x + wide));
@@ -367,27 +370,32 @@
 
   const magnitudes = (low, high) => (low > 0 ? [low, high] : high < 0 ? [-high, -low] : [0, Math.max(-low, high)]);
 
-  // Faults and notes, with their times.
-  let happened = [];
-  const happenings = () => happened;
-  const note = () => {
-    const list = [];
+  // Faults, and events with a label, with their times.
+  let shades = [];
+  let notes = [];
+  let inSight = [];
+  const shade = () => {
+    shades = [];
     for (const fault of state.faults) {
       const begun = fault.effects.filter((one) => one.step !== null && one.step !== undefined);
       if (!begun.length) continue;
       const ends = begun.map((one) => one.ended_step);
-      list.push({
+      shades.push({
         label: `fault ${fault.id} ${fault.kind}`, isFault: true,
         from_s: Math.min(...begun.map((one) => one.step)) * period(),
         until_s: ends.every((one) => one !== null && one !== undefined) ? Math.max(...ends) * period() : null,
       });
     }
-    for (const one of state.notes) {
-      const key = /^(\S+) = /.exec(one.text)?.[1];
-      const label = one.text.replace(/^(plant\.parameters|controller\.[^.\s]+)\./, "").slice(0, 60);
-      list.push({ label, key, isFault: false, from_s: one.step * period(), until_s: one.step * period() });
+  };
+  // Of changes of one value that are close to each other, as of a slider that moved, the last has a label.
+  const lookAround = ([from, to]) => {
+    const inIt = (one) => one.from_s <= to && (one.until_s === null || one.until_s >= from);
+    inSight = shades.filter(inIt).concat(notes.filter(inIt));
+    const next = new Map();
+    for (const one of inSight.toReversed()) {
+      one.isLabelled = !one.key || !(next.get(one.key) - one.from_s < 0.12 * (to - from));
+      if (one.key) next.set(one.key, one.from_s);
     }
-    happened = list;
   };
 
   let isDrawing = false;
@@ -408,6 +416,7 @@
     const times = new Float64Array(count);
     for (let i = 0; i < count; i++) times[i] = (from + i) * length;
     const blank = new Float64Array(count);
+    lookAround(shownSpan);
     for (const plot of plots) plot.draw(times, blank, shownSpan, from, to);
     if (start - readAt > 100) {
       readAt = start;
@@ -418,7 +427,8 @@
     // Behind what the plots put off to the end of this turn.
     queueMicrotask(() => {
       if (++frames % 300 === 0) performance.clearMeasures("frame");
-      performance.measure("frame", { start });
+      performance.measure("frame", { start, duration: performance.now() - start + spent });
+      spent = 0;
       root.dataset.frames = String(frames);
     });
   };
@@ -518,11 +528,10 @@
     write(at("speed"), ending ? "" : (told.realtime_factor ? `${number(+told.realtime_factor.toPrecision(3))}x real time${trip}` : "") + lost);
     write(at("pause"), told.state === "paused" ? "Resume" : "Pause");
     enable();
-    if (about) note();
+    if (about) shade();
     requirements(told.requirements);
     faults(told.faults);
-    if (told.note && told.note !== before?.note) log(told.note, "", /^changed at [^:]*: (\S+) =/.exec(told.note)?.[1]);
-    if (told.told && told.told !== before?.told) log(told.told, tones[ending.verdict]);
+    if (told.told && told.told !== before?.told) say(told.told, tones[ending.verdict]);
     if (told.told) trouble(told.told, false);
     drawSoon();
   };
@@ -572,14 +581,57 @@
     at("no-faults").hidden = list.length > 0;
     at("clear-all").hidden = Boolean(state.ending) || list.filter((one) => one.state !== "ended").length < 2;
   };
-  // A row about the same thing as the newest one takes its place: a slider that moves says many.
-  const log = (text, tone, about = "") => {
-    const row = make("li", text, { "data-tone": tone ?? "", "data-about": about });
-    const before = at("log").firstChild;
-    if (about && before?.dataset.about === about) before.remove();
-    at("log").prepend(row);
-    while (at("log").children.length > 100) at("log").lastChild.remove();
+
+  // ---- The log ----
+
+  // Every event of the run in its order, and between them the answers that this page got. Most rows that are shown.
+  const ROWS = 1000;
+  let events = 0;
+  let left = 0;
+  let edition = null;
+  const row = (text, data) => {
+    const one = make("li", text);
+    Object.assign(one.dataset, data);
+    at("log").prepend(one);
     at("no-log").hidden = true;
+    return one;
+  };
+  const trim = () => {
+    const box = at("log");
+    for (; box.children.length > ROWS; box.lastChild.remove()) left += Number(box.lastChild.dataset.count ?? 0);
+    at("more-log").hidden = !left;
+    write(at("more-log"), `${left} earlier events are in the recording and in its report.`);
+  };
+  // The answer to a change comes before its event, which takes its place.
+  const say = (text, tone, about = "") => {
+    const before = at("log").firstChild;
+    if (about && before && !before.dataset.event && before.dataset.about === about) before.remove();
+    row(text, { tone: tone ?? "", about });
+    trim();
+  };
+  const happen = ({ step, text, label, key }) => {
+    const box = at("log");
+    while (key && box.firstChild && !box.firstChild.dataset.event && box.firstChild.dataset.about === key) box.firstChild.remove();
+    // Changes of one value that follow each other, as of a slider that moves, are one row, which counts them.
+    const before = key && box.firstChild?.dataset.event && box.firstChild.dataset.about === key ? box.firstChild : null;
+    const count = before ? Number(before.dataset.count) + 1 : 1;
+    const since = before ? before.dataset.since : step;
+    before?.remove();
+    row(count > 1 ? `${text} (${count} changes since step ${since})` : text, { event: "event", about: key ?? "", count, since });
+    if (label === undefined) return;
+    const short = label.replace(/^(plant\.parameters|controller\.[^.\s]+)\./, "").slice(0, 60);
+    notes.push({ label: short, key, isFault: false, from_s: step * period(), until_s: step * period() });
+  };
+  const hear = (told) => {
+    if (told.edition !== edition) {
+      for (const one of at("log").querySelectorAll("li[data-event]")) one.remove();
+      [edition, events, left, notes] = [told.edition, 0, 0, []];
+    }
+    const more = told.events.slice(Math.max(0, events - told.from));
+    more.forEach(happen);
+    events += more.length;
+    trim();
+    drawSoon();
   };
 
   // ---- Deeds ----
@@ -592,7 +644,7 @@
   const answered = ({ number: deed, is_done, text }) => {
     const knob = asked.get(deed);
     asked.delete(deed);
-    log(text, is_done ? "" : "bad", knob?.told.key);
+    say(text, is_done ? "" : "bad", knob?.told.key);
     knob?.answered(is_done);
     write(at("status"), text);
     root.dataset.answers = String(Number(root.dataset.answers ?? 0) + 1);
@@ -894,6 +946,31 @@
     clearTimeout(retry);
     retry = setTimeout(connect, Math.min(5000, 250 * 2 ** attempt++));
   };
+  const heard = (data) => {
+    heardAt = Date.now();
+    if (typeof data !== "string") return take(data);
+    const told = JSON.parse(data);
+    if (root.dataset.connection !== "open" && told.tell !== "over") {
+      root.dataset.connection = "open";
+      attempt = 0;
+      trouble("", false);
+    }
+    if (told.tell === "about") describe(told);
+    else if (told.tell === "faults") listFaults(told);
+    else if (told.tell === "tunable") listTunable(told);
+    else if (told.tell === "state") show(told);
+    else if (told.tell === "log") hear(told);
+    else if (told.tell === "answer") answered(told);
+    else if (told.tell === "over") {
+      isOver = true;
+      root.dataset.over = told.text;
+      if (!state?.ending) {
+        badge(at("state"), "closed", "bad");
+        trouble(`${told.text}.`, true);
+      }
+    }
+    enable();
+  };
   const connect = () => {
     clearTimeout(retry);
     // What was asked over the connection before is answered by nobody.
@@ -915,30 +992,7 @@
       mine.send(JSON.stringify({ secret }));
       if (about) look();
     };
-    mine.onmessage = ({ data }) => {
-      heardAt = Date.now();
-      if (typeof data !== "string") return take(data);
-      const told = JSON.parse(data);
-      if (root.dataset.connection !== "open" && told.tell !== "over") {
-        root.dataset.connection = "open";
-        attempt = 0;
-        trouble("", false);
-      }
-      if (told.tell === "about") describe(told);
-      else if (told.tell === "faults") listFaults(told);
-      else if (told.tell === "tunable") listTunable(told);
-      else if (told.tell === "state") show(told);
-      else if (told.tell === "answer") answered(told);
-      else if (told.tell === "over") {
-        isOver = true;
-        root.dataset.over = told.text;
-        if (!state?.ending) {
-          badge(at("state"), "closed", "bad");
-          trouble(`${told.text}.`, true);
-        }
-      }
-      enable();
-    };
+    mine.onmessage = ({ data }) => timed(() => heard(data));
     mine.onclose = lost;
   };
   // A lid that was closed, or a network that went: the old connection may never say so.
