@@ -41,6 +41,8 @@ mod requirements;
 mod round_trips;
 mod runs;
 mod steps;
+#[path = "../shared/watched.rs"]
+mod watched;
 
 use std::process::ExitCode;
 
