@@ -274,6 +274,7 @@ fn everything_can_be_done_without_a_pointer() {
         (&told["focused"], &told["outlined"]),
         (&json!("kind"), &json!(true))
     );
+    assert_eq!(told["skipped"], json!(["plots", panel.url]));
     let reached = told["reached"].as_array().expect("controls");
     for control in [
         "pause", "step", "steps", "mark", "window", "theme", "kind", "target",

@@ -90,7 +90,7 @@ pub(crate) fn monitor(arguments: &MonitorArguments) -> Result<Exit, Failure> {
     let model = Model::new(&session.name, run_dir, plan, &arguments.signal);
     let model = SharedModel(Arc::new(Mutex::new(model)));
 
-    let watch = Watch::start(session.clone(), model.clone(), audience);
+    let watch = Watch::start(session.clone(), model.clone(), audience, false);
     watch.wait_for_first();
     if let Some(failure) = watch.failure() {
         return Err(failure);

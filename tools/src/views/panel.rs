@@ -81,7 +81,7 @@ pub(crate) fn panel(arguments: &PanelArguments) -> Result<Exit, Failure> {
     let window_s = arguments.window.unwrap_or(plan.panel.window_s);
     let model = Model::new(&session.name, run_dir, plan, &arguments.signal);
     let model = SharedModel(Arc::new(Mutex::new(model)));
-    let watch = Watch::start(session.clone(), model.clone(), None);
+    let watch = Watch::start(session.clone(), model.clone(), None, true);
     watch.wait_for_first();
     if let Some(failure) = watch.failure() {
         return Err(failure);

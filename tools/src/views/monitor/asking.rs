@@ -101,7 +101,7 @@ impl Thread {
         let answer = standing::ask(&self.session, known).unwrap_or_default();
         let mut model = self.model.lock();
         model.hear_standings(answer.standings);
-        model.hear_account(answer.account);
+        model.hear_account(known, answer.account);
     }
 
     fn short(&self, request: &Request) -> Result<Response, LiveError> {

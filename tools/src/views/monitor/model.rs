@@ -418,9 +418,23 @@ impl Model {
         &self.judged
     }
 
-    /// Takes what the recorder's account tells after the events that it has told.
-    pub(crate) fn hear_account(&mut self, account: Vec<Happening>) {
-        self.log.hear(account);
+    /// Takes what the recorder's account tells after so many events; nothing if it has told others meanwhile.
+    pub(crate) fn hear_account(&mut self, known: usize, account: Vec<Happening>) {
+        if known == self.log.told() {
+            self.log.hear(account);
+        }
+    }
+
+    /// Takes the account of the whole run.
+    pub(crate) fn hear_whole_account(&mut self, mut account: Vec<Happening>) {
+        let known = self.log.told().min(account.len());
+        self.log.hear(account.split_off(known));
+    }
+
+    /// Reports a run whose stream was seen from its begin on without a loss.
+    #[must_use]
+    pub(crate) const fn has_seen_all(&self) -> bool {
+        self.lost == 0 && matches!(self.joined, Some(0))
     }
 
     /// Everything that happened.

@@ -1,19 +1,23 @@
 //! Watching the session, on a thread of its own: from before its first step to its summary.
 //!
 //! The thread sleeps between looks at the stream. It must not wait for a terminal: what it does not
-//! take in time is lost to it.
+//! take in time is lost to it. Events that were lost are in the recording, once the run has ended.
 
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use hil_recording::reader::{ReadError, RunReader};
 use serde_json::Value;
 use shared_types::record::RecordLayout;
 use shared_types::session::SessionInfo;
+use shared_types::time::Rate;
 
 use super::{SharedModel, line};
+use crate::session::happening::Happening;
 use crate::session::observer::{Observer, Seen};
 use crate::terminal::exit::Failure;
 
@@ -23,6 +27,8 @@ const BEGIN: Duration = Duration::from_millis(20);
 const LOOK: Duration = Duration::from_millis(200);
 /// Limit for the end of a session after its last record, and for its summary after that.
 const END_LIMIT: Duration = Duration::from_secs(20);
+/// Limit for reading the events of a recording.
+const READ_LIMIT: Duration = Duration::from_secs(4);
 
 /// A second consumer of the observed records; called on the observer thread, must not block.
 pub(crate) trait Audience: Send {
@@ -45,12 +51,13 @@ pub(crate) struct Watch {
 }
 
 impl Watch {
-    /// Watches a session from now on, until this is dropped.
+    /// Watches a session from now on, until this is dropped; with a whole log in the end if that is shown.
     #[must_use]
     pub(crate) fn start(
         session: SessionInfo,
         model: SharedModel,
         audience: Option<Box<dyn Audience>>,
+        shows_log: bool,
     ) -> Self {
         let stop = Arc::new(AtomicBool::new(false));
         let (failed, failures) = channel();
@@ -59,6 +66,7 @@ impl Watch {
             session,
             model,
             audience,
+            shows_log,
             stop: Arc::clone(&stop),
         };
         let thread = std::thread::spawn(move || {
@@ -105,6 +113,7 @@ struct Work {
     session: SessionInfo,
     model: SharedModel,
     audience: Option<Box<dyn Audience>>,
+    shows_log: bool,
     stop: Arc<AtomicBool>,
 }
 
@@ -202,6 +211,9 @@ impl Work {
         if self.is_over() {
             return; // it is not watched any more, which is no end
         }
+        if self.shows_log {
+            self.complete_log(run_dir.as_deref());
+        }
         let mut model = self.model.lock();
         model.run_dir = model.run_dir.take().or(run_dir);
         // What was asked last is older than the end.
@@ -211,6 +223,33 @@ impl Work {
             model.abandon(recording.is_some_and(|file| file.exists()));
         } else {
             model.end(verdict);
+        }
+    }
+
+    /// Takes from the recording what happened, of a run of which the stream has not told all.
+    fn complete_log(&self, run_dir: Option<&Path>) {
+        let model = self.model.lock();
+        let (is_whole, rate) = (model.has_seen_all(), model.rate());
+        drop(model);
+        if let (false, Some(run_dir)) = (is_whole, run_dir)
+            && let Ok(account) = recorded(run_dir, rate)
+        {
+            self.model.lock().hear_whole_account(account);
+        }
+    }
+}
+
+/// The account of a recorded run, or as much of it as is read in time.
+fn recorded(run: &Path, rate: Rate) -> Result<Vec<Happening>, ReadError> {
+    let since = Instant::now();
+    let mut reader = RunReader::open(run)?.without_digest();
+    let mut account = Vec::new();
+    loop {
+        let is_there = reader.advance()?;
+        let events = reader.events().iter();
+        account.extend(events.filter_map(|event| Happening::of(event, rate)));
+        if !is_there || since.elapsed() > READ_LIMIT {
+            return Ok(account);
         }
     }
 }

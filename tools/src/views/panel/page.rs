@@ -66,7 +66,7 @@ fn page(nonce: &str) -> String {
                 (head())
                 main {
                     section #plots aria-label="Plots" { p.hint #wait { "Waiting for the session." } }
-                    aside aria-label="Session" {
+                    aside #aside aria-label="Session" {
                         (readings())
                         (requirements())
                         (tune())
@@ -108,6 +108,7 @@ fn head() -> Markup {
                     button type="submit" { "Mark" }
                 }
                 label { "Window " select #window title="+ and -" {} }
+                a #to-aside href="#aside" { "Values" }
                 button #theme type="button" aria-pressed="false" { "Dark" }
                 details.keys {
                     summary { "Keys" }

@@ -261,3 +261,26 @@ fn values_that_are_no_numbers_stay_visible_as_such() {
     let told = crate::views::monitor::line::json(&model, 0);
     assert_eq!(told["signals"]["truth.position_m"], serde_json::Value::Null);
 }
+
+#[test]
+fn an_account_that_was_asked_before_another_came_tells_nothing_twice() {
+    let mut model = attached(spring_mass(), &[]);
+    let mark = |step| {
+        Event::Mark(shared_types::record::Mark {
+            step,
+            text: "here".into(),
+        })
+    };
+    let rate = model.rate();
+    let told = |steps: std::ops::Range<u64>| -> Vec<Happening> {
+        steps
+            .filter_map(|step| Happening::of(&mark(step), rate))
+            .collect()
+    };
+    model.hear_account(0, told(0..2));
+    model.take(Seen::Event(mark(3)));
+    model.hear_whole_account(told(0..5));
+    model.hear_account(2, told(2..4));
+    let steps: Vec<u64> = model.log().list().iter().map(|one| one.step).collect();
+    assert_eq!(steps, [0, 1, 2, 3, 4]);
+}

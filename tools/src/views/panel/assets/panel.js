@@ -121,7 +121,7 @@
     const style = getComputedStyle(root);
     const of = (name) => style.getPropertyValue(name).trim();
     ink = {
-      text: of("--soft"), grid: of("--grid"), fault: of("--fault"), edge: of("--fault-edge"), limit: of("--limit"),
+      paper: of("--paper"), text: of("--soft"), grid: of("--grid"), fault: of("--fault"), edge: of("--fault-edge"), limit: of("--limit"),
       series: Array.from({ length: 8 }, (_, i) => of("--c" + i)),
     };
     drawSoon();
@@ -175,7 +175,7 @@
           stroke: () => ink.series[one.colour], width: 1.25 + Math.min(2, 0.9 * (this.series.length - 1 - place)), dash: one.dash, points: { show: false },
           paths: (u) => this.path(u, one),
         }))],
-        hooks: { drawClear: [(u) => this.shade(u)], draw: [(u) => this.levels(u)], setCursor: [() => this.read()] },
+        hooks: { drawClear: [(u) => this.shade(u)], draw: [(u) => this.levels(u), (u) => this.names(u)], setCursor: [() => this.read()] },
       }, [[], ...this.series.map(() => [])], this.box);
     }
 
@@ -267,67 +267,82 @@
       return { stroke, fill: null, clip: null, band: null, gaps: null, flags: 0 };
     }
 
-    // Times in which faults act, and notes.
-    shade(u) {
+    // Draws in the plot's area alone.
+    within(u, does) {
       const { ctx } = u;
       const { left, top, width, height } = u.bbox;
-      const ratio = devicePixelRatio;
       ctx.save();
       ctx.beginPath();
       ctx.rect(left, top, width, height);
       ctx.clip();
-      ctx.font = `${11 * ratio}px system-ui, sans-serif`;
-      ctx.textBaseline = "top";
-      ctx.textAlign = "left";
-      const boxes = [];
-      const line = 13 * ratio;
-      for (const { label, isLabelled, from_s, until_s, isFault } of inSight) {
-        const from = u.valToPos(from_s, "x", true);
-        const to = until_s === null ? left + width : u.valToPos(until_s, "x", true);
-        if (isFault) {
-          ctx.fillStyle = ink.fault;
-          ctx.fillRect(from, top, Math.max(to - from, ratio), height);
-        }
-        ctx.fillStyle = isFault ? ink.edge : ink.text;
-        ctx.fillRect(from, top, ratio, height);
-        if (!isLabelled) continue;
-        const wide = ctx.measureText(label).width;
-        const x = Math.max(left + 2 * ratio, Math.min(Math.max(from, left) + 4 * ratio, left + width - wide - 2 * ratio));
-        const row = [0, 1, 2, 3].find((row) => boxes.every((box) => box.row !== row || box.right < x || box.left > x + wide));
-        if (row === undefined) continue;
-        boxes.push({ row, left: x, right: x + wide + 6 * ratio });
-        ctx.fillText(label, x, top + 3 * ratio + row * line);
-      }
+      does(ctx, u.bbox, devicePixelRatio);
       ctx.restore();
+    }
+
+    // Times in which faults act, and notes.
+    shade(u) {
+      this.within(u, (ctx, { left, top, width, height }, ratio) => {
+        for (const { from_s, until_s, isFault } of inSight) {
+          const from = u.valToPos(from_s, "x", true);
+          const to = until_s === null ? left + width : u.valToPos(until_s, "x", true);
+          if (isFault) {
+            ctx.fillStyle = ink.fault;
+            ctx.fillRect(from, top, Math.max(to - from, ratio), height);
+          }
+          ctx.fillStyle = isFault ? ink.edge : ink.text;
+          ctx.fillRect(from, top, ratio, height);
+        }
+      });
+    }
+
+    // Their names, over the curves.
+    names(u) {
+      this.within(u, (ctx, { left, top, width }, ratio) => {
+        ctx.font = `${11 * ratio}px system-ui, sans-serif`;
+        ctx.textBaseline = "top";
+        ctx.textAlign = "left";
+        const boxes = [];
+        const line = 13 * ratio;
+        for (const { label, isLabelled, from_s, isFault } of inSight) {
+          if (!isLabelled) continue;
+          const from = u.valToPos(from_s, "x", true);
+          const wide = ctx.measureText(label).width;
+          const x = Math.max(left + 2 * ratio, Math.min(Math.max(from, left) + 4 * ratio, left + width - wide - 2 * ratio));
+          const row = [0, 1, 2, 3].find((row) => boxes.every((box) => box.row !== row || box.right < x || box.left > x + wide));
+          if (row === undefined) continue;
+          boxes.push({ row, left: x, right: x + wide + 6 * ratio });
+          const y = top + 3 * ratio + row * line;
+          ctx.globalAlpha = 0.8;
+          ctx.fillStyle = ink.paper;
+          ctx.fillRect(x - ratio, y - ratio, wide + 2 * ratio, line);
+          ctx.globalAlpha = 1;
+          ctx.fillStyle = isFault ? ink.edge : ink.text;
+          ctx.fillText(label, x, y);
+        }
+      });
     }
 
     // Level lines and limits of requirements.
     levels(u) {
-      const { ctx } = u;
-      const { left, top, width, height } = u.bbox;
-      const ratio = devicePixelRatio;
-      ctx.save();
-      ctx.beginPath();
-      ctx.rect(left, top, width, height);
-      ctx.clip();
-      ctx.lineWidth = 1.25 * ratio;
-      const rule = (level, from, to) => {
-        if (this.spec.log && level <= 0) return;
-        const y = u.valToPos(level, "y", true);
-        ctx.beginPath();
-        ctx.moveTo(from, y);
-        ctx.lineTo(to, y);
-        ctx.stroke();
-      };
-      ctx.strokeStyle = ink.text;
-      ctx.setLineDash([2 * ratio, 4 * ratio]);
-      for (const level of this.spec.lines) rule(level, left, left + width);
-      ctx.strokeStyle = ink.limit;
-      ctx.setLineDash([6 * ratio, 3 * ratio]);
-      for (const limit of this.spec.limits) {
-        rule(limit.level, Math.max(u.valToPos(limit.from_s, "x", true), left), Math.min(u.valToPos(limit.until_s, "x", true), left + width));
-      }
-      ctx.restore();
+      this.within(u, (ctx, { left, width }, ratio) => {
+        ctx.lineWidth = 1.25 * ratio;
+        const rule = (level, from, to) => {
+          if (this.spec.log && level <= 0) return;
+          const y = u.valToPos(level, "y", true);
+          ctx.beginPath();
+          ctx.moveTo(from, y);
+          ctx.lineTo(to, y);
+          ctx.stroke();
+        };
+        ctx.strokeStyle = ink.text;
+        ctx.setLineDash([2 * ratio, 4 * ratio]);
+        for (const level of this.spec.lines) rule(level, left, left + width);
+        ctx.strokeStyle = ink.limit;
+        ctx.setLineDash([6 * ratio, 3 * ratio]);
+        for (const limit of this.spec.limits) {
+          rule(limit.level, Math.max(u.valToPos(limit.from_s, "x", true), left), Math.min(u.valToPos(limit.until_s, "x", true), left + width));
+        }
+      });
     }
 
     legend() {
@@ -680,6 +695,12 @@
     }
     return most;
   };
+  // As a field of nine letters shows it.
+  const typed = (value) => {
+    if (!Number.isFinite(value)) return number(value);
+    const text = String(+value.toPrecision(7));
+    return text.length > 9 ? String((+value.toPrecision(5)).toExponential()).replace("e+", "e") : text;
+  };
   const knobs = new Map();
   const asked = new Map();
 
@@ -746,7 +767,7 @@
       const share = (Math.min(Math.max(value, low), high) - low) / (high - low || 1);
       this.slider.value = String(Math.round(share * POSITIONS));
       this.slider.setAttribute("aria-valuetext", shown(value, this.told.unit));
-      if (document.activeElement !== this.field) this.field.value = Number.isFinite(value) ? String(+value.toPrecision(7)) : number(value);
+      if (document.activeElement !== this.field) this.field.value = typed(value);
       this.row.dataset.changed = String(this.told.is_changed);
       this.back.hidden = !this.told.is_changed;
     }
@@ -883,6 +904,19 @@
     event.preventDefault();
     act({ deed: "inject", words: words() });
   });
+
+  // ---- Places ----
+
+  // The address keeps its secret.
+  for (const link of document.querySelectorAll('a[href^="#"]')) {
+    link.addEventListener("click", (event) => {
+      event.preventDefault();
+      const place = at(link.hash.slice(1));
+      place.tabIndex = -1;
+      place.scrollIntoView();
+      place.focus({ preventScroll: true });
+    });
+  }
 
   // ---- Keys ----
 
