@@ -131,14 +131,14 @@ fn write_fields(text: &mut String, title: &str, fields: &[Field]) -> Written {
     write!(text, "{table}")
 }
 
-/// Default and range, as far as there are any, and whether a fault can move it.
+/// Default and range, as far as there are any, and whether `hil set` or a fault can move it.
 fn values(field: &Field) -> String {
     let mut parts = Vec::new();
     parts.extend(field.default.map(exact));
     if field.min.is_finite() || field.max.is_finite() {
         parts.push(format!("in {} to {}", exact(field.min), exact(field.max)));
     }
-    if field.faultable {
+    if field.tunable || field.faultable {
         parts.push("tunable".into());
     }
     parts.join(" ")
@@ -191,4 +191,27 @@ fn write_imported(text: &mut String, imported: &Imported) -> Written {
         writeln!(text, "  {}: {}", left_out.name, left_out.reason)?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_can_be_changed_while_a_run_goes_on_is_told() {
+        for (tunable, faultable, told) in [
+            (false, false, "in 0 to 2"),
+            (true, false, "in 0 to 2 tunable"),
+            (false, true, "in 0 to 2 tunable"),
+        ] {
+            let field = Field {
+                min: 0.0,
+                max: 2.0,
+                tunable,
+                faultable,
+                ..Field::signal("gain", "1", "A gain.")
+            };
+            assert_eq!(values(&field), told);
+        }
+    }
 }
