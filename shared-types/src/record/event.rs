@@ -69,7 +69,7 @@ pub struct ChangedValue {
 }
 
 impl ValueChange {
-    /// Describes the new values, as `plant.parameters.mass_kg = 1.2 kg, reference.position_m as its stimulus`.
+    /// Describes the new values, as `plant.parameters.mass_kg = 1.2 kg, over 300 steps`.
     #[must_use]
     pub fn described(&self) -> String {
         let set = self
@@ -77,7 +77,11 @@ impl ValueChange {
             .iter()
             .map(|ChangedValue { key, unit, value }| format!("{key} = {}", exact_in(*value, unit)));
         let clear = (self.clear.iter()).map(|key| format!("{key} as its stimulus"));
-        set.chain(clear).collect::<Vec<_>>().join(", ")
+        let mut told = set.chain(clear).collect::<Vec<_>>().join(", ");
+        if self.ramp_steps > 0 {
+            told += &format!(", over {} steps", self.ramp_steps);
+        }
+        told
     }
 }
 
@@ -322,6 +326,29 @@ mod tests {
             let text = serde_json::to_string(&event).expect("serialises");
             assert_eq!(serde_json::from_str::<Event>(&text).expect("parses"), event);
         }
+    }
+
+    #[test]
+    fn a_change_is_described_with_its_values_and_its_ramp() {
+        let set = vec![ChangedValue {
+            key: "plant.parameters.mass_kg".into(),
+            unit: "kg".into(),
+            value: 1.25,
+        }];
+        let mut change = ValueChange {
+            id: 1,
+            step: 7,
+            ramp_steps: 0,
+            live: true,
+            set,
+            clear: vec!["reference.position_m".into()],
+        };
+        let told = "plant.parameters.mass_kg = 1.25 kg, reference.position_m as its stimulus";
+        assert_eq!(change.described(), told);
+        change.clear.clear();
+        change.ramp_steps = 300;
+        let told = "plant.parameters.mass_kg = 1.25 kg, over 300 steps";
+        assert_eq!(change.described(), told);
     }
 
     #[test]
