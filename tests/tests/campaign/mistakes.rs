@@ -175,6 +175,24 @@ fn a_folder_that_cannot_be_written_is_an_error_and_nothing_is_lost() {
 }
 
 #[test]
+fn tables_that_cannot_be_written_point_to_the_command_that_writes_none() {
+    let rig = Rig::new();
+    let folder = planned(&rig, &study(&rig, STUDY), "demo");
+    campaign(&rig, &["run", text(&folder)]).expect(0);
+    // A folder in the way, which stops even those whom no mode stops.
+    let results = folder.join("results.parquet");
+    std::fs::remove_file(&results).expect("removed");
+    std::fs::create_dir(&results).expect("a folder");
+    for verb in ["run", "collect"] {
+        let told = format!("hil campaign show {} reads them", text(&folder));
+        campaign(&rig, &[verb, text(&folder)])
+            .expect(3)
+            .says(&["cannot join the results", &told]);
+    }
+    campaign(&rig, &["show", text(&folder)]).expect(0);
+}
+
+#[test]
 fn wrong_arguments_are_told() {
     let rig = Rig::new();
     let folder = planned(&rig, &study(&rig, STUDY), "demo");

@@ -1,13 +1,18 @@
-//! All parts of a campaign as one table, and the digest over its rows.
+//! All parts of a campaign in one pass: the digest over its rows, one table of them, and whatever else looks at them.
 //!
-//! The digest is BLAKE3 over the cells of all rows in the order of cases, each cell as [`Cell::feed`](crate::table::Cell::feed) has it: the
-//! same on one core or many, under any engine, and after accidents. It does not depend on the form of the files.
+//! The digest is BLAKE3 over the cells of all rows in the order of cases, each cell as
+//! [`Values::feed`](crate::table::Values::feed) has it: the same on one core or many, under any engine, and after
+//! accidents. It does not depend on the form of the files.
 
 use std::io::{self, Write};
+use std::num::NonZero;
+use std::sync::mpsc::sync_channel;
+use std::thread;
 
 use crate::curves::Curves;
 use crate::folder::Folder;
-use crate::shard::{PartError, Shard, circumstance_columns};
+use crate::shard::part::{Part, circumstance_columns};
+use crate::shard::{PartError, Shard};
 use crate::table::{CLASS, Column, Kind, LOST, TableError, Writer};
 
 /// A campaign's rows, collected.
@@ -25,7 +30,74 @@ pub struct Collected {
     pub lost: Vec<u64>,
 }
 
-/// Joins the parts: rows of results into one table, their circumstances into another. Changes nothing in the folder.
+/// Reads the parts in the order of cases and hands each on. Changes nothing in the folder. As many parts as there are
+/// cores are read, checked and unpacked meanwhile, and as many wait at most.
+///
+/// # Errors
+/// If a part cannot be read, or what it is handed to fails.
+pub fn pass(
+    folder: &Folder,
+    mut take: impl FnMut(&Part) -> Result<(), TableError>,
+) -> Result<Collected, TableError> {
+    let manifest = folder.manifest();
+    let columns = manifest.columns.iter();
+    let class = columns.clone().position(|column| column.name == CLASS);
+    let shards = manifest.shards();
+    let cores = thread::available_parallelism().map_or(1, NonZero::get);
+    let mut hasher = blake3::Hasher::new();
+    let mut collected = Collected::default();
+    thread::scope(|scope| {
+        // Of as many shards in a row as there are readers each reads one.
+        let readers = (0..shards).take(cores).map(|first| {
+            let (send, receive) = sync_channel(1);
+            scope.spawn(move || {
+                for number in (first..shards).step_by(cores) {
+                    let part = Shard::of(folder, number).part();
+                    let part = part.map(|part| (part.fed(), part));
+                    if send.send(part).is_err() {
+                        return; // nobody waits for it any more
+                    }
+                }
+            });
+            receive
+        });
+        let readers: Vec<_> = readers.collect();
+        for (number, reader) in (0..shards).zip(readers.iter().cycle()) {
+            let Ok(read) = reader.recv() else {
+                break; // it panicked, and so does the scope
+            };
+            let (fed, part) = match read {
+                Ok(part) => part,
+                Err(PartError::Missing) => {
+                    collected.missing.push(number);
+                    continue;
+                }
+                Err(PartError::Broken(what)) => {
+                    collected.broken.push((number, what));
+                    collected.missing.push(number);
+                    continue;
+                }
+                Err(PartError::Io(error)) => return Err(TableError::Io(error)),
+            };
+            hasher.update(&fed);
+            if let Some(class) = class.map(|class| &part.results()[class]) {
+                let cases = part.cases().iter().enumerate();
+                let lost = cases.filter(|(place, _)| class.text(*place) == LOST);
+                collected.lost.extend(lost.map(|(_, case)| case));
+            }
+            take(&part)?;
+            collected.rows += part.cases().len() as u64;
+        }
+        Ok::<_, TableError>(())
+    })?;
+    if collected.missing.is_empty() {
+        collected.digest = Some(hasher.finalize().to_hex().to_string());
+    }
+    Ok(collected)
+}
+
+/// Joins the parts: rows of results into one table, their circumstances into another; and hands each on. Changes
+/// nothing in the folder.
 ///
 /// # Errors
 /// If a table cannot be written, or a part not be read.
@@ -33,46 +105,17 @@ pub fn collect<W: Write + Send, V: Write + Send>(
     folder: &Folder,
     results: W,
     circumstances: V,
+    mut take: impl FnMut(&Part),
 ) -> Result<(Collected, W, V), TableError> {
-    let manifest = folder.manifest();
     let mut own = vec![Column::new("case", Kind::Count)];
     own.extend(circumstance_columns());
-    let class = manifest
-        .columns
-        .iter()
-        .position(|column| column.name == CLASS);
-    let mut table = Writer::new(results, &manifest.columns)?;
+    let mut table = Writer::new(results, &folder.manifest().columns)?;
     let mut second = Writer::new(circumstances, &own)?;
-    let mut hasher = blake3::Hasher::new();
-    let mut collected = Collected::default();
-    for number in 0..manifest.shards() {
-        let shard = Shard::of(folder, number);
-        let part = match shard.part() {
-            Ok(part) => part,
-            Err(PartError::Missing) => {
-                collected.missing.push(number);
-                continue;
-            }
-            Err(PartError::Broken(what)) => {
-                collected.broken.push((number, what));
-                collected.missing.push(number);
-                continue;
-            }
-            Err(PartError::Io(error)) => return Err(error.into()),
-        };
-        for (row, circumstances) in part.rows.iter().zip(&part.circumstances) {
-            row.iter().for_each(|cell| cell.feed(&mut hasher));
-            if class.is_some_and(|class| row[class].as_text() == LOST) {
-                collected.lost.push(row[0].as_count());
-            }
-            table.row(row)?;
-            second.row([&row[0]].into_iter().chain(&circumstances.cells()))?;
-            collected.rows += 1;
-        }
-    }
-    if collected.missing.is_empty() {
-        collected.digest = Some(hasher.finalize().to_hex().to_string());
-    }
+    let collected = pass(folder, |part| {
+        take(part);
+        table.extend(&part.results().iter().collect::<Vec<_>>())?;
+        second.extend(&part.circumstances())
+    })?;
     let facts = [
         ("campaign", folder.id().to_owned()),
         ("digest", collected.digest.clone().unwrap_or_default()),

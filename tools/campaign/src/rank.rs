@@ -3,25 +3,55 @@
 //! The report calls [`spearman`] for every pair of a varied parameter and a result. A rank correlation
 //! sees any monotonic relation, and no other.
 
-/// Ranks of values, counted from 1; equal values share the mean of their ranks.
-///
-/// `r = (first + last) / 2` over the places of equal values in ascending order (M. G. Kendall, Rank
-/// Correlation Methods, 4th ed. 1970, chapter 3; valid for any values). Both zeros are equal; NaN
-/// of either sign is equal to itself and greater than infinity.
+/// Values in ascending order. Both zeros are equal; NaN of either sign is equal to itself and greater than infinity.
+#[derive(Debug)]
+pub struct Order(Vec<u128>);
+
+impl Order {
+    /// Sorts values.
+    #[must_use]
+    pub fn of(values: &[f64]) -> Self {
+        let places = values.iter().map(|value| u128::from(key(*value))).zip(0..);
+        let mut order: Vec<u128> = places.map(|(key, place)| key << PLACE | place).collect();
+        order.sort_unstable();
+        Self(order)
+    }
+
+    /// Returns the places of the values in this order; of equal values the first one comes first.
+    pub fn places(&self) -> impl Iterator<Item = usize> {
+        self.0.iter().map(|one| place(*one))
+    }
+
+    /// Ranks of the values, counted from 1; equal values share the mean of their ranks.
+    ///
+    /// `r = (first + last) / 2` over the places of equal values in ascending order (M. G. Kendall, Rank
+    /// Correlation Methods, 4th ed. 1970, chapter 3; valid for any values).
+    #[must_use]
+    pub fn ranks(&self) -> Vec<f64> {
+        let mut ranks = vec![0.0; self.0.len()];
+        let mut before = 0;
+        for equal in self.0.chunk_by(|one, other| one >> PLACE == other >> PLACE) {
+            let rank = before as f64 + 0.5 * (equal.len() + 1) as f64;
+            for one in equal {
+                ranks[place(*one)] = rank;
+            }
+            before += equal.len();
+        }
+        ranks
+    }
+}
+
+/// Bits of a sorted value that have its place; those above have its key.
+const PLACE: u32 = u64::BITS;
+
+const fn place(one: u128) -> usize {
+    one as usize
+}
+
+/// Ranks of values, as [`Order`] has them.
 #[must_use]
 pub fn ranks(values: &[f64]) -> Vec<f64> {
-    let mut order: Vec<(f64, usize)> = values.iter().map(|&value| key(value)).zip(0..).collect();
-    order.sort_unstable_by(|(one, i), (other, j)| one.total_cmp(other).then(i.cmp(j)));
-    let mut ranks = vec![0.0; values.len()];
-    let mut before = 0;
-    for equal in order.chunk_by(|(one, _), (other, _)| one.total_cmp(other).is_eq()) {
-        let rank = before as f64 + 0.5 * (equal.len() + 1) as f64;
-        for &(_, place) in equal {
-            ranks[place] = rank;
-        }
-        before += equal.len();
-    }
-    ranks
+    Order::of(values).ranks()
 }
 
 /// Spearman's rank correlation of two series, from -1 to 1.
@@ -59,16 +89,21 @@ pub fn of_ranks(x: &[f64], y: &[f64]) -> Option<f64> {
     }
 }
 
-/// The value in the total order: one zero, and one NaN, since its sign differs between machines.
-fn key(value: f64) -> f64 {
-    if value == 0.0 {
-        0.0
+/// Number that is greater for a greater value: one for both zeros, and one for NaN, whose sign differs between
+/// machines.
+fn key(value: f64) -> u64 {
+    let bits = if value == 0.0 {
+        0
     } else if value.is_nan() {
-        f64::NAN
+        f64::NAN.to_bits() & !SIGN
     } else {
-        value
-    }
+        value.to_bits()
+    };
+    // Below zero the greater bits are of the lesser value.
+    if bits & SIGN == 0 { bits | SIGN } else { !bits }
 }
+
+const SIGN: u64 = 1 << 63;
 
 #[cfg(test)]
 mod tests {
@@ -97,7 +132,9 @@ mod tests {
             -f64::INFINITY,
             -f64::NAN,
         ];
-        assert_eq!(ranks(&values), [5.5, 2.5, 4.0, 2.5, 1.0, 5.5]);
+        let order = Order::of(&values);
+        assert_eq!(order.ranks(), [5.5, 2.5, 4.0, 2.5, 1.0, 5.5]);
+        assert!(order.places().eq([4, 1, 3, 2, 0, 5]));
     }
 
     #[test]

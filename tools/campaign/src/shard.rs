@@ -5,6 +5,7 @@
 //! becomes a check that runs repeat.
 
 pub mod attempt;
+pub mod part;
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -17,18 +18,15 @@ use rustix::fs::{FlockOperation, flock};
 use crate::curve::Grid;
 use crate::curves::{CURVES, Curves};
 use crate::folder::{Folder, SHARDS};
-use crate::journal::{self, Circumstances, Journal};
-use crate::table::{self, Cell, Column, Kind, Row, TableError};
+use crate::journal::{self, Journal};
+use crate::table::{self, Row, TableError};
 use attempt::{Attempt, difference};
+use part::Part;
 
 /// Times that a case may end its worker before it is set aside.
 pub const MOST_TRIES: u64 = 3;
 /// Name of a published result.
 const PART: &str = "part.parquet";
-
-/// Facts in a part.
-const CAMPAIGN: &str = "campaign";
-const SUM: &str = "sum";
 
 /// A shard.
 #[derive(Clone, Copy, Debug)]
@@ -47,14 +45,6 @@ pub fn missing(folder: &Folder) -> Vec<u64> {
 
 /// Claim on a shard, until it is dropped or its process ends.
 pub struct Claim(#[expect(dead_code, reason = "held, never read: it has the lock")] File);
-
-/// Published rows.
-pub struct Part {
-    /// Rows of results in the order of cases.
-    pub rows: Vec<Row>,
-    /// Their circumstances.
-    pub circumstances: Vec<Circumstances>,
-}
 
 /// Reason for which a part does not count.
 #[derive(Debug, thiserror::Error)]
@@ -77,39 +67,6 @@ impl From<TableError> for PartError {
             TableError::Io(error) => Self::Io(error),
             TableError::Other(what) => Self::Broken(what),
         }
-    }
-}
-
-/// Columns of the circumstances of a row.
-#[must_use]
-pub fn circumstance_columns() -> Vec<Column> {
-    let seconds = Column {
-        unit: "s".into(),
-        ..Column::new("wall_time_s", Kind::Number)
-    };
-    vec![
-        seconds,
-        Column::new("host", Kind::Text),
-        Column::new("attempt", Kind::Text),
-        Column::new("tries", Kind::Count),
-    ]
-}
-
-impl Circumstances {
-    /// Returns them as cells.
-    #[must_use]
-    pub fn cells(&self) -> [Cell; 4] {
-        [
-            Cell::number(self.wall_s),
-            Cell::Text(self.host.clone()),
-            Cell::Text(self.attempt.clone()),
-            Cell::Count(self.tries),
-        ]
-    }
-
-    /// Names who made the row.
-    fn maker(&self) -> String {
-        format!("{} (attempt {})", self.host, self.attempt)
     }
 }
 
@@ -202,34 +159,8 @@ impl<'a> Shard<'a> {
     /// # Errors
     /// If it has none, or one that does not count.
     pub fn part(&self) -> Result<Part, PartError> {
-        let columns = self.folder.manifest().columns.clone();
-        let results = columns.len();
-        let all: Vec<Column> = columns.into_iter().chain(circumstance_columns()).collect();
-        let path = self.result();
-        let mut bytes = fs::read(&path).map_err(TableError::Io)?;
-        // Before anything else: a reader of Parquet believes what it reads.
-        let told = unsealed(&mut bytes);
-        if told.is_none_or(|told| told != seal(&bytes)) {
-            return Err(PartError::Broken("its check sum is another".into()));
-        }
-        let mut reader = table::Reader::of(bytes, &all)?;
-        let of = reader.fact(CAMPAIGN);
-        if !of.is_some_and(|id| self.folder.has_results_of(id)) {
-            return Err(PartError::Broken("it is of another campaign".into()));
-        }
-        let mut rows = reader.all()?;
-        let circumstances = rows
-            .iter_mut()
-            .map(|row| circumstances(row.split_off(results)));
-        let circumstances = circumstances.collect();
-        let cases = rows.iter().map(|row| row[0].as_count());
-        if !cases.eq(self.cases()) {
-            return Err(PartError::Broken("it has other cases".into()));
-        }
-        Ok(Part {
-            rows,
-            circumstances,
-        })
+        let bytes = fs::read(self.result()).map_err(TableError::Io)?;
+        Part::read(bytes, self.folder, self.cases())
     }
 
     /// Reads its curves; none if they are not there, or not whole.
@@ -274,10 +205,11 @@ impl<'a> Shard<'a> {
         };
         let columns = &self.folder.manifest().columns;
         let part = self.part()?;
-        let differs = part.rows.iter().find_map(|first| {
-            let (row, by) = found.rows.get(&first[0].as_count())?;
+        let mut pairs = (part.cases().iter().enumerate())
+            .filter_map(|(place, case)| Some((place, found.rows.get(case)?)));
+        let differs = pairs.find_map(|(place, (row, by))| {
             let fits = table::fits(row, columns);
-            fits.then(|| difference(first, row, columns, &by.maker()))?
+            fits.then(|| difference(&part.row(place), row, columns, &by.maker()))?
         });
         match differs {
             Some(conflict) => self.folder.note(&conflict).map_err(PartError::Io),
@@ -298,9 +230,9 @@ impl<'a> Shard<'a> {
         let part = self.part()?;
         let path = self.path();
         let mut journal = Journal::begin(&path, self.folder.id()).map_err(io)?;
-        for (row, circumstances) in part.rows.iter().zip(&part.circumstances) {
-            if kept(row) {
-                journal.keep(row, circumstances).map_err(io)?;
+        for (place, row) in part.rows().enumerate() {
+            if kept(&row) {
+                journal.keep(&row, &part.made(place)).map_err(io)?;
             }
         }
         journal.sync().map_err(io)?;
@@ -324,41 +256,6 @@ impl<'a> Shard<'a> {
         let _ = fs::remove_file(path.join(CURVES)); // there may be none
         Ok(free)
     }
-}
-
-fn circumstances(cells: Row) -> Circumstances {
-    let text = |place: usize| cells[place].as_text().to_owned();
-    Circumstances {
-        wall_s: cells[0].as_number().unwrap_or_default(),
-        host: text(1),
-        attempt: text(2),
-        tries: cells[3].as_count(),
-    }
-}
-
-/// Place of the check sum in a part: behind this word, as so many digits, which are zeros while it is computed.
-const SEAL: &[u8] = b"hil-part-sum:";
-const DIGITS: usize = 64;
-
-/// Computes the check sum of a part whose own is zeros.
-fn seal(bytes: &[u8]) -> [u8; DIGITS] {
-    let mut digits = [b'0'; DIGITS];
-    digits.copy_from_slice(blake3::hash(bytes).to_hex().as_bytes());
-    digits
-}
-
-/// Finds the check sum of a part: its last, as rows stand before it.
-fn sealed(bytes: &mut [u8]) -> Option<&mut [u8]> {
-    let place = bytes.windows(SEAL.len()).rposition(|word| word == SEAL)? + SEAL.len();
-    bytes.get_mut(place..place + DIGITS)
-}
-
-/// Takes the check sum out of a part.
-fn unsealed(bytes: &mut [u8]) -> Option<[u8; DIGITS]> {
-    let place = sealed(bytes)?;
-    let mut told = [b'0'; DIGITS];
-    told.swap_with_slice(place);
-    Some(told)
 }
 
 #[cfg(test)]

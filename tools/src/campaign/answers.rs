@@ -5,14 +5,19 @@
 //! one has not passed either and is a class of its own; a case that was set aside makes every probability a matter
 //! of belief, so there is none.
 
-use std::path::Path;
+mod gathered;
 
 use hil_campaign::binomial::{self, Sided};
+use hil_campaign::collect::Collected;
 use hil_campaign::manifest::Manifest;
-use hil_campaign::table::{CLASS, Cell, Column, Kind, LOST, Reader, Row, TableError, Values};
+use hil_campaign::rank::Order;
+use hil_campaign::table::{CLASS, Column, LOST, Row};
 use hil_campaign::{order, rank};
 use hil_config::study::{Goal, Sampling, Study};
 use serde::Serialize;
+
+use gathered::Cases;
+pub(super) use gathered::Gathered;
 
 /// Classes of cases.
 pub(super) const CLASSES: [&str; 5] = ["pass", "fail", "diverged", "undecided", LOST];
@@ -126,36 +131,17 @@ pub(super) fn class_of<'a>(manifest: &Manifest, row: &'a Row) -> &'a str {
     place.map_or("", |place| row[place].as_text())
 }
 
-/// Cases of one variant by columns.
-#[derive(Default)]
-struct Cases {
-    case: Vec<u64>,
-    classes: [u64; 5],
-    diverged: Vec<u64>,
-    /// Varied numbers.
-    varied: Vec<Vec<f64>>,
-    /// For each requirement: cases that meet it, and the margin of each.
-    holds: Vec<u64>,
-    margins: Vec<Vec<f64>>,
-}
-
-/// Computes the answers of a table of results.
-///
-/// # Errors
-/// If the table cannot be read.
-pub(super) fn of(
-    manifest: &Manifest,
-    study: &Study,
-    results: &Path,
-    digest: Option<String>,
-    lost: Vec<u64>,
-) -> Result<Answers, TableError> {
-    let requirements = requirements(manifest);
-    let varied: Vec<&Column> = (manifest.columns.iter())
-        .filter(|column| study.varied.iter().any(|one| one.name == column.name))
-        .filter(|column| column.kind == Kind::Number)
-        .collect();
-    let cases = read(manifest, study, results, &varied, &requirements)?;
+/// Computes the answers of the cases of a campaign.
+pub(super) fn of(gathered: Gathered, collected: &Collected) -> Answers {
+    let Gathered {
+        manifest,
+        study,
+        varied,
+        requirements,
+        variants: cases,
+        ..
+    } = gathered;
+    let (digest, lost) = (collected.digest.clone(), collected.lost.clone());
     let is_sure = study.sampling == Sampling::Independent && lost.is_empty() && digest.is_some();
     let variants: Vec<VariantAnswer> = (study.variants.iter().zip(cases))
         .map(|(variant, cases)| {
@@ -169,7 +155,7 @@ pub(super) fn of(
         of.map(|variant| goal_answer(goal, variant, is_sure))
             .collect::<Vec<_>>()
     });
-    Ok(Answers {
+    Answers {
         name: manifest.name.clone(),
         cases: manifest.cases,
         draws: study.draws,
@@ -179,103 +165,7 @@ pub(super) fn of(
         lost,
         goals: goals.collect(),
         variants,
-    })
-}
-
-/// Lists the requirements by name and unit.
-fn requirements(manifest: &Manifest) -> Vec<(String, String)> {
-    let columns = manifest.columns.iter();
-    let found = columns.filter_map(|column| {
-        let name = column.name.strip_prefix("robustness.")?;
-        Some((name.to_owned(), column.unit.clone()))
-    });
-    found.collect()
-}
-
-fn read(
-    manifest: &Manifest,
-    study: &Study,
-    results: &Path,
-    varied: &[&Column],
-    requirements: &[(String, String)],
-) -> Result<Vec<Cases>, TableError> {
-    let empty = || Cases {
-        varied: vec![Vec::new(); varied.len()],
-        holds: vec![0; requirements.len()],
-        margins: vec![Vec::new(); requirements.len()],
-        ..Cases::default()
-    };
-    let mut all: Vec<Cases> = study.variants.iter().map(|_| empty()).collect();
-    let is_wanted = |column: &Column| {
-        let name = &*column.name;
-        name == "case"
-            || name == CLASS
-            || name.starts_with("verdict.")
-            || name.starts_with("robustness.")
-            || varied.iter().any(|one| one.name == column.name)
-    };
-    let names: Vec<&str> = (manifest.columns.iter())
-        .filter(|one| is_wanted(one))
-        .map(|one| &*one.name)
-        .collect();
-    let place = |name: &str| {
-        names
-            .iter()
-            .position(|known| *known == name)
-            .unwrap_or_default()
-    };
-    let (case, class) = (place("case"), place(CLASS));
-    let varied: Vec<usize> = varied.iter().map(|one| place(&one.name)).collect();
-    let verdicts: Vec<(usize, usize)> = requirements
-        .iter()
-        .map(|(name, _)| {
-            (
-                place(&format!("verdict.{name}")),
-                place(&format!("robustness.{name}")),
-            )
-        })
-        .collect();
-    let mut reader = Reader::open(results, &manifest.columns)?;
-    while let Some(group) = reader.group(is_wanted)? {
-        let rows = group.first().map_or(0, Values::len);
-        let number = |place: usize, row: usize| match &group[place] {
-            Values::Numbers(values) => values[row],
-            Values::Counts(_) | Values::Texts(_) => f64::NAN,
-        };
-        let text = |place: usize, row: usize| match &group[place] {
-            Values::Texts(values) => &*values[row],
-            Values::Counts(_) | Values::Numbers(_) => "",
-        };
-        for row in 0..rows {
-            let Values::Counts(numbers) = &group[case] else {
-                break;
-            };
-            let number_of = numbers[row];
-            let variant =
-                usize::try_from(number_of % study.variants.len() as u64).unwrap_or_default();
-            let of = &mut all[variant];
-            let class = text(class, row);
-            let known = CLASSES
-                .iter()
-                .position(|known| *known == class)
-                .unwrap_or(4);
-            of.classes[known] += 1;
-            of.case.push(number_of);
-            let has_diverged = class == "diverged";
-            if has_diverged {
-                of.diverged.push(number_of);
-            }
-            for (values, place) in of.varied.iter_mut().zip(&varied) {
-                values.push(number(*place, row));
-            }
-            for (index, (verdict, robustness)) in verdicts.iter().enumerate() {
-                let verdict = text(*verdict, row);
-                of.holds[index] += u64::from(verdict == "pass" && !has_diverged);
-                of.margins[index].push(margin(verdict, class, number(*robustness, row)));
-            }
-        }
     }
-    Ok(all)
 }
 
 /// Returns the margin by which cases are ordered: a diverged one is worse than any, and a verdict without a margin
@@ -307,29 +197,25 @@ fn answer(
         .collect();
     let answers = requirements.iter().zip(&cases.holds).zip(&cases.margins);
     let requirements = answers.map(|(((name, unit), holds), margins)| {
-        let mut order: Vec<usize> = (0..margins.len())
-            .filter(|place| !margins[*place].is_nan())
-            .collect();
-        order.sort_by(|a, b| margins[*a].total_cmp(&margins[*b]).then(a.cmp(b)));
-        let sorted: Vec<f64> = order.iter().map(|place| margins[*place]).collect();
+        let order = Order::of(margins);
+        // Those without a margin come last.
+        let is_there = |place: &usize| !margins[*place].is_nan();
+        let places: Vec<usize> = order.places().take_while(is_there).collect();
+        let sorted: Vec<f64> = places.iter().map(|place| margins[*place]).collect();
         // Those with a margin are no sample of all.
         let bounded = confidence.filter(|_| sorted.len() == margins.len());
-        let worst = order.iter().take(MOST).map(|place| WorstAnswer {
+        let worst = places.iter().take(MOST).map(|place| WorstAnswer {
             case: cases.case[*place],
             margin: margins[*place],
         });
         // Of cases with a margin; nearly always these are all.
-        let margin_ranks = rank::ranks(&existing(margins));
+        let margin_ranks = existing(margins, order.ranks());
         let pairs = varied.iter().zip(&ranks).zip(&cases.varied);
         let correlations = pairs.filter_map(|((column, ranks), values)| {
-            let rho = match order.len() == margins.len() {
+            let rho = match sorted.len() == margins.len() {
                 true => rank::of_ranks(ranks, &margin_ranks)?,
                 false => {
-                    let with = margins
-                        .iter()
-                        .zip(values)
-                        .filter(|(margin, _)| !margin.is_nan());
-                    let values: Vec<f64> = with.map(|(_, value)| *value).collect();
+                    let values = existing(margins, values.clone());
                     rank::of_ranks(&rank::ranks(&values), &margin_ranks)?
                 }
             };
@@ -360,13 +246,11 @@ fn answer(
     }
 }
 
-/// Leaves out margins that are none.
-fn existing(margins: &[f64]) -> Vec<f64> {
-    margins
-        .iter()
-        .copied()
-        .filter(|margin| !margin.is_nan())
-        .collect()
+/// Leaves out the values of cases without a margin.
+fn existing(margins: &[f64], mut values: Vec<f64>) -> Vec<f64> {
+    let mut margins = margins.iter();
+    values.retain(|_| margins.next().is_some_and(|margin| !margin.is_nan()));
+    values
 }
 
 fn share(count: u64, of: u64, confidence: Option<f64>) -> Share {
@@ -424,9 +308,4 @@ fn goal_answer(goal: &Goal, variant: &VariantAnswer, is_sure: bool) -> GoalAnswe
         lower,
         is_met: is_sure && lower >= goal.probability,
     }
-}
-
-/// Returns a cell's text, for whoever compares campaigns.
-pub(super) fn text(cell: Option<&Cell>) -> &str {
-    cell.map_or("", Cell::as_text)
 }

@@ -110,6 +110,7 @@ fn published(folder: &Folder, case: u64) -> Option<String> {
         .iter()
         .position(|column| column.name == "digest")?;
     let part = Shard::of(folder, manifest.shard_of(case)).part().ok()?;
-    let row = part.rows.iter().find(|row| row[0].as_count() == case)?;
-    Some(row[place].as_text().to_owned()).filter(|digest| !digest.is_empty())
+    let row = part.cases().iter().position(|known| *known == case)?;
+    let digest = part.results()[place].text(row);
+    Some(digest.to_owned()).filter(|digest| !digest.is_empty())
 }

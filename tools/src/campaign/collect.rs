@@ -1,13 +1,13 @@
 //! The results of a campaign as one table in its folder, and the circumstances of its cases as another.
 
-use std::io::{BufWriter, Write as _, sink};
+use std::io::BufWriter;
 
 use hil_campaign::collect::Collected;
 use hil_campaign::folder::Folder;
+use hil_campaign::shard::part::Part;
 use hil_campaign::shard::{Shard, missing};
 use serde_json::json;
 use shared_types::number::counted;
-use tempfile::NamedTempFile;
 
 use super::quoted;
 use super::work::{cannot, open};
@@ -29,7 +29,10 @@ const MOST_LISTED: usize = 10;
 /// If cases are missing, or a table cannot be written.
 pub(super) fn collect(arguments: &CollectArguments) -> Result<Exit, Failure> {
     let folder = open(&arguments.folder)?;
-    let collected = now(&folder, arguments.partial)?;
+    let collected = join(&folder, arguments.partial, |_| {})?;
+    if !arguments.partial {
+        refuse_missing(&folder, &collected.missing)?;
+    }
     let conflicts = folder
         .conflicts()
         .map_err(|error| cannot(&folder, &error))?;
@@ -71,40 +74,40 @@ pub(super) const fn exit(collected: &Collected, conflicts: bool) -> Exit {
     }
 }
 
-/// Joins the results of a campaign; one that is not complete only if `partial`.
-///
-/// # Errors
-/// If cases are missing, or a table cannot be written.
-pub(super) fn now(folder: &Folder, partial: bool) -> Result<Collected, Failure> {
-    let collected = join(folder, partial)?;
-    if !partial {
-        refuse_missing(folder, &collected.missing)?;
-    }
-    Ok(collected)
-}
-
-/// Joins the results of a campaign, sets those aside that do not count, and removes what dead workers left. Without
-/// the former the campaign may not be complete any more: tables are written then only if `partial`.
+/// Joins the results of a campaign and hands each part on, sets those aside that do not count, and removes what dead
+/// workers left. Without the former the campaign may not be complete any more: tables are written then only if
+/// `partial`.
 ///
 /// # Errors
 /// If cases are missing before, or a table cannot be written.
-pub(super) fn join(folder: &Folder, partial: bool) -> Result<Collected, Failure> {
+pub(super) fn join(
+    folder: &Folder,
+    partial: bool,
+    take: impl FnMut(&Part),
+) -> Result<Collected, Failure> {
+    let missing = missing(folder);
     if !partial {
-        refuse_missing(folder, &missing(folder))?;
+        refuse_missing(folder, &missing)?;
     }
+    let cannot_join = |error: &dyn std::fmt::Display| match missing.is_empty() {
+        true => Failure::infrastructure(format!(
+            "cannot join the results in {}: {error}; every case has its own, and hil campaign show {} reads them and writes nothing",
+            folder.path().display(),
+            quoted(folder.path())
+        )),
+        false => cannot(folder, error),
+    };
     let part = |name: &str| {
         let path = folder.path().join(name);
-        let part = PartFile::beside(&path).map_err(|error| cannot(folder, &error))?;
-        let file = part
-            .file()
-            .try_clone()
-            .map_err(|error| cannot(folder, &error))?;
-        Ok::<_, Failure>((part, BufWriter::new(file), path))
+        let part = PartFile::beside(&path).map_err(|error| cannot_join(&error))?;
+        let file = part.file().try_clone();
+        let to = BufWriter::new(file.map_err(|error| cannot_join(&error))?);
+        Ok::<_, Failure>((part, to, path))
     };
     let (results, to, path) = part(RESULTS)?;
     let (circumstances, also_to, other) = part(CIRCUMSTANCES)?;
-    let written = hil_campaign::collect::collect(folder, to, also_to);
-    let (collected, to, also_to) = written.map_err(|error| cannot(folder, &error))?;
+    let written = hil_campaign::collect::collect(folder, to, also_to, take);
+    let (collected, to, also_to) = written.map_err(|error| cannot_join(&error))?;
     for (number, what) in &collected.broken {
         let aside = Shard::of(folder, *number).set_aside();
         let aside = aside.map_err(|error| cannot(folder, &error))?;
@@ -124,30 +127,32 @@ pub(super) fn join(folder: &Folder, partial: bool) -> Result<Collected, Failure>
         return Ok(collected);
     }
     for (part, to, path) in [(results, to, path), (circumstances, also_to, other)] {
-        let flushed = to
-            .into_inner()
-            .map_err(|error| cannot(folder, &error.error()))?;
-        drop(flushed);
+        let flushed = to.into_inner();
+        drop(flushed.map_err(|error| cannot_join(&error.error()))?);
         part.complete(&path, true)
-            .map_err(|error| cannot(folder, &error))?;
+            .map_err(|error| cannot_join(&error))?;
     }
     Ok(collected)
 }
 
-/// Joins the results of a campaign, complete or not if `partial`, for somebody who reads them: in a file that is gone
-/// with the answer, as an archive may be read-only.
+/// Reads the results of a campaign, complete or not if `partial`, and hands each part on. Writes nothing, as an archive
+/// may be read-only.
 ///
 /// # Errors
 /// If cases are missing, or a part cannot be read.
-pub(super) fn read(folder: &Folder, partial: bool) -> Result<(Collected, NamedTempFile), Failure> {
+pub(super) fn read(
+    folder: &Folder,
+    partial: bool,
+    mut take: impl FnMut(&Part),
+) -> Result<Collected, Failure> {
     if !partial {
         refuse_missing(folder, &missing(folder))?;
     }
-    let results = NamedTempFile::new().map_err(Failure::infrastructure)?;
-    let file = results.reopen().map_err(Failure::infrastructure)?;
-    let collected = hil_campaign::collect::collect(folder, BufWriter::new(file), sink());
-    let (collected, mut file, _) = collected.map_err(|error| cannot(folder, &error))?;
-    file.flush().map_err(Failure::infrastructure)?;
+    let passed = hil_campaign::collect::pass(folder, |part| {
+        take(part);
+        Ok(())
+    });
+    let collected = passed.map_err(|error| cannot(folder, &error))?;
     for (number, what) in &collected.broken {
         tell!("shard {number}: {what}");
     }
@@ -155,19 +160,24 @@ pub(super) fn read(folder: &Folder, partial: bool) -> Result<(Collected, NamedTe
         refuse_missing(folder, &collected.missing)?;
     }
     tell_lost(folder, &collected);
-    Ok((collected, results))
+    Ok(collected)
 }
 
 /// Tells of cases that were set aside.
 fn tell_lost(folder: &Folder, collected: &Collected) {
     if !collected.lost.is_empty() {
         tell!(
-            "{} set aside, which {}; hil campaign run {} --again tries once more",
-            counted(collected.lost.len() as u64, "case"),
-            listed(&collected.lost),
+            "{}; hil campaign run {} --again tries once more",
+            set_aside(&collected.lost),
             quoted(folder.path())
         );
     }
+}
+
+/// Names cases that were set aside.
+pub(super) fn set_aside(lost: &[u64]) -> String {
+    let cases = counted(lost.len() as u64, "case");
+    format!("{cases} set aside: {}", listed(lost))
 }
 
 /// Tells of results that contradict each other; counts them.
@@ -203,7 +213,24 @@ pub(super) fn listed(numbers: &[u64]) -> String {
         .collect();
     let first = first.join(", ");
     match numbers.len().saturating_sub(MOST_LISTED) {
-        0 => format!("are {first}"),
-        more => format!("are {first} and {more} more"),
+        0 => first,
+        more => format!("{first} and {more} more"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::set_aside;
+
+    #[test]
+    fn cases_that_were_set_aside_are_named_of_many_the_first() {
+        assert_eq!(set_aside(&[3]), "1 case set aside: 3");
+        assert_eq!(set_aside(&[3, 9]), "2 cases set aside: 3, 9");
+        let many: Vec<u64> = (0..12).collect();
+        let told = set_aside(&many);
+        assert!(
+            told.ends_with(": 0, 1, 2, 3, 4, 5, 6, 7, 8, 9 and 2 more"),
+            "{told}"
+        );
     }
 }

@@ -1,15 +1,14 @@
 //! Two campaigns on the same draws: which cases pass in one and not in the other, and whether chance explains it.
 
 use hil_campaign::folder::Folder;
+use hil_campaign::manifest::Manifest;
 use hil_campaign::mcnemar;
-use hil_campaign::shard::Shard;
-use hil_campaign::table::{CLASS, LOST};
+use hil_campaign::table::{CLASS, Column, LOST};
 use serde::Serialize;
 use shared_types::number::{counted, short};
 
-use super::answers::class_of;
 use super::collect::{listed, read, tell_conflicts};
-use super::work::{cannot, open};
+use super::work::open;
 use crate::arguments::campaign::CompareCampaignArguments;
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::output;
@@ -35,9 +34,6 @@ struct Flips {
 /// If they cannot be compared.
 pub(super) fn compare(arguments: &CompareCampaignArguments) -> Result<Exit, Failure> {
     let (first, second) = (open(&arguments.first)?, open(&arguments.second)?);
-    for folder in [&first, &second] {
-        read(folder, false)?;
-    }
     let flips = flips(&first, &second)?;
     output::result(arguments.json, &flips, || told(&flips))?;
     // What came out twice and not the same cannot be told from what flipped.
@@ -75,11 +71,59 @@ fn told(flips: &[Flips]) -> String {
         }
         for (which, cases) in [("first", first_only), ("second", second_only)] {
             if !cases.is_empty() {
-                text += &format!("  those of the {which} alone {}\n", listed(cases));
+                text += &format!("  in the {which} alone: {}\n", listed(cases));
             }
         }
     }
     text
+}
+
+/// A case as far as it is compared.
+struct Case {
+    /// Hash of its number, variant, seed and varied values.
+    values: blake3::Hash,
+    /// Place of its variant.
+    variant: usize,
+    /// None if it was set aside.
+    passes: Option<bool>,
+}
+
+/// Counts the columns before the classes, which make a case what it is.
+fn head(manifest: &Manifest) -> usize {
+    let mut columns = manifest.columns.iter();
+    columns.position(|column| column.name == CLASS).unwrap_or(0)
+}
+
+/// Reads the cases of a campaign, with the names of its variants.
+fn cases(folder: &Folder) -> Result<(Vec<Case>, Vec<String>), Failure> {
+    let head = head(folder.manifest());
+    let variants = |column: &Column| column.name == "variant";
+    let variants = folder.manifest().columns.iter().position(variants);
+    let variants = variants.unwrap_or(0);
+    let (mut all, mut names): (_, Vec<String>) = (Vec::new(), Vec::new());
+    let mut fed = Vec::new();
+    read(folder, false, |part| {
+        let columns = part.results();
+        for row in 0..part.cases().len() {
+            fed.clear();
+            columns[..head]
+                .iter()
+                .for_each(|column| column.feed(row, &mut fed));
+            let name = columns[variants].text(row);
+            let variant = names.iter().position(|known| known == name);
+            let variant = variant.unwrap_or_else(|| {
+                names.push(name.to_owned());
+                names.len() - 1
+            });
+            let class = columns[head].text(row);
+            all.push(Case {
+                values: blake3::hash(&fed),
+                variant,
+                passes: (class != LOST).then_some(class == "pass"),
+            });
+        }
+    })?;
+    Ok((all, names))
 }
 
 /// Finds the cases that flipped, by variants of one name.
@@ -109,60 +153,32 @@ fn flips(first: &Folder, second: &Folder) -> Result<Vec<Flips>, Failure> {
             other.cases
         )));
     }
-    let mut all: Vec<Flips> = Vec::new();
-    let head = one
-        .columns
-        .iter()
-        .position(|column| column.name == CLASS)
-        .unwrap_or_default();
-    let mut rows = [Vec::new().into_iter(), Vec::new().into_iter()];
-    let mut shards = [0, 0];
-    for case in 0..one.cases {
-        let mut pair = Vec::new();
-        for ((rows, shard), folder) in rows.iter_mut().zip(&mut shards).zip([first, second]) {
-            let row = match rows.next() {
-                Some(row) => row,
-                None => {
-                    let part = Shard::of(folder, *shard)
-                        .part()
-                        .map_err(|error| cannot(folder, &error))?;
-                    *shard += 1;
-                    *rows = part.rows.into_iter();
-                    rows.next().unwrap_or_default()
-                }
-            };
-            pair.push(row);
-        }
-        let (a, b) = (&pair[0], &pair[1]);
-        if a[..head] != b[..head] {
+    let (first, names) = cases(first)?;
+    let (second, _) = cases(second)?;
+    let flips = names.into_iter().map(|variant| Flips {
+        variant,
+        cases: 0,
+        lost: 0,
+        first_only: Vec::new(),
+        second_only: Vec::new(),
+        p: 1.0,
+    });
+    let mut all: Vec<Flips> = flips.collect();
+    for (case, (a, b)) in (0..).zip(first.iter().zip(&second)) {
+        if a.values != b.values {
             return Err(not_comparable(format!(
                 "case {case} has other values in one than in the other"
             )));
         }
-        let variant = super::answers::text(a.get(2)).to_owned();
-        let classes = [(one, a), (other, b)].map(|(manifest, row)| class_of(manifest, row));
-        let passes = classes.map(|class| class == "pass");
-        let place = all.iter().position(|flips| flips.variant == variant);
-        let place = place.unwrap_or_else(|| {
-            all.push(Flips {
-                variant,
-                cases: 0,
-                lost: 0,
-                first_only: Vec::new(),
-                second_only: Vec::new(),
-                p: 1.0,
-            });
-            all.len() - 1
-        });
-        let flips = &mut all[place];
-        if classes.contains(&LOST) {
+        let flips = &mut all[a.variant];
+        let Some(passes) = a.passes.zip(b.passes) else {
             flips.lost += 1;
             continue;
-        }
+        };
         flips.cases += 1;
         match passes {
-            [true, false] => flips.first_only.push(case),
-            [false, true] => flips.second_only.push(case),
+            (true, false) => flips.first_only.push(case),
+            (false, true) => flips.second_only.push(case),
             _ => {}
         }
     }

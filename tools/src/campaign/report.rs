@@ -1,6 +1,6 @@
 //! `hil report` of a campaign: one HTML file that shows all cases, for eyes and for the file of evidence.
 //!
-//! 1. The results are collected, as far as there are any, and [`answers`] computes what they mean.
+//! 1. The results are read once, as far as there are any, and [`answers`] computes what they mean.
 //! 2. [`data`] packs margins, metrics and varied values for the script, [`envelopes`] the curves over time.
 //! 3. [`tables`] writes what reads without a script, [`page`] joins everything.
 //!
@@ -16,13 +16,12 @@ use std::io::Write as _;
 use std::path::Path;
 
 use hil_campaign::folder::Folder;
-use hil_config::study::Study;
 use serde::Serialize;
 use shared_types::number::counted;
 
-use super::answers;
-use super::cases::told;
+use super::answers::{self, Gathered};
 use super::collect::read;
+use super::show::study;
 use super::work::{cannot, open};
 use crate::arguments::report::ReportArguments;
 use crate::files::destination::Destination;
@@ -103,19 +102,17 @@ pub(super) fn write(
 /// Makes the page and its summary.
 fn made(folder: &Folder) -> Result<(String, Written), Failure> {
     let manifest = folder.manifest();
-    let study = Study::read(folder.path().join(&manifest.study.path)).map_err(told)?;
-    let (collected, results) = read(folder, true)?;
+    let study = study(folder)?;
+    let mut gathered = Gathered::new(manifest, &study);
+    let mut data = data::Data::new(folder, &study);
+    let collected = read(folder, true, |part| {
+        gathered.take(part);
+        data.take(part);
+    })?;
     let conflicts = folder.conflicts().map_err(|error| cannot(folder, &error))?;
-    let answers = answers::of(
-        manifest,
-        &study,
-        results.path(),
-        collected.digest.clone(),
-        collected.lost.clone(),
-    );
-    let answers = answers.map_err(|error| cannot(folder, &error))?;
-    let data = data::Data::read(folder, &study, results.path(), &answers);
-    let data = data.map_err(|error| cannot(folder, &error))?;
+    let answers = answers::of(gathered, &collected);
+    let envelopes = envelopes::Envelopes::read(folder, &study);
+    data.complete(&answers, envelopes.map_err(|error| cannot(folder, &error))?);
     let campaign = page::Campaign {
         folder,
         study: &study,

@@ -1,18 +1,19 @@
 //! The answers of a campaign as a person reads them, and its exit code.
 
 use std::fmt::Write as _;
-use std::path::Path;
 
 use hil_campaign::collect::Collected;
 use hil_campaign::folder::Folder;
 use hil_config::study::Study;
 use shared_types::number::{counted, short, unit_shown};
 
-use super::answers::{self, Answers, BoundsAnswer, CLASSES, QuantileAnswer, Share, VariantAnswer};
+use super::answers::{
+    self, Answers, BoundsAnswer, CLASSES, Gathered, QuantileAnswer, Share, VariantAnswer,
+};
 use super::cases::told as told_problems;
-use super::collect::{self, listed};
+use super::collect::{self, set_aside};
 use super::quoted;
-use super::work::{cannot, open};
+use super::work::open;
 use crate::arguments::campaign::ShowArguments;
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::output;
@@ -24,30 +25,32 @@ use crate::terminal::table::{Table, left, right};
 /// If it is not complete.
 pub(super) fn show(arguments: &ShowArguments) -> Result<Exit, Failure> {
     let folder = open(&arguments.folder)?;
-    let (collected, results) = collect::read(&folder, false)?;
-    told(&folder, &collected, results.path(), arguments.json)
+    let study = study(&folder)?;
+    let mut gathered = Gathered::new(folder.manifest(), &study);
+    let collected = collect::read(&folder, false, |part| gathered.take(part))?;
+    told(&folder, &collected, gathered, arguments.json)
+}
+
+/// Reads the study of a campaign.
+///
+/// # Errors
+/// If it cannot be read.
+pub(super) fn study(folder: &Folder) -> Result<Study, Failure> {
+    let study = Study::read(folder.path().join(&folder.manifest().study.path));
+    study.map_err(told_problems)
 }
 
 /// Tells what a collected campaign shows.
 ///
 /// # Errors
-/// If its table cannot be read.
+/// If it cannot be written.
 pub(super) fn told(
     folder: &Folder,
     collected: &Collected,
-    results: &Path,
+    gathered: Gathered,
     json: bool,
 ) -> Result<Exit, Failure> {
-    let study = Study::read(folder.path().join(&folder.manifest().study.path));
-    let study = study.map_err(told_problems)?;
-    let answers = answers::of(
-        folder.manifest(),
-        &study,
-        results,
-        collected.digest.clone(),
-        collected.lost.clone(),
-    );
-    let answers = answers.map_err(|error| cannot(folder, &error))?;
+    let answers = answers::of(gathered, collected);
     output::result(json, &answers, || text(&answers, folder))?;
     let conflicts = collect::tell_conflicts(folder)?;
     let exit = collect::exit(collected, conflicts > 0);
@@ -74,9 +77,8 @@ fn write(text: &mut String, answers: &Answers, shown: &str) -> std::fmt::Result 
     if !answers.lost.is_empty() {
         writeln!(
             text,
-            "{} set aside, which {}: no probability has bounds",
-            counted(answers.lost.len() as u64, "case"),
-            listed(&answers.lost)
+            "{}; no probability has bounds",
+            set_aside(&answers.lost)
         )?;
     }
     writeln!(

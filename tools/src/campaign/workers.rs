@@ -10,13 +10,14 @@ use std::time::{Duration, Instant};
 
 use hil_campaign::folder::Folder;
 use hil_campaign::shard::{Shard, missing};
-use hil_campaign::table::LOST;
+use hil_campaign::table::{LOST, Row};
 use indicatif::ProgressBar;
 use shared_types::number::{counted, short};
 
+use super::answers::{Gathered, class_of};
 use super::plan::bar;
 use super::work::{DIFFERS, cannot, open, program};
-use super::{answers, collect, quoted, show};
+use super::{collect, quoted, show};
 use crate::arguments::campaign::RunCampaignArguments;
 use crate::terminal::duration::shown_ns;
 use crate::terminal::exit::{Exit, Failure};
@@ -51,16 +52,18 @@ pub(super) fn run(arguments: &RunCampaignArguments) -> Result<Exit, Failure> {
     let jobs = arguments
         .jobs
         .map_or(cores.div_ceil(each), |jobs| jobs as usize);
+    let study = show::study(&folder)?;
     let mut broken = BTreeSet::new();
-    let collected = loop {
+    let (collected, gathered) = loop {
         let mut progress = Progress::new(&folder)?;
         let ran = all(&folder, jobs, &interruption, &mut progress);
         progress.end();
         ran?;
-        let collected = collect::join(&folder, false)?;
+        let mut gathered = Gathered::new(folder.manifest(), &study);
+        let collected = collect::join(&folder, false, |part| gathered.take(part))?;
         // A result that does not count is known once it is read.
         if collected.missing.is_empty() {
-            break collected;
+            break (collected, gathered);
         }
         for (number, what) in &collected.broken {
             if !broken.insert(*number) {
@@ -69,8 +72,7 @@ pub(super) fn run(arguments: &RunCampaignArguments) -> Result<Exit, Failure> {
             }
         }
     };
-    let results = folder.path().join(collect::RESULTS);
-    show::told(&folder, &collected, &results, arguments.json)
+    show::told(&folder, &collected, gathered, arguments.json)
 }
 
 /// Opens the results again that have cases without one, for these cases alone.
@@ -79,8 +81,8 @@ fn try_again(folder: &Folder) -> Result<(), Failure> {
     for number in 0..folder.manifest().shards() {
         let shard = Shard::of(folder, number);
         let Ok(part) = shard.part() else { continue };
-        let is_lost = |row: &Vec<_>| answers::class_of(folder.manifest(), row) == LOST;
-        let lost = part.rows.iter().filter(|row| is_lost(row)).count();
+        let is_lost = |row: &Row| class_of(folder.manifest(), row) == LOST;
+        let lost = part.rows().filter(is_lost).count();
         if lost > 0 {
             let opened = shard.reopen(|row| !is_lost(row));
             opened.map_err(|error| cannot(folder, &error))?;

@@ -10,14 +10,16 @@ fn a_broken_result_counts_as_none_and_is_computed_again_once_it_is_set_aside() {
     campaign.run();
     let shard = Shard::of(&campaign.folder, 0);
     fs::write(shard.result(), "PAR1, or not").expect("written");
-    let (collected, ..) = collect(&campaign.folder, Vec::new(), Vec::new()).expect("collected");
+    let (collected, ..) =
+        collect(&campaign.folder, Vec::new(), Vec::new(), |_| {}).expect("collected");
     assert_eq!((collected.missing, collected.digest), (vec![0], None));
     assert_eq!(collected.broken[0].0, 0);
     assert!(shard.is_published(), "a reader changes nothing");
     shard.set_aside().expect("renamed");
     assert!(shard.result().with_file_name("broken-1.parquet").exists());
     campaign.run();
-    let (collected, ..) = collect(&campaign.folder, Vec::new(), Vec::new()).expect("collected");
+    let (collected, ..) =
+        collect(&campaign.folder, Vec::new(), Vec::new(), |_| {}).expect("collected");
     assert_eq!(collected.rows, 2);
 }
 
@@ -46,9 +48,10 @@ fn the_digest_is_over_the_cells_in_the_order_of_cases_however_they_are_sharded()
         let campaign = Campaign::new(7, shard_cases);
         campaign.run();
         let (collected, results, _) =
-            collect(&campaign.folder, Vec::new(), Vec::new()).expect("collected");
+            collect(&campaign.folder, Vec::new(), Vec::new(), |_| {}).expect("collected");
         assert_eq!(collected.digest.as_ref(), Some(&expected), "{shard_cases}");
-        let (_, again, _) = collect(&campaign.folder, Vec::new(), Vec::new()).expect("collected");
+        let (_, again, _) =
+            collect(&campaign.folder, Vec::new(), Vec::new(), |_| {}).expect("collected");
         assert!(results == again, "the same bytes");
     }
 }
@@ -66,6 +69,7 @@ fn lost_cases_are_listed() {
     });
     attempt.publish().expect("published");
     campaign.run();
-    let (collected, ..) = collect(&campaign.folder, Vec::new(), Vec::new()).expect("collected");
+    let (collected, ..) =
+        collect(&campaign.folder, Vec::new(), Vec::new(), |_| {}).expect("collected");
     assert_eq!(collected.lost, [1]);
 }

@@ -8,14 +8,13 @@ use std::path::{Path, PathBuf};
 
 use rustix::fs::{FlockOperation, flock};
 
-use super::{
-    CAMPAIGN, DIGITS, PART, PartError, SEAL, SUM, Shard, circumstance_columns, seal, sealed,
-};
+use super::part::Part;
+use super::{PART, PartError, Shard};
 use crate::curve::Curve;
 use crate::curves::Curves;
 use crate::folder::Conflict;
 use crate::journal::{self, Circumstances, Journal};
-use crate::table::{self, CLASS, Column, LOST, Row, Writer};
+use crate::table::{self, CLASS, Column, LOST, Row};
 
 /// An attempt at a shard.
 pub struct Attempt<'a> {
@@ -178,9 +177,7 @@ impl<'a> Attempt<'a> {
         let (rows, circumstances): (Vec<Row>, Vec<Circumstances>) =
             std::mem::take(&mut self.rows).into_values().unzip();
         let columns = &self.shard.folder.manifest().columns;
-        let all: Vec<Column> = (columns.iter().cloned())
-            .chain(circumstance_columns())
-            .collect();
+        let bytes = Part::bytes(self.shard.folder, &rows, &circumstances)?;
         // In the folder of the shard: some file systems refuse links across folders.
         let part = tempfile::Builder::new()
             .prefix(journal::UNFINISHED)
@@ -188,22 +185,6 @@ impl<'a> Attempt<'a> {
             .tempfile_in(&path)
             .map_err(io)?;
         flock(part.as_file(), FlockOperation::LockExclusive).map_err(|error| io(error.into()))?;
-        let mut writer = Writer::new(Vec::new(), &all)?;
-        for (row, circumstances) in rows.iter().zip(&circumstances) {
-            writer.row(row.iter().chain(&circumstances.cells()))?;
-        }
-        let facts = [
-            (CAMPAIGN, self.shard.folder.id().to_owned()),
-            (
-                SUM,
-                format!("{}{}", String::from_utf8_lossy(SEAL), "0".repeat(DIGITS)),
-            ),
-        ];
-        let mut bytes = writer.finish(&facts)?;
-        let sum = seal(&bytes);
-        sealed(&mut bytes)
-            .ok_or_else(|| PartError::Broken("it has no check sum".into()))?
-            .copy_from_slice(&sum);
         part.as_file().write_all(&bytes).map_err(io)?;
         part.as_file().sync_all().map_err(io)?;
         let linked = fs::hard_link(part.path(), &place);
@@ -226,10 +207,9 @@ impl<'a> Attempt<'a> {
             return Err(PartError::Io(error));
         } else {
             let first = self.shard.part()?;
-            let pairs = first.rows.iter().zip(&rows).zip(&circumstances);
+            let mut pairs = first.rows().zip(rows.iter().zip(&circumstances));
             let found = pairs
-                .filter_map(|((first, second), by)| difference(first, second, columns, &by.maker()))
-                .next();
+                .find_map(|(first, (second, by))| difference(&first, second, columns, &by.maker()));
             published = found.map_or(Published::Again, Published::Otherwise);
         }
         if let Some(conflict) = self.conflict.take() {

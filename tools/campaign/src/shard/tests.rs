@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use super::attempt::Published;
 use super::*;
 use crate::manifest::{Copied, MANIFEST, Manifest, SCHEMA, Stage};
-use crate::table::LOST;
+use crate::table::{Cell, Column, Kind, LOST};
 
 /// A campaign of so many cases in a folder that is gone afterwards.
 pub(crate) struct Campaign {
@@ -110,9 +110,11 @@ fn published_rows_are_read_back_to_the_bit() {
     let campaign = Campaign::new(12, 5);
     campaign.run();
     let part = Shard::of(&campaign.folder, 2).part().expect("a part");
-    assert_eq!(part.rows, [row(10, f64::NAN), row(11, f64::NEG_INFINITY)]);
-    assert_eq!(part.circumstances[0].wall_s, 0.5);
-    assert_eq!(part.circumstances[0].tries, 1);
+    assert!(
+        part.rows()
+            .eq([row(10, f64::NAN), row(11, f64::NEG_INFINITY)])
+    );
+    assert_eq!((part.made(0).wall_s, part.made(0).tries), (0.5, 1));
     let left = fs::read_dir(Shard::of(&campaign.folder, 2).path()).expect("a folder");
     assert_eq!(left.count(), 1, "no journal is left");
 }
@@ -143,8 +145,8 @@ fn fifty_workers_on_one_shard_give_one_result() {
         Shard::of(&campaign.folder, 0)
             .part()
             .expect("a part")
-            .rows
-            .len(),
+            .rows()
+            .count(),
         3
     );
 }
@@ -166,7 +168,10 @@ fn a_second_result_that_differs_is_told_with_case_and_column() {
     assert_eq!(campaign.folder.conflicts().expect("listed"), [conflict]);
     // The first one counts.
     assert_eq!(
-        Shard::of(&campaign.folder, 0).part().expect("a part").rows[1],
+        Shard::of(&campaign.folder, 0)
+            .part()
+            .expect("a part")
+            .row(1),
         row(1, 1.0)
     );
 }
@@ -186,8 +191,8 @@ fn rows_of_a_dead_attempt_are_taken_over_and_compared() {
     complete(&mut attempt, |case| row(case, 1.0));
     assert_eq!(attempt.publish().expect("published"), Published::First);
     let part = Shard::of(&campaign.folder, 0).part().expect("a part");
-    assert_eq!(part.circumstances[0].attempt, name);
-    assert_ne!(part.circumstances[3].attempt, name);
+    assert_eq!(part.made(0).attempt, name);
+    assert_ne!(part.made(3).attempt, name);
 
     let campaign = Campaign::new(1, 1);
     for x in [1.0, 2.0] {
@@ -281,10 +286,10 @@ fn a_result_that_is_opened_again_keeps_its_other_rows_and_who_made_them() {
     complete(&mut again, |case| row(case, 2.0));
     assert_eq!(again.publish().expect("published"), Published::First);
     let part = shard.part().expect("a part");
-    assert_eq!(part.rows, [row(0, 1.0), row(1, 2.0), row(2, 1.0)]);
-    let makers = part.circumstances.iter().map(|one| one.attempt == maker);
-    assert!(makers.eq([true, false, true]));
-    assert_eq!(part.circumstances[0].wall_s, 0.5);
+    assert!(part.rows().eq([row(0, 1.0), row(1, 2.0), row(2, 1.0)]));
+    let makers = [0, 1, 2].map(|place| part.made(place).attempt == maker);
+    assert_eq!(makers, [true, false, true]);
+    assert_eq!(part.made(0).wall_s, 0.5);
 }
 
 #[test]
@@ -310,7 +315,7 @@ fn a_campaign_that_grew_keeps_its_shards_and_their_rows() {
         }
     }
     assert_eq!(missing(&grown), [3, 4, 5]);
-    assert_eq!(Shard::of(&grown, 2).part().expect("a part").rows.len(), 1);
+    assert_eq!(Shard::of(&grown, 2).part().expect("a part").cases(), [4]);
     assert_ne!(grown.id(), small.folder.id());
     // What was made after it grew is nothing of the campaign as it was.
     let mut attempt = Shard::of(&grown, 5).attempt().expect("an attempt");
@@ -385,7 +390,7 @@ proptest! {
         fs::write(&path, bytes).expect("written");
         if let Ok(part) = shard.part() {
             let expected: Vec<Row> = (0..6).map(|case| row(case, value(case))).collect();
-            prop_assert_eq!(part.rows, expected);
+            prop_assert_eq!(part.rows().collect::<Vec<_>>(), expected);
         }
     }
 }

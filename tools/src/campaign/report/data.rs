@@ -1,12 +1,12 @@
 //! Data for the script of a campaign's page: classes, varied values, margins and metrics by columns, as JSON with
 //! numbers in base64.
 
-use std::path::Path;
-
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use hil_campaign::folder::Folder;
-use hil_campaign::table::{Reader, TableError, Values};
+use hil_campaign::shard::missing;
+use hil_campaign::shard::part::Part;
+use hil_campaign::table::{Kind, Values};
 use hil_config::study::Study;
 use serde::{Serialize, Serializer};
 
@@ -39,6 +39,11 @@ pub(super) struct Data {
     axes: Vec<usize>,
     /// Curves over time, if the campaign keeps some.
     pub(super) envelopes: Option<Envelopes>,
+    /// Place of the classes in the table, and of each column.
+    #[serde(skip)]
+    class_place: usize,
+    #[serde(skip)]
+    places: Vec<usize>,
 }
 
 #[derive(Debug, Serialize)]
@@ -94,57 +99,58 @@ impl Serialize for Codes {
 }
 
 impl Data {
-    /// Reads the table of results.
-    ///
-    /// # Errors
-    /// If it cannot be read.
-    pub(super) fn read(
-        folder: &Folder,
-        study: &Study,
-        results: &Path,
-        answers: &Answers,
-    ) -> Result<Self, TableError> {
+    /// Makes it without any case.
+    pub(super) fn new(folder: &Folder, study: &Study) -> Self {
         let manifest = folder.manifest();
-        let mut reader = Reader::open(results, &manifest.columns)?;
-        let class = HEAD + study.varied.len();
-        let mut columns = columns(folder, class);
-        let every = (reader.rows() * columns.len() as u64)
-            .div_ceil(MOST_NUMBERS)
-            .clamp(1, u64::MAX);
-        let variants = study.variants.len() as u64;
-        let (mut cases, mut codes) = (Vec::new(), Vec::new());
-        while let Some(group) = reader.group(|_| true)? {
-            let Some(Values::Counts(numbers)) = group.first() else {
-                break;
-            };
-            // Whole draws, so that variants stay compared on the same values.
-            let rows =
-                (0..numbers.len()).filter(|row| (numbers[*row] / variants).is_multiple_of(every));
-            let rows: Vec<usize> = rows.collect();
-            for row in &rows {
-                cases.push(numbers[*row] as f64);
-                codes.push(class_code(text(&group[class], *row)));
-            }
-            for (place, column) in &mut columns {
-                let verdicts = (column.role == "margin").then(|| &group[*place - 1]);
-                for row in &rows {
-                    column.push(&group[*place], verdicts, &group[class], *row);
-                }
-            }
-        }
-        let is_counted = cases.iter().enumerate().all(|(n, case)| n as f64 == *case);
-        let columns: Vec<ColumnData> = columns.into_iter().map(|(_, column)| column).collect();
-        Ok(Self {
+        let class_place = HEAD + study.varied.len();
+        let (places, columns): (Vec<_>, Vec<_>) = columns(folder, class_place).unzip();
+        let rows = manifest.cases - manifest.count(&missing(folder));
+        let every = (rows * columns.len() as u64).div_ceil(MOST_NUMBERS);
+        Self {
             command: format!("hil campaign case {} ", quoted(folder.path())),
             variants: study.variants.iter().map(|one| one.name.clone()).collect(),
             classes: CLASSES,
-            every,
-            cases: (!is_counted).then_some(Numbers(cases)),
-            class: Codes(codes),
-            axes: axes(answers, &columns),
-            envelopes: Envelopes::read(folder, study)?,
+            every: every.clamp(1, u64::MAX),
+            cases: Some(Numbers::default()),
+            class: Codes::default(),
             columns,
-        })
+            axes: Vec::new(),
+            envelopes: None,
+            class_place,
+            places,
+        }
+    }
+
+    /// Takes the cases of a part.
+    pub(super) fn take(&mut self, part: &Part) {
+        let table = part.results();
+        let classes = &table[self.class_place];
+        let variants = self.variants.len() as u64;
+        // Whole draws, so that variants stay compared on the same values.
+        let rows = part.cases().iter().enumerate();
+        let rows = rows.filter(|(_, case)| (*case / variants).is_multiple_of(self.every));
+        let (rows, cases): (Vec<usize>, Vec<f64>) =
+            rows.map(|(row, case)| (row, *case as f64)).unzip();
+        self.cases.iter_mut().for_each(|of| of.0.extend(&cases));
+        let codes = rows.iter().map(|row| class_code(classes.text(*row)));
+        self.class.0.extend(codes);
+        for (column, place) in self.columns.iter_mut().zip(&self.places) {
+            let verdicts = (column.role == "margin").then(|| &table[*place - 1]);
+            for row in &rows {
+                column.push(&table[*place], verdicts, classes, *row);
+            }
+        }
+    }
+
+    /// Adds what is known once all cases are there.
+    pub(super) fn complete(&mut self, answers: &Answers, envelopes: Option<Envelopes>) {
+        let is_counted = |cases: &mut Numbers| {
+            let mut places = (0_u64..).zip(&cases.0);
+            places.all(|(place, case)| place as f64 == *case)
+        };
+        self.cases.take_if(is_counted);
+        self.axes = axes(answers, &self.columns);
+        self.envelopes = envelopes;
     }
 
     /// Number of cases in it.
@@ -168,10 +174,10 @@ impl ColumnData {
         let number = match values {
             Values::Numbers(numbers) => numbers[row],
             Values::Counts(counts) => counts[row] as f64,
-            Values::Texts(texts) => self.code(&texts[row]) as f64,
+            Values::Texts(_) => self.code(values.text(row)) as f64,
         };
         let number = match verdicts {
-            Some(verdicts) => margin(text(verdicts, row), text(classes, row), number),
+            Some(verdicts) => margin(verdicts.text(row), classes.text(row), number),
             None => number,
         };
         match &mut self.values {
@@ -194,10 +200,9 @@ impl ColumnData {
 }
 
 /// Lists what is drawn, with the place of each column in the table.
-fn columns(folder: &Folder, class: usize) -> Vec<(usize, ColumnData)> {
-    use hil_campaign::table::Kind;
+fn columns(folder: &Folder, class: usize) -> impl Iterator<Item = (usize, ColumnData)> {
     let all = folder.manifest().columns.iter().enumerate();
-    let drawn = all.filter_map(|(place, column)| {
+    all.filter_map(move |(place, column)| {
         let margin = column.name.strip_prefix("robustness.");
         let role = match (column.kind, margin) {
             _ if (HEAD..class).contains(&place) => "varied",
@@ -221,8 +226,7 @@ fn columns(folder: &Folder, class: usize) -> Vec<(usize, ColumnData)> {
             values,
         };
         Some((place, data))
-    });
-    drawn.collect()
+    })
 }
 
 /// Finds the two varied values that any margin follows most; the first ones where none does.
@@ -240,13 +244,6 @@ fn axes(answers: &Answers, columns: &[ColumnData]) -> Vec<usize> {
     places.sort_by(|a, b| strengths[*b].total_cmp(&strengths[*a]));
     places.truncate(2);
     places
-}
-
-fn text(values: &Values, row: usize) -> &str {
-    match values {
-        Values::Texts(texts) => &texts[row],
-        Values::Counts(_) | Values::Numbers(_) => "",
-    }
 }
 
 /// Returns the place of a class; an unknown one counts as lost.

@@ -8,7 +8,7 @@ use shared_types::number::counted;
 use super::data::Data;
 use super::tables;
 use crate::campaign::answers::Answers;
-use crate::campaign::collect::listed;
+use crate::campaign::collect::set_aside;
 use crate::terminal::exit::Failure;
 use crate::views::report::POLICY;
 
@@ -101,8 +101,7 @@ fn warnings(campaign: &Campaign) -> Markup {
             code { "hil campaign run " (shown) } " computes the rest."
         } }
         @if !answers.lost.is_empty() { p.note {
-            (counted(answers.lost.len() as u64, "case")) " set aside, which " (listed(&answers.lost))
-            ": no probability has bounds; " code { "hil campaign run " (shown) " --again" } " tries once more."
+            (set_aside(&answers.lost)) "; no probability has bounds; " code { "hil campaign run " (shown) " --again" } " tries once more."
         } }
         @for conflict in campaign.conflicts { p.note { (conflict.to_string()) } }
     }

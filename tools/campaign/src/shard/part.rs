@@ -1,0 +1,194 @@
+//! The part of a shard: its published rows and their circumstances, as one table with a check sum.
+
+use std::ops::Range;
+
+use super::PartError;
+use crate::folder::Folder;
+use crate::journal::Circumstances;
+use crate::table::{self, Cell, Column, Kind, Row, TableError, Values, Writer};
+
+/// Facts in a part.
+const CAMPAIGN: &str = "campaign";
+const SUM: &str = "sum";
+/// Place of the check sum in a part: behind this word, as so many digits, which are zeros while it is computed.
+const SEAL: &str = "hil-part-sum:";
+const DIGITS: usize = 64;
+
+/// Published rows, in the order of cases.
+pub struct Part {
+    /// Columns of results, then those of circumstances.
+    columns: Vec<Values>,
+    /// Number of the former.
+    results: usize,
+}
+
+/// Columns of the circumstances of a row.
+#[must_use]
+pub fn circumstance_columns() -> Vec<Column> {
+    let seconds = Column {
+        unit: "s".into(),
+        ..Column::new("wall_time_s", Kind::Number)
+    };
+    vec![
+        seconds,
+        Column::new("host", Kind::Text),
+        Column::new("attempt", Kind::Text),
+        Column::new("tries", Kind::Count),
+    ]
+}
+
+fn all_columns(folder: &Folder) -> Vec<Column> {
+    let results = folder.manifest().columns.iter().cloned();
+    results.chain(circumstance_columns()).collect()
+}
+
+impl Circumstances {
+    fn cells(&self) -> [Cell; 4] {
+        [
+            Cell::number(self.wall_s),
+            Cell::Text(self.host.clone()),
+            Cell::Text(self.attempt.clone()),
+            Cell::Count(self.tries),
+        ]
+    }
+
+    /// Names who made the row.
+    pub(super) fn maker(&self) -> String {
+        format!("{} (attempt {})", self.host, self.attempt)
+    }
+}
+
+impl Part {
+    /// Reads the part of some cases.
+    pub(super) fn read(
+        mut bytes: Vec<u8>,
+        folder: &Folder,
+        cases: Range<u64>,
+    ) -> Result<Self, PartError> {
+        // Before anything else: a reader of Parquet believes what it reads.
+        let told = unsealed(&mut bytes);
+        if told.is_none_or(|told| told != seal(&bytes)) {
+            return Err(PartError::Broken("its check sum is another".into()));
+        }
+        let table = table::read(bytes, &all_columns(folder))?;
+        let of = table.fact(CAMPAIGN);
+        if !of.is_some_and(|id| folder.has_results_of(id)) {
+            return Err(PartError::Broken("it is of another campaign".into()));
+        }
+        let part = Self {
+            columns: table.columns,
+            results: folder.manifest().columns.len(),
+        };
+        if !part.cases().iter().copied().eq(cases) {
+            return Err(PartError::Broken("it has other cases".into()));
+        }
+        Ok(part)
+    }
+
+    /// Makes the bytes of the part of some rows.
+    pub(super) fn bytes(
+        folder: &Folder,
+        rows: &[Row],
+        circumstances: &[Circumstances],
+    ) -> Result<Vec<u8>, TableError> {
+        let mut writer = Writer::new(Vec::new(), &all_columns(folder))?;
+        for (row, circumstances) in rows.iter().zip(circumstances) {
+            writer.row(row.iter().chain(&circumstances.cells()))?;
+        }
+        let facts = [
+            (CAMPAIGN, folder.id().to_owned()),
+            (SUM, format!("{SEAL}{}", "0".repeat(DIGITS))),
+        ];
+        let mut bytes = writer.finish(&facts)?;
+        let sum = seal(&bytes);
+        sealed(&mut bytes)
+            .ok_or_else(|| TableError::Other("it has no check sum".into()))?
+            .copy_from_slice(&sum);
+        Ok(bytes)
+    }
+
+    /// Columns of results: each has a cell for each case, in their order.
+    #[must_use]
+    pub fn results(&self) -> &[Values] {
+        &self.columns[..self.results]
+    }
+
+    /// Columns of circumstances, behind the one of the cases.
+    pub(crate) fn circumstances(&self) -> Vec<&Values> {
+        let own = self.columns[self.results..].iter();
+        self.columns[..1].iter().chain(own).collect()
+    }
+
+    /// Returns the cases of its rows.
+    #[must_use]
+    pub fn cases(&self) -> &[u64] {
+        match &self.columns[..] {
+            [Values::Counts(cases), ..] => cases,
+            _ => &[],
+        }
+    }
+
+    /// Returns a row of results by its place.
+    ///
+    /// # Panics
+    /// If there is no such row.
+    #[must_use]
+    pub fn row(&self, place: usize) -> Row {
+        let columns = self.results().iter();
+        columns.map(|column| column.cell(place)).collect()
+    }
+
+    /// Returns the rows of results.
+    pub fn rows(&self) -> impl Iterator<Item = Row> {
+        (0..self.cases().len()).map(|place| self.row(place))
+    }
+
+    /// Returns the circumstances of a row by its place.
+    ///
+    /// # Panics
+    /// If there is no such row.
+    #[must_use]
+    pub fn made(&self, place: usize) -> Circumstances {
+        let of = &self.columns[self.results..];
+        Circumstances {
+            wall_s: of[0].number(place),
+            host: of[1].text(place).into(),
+            attempt: of[2].text(place).into(),
+            tries: of[3].count(place),
+        }
+    }
+
+    /// Returns what a digest over its rows is over.
+    pub(crate) fn fed(&self) -> Vec<u8> {
+        let bytes = self.results().iter().map(Values::fed_bytes);
+        let mut fed = Vec::with_capacity(bytes.sum());
+        for place in 0..self.cases().len() {
+            for column in self.results() {
+                column.feed(place, &mut fed);
+            }
+        }
+        fed
+    }
+}
+
+/// Computes the check sum of a part whose own is zeros.
+fn seal(bytes: &[u8]) -> [u8; DIGITS] {
+    let mut digits = [b'0'; DIGITS];
+    digits.copy_from_slice(blake3::hash(bytes).to_hex().as_bytes());
+    digits
+}
+
+/// Finds the check sum of a part: its last, as rows stand before it.
+fn sealed(bytes: &mut [u8]) -> Option<&mut [u8]> {
+    let seal = SEAL.as_bytes();
+    let place = bytes.windows(seal.len()).rposition(|word| word == seal)? + seal.len();
+    bytes.get_mut(place..place + DIGITS)
+}
+
+/// Takes the check sum out of a part.
+fn unsealed(bytes: &mut [u8]) -> Option<[u8; DIGITS]> {
+    let place = sealed(bytes)?;
+    let mut told = [b'0'; DIGITS];
+    told.swap_with_slice(place);
+    Some(told)
+}

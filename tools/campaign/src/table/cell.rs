@@ -1,0 +1,117 @@
+//! A cell of a table, and cells in a row: the form in which rows are made and noted.
+
+use serde::{Deserialize, Serialize};
+use shared_types::table::canonical;
+
+use super::{Column, Kind};
+
+/// A value in a table.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Cell {
+    /// A whole number.
+    Count(u64),
+    /// A number, as its bits in text: JSON has no NaN and no infinity.
+    #[serde(with = "bits")]
+    Number(f64),
+    /// A text.
+    Text(String),
+}
+
+/// Cells in the order of the columns.
+pub type Row = Vec<Cell>;
+
+impl Cell {
+    /// Makes a number; any NaN is the same one, and zero has no sign.
+    #[must_use]
+    pub fn number(value: f64) -> Self {
+        Self::Number(canonical(value))
+    }
+
+    /// Returns the number, if it is one.
+    #[must_use]
+    pub const fn as_number(&self) -> Option<f64> {
+        match self {
+            Self::Number(value) => Some(*value),
+            Self::Count(_) | Self::Text(_) => None,
+        }
+    }
+
+    /// Returns the text; empty if it is none.
+    #[must_use]
+    pub fn as_text(&self) -> &str {
+        match self {
+            Self::Text(text) => text,
+            Self::Count(_) | Self::Number(_) => "",
+        }
+    }
+
+    /// Returns the count; 0 if it is none.
+    #[must_use]
+    pub const fn as_count(&self) -> u64 {
+        match self {
+            Self::Count(count) => *count,
+            Self::Number(_) | Self::Text(_) => 0,
+        }
+    }
+
+    const fn kind(&self) -> Kind {
+        match self {
+            Self::Count(_) => Kind::Count,
+            Self::Number(_) => Kind::Number,
+            Self::Text(_) => Kind::Text,
+        }
+    }
+}
+
+impl PartialEq for Cell {
+    /// Compares bits: a number that does not exist is equal to itself.
+    fn eq(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Count(one), Self::Count(other)) => one == other,
+            (Self::Number(one), Self::Number(other)) => one.to_bits() == other.to_bits(),
+            (Self::Text(one), Self::Text(other)) => one == other,
+            _ => false,
+        }
+    }
+}
+
+impl std::fmt::Display for Cell {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Count(count) => count.fmt(f),
+            Self::Number(number) => shared_types::number::exact(*number).fmt(f),
+            Self::Text(text) => text.fmt(f),
+        }
+    }
+}
+
+/// Numbers in JSON: exact, with those that JSON does not know.
+mod bits {
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    #[derive(Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Bits {
+        n: u64,
+    }
+
+    pub(super) fn serialize<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
+        use serde::ser::SerializeMap;
+        let mut map = to.serialize_map(Some(1))?;
+        map.serialize_entry("n", &value.to_bits())?;
+        map.end()
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+        Bits::deserialize(from).map(|bits| f64::from_bits(bits.n))
+    }
+}
+
+/// Checks that cells are of these columns.
+#[must_use]
+pub fn fits(row: &[Cell], columns: &[Column]) -> bool {
+    row.iter()
+        .map(Cell::kind)
+        .eq(columns.iter().map(|column| column.kind))
+}

@@ -1,0 +1,80 @@
+//! Reading a table from memory, whole columns at a time.
+
+use bytes::Bytes;
+use parquet::basic::{Encoding, Type as Physical};
+use parquet::column::page::Page;
+use parquet::file::metadata::KeyValue;
+use parquet::file::reader::{FileReader, SerializedFileReader};
+
+use super::{Column, Kind, TableError, Values};
+
+/// A table that was read.
+pub struct Table {
+    /// Cells of its columns, of each as many.
+    pub columns: Vec<Values>,
+    facts: Vec<KeyValue>,
+}
+
+impl Table {
+    /// Returns a fact that stands beside the table.
+    #[must_use]
+    pub fn fact(&self, key: &str) -> Option<&str> {
+        let found = self.facts.iter().find(|fact| fact.key == key)?;
+        found.value.as_deref()
+    }
+}
+
+/// Reads a table, which must have these columns in this order.
+///
+/// # Errors
+/// If it is none, has other columns, or is written in another way than by [`Writer`](super::Writer).
+pub fn read(bytes: Vec<u8>, columns: &[Column]) -> Result<Table, TableError> {
+    let other = |what: &str| TableError::Other(what.into());
+    let file = SerializedFileReader::new(Bytes::from(bytes))?;
+    let about = file.metadata().file_metadata();
+    let found = about.schema_descr().columns().iter().map(|column| {
+        let kind = match column.physical_type() {
+            Physical::INT64 => Some(Kind::Count),
+            Physical::DOUBLE => Some(Kind::Number),
+            Physical::BYTE_ARRAY => Some(Kind::Text),
+            _ => None,
+        };
+        (column.name(), kind)
+    });
+    let wanted = columns
+        .iter()
+        .map(|column| (&*column.name, Some(column.kind)));
+    if !found.eq(wanted) {
+        return Err(other("it has other columns"));
+    }
+    let mut all: Vec<Values> = (columns.iter())
+        .map(|column| Values::new(column.kind))
+        .collect();
+    for number in 0..file.num_row_groups() {
+        let group = file.get_row_group(number)?;
+        for (place, values) in all.iter_mut().enumerate() {
+            let mut pages = group.get_column_page_reader(place)?;
+            while let Some(page) = pages.get_next_page()? {
+                // No cell may be missing, so nothing stands before the cells.
+                let decoded = match &page {
+                    Page::DataPage {
+                        buf,
+                        num_values,
+                        encoding: Encoding::PLAIN,
+                        ..
+                    } => values.decode(buf, usize::try_from(*num_values).unwrap_or(usize::MAX)),
+                    _ => None,
+                };
+                decoded.ok_or_else(|| other("a column has another form"))?;
+            }
+        }
+    }
+    let rows = usize::try_from(about.num_rows()).unwrap_or_default();
+    if all.iter().any(|values| values.rows() != rows) {
+        return Err(other("a column has fewer cells than rows"));
+    }
+    Ok(Table {
+        columns: all,
+        facts: about.key_value_metadata().cloned().unwrap_or_default(),
+    })
+}

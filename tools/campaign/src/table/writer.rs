@@ -1,0 +1,233 @@
+//! Writing a table, by rows or whole columns at a time.
+
+use std::io::Write;
+use std::sync::Arc;
+
+use parquet::basic::{Compression, Encoding, LogicalType, Repetition, Type as Physical};
+use parquet::data_type::{ByteArrayType, DoubleType, Int64Type};
+use parquet::file::metadata::KeyValue;
+use parquet::file::properties::{EnabledStatistics, WriterProperties};
+use parquet::file::writer::SerializedFileWriter;
+use parquet::schema::types::Type;
+
+use super::{Cell, Column, Kind, TableError, Values};
+
+/// Rows of a group, which are in memory at once.
+const GROUP: usize = 1 << 16;
+
+/// A table being written, in bytes that depend on its rows alone.
+pub struct Writer<W: Write + Send> {
+    file: SerializedFileWriter<W>,
+    /// Rows of the next group.
+    columns: Vec<Values>,
+}
+
+impl<W: Write + Send> Writer<W> {
+    /// Begins a table of these columns.
+    ///
+    /// # Errors
+    /// If nothing can be written.
+    pub fn new(to: W, columns: &[Column]) -> Result<Self, TableError> {
+        let fields = columns.iter().map(|column| {
+            let (physical, logical) = match column.kind {
+                Kind::Count => (Physical::INT64, Some(LogicalType::integer(64, false))),
+                Kind::Number => (Physical::DOUBLE, None),
+                Kind::Text => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
+            };
+            let field = Type::primitive_type_builder(&column.name, physical)
+                .with_logical_type(logical)
+                .with_repetition(Repetition::REQUIRED)
+                .build();
+            field.map(Arc::new)
+        });
+        let fields = fields.collect::<Result<_, _>>()?;
+        let schema = Type::group_type_builder("campaign").with_fields(fields);
+        let properties = WriterProperties::builder()
+            .set_created_by(concat!("hil ", env!("CARGO_PKG_VERSION")).into())
+            .set_compression(Compression::SNAPPY)
+            .set_dictionary_enabled(false)
+            .set_encoding(Encoding::PLAIN)
+            .set_statistics_enabled(EnabledStatistics::Chunk)
+            .build();
+        let schema = Arc::new(schema.build()?);
+        let values = columns.iter().map(|column| Values::new(column.kind));
+        Ok(Self {
+            file: SerializedFileWriter::new(to, schema, Arc::new(properties))?,
+            columns: values.collect(),
+        })
+    }
+
+    /// Adds a row.
+    ///
+    /// # Errors
+    /// If it is not of the columns, or cannot be written.
+    pub fn row<'a>(&mut self, row: impl IntoIterator<Item = &'a Cell>) -> Result<(), TableError> {
+        let mut cells = row.into_iter();
+        let mut columns = self.columns.iter_mut();
+        let fits = columns.all(|column| cells.next().is_some_and(|cell| column.push(cell)));
+        if !fits || cells.next().is_some() {
+            return Err(TableError::Other("a row is not of the columns".into()));
+        }
+        if self.rows() == GROUP {
+            self.group()?;
+        }
+        Ok(())
+    }
+
+    /// Adds the rows of whole columns.
+    ///
+    /// # Errors
+    /// If they are not of the columns, or cannot be written.
+    pub fn extend(&mut self, columns: &[&Values]) -> Result<(), TableError> {
+        let rows = columns.first().map_or(0, |column| column.rows());
+        let found = columns.iter().map(|column| (column.kind(), column.rows()));
+        if !found.eq(self.columns.iter().map(|column| (column.kind(), rows))) {
+            return Err(TableError::Other(
+                "columns are not those of the table".into(),
+            ));
+        }
+        let mut from = 0;
+        while from < rows {
+            let to = rows.min(from + GROUP - self.rows());
+            for (column, more) in self.columns.iter_mut().zip(columns) {
+                column.extend(more, from..to);
+            }
+            from = to;
+            // Groups of one size, whatever the size of what is added: the bytes follow from the rows.
+            if self.rows() == GROUP {
+                self.group()?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes what is left, with facts that stand beside the table.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn finish(mut self, facts: &[(&str, String)]) -> Result<W, TableError> {
+        self.group()?;
+        for (key, value) in facts {
+            let pair = KeyValue::new((*key).to_owned(), value.clone());
+            self.file.append_key_value_metadata(pair);
+        }
+        Ok(self.file.into_inner()?)
+    }
+
+    fn rows(&self) -> usize {
+        self.columns.first().map_or(0, Values::rows)
+    }
+
+    fn group(&mut self) -> Result<(), TableError> {
+        if self.rows() == 0 {
+            return Ok(());
+        }
+        let mut group = self.file.next_row_group()?;
+        for column in &mut self.columns {
+            let Some(mut writer) = group.next_column()? else {
+                break;
+            };
+            match column {
+                Values::Counts(values) => {
+                    // The bits of an unsigned number, as the logical type says.
+                    let values: Vec<i64> = values.drain(..).map(u64::cast_signed).collect();
+                    writer
+                        .typed::<Int64Type>()
+                        .write_batch(&values, None, None)?;
+                }
+                Values::Numbers(values) => {
+                    writer
+                        .typed::<DoubleType>()
+                        .write_batch(values, None, None)?;
+                    values.clear();
+                }
+                Values::Texts(values) => {
+                    writer
+                        .typed::<ByteArrayType>()
+                        .write_batch(&values.drain(), None, None)?;
+                }
+            }
+            writer.close()?;
+        }
+        group.close()?;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Row, Table, read};
+    use super::*;
+
+    fn columns() -> [Column; 3] {
+        [
+            Column::new("case", Kind::Count),
+            Column::new("x", Kind::Number),
+            Column::new("name", Kind::Text),
+        ]
+    }
+
+    fn row(case: u64) -> Row {
+        let x = match case % 3 {
+            0 => f64::NAN,
+            1 => -1.0 / case as f64,
+            _ => case as f64,
+        };
+        let name = "\u{e4}x".repeat(usize::try_from(case % 4).expect("few"));
+        vec![Cell::Count(case), Cell::number(x), Cell::Text(name)]
+    }
+
+    fn rows(table: &Table) -> impl Iterator<Item = Row> {
+        let rows = 0..table.columns[0].rows();
+        rows.map(|row| table.columns.iter().map(|one| one.cell(row)).collect())
+    }
+
+    #[test]
+    fn bytes_follow_from_the_rows_however_they_are_added() {
+        let count = GROUP as u64 + 5000;
+        let mut by_rows = Writer::new(Vec::new(), &columns()).expect("a table");
+        for case in 0..count {
+            by_rows.row(&row(case)).expect("added");
+        }
+        let facts = [("fact", "value".to_owned())];
+        let expected = by_rows.finish(&facts).expect("written");
+        let table = read(expected.clone(), &columns()).expect("a table");
+        assert_eq!(table.fact("fact"), Some("value"));
+        assert!(rows(&table).eq((0..count).map(row)));
+        for size in [1000, GROUP as u64, count] {
+            let mut writer = Writer::new(Vec::new(), &columns()).expect("a table");
+            for start in (0..count).step_by(usize::try_from(size).expect("small")) {
+                let mut part = columns().map(|column| Values::new(column.kind));
+                for case in start..count.min(start + size) {
+                    let mut cells = part.iter_mut().zip(row(case));
+                    assert!(cells.all(|(column, cell)| column.push(&cell)));
+                }
+                writer.extend(&part.each_ref()).expect("added");
+            }
+            assert!(
+                writer.finish(&facts).expect("written") == expected,
+                "{size} at a time"
+            );
+        }
+    }
+
+    #[test]
+    fn what_is_not_of_the_columns_is_refused() {
+        let refused = |row: &[Cell]| {
+            let mut writer = Writer::new(Vec::new(), &columns()).expect("a table");
+            writer.row(row).is_err()
+        };
+        assert!(!refused(&row(1)));
+        assert!(refused(&row(1)[..2]));
+        assert!(refused(&[row(1), row(1)].concat()));
+        assert!(refused(&[Cell::Count(1), Cell::Count(1), Cell::Count(1)]));
+        let mut writer = Writer::new(Vec::new(), &columns()).expect("a table");
+        let (mut one, two) = (Values::new(Kind::Count), Values::new(Kind::Number));
+        let text = Values::new(Kind::Text);
+        assert!(writer.extend(&[&one, &two, &text]).is_ok());
+        assert!(writer.extend(&[&one, &two]).is_err());
+        assert!(writer.extend(&[&two, &one, &text]).is_err());
+        assert!(one.push(&Cell::Count(1)));
+        assert!(writer.extend(&[&one, &two, &text]).is_err());
+    }
+}
