@@ -1,12 +1,9 @@
 /* An FMU of FMI 3.0 for tests: `force_n = gain (reference_position_m - position_m)`, and, if `trouble` is set, an FMU
  * that misbehaves in its third step. Only what an importer needs of co-simulation without events is there. */
 
-#include <stdbool.h>
 #include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "fmi3Functions.h"
+#include "idle.h"
 
 enum { POSITION = 1, REFERENCE, FORCE, GAIN, TROUBLE, COUNT };
 enum { NONE, CRASH, ABORT, EXIT, DISCARD, FAIL, FATAL, TERMINATE, BEYOND, NOT_A_NUMBER, EARLY, LOOP, TALK };
@@ -24,13 +21,6 @@ static void say(Instance *one, fmi3Status status, const char *text) {
     if (one->log) {
         one->log(one->environment, status, "logStatusError", text);
     }
-}
-
-const char *fmi3GetVersion(void) { return "3.0"; }
-
-fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean on, size_t count, const fmi3String names[]) {
-    (void)instance, (void)on, (void)count, (void)names;
-    return fmi3OK;
 }
 
 fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
@@ -66,8 +56,6 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean tolera
     }
     return fmi3OK;
 }
-
-fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) { (void)instance; return fmi3OK; }
 
 fmi3Status fmi3Terminate(fmi3Instance instance) {
     if (((Instance *)instance)->broken) {

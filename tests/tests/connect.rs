@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use crate::support::harness::{Rig, Run};
-use crate::support::mcap_reader::{Record, Recording};
+use crate::support::mcap_reader::Recording;
 use crate::support::programs::program_of_tests;
 
-const RUN: &str = "schema = 1
+pub(crate) const RUN: &str = "schema = 1
 name = \"connected\"
 [run]
 duration_s = 2.0
@@ -30,7 +30,7 @@ model = \"spring-mass\"
 ";
 
 /// The law on the plant in millimetres and kilonewtons.
-const SLIDER: &str = "[controller]
+pub(crate) const SLIDER: &str = "[controller]
 law = \"pid\"
 made_for = \"spring-mass\"
 [plant]
@@ -85,10 +85,7 @@ fn foreign(scenario: &Path, more: &str) -> String {
 
 /// The values of a column, as they are in the recording.
 fn values(run: &Run, column: &str) -> Vec<f64> {
-    let recording = Recording::open(&run.recording());
-    let records: Vec<Record> = recording.records().collect();
-    let values = records.iter().map(|record| recording.value(record, column));
-    values.collect()
+    Recording::open(&run.recording()).column(column)
 }
 
 fn times(values: &[f64], factor: f64) -> Vec<u64> {

@@ -1,18 +1,17 @@
 //! FMUs as plants and controllers: the numbers that FMPy gets, what is told of them, and what misbehaves.
 
 mod ends;
+mod vendor;
 
 use std::path::PathBuf;
 use std::process::Command;
 
 use serde_json::Value;
 
-use crate::support::fmus::{REFERENCE, has_compiler, proportional, reference, write};
+use crate::support::fmus::{Entries, REFERENCE, has_compiler, proportional, reference, write};
 use crate::support::harness::{Rig, Run};
 use crate::support::programs::{program, skip, workspace};
 use crate::support::python::{python, succeeds};
-
-type Entries = Vec<(String, Vec<u8>)>;
 
 /// A rig whose temporary files are its own, so that what is left of FMUs is seen.
 struct Place {

@@ -12,6 +12,7 @@ use hil_foreign::c::interface::{
     Controller, Interval, Parameter, Plant, Rows, Sample, Setup, Signal,
 };
 
+use crate::support::board::Board;
 use crate::support::harness::{Rig, Run};
 use crate::support::programs::{example, program, skip, workspace};
 use crate::support::python::succeeds;
@@ -129,6 +130,12 @@ fn a_pendulum_in_c_has_the_digest_of_that_in_rust() {
     assert_eq!(pendulum(&rig, &plant_in_c, &law).digest(), wanted);
     assert_eq!(pendulum(&rig, &plant, &law_in_c).digest(), wanted);
     assert_eq!(pendulum(&rig, &plant_in_c, &law_in_c).digest(), wanted);
+    let board = Board::new(&rig);
+    let (plant_in_c, law_in_c) = (plant_in_c.display(), law_in_c.display());
+    let programs = format!("--plant-bin {plant_in_c} --controller-bin {law_in_c}");
+    let there = format!("{scenario} {programs} --target me@board --pace 5");
+    let there = rig.start_with(board.hil(), &there).finish().expect(0);
+    assert_eq!(there.digest(), wanted, "with the law on another machine");
     for source in ["c-plant/pendulum.c", "c-controller/state_feedback.c"] {
         let text = std::fs::read_to_string(workspace().join("examples").join(source));
         assert!(text.expect("an example").lines().count() < 60, "{source}");

@@ -25,6 +25,7 @@ impl Programs {
             .arg(target)
             .args(["-p", "tools", "-p", "plant-process"])
             .args(["-p", "controller-process", "-p", "hil-target"])
+            .args(["-p", "hil-foreign"])
             .status()
             .expect("cargo");
         assert!(status.success(), "the programs do not build");

@@ -1,8 +1,9 @@
-//! FMUs that never answer or are killed, and those that cannot be started by hand: each is named, and nothing is left.
+//! FMUs that never answer or are killed, and those that cannot be started by hand or elsewhere: each is named, and nothing is left.
 
 use rustix::process::Signal;
 
 use super::{Place, scenario};
+use crate::support::board::Board;
 use crate::support::fmus::{has_compiler, proportional};
 use crate::support::harness::{send, until};
 use crate::support::programs::skip;
@@ -113,4 +114,20 @@ fn a_model_that_another_program_runs_is_not_started_by_hand() {
             assert!(!run.stderr.contains("start it"), "{}", run.stderr);
         }
     }
+}
+
+#[test]
+fn an_fmu_is_no_controller_on_another_machine() {
+    let test = "an_fmu_is_no_controller_on_another_machine";
+    if !has_compiler() {
+        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+    }
+    let place = Place::new();
+    place.fmu("p.fmu", &proportional());
+    let path = place.rig.write("scenario.toml", AS_CONTROLLER);
+    let board = Board::new(&place.rig);
+    let arguments = format!("{} --target me@board", path.display());
+    let run = place.rig.start_with(board.hil(), &arguments).finish();
+    run.expect(2)
+        .says(&["an FMU runs on this machine, not on me@board"]);
 }

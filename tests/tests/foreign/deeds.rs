@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use rustix::process::Signal;
+use serde_json::Value;
 
 use super::{CLEAN, compiled, has};
 use crate::support::harness::{Rig, Run, send, until};
@@ -218,6 +219,10 @@ fn every_mistake_in_the_tables_is_named_before_anything_starts() {
             "measured of plant `misbehaves`: `x_m` has no description",
         ),
         ("null", "hil_plant_main got a null pointer"),
+        (
+            "retune",
+            "the callback `retune` is missing, which takes `deed`",
+        ),
     ] {
         let mut command = Command::new(&plant);
         let output = command.arg("--describe").env("MISTAKE", mistake).output();
@@ -235,4 +240,52 @@ fn every_mistake_in_the_tables_is_named_before_anything_starts() {
     let told = "truth of plant `misbehaves`: `x_m` is there twice";
     let expected = format!("error: cannot run {}: {told}\n", wrong.display());
     assert_eq!(run.stderr, expected, "the reason, first and alone");
+}
+
+#[test]
+fn a_law_in_c_whose_parameter_is_tunable_takes_new_values_or_is_refused_by_the_name_of_the_parameter()
+ {
+    let test = "a_law_in_c_whose_parameter_is_tunable_takes_new_values_or_is_refused_by_the_name_of_the_parameter";
+    if !has("cc", test) {
+        return;
+    }
+    let rig = Rig::new();
+    let plant = misbehaving(&rig, "misbehaving-plant", CLEAN);
+    let controller = rig.path("misbehaving-controller");
+    std::fs::copy(&plant, &controller).expect("copied");
+    let described = |missing: &str| {
+        let mut command = Command::new(&controller);
+        let output = command.arg("--describe").env("MISTAKE", missing).output();
+        output.expect("it runs")
+    };
+    let whole = described("none");
+    assert_eq!(whole.status.code(), Some(0));
+    let told: Value = serde_json::from_slice(&whole.stdout).expect("JSON");
+    assert_eq!(
+        told["laws"][0]["parameters"][0]["tunable"], true,
+        "{told:#}"
+    );
+    for missing in ["retune", "tuning"] {
+        let refused = described(missing);
+        assert_eq!(refused.status.code(), Some(2), "{missing}");
+        assert!(refused.stdout.is_empty(), "{missing}");
+        let said = String::from_utf8_lossy(&refused.stderr);
+        let told = "`deed` is HIL_TUNABLE: that needs `retune` and `tuning`";
+        assert_eq!(
+            said,
+            format!("error: {told}\n"),
+            "one line, and nothing else"
+        );
+        let wrong = rig.script(
+            "wrong-controller",
+            &format!(
+                "#!/bin/sh\nMISTAKE={missing} exec {} \"$@\"\n",
+                controller.display()
+            ),
+        );
+        let run = deed(&rig, "controller", &wrong, 0).expect(2);
+        let expected = format!("error: cannot run {}: {told}\n", wrong.display());
+        assert_eq!(run.stderr, expected, "{missing}");
+        assert!(!run.folder.exists(), "nothing was started");
+    }
 }

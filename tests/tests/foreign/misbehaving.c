@@ -67,6 +67,9 @@ static int start(void *self, const double *row) {
     return retune(self, row);
 }
 static int start_law(void *self, const hil_setup *setup) { return start(self, setup->parameters); }
+static void retune_law(void *self, const hil_setup *setup, int jumps) {
+    (void)jumps, (void)retune(self, setup->parameters);
+}
 static int measure(const void *self, double *row) {
     const struct side *side = self;
     if (side->deed == FORGETS && side->calls == 100) {
@@ -101,17 +104,22 @@ int main(int argc, char **argv) {
         .parameters = HIL_TABLE(parameters), .truth = HIL_TABLE(truth), .measured = HIL_TABLE(measured),
         .commands = HIL_TABLE(commands), .size = sizeof(struct side), .start = start, .retune = retune,
         .measure = measure, .tell_truth = tell_truth, .advance = advance};
-    const hil_controller controller = {
+    hil_controller controller = {
         .api = HIL_API, .name = "misbehaves", .summary = "Does everything wrong.",
         .parameters = HIL_TABLE(parameters), .measured = HIL_TABLE(measured), .commands = HIL_TABLE(commands),
         .internals = HIL_TABLE(internals), .size = sizeof(struct side), .start = start_law, .step = step};
     const char *mistake = getenv("MISTAKE");
     if (strstr(argv[0], "controller")) {
+        if (mistake) {
+            parameters[0].flags = HIL_TUNABLE;
+            controller.retune = strcmp(mistake, "retune") == 0 ? NULL : retune_law;
+            controller.tuning = strcmp(mistake, "tuning") == 0 ? NULL : "The deed is another from then on.";
+        }
         return hil_controller_main(argc, argv, &controller);
     }
     if (mistake) {
         const char *const known[] = {"twice", "unit", "no-unit", "name", "null-name", "null-rows", "callback", "range",
-                                     "default", "flags", "api", "utf-8", "saving", "text", "null"};
+                                     "default", "flags", "api", "utf-8", "saving", "text", "null", "retune"};
         size_t which = 0;
         while (strcmp(known[which], mistake) != 0) {
             which++;
@@ -132,6 +140,7 @@ int main(int argc, char **argv) {
         case 12: plant.saved_size = 8; break;
         case 13: measured[0].description = ""; break;
         case 14: return hil_plant_main(argc, argv, NULL);
+        case 15: parameters[0].flags = HIL_TUNABLE, plant.retune = NULL; break;
         }
     }
     return hil_plant_main(argc, argv, &plant);

@@ -1,7 +1,7 @@
 //! Mathematics for programs in C: functions whose last bit is the same everywhere, and the integrator.
 
 use std::ffi::{c_int, c_void};
-use std::{ptr, slice};
+use std::ptr;
 
 use plant_process::integrate::integrate;
 use shared_types::time;
@@ -74,25 +74,34 @@ pub unsafe extern "C" fn hil_integrate(
         // SAFETY: a literal.
         _ => return unsafe { hil_failed(c"hil_integrate takes up to 64 numbers".as_ptr()) },
     };
-    // SAFETY: it is not null, so it points to `count` numbers, which nobody else looks at meanwhile.
-    let state = unsafe { slice::from_raw_parts_mut(state, count) };
-    // SAFETY: no arm has less room than `count`, and the caller says so of the rates.
-    unsafe { padded(state, &interval, rates, context) };
+    // SAFETY: no arm has less room than `count`; `state` is not null, so it points to so many numbers, and the caller says
+    // so of the rates.
+    unsafe { padded(state, count, &interval, rates, context) };
     OK
 }
 
-/// Integrates with zeros behind the state: the method keeps every component to itself.
+/// Integrates with zeros behind the state: the method keeps every component to itself. The state is written at the
+/// end, so the rates may read it where it stands.
 ///
 /// # Safety
-/// The rates read and write as many numbers as the state has, at most `N`.
+/// `state` points to `count` numbers, at most `N`, and the rates read and write as many.
 unsafe fn padded<const N: usize>(
-    state: &mut [f64],
+    state: *mut f64,
+    count: usize,
     interval: &time::Interval,
     rates: Rates,
     context: *const c_void,
 ) {
+    // A copy of a length that the compiler knows is no call.
+    let is_whole = count == N;
     let mut whole = [0.0; N];
-    whole[..state.len()].copy_from_slice(state);
+    // SAFETY: the caller says so of `state`.
+    unsafe {
+        match is_whole {
+            true => whole = state.cast::<[f64; N]>().read(),
+            false => ptr::copy_nonoverlapping(state, whole.as_mut_ptr(), count),
+        }
+    }
     integrate(&mut whole, interval, |time_s, x| {
         let mut dx = [0.0; N];
         // SAFETY: both arrays have room for at least as many numbers as the state.
@@ -102,11 +111,19 @@ unsafe fn padded<const N: usize>(
         // SAFETY: a reference is valid for reads.
         dx.map(|rate| unsafe { ptr::read_volatile(rate) })
     });
-    state.copy_from_slice(&whole[..state.len()]);
+    // SAFETY: as above.
+    unsafe {
+        match is_whole {
+            true => state.cast::<[f64; N]>().write(whole),
+            false => ptr::copy_nonoverlapping(whole.as_ptr(), state, count),
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::slice;
+
     use super::*;
 
     unsafe extern "C" fn decay(count: *const c_void, time_s: f64, x: *const f64, dx: *mut f64) {

@@ -57,12 +57,14 @@ pub unsafe fn kind(plant: &Plant) -> Result<PlantKind, Invalid> {
         }
     };
     let start = required(plant.start, "start")?;
-    let retune = match description.parameters.is_empty() {
-        true => plant.retune,
-        false => Some(required(plant.retune, "retune")?),
-    };
+    if let (None, [first, ..]) = (plant.retune, &description.parameters[..]) {
+        return Err(Invalid(format!(
+            "the callback `retune` is missing, which takes `{}`",
+            first.name
+        )));
+    }
     let calls = Calls {
-        retune,
+        retune: plant.retune,
         measure: required(plant.measure, "measure")?,
         tell_truth: required(plant.tell_truth, "tell_truth")?,
         advance: required(plant.advance, "advance")?,

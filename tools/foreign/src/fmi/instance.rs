@@ -8,24 +8,24 @@
 //! nothing at all after `Fatal`, and freeing after `Error`.
 
 use std::cell::Cell;
-use std::ffi::{CString, c_char, c_int, c_void};
+use std::ffi::{CString, c_char, c_int};
 use std::path::Path;
-use std::ptr::{null, null_mut};
 use std::sync::Arc;
 
 use shared_types::describe::Invalid;
 use shared_types::failure::Failure;
-use shared_types::state::State;
 use shared_types::time::Interval;
 
 use super::Model;
-use super::journal::{Journal, log_three, log_two};
-use super::library::{CallbacksTwo, Functions, Handle, Own, StateFunctions};
+use super::journal::Journal;
+use super::library::{CallbacksTwo, Functions, Handle, Own};
 use super::status::Status;
 use super::values::{Refused, Values};
+use instantiation::instantiate;
 
-/// Number of co-simulation among the types of an FMU, in FMI 2.
-const CO_SIMULATION: c_int = 1;
+mod instantiation;
+mod saved;
+
 /// Number of the question whether the model ended, in FMI 2.
 const TERMINATED: c_int = 3;
 /// Deviation of a period from a multiple of the internal step, as a part of it, that is rounding alone.
@@ -306,75 +306,6 @@ impl Instance {
     }
 }
 
-impl Instance {
-    /// The state of the instance as bytes, with the parameters that it has.
-    ///
-    /// # Errors
-    /// If the FMU cannot save its state, or fails at it.
-    pub(super) fn save(&self) -> Result<State, Invalid> {
-        let functions = Arc::clone(&self.functions);
-        let state = saving(&functions)?;
-        let mut taken = null_mut();
-        let mut size = 0;
-        // SAFETY: the instance is between two steps, when its state may be taken, and `taken` is null.
-        let got = unsafe { (state.get)(self.handle, &raw mut taken) };
-        self.saved("GetFMUState", got)?;
-        // SAFETY: the state was taken from this instance.
-        let sized = unsafe { (state.size)(self.handle, taken, &raw mut size) };
-        let mut bytes = Vec::new();
-        let mut written = sized;
-        if Status::of(sized).is_done() {
-            bytes = vec![0; size];
-            // SAFETY: the state is of this instance and `bytes` has the size that it asked for.
-            written =
-                unsafe { (state.serialize)(self.handle, taken, bytes.as_mut_ptr(), bytes.len()) };
-        }
-        // SAFETY: the state is of this instance and is not used again.
-        let freed = unsafe { (state.free)(self.handle, &raw mut taken) };
-        self.saved("SerializeFMUState", written)?;
-        self.saved("FreeFMUState", freed)?;
-        State::of(&(bytes, &self.tuned))
-    }
-
-    /// Puts a state back and reads all signals.
-    ///
-    /// # Errors
-    /// If it is no state of this FMU.
-    pub(super) fn restore(&mut self, saved: &State) -> Result<(), Invalid> {
-        let functions = Arc::clone(&self.functions);
-        let state = saving(&functions)?;
-        let (bytes, tuned): (Vec<u8>, Vec<f64>) = saved.read()?;
-        if tuned.len() != self.tuned.len() {
-            return Err(Invalid(
-                "the state has other tunable parameters than the FMU".into(),
-            ));
-        }
-        let mut made = null_mut();
-        // SAFETY: the instance is between two steps, and `bytes` has so many.
-        let read =
-            unsafe { (state.deserialize)(self.handle, bytes.as_ptr(), bytes.len(), &raw mut made) };
-        self.saved("DeserializeFMUState", read)?;
-        // SAFETY: the state was made by this instance.
-        let set = unsafe { (state.set)(self.handle, made) };
-        // SAFETY: the state is of this instance and is not used again.
-        let freed = unsafe { (state.free)(self.handle, &raw mut made) };
-        self.saved("SetFMUState", set)?;
-        self.saved("FreeFMUState", freed)?;
-        self.tuned = tuned;
-        self.read().map_err(|failure| Invalid(failure.to_string()))
-    }
-
-    fn saved(&self, function: &'static str, answer: c_int) -> Result<(), Invalid> {
-        let judged = self.judge(function, answer);
-        judged.map_err(|failure| Invalid(failure.to_string()))
-    }
-}
-
-fn saving(functions: &Functions) -> Result<&StateFunctions, Invalid> {
-    let refused = || Invalid("the FMU cannot save its state (canSerializeFMUState)".into());
-    functions.state.as_ref().ok_or_else(refused)
-}
-
 impl Drop for Instance {
     fn drop(&mut self) {
         // SAFETY: an instance that steps may be terminated, and one that is not at a fatal end be freed; it is
@@ -407,99 +338,4 @@ pub(super) fn check_period(model: &Model, period_s: f64) -> Result<(), Invalid> 
     Err(Invalid(format!(
         "the FMU moves in steps of {own_s} s, which do not fit the {period_s} s between two samples; run.rate_hz must be {rate_hz} divided by a whole number"
     )))
-}
-
-/// Makes an instance; gives its callbacks too, where the library keeps a pointer to them.
-fn instantiate(
-    model: &Model,
-    functions: &Functions,
-    resources: &Path,
-    journal: &Journal,
-) -> Result<(Handle, Option<Box<CallbacksTwo>>), Invalid> {
-    let text = |text: &str| {
-        let told = CString::new(text);
-        told.map_err(|_| Invalid(format!("{text:?} has a zero in it")))
-    };
-    let described = &model.description;
-    let (name, token) = (text(&described.name)?, text(&described.token)?);
-    let environment = std::ptr::from_ref(journal).cast_mut().cast();
-    // Messages of all kinds only where the library does not tell them apart.
-    let logs = !described
-        .categories
-        .iter()
-        .any(|name| name.starts_with("logStatus"));
-    let mut callbacks = None;
-    let handle = match functions.own {
-        Own::Two { instantiate, .. } => {
-            let place = text(&location(resources))?;
-            let callbacks = callbacks.insert(Box::new(CallbacksTwo {
-                logger: log_two,
-                allocate: calloc,
-                free,
-                step_finished: None,
-                environment,
-            }));
-            // SAFETY: all texts live until the call is over; the callbacks and the journal live until the
-            // instance is freed.
-            unsafe {
-                instantiate(
-                    name.as_ptr(),
-                    CO_SIMULATION,
-                    token.as_ptr(),
-                    place.as_ptr(),
-                    &raw const **callbacks,
-                    0,
-                    c_int::from(logs),
-                )
-            }
-        }
-        Own::Three { instantiate, .. } => {
-            // As the standard has it, with a separator at the end.
-            let place = text(&format!("{}/", resources.display()))?;
-            // SAFETY: as above. Neither event mode, early return nor intermediate update.
-            unsafe {
-                instantiate(
-                    name.as_ptr(),
-                    token.as_ptr(),
-                    place.as_ptr(),
-                    false,
-                    logs,
-                    false,
-                    false,
-                    null(),
-                    0,
-                    environment,
-                    log_three,
-                    null(),
-                )
-            }
-        }
-    };
-    if handle.is_null() {
-        let said = journal
-            .last()
-            .map_or(String::new(), |said| format!(": {said}"));
-        return Err(Invalid(format!("the FMU refuses to be instantiated{said}")));
-    }
-    Ok((handle, callbacks))
-}
-
-/// Place of a folder as FMI 2 has it, a URI.
-fn location(folder: &Path) -> String {
-    let mut uri = String::from("file://");
-    for byte in folder.as_os_str().as_encoded_bytes() {
-        match byte {
-            b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'/' | b'-' | b'_' | b'.' | b'~' => {
-                uri.push(char::from(*byte));
-            }
-            other => uri.push_str(&format!("%{other:02X}")),
-        }
-    }
-    uri
-}
-
-// The allocator that FMI 2 lets a library ask the importer for is that of C, whichever of the two frees.
-unsafe extern "C" {
-    fn calloc(count: usize, size: usize) -> *mut c_void;
-    fn free(place: *mut c_void);
 }

@@ -6,20 +6,19 @@
 use std::collections::BTreeSet;
 
 use glob::Pattern;
-use shared_types::describe::{DefinedUnit, DirectDependency, Imported, Invalid, LeftOut};
+use shared_types::describe::{DirectDependency, Imported, Invalid, LeftOut};
 use shared_types::frame::MAX_SIGNALS;
 use shared_types::layout::{MOST_FIELDS, is_line};
 use shared_types::spelling::{spelled, spelled_all};
 use shared_types::table::Field;
 
-use super::description::{
-    BASE_UNITS, BaseUnit, Causality, Kind, ModelDescription, Unit, Variable, Version,
-};
+use super::description::{Causality, Kind, ModelDescription, Variable, Version};
+use units::Units;
+
+mod units;
 
 /// Longest description of a column that is taken over.
 const LONGEST_TEXT: usize = 500;
-/// Longest unit that is taken over.
-const LONGEST_UNIT: usize = 64;
 /// Begins of the names of inputs that are reference signals of a controller.
 const REFERENCE: [&str; 2] = ["reference.", "reference_"];
 
@@ -55,8 +54,9 @@ impl Tables {
     /// # Errors
     /// If two names cannot be told apart, one is too long, or a pattern matches none.
     pub fn of(model: &ModelDescription, patterns: &[Pattern]) -> Result<Self, Invalid> {
+        let units = Units::of(model);
         let mut tables = Self {
-            imported: imported(model),
+            imported: imported(model, &units),
             ..Self::default()
         };
         let mut matched = vec![false; patterns.len()];
@@ -74,7 +74,7 @@ impl Tables {
                 continue;
             }
             let elements = 0..variable.elements();
-            let columns = elements.map(|element| column(variable, place, element, is_parameter));
+            let columns = elements.map(|element| column(variable, place, element, &units));
             let columns: Vec<Column> = columns.collect::<Result<_, _>>()?;
             let (table, most) = match variable.causality {
                 Causality::Parameter => (&mut tables.parameters, MOST_FIELDS),
@@ -233,8 +233,9 @@ fn column(
     variable: &Variable,
     place: usize,
     element: usize,
-    is_parameter: bool,
+    units: &Units<'_>,
 ) -> Result<Column, Invalid> {
+    let is_parameter = variable.causality == Causality::Parameter;
     let foreign = variable.element_name(element);
     let name = spelled(&foreign).map_err(|error| Invalid(error.to_string()))?;
     let (low, high) = variable
@@ -262,22 +263,13 @@ fn column(
         min: variable.min.filter(is_above).unwrap_or(low),
         max: variable.max.filter(is_below).unwrap_or(high),
         faultable: is_parameter && variable.is_tunable,
-        ..Field::signal(&name, &unit_text(unit), &text)
+        ..Field::signal(&name, &units.text(unit), &text)
     };
     Ok(Column {
         field,
         variable: place,
         element,
     })
-}
-
-/// A unit as a column may have it.
-fn unit_text(unit: &str) -> String {
-    let unit = line(&unit.replace('[', "(").replace(']', ")"), LONGEST_UNIT);
-    match unit.is_empty() {
-        true => "1".into(),
-        false => unit,
-    }
 }
 
 /// A text as one line of bounded length, without rows of signs that separate columns elsewhere.
@@ -291,37 +283,13 @@ fn line(text: &str, most: usize) -> String {
     line
 }
 
-fn imported(model: &ModelDescription) -> Imported {
-    let defined = |unit: &Unit| {
-        let base = unit.base?;
-        Some(DefinedUnit {
-            name: unit_text(&unit.name),
-            base: base_text(&base),
-            factor: base.factor,
-            offset: base.offset,
-        })
-    };
+fn imported(model: &ModelDescription, units: &Units<'_>) -> Imported {
     Imported {
         format: format!("{} co-simulation", model.version),
         tool: line(&model.tool, LONGEST_TEXT),
         internal_step_s: model.internal_step_s,
-        units: model.units.iter().filter_map(defined).collect(),
+        units: units.defined(model),
         ..Imported::default()
-    }
-}
-
-/// Product of powers, for example `kg m2 s-2`.
-fn base_text(base: &BaseUnit) -> String {
-    let powers = BASE_UNITS.iter().zip(base.exponents);
-    let powers = powers.filter(|(_, exponent)| *exponent != 0);
-    let powers = powers.map(|(name, exponent)| match exponent {
-        1 => (*name).to_owned(),
-        exponent => format!("{name}{exponent}"),
-    });
-    let text = powers.collect::<Vec<_>>().join(" ");
-    match text.is_empty() {
-        true => "1".into(),
-        false => text,
     }
 }
 

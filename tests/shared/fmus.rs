@@ -1,11 +1,10 @@
-//! FMUs that tests run, built with the machine's C compiler: the Reference-FMUs, whose sources are in
+//! FMUs that tests and benches run, built with the machine's C compiler: the Reference-FMUs, whose sources are in
 //! `tests/third-party`, and those of `tests/fmus`. An archive is written here, with stored entries.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::OnceLock;
 
-use crate::support::programs::{finish, target, workspace};
+pub(crate) type Entries = Vec<(String, Vec<u8>)>;
 
 /// The Reference-FMUs with co-simulation, each with its version of FMI and the rate of its own steps.
 pub(crate) const REFERENCE: [(&str, u32, f64); 14] = [
@@ -40,21 +39,10 @@ pub(crate) fn has_compiler() -> bool {
     asked.is_ok_and(|output| output.status.success())
 }
 
-/// A folder with all FMUs, built once for each test binary.
-fn built() -> &'static Path {
-    static BUILT: OnceLock<PathBuf> = OnceLock::new();
-    BUILT.get_or_init(|| {
-        let folder = target().join("fmus").join(std::process::id().to_string());
-        std::fs::create_dir_all(&folder).expect("a folder");
-        folder
-    })
-}
-
 /// Compiles sources with these options into a library; gives its bytes.
 pub(crate) fn compiled(name: &str, sources: &[PathBuf], options: &[&str]) -> Vec<u8> {
-    static COUNT: std::sync::atomic::AtomicU32 = std::sync::atomic::AtomicU32::new(0);
-    let number = COUNT.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
-    let library = built().join(format!("{name}-{number}.so"));
+    let folder = tempfile::tempdir().expect("a folder");
+    let library = folder.path().join(format!("{name}.so"));
     let include = third_party().join("include");
     let mut cc = Command::new("cc");
     // A fused product would round once: the numbers of a machine would be its own.
@@ -65,18 +53,22 @@ pub(crate) fn compiled(name: &str, sources: &[PathBuf], options: &[&str]) -> Vec
         .arg("-o")
         .arg(&library)
         .arg("-lm");
-    finish(&mut cc);
-    let bytes = std::fs::read(&library).expect("it was built");
-    std::fs::remove_file(&library).expect("it is ours");
-    bytes
+    let output = cc.output().expect("a C compiler");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{cc:?} failed:\n{said}");
+    std::fs::read(&library).expect("it was built")
 }
 
 fn third_party() -> PathBuf {
-    workspace().join("tests/third-party/reference-fmus")
+    tests().join("third-party/reference-fmus")
+}
+
+fn tests() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
 /// A Reference-FMU, as entries of its archive.
-pub(crate) fn reference(model: &str, version: u32) -> Vec<(String, Vec<u8>)> {
+pub(crate) fn reference(model: &str, version: u32) -> Entries {
     let place = third_party();
     let source = |name: &str| place.join(name);
     let sources = [
@@ -109,22 +101,29 @@ pub(crate) fn reference(model: &str, version: u32) -> Vec<(String, Vec<u8>)> {
 }
 
 /// The FMU of `tests/fmus` that is a controller and can misbehave, as entries of its archive.
-pub(crate) fn proportional() -> Vec<(String, Vec<u8>)> {
+pub(crate) fn proportional() -> Entries {
     own("proportional")
 }
 
 /// The FMU of `tests/fmus` that is a plant in millimetres and kilonewtons, as entries of its archive.
-pub(crate) fn slider() -> Vec<(String, Vec<u8>)> {
+pub(crate) fn slider() -> Entries {
     own("slider")
 }
 
-fn own(name: &str) -> Vec<(String, Vec<u8>)> {
-    let place = workspace().join("tests/fmus");
-    let library = compiled(name, &[place.join(format!("{name}.c"))], &[]);
+fn own(name: &str) -> Entries {
+    let place = tests().join("fmus");
     let description = std::fs::read(place.join(format!("{name}.xml"))).expect("it is there");
+    entries(name, 3, description, &[])
+}
+
+/// An FMU of a source of `tests/fmus`, as entries of its archive.
+pub(crate) fn entries(name: &str, version: u32, description: Vec<u8>, options: &[&str]) -> Entries {
+    let source = tests().join(format!("fmus/{name}.c"));
+    let version_of = format!("-DFMI_VERSION={version}");
+    let library = compiled(name, &[source], &[&[version_of.as_str()], options].concat());
     vec![
         ("modelDescription.xml".into(), description),
-        (format!("binaries/{}/{name}.so", platform(3)), library),
+        (format!("binaries/{}/{name}.so", platform(version)), library),
     ]
 }
 

@@ -1,0 +1,123 @@
+//! An FMU of 500 variables, of both versions of the standard: each variable as the generator wrote it, and its numbers.
+
+use serde_json::Value;
+
+use super::{Place, scenario};
+use crate::support::fmus::has_compiler;
+use crate::support::mcap_reader::Recording;
+use crate::support::programs::skip;
+use crate::support::vendor_fmu::{
+    INNER, INPUTS, OUTPUTS, PARAMETERS, Role, Variable, rate, variables, vendor,
+};
+
+/// The variables of some roles, in the order of the FMU.
+fn of(is: impl Fn(Role) -> bool) -> Vec<Variable> {
+    variables().into_iter().filter(|one| is(one.role)).collect()
+}
+
+fn list<'a>(all: &'a Value, name: &str) -> &'a [Value] {
+    all[name].as_array().expect("a list")
+}
+
+/// Compares a table with the variables that it is made of.
+fn assert_table(table: &[Value], wanted: &[Variable]) {
+    assert_eq!(table.len(), wanted.len());
+    for (field, variable) in table.iter().zip(wanted) {
+        let name = &variable.name;
+        assert_eq!(field["name"], variable.here.as_str(), "{name}");
+        assert_eq!(field["unit"], variable.unit, "{name}");
+        let text = field["description"].as_str().expect("text");
+        assert!(text.ends_with("of the circuit"), "{name}: {text}");
+        let Role::Parameter { is_tunable } = variable.role else {
+            assert!(field["default"].is_null(), "{name}");
+            continue;
+        };
+        let start = field["default"].as_f64().expect("a number");
+        assert_eq!(start.to_bits(), variable.start.to_bits(), "{name}");
+        assert_eq!(field["min"], 0.0, "{name}");
+        assert_eq!(field["max"], 20.0, "{name}");
+        let can_be_faulted = field["faultable"].as_bool().unwrap_or(false);
+        assert_eq!(can_be_faulted, is_tunable, "{name}");
+    }
+}
+
+#[test]
+fn each_of_500_variables_has_its_place_its_unit_and_its_start_value() {
+    let test = "each_of_500_variables_has_its_place_its_unit_and_its_start_value";
+    if !has_compiler() {
+        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+    }
+    let parameters = of(|role| matches!(role, Role::Parameter { .. }));
+    let inputs = of(|role| role == Role::Input);
+    let outputs = of(|role| role == Role::Output);
+    let inner = of(|role| role == Role::Inner);
+    let counts = [&parameters, &inputs, &outputs, &inner].map(Vec::len);
+    assert_eq!(counts, [PARAMETERS, INPUTS, OUTPUTS, INNER]);
+    assert_eq!(counts.iter().sum::<usize>(), 500);
+    for version in [2, 3] {
+        let place = Place::new();
+        place.fmu("vendor.fmu", &vendor(version));
+        let told = place.hil(&["describe", "--json", "vendor.fmu"]).expect(0);
+        let told: Value = serde_json::from_str(&told.stdout).expect("JSON");
+        let (plant, imported) = (
+            &told["description"]["plants"][0],
+            &told["description"]["imported"],
+        );
+        assert_eq!(plant["name"], "vendor");
+        assert_table(list(plant, "parameters"), &parameters);
+        assert_table(list(plant, "commands"), &inputs);
+        assert_table(list(plant, "measured"), &outputs);
+        assert_table(list(plant, "truth"), &outputs);
+        let names: Vec<&str> = inner.iter().map(|one| one.here.as_str()).collect();
+        assert_eq!(list(imported, "locals"), names);
+        assert_eq!(list(imported, "left_out").len(), 0);
+        assert_eq!(list(imported, "direct").len(), 0);
+        let bar = list(imported, "units")
+            .iter()
+            .find(|unit| unit["name"] == "bar");
+        assert_eq!(bar.expect("defined")["base"], "kg m-1 s-2");
+        assert_eq!(bar.expect("defined")["factor"], 1e5);
+    }
+}
+
+#[test]
+fn the_numbers_of_all_its_signals_are_those_of_the_closed_form_in_both_versions() {
+    let test = "the_numbers_of_all_its_signals_are_those_of_the_closed_form_in_both_versions";
+    if !has_compiler() {
+        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+    }
+    let (rate_hz, steps) = (10.0, 20_u16);
+    let digests = [2, 3].map(|version| {
+        let place = Place::new();
+        place.fmu("vendor.fmu", &vendor(version));
+        let text = scenario("vendor", "vendor.fmu", rate_hz, steps.into());
+        let run = place.run(&text, "--set plant.locals=[\"*\"]").expect(0);
+        let recording = Recording::open(&run.recording());
+        for (place, pair) in of(|role| role == Role::Inner).chunks(2).enumerate() {
+            let [state, derivative] = pair else {
+                panic!("a state has a derivative")
+            };
+            // Euler's method on x' = k (1 - x) from 0.
+            let (k, h) = (rate(place % PARAMETERS), 1.0 / rate_hz);
+            let rest = |step: u16| (1.0 - k * h).powi(step.into());
+            let column =
+                |variable: &Variable| recording.column(&format!("truth.{}", variable.here));
+            let (states, derivatives) = (column(state), column(derivative));
+            assert_eq!(states.len(), usize::from(steps) + 1);
+            for step in 0..=steps {
+                let x = states[usize::from(step)];
+                let wanted = 1.0 - rest(step);
+                assert!((x - wanted).abs() < 1e-14, "{}: {x}", state.name);
+                let dx = derivatives[usize::from(step)];
+                let wanted = if step == 0 { 0.0 } else { k * rest(step - 1) };
+                assert!((dx - wanted).abs() < 1e-14, "{}: {dx}", derivative.name);
+            }
+            if place < OUTPUTS {
+                let output = recording.column(&format!("measured.sensors.pressure__{}", place + 1));
+                assert_eq!(output, states);
+            }
+        }
+        run.digest()
+    });
+    assert_eq!(digests[0], digests[1]);
+}
