@@ -7,7 +7,7 @@
 use serde::{Deserialize, Serialize};
 use shared_types::checkpoint::{Saves, Side};
 use shared_types::clock::monotonic_ns;
-use shared_types::connection::{conversions, renamed};
+use shared_types::connection::renamed;
 use shared_types::describe::Invalid;
 use shared_types::directive::{Answered, Directive};
 use shared_types::failure::Failure;
@@ -20,11 +20,11 @@ use shared_types::surroundings::ThreadSampler;
 use shared_types::table::Field;
 use shared_types::text;
 use shared_types::time::Step;
-use shared_types::units::Conversion;
 use shared_types::wait::Sleeper;
 
 use crate::controller::{Law, LawKind, Row, Start};
 use crate::job::Job;
+use converted::Converted;
 use saved::SavedController;
 use tuning::{Found, Tuning, offered};
 
@@ -116,14 +116,6 @@ struct Bound {
     waiting: Option<Header>,
     /// Time of the last answer in ns; before the first answer, time at which this [`Bound`] was made.
     sent_ns: u64,
-}
-
-/// The signals of each row of the law whose values are converted, by place.
-#[derive(Clone, Debug)]
-struct Converted {
-    measured: Vec<(usize, Conversion)>,
-    reference: Vec<(usize, Conversion)>,
-    command: Vec<(usize, Conversion)>,
 }
 
 /// The steps whose samples the command was made of: of the last answer, of the one before, of the
@@ -380,15 +372,7 @@ impl<'a, L: Link> Runner<'a, L> {
             law: started,
             measured_places: places(SignalKind::Measured, &law.measured)?,
             reference_places: places(SignalKind::Reference, &law.reference)?,
-            converted: Converted {
-                measured: conversions(SignalKind::Measured, &law.measured, connections),
-                reference: conversions(SignalKind::Reference, &law.reference, connections),
-                command: conversions(
-                    SignalKind::Command,
-                    law.commands.as_deref().unwrap_or_default(),
-                    connections,
-                ),
-            },
+            converted: Converted::of(law, connections),
             sample: vec![0.0; welcome.sample.len()],
             measured: vec![0.0; law.measured.len()],
             reference: vec![0.0; law.reference.len()],
@@ -578,8 +562,8 @@ impl Bound {
             *value = self.sample[*place];
             valid &= header.is_valid(*place);
         }
-        convert(&mut self.measured, &self.converted.measured);
-        convert(&mut self.reference, &self.converted.reference);
+        self.converted
+            .sample(&mut self.measured, &mut self.reference);
         let row = Row {
             time_s: job.rate.seconds(step),
             measured: &self.measured,
@@ -590,18 +574,12 @@ impl Bound {
         self.tuning.apply(step, self.law.as_mut());
         let (command, internals) = self.answer.split_at_mut(self.previous.len());
         self.law.step(&row, command, internals)?;
-        convert(command, &self.converted.command);
+        self.converted.command(command);
         Ok(())
     }
 }
 
-/// Converts some values of a row, and touches no other.
-fn convert(row: &mut [f64], conversions: &[(usize, Conversion)]) {
-    for (place, conversion) in conversions {
-        row[*place] = conversion.apply(row[*place]);
-    }
-}
-
+mod converted;
 mod saved;
 mod tuning;
 
