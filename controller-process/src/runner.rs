@@ -68,7 +68,7 @@ impl End {
     }
 }
 
-/// One run of one law.
+/// Run of a law.
 pub struct Runner<'a, L> {
     link: L,
     side: ControllerSide,

@@ -45,7 +45,7 @@ pub enum ProblemKind {
     Expression,
 }
 
-/// One thing that is wrong.
+/// Mistake, with its place.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Problem {
     /// Kind of the problem.

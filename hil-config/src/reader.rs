@@ -31,7 +31,7 @@ pub(crate) struct Reader {
 pub(crate) struct Section<'a> {
     /// The table.
     pub table: &'a Table,
-    /// Its keys.
+    /// Keys.
     pub keys: &'static [Key],
     /// Path of the table in the tree, for example `faults[0]`; empty for the whole scenario.
     pub path: String,

@@ -55,7 +55,7 @@ pub struct TuningShown {
     pub offered: Offered,
     /// Settings of the plant and of the law as the change would make them.
     pub plant_after: Vec<Settings>,
-    /// Those of the law, as far as changes set them.
+    /// Parameters of the law, as far as changes set them.
     pub law_after: Vec<Settings>,
 }
 

@@ -1,4 +1,4 @@
-//! What the plant's engine and the controller's runner tell each other about timing in the headers
+//! Directives that the plant's engine and the controller's runner give each other about timing in the headers
 //! of frames; a law never sees it.
 
 use crate::time::Step;

@@ -1,4 +1,4 @@
-//! What happened to a thread while it worked: on which core it ran, how often it was switched out,
+//! Surroundings of a thread while it worked: on which core it ran, how often it was switched out,
 //! how many pages it faulted in.
 //!
 //! The engine and the runner watch their own threads. These are system calls, so they are made after

@@ -122,7 +122,7 @@ pub trait Sleeper: fmt::Debug {
     fn retire(&self);
 }
 
-/// One wait after another.
+/// Waits, one after another.
 #[derive(Debug)]
 pub struct Waiter {
     limit: WaitLimit,

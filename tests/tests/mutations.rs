@@ -23,7 +23,7 @@ const MUTANTS: [(&str, &str, &str); 12] = [
         "(_, PlantEvent::Frame(_)) if self.is_alone() => self.ignore(Reason::Lost),",
         "",
     ),
-    // The death of any controller loses the one in office.
+    // The death of any controller loses the active one.
     (
         "plant.rs",
         "if epoch == self.epoch() {",

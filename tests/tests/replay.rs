@@ -13,7 +13,7 @@ use shared_types::session::SessionInfo;
 use copy::Copy;
 
 use crate::every_fault;
-use crate::support::harness::{Rig, Run, until};
+use crate::support::harness::{Rig, Run, text, until};
 use crate::support::programs::{
     example, misbehaving_controller, program, program_of_tests, workspace,
 };
@@ -25,10 +25,6 @@ const SPRING_MASS: &str =
 
 fn rebuilt() -> PathBuf {
     program_of_tests("rebuilt-controller")
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("plain text")
 }
 
 /// `hil replay --json` of a recording, and what it says.

@@ -16,7 +16,7 @@ pub(super) struct Converted {
 }
 
 impl Converted {
-    /// Those of a law by its connections.
+    /// Finds the conversions of a law by its connections.
     pub(super) fn of(law: &LawDescription, connections: &[Connection]) -> Self {
         let commands = law.commands.as_deref().unwrap_or_default();
         Self {

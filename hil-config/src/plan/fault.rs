@@ -21,7 +21,7 @@ pub struct FaultEvent {
     /// Ends of the event, of which the first counts.
     #[serde(default)]
     pub end: FaultEnd,
-    /// Its effects.
+    /// Effects.
     pub effects: Vec<FaultEffect>,
 }
 
@@ -111,9 +111,9 @@ pub enum FaultAction {
     },
     /// Whatever the kind does to its target.
     Kind {
-        /// Its parameters by key.
+        /// Parameters by key.
         parameters: Settings,
-        /// Its list, rows one after another; empty if it has none.
+        /// List, rows one after another; empty if it has none.
         list: Vec<f64>,
     },
 }

@@ -6,7 +6,7 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use super::{Correlation, Goal, Item, Sampling, Spread, Study, Variant, Varied, flag_key};
-use crate::check::is_signal_name;
+use crate::check::{TITLE, is_signal_name, is_title};
 use crate::expression::{Columns, Group, is_reserved};
 use crate::flag;
 use crate::keys::{MOST_CASES, SPREADS, STUDY};
@@ -63,11 +63,11 @@ fn study(reader: &mut Reader, root: &Section<'_>, path: &Path, sources: Sources)
     let name = reader
         .text(root, "name")
         .map_or(stem.unwrap_or_default(), Into::into);
-    if !is_name(&name) {
+    if !is_title(&name) {
         let message = format!("the study's name is `{name}`");
         reader
             .report_at(root, "name", ProblemKind::OutOfRange, message)
-            .expected("1 to 64 letters, digits, - and _");
+            .expected(TITLE);
     }
     let description = reader.text(root, "description").unwrap_or_default().into();
     let scenario = reader.text(root, "scenario").map(|file| {
@@ -111,11 +111,6 @@ fn study(reader: &mut Reader, root: &Section<'_>, path: &Path, sources: Sources)
         sources,
         homes: homes.all,
     })
-}
-
-fn is_name(name: &str) -> bool {
-    let legal = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
-    (1..=64).contains(&name.len()) && name.chars().all(legal)
 }
 
 /// Places of the flags of a study.
@@ -259,7 +254,7 @@ fn variants(reader: &mut Reader, root: &Section<'_>, homes: &mut Homes) -> Vec<V
         let set = homes.flags(reader, section, &allowed);
         allowed.extend(set.iter().map(|flag| flag_key(flag).to_owned()));
         let Some(name) = name else { continue };
-        if !is_name(name) || !names.insert(name.to_owned()) {
+        if !is_title(name) || !names.insert(name.to_owned()) {
             let message = format!("`{}` is `{name}`", section.path_of("name"));
             reader
                 .report_at(section, "name", ProblemKind::OutOfRange, message)

@@ -88,7 +88,7 @@ impl Channel {
         }
     }
 
-    /// Its state.
+    /// Returns the state.
     pub(super) fn save(&self) -> SavedChannel {
         SavedChannel {
             under_way: (!self.bypassed).then(|| UnderWay {

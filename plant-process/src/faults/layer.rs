@@ -78,9 +78,9 @@ struct Targets {
 /// A live fault that was taken.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Admitted {
-    /// Its number.
+    /// Number.
     pub id: u32,
-    /// Its kind.
+    /// Kind.
     pub kind: String,
     /// The step at which it takes hold, if that is known.
     pub step: Option<Step>,

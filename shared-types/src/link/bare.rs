@@ -70,7 +70,7 @@ impl<const N: usize> Incoming for Reader<N> {
     }
 }
 
-/// One end.
+/// End of a blackboard.
 pub struct Blackboard {
     outgoing: Box<dyn Outgoing>,
     incoming: Box<dyn Incoming>,

@@ -1,4 +1,4 @@
-//! What a step costs at least: two processes with the work of the scenario and nothing but a wake-up between.
+//! Least cost of a step: two processes with the work of the scenario and nothing but a wake-up between.
 
 use std::io::{Read, Write};
 use std::os::unix::net::{UnixListener, UnixStream};
@@ -107,7 +107,7 @@ impl Bare {
     }
 }
 
-/// Is one side of a bare exchange, if this process was started as one.
+/// Runs as a side of a bare exchange, if this process was started as one.
 pub(crate) fn answered() -> bool {
     let Ok(way) = std::env::var(WAY) else {
         return false;

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use serde_json::Value;
 
-use crate::support::harness::{Rig, Run, until};
+use crate::support::harness::{Rig, Run, text, until};
 use crate::support::programs::workspace;
 use crate::support::slurm::Cluster;
 
@@ -21,10 +21,6 @@ struct Campaign<'a> {
     rig: &'a Rig,
     cluster: &'a Cluster,
     folder: PathBuf,
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("plain text")
 }
 
 /// Writes the study: two variants, and so many cases of each that last so long.

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use hil_recording::compression::Compression;
 use hil_recording::reader::RunReader;
-use hil_recording::writer::{Enclosure, Provenance, Recording};
+use hil_recording::writer::{Attachment, Provenance, Recording};
 use shared_types::record::RecordLayout;
 use shared_types::table::Field;
 
@@ -48,19 +48,19 @@ impl Copy {
             .iter()
             .map(|column| column.name.clone())
             .collect();
-        let enclosed = |name, media_type| Enclosure {
+        let attached = |name, media_type| Attachment {
             name,
             media_type,
-            text: reader.enclosure(name).expect("enclosed").into(),
+            text: reader.attachment(name).expect("enclosed").into(),
         };
         let facts = ["rate_hz", "controller_blake3"];
         let fact = |name: &str| Some((name.to_owned(), reader.fact(name)?.to_owned()));
         let provenance = Provenance {
             facts: facts.into_iter().filter_map(fact).collect(),
-            enclosures: vec![
-                enclosed("scenario.toml", "application/toml"),
-                enclosed("plant-description.json", "application/json"),
-                enclosed("controller-description.json", "application/json"),
+            attachments: vec![
+                attached("scenario.toml", "application/toml"),
+                attached("plant-description.json", "application/json"),
+                attached("controller-description.json", "application/json"),
             ],
         };
         let mut records = Vec::new();
@@ -77,7 +77,7 @@ impl Copy {
 
     /// Puts another name into what the controller of the run said of itself.
     pub(super) fn describe(&mut self, before: &str, now: &str) {
-        let description = self.provenance.enclosures.last_mut().expect("three");
+        let description = self.provenance.attachments.last_mut().expect("three");
         description.text = description.text.replace(before, now);
     }
 

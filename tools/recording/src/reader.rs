@@ -56,7 +56,7 @@ pub struct RunReader {
     channels: BTreeMap<u16, Option<String>>,
     schemas: BTreeMap<u16, String>,
     metadata: BTreeMap<String, BTreeMap<String, String>>,
-    enclosures: BTreeMap<String, String>,
+    attachments: BTreeMap<String, String>,
     words: Vec<u64>,
     /// The first step that the next record may have.
     next_step: u64,
@@ -110,7 +110,7 @@ impl RunReader {
             channels: BTreeMap::new(),
             schemas: BTreeMap::new(),
             metadata: BTreeMap::new(),
-            enclosures: BTreeMap::new(),
+            attachments: BTreeMap::new(),
             words: Vec::new(),
             next_step: 0,
             events: Vec::new(),
@@ -215,8 +215,8 @@ impl RunReader {
     ///
     /// # Errors
     /// If there is none of that name.
-    pub fn enclosure(&self, name: &str) -> Result<&str, ReadError> {
-        let text = self.enclosures.get(name).map(String::as_str);
+    pub fn attachment(&self, name: &str) -> Result<&str, ReadError> {
+        let text = self.attachments.get(name).map(String::as_str);
         text.ok_or_else(|| self.foreign(format!("it does not carry `{name}`")))
     }
 
@@ -224,8 +224,8 @@ impl RunReader {
     ///
     /// # Errors
     /// If there is none of that name, or it cannot be understood.
-    pub fn enclosed<T: DeserializeOwned>(&self, name: &str) -> Result<T, ReadError> {
-        let text = self.enclosure(name)?;
+    pub fn attached<T: DeserializeOwned>(&self, name: &str) -> Result<T, ReadError> {
+        let text = self.attachment(name)?;
         serde_json::from_str(text).map_err(|error| self.foreign(format!("`{name}`: {error}")))
     }
 
@@ -378,7 +378,7 @@ impl RunReader {
             }
             Record::Attachment { header, data, .. } => {
                 let text = String::from_utf8_lossy(&data).into_owned();
-                self.enclosures.insert(header.name, text);
+                self.attachments.insert(header.name, text);
             }
             Record::Message { header, data } => match self.channels.get(&header.channel_id) {
                 Some(None) if data.len() == ENCAPSULATION + 8 * self.columns.len() => {

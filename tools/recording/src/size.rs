@@ -1,4 +1,4 @@
-//! How large a recording can get, before the run.
+//! Size that a recording can reach, estimated before the run.
 
 use shared_types::record::{RecordLayout, Timing};
 

@@ -28,7 +28,7 @@ Examples:
 /// Arguments of `hil monitor`.
 #[derive(Debug, Args)]
 pub struct MonitorArguments {
-    /// Which session
+    /// Session
     #[command(flatten)]
     pub choice: SessionChoice,
     /// Draw a signal, or several with * and ?; may be given several times [default: references with

@@ -20,7 +20,7 @@ pub(crate) fn frame_words(signals: usize) -> usize {
     HEADER_WORDS + signals.next_power_of_two().max(SMALLEST)
 }
 
-/// One end of an exchange.
+/// End of an exchange.
 pub trait End {
     /// Sends a payload full of this number.
     fn send(&mut self, number: u64);

@@ -21,7 +21,8 @@ const NAME: &str = "null";
 /// Internal of the law: the time of its call, in ns of the monotonic clock.
 const CALLED: &str = "called_ns";
 
-struct NullPlant;
+/// Plant that measures ones and computes nothing.
+pub struct NullPlant;
 
 impl Model for NullPlant {
     fn retune(&mut self, _parameters: &[f64]) -> Result<(), Failure> {

@@ -28,7 +28,7 @@ impl Cell {
     }
 }
 
-/// One end.
+/// End of a bare exchange.
 pub struct Raw {
     outgoing: Arc<Cell>,
     incoming: Arc<Cell>,

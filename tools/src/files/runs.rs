@@ -10,7 +10,7 @@ use serde_json::Value;
 
 /// Folder below which runs lie, unless another one is named.
 pub(crate) const RUNS: &str = "runs";
-/// What stands for the newest run.
+/// Name that stands for the newest run.
 pub(crate) const LATEST: &str = "latest";
 /// File that each folder of a run has from its start.
 pub(crate) const SCENARIO: &str = "scenario.toml";
@@ -29,7 +29,7 @@ pub(crate) struct RunFolder {
     pub(crate) path: PathBuf,
     /// Time at which the run was begun.
     pub(crate) started: SystemTime,
-    /// Its `summary.json`, if there is one that can be read.
+    /// `summary.json`, if there is one that can be read.
     pub(crate) summary: Option<Value>,
 }
 

@@ -98,12 +98,7 @@ impl Choices {
 
     /// Takes copies of both programs in place of those beside `hil`.
     pub(crate) fn copies([plant, controller]: [PathBuf; 2]) -> Self {
-        let copy = |path| Choice {
-            path,
-            by: NamedBy::Nobody,
-            blake3: None,
-            locals: Vec::new(),
-        };
+        let copy = |path| Choice::new(path, NamedBy::Nobody);
         Self {
             plant: copy(plant),
             controller: copy(controller),
@@ -241,12 +236,8 @@ impl Binary {
         at: Option<&Reached>,
         interruption: &Interruption,
     ) -> Result<Self, Failure> {
-        let choice = Choice {
-            path: std::path::absolute(path).map_err(Failure::usage)?,
-            by: NamedBy::Person(flag),
-            blake3: None,
-            locals: Vec::new(),
-        };
+        let path = std::path::absolute(path).map_err(Failure::usage)?;
+        let choice = Choice::new(path, NamedBy::Person(flag));
         Self::of_controller(&choice, at, interruption)
     }
 
@@ -259,12 +250,8 @@ impl Binary {
         role: &Role,
         interruption: &Interruption,
     ) -> Result<Self, Failure> {
-        let choice = Choice {
-            path: std::path::absolute(path).map_err(Failure::usage)?,
-            by: NamedBy::Person("--as"),
-            blake3: None,
-            locals: Vec::new(),
-        };
+        let path = std::path::absolute(path).map_err(Failure::usage)?;
+        let choice = Choice::new(path, NamedBy::Person("--as"));
         Self::find(&choice, role, None, interruption)
     }
 
@@ -312,7 +299,7 @@ impl Binary {
         }
     }
 
-    /// Its path, if somebody named it.
+    /// Returns the path, if somebody named it.
     pub(crate) fn named(&self) -> Option<&Path> {
         (self.by != NamedBy::Nobody).then_some(&self.path)
     }

@@ -20,7 +20,7 @@ use crate::programs::binaries::{Binaries, Binary};
 use crate::results::company::Company;
 use crate::results::ended::{Ended, Started};
 use crate::results::faults::Fault;
-use crate::results::handover::{Laws, Tenure, tenures};
+use crate::results::handover::{ActiveController, Laws, active_controllers};
 use crate::results::latency::grade::Graded;
 use crate::results::latency::legs::Legs;
 use crate::results::latency::spikes::Spike;
@@ -88,7 +88,7 @@ pub(crate) struct Summary {
     /// Notes of those who watched the run.
     marks: Vec<MarkAt>,
     /// All controllers, if the first was lost or replaced.
-    controllers: Vec<Tenure>,
+    controllers: Vec<ActiveController>,
     plant: Program,
     seed: u64,
     #[serde(skip)]
@@ -331,7 +331,7 @@ impl Summary {
                 })
                 .collect(),
             marks: marks(&recorded.marks, plan.run.rate),
-            controllers: tenures(&ended.controllers, &recorded.changes, plan.run.rate),
+            controllers: active_controllers(&ended.controllers, &recorded.changes, plan.run.rate),
             plant: origin.plant,
             seed: plan.run.seed,
             laws: Laws::of(&plan.controller.law, &recorded.changes, |name| {

@@ -128,7 +128,7 @@ pub(crate) enum Seen<'a> {
     Broken(String),
 }
 
-/// One who watches a session, until it is dropped.
+/// Watcher of a session, until it is dropped.
 pub(crate) struct Observer {
     session: SessionInfo,
     source: Option<IceoryxSource>,

@@ -26,7 +26,7 @@ const ASK_LIMIT: Duration = Duration::from_secs(2);
 /// State of a requirement.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Standing {
-    /// Its name.
+    /// Name.
     pub name: String,
     /// `pass`, `fail` or `undecided`.
     pub verdict: String,

@@ -11,12 +11,12 @@ use crate::reader::{Reader, Section};
 pub(crate) enum Kind<'d> {
     /// The plant's own, which moves its parameters.
     Own(&'d FaultDescription),
-    /// One on signals, links or timing.
+    /// Kind of fault on signals, links or timing.
     Shared(&'d FaultKindDescription),
 }
 
 impl<'d> Kind<'d> {
-    /// Its name.
+    /// Returns the name.
     pub(crate) fn name(self) -> &'d str {
         match self {
             Self::Own(fault) => &fault.kind,

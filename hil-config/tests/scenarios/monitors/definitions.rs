@@ -110,7 +110,7 @@ impl Tree {
         }
     }
 
-    /// As text, everything in parentheses. At 10 Hz a step is 100 ms.
+    /// Writes the formula as text, everything in parentheses. At 10 Hz a step is 100 ms.
     pub(super) fn text(&self) -> String {
         let window = |bounds: &Option<(u64, u64)>| {
             let mut text = String::new();
@@ -195,7 +195,7 @@ impl Tree {
         k.saturating_sub(last)..(k + 1).saturating_sub(first)
     }
 
-    /// Its margin at step `k`, or with `holds` false that of its opposite.
+    /// Judges the margin at step `k`, or with `holds` false that of the opposite.
     pub(super) fn judge(&self, k: u64, holds: bool, trace: &Trace) -> Judged {
         let at = |tree: &Self, step: u64| tree.judge(step, holds, trace);
         match self {

@@ -252,7 +252,7 @@ impl Rig {
         (0..steps).map(|_| self.step()).collect()
     }
 
-    /// One number of each of the next steps.
+    /// Collects a number of each of the next steps.
     pub(super) fn each<T>(&mut self, steps: usize, of: impl Fn(&Passed) -> T) -> Vec<T> {
         self.run(steps).iter().map(of).collect()
     }

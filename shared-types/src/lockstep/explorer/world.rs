@@ -5,7 +5,6 @@
 
 use super::super::*;
 use super::Bound;
-use crate::describe::PROTOCOL;
 use crate::frame::FrameKind;
 use crate::hello::{Hello, Offer};
 use crate::time::Rate;
@@ -77,16 +76,7 @@ pub(super) type Key = (
 );
 
 pub(super) fn hello() -> Hello {
-    Hello {
-        protocol: PROTOCOL,
-        session: 5,
-        law: "any".into(),
-        measured: vec![],
-        reference: vec![],
-        commands: None,
-        internals: vec![],
-        tunable: vec![],
-    }
+    Hello::new(5, "any")
 }
 
 pub(super) fn offer(epoch: u32, first: Step, steps: u64, against_clock: bool) -> Offer<'static> {

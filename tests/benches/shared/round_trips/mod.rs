@@ -81,7 +81,7 @@ impl Exchange {
 /// Way in which both sides wait for each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Wait {
-    /// As the project's processes do unless told otherwise.
+    /// Strategy of the project's processes unless told otherwise.
     Hybrid,
     /// Poll and never give the core away.
     Spin,

@@ -104,7 +104,7 @@ fn led(end: &mut impl End, trips: Trips, waiter: Waiter) -> Round {
     }
 }
 
-/// Is the controller of a measurement if this process was started as one; false if it was not.
+/// Runs as the controller of a measurement if this process was started as one; false if it was not.
 pub(crate) fn answered() -> bool {
     let told = |name: &str| std::env::var(name).ok();
     let Some(exchange) = told(EXCHANGE) else {

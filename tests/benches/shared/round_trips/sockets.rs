@@ -54,7 +54,7 @@ socket!(TcpStream, write_all, read);
 socket!(UnixDatagram, send, recv);
 socket!(UdpSocket, send, recv);
 
-/// One end.
+/// End of a socket.
 struct SocketEnd<S> {
     socket: S,
     outgoing: Vec<u8>,

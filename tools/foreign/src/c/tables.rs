@@ -36,7 +36,7 @@ pub(super) fn required<T>(callback: Option<T>, name: &str) -> Result<T, Invalid>
     callback.ok_or_else(|| Invalid(format!("the callback `{name}` is missing")))
 }
 
-/// What is there for checkpoints: everything or nothing.
+/// Takes the functions for checkpoints: all or none.
 ///
 /// # Errors
 /// If a part is missing.

@@ -63,7 +63,7 @@ pub enum ReadError {
     Cut {
         /// The file.
         path: PathBuf,
-        /// Its bytes.
+        /// Bytes.
         length: u64,
     },
     /// The file is not what `hil run` writes.

@@ -29,7 +29,7 @@ impl Missed {
         (counts.into_iter()).filter_map(|(streaks, what)| Self::from(streaks).describe(what))
     }
 
-    /// As a person reads it, if there is anything to tell.
+    /// Describes the steps for a person, if there is anything to tell.
     fn describe(&self, what: &str) -> Option<String> {
         let first_step = self.first_step?;
         let (count, longest) = (self.count, self.longest_streak);

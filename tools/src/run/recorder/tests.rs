@@ -1,4 +1,4 @@
-//! What the recorder takes of a stream, whatever became of who published it.
+//! Items that the recorder takes of a stream, whatever became of the publisher.
 
 use hil_config::plan::Clock;
 use shared_types::link::LinkError;

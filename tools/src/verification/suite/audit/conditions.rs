@@ -1,4 +1,4 @@
-//! What must not matter to a run: the conditions of an audit, made for a plan and this machine.
+//! Conditions of an audit, which must not matter to a run, made for a plan and this machine.
 
 use std::num::NonZero;
 use std::sync::Arc;
