@@ -90,6 +90,16 @@ impl Problem {
         self
     }
 
+    /// Adds the known names as what would be right, and those closest to an unknown one.
+    pub(crate) fn one_of<'a>(
+        &mut self,
+        wanted: &str,
+        known: impl IntoIterator<Item = &'a str> + Clone,
+    ) -> &mut Self {
+        self.expected(format!("one of {}", listed(known.clone())))
+            .nearest(wanted, known)
+    }
+
     /// Adds how to mend it, if there is something to say.
     pub(crate) fn help(&mut self, help: impl Into<String>) -> &mut Self {
         self.help = Some(help.into()).filter(|help| !help.is_empty());

@@ -175,8 +175,7 @@ impl Reader {
             &entry.key_place,
             format!("unknown key `{}` {wherein}", entry.key),
         )
-        .expected(format!("one of {}", listed(known.iter().copied())))
-        .nearest(&entry.key, known.iter().copied());
+        .one_of(&entry.key, known.iter().copied());
     }
 
     /// The value of a key; a missing one is reported if it must be there.
@@ -254,8 +253,7 @@ impl Reader {
             let names = kinds.map(|(kind, _)| kind);
             let message = format!("unknown kind of {what} `{name}`");
             self.report_at(section, "kind", ProblemKind::UnknownName, message)
-                .expected(format!("one of {}", listed(names.clone())))
-                .nearest(name, names);
+                .one_of(name, names);
             return None;
         };
         let further: Vec<&str> = keys.iter().map(|key| key.name).collect();

@@ -30,7 +30,7 @@ pub enum LoopRequest {
     Pause(Sender<()>),
     /// Go on.
     Resume(Sender<()>),
-    /// Go on for so many steps, then hold; refused unless the run is held.
+    /// Go on for N steps, then hold; refused unless the run is held.
     Advance(u64, Sender<Result<Step, String>>),
     /// Show the newest record; `None` before the first.
     Record(Sender<Option<Vec<u64>>>),

@@ -110,7 +110,7 @@ fn shown(what: &str, name: &str) -> Result<String, String> {
     Ok(format!("{what} `{name}`"))
 }
 
-/// Checks tables of which each may have so many columns.
+/// Checks tables of which each may have N columns.
 fn check_tables<const N: usize>(
     whose: &str,
     tables: [(&str, &[Field], usize); N],

@@ -220,7 +220,7 @@ pub fn check_title(name: &str) -> Result<(), Unusable> {
     Ok(())
 }
 
-/// Checks the columns of a table that may have so many.
+/// Checks the columns of a table that may have N.
 ///
 /// # Errors
 /// The first thing that is wrong.

@@ -144,7 +144,7 @@ pub struct Waiter {
 enum Rest {
     Spin,
     Yield,
-    /// For so many ns at most.
+    /// For N ns at most.
     Sleep(u64),
 }
 

@@ -15,7 +15,7 @@ pub(super) struct Chirp {
 /// Course of the frequency over the sweep.
 #[derive(Clone, Copy, Debug)]
 enum Course {
-    /// By so many Hz in a second.
+    /// By N Hz in a second.
     Linear(f64),
     /// By `e^k` in a second.
     Logarithmic(f64),

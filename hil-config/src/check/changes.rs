@@ -324,8 +324,7 @@ fn cleared(
             let message = format!("`{text}` has no stimulus that it could follow again");
             reader
                 .report(ProblemKind::UnknownName, path, place, message)
-                .expected(format!("one of {}", listed(signals.iter().copied())))
-                .nearest(text, signals.iter().copied());
+                .one_of(text, signals.iter().copied());
         }
     }
     clear.sort_unstable();

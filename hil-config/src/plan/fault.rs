@@ -75,9 +75,9 @@ pub struct Condition {
 pub struct FaultEnd {
     /// At this step, which is healthy again.
     pub step: Option<Step>,
-    /// Each effect after so many steps of its own.
+    /// Each effect after N steps of its own.
     pub after_steps: Option<u64>,
-    /// Each effect after it acted so many times: runs of steps at which it changed a number, single
+    /// Each effect after it acted N times: runs of steps at which it changed a number, single
     /// steps at which it struck a message or cost time.
     pub occurrences: Option<u64>,
     /// Condition: an expression has held for a while since the event took hold.

@@ -10,7 +10,7 @@ use crate::check::{TITLE, is_signal_name, is_title};
 use crate::expression::{Columns, Group, is_reserved};
 use crate::flag;
 use crate::keys::{MOST_CASES, SPREADS, STUDY};
-use crate::problem::{ProblemKind, Problems, listed};
+use crate::problem::{ProblemKind, Problems};
 use crate::reader::{Reader, Section};
 use crate::scenario::{Scenario, read_regular, unreadable};
 use crate::source::{Place, Sources};
@@ -301,8 +301,7 @@ fn correlations(
                             place,
                             format!("`{name}` is no normal or lognormal value"),
                         )
-                        .expected(format!("one of {}", listed(known.iter().copied())))
-                        .nearest(name, known.iter().copied());
+                        .one_of(name, known.iter().copied());
                 }
             }
         }
@@ -370,8 +369,7 @@ fn goals(
                     ProblemKind::UnknownName,
                     format!("there is no variant `{name}`"),
                 )
-                .expected(format!("one of {}", listed(names.iter().copied())))
-                .nearest(name, names.iter().copied());
+                .one_of(name, names.iter().copied());
         }
         let own = match section.table.get("confidence") {
             Some(_) => reader.number(section, "confidence"),

@@ -135,7 +135,7 @@ impl Passage {
     /// Latest that a copy may come, in steps; later ones never come.
     pub const LATEST_STEPS: u32 = 1000;
 
-    /// A message of so many bits that arrives once, in time and whole.
+    /// A message of N bits that arrives once, in time and whole.
     #[must_use]
     pub const fn healthy(bits: u64) -> Self {
         Self {

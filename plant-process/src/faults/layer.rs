@@ -317,7 +317,7 @@ impl FaultLayer {
         Ok(admitted)
     }
 
-    /// Lets go of what ended faults needed to act, of so many at most; what is told of them stays.
+    /// Lets go of what ended faults needed to act, of N at most; what is told of them stays.
     fn retire(&mut self, most: usize) {
         for effects in (0..most).map_while(|_| self.schedule.retire()) {
             self.effects[effects].iter_mut().for_each(Effect::retire);

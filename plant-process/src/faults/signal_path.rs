@@ -41,7 +41,7 @@ pub(super) struct SavedPath {
 }
 
 impl SignalPath {
-    /// A direction with so many signals in frames of this kind.
+    /// A direction with N signals in frames of this kind.
     pub(super) fn new(width: usize, kind: FrameKind) -> Self {
         Self {
             signals: Vec::new(),

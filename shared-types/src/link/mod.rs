@@ -59,7 +59,7 @@ pub trait Link {
     /// If that cannot be found out.
     fn peer(&self) -> Result<Peer, LinkError>;
 
-    /// Opens the frame channels for so many values in each direction. The channels are in use at once if
+    /// Opens the frame channels for N values in each direction. The channels are in use at once if
     /// none are, else from [`take_over`](Link::take_over) on.
     ///
     /// # Errors

@@ -80,7 +80,7 @@ pub struct PlantSide {
 }
 
 impl PlantSide {
-    /// A side that is to exchange so many steps.
+    /// A side that is to exchange N steps.
     #[must_use]
     pub fn new(steps: u64) -> Self {
         Self {

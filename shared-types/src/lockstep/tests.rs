@@ -33,7 +33,7 @@ fn header(kind: FrameKind, step: u64) -> Header {
     Header::new(kind, Step(step))
 }
 
-/// A plant past hello that is to exchange so many steps.
+/// A plant past hello that is to exchange N steps.
 fn plant(steps: u64) -> PlantSide {
     let hello = hello();
     let mut plant = PlantSide::new(steps);

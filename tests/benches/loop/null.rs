@@ -2,7 +2,7 @@
 //! between two processes.
 //!
 //! This program is its own plant and controller process, told apart by the name it is started under.
-//! A run by `hil run` is recorded. With the engine in this process nobody has to observe, or so many
+//! A run by `hil run` is recorded. With the engine in this process nobody has to observe, or N
 //! that only watch.
 
 use std::os::unix::fs::symlink;
@@ -198,7 +198,7 @@ fn watch(session: &SessionInfo, is_over: &AtomicBool) {
     }
 }
 
-/// A run that nobody records and so many watch: the engine here, the controller in a process of its
+/// A run that nobody records and N watch: the engine here, the controller in a process of its
 /// own, the observers in threads.
 pub(crate) fn watched(names: &Names, size: usize, observers: usize) -> Figures {
     let steps = shortened(STEPS);

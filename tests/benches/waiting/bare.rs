@@ -83,7 +83,7 @@ impl Bare {
         }
     }
 
-    /// Us a trip, of so many, with half of the work on each side.
+    /// Us a trip, of N, with half of the work on each side.
     pub(crate) fn measure(self, work: Work, trips: u64, cell: &Cell) -> f64 {
         let session = Session::create(None).expect("a session");
         let start = |side: &str| -> Child {

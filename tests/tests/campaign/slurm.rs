@@ -23,7 +23,7 @@ struct Campaign<'a> {
     folder: PathBuf,
 }
 
-/// Writes the study: two variants, and so many cases of each that last so long.
+/// Writes the study: two variants, and N cases of each that last so long.
 fn study(rig: &Rig, draws: u64, duration_s: f64) -> PathBuf {
     let scenario = workspace().join("scenarios/spring-mass.toml");
     rig.write(

@@ -46,7 +46,7 @@ enum Body {
 }
 
 impl Chunk {
-    /// An empty chunk of a file with so many channels.
+    /// An empty chunk of a file with N channels.
     pub(super) fn new(compression: Compression, channels: u16) -> io::Result<Self> {
         let body = match compression {
             Compression::None => Body::Plain(Vec::new()),

@@ -39,7 +39,7 @@ pub fn record(layout: &RecordLayout) -> String {
     of(sample, command, layout.groups())
 }
 
-/// The same of so many words of validity bits of sample and command, and of these groups.
+/// The same of N words of validity bits of sample and command, and of these groups.
 pub(super) fn of(
     sample_words: usize,
     command_words: usize,

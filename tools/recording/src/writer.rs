@@ -28,7 +28,7 @@ use crate::reserve::Reserve;
 
 /// Longest time that a chunk stays open.
 const CHUNK_TIME: Duration = Duration::from_millis(100);
-/// A chunk of so many bytes is closed. With the message that makes it full it stays far below the
+/// A chunk of N bytes is closed. With the message that makes it full it stays far below the
 /// 4 MiB of an LZ4 block.
 pub(super) const CHUNK_BYTES: usize = 1 << 20;
 /// The facts of a run; there may be several lists of them, one after another.

@@ -131,7 +131,7 @@ pub struct InjectArguments {
     /// Time that the condition must hold
     #[arg(long, value_name = "TIME", value_parser = seconds, requires = "until", help_heading = "End")]
     pub until_for: Option<f64>,
-    /// End after it acted so many times
+    /// End after it acted COUNT times
     #[arg(
         long,
         value_name = "COUNT",

@@ -58,7 +58,7 @@ pub struct MonitorArguments {
         conflicts_with_all = ["once", "json"]
     )]
     pub foxglove: Option<SocketAddr>,
-    /// With --foxglove: serve at most so many records a second, picked and not averaged; inf is every one
+    /// With --foxglove: serve at most HZ records a second, picked and not averaged; inf is every one
     #[arg(long, value_name = "HZ", value_parser = rate, default_value = "200")]
     pub rate: f64,
 }

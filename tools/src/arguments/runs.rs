@@ -80,7 +80,7 @@ pub struct RemovalArguments {
     /// Runs that were begun longer ago
     #[arg(long, value_name = "AGE", value_parser = humantime::parse_duration)]
     pub older_than: Option<Duration>,
-    /// Keep so many of them, the newest
+    /// Keep the N newest of them
     #[arg(long, value_name = "N")]
     pub keep_last: Option<usize>,
     /// Keep those that did not pass

@@ -50,7 +50,7 @@ pub struct WatchArguments {
     /// Least time between two lines
     #[arg(long, value_name = "TIME", value_parser = every, default_value = "500ms")]
     pub every: f64,
-    /// End after so many lines
+    /// End after N lines
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub count: Option<u64>,
     /// Session

@@ -70,7 +70,7 @@ fn fields(stem: &str, count: usize) -> Vec<Field> {
     (0..count).map(field).collect()
 }
 
-/// The plant, with so many measured signals.
+/// The plant, with N measured signals.
 #[must_use]
 pub(crate) fn plant(signals: usize) -> PlantKind {
     PlantKind {
@@ -117,7 +117,7 @@ pub(crate) fn called_place(layout: &RecordLayout) -> usize {
     layout.values_start() + before + 2 * layout.command.len()
 }
 
-/// Both sides' jobs: so many steps at the monotonic clock's pace, or as fast as both can.
+/// Both sides' jobs: N steps at the monotonic clock's pace, or as fast as both can.
 #[must_use]
 pub(crate) fn jobs(
     session: &SessionInfo,

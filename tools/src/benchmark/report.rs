@@ -169,7 +169,7 @@ impl Figures {
     }
 }
 
-/// Goes on in a line that has so many columns, with words and in as many more lines as it takes.
+/// Goes on in a line that has N columns, with words and in as many more lines as it takes.
 fn write_wrapped(text: &mut String, words: &str, indent: usize) -> fmt::Result {
     let mut column = indent;
     for word in words.split(' ') {

@@ -44,7 +44,7 @@ pub(crate) fn below(folder: &Path) -> io::Result<Vec<RunFolder>> {
     Ok(runs)
 }
 
-/// Returns the newest runs below a folder, so many at most, by the times of their folders alone.
+/// Returns the newest runs below a folder, N at most, by the times of their folders alone.
 pub(crate) fn newest(folder: &Path, most: usize) -> Vec<PathBuf> {
     let mut runs = Vec::new();
     look(folder, DEEPEST, &mut runs);

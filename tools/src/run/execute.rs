@@ -63,8 +63,8 @@ pub(crate) struct Repeated {
 /// Result of a run.
 pub(crate) struct RunResult {
     pub(crate) exit: Exit,
-    /// Digests after the first records, by their number, as far as they were asked for and there
-    /// were so many.
+    /// Digests after the first records, by their number, as far as they were asked for and
+    /// exist.
     pub(crate) partial_digests: BTreeMap<u64, String>,
     /// Curve of a campaign's case, if one is kept.
     pub(crate) curve: Option<Curve>,

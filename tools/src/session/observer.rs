@@ -27,7 +27,7 @@ const ADMITTED: &str = "admitted.json";
 /// Shortest and longest sleep between two looks at the stream. The shortest empties it often enough
 /// for the fastest loop; one that is longer is not seen on a screen.
 const NAPS: [Duration; 2] = [Duration::from_millis(4), Duration::from_millis(32)];
-/// With so many items at one look, which takes no more, it looks again at once and then more often;
+/// With N items at one look, which takes no more, it looks again at once and then more often;
 /// with fewer than an eighth less often.
 const MANY: usize = BUFFER / 8;
 

@@ -24,7 +24,7 @@ pub enum PlantEvent<'a> {
     /// No command for this step comes in time: it missed its deadline, against the clock, or there
     /// is no controller.
     Missed,
-    /// The bounded wait for the active controller, so many ms long, is over.
+    /// The bounded wait for the active controller, N ms long, is over.
     Deadline(u64),
     /// The same wait for the controller that was announced is over.
     CandidateLate(u64),
@@ -61,7 +61,7 @@ pub enum PlantAction {
     Keep,
     /// Apply the newest command there is to this step, integrate, publish the record.
     Hold(Step),
-    /// Send the end after so many steps.
+    /// Send the end after N steps.
     SendEnd(Step),
     /// Every step was executed: by both sides, or by the plant alone if its controller was lost.
     Finish,

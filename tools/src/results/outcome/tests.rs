@@ -7,7 +7,7 @@ use super::*;
 use crate::programs::rig::{SCENARIO, described, plan};
 use crate::results::fixture::{Content, recorded};
 
-/// A recording of so many records whose plant says that it completed all 1000 steps.
+/// A recording of N records whose plant says that it completed all 1000 steps.
 fn of_records(records: u64) -> RecordedOutcome {
     let [plant, controller] = described();
     let plan = plan();

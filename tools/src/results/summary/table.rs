@@ -169,7 +169,7 @@ impl Summary {
     }
 }
 
-/// The table of metrics after so many steps, with what others published beside it.
+/// The table of metrics after N steps, with what others published beside it.
 pub(crate) fn write_metrics(
     text: &mut String,
     metrics: &[Metric],
