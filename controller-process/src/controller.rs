@@ -21,7 +21,7 @@ use shared_types::table::{self, Field, Table};
 pub trait Controller: Sized + 'static {
     /// Name in scenarios.
     const NAME: &'static str;
-    /// One sentence.
+    /// Summary in one sentence.
     const SUMMARY: &'static str;
     /// Names of the plants it is made for; empty means any.
     const PLANTS: &'static [&'static str] = &[];

@@ -7,10 +7,9 @@
 use serde::{Deserialize, Serialize};
 use shared_types::checkpoint::{Saves, Side};
 use shared_types::clock::monotonic_ns;
-use shared_types::connection::{conversions, renamed};
+use shared_types::connection::renamed;
 use shared_types::describe::Invalid;
 use shared_types::directive::{Answered, Directive};
-use shared_types::failure::Failure;
 use shared_types::frame::{FrameKind, Header};
 use shared_types::hello::{Control, Hello, Welcome};
 use shared_types::layout::SignalKind;
@@ -20,11 +19,11 @@ use shared_types::surroundings::ThreadSampler;
 use shared_types::table::Field;
 use shared_types::text;
 use shared_types::time::Step;
-use shared_types::units::Conversion;
 use shared_types::wait::Sleeper;
 
-use crate::controller::{Law, LawKind, Row, Start};
+use crate::controller::{Law, LawKind, Start};
 use crate::job::Job;
+use converted::Converted;
 use saved::SavedController;
 use tuning::{Found, Tuning, offered};
 
@@ -69,7 +68,7 @@ impl End {
     }
 }
 
-/// One run of one law.
+/// Run of a law.
 pub struct Runner<'a, L> {
     link: L,
     side: ControllerSide,
@@ -116,14 +115,6 @@ struct Bound {
     waiting: Option<Header>,
     /// Time of the last answer in ns; before the first answer, time at which this [`Bound`] was made.
     sent_ns: u64,
-}
-
-/// The signals of each row of the law whose values are converted, by place.
-#[derive(Clone, Debug)]
-struct Converted {
-    measured: Vec<(usize, Conversion)>,
-    reference: Vec<(usize, Conversion)>,
-    command: Vec<(usize, Conversion)>,
 }
 
 /// The steps whose samples the command was made of: of the last answer, of the one before, of the
@@ -380,15 +371,7 @@ impl<'a, L: Link> Runner<'a, L> {
             law: started,
             measured_places: places(SignalKind::Measured, &law.measured)?,
             reference_places: places(SignalKind::Reference, &law.reference)?,
-            converted: Converted {
-                measured: conversions(SignalKind::Measured, &law.measured, connections),
-                reference: conversions(SignalKind::Reference, &law.reference, connections),
-                command: conversions(
-                    SignalKind::Command,
-                    law.commands.as_deref().unwrap_or_default(),
-                    connections,
-                ),
-            },
+            converted: Converted::of(law, connections),
             sample: vec![0.0; welcome.sample.len()],
             measured: vec![0.0; law.measured.len()],
             reference: vec![0.0; law.reference.len()],
@@ -496,112 +479,8 @@ fn save(bound: &Bound, saves: &mut Saves, step: Step) -> Result<(), String> {
     saves.write(step, &saved)
 }
 
-impl Bound {
-    /// Fills the frame that answers a sample; gives the age of its command in steps.
-    fn answer(&mut self, step: Step, header: &Header, job: &Job) -> Result<u32, Failure> {
-        match self.late_until {
-            _ if Directive::from_wire(header.directive).unseen => {}
-            Some(due) if step < due => {}
-            Some(_) => {
-                self.late_until = None;
-                self.frame.copy_from_slice(&self.late);
-                self.made.frame = self.made.late;
-            }
-            None => self.take(step, header, job)?,
-        }
-        Ok((step.0 as i64 - self.made.frame) as u32)
-    }
-
-    /// Notes that a step is answered, if its sample was seen; gives which were before.
-    fn note(&mut self, step: Step, is_seen: bool) -> Answered {
-        if !is_seen {
-            return self.answered;
-        }
-        if let Some(last) = self.last {
-            self.answered = self.answered.then((step.0 - last.0) as u32);
-        }
-        self.last = Some(step);
-        self.answered
-    }
-
-    /// Returns what happened to this thread, as one word.
-    fn look(&mut self, answered_ns: u64) -> u64 {
-        let cycle_ns = answered_ns - self.sent_ns;
-        self.sent_ns = answered_ns;
-        self.sampler.after(cycle_ns)
-    }
-
-    /// Takes a sample and what its header says about timing.
-    fn take(&mut self, step: Step, header: &Header, job: &Job) -> Result<(), Failure> {
-        let commands = self.previous.len();
-        self.previous.copy_from_slice(&self.answer[..commands]);
-        self.made.previous = self.made.answer;
-        if self.is_due(step, job) {
-            self.run_law(step, header, job)?;
-            self.made.answer = step.0 as i64;
-        }
-        let directive = Directive::from_wire(header.directive);
-        let (frame, made) = if directive.late_steps == 0 {
-            (&mut self.frame, &mut self.made.frame)
-        } else {
-            self.late_until = Some(Step(step.0 + u64::from(directive.late_steps)));
-            (&mut self.late, &mut self.made.late)
-        };
-        frame.copy_from_slice(&self.answer);
-        *made = self.made.answer;
-        if job.command_delay_steps > 0 {
-            frame[..commands].copy_from_slice(&self.previous);
-            *made = self.made.previous;
-        }
-        if directive.busy_ns > 0 {
-            let since_ns = monotonic_ns();
-            while monotonic_ns() - since_ns < u64::from(directive.busy_ns) {
-                std::hint::spin_loop();
-            }
-        }
-        Ok(())
-    }
-
-    /// Checks whether the law runs at a step: at the first sample of each period that it gets.
-    fn is_due(&self, step: Step, job: &Job) -> bool {
-        let period = |step: Step| step.0 / u64::from(job.rate_divisor);
-        self.last.is_none_or(|last| period(step) != period(last))
-    }
-
-    fn run_law(&mut self, step: Step, header: &Header, job: &Job) -> Result<(), Failure> {
-        let mut valid = true;
-        for (value, place) in self.measured.iter_mut().zip(&self.measured_places) {
-            *value = self.sample[*place];
-            valid &= header.is_valid(*place);
-        }
-        for (value, place) in self.reference.iter_mut().zip(&self.reference_places) {
-            *value = self.sample[*place];
-            valid &= header.is_valid(*place);
-        }
-        convert(&mut self.measured, &self.converted.measured);
-        convert(&mut self.reference, &self.converted.reference);
-        let row = Row {
-            time_s: job.rate.seconds(step),
-            measured: &self.measured,
-            reference: &self.reference,
-            valid,
-            held_steps: header.held_steps,
-        };
-        self.tuning.apply(step, self.law.as_mut());
-        let (command, internals) = self.answer.split_at_mut(self.previous.len());
-        self.law.step(&row, command, internals)?;
-        convert(command, &self.converted.command);
-        Ok(())
-    }
-}
-
-/// Converts some values of a row, and touches no other.
-fn convert(row: &mut [f64], conversions: &[(usize, Conversion)]) {
-    for (place, conversion) in conversions {
-        row[*place] = conversion.apply(row[*place]);
-    }
-}
-
+mod answering;
+mod converted;
 mod saved;
 mod tuning;
 

@@ -45,12 +45,12 @@ enum Work {
     },
 }
 
-/// One number of an analysis.
+/// Number of an analysis.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Figure {
-    /// Its name, with the unit where it has one of its own.
+    /// Name, with the unit where it has one of its own.
     pub name: &'static str,
-    /// Its unit.
+    /// Unit.
     pub unit: String,
     /// The value; NaN if it does not exist.
     pub value: f64,
@@ -147,12 +147,12 @@ impl RunningAnalysis {
         }
     }
 
-    /// Its name.
+    /// Returns the name.
     pub(crate) fn name(&self) -> &str {
         &self.name
     }
 
-    /// Its figures from the rows so far.
+    /// Returns the figures from the rows so far.
     pub(crate) fn figures(&self) -> Vec<Figure> {
         match &self.work {
             Work::Step { response, .. } => response.figures(),

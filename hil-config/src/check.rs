@@ -42,20 +42,18 @@ use changes::ChangeContext;
 use faults::{EventContext, Origin};
 use run::Grid;
 
-pub use changes::LiveChanges;
-
 pub(crate) use faults::{groups, unit_of};
 
-/// The run that faults are asked for.
+/// Run that faults and changes of values are asked for.
 #[derive(Clone, Debug)]
 pub struct FaultContext {
-    /// Its plant.
+    /// Plant.
     pub plant: PlantDescription,
     /// The kinds of faults on signals, links and timing.
     pub kinds: Vec<FaultKindDescription>,
     /// The plant's healthy parameters.
     pub parameters: Settings,
-    /// Its reference signals.
+    /// Reference signals.
     pub stimuli: Vec<Stimulus>,
     /// The scenario's derived signals by name and expression.
     pub derived: Vec<(String, String)>,
@@ -96,6 +94,13 @@ impl FaultContext {
         }
     }
 
+    const fn grid(&self) -> Grid {
+        Grid {
+            rate: self.rate,
+            steps: self.steps,
+        }
+    }
+
     /// Checks `[[faults]]` against the run, whose law has these internal signals.
     ///
     /// An event without a trigger takes hold [at once](crate::plan::Trigger::Now).
@@ -114,7 +119,7 @@ impl FaultContext {
         for (name, text) in &self.derived {
             let expression = Expression::parse(text).ok();
             let known = expression.as_ref().map(|expression| (expression, &columns));
-            let unit = signals::told_unit(known, name).unwrap_or_default();
+            let unit = signals::implied_unit(known, name).unwrap_or_default();
             columns.push_with_unit(Group::Derived, name, &unit);
         }
         let context = EventContext {
@@ -123,10 +128,7 @@ impl FaultContext {
             healthy: Some(&self.parameters),
             reference: Some(&reference),
             columns: Some(&columns),
-            grid: Some(Grid {
-                rate: self.rate,
-                steps: self.steps,
-            }),
+            grid: Some(self.grid()),
             origin: Origin::Live {
                 names: &self.names,
                 first_id: self.first_id,
@@ -328,8 +330,7 @@ fn name(reader: &mut Reader, root: &Section<'_>, scenario: &Scenario) -> String 
         .unwrap_or_default();
     let written = reader.text(root, "name");
     let name = written.map_or(stem, Into::into);
-    let legal = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
-    if name.is_empty() || name.len() > 64 || !name.chars().all(legal) {
+    if !is_title(&name) {
         let message = match written {
             Some(_) => format!("`name` is `{name}`"),
             None => {
@@ -338,9 +339,18 @@ fn name(reader: &mut Reader, root: &Section<'_>, scenario: &Scenario) -> String 
         };
         reader
             .report_at(root, "name", ProblemKind::OutOfRange, message)
-            .expected("1 to 64 letters, digits, - and _");
+            .expected(TITLE);
     }
     name
+}
+
+/// Names that scenarios, studies and requirements can have.
+pub(crate) const TITLE: &str = "1 to 64 letters, digits, - and _";
+
+/// Returns true if a text can be the name of a scenario, a study or a requirement.
+pub(crate) fn is_title(name: &str) -> bool {
+    let legal = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
+    (1..=64).contains(&name.len()) && name.chars().all(legal)
 }
 
 /// Returns true if a text can be the name of a signal.

@@ -92,7 +92,7 @@ impl Watch {
         self.held
     }
 
-    /// Goes on as if it had held for so many records.
+    /// Goes on as if it had held for N records.
     pub const fn go_on_from(&mut self, held: u64) {
         self.held = held;
     }

@@ -1,4 +1,4 @@
-//! What was written: the scenario as a tree of values that remember where they stand.
+//! Document: the scenario as a tree of values that remember where they stand.
 //!
 //! Made from TOML text; `--set` values are put into the same tree. Knows nothing of what the keys
 //! mean.
@@ -15,7 +15,7 @@ use crate::source::Place;
 pub(crate) struct Node {
     /// The value.
     pub value: Value,
-    /// Its place; for a table under a header, the header's name.
+    /// Place; for a table under a header, the header's name.
     pub place: Place,
 }
 
@@ -41,7 +41,7 @@ pub(crate) enum Value {
 }
 
 impl Value {
-    /// Its type, as messages name it.
+    /// Names the type for messages.
     pub(crate) const fn type_name(&self) -> &'static str {
         match self {
             Self::Text(_) => "text",
@@ -70,7 +70,7 @@ pub(crate) struct Entry {
     pub key: String,
     /// Place of the key in the text.
     pub key_place: Place,
-    /// Its value.
+    /// Value.
     pub node: Node,
 }
 
@@ -80,7 +80,7 @@ impl Table {
         self.places.get(key).map(|place| &self.entries[*place])
     }
 
-    /// Its entries.
+    /// Lists the entries.
     pub(crate) fn entries(&self) -> &[Entry] {
         &self.entries
     }

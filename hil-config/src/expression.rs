@@ -151,7 +151,7 @@ impl Expression {
         }
     }
 
-    /// Its value if it is made of numbers alone.
+    /// Computes the value if the expression is made of numbers alone.
     #[must_use]
     pub fn constant(&self) -> Option<f64> {
         if !self.is_constant() {

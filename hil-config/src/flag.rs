@@ -23,7 +23,7 @@ pub(crate) struct FlagError {
 /// Most parts of a key: no value lies so deep, and who goes down there must come up again.
 const MOST_PARTS: usize = 32;
 
-/// One part of a key.
+/// Part of a key.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Part {
     Key(String),

@@ -260,7 +260,7 @@ impl Formula {
         Ok(unit.symbol().map(Into::into))
     }
 
-    /// Its comparisons, each with the time of a run of `end_s` at which it may count.
+    /// Lists the comparisons, each with the time of a run of `end_s` at which it may count.
     #[must_use]
     pub fn comparisons(&self, end_s: f64) -> Vec<Compared<'_>> {
         // Judged at step 0.
@@ -340,7 +340,7 @@ impl Formula {
         compared
     }
 
-    /// Its parts, operands before what is made of them.
+    /// Lists the parts, operands before what is made of them.
     pub(crate) fn nodes(&self) -> &[Node] {
         &self.nodes
     }

@@ -36,7 +36,7 @@ pub(crate) const MAX_STEPS: u64 = 1 << 40;
 /// A key.
 #[derive(Debug)]
 pub(crate) struct Key {
-    /// Its name.
+    /// Name.
     pub name: &'static str,
     /// Kind of value that the key takes.
     pub kind: Kind,
@@ -51,7 +51,7 @@ pub(crate) struct Key {
 pub(crate) enum Kind {
     /// A number.
     Number {
-        /// Its unit.
+        /// Unit.
         unit: &'static str,
         /// Smallest legal value.
         min: f64,
@@ -161,18 +161,20 @@ const LENGTH: Kind = number("s", 1e-9, MAX_S);
 pub(crate) const FILE: &[Key] =
     &[Key::new("file", TEXT, "CSV file, relative to the scenario.").required()];
 
+const VERSION: Key = Key::new(
+    "schema",
+    Kind::Integer {
+        min: SCHEMA,
+        max: SCHEMA,
+        default: None,
+    },
+    "Version of this format.",
+)
+.required();
+
 /// The whole scenario.
 pub(crate) const SCENARIO: &[Key] = &[
-    Key::new(
-        "schema",
-        Kind::Integer {
-            min: SCHEMA,
-            max: SCHEMA,
-            default: None,
-        },
-        "Version of this format.",
-    )
-    .required(),
+    VERSION,
     Key::new(
         "name",
         TEXT,

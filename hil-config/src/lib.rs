@@ -30,7 +30,6 @@ pub mod condition;
 pub mod evaluation;
 pub mod expression;
 pub mod formula;
-pub mod live_changes;
 pub mod live_faults;
 pub mod monitor;
 pub mod plan;

@@ -83,7 +83,7 @@ pub struct Monitors {
 /// An expression that comparisons compare.
 #[derive(Clone, Debug)]
 struct Side {
-    /// Its value in the present row.
+    /// Value in the present row.
     value: f64,
     /// None if it is a number.
     program: Option<Program>,

@@ -39,7 +39,7 @@ pub use stimulus::{Stimulus, Sweep, Waveform};
 /// A checked scenario.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
-    /// Its name.
+    /// Name.
     pub name: String,
     /// Description of what the scenario shows; may be empty.
     pub description: String,
@@ -142,7 +142,7 @@ pub enum Clock {
 }
 
 impl Clock {
-    /// As it is written in a scenario.
+    /// Returns the name in a scenario.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -256,7 +256,7 @@ pub struct Derived {
     pub name: String,
     /// Unit: the one given, else that of the expression, else that of the name's ending, else `1`.
     pub unit: String,
-    /// Its value from signals and earlier derived ones.
+    /// Value from signals and earlier derived ones.
     pub expression: Expression,
 }
 

@@ -45,7 +45,7 @@ pub enum ProblemKind {
     Expression,
 }
 
-/// One thing that is wrong.
+/// Mistake, with its place.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Problem {
     /// Kind of the problem.
@@ -88,6 +88,16 @@ impl Problem {
             .map(Into::into)
             .collect();
         self
+    }
+
+    /// Adds the known names as what would be right, and those closest to an unknown one.
+    pub(crate) fn one_of<'a>(
+        &mut self,
+        wanted: &str,
+        known: impl IntoIterator<Item = &'a str> + Clone,
+    ) -> &mut Self {
+        self.expected(format!("one of {}", listed(known.clone())))
+            .nearest(wanted, known)
     }
 
     /// Adds how to mend it, if there is something to say.

@@ -36,7 +36,7 @@ struct Stated {
 pub struct RequirementValue {
     /// Name.
     pub name: String,
-    /// Its formula.
+    /// Formula.
     pub formula: String,
     /// Verdict on the requirement.
     pub verdict: Verdict,

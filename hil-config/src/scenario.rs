@@ -27,9 +27,9 @@ pub struct Scenario {
 /// the command was given.
 #[derive(Clone, Debug, Default)]
 pub struct Advice {
-    /// Told of an unknown plant; nothing if empty.
+    /// Advice for an unknown plant; nothing if empty.
     pub plant: String,
-    /// Told of an unknown law; nothing if empty.
+    /// Advice for an unknown law; nothing if empty.
     pub law: String,
 }
 
@@ -80,7 +80,7 @@ impl Scenario {
         Self { advice, ..self }
     }
 
-    /// Its file.
+    /// Returns the scenario's file.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path

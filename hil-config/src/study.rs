@@ -20,11 +20,11 @@ pub const MOST_SOBOL: usize = 64;
 /// A study that was checked as far as it can be without its scenario.
 #[derive(Clone, Debug)]
 pub struct Study {
-    /// Its name, which becomes part of folder names.
+    /// Name, which becomes part of folder names.
     pub name: String,
     /// Description of what it asks; may be empty.
     pub description: String,
-    /// Its scenario, relative to the working directory.
+    /// Scenario, relative to the working directory.
     pub scenario: PathBuf,
     /// Flags `KEY=VALUE` for every case.
     pub set: Vec<String>,
@@ -140,7 +140,7 @@ pub enum Item {
 /// A version of the scenario.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Variant {
-    /// Its name.
+    /// Name.
     pub name: String,
     /// Flags `KEY=VALUE` that make it.
     pub set: Vec<String>,

@@ -1,4 +1,4 @@
-//! What a checkpoint keeps of the plant's process: the model, its faults and the last record.
+//! State of the plant's process in a checkpoint: the model, its faults and the last record.
 //!
 //! The engine saves it before a step, when everything of the steps before was told to observers, and
 //! begins with it in a run that goes on. What is not here follows from the job and the step: the

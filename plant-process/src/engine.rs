@@ -56,7 +56,7 @@ pub enum Progress {
     Over,
 }
 
-/// One run of one plant.
+/// Run of a plant.
 pub struct Engine<L, S> {
     link: L,
     publisher: Publisher<S>,

@@ -21,9 +21,9 @@ pub struct Guard {
 pub struct OutOfRange {
     /// The signal.
     pub signal: String,
-    /// Its value.
+    /// Value.
     pub value: f64,
-    /// Its unit.
+    /// Unit.
     pub unit: String,
     /// Lower limit.
     pub min: f64,

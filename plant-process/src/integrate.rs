@@ -34,7 +34,7 @@ pub fn integrate<const N: usize>(
     }
 }
 
-/// One step of the classical Runge-Kutta method.
+/// Takes a step of the classical Runge-Kutta method.
 ///
 /// `k1 = f(u(t), x)`, `k2 = f(u(t + h/2), x + h/2 k1)`, `k3 = f(u(t + h/2), x + h/2 k2)`,
 /// `k4 = f(u(t + h), x + h k3)`, `x += h/6 (k1 + 2 k2 + 2 k3 + k4)`

@@ -9,7 +9,6 @@ use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::{Duration, Instant};
 
 use hil_config::expression::Columns;
-use hil_config::live_changes::LiveChanges;
 use hil_config::live_faults::FaultContext;
 use hil_config::plan::{Change, FaultEvent, PLANT_KEYS, Stimulus, law_keys};
 use shared_types::describe::LawDescription;
@@ -41,7 +40,6 @@ const MOST_FAULTS: usize = 16;
 /// Context that requests are checked against.
 pub struct LiveContext {
     run: FaultContext,
-    changes: LiveChanges,
     law: Option<LawDescription>,
     /// True if every fault must be one that can be saved.
     saves: bool,
@@ -64,15 +62,8 @@ impl LiveContext {
         };
         run.note(&job.faults);
         let saves = !job.checkpoints.steps.is_empty();
-        let changes = LiveChanges {
-            plant: plant.description.clone(),
-            stimuli: job.stimuli.clone(),
-            rate: job.run.rate,
-            steps: job.run.steps,
-        };
         Self {
             run,
-            changes,
             law: job.law.clone(),
             saves,
         }
@@ -315,7 +306,7 @@ impl Service {
         let shown = (self.request(|answer| LoopRequest::Tunable(None, answer))).map_err(one)?;
         let offered = &shown.offered;
         let fields = self.fields_of(offered);
-        let checked = (self.context.changes).check(request, (&offered.law, &fields), 0);
+        let checked = (self.context.run).check_change(request, (&offered.law, &fields), 0);
         let change = checked.map_err(|problems| -> Vec<Refusal> {
             problems.0.iter().map(Refusal::from).collect()
         })?;
@@ -411,7 +402,7 @@ impl Service {
         }
     }
 
-    /// Has the loop do something.
+    /// Asks the loop for an action.
     fn request<T>(
         &self,
         request: impl FnOnce(std::sync::mpsc::Sender<T>) -> LoopRequest,

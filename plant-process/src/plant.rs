@@ -27,7 +27,7 @@ use shared_types::time::Interval;
 pub trait Plant: Sized + 'static {
     /// Name in scenarios.
     const NAME: &'static str;
-    /// One sentence.
+    /// Summary in one sentence.
     const SUMMARY: &'static str;
     /// Parameters, each with a default; mark those open to faults `faultable`, and
     /// others that may be changed while it runs `tunable`.
@@ -98,7 +98,7 @@ pub trait Model {
         Ok(())
     }
 
-    /// Its state as it is now.
+    /// Returns the state as it is now.
     ///
     /// # Errors
     /// If it cannot be saved.

@@ -30,7 +30,7 @@ pub enum LoopRequest {
     Pause(Sender<()>),
     /// Go on.
     Resume(Sender<()>),
-    /// Go on for so many steps, then hold; refused unless the run is held.
+    /// Go on for N steps, then hold; refused unless the run is held.
     Advance(u64, Sender<Result<Step, String>>),
     /// Show the newest record; `None` before the first.
     Record(Sender<Option<Vec<u64>>>),
@@ -55,7 +55,7 @@ pub struct TuningShown {
     pub offered: Offered,
     /// Settings of the plant and of the law as the change would make them.
     pub plant_after: Vec<Settings>,
-    /// Those of the law, as far as changes set them.
+    /// Parameters of the law, as far as changes set them.
     pub law_after: Vec<Settings>,
 }
 

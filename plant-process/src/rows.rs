@@ -265,7 +265,6 @@ impl<'a> Words<'a> {
 
 #[cfg(test)]
 mod tests {
-    use shared_types::describe::PROTOCOL;
     use shared_types::frame::FrameKind;
     use shared_types::hello::{Hello, Offer, agree};
     use shared_types::table::Field;
@@ -280,14 +279,9 @@ mod tests {
     fn welcome(epoch: u32, commands: &[&str], internals: &[&str]) -> Welcome {
         let fields = |names: &[&str]| names.iter().map(|name| field(name)).collect();
         let hello = Hello {
-            protocol: PROTOCOL,
-            session: 5,
-            law: "any".into(),
-            measured: vec![],
-            reference: vec![],
             commands: Some(fields(commands)),
             internals: fields(internals),
-            tunable: vec![],
+            ..Hello::new(5, "any")
         };
         let offer = Offer {
             session: 5,

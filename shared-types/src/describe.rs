@@ -1,4 +1,4 @@
-//! What a plant or controller binary says of itself when asked with `--describe`.
+//! Description of a plant or controller binary, its answer to `--describe`.
 //!
 //! The launcher checks scenarios against this, so that it can refuse an unknown key or a value out
 //! of range also for a model it has never seen. JSON on standard output; any language can write it.
@@ -110,7 +110,7 @@ fn shown(what: &str, name: &str) -> Result<String, String> {
     Ok(format!("{what} `{name}`"))
 }
 
-/// Checks tables of which each may have so many columns.
+/// Checks tables of which each may have N columns.
 fn check_tables<const N: usize>(
     whose: &str,
     tables: [(&str, &[Field], usize); N],
@@ -122,12 +122,12 @@ fn check_tables<const N: usize>(
     Ok(())
 }
 
-/// One plant.
+/// Plant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PlantDescription {
     /// Name, the scenario's `plant.model`.
     pub name: String,
-    /// One sentence.
+    /// Summary in one sentence.
     pub summary: String,
     /// Parameters with defaults and ranges.
     pub parameters: Vec<Field>,
@@ -175,7 +175,7 @@ impl PlantDescription {
 pub struct FaultDescription {
     /// Name, the scenario's `faults.kind`.
     pub kind: String,
-    /// One sentence with the equation's source.
+    /// Summary in one sentence, with the equation's source.
     pub summary: String,
     /// Equation of what happens, in plain text.
     pub equation: String,
@@ -191,7 +191,7 @@ pub struct FaultDescription {
     pub profile: ProfileDescription,
 }
 
-/// One parameter that a plant's fault moves.
+/// Parameter that a plant's fault moves.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ParameterMove {
     /// Last part of the name of the faultable parameter; without a selector, the whole name.
@@ -242,7 +242,7 @@ pub enum ProfileDescription {
 pub struct FaultKindDescription {
     /// Name, the scenario's `faults.kind`.
     pub kind: String,
-    /// One sentence.
+    /// Summary in one sentence.
     pub summary: String,
     /// Equation of what happens, in plain text.
     pub equation: String,
@@ -292,18 +292,18 @@ impl ActsOn {
 pub struct ListDescription {
     /// Key of the list.
     pub key: String,
-    /// One sentence.
+    /// Description in one sentence.
     pub description: String,
     /// Numbers in a row of the list: 1 for plain numbers, 2 for pairs.
     pub columns: usize,
 }
 
-/// One control law.
+/// Control law.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LawDescription {
     /// Name, the scenario's `controller.law`.
     pub name: String,
-    /// One sentence.
+    /// Summary in one sentence.
     pub summary: String,
     /// The plants it is made for; empty means any.
     #[serde(default)]
@@ -396,7 +396,7 @@ impl LawDescription {
 #[serde(transparent)]
 pub struct Settings(pub BTreeMap<String, Setting>);
 
-/// One value in a job file; infinities travel as text.
+/// Value in a job file; infinities travel as text.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Setting(#[serde(with = "number")] pub f64);

@@ -1,4 +1,4 @@
-//! What the plant's engine and the controller's runner tell each other about timing in the headers
+//! Directives that the plant's engine and the controller's runner give each other about timing in the headers
 //! of frames; a law never sees it.
 
 use crate::time::Step;
@@ -9,7 +9,7 @@ use crate::time::Step;
 pub struct Directive {
     /// Busy for so long before it answers, in ns; at most 4.29 s.
     pub busy_ns: u32,
-    /// The command of this sample takes effect so many steps later. Until then the last command is
+    /// The command of this sample takes effect N steps later. Until then the last command is
     /// sent again, and no sample is looked at. At most 2^31 - 1.
     pub late_steps: u32,
     /// In the run that is repeated this sample was not received: what was sent last is sent again.

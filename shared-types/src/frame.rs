@@ -314,7 +314,7 @@ pub enum SizeClass {
 }
 
 impl SizeClass {
-    /// The smallest class for so many values; `None` beyond [`MAX_SIGNALS`].
+    /// The smallest class for N values; `None` beyond [`MAX_SIGNALS`].
     #[must_use]
     pub const fn for_count(count: usize) -> Option<Self> {
         Some(match count {

@@ -149,6 +149,21 @@ impl Welcome {
 }
 
 impl Hello {
+    /// Makes the greeting of a law that needs no signals, shows nothing and takes the commands of any plant.
+    #[must_use]
+    pub fn new(session: u64, law: &str) -> Self {
+        Self {
+            protocol: PROTOCOL,
+            session,
+            law: law.into(),
+            measured: Vec::new(),
+            reference: Vec::new(),
+            commands: None,
+            internals: Vec::new(),
+            tunable: Vec::new(),
+        }
+    }
+
     /// Makes the greeting of a law with its defaults, as it is on the wire.
     #[must_use]
     pub fn of(law: &LawDescription, session: u64) -> Self {

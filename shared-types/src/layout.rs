@@ -1,4 +1,4 @@
-//! Who sends which signals: the tables of both directions, how they are bound by name and unit at
+//! Layout of the signals: the tables of both directions, how they are bound by name and unit at
 //! hello, and the layout of a record.
 //!
 //! Written once before step 0; after that only positions and the layout hash are used.
@@ -220,7 +220,7 @@ pub fn check_title(name: &str) -> Result<(), Unusable> {
     Ok(())
 }
 
-/// Checks the columns of a table that may have so many.
+/// Checks the columns of a table that may have N.
 ///
 /// # Errors
 /// The first thing that is wrong.

@@ -54,7 +54,7 @@ pub enum Request {
     Pause,
     /// Asks to go on.
     Resume,
-    /// Asks to go on for so many steps, then hold.
+    /// Asks to go on for N steps, then hold.
     Advance {
         /// Number of steps, at least 1.
         steps: u64,

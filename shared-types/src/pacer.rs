@@ -30,7 +30,7 @@ impl OverrunPolicy {
     /// All of them.
     pub const ALL: [Self; 4] = [Self::CatchUp, Self::Skip, Self::Stretch, Self::Abort];
 
-    /// As it is written in a scenario.
+    /// Returns the name in a scenario.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

@@ -55,7 +55,7 @@ pub trait Program {
     fn serve(&self, session: &SessionInfo, supervision: &Supervision) -> Result<u8, String>;
 }
 
-/// One side of a hardware-in-the-loop run. It is started by hil, or by hand with the command that
+/// Side of a hardware-in-the-loop run. It is started by hil, or by hand with the command that
 /// hil run --controller external or --plant external prints.
 #[derive(Debug, Parser)]
 struct Arguments {

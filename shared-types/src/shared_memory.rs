@@ -1,4 +1,4 @@
-//! What keeps shared memory from being used.
+//! Hindrances that keep shared memory from being used.
 //!
 //! iceoryx2 tells of most that the system refuses it no more than `InternalError`. Who reports that
 //! looks here for what may be the cause, and what to do. `hil doctor` looks at the same before a run.

@@ -1,4 +1,4 @@
-//! What a process of a session hears from the `hil` that started it: stop, the other side is gone,
+//! Words to a process of a session from the `hil` that started it: stop, the other side is gone,
 //! another controller comes, another job is there, or nothing any more.
 //!
 //! Words arrive as lines on standard input, or on the leash of a side that was [started by hand](crate::by_hand); its end means that `hil` is gone and nobody will clean

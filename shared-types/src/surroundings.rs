@@ -1,4 +1,4 @@
-//! What happened to a thread while it worked: on which core it ran, how often it was switched out,
+//! Surroundings of a thread while it worked: on which core it ran, how often it was switched out,
 //! how many pages it faulted in.
 //!
 //! The engine and the runner watch their own threads. These are system calls, so they are made after
@@ -10,9 +10,9 @@ use rustix::thread::sched_getcpu;
 
 /// Steps between two looks when nothing is unusual.
 pub const EVERY_STEPS: u32 = 1024;
-/// A step is unusual when it takes so many times the mean.
+/// A step is unusual when it takes N times the mean.
 const UNUSUAL: u64 = 8;
-/// Weight of a step in the running mean: one in so many.
+/// Weight of a step in the running mean: one in N.
 const MEAN_OF: u64 = 64;
 const COUNT_BITS: u32 = 24;
 const COUNT: u64 = (1 << COUNT_BITS) - 1;

@@ -18,7 +18,7 @@ use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
 pub use names::{derivative_of, listed, near, nearest, unit_of_name};
 
-/// One column: a signal or a parameter.
+/// Column: a signal or a parameter.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Field {
     /// Name with its unit at the end, for example `surface_angle_rad`; a field of a group has the

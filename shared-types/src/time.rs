@@ -124,7 +124,7 @@ impl From<Rate> for f64 {
     }
 }
 
-/// One exchange interval, from a step to the next, as an integrator sees it.
+/// Exchange interval, from a step to the next, as an integrator sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
     /// Simulated time at its begin in seconds.

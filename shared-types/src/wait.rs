@@ -122,7 +122,7 @@ pub trait Sleeper: fmt::Debug {
     fn retire(&self);
 }
 
-/// One wait after another.
+/// Waits, one after another.
 #[derive(Debug)]
 pub struct Waiter {
     limit: WaitLimit,
@@ -144,7 +144,7 @@ pub struct Waiter {
 enum Rest {
     Spin,
     Yield,
-    /// For so many ns at most.
+    /// For N ns at most.
     Sleep(u64),
 }
 

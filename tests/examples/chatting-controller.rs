@@ -19,9 +19,8 @@ use controller_process::runner::{Progress, Runner, choose};
 use shared_types::checkpoint::Side;
 use shared_types::describe::{Description, Invalid};
 use shared_types::frame::{FrameKind, Header};
-use shared_types::ignored::Ignored;
 use shared_types::link::iceoryx::IceoryxLink;
-use shared_types::link::{FrameSpec, Link, LinkError, Peer};
+use shared_types::link::{Link, LinkError};
 use shared_types::lockstep::ControllerEvent;
 use shared_types::program::{COMPLETED, Program, read_job};
 use shared_types::realtime;
@@ -74,13 +73,11 @@ struct Chatting {
 }
 
 impl Link for Chatting {
+    shared_types::pass_on!(self => self.inner; tell expect peer open_frames take_over rejected);
+
     fn send_control(&mut self, message: &[u8]) -> Result<(), LinkError> {
         self.hello = message.to_vec();
         self.inner.send_control(message)
-    }
-
-    fn tell(&mut self, message: &[u8]) -> Result<(), LinkError> {
-        self.inner.tell(message)
     }
 
     fn receive_control(&mut self) -> Result<Option<Vec<u8>>, LinkError> {
@@ -89,22 +86,6 @@ impl Link for Chatting {
             return Ok(None);
         }
         self.inner.receive_control()
-    }
-
-    fn expect(&mut self, epoch: u32) -> Result<(), LinkError> {
-        self.inner.expect(epoch)
-    }
-
-    fn peer(&self) -> Result<Peer, LinkError> {
-        self.inner.peer()
-    }
-
-    fn open_frames(&mut self, spec: &FrameSpec) -> Result<(), LinkError> {
-        self.inner.open_frames(spec)
-    }
-
-    fn take_over(&mut self) {
-        self.inner.take_over();
     }
 
     fn send(&mut self, header: &Header, values: &[f64]) -> Result<(), LinkError> {
@@ -124,10 +105,6 @@ impl Link for Chatting {
         self.inner.send(header, answer)?;
         // An end is taken, a sample is not.
         Ok(came.filter(|header| header.kind() != Some(FrameKind::Sample)))
-    }
-
-    fn rejected(&self) -> Ignored {
-        self.inner.rejected()
     }
 }
 

@@ -38,12 +38,12 @@ macro_rules! plant {
                 pub(super) struct Way {
                     /// Way s.
                     s: $length,
-                    /// Its derivative, as an FMU would call it `der(s)`.
+                    /// Derivative, as an FMU would call it `der(s)`.
                     der__s: $speed,
                 }
             }
             shared_types::table! {
-                /// What moves it.
+                /// Force that moves the slider.
                 pub(super) struct Force {
                     /// Force f.
                     f: $force,

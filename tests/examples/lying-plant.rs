@@ -37,7 +37,7 @@ use position_and_force::{Force, Position};
 
 /// The step of the record that a lie is about.
 const WHEN: u64 = 500;
-/// What is said of a fault that there is none of.
+/// Number of a fault that does not exist.
 const MADE_UP: u32 = 7;
 
 /// A plant that does nothing.
@@ -103,7 +103,7 @@ struct LyingSink {
     lie: String,
     /// A record that was held back.
     held: Option<Vec<u64>>,
-    /// Where in a record the time is.
+    /// Place of the time in a record.
     time_place: usize,
 }
 

@@ -17,11 +17,11 @@ use position_and_force::{Force, Position};
 
 /// The sample at which a law misbehaves.
 const WHEN: u64 = 100;
-/// What every law commands before.
+/// Command of every law before.
 const BEFORE_N: f64 = 0.5;
 
 table! {
-    /// What no plant measures.
+    /// Signal that no plant measures.
     struct Missing {
         /// Phase of the moon.
         positron_m: "m",
@@ -124,9 +124,9 @@ fn leave_somebody() {
 }
 
 table! {
-    /// What a law shows of itself.
+    /// Internals that a law shows.
     struct Inner {
-        /// One thing.
+        /// First position.
         first_m: "m",
         /// Another.
         second_m: "m",

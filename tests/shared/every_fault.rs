@@ -1,4 +1,4 @@
-//! One fault of every kind: what the test and the bench of survival put into a scenario.
+//! Faults of every kind, one each: the content of the scenarios for the test and the bench of survival.
 
 use toml::{Table, Value};
 
@@ -7,7 +7,7 @@ pub(crate) const LAWS: [&str; 3] = ["pid", "nrsc", "ftsc"];
 
 /// A fault without a time.
 pub(crate) struct Fault {
-    /// Its kind.
+    /// Kind.
     pub(crate) kind: String,
     table: Table,
 }

@@ -14,7 +14,7 @@ use std::process::Command;
 use rustix::process::Signal;
 use serde_json::Value;
 
-use crate::support::harness::{Rig, Run, until};
+use crate::support::harness::{Rig, Run, text, until};
 use crate::support::programs::{program, skip, workspace};
 use crate::support::python::{python, succeeds};
 
@@ -58,10 +58,6 @@ fn study(rig: &Rig, text: &str) -> PathBuf {
     let scenario = workspace().join("scenarios/spring-mass.toml");
     let scenario = scenario.to_str().expect("plain text");
     rig.write("demo.toml", &text.replace("SCENARIO", scenario))
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("plain text")
 }
 
 /// Plans a campaign in a folder of the test.
@@ -349,9 +345,9 @@ fn campaigns_are_compared_case_by_case() {
         "name = \"pid\"",
         "name = \"pid\"\nset = [\"requirements[0].formula=always[0s,5s](abs(truth.position_m) < 1e-9)\"]",
     );
-    let [a, b] = [("a", STUDY), ("b", &hard)].map(|(name, text)| {
-        let folder = planned(&rig, &study(&rig, text), name);
-        campaign(&rig, &["run", self::text(&folder)]).expect(0);
+    let [a, b] = [("a", STUDY), ("b", &hard)].map(|(name, varied)| {
+        let folder = planned(&rig, &study(&rig, varied), name);
+        campaign(&rig, &["run", text(&folder)]).expect(0);
         folder
     });
     let same = json(&campaign(&rig, &["compare", text(&a), text(&a), "--json"]).expect(0));

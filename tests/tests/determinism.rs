@@ -1,4 +1,4 @@
-//! One scenario has one digest: however often, over whatever link and clock, on whatever cores, next
+//! Digests of a scenario are equal: however often, over whatever link and clock, on whatever cores, next
 //! to whatever else, compiled whichever way.
 
 use std::process::Command;

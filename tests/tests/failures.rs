@@ -1,4 +1,4 @@
-//! What goes wrong while a run is under way: who, what and which step are named, the exit code tells
+//! Failures while a run is under way: who, what and which step are named, the exit code tells
 //! the sort, the recording up to there can be read, and nothing is left.
 
 mod remains;

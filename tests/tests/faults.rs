@@ -4,7 +4,7 @@
 use crate::support::harness::{Rig, Run};
 use crate::support::mcap_reader::{Record, Recording};
 
-/// One second of the hydraulic system under PID without a fault, 10,000 steps.
+/// Second of the hydraulic system under PID without a fault, 10,000 steps.
 const BASE: &str = r#"
 schema = 1
 name = "faulted"
@@ -196,7 +196,7 @@ fn skipped_steps_repeat_and_the_age_tells_of_them() {
     assert_ne!(faulted(&rig, &[], "").digest(), run.digest());
 }
 
-/// One of each class, some at random.
+/// Faults of each class, some at random.
 const MANY: [(&str, &str, &str); 9] = [
     (
         "leakage",

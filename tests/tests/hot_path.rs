@@ -196,7 +196,7 @@ fn jobs(session: u64) -> (plant_process::job::Job, controller_process::job::Job)
     (plant, controller)
 }
 
-/// Allocations of engine, runner, link and sink in so many steps, taken after as many to warm up.
+/// Allocations of engine, runner, link and sink in N steps, taken after as many to warm up.
 fn allocations_in<L: Link>(
     steps: u64,
     session: u64,

@@ -1,4 +1,4 @@
-//! Who does not belong to a session gets nowhere: confused processes of the same user, other users, and
+//! Strangers to a session get nowhere: confused processes of the same user, other users, and
 //! nonsense on every way in. A run that all of them try to get into has the digest of one that
 //! was left alone.
 
@@ -41,7 +41,7 @@ impl Target<'_> {
 
     /// Notes an attempt by what was said to it.
     #[track_caller]
-    fn told(&mut self, attempt: &str, said: &str, expected: &str) {
+    fn answered(&mut self, attempt: &str, said: &str, expected: &str) {
         assert!(said.contains(expected), "{attempt}: {said}");
         self.refused.push(format!("{attempt}: {said}"));
     }
@@ -115,11 +115,11 @@ fn processes(target: &mut Target<'_>) {
         let mut said = String::new();
         let mut stderr = second.0.stderr.take().expect("piped");
         stderr.read_to_string(&mut said).expect("text");
-        target.told(binary, &said, expected);
+        target.answered(binary, &said, expected);
     }
     let name = target.session.name.clone();
     let again = target.rig.beside(&["run", SCENARIO, "--session", &name]);
-    target.told(
+    target.answered(
         "a session of the same name",
         &again.expect(2).stderr,
         "is running",
@@ -200,7 +200,7 @@ fn sockets(target: &mut Target<'_>) {
     for (socket, line, expected) in cases {
         let said = asked(&target.session.folder.join(socket), line);
         let said = said.expect("an answer");
-        target.told(socket, &said.to_lowercase(), expected);
+        target.answered(socket, &said.to_lowercase(), expected);
     }
 }
 
@@ -269,7 +269,7 @@ fn other_users(target: &mut Target<'_>) {
         .expect("it can be run");
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(!output.status.success(), "{said}");
-    target.told("another user pauses", &said, "no session");
+    target.answered("another user pauses", &said, "no session");
     assert_eq!(target.session.segments(), segments, "all are there");
 }
 

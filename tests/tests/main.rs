@@ -1,4 +1,4 @@
-//! One test binary over the whole workspace: what holds only when everything works together.
+//! Tests over the whole workspace, in one binary: facts that hold only when everything works together.
 //!
 //! | module | proves |
 //! |---|---|

@@ -23,7 +23,7 @@ const MUTANTS: [(&str, &str, &str); 12] = [
         "(_, PlantEvent::Frame(_)) if self.is_alone() => self.ignore(Reason::Lost),",
         "",
     ),
-    // The death of any controller loses the one in office.
+    // The death of any controller loses the active one.
     (
         "plant.rs",
         "if epoch == self.epoch() {",
@@ -157,15 +157,20 @@ impl Libraries {
     fn explore(&self, mutant: Option<(&str, &str, &str)>) -> Output {
         let place = TempDir::with_prefix("hil-mutant-").expect("a temporary folder");
         let machines = place.path().join("lockstep");
-        std::fs::create_dir(&machines).expect("the folder can be written");
+        for room in ["plant", "explorer"] {
+            std::fs::create_dir_all(machines.join(room)).expect("the folder can be written");
+        }
         let source = workspace().join("shared-types/src/lockstep");
         for file in [
             "mod.rs",
             "controller.rs",
             "loss.rs",
             "plant.rs",
+            "plant/event.rs",
             "chatter.rs",
             "explorer.rs",
+            "explorer/moves.rs",
+            "explorer/world.rs",
         ] {
             let mut text = std::fs::read_to_string(source.join(file)).expect("it is there");
             text = text.replace("crate::", "shared_types::");

@@ -1,4 +1,4 @@
-//! What a recording holds, read by code that shares nothing with the recorder, in Rust and in Python.
+//! Content of a recording, read by code that shares nothing with the recorder, in Rust and in Python.
 
 use std::process::Command;
 

@@ -1,21 +1,19 @@
 //! Recorded samples against a controller: one that is the same answers the same, one that is not is
 //! found out, with step and signal.
 
-use std::collections::BTreeMap;
+mod copy;
+
 use std::path::{Path, PathBuf};
 
-use hil_recording::compression::Compression;
-use hil_recording::reader::RunReader;
-use hil_recording::writer::{Enclosure, Provenance, Recording};
 use rustix::process::Signal;
 use serde_json::Value;
 use shared_types::random::RandomStream;
-use shared_types::record::RecordLayout;
 use shared_types::session::SessionInfo;
-use shared_types::table::Field;
+
+use copy::Copy;
 
 use crate::every_fault;
-use crate::support::harness::{Rig, Run, until};
+use crate::support::harness::{Rig, Run, text, until};
 use crate::support::programs::{
     example, misbehaving_controller, program, program_of_tests, workspace,
 };
@@ -27,10 +25,6 @@ const SPRING_MASS: &str =
 
 fn rebuilt() -> PathBuf {
     program_of_tests("rebuilt-controller")
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("plain text")
 }
 
 /// `hil replay --json` of a recording, and what it says.
@@ -253,92 +247,6 @@ fn what_only_one_of_them_shows_is_named() {
     let told = replayed(&rig, &renamed, &[], 0);
     assert_eq!(told["only_in_recording"][0], "internal.of_old");
     assert_eq!(told["only_in_controller"][0], "internal.lyapunov_v3");
-}
-
-/// A recording that is written once more by the code that writes all recordings.
-struct Copy {
-    layout: RecordLayout,
-    records: Vec<Vec<u64>>,
-    columns: Vec<String>,
-    provenance: Provenance,
-}
-
-impl Copy {
-    fn of(path: &Path) -> Self {
-        let mut reader = RunReader::open(path).expect("opens");
-        let fields = |group: &str| -> Vec<Field> {
-            let of_group = |name: &str| {
-                name.strip_prefix(group)?
-                    .strip_prefix('.')
-                    .map(str::to_owned)
-            };
-            (reader.columns().iter())
-                .filter_map(|column| {
-                    Some(Field::signal(&of_group(&column.name)?, &column.unit, "x"))
-                })
-                .collect()
-        };
-        let (command, internal) = (fields("command"), fields("internal"));
-        let layout = RecordLayout {
-            truth: fields("truth"),
-            measured: fields("measured"),
-            reference: fields("reference"),
-            command_signals: command.len() + internal.len(),
-            command_places: (0..command.len()).collect(),
-            command,
-            internal,
-            parameter: fields("parameter"),
-        };
-        let columns = reader
-            .columns()
-            .iter()
-            .map(|column| column.name.clone())
-            .collect();
-        let enclosed = |name, media_type| Enclosure {
-            name,
-            media_type,
-            text: reader.enclosure(name).expect("enclosed").into(),
-        };
-        let facts = ["rate_hz", "controller_blake3"];
-        let fact = |name: &str| Some((name.to_owned(), reader.fact(name)?.to_owned()));
-        let provenance = Provenance {
-            facts: facts.into_iter().filter_map(fact).collect(),
-            enclosures: vec![
-                enclosed("scenario.toml", "application/toml"),
-                enclosed("plant-description.json", "application/json"),
-                enclosed("controller-description.json", "application/json"),
-            ],
-        };
-        let mut records = Vec::new();
-        while reader.advance().expect("reads") {
-            records.push(reader.words().to_vec());
-        }
-        Self {
-            layout,
-            records,
-            columns,
-            provenance,
-        }
-    }
-
-    /// Puts another name into what the controller of the run said of itself.
-    fn describe(&mut self, before: &str, now: &str) {
-        let description = self.provenance.enclosures.last_mut().expect("three");
-        description.text = description.text.replace(before, now);
-    }
-
-    fn write(&self, path: &Path, change: impl Fn(&mut Vec<u64>, &[String])) {
-        let recording =
-            Recording::create(path, Compression::Lz4, &self.layout, &self.provenance, None);
-        let mut recording = recording.expect("created");
-        for words in &self.records {
-            let mut words = words.clone();
-            change(&mut words, &self.columns);
-            let view = self.layout.view(&words);
-            recording.record(&words, &view).expect("written");
-        }
-        recording.finish(BTreeMap::new()).expect("finished");
-    }
 }
 
 fn rewritten(

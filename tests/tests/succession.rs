@@ -118,7 +118,7 @@ fn a_killed_controller_is_started_anew_and_the_run_completes() {
     let (lost, joined) = (lost_at(&summary, 0), &summary["controllers"][1]);
     assert_eq!(joined["from_step"], lost);
     assert_eq!(joined["end"], Value::Null);
-    // Every step has an answer of its own, and of the one in office.
+    // Every step has an answer of its own, and of the active one.
     let recording = Recording::open(&run.recording());
     let [held, epoch] = ["held_steps", "epoch"].map(|name| recording.place(name));
     for record in recording.records().take(300_000) {
@@ -269,16 +269,7 @@ fn who_was_not_launched_is_told_to_leave_and_the_run_stays_the_same() {
     ));
     let mut link = stranger(&rig.session_folder());
     let session = SessionInfo::read(&rig.session_folder()).expect("it runs");
-    let hello = Hello {
-        protocol: shared_types::describe::PROTOCOL,
-        session: session.id,
-        law: "mine".into(),
-        measured: vec![],
-        reference: vec![],
-        commands: None,
-        internals: vec![],
-        tunable: vec![],
-    };
+    let hello = Hello::new(session.id, "mine");
     (link.send_control(&Control::Hello(hello).to_bytes())).expect("sends");
     let mut answer = None;
     until("an answer comes", || {

@@ -7,13 +7,12 @@ mod unusable;
 mod wire;
 
 use std::os::unix::fs::PermissionsExt;
-use std::path::Path;
 
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 
 use crate::support::board::Board;
-use crate::support::harness::{Rig, Run, until};
+use crate::support::harness::{Rig, Run, text, until};
 use crate::support::programs::{program, workspace};
 
 /// Less than a second of the teaching run, without metrics and requirements.
@@ -29,10 +28,6 @@ fn hil(rig: &Rig, board: &Board, arguments: &[&str]) -> Run {
     let mut hil = board.hil();
     hil.args(arguments);
     rig.program(hil)
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("plain text")
 }
 
 fn log(run: &Run) -> String {

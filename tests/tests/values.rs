@@ -13,7 +13,7 @@ const SIGNALS: [&str; 3] = [
     "measured.surface_angle_rad",
 ];
 
-/// What was told of the signals is what was recorded at its step.
+/// Checks that the values told of the signals are those recorded at their step.
 fn is_recorded(told: &Value, recording: &Recording, records: &[Record]) {
     let step = told["step"].as_u64().expect("a step");
     let record = &records[step as usize];

@@ -76,6 +76,7 @@ pub mod testing {
     pub use crate::arguments::tolerance::Tolerances;
     pub use crate::arguments::{Command, CommandLine};
     pub use crate::benchmark::exchange::{End, Trips, follow, lead};
+    pub use crate::benchmark::null::NullPlant;
     pub use crate::benchmark::{raw, recorded};
     pub use crate::checkpoint::Checkpoint;
     pub use crate::doctor::measure::gaps;

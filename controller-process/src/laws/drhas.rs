@@ -1,4 +1,4 @@
-//! What every law for the hydraulic plant `drhas` has in common: the plant's name and its commands.
+//! Parts that all laws for the hydraulic plant `drhas` have in common: the plant's name and the commands.
 //!
 //! Used by the `pid` for that plant and by the backstepping laws.
 

@@ -58,7 +58,7 @@ mod tests {
         }
     }
 
-    /// One step with a random sample, now and then not valid; command and internals.
+    /// Takes a step with a random sample, now and then not valid; returns command and internals.
     fn step(
         law: &mut dyn Law,
         description: &LawDescription,

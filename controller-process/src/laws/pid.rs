@@ -28,7 +28,7 @@ pub struct Gains {
     pub limit: f64,
 }
 
-/// One PID loop.
+/// PID loop.
 ///
 /// `u = k_p e + k_i integral(e) + k_d de/dt`, held within the limit. The integral is the sum of
 /// trapezoids and starts at 0, the derivative is the backward difference and is 0 at the first

@@ -3,8 +3,6 @@
 use std::sync::mpsc;
 use std::time::Duration;
 
-use shared_types::ignored::Ignored;
-use shared_types::link::Peer;
 use shared_types::link::in_process::{InProcessLink, pair};
 use shared_types::supervision::Supervision;
 use shared_types::wait::{WaitLimit, Waiter};
@@ -43,13 +41,7 @@ impl Echo {
 }
 
 impl Link for Echo {
-    fn send_control(&mut self, message: &[u8]) -> Result<(), LinkError> {
-        self.inner.send_control(message)
-    }
-
-    fn tell(&mut self, message: &[u8]) -> Result<(), LinkError> {
-        self.inner.tell(message)
-    }
+    shared_types::pass_on!(self => self.inner; send_control tell expect peer open_frames take_over send rejected);
 
     fn receive_control(&mut self) -> Result<Option<Vec<u8>>, LinkError> {
         Ok(match self.inner.receive_control()? {
@@ -58,35 +50,11 @@ impl Link for Echo {
         })
     }
 
-    fn expect(&mut self, epoch: u32) -> Result<(), LinkError> {
-        self.inner.expect(epoch)
-    }
-
-    fn peer(&self) -> Result<Peer, LinkError> {
-        self.inner.peer()
-    }
-
-    fn open_frames(&mut self, spec: &FrameSpec) -> Result<(), LinkError> {
-        self.inner.open_frames(spec)
-    }
-
-    fn take_over(&mut self) {
-        self.inner.take_over();
-    }
-
-    fn send(&mut self, header: &Header, values: &[f64]) -> Result<(), LinkError> {
-        self.inner.send(header, values)
-    }
-
     fn receive(&mut self, values: &mut [f64]) -> Result<Option<Header>, LinkError> {
         Ok(match self.inner.receive(values)? {
             None if self.frame.is_some() && self.again() => self.frame,
             came => came,
         })
-    }
-
-    fn rejected(&self) -> Ignored {
-        self.inner.rejected()
     }
 }
 

@@ -1,4 +1,4 @@
-//! What a checkpoint keeps of the controller: the law and the commands that are still to be sent.
+//! State of the controller in a checkpoint: the law and the commands that are still to be sent.
 //!
 //! The runner saves it between two samples and begins with it in a run that goes on. What is not
 //! here follows from the job or is written by every sample before it is read.

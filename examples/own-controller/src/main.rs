@@ -9,7 +9,7 @@ use shared_types::table;
 use shared_types::table::Empty;
 
 table! {
-    /// What a scenario can set under [controller.state-feedback].
+    /// Parameters that a scenario can set under [controller.state-feedback].
     struct Gains {
         /// Gain k_1 on the angle.
         angle_nm_per_rad: "N m/rad" = 9.0 in 0.0..=1e6 [tunable],
@@ -19,7 +19,7 @@ table! {
 }
 
 table! {
-    /// What it believes of the plant.
+    /// Beliefs about the plant.
     struct Model {
         /// Mass m.
         mass_kg: "kg" = 1.0 in 1e-3..=1e3,
@@ -29,17 +29,17 @@ table! {
 }
 
 table! {
-    /// What it measures. Names and units are what binds it to a plant.
+    /// Measured signals. Names and units bind them to a plant.
     struct Measured {
         /// Angle a from upright.
         angle_rad: "rad",
-        /// Its rate.
+        /// Rate of the angle.
         rate_radps: "rad/s",
     }
 }
 
 table! {
-    /// What it follows, a stimulus of the scenario.
+    /// Reference to follow, a stimulus of the scenario.
     struct Reference {
         /// Wanted angle.
         angle_rad: "rad",
@@ -47,7 +47,7 @@ table! {
 }
 
 table! {
-    /// What it gives.
+    /// Command of the law.
     struct Command {
         /// Torque T of the motor.
         torque_nm: "N m",

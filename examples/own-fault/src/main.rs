@@ -12,7 +12,7 @@ use shared_types::describe::{ActsOn, Invalid};
 use shared_types::table;
 
 table! {
-    /// What an effect can set.
+    /// Parameters that an effect can set.
     struct Parameters {
         /// Play p: how far the driving side moves from one stop to the other.
         play: "target" = 0.0 in 0.0..=1e9,
@@ -22,7 +22,7 @@ table! {
 /// Backlash: the play operator of Brokate and Sprekels, Hysteresis and Phase Transitions (1996).
 struct Backlash {
     play: f64,
-    /// Where the driven side is, once the fault has taken hold.
+    /// Position of the driven side, once the fault has taken hold.
     driven: Option<f64>,
 }
 

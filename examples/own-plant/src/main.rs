@@ -12,7 +12,7 @@ use shared_types::table;
 use shared_types::time::Interval;
 
 table! {
-    /// What a scenario can set under [plant.parameters].
+    /// Parameters that a scenario can set under [plant.parameters].
     struct Parameters {
         /// Mass m at the end of the rod.
         mass_kg: "kg" = 1.0 in 1e-3..=1e3 [faultable],
@@ -26,17 +26,17 @@ table! {
 }
 
 table! {
-    /// What is really so and what the sensors see; where it fell over the run ends.
+    /// True motion, which the sensors also see; where the pendulum fell over the run ends.
     struct Motion {
         /// Angle a from upright.
         angle_rad: "rad" in (-1.57)..=1.57,
-        /// Its rate.
+        /// Rate of the angle.
         rate_radps: "rad/s",
     }
 }
 
 table! {
-    /// What the controller commands.
+    /// Command of the controller.
     struct Command {
         /// Torque T of the motor.
         torque_nm: "N m",

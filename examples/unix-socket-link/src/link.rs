@@ -20,7 +20,7 @@ enum Side {
     Controller,
 }
 
-/// One end of a link over UNIX sockets.
+/// End of a link over UNIX sockets.
 pub struct UnixSocketLink {
     side: Side,
     folder: PathBuf,
@@ -28,7 +28,7 @@ pub struct UnixSocketLink {
     /// Control messages of the controller whose frames are in use, if another one is expected.
     active: Option<Socket>,
     frames: Option<Frames>,
-    /// Those opened last, if others are in use.
+    /// Frames opened last, if others are in use.
     next: Option<Frames>,
     rejected: Ignored,
 }

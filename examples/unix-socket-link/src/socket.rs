@@ -12,7 +12,7 @@ const LONGEST: usize = 16 << 20;
 /// Bytes in front of a message, its length.
 const HEAD: usize = 4;
 
-/// One end of a stream of messages.
+/// End of a stream of messages.
 pub(crate) struct Socket {
     name: String,
     /// Place where the other end comes, until it did.

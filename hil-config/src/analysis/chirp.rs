@@ -15,7 +15,7 @@ pub(super) struct Chirp {
 /// Course of the frequency over the sweep.
 #[derive(Clone, Copy, Debug)]
 enum Course {
-    /// By so many Hz in a second.
+    /// By N Hz in a second.
     Linear(f64),
     /// By `e^k` in a second.
     Logarithmic(f64),
@@ -49,7 +49,7 @@ impl Chirp {
         self.turns_at(self.duration_s)
     }
 
-    /// Its turns until a time.
+    /// Counts the turns until a time.
     pub(super) fn turns_at(&self, time_s: f64) -> f64 {
         let (f_0, t) = (self.start_hz, time_s);
         match self.course {
@@ -58,7 +58,7 @@ impl Chirp {
         }
     }
 
-    /// Its turns until it has a frequency.
+    /// Counts the turns until the chirp has a frequency.
     pub(super) fn turns_to(&self, frequency_hz: f64) -> f64 {
         let (f_0, f) = (self.start_hz, frequency_hz);
         match self.course {
@@ -67,7 +67,7 @@ impl Chirp {
         }
     }
 
-    /// Its frequency after so many turns.
+    /// Returns the frequency after a number of turns.
     pub(super) fn frequency_hz(&self, turns: f64) -> f64 {
         let f_0 = self.start_hz;
         match self.course {
@@ -76,7 +76,7 @@ impl Chirp {
         }
     }
 
-    /// Its mean over the time between two numbers of turns.
+    /// Returns the mean frequency over the time between two numbers of turns.
     pub(super) fn mean_frequency_hz(&self, from_turns: f64, until_turns: f64) -> f64 {
         let (from, until) = (
             self.frequency_hz(from_turns),
@@ -88,7 +88,7 @@ impl Chirp {
         }
     }
 
-    /// Its angular frequency at a time in rad/s, and the first three derivatives of that.
+    /// Returns the angular frequency at a time in rad/s, and the first three derivatives of that.
     pub(super) fn angular(&self, time_s: f64) -> [f64; 4] {
         match self.course {
             Course::Linear(slope) => [self.start_hz + slope * time_s, slope, 0.0, 0.0],

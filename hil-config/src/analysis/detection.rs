@@ -1,4 +1,4 @@
-//! How soon a fault is found and overcome.
+//! Detection and accommodation: the time until a fault is found and overcome.
 
 use shared_types::time::{Rate, Step};
 

@@ -1,4 +1,4 @@
-//! How a signal follows a chirp: gain, bandwidth, phase lag.
+//! Frequency response: gain, bandwidth and phase lag of a signal that follows a chirp.
 
 use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2, PI};
 
@@ -324,7 +324,7 @@ mod tests {
         size(&NUMERATOR) / size(&DENOMINATOR)
     }
 
-    /// Its low-frequency gain, bandwidth, peak and frequency of the peak, from the formula alone.
+    /// Computes low-frequency gain, bandwidth, peak and frequency of the peak, from the formula alone.
     fn loop_figures(start_hz: f64) -> [f64; 4] {
         let low = loop_gain(start_hz);
         let grid = || (0..100_000).map(|k| start_hz + 1e-4 * f64::from(k));

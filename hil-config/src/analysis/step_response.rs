@@ -1,4 +1,4 @@
-//! How a signal answers a step: rise, overshoot, settling.
+//! Step response: rise, overshoot and settling of a signal.
 
 use super::Figure;
 use crate::plan::StepResponsePlan;

@@ -1,4 +1,4 @@
-//! Whether every signal that law and plant need is given, by name and unit.
+//! Binding: every signal that law and plant need is given, by name and unit.
 //!
 //! The same binding is made again between the processes, from their own tables; here it is told
 //! before anything is started, with the line of the scenario and what would give the signal.

@@ -10,8 +10,9 @@ use shared_types::describe::PlantDescription;
 use shared_types::live::ChangeRequest;
 use shared_types::record::{ChangedValue, MOST_CHANGES};
 use shared_types::table::Field;
-use shared_types::time::{Rate, Step};
+use shared_types::time::Step;
 
+use super::FaultContext;
 use super::run::Grid;
 use crate::document::{Entry, Table, Value};
 use crate::keys::LIVE_CHANGE;
@@ -323,8 +324,7 @@ fn cleared(
             let message = format!("`{text}` has no stimulus that it could follow again");
             reader
                 .report(ProblemKind::UnknownName, path, place, message)
-                .expected(format!("one of {}", listed(signals.iter().copied())))
-                .nearest(text, signals.iter().copied());
+                .one_of(text, signals.iter().copied());
         }
     }
     clear.sort_unstable();
@@ -332,26 +332,13 @@ fn cleared(
     Some(clear)
 }
 
-/// The run that changes are asked of.
-#[derive(Clone, Debug)]
-pub struct LiveChanges {
-    /// Its plant.
-    pub plant: PlantDescription,
-    /// Its reference signals.
-    pub stimuli: Vec<Stimulus>,
-    /// Steps per second.
-    pub rate: Rate,
-    /// Number of steps of the whole run.
-    pub steps: u64,
-}
-
-impl LiveChanges {
+impl FaultContext {
     /// Checks a change that is to have a number, against the run and its law as it is then: the law's name
     /// and the parameters that it offers.
     ///
     /// # Errors
     /// With everything that is wrong.
-    pub fn check(
+    pub fn check_change(
         &self,
         request: &ChangeRequest,
         law: (&str, &[Field]),
@@ -367,10 +354,7 @@ impl LiveChanges {
             plant: Some(&self.plant),
             law: Some(law),
             stimuli: Some(&self.stimuli),
-            grid: Some(Grid {
-                rate: self.rate,
-                steps: self.steps,
-            }),
+            grid: Some(self.grid()),
         };
         let change = live(&mut reader, &root, &context, id);
         reader.finish(change)

@@ -227,8 +227,7 @@ fn unknown(
     let paths = || paths.iter().map(String::as_str);
     reader
         .report_at(section, whose, ProblemKind::UnknownName, message)
-        .expected(format!("one of {}", crate::problem::listed(paths())))
-        .nearest(&format!("{kind}.{name}"), paths());
+        .one_of(&format!("{kind}.{name}"), paths());
 }
 
 /// The conversion that follows from both units.

@@ -4,7 +4,7 @@ use shared_types::describe::{PlantDescription, Settings};
 
 use super::parameters;
 use crate::plan::{Limit, PlantPlan};
-use crate::problem::{ProblemKind, listed};
+use crate::problem::ProblemKind;
 use crate::quantity::Quantity;
 use crate::reader::{Reader, Section};
 
@@ -26,8 +26,7 @@ pub(super) fn find<'d>(
                 ProblemKind::UnknownName,
                 format!("unknown plant `{model}`"),
             )
-            .expected(format!("one of {}", listed(names.clone())))
-            .nearest(model, names)
+            .one_of(model, names)
             .help(advice);
     }
     found
@@ -84,8 +83,7 @@ fn safe_command(
             let message = format!("plant `{}` takes no command `{}`", plant.name, entry.key);
             reader
                 .report(ProblemKind::UnknownName, path, &entry.key_place, message)
-                .expected(format!("one of {}", listed(names())))
-                .nearest(&entry.key, names());
+                .one_of(&entry.key, names());
             continue;
         };
         let finite = Quantity {
@@ -111,8 +109,7 @@ fn limits(reader: &mut Reader, section: &Section<'_>, plant: &PlantDescription) 
             let message = format!("plant `{}` has no true signal `{}`", plant.name, entry.key);
             reader
                 .report(ProblemKind::UnknownName, path, &entry.key_place, message)
-                .expected(format!("one of {}", listed(names.clone())))
-                .nearest(&entry.key, names);
+                .one_of(&entry.key, names);
             continue;
         };
         if let Some((min, max)) = reader.pair(&path, &entry.node, &signal.unit) {

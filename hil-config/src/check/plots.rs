@@ -6,7 +6,7 @@ use shared_types::describe::LawDescription;
 
 use crate::expression::Columns;
 use crate::plan::{Plot, Scale};
-use crate::problem::{ProblemKind, listed};
+use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
 
 /// The plots that are right; the others are reported. Without columns, because plant, law or stimuli
@@ -93,8 +93,7 @@ fn laws(
         let message = format!("`{path}` is `{name}`, which is no law");
         reader
             .report(ProblemKind::UnknownName, path, place, message)
-            .expected(format!("one of {}", listed(known.iter().copied())))
-            .nearest(name, known.iter().copied());
+            .one_of(name, known.iter().copied());
     }
     let names = names.into_iter().map(|(_, _, name)| name.to_owned());
     are_known.then(|| names.collect())

@@ -4,6 +4,7 @@ use std::collections::HashSet;
 
 use super::run::Grid;
 use super::signals::report;
+use super::{TITLE, is_title};
 use crate::expression::Columns;
 use crate::formula::Formula;
 use crate::monitor::{FormulaContext, Monitors};
@@ -51,12 +52,11 @@ fn name<'a>(
     names: &mut HashSet<&'a str>,
 ) -> Option<&'a str> {
     let name = reader.text(section, "name")?;
-    let legal = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
-    if !(1..=64).contains(&name.len()) || !name.chars().all(legal) {
+    if !is_title(name) {
         let message = format!("`{}` is `{name}`", section.path_of("name"));
         reader
             .report_at(section, "name", ProblemKind::OutOfRange, message)
-            .expected("1 to 64 letters, digits, - and _");
+            .expected(TITLE);
         return None;
     }
     if !names.insert(name) {

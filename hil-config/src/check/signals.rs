@@ -160,11 +160,11 @@ pub(super) fn unit(
     if section.table.get("unit").is_some() {
         return reader.text(section, "unit").map(Into::into);
     }
-    Some(told_unit(known, name).unwrap_or_else(|| "1".into()))
+    Some(implied_unit(known, name).unwrap_or_else(|| "1".into()))
 }
 
 /// The unit that is not written down: that of the expression, or that of the name's ending.
-pub(super) fn told_unit(known: Option<(&Expression, &Columns)>, name: &str) -> Option<String> {
+pub(super) fn implied_unit(known: Option<(&Expression, &Columns)>, name: &str) -> Option<String> {
     let told = known.and_then(|(expression, columns)| expression.unit(columns).ok());
     let told = told.as_ref().and_then(Unit::symbol);
     told.or_else(|| unit_of_name(name)).map(Into::into)

@@ -6,7 +6,7 @@
 /// Number of values that may wait for their operator.
 pub(super) const STACK: usize = 32;
 
-/// One operation. Names and reductions are indices into the expression and are replaced by
+/// Operation. Names and reductions are indices into the expression and are replaced by
 /// [`Op::Load`] when it is bound.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Op {
@@ -78,7 +78,7 @@ impl Program {
         Self { shape }
     }
 
-    /// Its value on a row.
+    /// Evaluates the program on a row.
     ///
     /// # Panics
     /// If the row is shorter than the columns that the program was bound to.

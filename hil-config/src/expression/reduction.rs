@@ -38,7 +38,7 @@ impl ReductionKind {
         Self::Integral,
     ];
 
-    /// Its name in expressions.
+    /// Returns the name in expressions.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

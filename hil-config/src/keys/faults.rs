@@ -131,7 +131,7 @@ pub(crate) struct ProfileKind {
     pub name: &'static str,
     /// Description of the profile.
     pub text: &'static str,
-    /// Its keys.
+    /// Keys.
     pub keys: &'static [Key],
 }
 

@@ -27,7 +27,7 @@ pub(crate) struct MetricKind {
     pub name: &'static str,
     /// Description of the metric.
     pub text: &'static str,
-    /// Its keys.
+    /// Keys.
     pub keys: &'static [Key],
 }
 

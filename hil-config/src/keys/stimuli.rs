@@ -29,7 +29,7 @@ pub(crate) struct WaveformKind {
     pub derivatives: usize,
     /// Description of the waveform.
     pub text: &'static str,
-    /// Its keys. Sizes without a unit are in the target's.
+    /// Keys. Sizes without a unit are in the target's.
     pub keys: &'static [Key],
 }
 

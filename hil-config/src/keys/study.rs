@@ -1,17 +1,17 @@
 //! Keys of a study, the file of a campaign.
 
-use super::{Key, Kind, SCHEMA, TEXT, integer, number, number_or};
+use super::{Key, Kind, TEXT, VERSION, integer, number, number_or};
 
 /// Most cases of a campaign.
 pub(crate) const MOST_CASES: i64 = 100_000_000;
 
 /// A kind of variation.
 pub(crate) struct SpreadKind {
-    /// Its name.
+    /// Name.
     pub(crate) name: &'static str,
     /// Meaning.
     pub(crate) text: &'static str,
-    /// Its keys, besides those of every variation.
+    /// Keys, besides those of every variation.
     pub(crate) keys: &'static [Key],
 }
 
@@ -38,16 +38,7 @@ const WHOLE: Key = Key::new(
 
 /// The whole study.
 pub(crate) const STUDY: &[Key] = &[
-    Key::new(
-        "schema",
-        Kind::Integer {
-            min: SCHEMA,
-            max: SCHEMA,
-            default: None,
-        },
-        "Version of this format.",
-    )
-    .required(),
+    VERSION,
     Key::new(
         "name",
         TEXT,

@@ -309,7 +309,7 @@ impl Builder<'_> {
         Ok(self.push(task, delay.saturating_add_signed(end), until))
     }
 
-    /// The same part, known so many rows after each step.
+    /// The same part, known N rows after each step.
     fn delayed(&mut self, operand: usize, delay: u64) -> usize {
         let Draft {
             delay: own, until, ..

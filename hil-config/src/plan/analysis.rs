@@ -26,7 +26,7 @@ pub enum AnalysisKind {
 }
 
 impl AnalysisKind {
-    /// As it is written in a scenario.
+    /// Returns the name in a scenario.
     #[must_use]
     pub const fn name(&self) -> &'static str {
         match self {
@@ -42,7 +42,7 @@ impl AnalysisKind {
 pub struct StepResponsePlan {
     /// The signal.
     pub signal: Expression,
-    /// Its unit.
+    /// Unit.
     pub unit: String,
     /// The stimulus that steps.
     pub stimulus: String,

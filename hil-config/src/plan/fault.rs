@@ -21,7 +21,7 @@ pub struct FaultEvent {
     /// Ends of the event, of which the first counts.
     #[serde(default)]
     pub end: FaultEnd,
-    /// Its effects.
+    /// Effects.
     pub effects: Vec<FaultEffect>,
 }
 
@@ -75,9 +75,9 @@ pub struct Condition {
 pub struct FaultEnd {
     /// At this step, which is healthy again.
     pub step: Option<Step>,
-    /// Each effect after so many steps of its own.
+    /// Each effect after N steps of its own.
     pub after_steps: Option<u64>,
-    /// Each effect after it acted so many times: runs of steps at which it changed a number, single
+    /// Each effect after it acted N times: runs of steps at which it changed a number, single
     /// steps at which it struck a message or cost time.
     pub occurrences: Option<u64>,
     /// Condition: an expression has held for a while since the event took hold.
@@ -111,9 +111,9 @@ pub enum FaultAction {
     },
     /// Whatever the kind does to its target.
     Kind {
-        /// Its parameters by key.
+        /// Parameters by key.
         parameters: Settings,
-        /// Its list, rows one after another; empty if it has none.
+        /// List, rows one after another; empty if it has none.
         list: Vec<f64>,
     },
 }

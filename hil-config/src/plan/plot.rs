@@ -1,4 +1,4 @@
-//! What is worth looking at.
+//! Plots: signals worth looking at.
 
 /// A plot over simulated time. Nothing of a run depends on it.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,7 +42,7 @@ impl Default for Panel {
 /// Scale of an axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Scale {
-    /// As it is.
+    /// Linear.
     #[default]
     Linear,
     /// Logarithms of magnitudes.
@@ -50,7 +50,7 @@ pub enum Scale {
 }
 
 impl Scale {
-    /// As it is written in a scenario.
+    /// Returns the name in a scenario.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

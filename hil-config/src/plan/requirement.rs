@@ -1,4 +1,4 @@
-//! What a run must do to pass.
+//! Requirements: conditions under which a run passes.
 
 use crate::formula::Formula;
 

@@ -8,9 +8,9 @@ use shared_types::table::{Field, derivative_of};
 pub struct Stimulus {
     /// Name of the reference signal.
     pub target: String,
-    /// Its unit.
+    /// Unit.
     pub unit: String,
-    /// Its course.
+    /// Course.
     pub waveform: Waveform,
 }
 
@@ -118,7 +118,7 @@ impl Sweep {
     /// Every sweep.
     pub const ALL: [Self; 2] = [Self::Linear, Self::Logarithmic];
 
-    /// Its name in a scenario.
+    /// Returns the name in a scenario.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

@@ -90,7 +90,7 @@ fn problems(text: &str) -> Vec<Problem> {
     }
 }
 
-fn told(plan: &Plan) -> Vec<String> {
+fn connections(plan: &Plan) -> Vec<String> {
     (plan.controller.connections.iter())
         .map(ToString::to_string)
         .collect()
@@ -100,7 +100,7 @@ fn told(plan: &Plan) -> Vec<String> {
 fn units_give_the_conversion_of_each_direction() {
     let plan = plan(TEXT);
     assert_eq!(
-        told(&plan),
+        connections(&plan),
         [
             "law measured.position_m [m] = 0.001 * plant measured.s [mm]",
             "law reference.position_m [m] = 0.001 * plant reference.goal_mm [mm]",
@@ -123,7 +123,7 @@ fn a_factor_that_is_given_counts_whatever_the_units_are() {
     );
     let plan = plan(&text);
     assert_eq!(
-        told(&plan)[0],
+        connections(&plan)[0],
         "law measured.position_m [m] = -0.004 * plant measured.odd [turns] + 0.5"
     );
     assert!(plan.controller.connections[0].is_given);

@@ -36,7 +36,7 @@ impl Tree {
         }
     }
 
-    /// As text, with parentheses only where the grammar needs them.
+    /// Writes the expression as text, with parentheses only where the grammar needs them.
     fn text(&self) -> String {
         let at_least = |tree: &Self, strength| {
             if tree.strength() < strength {

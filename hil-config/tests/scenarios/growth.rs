@@ -51,12 +51,12 @@ fn cost(input: impl Fn(usize) -> (String, Vec<String>), count: usize, is_right: 
     spent() - since
 }
 
-/// One text for each number up to a count.
+/// Joins a text for each number up to a count.
 fn many(count: usize, one: impl Fn(usize) -> String) -> String {
     (0..count).map(one).collect()
 }
 
-/// One try of five must be in proportion: neighbours that take caches and memory make some dearer, and
+/// Checks that one try of five is in proportion: neighbours that take caches and memory make some dearer, and
 /// none that looks at all others cheap.
 fn is_near_linear(what: &str, is_right: bool, input: impl Fn(usize) -> (String, Vec<String>)) {
     let ratio = || {

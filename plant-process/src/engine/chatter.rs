@@ -5,7 +5,6 @@ use std::sync::mpsc;
 use std::time::Duration;
 
 use hil_config::plan::Run;
-use shared_types::describe::PROTOCOL;
 use shared_types::frame::{FrameKind, Header};
 use shared_types::hello::{Control, Hello};
 use shared_types::ignored::{Ignored, Reason};
@@ -64,16 +63,7 @@ impl Parrot {
 }
 
 fn hello() -> Hello {
-    Hello {
-        protocol: PROTOCOL,
-        session: 5,
-        law: "parrot".into(),
-        measured: vec![],
-        reference: vec![],
-        commands: None,
-        internals: vec![],
-        tunable: vec![],
-    }
+    Hello::new(5, "parrot")
 }
 
 impl Link for Parrot {

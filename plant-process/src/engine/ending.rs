@@ -1,4 +1,4 @@
-//! How a run ends: complete, diverged or given up, and what is said of it then.
+//! End of a run: complete, diverged or given up, and the account given of it then.
 
 use shared_types::failure::Failure;
 use shared_types::frame::{FrameKind, Header};

@@ -1,4 +1,5 @@
-//! Who may speak for the controller, losing one, and taking another while the run goes on.
+//! Handover: the right to speak for the controller, its loss, and another controller that takes over while the run
+//! goes on.
 
 use shared_types::clock::monotonic_ns;
 use shared_types::frame::{FrameKind, Header};

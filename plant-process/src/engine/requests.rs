@@ -1,4 +1,4 @@
-//! What others ask of a running run, served between two steps: faults, and to hold it or let it go on.
+//! Requests to a running run, served between two steps: faults, and to hold it or let it go on.
 
 use hil_config::plan::{PLANT_KEYS, law_keys};
 use shared_types::clock::monotonic_ns;

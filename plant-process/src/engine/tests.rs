@@ -4,7 +4,7 @@ use hil_config::plan::{
     FaultAction, FaultEffect, FaultEnd, FaultEvent, FaultSource, Move, PlantPlan, Profile, Run,
     Stimulus, Trigger, Waveform,
 };
-use shared_types::describe::{Operation, PROTOCOL, Settings};
+use shared_types::describe::{Operation, Settings};
 use shared_types::frame::{FrameKind, Header};
 use shared_types::hello::{Control, Hello};
 use shared_types::link::FrameSpec;
@@ -176,18 +176,14 @@ fn greeted_by(kind: &PlantKind, job: Job) -> (TestEngine, InProcessLink, InProce
     let (sink, source) = shared_types::stream::in_process::pair();
     let mut engine = Engine::new(kind, &kinds::all(), job, link, sink).expect("starts");
     let hello = Hello {
-        protocol: PROTOCOL,
-        session: 5,
-        law: "test".into(),
         measured: Measured::fields(),
-        reference: vec![],
         // Another order than the plant's, and one too many.
         commands: Some(vec![
             Field::signal("spare_a", "A", "x"),
             Command::fields().remove(0),
         ]),
         internals: vec![Field::signal("seen_m", "m", "x")],
-        tunable: vec![],
+        ..Hello::new(5, "test")
     };
     controller
         .send_control(&Control::Hello(hello).to_bytes())

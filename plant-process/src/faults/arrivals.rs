@@ -1,4 +1,4 @@
-//! When messages arrive, and which of them the receiver has: steps only, no content.
+//! Arrivals of messages, and which of them the receiver has: steps only, no content.
 //!
 //! The [`channel`](super::channel) has one for what really arrives, and every fault of the link one
 //! for what would arrive if it were the last: the difference between two of them is what a fault

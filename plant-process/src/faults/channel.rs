@@ -71,7 +71,7 @@ struct UnderWay {
 }
 
 impl Channel {
-    /// A medium for messages of so many signals, in frames of this kind.
+    /// A medium for messages of N signals, in frames of this kind.
     pub(super) fn new(width: usize, kind: FrameKind) -> Self {
         Self {
             width,
@@ -88,7 +88,7 @@ impl Channel {
         }
     }
 
-    /// Its state.
+    /// Returns the state.
     pub(super) fn save(&self) -> SavedChannel {
         SavedChannel {
             under_way: (!self.bypassed).then(|| UnderWay {

@@ -1,4 +1,4 @@
-//! One effect of a fault: where it is in its life, what it does, and how much it did.
+//! Effect of a fault: where it is in its life, its action, and the size of that.
 //!
 //! Made by the fault builder with all the space it needs, owned by the layer. An effect waits, acts and
 //! has ended; it never goes back, and keeps no more than what is told of it.
@@ -144,7 +144,7 @@ impl Effect {
         }
     }
 
-    /// Its state.
+    /// Returns the state.
     pub(super) fn save(&mut self) -> Result<SavedEffect, Invalid> {
         let acts = matches!(self.life, Life::Acts(_));
         let fault = self.action.fault().filter(|_| acts);

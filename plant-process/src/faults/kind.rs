@@ -24,13 +24,13 @@ use shared_types::time::Rate;
 pub trait FaultKind: Sized + Send + 'static {
     /// Name in scenarios and on the command line.
     const NAME: &'static str;
-    /// One sentence.
+    /// Summary in one sentence.
     const SUMMARY: &'static str;
     /// Equation of the effect in plain text; `x` is the healthy value, `g` the profile.
     const EQUATION: &'static str;
     /// Targets that the fault acts on.
     const ACTS_ON: ActsOn;
-    /// Its parameters. The unit `target` stands for that of the target; one with a default may be
+    /// Parameters. The unit `target` stands for that of the target; one with a default may be
     /// left out.
     type Parameters: Table + Default;
 
@@ -80,9 +80,9 @@ pub trait FaultKind: Sized + Send + 'static {
 /// Inputs that a fault is started with.
 #[derive(Clone, Copy, Debug)]
 pub struct Setup<'a, P> {
-    /// Its parameters.
+    /// Parameters.
     pub parameters: P,
-    /// Its list, rows one after another; empty if it was given none.
+    /// List, rows one after another; empty if it was given none.
     pub list: &'a [f64],
     /// Steps per second.
     pub rate: Rate,
@@ -135,7 +135,7 @@ impl Passage {
     /// Latest that a copy may come, in steps; later ones never come.
     pub const LATEST_STEPS: u32 = 1000;
 
-    /// A message of so many bits that arrives once, in time and whole.
+    /// A message of N bits that arrives once, in time and whole.
     #[must_use]
     pub const fn healthy(bits: u64) -> Self {
         Self {
@@ -158,7 +158,7 @@ pub trait Fault: Send {
     fn message(&mut self, at: &Moment, passage: &mut Passage);
     /// Changes what a side does with its time.
     fn timing(&mut self, at: &Moment, directive: &mut Directive);
-    /// Its state as it is now.
+    /// Returns the state as it is now.
     ///
     /// # Errors
     /// If it cannot be saved.

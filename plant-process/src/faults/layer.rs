@@ -78,9 +78,9 @@ struct Targets {
 /// A live fault that was taken.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Admitted {
-    /// Its number.
+    /// Number.
     pub id: u32,
-    /// Its kind.
+    /// Kind.
     pub kind: String,
     /// The step at which it takes hold, if that is known.
     pub step: Option<Step>,
@@ -317,7 +317,7 @@ impl FaultLayer {
         Ok(admitted)
     }
 
-    /// Lets go of what ended faults needed to act, of so many at most; what is told of them stays.
+    /// Lets go of what ended faults needed to act, of N at most; what is told of them stays.
     fn retire(&mut self, most: usize) {
         for effects in (0..most).map_while(|_| self.schedule.retire()) {
             self.effects[effects].iter_mut().for_each(Effect::retire);

@@ -1,4 +1,4 @@
-//! One direction of what goes between plant and controller: its signals, and the medium that they
+//! Direction of the signals between plant and controller, and the medium that they
 //! cross.
 //!
 //! Called by the layer at every step, in the order in which a row takes the way: a sample's signals
@@ -20,7 +20,7 @@ const VALID: [u64; VALIDITY_WORDS] = [0; VALIDITY_WORDS];
 /// A row of signals on its way, with its invalid bits.
 pub(super) type Row<'a> = (&'a mut [f64], &'a mut [u64; VALIDITY_WORDS]);
 
-/// One direction.
+/// Direction of signals.
 pub(super) struct SignalPath {
     /// Effects that act on signals, in the order in which they took hold.
     signals: Vec<usize>,
@@ -41,7 +41,7 @@ pub(super) struct SavedPath {
 }
 
 impl SignalPath {
-    /// A direction with so many signals in frames of this kind.
+    /// A direction with N signals in frames of this kind.
     pub(super) fn new(width: usize, kind: FrameKind) -> Self {
         Self {
             signals: Vec::new(),
@@ -51,7 +51,7 @@ impl SignalPath {
         }
     }
 
-    /// Its state.
+    /// Returns the state.
     pub(super) fn save(&self) -> SavedPath {
         SavedPath {
             signals: self.signals.clone(),

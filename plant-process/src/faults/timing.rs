@@ -1,4 +1,4 @@
-//! What faults of timing ask of plant and controller, and what came of it.
+//! Timing: requests of faults to plant and controller, and their outcome.
 //!
 //! Asked by the layer before a sample is sent, told after its answer has come. It never waits itself.
 //!

@@ -81,7 +81,7 @@ fn take(source: &mut impl RecordSource, seen: &mut Vec<String>) -> usize {
     taken.expect("a source drains")
 }
 
-/// Takes until so many items came and no more do.
+/// Takes until N items came and no more do.
 fn drained<F: Fixture>(source: &mut F::Source, items: usize) -> Vec<String> {
     let mut seen = Vec::new();
     let since = Instant::now();

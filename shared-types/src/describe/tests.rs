@@ -1,4 +1,4 @@
-//! What of a description is refused.
+//! Descriptions that are refused.
 
 use super::*;
 

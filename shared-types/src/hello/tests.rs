@@ -1,4 +1,4 @@
-//! What plant and controller agree on, and what is refused.
+//! Agreement of plant and controller, and refusals.
 
 use super::*;
 
@@ -8,14 +8,10 @@ fn field(name: &str) -> Field {
 
 fn hello() -> Hello {
     Hello {
-        protocol: PROTOCOL,
-        session: 5,
-        law: "pid".into(),
         measured: vec![field("angle_rad")],
-        reference: vec![],
         commands: Some(vec![field("spare_rad"), field("drive_rad")]),
         internals: vec![field("integral_rad")],
-        tunable: vec![],
+        ..Hello::new(5, "pid")
     }
 }
 

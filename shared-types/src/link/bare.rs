@@ -70,7 +70,7 @@ impl<const N: usize> Incoming for Reader<N> {
     }
 }
 
-/// One end.
+/// End of a blackboard.
 pub struct Blackboard {
     outgoing: Box<dyn Outgoing>,
     incoming: Box<dyn Incoming>,
@@ -78,7 +78,7 @@ pub struct Blackboard {
     _node: Node<Ipc>,
 }
 
-/// Runs a function for the size class of so many values.
+/// Runs a function for the size class of N values.
 macro_rules! for_class {
     ($values:expr, $function:ident ( $($argument:expr),* )) => {
         match $values {

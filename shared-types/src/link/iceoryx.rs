@@ -56,7 +56,7 @@ enum Side {
     Controller,
 }
 
-/// One end of a link over shared memory.
+/// End of a link over shared memory.
 pub struct IceoryxLink {
     side: Side,
     session: SessionInfo,

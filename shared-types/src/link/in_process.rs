@@ -22,7 +22,7 @@ pub fn pair() -> (InProcessLink, InProcessLink) {
     )
 }
 
-/// One end of an in-process link.
+/// End of an in-process link.
 pub struct InProcessLink {
     outgoing: Rc<RefCell<Mailbox>>,
     incoming: Rc<RefCell<Mailbox>>,

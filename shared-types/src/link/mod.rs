@@ -10,12 +10,13 @@ pub mod bare;
 pub mod bell;
 pub mod iceoryx;
 pub mod in_process;
+mod pass_on;
 
 use crate::frame::{FrameIdentity, Header};
 use crate::ignored::Ignored;
 use crate::wait::Sleeper;
 
-/// One side's end of a link. No method ever blocks.
+/// End of a link, on one side. No method ever blocks.
 ///
 /// 1. Both sides exchange control messages until they agree on the layout of frames.
 /// 2. Both call [`open_frames`](Link::open_frames), the plant first.
@@ -58,7 +59,7 @@ pub trait Link {
     /// If that cannot be found out.
     fn peer(&self) -> Result<Peer, LinkError>;
 
-    /// Opens the frame channels for so many values in each direction. The channels are in use at once if
+    /// Opens the frame channels for N values in each direction. The channels are in use at once if
     /// none are, else from [`take_over`](Link::take_over) on.
     ///
     /// # Errors
@@ -93,51 +94,7 @@ pub trait Link {
 
 /// An end that is lent: what borrows it ends before the end does.
 impl<L: Link> Link for &mut L {
-    fn send_control(&mut self, message: &[u8]) -> Result<(), LinkError> {
-        (**self).send_control(message)
-    }
-
-    fn tell(&mut self, message: &[u8]) -> Result<(), LinkError> {
-        (**self).tell(message)
-    }
-
-    fn receive_control(&mut self) -> Result<Option<Vec<u8>>, LinkError> {
-        (**self).receive_control()
-    }
-
-    fn expect(&mut self, epoch: u32) -> Result<(), LinkError> {
-        (**self).expect(epoch)
-    }
-
-    fn peer(&self) -> Result<Peer, LinkError> {
-        (**self).peer()
-    }
-
-    fn open_frames(&mut self, spec: &FrameSpec) -> Result<(), LinkError> {
-        (**self).open_frames(spec)
-    }
-
-    fn take_over(&mut self) {
-        (**self).take_over();
-    }
-
-    #[inline]
-    fn send(&mut self, header: &Header, values: &[f64]) -> Result<(), LinkError> {
-        (**self).send(header, values)
-    }
-
-    #[inline]
-    fn receive(&mut self, values: &mut [f64]) -> Result<Option<Header>, LinkError> {
-        (**self).receive(values)
-    }
-
-    fn rejected(&self) -> Ignored {
-        (**self).rejected()
-    }
-
-    fn sleeper(&self) -> Option<Box<dyn Sleeper>> {
-        (**self).sleeper()
-    }
+    crate::pass_on!(self => **self; send_control tell receive_control expect peer open_frames take_over send receive rejected sleeper);
 }
 
 /// Process that speaks for the controller.

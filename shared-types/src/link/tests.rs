@@ -1,4 +1,4 @@
-//! What only the link over shared memory can show; `conformance` has what every link must.
+//! Facts that only the link over shared memory can show; `conformance` has those of every link.
 
 use super::iceoryx::IceoryxLink;
 use super::{FrameSpec, Link, LinkError, Peer};

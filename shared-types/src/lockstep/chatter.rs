@@ -10,7 +10,6 @@ use std::collections::HashMap;
 use std::hash::Hash;
 
 use super::*;
-use crate::describe::PROTOCOL;
 use crate::frame::{FrameKind, Header};
 use crate::hello::{Control, Hello, Offer, agree};
 use crate::time::Rate;
@@ -35,16 +34,7 @@ const KINDS: [FrameKind; 6] = [
 ];
 
 fn hello() -> Hello {
-    Hello {
-        protocol: PROTOCOL,
-        session: 5,
-        law: "any".into(),
-        measured: vec![],
-        reference: vec![],
-        commands: None,
-        internals: vec![],
-        tunable: vec![],
-    }
+    Hello::new(5, "any")
 }
 
 fn offer(epoch: u32, first: Step, against_clock: bool) -> Offer<'static> {
@@ -61,7 +51,7 @@ fn offer(epoch: u32, first: Step, against_clock: bool) -> Offer<'static> {
     }
 }
 
-/// One side, how it is driven, and what the other may say to it.
+/// Side, how it is driven, and the words of the other side.
 trait Pestered: Clone {
     type Said: Clone + std::fmt::Debug;
     type Key: Eq + Hash;
@@ -207,7 +197,7 @@ impl PesteredPlant {
         }
     }
 
-    /// One poll of the engine; true if it got the run on.
+    /// Polls the engine; true if that got the run on.
     fn gets_on(&mut self, heard: &Heard) -> bool {
         if self.side.is_greeting() {
             return heard.word.is_some_and(|word| self.speak(word, 1));

@@ -18,7 +18,7 @@ pub enum ControllerEvent<'a> {
     Opened,
     /// A frame came that passed the link's checks.
     Frame(&'a Header),
-    /// The bounded wait, so many ms long, is over.
+    /// The bounded wait, N ms long, is over.
     Deadline(u64),
     /// The plant's process ended.
     PeerGone,
@@ -39,7 +39,7 @@ pub enum ControllerAction {
     SendReady(u32),
     /// Compute the command that answers the sample of this step and send it.
     Answer(Step),
-    /// Confirm the end after so many steps; the run is over.
+    /// Confirm the end after N steps; the run is over.
     ConfirmEnd(Step),
     /// Tell the plant (unless it is gone) and end.
     Abort(Abort),

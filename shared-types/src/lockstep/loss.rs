@@ -1,4 +1,4 @@
-//! What becomes of a run whose controller is lost.
+//! Policies for a run whose controller is lost.
 
 use serde::{Deserialize, Serialize};
 
@@ -30,7 +30,7 @@ impl OnLoss {
         Self::WaitForRestart,
     ];
 
-    /// As it is written in a scenario.
+    /// Returns the name in a scenario.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

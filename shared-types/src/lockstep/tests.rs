@@ -1,7 +1,6 @@
 //! Both machines, alone and against each other, without a transport.
 
 use super::*;
-use crate::describe::PROTOCOL;
 use crate::frame::{FrameKind, Header};
 use crate::hello::{Control, Hello, Offer};
 use crate::ignored::Reason;
@@ -10,14 +9,8 @@ use crate::time::Rate;
 
 fn hello() -> Hello {
     Hello {
-        protocol: PROTOCOL,
-        session: 5,
-        law: "pid".into(),
         measured: vec![Field::signal("angle_rad", "rad", "x")],
-        reference: vec![],
-        commands: None,
-        internals: vec![],
-        tunable: vec![],
+        ..Hello::new(5, "pid")
     }
 }
 
@@ -40,7 +33,7 @@ fn header(kind: FrameKind, step: u64) -> Header {
     Header::new(kind, Step(step))
 }
 
-/// A plant past hello that is to exchange so many steps.
+/// A plant past hello that is to exchange N steps.
 fn plant(steps: u64) -> PlantSide {
     let hello = hello();
     let mut plant = PlantSide::new(steps);

@@ -1,4 +1,4 @@
-//! What is granted is what the system says afterwards. Each test has a thread of its own.
+//! Settings are granted as the system reports them afterwards. Each test has a thread of its own.
 
 use rustix::thread::sched_getcpu;
 

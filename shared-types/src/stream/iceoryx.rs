@@ -29,7 +29,7 @@ const WATCHERS_BUFFER: usize = BUFFER / 4;
 const OBSERVERS: usize = 4;
 /// Most of them that only watch.
 pub const WATCHERS: usize = OBSERVERS - 1;
-/// The credit is looked at when so many items may be under way.
+/// The credit is looked at when N items may be under way.
 const LOOK_AT: u64 = BUFFER as u64 / 4;
 /// The loop is held back when fewer free places than this may be left: an event may take thousands, as
 /// that of a fault with a long table does.

@@ -1,4 +1,4 @@
-//! What only the stream over shared memory and the assembler can show; `conformance` has what every stream must.
+//! Facts that only the stream over shared memory and the assembler can show; `conformance` has those of every stream.
 
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::PathBuf;

@@ -1,4 +1,4 @@
-//! What may stand in brackets behind a row of [`table!`](crate::table!); the compiler names the nearest
+//! Flags in brackets behind a row of [`table!`](crate::table!); the compiler names the nearest
 //! of these when it is something else.
 
 use super::Field;

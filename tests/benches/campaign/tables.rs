@@ -18,7 +18,7 @@ use super::{Desk, LOOK, ROUNDS, measure, scenario};
 /// Cases of a shard.
 const SHARD: u64 = 15_625;
 
-/// Measures both at so many rows.
+/// Measures both at N rows.
 pub(super) fn measure(desk: &Desk, rows: u64) {
     let Some(python) = python() else {
         println!("no python3 with duckdb: collect and show are not compared");
@@ -67,7 +67,7 @@ fn study(cases: u64) -> String {
     )
 }
 
-/// Makes a planned campaign one of so many cases, and publishes a row for each.
+/// Makes a planned campaign one of N cases, and publishes a row for each.
 fn fill(path: &Path, rows: u64) -> String {
     let mut manifest = Manifest::read(path).expect("a campaign");
     let study = study(rows);

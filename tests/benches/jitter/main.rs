@@ -125,7 +125,7 @@ struct Jitter {
     removed: f64,
 }
 
-/// One side after the other, beside what the gap detector saw before.
+/// Sides, one after the other, beside the gaps that the detector saw before.
 struct Pair {
     ours: Releases,
     theirs: Option<Jitter>,

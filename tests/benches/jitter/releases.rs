@@ -1,4 +1,4 @@
-//! When a paced `hil run` sent its samples, by its recording.
+//! Release times of the samples of a paced `hil run`, by its recording.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use crate::measure::median;
 use crate::programs::Programs;
 use crate::{Class, Jitter, PRIORITY, Setting};
 
-/// One run.
+/// Run.
 pub(crate) struct Releases {
     pub(crate) jitter: Jitter,
     pub(crate) drift_ns: f64,

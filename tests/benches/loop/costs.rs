@@ -1,4 +1,4 @@
-//! What a step costs that computes nothing: by signals, by observers, and against the limits of the
+//! Costs of a step that computes nothing: by signals, by observers, and against the limits of the
 //! machine.
 //!
 //! Observers attach to the record stream and take all of it, in threads of this process that look
@@ -43,7 +43,7 @@ impl Observed {
     }
 }
 
-/// One kind of run and its figures in each round.
+/// Kind of run and its figures in each round.
 struct Row {
     signals: usize,
     observed: Observed,

@@ -1,4 +1,4 @@
-//! What the fault layer costs: alone with no fault, and whole runs with ten signal faults.
+//! Costs of the fault layer: alone with no fault, and whole runs with ten signal faults.
 
 use std::fmt::Write as _;
 use std::hint::black_box;

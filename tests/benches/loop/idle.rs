@@ -1,4 +1,4 @@
-//! What a run costs that has nothing to do: held, or paced at ten steps a second.
+//! Costs of a run that has nothing to do: held, or paced at ten steps a second.
 //!
 //! The processor time of `hil` and both its processes, as the kernel counts it in `/proc/PID/stat`,
 //! over one long stretch of each run.

@@ -1,4 +1,7 @@
-//! What `hil monitor` costs the run that it watches.
+//! Costs of `hil monitor` for the run that it watches.
+//!
+//! Runs with and without one, in turns. Each run is held before its first steps until the monitor is
+//! there, also where there is none, so that both are held alike.
 
 use std::fs::File;
 use std::io::Read;

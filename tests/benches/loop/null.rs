@@ -2,7 +2,7 @@
 //! between two processes.
 //!
 //! This program is its own plant and controller process, told apart by the name it is started under.
-//! A run by `hil run` is recorded. With the engine in this process nobody has to observe, or so many
+//! A run by `hil run` is recorded. With the engine in this process nobody has to observe, or N
 //! that only watch.
 
 use std::os::unix::fs::symlink;
@@ -14,7 +14,7 @@ use std::time::Duration;
 use controller_process::controller::{Law, LawKind, Row};
 use hil_config::plan::{Clock, PlantPlan, Run};
 use plant_process::engine::Engine;
-use plant_process::plant::{Model, PlantKind};
+use plant_process::plant::PlantKind;
 use shared_types::clock::monotonic_ns;
 use shared_types::describe::{LawDescription, PlantDescription, Settings};
 use shared_types::failure::Failure;
@@ -28,9 +28,10 @@ use shared_types::stream::iceoryx::{IceoryxSink, IceoryxSource};
 use shared_types::stream::{Backpressure, RecordSink, RecordSource};
 use shared_types::supervision::Supervision;
 use shared_types::table::Field;
-use shared_types::time::{Interval, Rate};
+use shared_types::time::Rate;
 use shared_types::wait::{WaitLimit, Waiter};
 use tempfile::TempDir;
+use tools::testing::NullPlant;
 
 use crate::effort::shortened;
 use crate::programs::Programs;
@@ -45,27 +46,6 @@ const RATE_HZ: f64 = 10_000.0;
 /// Names that this program is started under.
 const PLANT: &str = "null-plant";
 const CONTROLLER: &str = "null-controller";
-
-struct NullPlant;
-
-impl Model for NullPlant {
-    fn retune(&mut self, _parameters: &[f64]) -> Result<(), Failure> {
-        Ok(())
-    }
-
-    fn measure(&mut self, measured: &mut [f64]) -> Result<(), Failure> {
-        measured.fill(1.0);
-        Ok(())
-    }
-
-    fn truth(&mut self, _: f64, _command: &[f64], _truth: &mut [f64]) -> Result<(), Failure> {
-        Ok(())
-    }
-
-    fn advance(&mut self, _interval: &Interval, _command: &[f64]) -> Result<(), Failure> {
-        Ok(())
-    }
-}
 
 struct NullLaw;
 
@@ -126,7 +106,7 @@ fn law(size: usize) -> LawKind {
     }
 }
 
-/// Is the plant or the controller process, if this program was started as one.
+/// Runs as the plant or the controller process, if this program was started as one.
 pub(crate) fn answered() -> Option<ExitCode> {
     let started_as = std::env::args().next()?;
     match Path::new(&started_as).file_name()?.to_str()? {
@@ -218,7 +198,7 @@ fn watch(session: &SessionInfo, is_over: &AtomicBool) {
     }
 }
 
-/// A run that nobody records and so many watch: the engine here, the controller in a process of its
+/// A run that nobody records and N watch: the engine here, the controller in a process of its
 /// own, the observers in threads.
 pub(crate) fn watched(names: &Names, size: usize, observers: usize) -> Figures {
     let steps = shortened(STEPS);

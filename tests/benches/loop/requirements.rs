@@ -1,4 +1,4 @@
-//! What requirements cost: twenty of them in the recorder of whole runs, and alone.
+//! Costs of requirements: twenty of them in the recorder of whole runs, and alone.
 
 use std::fmt::Write as _;
 use std::hint::black_box;

@@ -7,7 +7,7 @@ use crate::experiment::scenario_file;
 use crate::measure::{Bystanders, machine, median};
 use crate::programs::Programs;
 
-/// One way to run the scenario, and what came of it.
+/// Way to run the scenario, and its figures.
 struct Way {
     name: &'static str,
     arguments: &'static [&'static str],

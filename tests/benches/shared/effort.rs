@@ -1,4 +1,4 @@
-//! How much a bench measures: all of it, or with `HIL_BENCH_QUICK=1` so little that it shows only
+//! Effort of a bench: all of it, or with `HIL_BENCH_QUICK=1` so little that it shows only
 //! whether the bench works.
 
 fn is_quick() -> bool {

@@ -23,7 +23,7 @@ pub(crate) fn scenario_file() -> PathBuf {
     tests.join("../scenarios/severe-leakage.toml")
 }
 
-/// One run, closed by hand.
+/// Run, closed by hand.
 pub(crate) struct Experiment {
     plan: Plan,
     plant: PlantKind,
@@ -217,7 +217,7 @@ impl Experiment {
         rows
     }
 
-    /// One step of the plant in ns: fault layer, measurement, truth and integration.
+    /// Measures a step of the plant in ns: fault layer, measurement, truth and integration.
     pub(crate) fn plant_ns(&self, rows: &Rows) -> f64 {
         let mut rig = self.rig();
         let mut measured = vec![0.0; self.plant.description.measured.len()];
@@ -231,7 +231,7 @@ impl Experiment {
         self.per_step(since_ns)
     }
 
-    /// One evaluation of the stimuli in ns.
+    /// Measures an evaluation of the stimuli in ns.
     pub(crate) fn stimuli_ns(&self) -> f64 {
         let count = self.plan.stimuli.iter().map(|s| s.fields().len()).sum();
         let mut reference = vec![0.0; count];
@@ -243,7 +243,7 @@ impl Experiment {
         self.per_step(since_ns)
     }
 
-    /// One step of the law in ns.
+    /// Measures a step of the law in ns.
     pub(crate) fn law_ns(&self, rows: &Rows) -> f64 {
         let mut law = self.law();
         let mut command = vec![0.0; self.plant.description.commands.len()];

@@ -1,4 +1,4 @@
-//! What every bench needs: medians, percentiles, cores, and how busy the machine was otherwise.
+//! Measures that every bench needs: medians, percentiles, cores, and how busy the machine was otherwise.
 
 use std::fs;
 

@@ -1,8 +1,8 @@
 //! Bench `soak`: what does a long run, and what do many runs, cost in the end?
 //!
-//! `cargo bench -p tests --bench soak -- [STEPS [CYCLES [SESSIONS]]]` runs the teaching plant for so many steps
+//! `cargo bench -p tests --bench soak -- [STEPS [CYCLES [SESSIONS]]]` runs the teaching plant for STEPS steps
 //! (10,000,000) under faults that another terminal injects at random, and looks at the memory of all
-//! three processes and at the file; then so many short runs one after the other (500); then so many
+//! three processes and at the file; then CYCLES short runs one after the other (500); then SESSIONS
 //! sessions at once (16). It fails if a step is lost, a digest differs or something is left.
 
 #[path = "../shared/measure.rs"]

@@ -38,7 +38,7 @@ const SOCKETS: [Exchange; 4] = [
     Exchange::Tcp,
 ];
 
-/// One way to cross, and how long it took in each round.
+/// Way to cross, and its times in each round.
 struct Row {
     exchange: Exchange,
     wait: Wait,

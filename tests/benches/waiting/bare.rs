@@ -1,4 +1,4 @@
-//! What a step costs at least: two processes with the work of the scenario and nothing but a wake-up between.
+//! Least cost of a step: two processes with the work of the scenario and nothing but a wake-up between.
 
 use std::io::{Read, Write};
 use std::os::unix::net::{UnixListener, UnixStream};
@@ -83,7 +83,7 @@ impl Bare {
         }
     }
 
-    /// Us a trip, of so many, with half of the work on each side.
+    /// Us a trip, of N, with half of the work on each side.
     pub(crate) fn measure(self, work: Work, trips: u64, cell: &Cell) -> f64 {
         let session = Session::create(None).expect("a session");
         let start = |side: &str| -> Child {
@@ -107,7 +107,7 @@ impl Bare {
     }
 }
 
-/// Is one side of a bare exchange, if this process was started as one.
+/// Runs as a side of a bare exchange, if this process was started as one.
 pub(crate) fn answered() -> bool {
     let Ok(way) = std::env::var(WAY) else {
         return false;

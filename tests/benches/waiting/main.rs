@@ -91,7 +91,7 @@ fn number(name: &str, otherwise: f64) -> f64 {
         .unwrap_or(otherwise)
 }
 
-/// Arguments of a run of the scenario without its events, for so many simulated seconds.
+/// Arguments of a run of the scenario without its events, for N simulated seconds.
 fn arguments(duration_s: f64) -> Vec<String> {
     let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios/severe-leakage.toml");
     let mut arguments = vec![scenario.to_string_lossy().into_owned()];
@@ -136,7 +136,7 @@ impl Way {
 }
 
 impl Bench {
-    /// Runs a strategy for so many simulated seconds, in as many sessions at once as the cell says.
+    /// Runs a strategy for N simulated seconds, in as many sessions at once as the cell says.
     fn run(
         &self,
         cell: &Cell,

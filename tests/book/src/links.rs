@@ -1,6 +1,6 @@
 //! Links that leave the pages.
 
-/// Links of a page so many folders below `docs` to files outside of it: the built book lies one folder
+/// Links of a page N folders below `docs` to files outside of it: the built book lies one folder
 /// deeper than `docs`.
 pub(crate) fn to_source(text: &str, depth: usize) -> String {
     let up = "../".repeat(depth + 1);

@@ -1,4 +1,4 @@
-//! What mdBook cannot do to the pages of `docs`, in the form it wants of a preprocessor: the book as JSON
+//! Changes to the pages of `docs` that mdBook cannot make, as a preprocessor for it: the book as JSON
 //! comes on standard input and goes to standard output. `docs/book.toml` names it.
 //!
 //! - Equations between dollars become MathML, which browsers draw without any script.
@@ -69,7 +69,7 @@ fn chapters(value: &mut Value, root: &Path) -> Result<(), String> {
     }
 }
 
-/// One page, by its path from `docs`.
+/// Prepares a page, named by its path from `docs`.
 fn page(content: &str, path: &str, root: &Path) -> Result<String, String> {
     let depth = path.matches('/').count();
     let mut whole = String::new();

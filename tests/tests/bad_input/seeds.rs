@@ -9,8 +9,8 @@ use std::fs;
 use std::path::Path;
 
 use hil_recording::compression::Compression;
-use hil_recording::writer::{Enclosure, Provenance, Recording};
-use shared_types::describe::{Description, PROTOCOL};
+use hil_recording::writer::{Attachment, Provenance, Recording};
+use shared_types::describe::Description;
 use shared_types::frame::{Frame, FrameIdentity, FrameKind, Header};
 use shared_types::hello::{Control, Hello, Offer, agree};
 use shared_types::record::{Event, FaultTaken, Outcome, RecordLayout, RunEnd, Timing};
@@ -86,7 +86,7 @@ fn recordings(folder: &Path) {
     let layout = layout();
     let (plant, controller) = described();
     let json = |description: &Description| serde_json::to_string(description).expect("plain data");
-    let enclosure = |name, text| Enclosure {
+    let attachment = |name, text| Attachment {
         name,
         media_type: "text/plain",
         text,
@@ -96,13 +96,13 @@ fn recordings(folder: &Path) {
             ("rate_hz".into(), "1000".into()),
             ("steps".into(), "10".into()),
         ]),
-        enclosures: vec![
-            enclosure(
+        attachments: vec![
+            attachment(
                 "scenario.toml",
                 include_str!("../../fuzz/corpus/scenario/small.toml").into(),
             ),
-            enclosure("plant-description.json", json(&plant)),
-            enclosure("controller-description.json", json(&controller)),
+            attachment("plant-description.json", json(&plant)),
+            attachment("controller-description.json", json(&controller)),
         ],
     };
     let end = Event::End(RunEnd::new(10, Outcome::Completed));
@@ -184,14 +184,8 @@ fn messages(folder: &Path) {
     let (plant, controller) = described();
     let (plant, law, reference) = (&plant.plants[0], &controller.laws[0], reference());
     let hello = Hello {
-        protocol: PROTOCOL,
-        session: 7,
-        law: law.name.clone(),
-        measured: law.measured.clone(),
-        reference: law.reference.clone(),
-        commands: law.commands.clone(),
-        internals: law.internals.clone(),
         tunable: vec![],
+        ..Hello::of(law, 7)
     };
     let offer = Offer {
         session: 7,

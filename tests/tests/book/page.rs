@@ -21,7 +21,7 @@ pub(super) struct Block<'p> {
     pub(super) line: usize,
     /// Text behind the fence.
     pub(super) language: &'p str,
-    /// Its text; a block without an end is a mistake that the parser refuses.
+    /// Text; a block without an end is a mistake that the parser refuses.
     pub(super) text: String,
     /// The file that a comment before it names, and whether it goes on with it.
     pub(super) file: Option<(&'p str, bool)>,
@@ -64,7 +64,7 @@ impl Page {
         Self { path, text }
     }
 
-    /// Its blocks in order.
+    /// Lists the blocks in order.
     pub(super) fn blocks(&self) -> Vec<Block<'_>> {
         let mut blocks = Vec::new();
         let mut lines = self.text.lines().enumerate();

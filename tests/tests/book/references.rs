@@ -202,7 +202,7 @@ fn signals() -> String {
         );
         parameters(
             &mut page,
-            "What it believes of the plant, `[controller.model]`",
+            "Beliefs about the plant, `[controller.model]`",
             &law.model,
         );
         columns(&mut page, "Measured", &law.measured);

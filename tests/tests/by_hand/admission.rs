@@ -1,4 +1,4 @@
-//! Who gets the place of a side and who does not, and what is refused before anybody is awaited.
+//! Admission to the place of a side, and refusals before anybody is awaited.
 
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::fs::PermissionsExt;

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use serde_json::Value;
 
-use crate::support::harness::{Rig, Run, until};
+use crate::support::harness::{Rig, Run, text, until};
 use crate::support::programs::workspace;
 use crate::support::slurm::Cluster;
 
@@ -23,11 +23,7 @@ struct Campaign<'a> {
     folder: PathBuf,
 }
 
-fn text(path: &Path) -> &str {
-    path.to_str().expect("plain text")
-}
-
-/// Writes the study: two variants, and so many cases of each that last so long.
+/// Writes the study: two variants, and N cases of each that last so long.
 fn study(rig: &Rig, draws: u64, duration_s: f64) -> PathBuf {
     let scenario = workspace().join("scenarios/spring-mass.toml");
     rig.write(

@@ -1,4 +1,4 @@
-//! Where tests run `hil`: a [`Rig`] for each test.
+//! Harness in which tests run `hil`: a [`Rig`] for each test.
 //!
 //! A rig has a session name, a folder and a watchdog. After every `hil` it looks for processes, shared
 //! memory and folders that should be gone. A watchdog that barks fails the test; no test measures time.
@@ -31,7 +31,7 @@ const LOOK: Duration = Duration::from_millis(2);
 /// which any other `hil` would sweep away.
 static SESSIONS: RwLock<()> = RwLock::new(());
 
-/// One test's own place. A test has one at a time.
+/// Place of a test. A test has one at a time.
 pub(crate) struct Rig {
     folder: TempDir,
     session: String,
@@ -52,7 +52,7 @@ pub(crate) struct Run {
     pub(crate) code: Option<i32>,
     pub(crate) stdout: String,
     pub(crate) stderr: String,
-    /// Its run folder, which exists if it got that far.
+    /// Run folder, which exists if it got that far.
     pub(crate) folder: PathBuf,
 }
 
@@ -350,12 +350,12 @@ impl<'r> Running<'r> {
         children.expect("both are there")
     }
 
-    /// Its run folder, or that of all its runs.
+    /// Returns the run folder, or that of all runs.
     pub(crate) fn folder(&self) -> &Path {
         &self.folder
     }
 
-    /// Its process number.
+    /// Returns the process number.
     pub(crate) fn pid(&self) -> u32 {
         self.process.id()
     }
@@ -403,7 +403,7 @@ impl Run {
         self
     }
 
-    /// Its `summary.json`.
+    /// Reads `summary.json`.
     pub(crate) fn summary(&self) -> Value {
         let path = self.folder.join("summary.json");
         let text = std::fs::read_to_string(&path);
@@ -411,7 +411,7 @@ impl Run {
         serde_json::from_str(&text).expect("the summary is JSON")
     }
 
-    /// Its digest.
+    /// Reads the digest.
     pub(crate) fn digest(&self) -> String {
         let summary = self.summary();
         let digest = summary["digest"].as_str();
@@ -420,7 +420,7 @@ impl Run {
             .to_owned()
     }
 
-    /// Its recording.
+    /// Returns the recording.
     pub(crate) fn recording(&self) -> PathBuf {
         self.folder.join("run.mcap")
     }
@@ -434,6 +434,11 @@ pub(crate) fn send(pid: u32, signal: Signal) {
 fn process_id(pid: u32) -> Pid {
     let pid = i32::try_from(pid).ok().and_then(Pid::from_raw);
     pid.expect("a process number")
+}
+
+/// Reads a path as text, for a command line.
+pub(crate) fn text(path: &Path) -> &str {
+    path.to_str().expect("plain text")
 }
 
 /// Waits for something that must come; the watchdog barks if it does not.

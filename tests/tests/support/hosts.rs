@@ -135,7 +135,7 @@ impl Hosts {
         answer.expect("watchdog: the wire has ended or does not answer")
     }
 
-    /// Has the wire do something.
+    /// Gives the wire an order.
     pub(crate) fn order(&mut self, order: &str) -> String {
         writeln!(self.orders, "{order}").expect("the wire listens");
         self.answer()

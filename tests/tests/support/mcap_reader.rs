@@ -18,7 +18,7 @@ pub(crate) struct Recording {
     pub(crate) events: Vec<Value>,
 }
 
-/// One record.
+/// Record.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Record {
     pub(crate) log_time_ns: u64,

@@ -64,7 +64,7 @@ impl Cluster {
         answer.expect("watchdog: the cluster has ended or does not answer")
     }
 
-    /// Has the cluster do something, such as `kill n1`.
+    /// Gives the cluster an order, such as `kill n1`.
     pub(crate) fn order(&mut self, order: &str) {
         let orders = self.orders.as_mut().expect("open until it is dropped");
         writeln!(orders, "{order}").expect("the cluster listens");

@@ -2,8 +2,7 @@
 
 use std::process::Command;
 
-use super::text;
-use crate::support::harness::Rig;
+use crate::support::harness::{Rig, text};
 use crate::support::programs::{self, skip, workspace};
 
 /// The three laws on the paper's plant, by the same source built for another processor: arithmetic and layout are the

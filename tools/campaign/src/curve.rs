@@ -17,7 +17,7 @@ pub struct Grid {
     pub bins: usize,
     /// Length of a bin in s.
     pub bin_s: f64,
-    /// One of so many draws keeps its curves.
+    /// Number of draws of which one keeps its curves.
     pub every: u64,
 }
 

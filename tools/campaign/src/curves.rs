@@ -33,9 +33,9 @@ pub struct Worst {
     pub requirement: String,
     /// Number of the case.
     pub case: u64,
-    /// Its margin.
+    /// Margin.
     pub margin: f64,
-    /// Its curve.
+    /// Curve.
     pub curve: Curve,
 }
 

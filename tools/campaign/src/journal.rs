@@ -185,7 +185,7 @@ impl Journal {
         })
     }
 
-    /// Has all that was noted on the disk.
+    /// Writes all notes to the disk.
     ///
     /// # Errors
     /// If it cannot be written.

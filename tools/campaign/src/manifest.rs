@@ -22,7 +22,7 @@ pub const MANIFEST: &str = "manifest.json";
 /// A file of the folder.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Copied {
-    /// Its path in the folder.
+    /// Path in the folder.
     pub path: String,
     /// Hash of its content.
     pub blake3: String,

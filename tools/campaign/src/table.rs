@@ -38,7 +38,7 @@ pub enum Kind {
 /// A column.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Column {
-    /// Its name.
+    /// Name.
     pub name: String,
     /// Type of its cells.
     pub kind: Kind,

@@ -23,7 +23,7 @@ pub(crate) fn fall(path: &Path) -> io::Result<()> {
     };
     let provenance = Provenance {
         facts: BTreeMap::from([("rate_hz".into(), rate.hz().to_string())]),
-        enclosures: Vec::new(),
+        attachments: Vec::new(),
     };
     let mut recording = Recording::create(path, Compression::Lz4, &layout, &provenance, None)?;
     let mut words = vec![0; layout.words()];

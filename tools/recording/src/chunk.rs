@@ -46,7 +46,7 @@ enum Body {
 }
 
 impl Chunk {
-    /// An empty chunk of a file with so many channels.
+    /// An empty chunk of a file with N channels.
     pub(super) fn new(compression: Compression, channels: u16) -> io::Result<Self> {
         let body = match compression {
             Compression::None => Body::Plain(Vec::new()),
@@ -154,7 +154,7 @@ impl Chunk {
         }
     }
 
-    /// Its messages as they go into the file. No more can be added until it is cleared.
+    /// Packs the messages as they go into the file. No more can be added until the chunk is cleared.
     pub(super) fn packed(&mut self) -> io::Result<Packed<'_>> {
         Ok(match &mut self.body {
             Body::Plain(body) => Packed::Borrowed(body.as_slice()),

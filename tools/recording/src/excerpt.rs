@@ -1,4 +1,4 @@
-//! What of a run is kept when not all of it is: some signals, every so many steps, and all that is
+//! Excerpt of a run when not all of it is kept: some signals, every N steps, and all that is
 //! around a fault.
 //!
 //! Used by the [recording](super), which writes what comes out here. Rows before a fault are kept
@@ -19,7 +19,7 @@ use shared_types::time::{Rate, Step};
 pub struct Choice {
     /// Patterns of names; none means every signal.
     pub signals: Vec<String>,
-    /// Every so many steps; none means every step, or with `around` none but the first and last.
+    /// Every N steps; none means every step, or with `around` none but the first and last.
     pub every: Option<u64>,
     /// Seconds before and after anything that happens to a fault.
     pub around_s: Option<[f64; 2]>,
@@ -32,7 +32,7 @@ impl Choice {
         *self == Self::default()
     }
 
-    /// As the recording tells of it.
+    /// Describes the excerpt for the recording.
     #[must_use]
     pub fn describe(&self) -> String {
         let mut parts = Vec::new();

@@ -29,9 +29,9 @@ const WORD: usize = size_of::<u64>();
 const MIN_MATCH: usize = 4;
 /// A match of fewer bytes saves less than it costs to write down.
 const WORTHWHILE: usize = 6;
-/// A change below this leaves so many bytes of a word alone.
+/// A change below this leaves N bytes of a word alone.
 const SLIGHT: u64 = 1 << (8 * (WORD - WORTHWHILE));
-/// Literals of at most so many bytes are copied as if they were so many, which is quicker.
+/// Literals of at most N bytes are copied as if they were N, which is quicker.
 const STRIDE: usize = 32;
 /// The format's longest way back.
 const MAX_DISTANCE: usize = u16::MAX as usize;
@@ -251,7 +251,7 @@ impl Encoder {
         self.end += bytes.len();
     }
 
-    /// Makes room for so many bytes of a row at its worst, after what waits.
+    /// Makes room for N bytes of a row at its worst, after what waits.
     fn make_room(&mut self, bytes: usize) {
         let literals = self.literals.len() + bytes;
         // A sequence takes at most 3 bytes more than its literals and saves at least as many; the

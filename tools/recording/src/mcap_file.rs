@@ -303,7 +303,7 @@ fn record(opcode: u8, parts: &[&[u8]]) -> Vec<u8> {
     [&head(opcode, content.len())[..], &content].concat()
 }
 
-/// Returns the head that stands in front of so many bytes of a record.
+/// Returns the head that stands in front of N bytes of a record.
 fn head(opcode: u8, bytes: usize) -> [u8; 9] {
     let mut head = [opcode; 9];
     head[1..].copy_from_slice(&(bytes as u64).to_le_bytes());

@@ -6,6 +6,7 @@
 //! killed is read as far as it goes.
 
 pub(crate) mod content;
+mod error;
 mod form;
 mod schema;
 mod validity;
@@ -26,6 +27,7 @@ use crate::clean::clean;
 use crate::{event, mark, part_file};
 pub use content::End;
 use content::{Content, ContentError};
+pub use error::ReadError;
 pub use schema::Column;
 pub(crate) use vouched::VOUCHED;
 pub use vouched::{UNVOUCHED, Unvouched};
@@ -44,80 +46,6 @@ const ENCAPSULATION: usize = 4;
 /// The last step of the longest run that a scenario can ask for; what follows steps may count on it.
 const LAST_STEP: u64 = 1 << 40;
 
-/// Advice for a file of which nothing can be had.
-const AGAIN: &str = "copy it again from where it is whole, or run the scenario again";
-
-fn damage(path: &Path, what: &str, records: u64) -> String {
-    match records {
-        0 => format!("before its first record: {what}; {AGAIN}"),
-        _ => format!(
-            "after {records} records: {what}; `hil recover {} -o FILE` makes a recording of what is before",
-            path.display()
-        ),
-    }
-}
-
-/// A run cannot be read.
-#[derive(Debug, thiserror::Error)]
-pub enum ReadError {
-    /// The folder of a run has no recording.
-    #[error("{0} has no recording; it was run with --no-record, or is no run's folder")]
-    NoRecording(PathBuf),
-    /// The file cannot be read.
-    #[error("cannot read {path}: {error}")]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// Error of the operating system.
-        error: std::io::Error,
-    },
-    /// Only a part of the run was kept.
-    #[error(
-        "{path} is an excerpt ({kept}); this needs the whole run: record it without --record, --record-every and --record-around-faults"
-    )]
-    Excerpt {
-        /// The file.
-        path: PathBuf,
-        /// Description of what was kept.
-        kept: String,
-    },
-    /// Something in the file is wrong, and not only its end is missing.
-    #[error(
-        "{path} is damaged at byte {at} of {length}, {}",
-        damage(path, what, *records)
-    )]
-    Damaged {
-        /// The file.
-        path: PathBuf,
-        /// Description of what is wrong with the file.
-        what: String,
-        /// Byte at which the file is damaged.
-        at: u64,
-        /// Bytes of the file.
-        length: u64,
-        /// Records before.
-        records: u64,
-    },
-    /// The file ends before there is anything of a run in it.
-    #[error(
-        "{path} was cut off after {length} bytes, before its first record: nothing of the run is in it; {AGAIN}"
-    )]
-    Cut {
-        /// The file.
-        path: PathBuf,
-        /// Its bytes.
-        length: u64,
-    },
-    /// The file is not what `hil run` writes.
-    #[error("{path} is no recording of a run: {what}")]
-    Foreign {
-        /// The file.
-        path: PathBuf,
-        /// Description of what is wrong with the file.
-        what: String,
-    },
-}
-
 /// A recorded run, read from its begin.
 pub struct RunReader {
     path: PathBuf,
@@ -128,7 +56,7 @@ pub struct RunReader {
     channels: BTreeMap<u16, Option<String>>,
     schemas: BTreeMap<u16, String>,
     metadata: BTreeMap<String, BTreeMap<String, String>>,
-    enclosures: BTreeMap<String, String>,
+    attachments: BTreeMap<String, String>,
     words: Vec<u64>,
     /// The first step that the next record may have.
     next_step: u64,
@@ -182,7 +110,7 @@ impl RunReader {
             channels: BTreeMap::new(),
             schemas: BTreeMap::new(),
             metadata: BTreeMap::new(),
-            enclosures: BTreeMap::new(),
+            attachments: BTreeMap::new(),
             words: Vec::new(),
             next_step: 0,
             events: Vec::new(),
@@ -287,8 +215,8 @@ impl RunReader {
     ///
     /// # Errors
     /// If there is none of that name.
-    pub fn enclosure(&self, name: &str) -> Result<&str, ReadError> {
-        let text = self.enclosures.get(name).map(String::as_str);
+    pub fn attachment(&self, name: &str) -> Result<&str, ReadError> {
+        let text = self.attachments.get(name).map(String::as_str);
         text.ok_or_else(|| self.foreign(format!("it does not carry `{name}`")))
     }
 
@@ -296,8 +224,8 @@ impl RunReader {
     ///
     /// # Errors
     /// If there is none of that name, or it cannot be understood.
-    pub fn enclosed<T: DeserializeOwned>(&self, name: &str) -> Result<T, ReadError> {
-        let text = self.enclosure(name)?;
+    pub fn attached<T: DeserializeOwned>(&self, name: &str) -> Result<T, ReadError> {
+        let text = self.attachment(name)?;
         serde_json::from_str(text).map_err(|error| self.foreign(format!("`{name}`: {error}")))
     }
 
@@ -450,7 +378,7 @@ impl RunReader {
             }
             Record::Attachment { header, data, .. } => {
                 let text = String::from_utf8_lossy(&data).into_owned();
-                self.enclosures.insert(header.name, text);
+                self.attachments.insert(header.name, text);
             }
             Record::Message { header, data } => match self.channels.get(&header.channel_id) {
                 Some(None) if data.len() == ENCAPSULATION + 8 * self.columns.len() => {

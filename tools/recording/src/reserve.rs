@@ -14,7 +14,7 @@ use rustix::fs::{FallocateFlags, fallocate};
 pub struct Reserve(Option<File>);
 
 impl Reserve {
-    /// Keeps so many bytes. If they cannot be kept, the reserve is empty: the run may need no more than
+    /// Keeps N bytes. If they cannot be kept, the reserve is empty: the run may need no more than
     /// there is.
     #[must_use]
     pub fn of(folder: &Path, bytes: u64) -> Self {

@@ -1,4 +1,4 @@
-//! What a recording says of the form of its messages.
+//! Schema of the messages of a recording.
 //!
 //! Used by the [recording](super) when it is created. Records are described in `ros2msg`, made from
 //! the layout, and so are events: the profile `ros2` of MCAP knows nothing else, and who reads files of
@@ -39,7 +39,7 @@ pub fn record(layout: &RecordLayout) -> String {
     of(sample, command, layout.groups())
 }
 
-/// The same of so many words of validity bits of sample and command, and of these groups.
+/// The same of N words of validity bits of sample and command, and of these groups.
 pub(super) fn of(
     sample_words: usize,
     command_words: usize,

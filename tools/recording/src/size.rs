@@ -1,4 +1,4 @@
-//! How large a recording can get, before the run.
+//! Size that a recording can reach, estimated before the run.
 
 use shared_types::record::{RecordLayout, Timing};
 
@@ -7,7 +7,7 @@ use super::excerpt::{Choice, names};
 /// Bytes of a message besides its words: its head, its encapsulation and its entry in the index.
 const BESIDES: u64 = 31 + 4 + 16;
 
-/// Computes the largest size of a run of so many steps in bytes without compression; without what
+/// Computes the largest size of a run of N steps in bytes without compression; without what
 /// happens around faults, whose number is not known.
 ///
 /// # Errors

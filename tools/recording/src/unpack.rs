@@ -17,7 +17,7 @@ const PLAIN_BLOCK: u32 = 1 << 31;
 /// The format's shortest match.
 const MIN_MATCH: usize = 4;
 
-/// Unpacks a chunk that must give so many bytes.
+/// Unpacks a chunk that must give N bytes.
 ///
 /// # Errors
 /// If it does not.
@@ -48,7 +48,7 @@ pub(crate) fn torn(compression: &str, packed: &[u8], limit: usize, into: &mut Ve
     }
 }
 
-/// Unpacks at most so many bytes; what came before an error is there.
+/// Unpacks at most N bytes; what came before an error is there.
 fn unpack(compression: &str, packed: &[u8], limit: usize, into: &mut Vec<u8>) -> io::Result<()> {
     let limit = limit as u64;
     let read = match compression {
@@ -143,7 +143,7 @@ fn length(bits: usize, source: &mut &[u8]) -> Option<usize> {
     Some(length)
 }
 
-/// The next so many bytes, if they are there.
+/// The next N bytes, if they are there.
 fn take<'a>(source: &mut &'a [u8], bytes: usize) -> Option<&'a [u8]> {
     let (taken, rest) = source.split_at_checked(bytes)?;
     *source = rest;

@@ -28,7 +28,7 @@ use crate::reserve::Reserve;
 
 /// Longest time that a chunk stays open.
 const CHUNK_TIME: Duration = Duration::from_millis(100);
-/// A chunk of so many bytes is closed. With the message that makes it full it stays far below the
+/// A chunk of N bytes is closed. With the message that makes it full it stays far below the
 /// 4 MiB of an LZ4 block.
 pub(super) const CHUNK_BYTES: usize = 1 << 20;
 /// The facts of a run; there may be several lists of them, one after another.
@@ -42,7 +42,7 @@ pub(super) const CHANNELS: u16 = 2;
 
 /// A text file that travels in the recording.
 #[derive(Clone, Debug)]
-pub struct Enclosure {
+pub struct Attachment {
     /// File name.
     pub name: &'static str,
     /// Media type.
@@ -57,7 +57,7 @@ pub struct Provenance {
     /// Facts known before the run, by name.
     pub facts: BTreeMap<String, String>,
     /// Files.
-    pub enclosures: Vec<Enclosure>,
+    pub attachments: Vec<Attachment>,
 }
 
 /// A part of a run.
@@ -67,7 +67,7 @@ pub struct Part<'a> {
     pub choice: &'a Choice,
     /// The rate of the run.
     pub rate: Rate,
-    /// Its last record.
+    /// Last record.
     pub last: Step,
 }
 
@@ -77,7 +77,7 @@ pub struct Recording {
     records: u16,
     events: u16,
     chunk: Chunk,
-    /// If not all is kept.
+    /// Choice of what is kept, if not all is.
     excerpt: Option<Excerpt>,
     /// Records in the chunks.
     written: u64,
@@ -113,14 +113,14 @@ impl Recording {
             name: FACTS.into(),
             metadata: provenance.facts.clone(),
         })?;
-        for enclosure in &provenance.enclosures {
+        for attachment in &provenance.attachments {
             let header = AttachmentHeader {
                 log_time: 0,
                 create_time: 0,
-                name: enclosure.name.into(),
-                media_type: enclosure.media_type.into(),
+                name: attachment.name.into(),
+                media_type: attachment.media_type.into(),
             };
-            file.attachment(header, enclosure.text.as_bytes())?;
+            file.attachment(header, attachment.text.as_bytes())?;
         }
         let schema = match &excerpt {
             None => schema::record(layout),

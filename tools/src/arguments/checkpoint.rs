@@ -7,7 +7,7 @@ use clap::Args;
 use super::runs::run_path;
 use crate::terminal::duration::seconds;
 
-/// Which checkpoints a run makes.
+/// Choice of the checkpoints that a run makes.
 #[derive(Clone, Debug, Default, Args)]
 pub struct CheckpointArguments {
     /// Save the state of plant and controller before the first step at or after this simulated time,
@@ -16,7 +16,7 @@ pub struct CheckpointArguments {
     pub checkpoint_at: Vec<f64>,
 }
 
-/// Which checkpoint a run goes on from.
+/// Choice of the checkpoint that a run goes on from.
 #[derive(Clone, Debug, Default, Args)]
 pub struct FromArguments {
     /// Go on from a checkpoint, with its scenario and what --set changes in it from there on

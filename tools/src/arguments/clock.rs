@@ -7,7 +7,7 @@ use super::SessionChoice;
 /// Arguments of `hil pause` and `hil resume`.
 #[derive(Debug, Args)]
 pub struct ClockArguments {
-    /// Which session
+    /// Session
     #[command(flatten)]
     pub session: SessionChoice,
 }
@@ -15,10 +15,10 @@ pub struct ClockArguments {
 /// Arguments of `hil step`.
 #[derive(Debug, Args)]
 pub struct StepArguments {
-    /// How many steps
+    /// Number of steps
     #[arg(value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
     pub steps: u64,
-    /// Which session
+    /// Session
     #[command(flatten)]
     pub session: SessionChoice,
 }

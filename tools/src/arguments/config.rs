@@ -10,7 +10,7 @@ use super::run::Changes;
 /// Arguments of `hil config`.
 #[derive(Debug, Args)]
 pub struct ConfigArguments {
-    /// What to do.
+    /// Action.
     #[command(subcommand)]
     pub action: ConfigAction,
 }
@@ -31,10 +31,10 @@ pub enum ConfigAction {
         after_help = "Examples:\n  hil config schema > scenario.schema.json\n  hil config schema --study > study.schema.json"
     )]
     Schema {
-        /// That of studies, for hil campaign.
+        /// Print the schema of studies, for hil campaign.
         #[arg(long)]
         study: bool,
-        /// Which binaries are described.
+        /// Choice of the described binaries.
         #[command(flatten)]
         binaries: BinaryArguments,
     },
@@ -46,10 +46,10 @@ pub struct ScenarioArguments {
     /// The scenario file
     #[arg(value_name = "SCENARIO.toml")]
     pub scenario: PathBuf,
-    /// What is changed in it
+    /// Changes of the scenario
     #[command(flatten)]
     pub changes: Changes,
-    /// Which binaries it is checked against
+    /// Binaries that the scenario is checked against
     #[command(flatten)]
     pub binaries: BinaryArguments,
     /// Print problems as JSON

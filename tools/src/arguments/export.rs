@@ -29,7 +29,7 @@ pub struct ExportArguments {
     /// The file to write; - is standard output, which is the default
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// What to write [default: what the file's name ends with, on standard output csv]
+    /// Format [default: the ending of the file's name, on standard output csv]
     #[arg(long, value_name = "FORMAT")]
     pub format: Option<ExportFormat>,
     /// A signal, or several with * and ?; may be given several times [default: all signals]
@@ -68,7 +68,7 @@ pub enum ExportFormat {
 }
 
 impl ExportFormat {
-    /// Its name, which is also how its files end.
+    /// Returns the name, which is also the ending of files.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

@@ -51,7 +51,7 @@ pub struct InjectArguments {
     /// The kind of fault, see --list
     #[arg(group = "action")]
     pub kind: Option<String>,
-    /// What it acts on, then values of the kind's keys in their order
+    /// Target, then values of the kind's keys in their order
     #[arg(value_name = "TARGET|VALUE", conflicts_with = "instead")]
     pub words: Vec<String>,
     /// A key of the kind, for one that an option of hil hides; else --KEY VALUE does
@@ -96,7 +96,7 @@ pub struct InjectArguments {
         help_heading = "Begin"
     )]
     pub when: Option<String>,
-    /// How long it must hold
+    /// Time that the condition must hold
     #[arg(long = "for", value_name = "TIME", value_parser = seconds, requires = "when", help_heading = "Begin")]
     pub hold: Option<f64>,
     /// Take hold after another fault did
@@ -107,10 +107,10 @@ pub struct InjectArguments {
         help_heading = "Begin"
     )]
     pub after: Option<String>,
-    /// How long after it
+    /// Delay after the other fault
     #[arg(long, value_name = "TIME", value_parser = seconds, requires = "after", help_heading = "Begin")]
     pub delay: Option<f64>,
-    /// How much later each target follows
+    /// Delay of each further target
     #[arg(long, value_name = "TIME[,TIME]...", value_parser = seconds, value_delimiter = ',', conflicts_with = "instead", help_heading = "Begin")]
     pub skew: Vec<f64>,
 
@@ -128,10 +128,10 @@ pub struct InjectArguments {
         help_heading = "End"
     )]
     pub until: Option<String>,
-    /// How long it must hold
+    /// Time that the condition must hold
     #[arg(long, value_name = "TIME", value_parser = seconds, requires = "until", help_heading = "End")]
     pub until_for: Option<f64>,
-    /// End after it acted so many times
+    /// End after it acted COUNT times
     #[arg(
         long,
         value_name = "COUNT",
@@ -143,7 +143,7 @@ pub struct InjectArguments {
     /// A name that later faults can follow with --after
     #[arg(long, conflicts_with = "instead")]
     pub name: Option<String>,
-    /// Which session
+    /// Session
     #[command(flatten)]
     pub session: SessionChoice,
 
@@ -177,7 +177,7 @@ pub struct InjectArguments {
         help_heading = "Instead of a fault"
     )]
     pub plant_bin: Option<PathBuf>,
-    /// Which of its plants [default: all]
+    /// Plant of the binary [default: all]
     #[arg(
         long,
         value_name = "NAME",
@@ -193,12 +193,12 @@ pub struct InjectArguments {
     pub clear: Option<Clear>,
 }
 
-/// Which faults end.
+/// Choice of the faults that end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Clear {
     /// Every one.
     All,
-    /// That of a number.
+    /// Fault of a number.
     One(u32),
 }
 

@@ -49,10 +49,10 @@ pub struct LatencyArguments {
     /// Steps that are measured at max
     #[arg(long, value_name = "STEPS", default_value = "200000", value_parser = clap::value_parser!(u64).range(1..))]
     pub steps: u64,
-    /// How long each other rate is measured
+    /// Duration of the measurement at each other rate
     #[arg(long, value_name = "TIME", default_value = "5s", value_parser = seconds)]
     pub duration: f64,
-    /// What both sides run with
+    /// Settings of both sides
     #[command(flatten)]
     pub sides: SideArguments,
     /// Write all histograms to this file
@@ -63,7 +63,7 @@ pub struct LatencyArguments {
     pub json: bool,
 }
 
-/// What both sides of a measurement run with; of `hil run` the same flags and more.
+/// Settings of both sides of a measurement; of `hil run` the same flags and more.
 #[derive(Clone, Copy, Debug, Args)]
 #[command(next_help_heading = "Real time")]
 pub struct SideArguments {
@@ -82,7 +82,7 @@ pub struct SideArguments {
         conflicts_with = "run"
     )]
     pub priority: u32,
-    /// How each side waits for the other
+    /// Strategy by which each side waits for the other
     #[arg(
         long,
         value_enum,
@@ -94,7 +94,7 @@ pub struct SideArguments {
 }
 
 impl SideArguments {
-    /// As a scenario's `[realtime]` says it.
+    /// Gathers the settings of a scenario's `[realtime]`.
     #[must_use]
     pub fn realtime(&self) -> Realtime {
         Realtime {
@@ -107,7 +107,7 @@ impl SideArguments {
     }
 }
 
-/// What releases the steps of a measurement.
+/// Release of the steps of a measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Pace {
     /// The answer to the step before.
@@ -153,12 +153,12 @@ fn signals(text: &str) -> Result<usize, String> {
 pub struct LatencyPeerArguments {
     /// The folder of the measurement's session.
     pub session: PathBuf,
-    /// What it does there.
+    /// Work of the process.
     #[command(subcommand)]
     pub work: PeerWork,
 }
 
-/// What the other process does.
+/// Work of the other process.
 #[derive(Clone, Copy, Debug, Subcommand)]
 pub enum PeerWork {
     /// Runs the law that does nothing.
@@ -170,7 +170,7 @@ pub enum PeerWork {
     Answer {
         /// Signals in a frame as large as the payload.
         signals: usize,
-        /// How often.
+        /// Number of trips.
         trips: u64,
     },
 }

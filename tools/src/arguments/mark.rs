@@ -19,7 +19,7 @@ pub struct MarkArguments {
     /// The note: one line of at most 400 characters
     #[arg(value_name = "TEXT")]
     pub text: String,
-    /// Which session
+    /// Session
     #[command(flatten)]
     pub session: SessionChoice,
 }

@@ -71,7 +71,7 @@ use values::{GetArguments, WatchArguments};
 #[derive(Debug, Parser)]
 #[command(name = "hil", version)]
 pub struct CommandLine {
-    /// What to do.
+    /// Command.
     #[command(subcommand)]
     pub command: Command,
 }
@@ -332,7 +332,7 @@ pub struct BinaryArguments {
     pub controller_bin: Option<PathBuf>,
 }
 
-/// Which running session is meant, and how the answer is shown.
+/// Choice of a running session, and the form of the answer.
 #[derive(Debug, Default, Args)]
 pub struct SessionChoice {
     /// The session, if several are running

@@ -28,7 +28,7 @@ Examples:
 /// Arguments of `hil monitor`.
 #[derive(Debug, Args)]
 pub struct MonitorArguments {
-    /// Which session
+    /// Session
     #[command(flatten)]
     pub choice: SessionChoice,
     /// Draw a signal, or several with * and ?; may be given several times [default: references with
@@ -58,7 +58,7 @@ pub struct MonitorArguments {
         conflicts_with_all = ["once", "json"]
     )]
     pub foxglove: Option<SocketAddr>,
-    /// With --foxglove: serve at most so many records a second, picked and not averaged; inf is every one
+    /// With --foxglove: serve at most HZ records a second, picked and not averaged; inf is every one
     #[arg(long, value_name = "HZ", value_parser = rate, default_value = "200")]
     pub rate: f64,
 }

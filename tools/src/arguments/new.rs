@@ -20,7 +20,7 @@ Examples:
 /// Arguments of `hil new`.
 #[derive(Debug, Args)]
 pub struct NewArguments {
-    /// What it is
+    /// Sort of project
     #[arg(value_enum, value_name = "WHAT")]
     pub what: What,
     /// The folder to make; its last part is the name: a-z, 0-9 and -, a letter first
@@ -46,7 +46,7 @@ pub enum Language {
     C,
 }
 
-/// What can be begun.
+/// Sorts of projects that can be begun.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum What {
     /// A model as a program of its own.
@@ -58,7 +58,7 @@ pub enum What {
 }
 
 impl What {
-    /// Its name as it is typed.
+    /// Returns the name as it is typed.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

@@ -27,7 +27,7 @@ Examples:
 /// Arguments of `hil panel`.
 #[derive(Debug, Args)]
 pub struct PanelArguments {
-    /// Which session
+    /// Session
     #[command(flatten)]
     pub choice: SessionChoice,
     /// Draw a signal, or several with * and ?; may be given several times [default: as hil monitor]

@@ -3,7 +3,7 @@
 use clap::{Args, ValueEnum};
 use shared_types::wait::WaitStrategy;
 
-/// What is asked of the system; each is a key of `[realtime]`.
+/// Settings of the system; each is a key of `[realtime]`.
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Real time")]
 pub struct RealtimeArguments {
@@ -28,12 +28,12 @@ pub struct RealtimeArguments {
     /// Longest time in us that a core may need to wake up during the run
     #[arg(long, value_name = "US")]
     pub dma_latency: Option<u32>,
-    /// How each side waits for the other
+    /// Strategy by which each side waits for the other
     #[arg(long, value_enum, value_name = "HOW")]
     pub wait: Option<WaitKind>,
 }
 
-/// How a side waits.
+/// Strategy of waiting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum WaitKind {
     /// Poll, then give the core away or sleep, by what the waits before have shown.

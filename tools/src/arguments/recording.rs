@@ -25,7 +25,7 @@ pub(super) fn compression() -> impl TypedValueParser<Value = Compression> {
     })
 }
 
-/// What of a run is recorded. Digest, metrics and requirements always come from all of it.
+/// Choice of the recorded part of a run. Digest, metrics and requirements always come from all of it.
 #[derive(Clone, Debug, Default, Args)]
 pub struct ChoiceArguments {
     /// Record only the signals that fit, for example 'truth.*'; may be given several times
@@ -44,7 +44,7 @@ pub struct ChoiceArguments {
 const LONGEST_BEFORE_S: f64 = 60.0;
 
 impl ChoiceArguments {
-    /// What is to be kept.
+    /// Reads the choice of what is kept.
     ///
     /// # Errors
     /// If it cannot go with the other options.

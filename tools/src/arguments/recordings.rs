@@ -67,7 +67,7 @@ pub struct JudgeArguments {
 /// Arguments of `hil scenario`.
 #[derive(Debug, Args)]
 pub struct ScenarioCommand {
-    /// What to do.
+    /// Action.
     #[command(subcommand)]
     pub action: ScenarioAction,
 }

@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::runs::run_path;
 
-/// Its examples.
+/// Examples.
 pub(crate) const EXAMPLES: &str = "\
 Every whole record up to where the file broke off is kept. The new file takes
 the place of the old one when it is whole on the disk, not before. A file that is

@@ -36,13 +36,13 @@ pub struct ReplayArguments {
     /// all of them, or one; may be given several times
     #[arg(long, value_name = "[SIGNAL=]X", allow_hyphen_values = true)]
     pub tolerance: Vec<Tolerance>,
-    /// What connects the recording and the controller
+    /// Link between the recording and the controller
     #[arg(long, value_enum, default_value_t = LinkKind::Iceoryx2, value_name = "LINK")]
     pub link: LinkKind,
     /// Name of the session: a-z, 0-9 and -, at most 24 [default: random]
     #[arg(long, value_name = "NAME")]
     pub session: Option<String>,
-    /// How long a controller that lives may take to answer, in s; inf under a debugger
+    /// Limit of the wait for an answer of a live controller, in s; inf under a debugger
     #[arg(
         long,
         value_name = "SECONDS",

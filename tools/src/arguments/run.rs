@@ -46,7 +46,7 @@ pub struct RunArguments {
     /// Run each scenario so often; all runs of one must have the same digest, except in real time
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub repeat: u32,
-    /// So many runs at a time, at most as many as there are cores [default: half the cores, as each
+    /// Number of parallel runs, at most one per core [default: half the cores, as each
     /// run wants two; all with --link in-process, where it wants one; in real time, paced and on a target 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub jobs: Option<u32>,
@@ -63,10 +63,10 @@ pub struct RunArguments {
     /// sides) and compare the digests
     #[arg(long)]
     pub audit: bool,
-    /// Its panel
+    /// Panel
     #[command(flatten)]
     pub panel: RunPanelArguments,
-    /// How it is run
+    /// Options of the run
     #[command(flatten)]
     pub options: RunOptions,
 }
@@ -77,30 +77,30 @@ pub struct RerunArguments {
     /// A run's folder or its run.mcap; latest is the newest run below runs
     #[arg(value_name = "RUN", value_parser = run_path())]
     pub run: PathBuf,
-    /// How it is run
+    /// Options of the run
     #[command(flatten)]
     pub options: RunOptions,
 }
 
-/// How a scenario is run.
+/// Options of a run.
 #[derive(Clone, Debug, Args)]
 pub struct RunOptions {
-    /// What is changed in it
+    /// Changes of the scenario
     #[command(flatten)]
     pub changes: Changes,
-    /// Which binaries run
+    /// Binaries that run
     #[command(flatten)]
     pub binaries: BinaryArguments,
     /// Machine of the controller
     #[command(flatten)]
     pub target: TargetArguments,
-    /// Who starts the controller: hil, or you with the command that is printed, in a debugger, an IDE or perf
+    /// Starter of the controller: hil, or you with the command that is printed, in a debugger, an IDE or perf
     #[arg(long, value_enum, default_value_t = StartKind::Launched, value_name = "START")]
     pub controller: StartKind,
     /// The same of the plant
     #[arg(long, value_enum, default_value_t = StartKind::Launched, value_name = "START")]
     pub plant: StartKind,
-    /// What connects plant and controller
+    /// Link between plant and controller
     #[arg(long, value_enum, default_value_t = LinkKind::Iceoryx2, value_name = "LINK")]
     pub link: LinkKind,
     /// Write the run to this folder, which must not exist or be empty [default: runs/SCENARIO-TIME-SESSION]
@@ -115,10 +115,10 @@ pub struct RunOptions {
     /// Compression of run.mcap
     #[arg(long, value_parser = compression(), default_value = "lz4", value_name = "HOW")]
     pub compression: Compression,
-    /// What of it
+    /// Recorded part of the run
     #[command(flatten)]
     pub choice: ChoiceArguments,
-    /// How long a process that lives may keep the other waiting, in s; inf under a debugger
+    /// Limit of the wait for a live process, in s; inf under a debugger
     #[arg(
         long,
         value_name = "SECONDS",
@@ -129,7 +129,7 @@ pub struct RunOptions {
     /// Hold before the first step at or after this simulated time; go on with hil resume
     #[arg(long, value_name = "TIME", value_parser = seconds)]
     pub pause_at: Option<f64>,
-    /// Where it can be gone on from
+    /// Checkpoints to go on from
     #[command(flatten)]
     pub checkpoints: CheckpointArguments,
     /// Print the summary as JSON
@@ -143,13 +143,13 @@ pub struct Changes {
     /// Change a value of the scenario; may be given several times, for each value once
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
-    /// What releases a step: the other side's answer, the monotonic clock, or both
+    /// Release of a step: by the other side's answer, the monotonic clock, or both
     #[arg(long, value_enum, value_name = "CLOCK")]
     pub clock: Option<ClockKind>,
     /// Simulated seconds per second; implies --clock paced
     #[arg(long, value_name = "FACTOR", allow_negative_numbers = true)]
     pub pace: Option<f64>,
-    /// What is asked of the system
+    /// Settings of the system
     #[command(flatten)]
     pub realtime: RealtimeArguments,
 }
@@ -191,7 +191,7 @@ impl Changes {
     }
 }
 
-/// What connects plant and controller.
+/// Link between plant and controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum LinkKind {
     /// Two processes over shared memory.
@@ -200,7 +200,7 @@ pub enum LinkKind {
     InProcess,
 }
 
-/// Who starts a side.
+/// Starter of a side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum StartKind {
     /// hil starts it.
@@ -209,7 +209,7 @@ pub enum StartKind {
     External,
 }
 
-/// What releases a step.
+/// Release of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum ClockKind {
     /// The other side's answer: as fast as both can.

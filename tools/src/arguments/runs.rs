@@ -43,19 +43,19 @@ pub(super) fn run_path() -> impl TypedValueParser<Value = PathBuf> {
 #[derive(Debug, Args)]
 #[command(args_conflicts_with_subcommands = true)]
 pub struct RunsArguments {
-    /// What else to do.
+    /// Action.
     #[command(subcommand)]
     pub action: Option<RunsAction>,
-    /// Which runs
+    /// Choice of runs
     #[command(flatten)]
     pub choice: RunChoice,
-    /// What they are sorted by; the newest, the least margin, the largest come first
+    /// Order; the newest, the least margin, the largest come first
     #[arg(long, value_enum, default_value_t = Order::Time, value_name = "BY")]
     pub sort: Order,
     /// The other way round
     #[arg(long)]
     pub reverse: bool,
-    /// So many at most
+    /// Number of runs at most
     #[arg(long, value_name = "N")]
     pub last: Option<usize>,
     /// Print as JSON
@@ -74,13 +74,13 @@ pub enum RunsAction {
 /// Arguments of `hil runs rm`.
 #[derive(Debug, Args)]
 pub struct RemovalArguments {
-    /// Which runs
+    /// Choice of runs
     #[command(flatten)]
     pub choice: RunChoice,
-    /// Those that were begun longer ago
+    /// Runs that were begun longer ago
     #[arg(long, value_name = "AGE", value_parser = humantime::parse_duration)]
     pub older_than: Option<Duration>,
-    /// Keep so many of them, the newest
+    /// Keep the N newest of them
     #[arg(long, value_name = "N")]
     pub keep_last: Option<usize>,
     /// Keep those that did not pass
@@ -94,41 +94,41 @@ pub struct RemovalArguments {
     pub json: bool,
 }
 
-/// Which runs are meant.
+/// Choice of runs.
 #[derive(Debug, Args)]
 pub struct RunChoice {
     /// The folder that they are below
     #[arg(value_name = "FOLDER", default_value = RUNS)]
     pub folder: PathBuf,
-    /// Those of one scenario, or several with * and ?
+    /// Runs of one scenario, or several with * and ?
     #[arg(long, value_name = "NAME", value_parser = Pattern::new)]
     pub scenario: Option<Pattern>,
-    /// Those that ended so; may be given several times
+    /// Runs that ended so; may be given several times
     #[arg(long, value_enum, value_name = "VERDICT")]
     pub verdict: Vec<Ending>,
-    /// Those begun since: an age as 2d, 3h 20m, or a time as 2026-11-20, 2026-11-20T14:00:00Z
+    /// Runs begun since: an age as 2d, 3h 20m, or a time as 2026-11-20, 2026-11-20T14:00:00Z
     #[arg(long, value_name = "TIME", value_parser = since)]
     pub since: Option<SystemTime>,
 }
 
 impl RunChoice {
-    /// Whether it leaves anything out.
+    /// Checks that the choice leaves anything out.
     pub fn is_a_rule(&self) -> bool {
         self.scenario.is_some() || !self.verdict.is_empty() || self.since.is_some()
     }
 }
 
-/// How a run ended.
+/// End of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Ending {
     /// A requirement failed.
     Fail,
-    /// It was not completed.
+    /// Aborted before its last step.
     Aborted,
-    /// Its hil died before it could say.
+    /// Broken: its hil died before it could say.
     Broken,
-    /// It goes on.
+    /// Still running.
     Running,
     /// Every requirement holds.
     Pass,
@@ -148,14 +148,14 @@ impl Ending {
     }
 }
 
-/// What runs are sorted by.
+/// Order of runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Order {
     /// The time of their begin.
     Time,
     /// The name of the scenario.
     Scenario,
-    /// What failed comes first.
+    /// Failed runs come first.
     Verdict,
     /// The least robustness of a requirement.
     Margin,

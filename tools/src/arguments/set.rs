@@ -35,7 +35,7 @@ pub struct SetArguments {
     /// Time that the values take, in a straight line
     #[arg(long, value_name = "TIME", value_parser = seconds)]
     pub ramp: Option<f64>,
-    /// Which session
+    /// Session
     #[command(flatten)]
     pub session: SessionChoice,
 }

@@ -13,10 +13,10 @@ Examples:
   hil controller swap --set controller.law=pid
   hil controller swap --bin ./my-controller --session demo --json";
 
-/// What can be done with the controller of a running session.
+/// Actions on the controller of a running session.
 #[derive(Debug, Args)]
 pub struct ControllerArguments {
-    /// What to do
+    /// Action
     #[command(subcommand)]
     pub action: ControllerAction,
 }
@@ -26,7 +26,7 @@ pub struct ControllerArguments {
 pub enum ControllerAction {
     /// Let another controller take over while the run goes on
     ///
-    /// The new one is checked and started beside the one in office, which goes on until the new one is
+    /// The new one is checked and started beside the active one, which goes on until the new one is
     /// ready; then the plant takes commands from the new one alone. Its law begins afresh at that step.
     /// If anything is wrong with it, the run goes on with the one that it has.
     #[command(
@@ -46,7 +46,7 @@ pub struct SwapArguments {
     /// Change a value of the scenario that begins with `controller.`; may be given several times
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
-    /// Which session
+    /// Session
     #[command(flatten)]
     pub session: SessionChoice,
 }

@@ -9,7 +9,7 @@ use shared_types::number::exact;
 
 use shared_types::table::near;
 
-/// One `--tolerance`, as it is typed: `X` for every signal, or `SIGNAL=X`.
+/// Tolerance as it is typed: `X` for every signal, or `SIGNAL=X`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tolerance {
     /// The signal; `None` for all.
@@ -45,7 +45,7 @@ pub struct Tolerances {
 }
 
 impl Tolerances {
-    /// What was typed: the last word on a signal stands.
+    /// Reads the typed tolerances: the last word on a signal stands.
     #[must_use]
     pub fn typed(tolerances: &[Tolerance]) -> Self {
         let mut typed = Self::default();

@@ -36,7 +36,7 @@ pub struct GetArguments {
     /// List what `hil set` can change, with its value, in place of signals
     #[arg(long)]
     pub tunable: bool,
-    /// Which session
+    /// Session
     #[command(flatten)]
     pub session: SessionChoice,
 }
@@ -50,10 +50,10 @@ pub struct WatchArguments {
     /// Least time between two lines
     #[arg(long, value_name = "TIME", value_parser = every, default_value = "500ms")]
     pub every: f64,
-    /// End after so many lines
+    /// End after N lines
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub count: Option<u64>,
-    /// Which session
+    /// Session
     #[command(flatten)]
     pub session: SessionChoice,
 }

@@ -59,7 +59,7 @@ pub(crate) fn bars(times_ns: &Histogram<u64>) -> String {
     text
 }
 
-/// One stroke for one step, and as many more as its logarithm is of that of the most.
+/// Counts strokes: one for one step, and as many more as its logarithm is of that of the most.
 fn length(count: u64, most: u64) -> usize {
     if most <= 1 {
         return 1;

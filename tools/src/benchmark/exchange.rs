@@ -14,13 +14,13 @@ use crate::results::latency::histogram;
 /// Room for values in the smallest frame.
 const SMALLEST: usize = 16;
 
-/// Words of the frame that so many signals cross in: the next size class.
+/// Words of the frame that N signals cross in: the next size class.
 #[must_use]
 pub(crate) fn frame_words(signals: usize) -> usize {
     HEADER_WORDS + signals.next_power_of_two().max(SMALLEST)
 }
 
-/// One end of an exchange.
+/// End of an exchange.
 pub trait End {
     /// Sends a payload full of this number.
     fn send(&mut self, number: u64);

@@ -214,7 +214,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// The raw limit for frames of so many signals.
+    /// The raw limit for frames of N signals.
     fn raw_limit(&self, signals: usize, trips: Trips) -> Result<Histogram<u64>, Failure> {
         let there = frame_words(signals);
         let back = frame_words(null::answered_with(signals));
@@ -231,7 +231,7 @@ impl Bench {
         led.map_err(|error| self.gone(error, None))
     }
 
-    /// The bare exchange of frames of so many signals.
+    /// The bare exchange of frames of N signals.
     fn bare_exchange(&self, signals: usize, trips: Trips) -> Result<Histogram<u64>, Failure> {
         let mut session = session()?;
         let (_, job) = null::jobs(session.info(), None, 0, &self.realtime, WAIT_LIMIT_S);
@@ -267,7 +267,7 @@ impl Bench {
         })
     }
 
-    /// The loop with so many signals: the engine in this thread, the runner in another process.
+    /// The loop with N signals: the engine in this thread, the runner in another process.
     fn looped(&self, signals: usize, rate: Option<Rate>, trips: Trips) -> Result<Looped, Failure> {
         let mut session = session()?;
         let info = session.info().clone();

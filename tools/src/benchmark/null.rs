@@ -21,7 +21,8 @@ const NAME: &str = "null";
 /// Internal of the law: the time of its call, in ns of the monotonic clock.
 const CALLED: &str = "called_ns";
 
-struct NullPlant;
+/// Plant that measures ones and computes nothing.
+pub struct NullPlant;
 
 impl Model for NullPlant {
     fn retune(&mut self, _parameters: &[f64]) -> Result<(), Failure> {
@@ -69,7 +70,7 @@ fn fields(stem: &str, count: usize) -> Vec<Field> {
     (0..count).map(field).collect()
 }
 
-/// The plant, with so many measured signals.
+/// The plant, with N measured signals.
 #[must_use]
 pub(crate) fn plant(signals: usize) -> PlantKind {
     PlantKind {
@@ -116,7 +117,7 @@ pub(crate) fn called_place(layout: &RecordLayout) -> usize {
     layout.values_start() + before + 2 * layout.command.len()
 }
 
-/// Both sides' jobs: so many steps at the monotonic clock's pace, or as fast as both can.
+/// Both sides' jobs: N steps at the monotonic clock's pace, or as fast as both can.
 #[must_use]
 pub(crate) fn jobs(
     session: &SessionInfo,

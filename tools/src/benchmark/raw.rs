@@ -28,7 +28,7 @@ impl Cell {
     }
 }
 
-/// One end.
+/// End of a bare exchange.
 pub struct Raw {
     outgoing: Arc<Cell>,
     incoming: Arc<Cell>,
@@ -70,7 +70,7 @@ impl End for Raw {
     }
 }
 
-/// Two ends with so many words there, from the first to the second, and back.
+/// Two ends with N words there, from the first to the second, and back.
 #[must_use]
 pub fn pair(there: usize, back: usize) -> (Raw, Raw) {
     let (there, back) = (Cell::new(there), Cell::new(back));

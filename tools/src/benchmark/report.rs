@@ -1,4 +1,4 @@
-//! What `hil latency` says: JSON for machines, a table, bars and spikes for people, and all histograms
+//! Report of `hil latency`: JSON for machines, a table, bars and spikes for people, and all histograms
 //! as CSV.
 
 use std::collections::BTreeMap;
@@ -169,7 +169,7 @@ impl Figures {
     }
 }
 
-/// Goes on in a line that has so many columns, with words and in as many more lines as it takes.
+/// Goes on in a line that has N columns, with words and in as many more lines as it takes.
 fn write_wrapped(text: &mut String, words: &str, indent: usize) -> fmt::Result {
     let mut column = indent;
     for word in words.split(' ') {
@@ -185,18 +185,8 @@ fn write_wrapped(text: &mut String, words: &str, indent: usize) -> fmt::Result {
 
 /// A line of the table.
 fn row(table: &mut Table, name: &str, figures: &Percentiles) {
-    let Percentiles {
-        p50,
-        p90,
-        p99,
-        p999,
-        p9999,
-        max,
-        count,
-    } = *figures;
-    let times = [p50, p90, p99, p999, p9999, max].map(shown_ns);
-    let cells = [name.to_owned()].into_iter().chain(times);
-    table.cells(cells.chain([count.to_string()]));
+    let cells = [name.to_owned()].into_iter().chain(figures.shown());
+    table.cells(cells.chain([figures.count.to_string()]));
 }
 
 impl Report {

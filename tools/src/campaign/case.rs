@@ -1,4 +1,4 @@
-//! One case of a campaign again: as a scenario, or as a run with a recording whose digest must be the same.
+//! Case of a campaign again: as a scenario, or as a run with a recording whose digest must be the same.
 
 use std::sync::Arc;
 

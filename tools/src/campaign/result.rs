@@ -26,7 +26,7 @@ pub(super) struct CaseResult {
     reason: String,
     requirements: Vec<Requirement>,
     metrics: Vec<Metric>,
-    /// It ran in processes that ran other cases before, and is to be run once more in new ones.
+    /// True if the case ran in processes that ran other cases before, and is to be run once more in new ones.
     pub(super) is_to_check: bool,
     /// Curve of its signals, if one is kept.
     pub(super) curve: Option<Curve>,

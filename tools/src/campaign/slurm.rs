@@ -40,7 +40,7 @@ const SHARE_OF_LIMIT: f64 = 0.5;
 pub(super) struct Tasks {
     running: u64,
     waiting: u64,
-    /// Why tasks wait, unless it is for other tasks to end, with the number of each.
+    /// Reasons for which tasks wait, unless it is for other tasks to end, with the number of each.
     reasons: BTreeMap<String, u64>,
     /// Tasks that Slurm starts no more until they are released, with its reason.
     held: Vec<(String, String)>,
@@ -243,7 +243,7 @@ pub(super) fn tasks(folder: &Folder) -> Option<Tasks> {
 
 impl Tasks {
     /// Tells of them, with what to do.
-    pub(super) fn told(&self) -> String {
+    pub(super) fn describe(&self) -> String {
         let mut text = format!(
             "  slurm: {} running, {} waiting\n",
             counted(self.running, "task"),

@@ -1,4 +1,4 @@
-//! What is done, missing and under way, from the folder alone; tasks of a cluster, as it says.
+//! Status of a campaign: done, missing and under way, from the folder alone; tasks of a cluster, as it says.
 
 use hil_campaign::shard::Shard;
 use std::time::Duration;
@@ -46,7 +46,7 @@ pub(super) fn status(arguments: &StatusArguments) -> Result<Exit, Failure> {
     let folder = open(&arguments.folder)?;
     loop {
         let status = Status::of(&folder)?;
-        output::result(arguments.json, &status, || status.told(&folder))?;
+        output::result(arguments.json, &status, || status.describe(&folder))?;
         if !arguments.watch || status.shards_published == status.shards {
             return Ok(match status.conflicts.is_empty() {
                 true => Exit::Pass,
@@ -91,7 +91,7 @@ impl Status {
         Ok(status)
     }
 
-    fn told(&self, folder: &Folder) -> String {
+    fn describe(&self, folder: &Folder) -> String {
         let shown = quoted(folder.path());
         let Self {
             name,
@@ -112,7 +112,7 @@ impl Status {
             text += &format!("  {conflict}\n");
         }
         if let Some(tasks) = &self.tasks {
-            text += &tasks.told();
+            text += &tasks.describe();
         }
         if self.shards_published < self.shards && self.shards_under_way == 0 {
             text += &format!("  nobody works on it here; hil campaign run {shown} goes on\n");

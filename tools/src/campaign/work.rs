@@ -30,7 +30,7 @@ use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::interruption::Interruption;
 use crate::terminal::output;
 
-/// What a worker tells when a case came out otherwise in new processes.
+/// Word of a worker when a case came out otherwise in new processes.
 pub(super) const DIFFERS: &str = "differs";
 /// Time between two looks of the watchdog.
 const LOOK: Duration = Duration::from_millis(100);

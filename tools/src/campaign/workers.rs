@@ -148,7 +148,7 @@ enum News {
     Ended(usize),
 }
 
-/// Runs so many workers until each finds nothing to do; those that die are started again.
+/// Runs N workers until each finds nothing to do; those that die are started again.
 fn round(
     folder: &Folder,
     workers: usize,

@@ -1,4 +1,4 @@
-//! What may be another from a checkpoint on: nothing that contradicts what was before it.
+//! Differences that a run from a checkpoint may have: nothing that contradicts the steps before it.
 //!
 //! The records before the checkpoint stay as they are. So the plant, its controller, the rate and the
 //! seed stay; reference signals have the same values up to there; a fault that has begun keeps its

@@ -65,7 +65,7 @@ struct SavedSide {
     of: String,
     /// Hash of the binary that wrote it.
     binary_blake3: String,
-    /// Its file.
+    /// File.
     file: String,
     /// Hash of the file.
     blake3: String,

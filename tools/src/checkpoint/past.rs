@@ -259,7 +259,7 @@ fn past(recording: &Path, checkpoint: &Checkpoint) -> Result<(String, FaultLog),
     let told = |error: ReadError| error.to_string();
     let mut reader = RunReader::open(recording).map_err(told)?;
     reader.refuse_excerpt().map_err(told)?;
-    let scenario = reader.enclosure("scenario.toml").map_err(told)?.to_owned();
+    let scenario = reader.attachment("scenario.toml").map_err(told)?.to_owned();
     let shown = recording.display();
     if hash(&scenario) != checkpoint.recording.scenario_blake3 {
         return Err(format!(

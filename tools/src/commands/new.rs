@@ -70,7 +70,7 @@ const RESERVED: [&str; 44] = [
 /// Most bytes of a name.
 const LONGEST: usize = 40;
 
-/// What was made.
+/// Files that were made.
 #[derive(Serialize)]
 struct Made {
     folder: PathBuf,

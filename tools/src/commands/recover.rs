@@ -234,7 +234,7 @@ fn summarise(
 }
 
 impl Recovered {
-    /// As a person reads it.
+    /// Describes the result for a person.
     fn describe(&self) -> String {
         let Self {
             run,

@@ -85,7 +85,7 @@ struct Run {
     bytes: u64,
 }
 
-/// What is read of a summary; where it says something else, nothing.
+/// Facts read of a summary; where it says something else, nothing.
 #[derive(Default, Deserialize)]
 struct Told {
     scenario: String,
@@ -266,7 +266,7 @@ fn rfc3339<S: serde::Serializer>(time: &SystemTime, serializer: S) -> Result<S::
     serializer.collect_str(&humantime::format_rfc3339_millis(*time))
 }
 
-/// Whether something in a run's folder was put there by a run.
+/// Checks that a run put something into its folder.
 fn is_of_a_run(name: &OsStr) -> bool {
     let name = name.to_string_lossy();
     runs::FILES.contains(&&*name)

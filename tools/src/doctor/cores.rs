@@ -31,7 +31,7 @@ impl CoreList {
         Self(text.split(',').filter_map(range).flatten().collect())
     }
 
-    /// Its cores, in order.
+    /// Iterates over the cores, in order.
     pub(crate) fn iter(&self) -> impl DoubleEndedIterator<Item = u32> + Clone {
         self.0.iter().copied()
     }

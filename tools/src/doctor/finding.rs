@@ -100,7 +100,7 @@ impl Check {
         self.graded(Grade::Unknown, found)
     }
 
-    /// Its source could not be read.
+    /// Makes a finding of a source that could not be read.
     #[must_use]
     pub(crate) fn unread(self, unread: &Unread) -> Finding {
         self.unknown(unread.to_string())

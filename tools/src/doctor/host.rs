@@ -1,4 +1,4 @@
-//! Whether there is a machine at all, or another one beneath it that takes its time.
+//! Host: a machine at all, or another one beneath it that takes its time.
 
 use super::cores::Cores;
 use super::finding::{Check, Finding};

@@ -1,4 +1,4 @@
-//! Whether the chosen cores are kept free of other work, and whether this process may use them all
+//! Isolation: the chosen cores are kept free of other work, and this process may use them all
 //! the time.
 
 use super::boot;

@@ -1,4 +1,4 @@
-//! How much of a core the kernel keeps from real-time work.
+//! Throttling: the share of a core that the kernel keeps from real-time work.
 
 use super::cores::Cores;
 use super::finding::{Check, Finding};

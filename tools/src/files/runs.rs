@@ -10,7 +10,7 @@ use serde_json::Value;
 
 /// Folder below which runs lie, unless another one is named.
 pub(crate) const RUNS: &str = "runs";
-/// What stands for the newest run.
+/// Name that stands for the newest run.
 pub(crate) const LATEST: &str = "latest";
 /// File that each folder of a run has from its start.
 pub(crate) const SCENARIO: &str = "scenario.toml";
@@ -29,7 +29,7 @@ pub(crate) struct RunFolder {
     pub(crate) path: PathBuf,
     /// Time at which the run was begun.
     pub(crate) started: SystemTime,
-    /// Its `summary.json`, if there is one that can be read.
+    /// `summary.json`, if there is one that can be read.
     pub(crate) summary: Option<Value>,
 }
 
@@ -44,7 +44,7 @@ pub(crate) fn below(folder: &Path) -> io::Result<Vec<RunFolder>> {
     Ok(runs)
 }
 
-/// Returns the newest runs below a folder, so many at most, by the times of their folders alone.
+/// Returns the newest runs below a folder, N at most, by the times of their folders alone.
 pub(crate) fn newest(folder: &Path, most: usize) -> Vec<PathBuf> {
     let mut runs = Vec::new();
     look(folder, DEEPEST, &mut runs);

@@ -3,22 +3,15 @@
 //! 1. `named` chooses which program a side has; `trusted` and `seal` say what a file may name.
 //! 2. It is asked for its description after its hash was taken: here, or where it runs ([`reached`]).
 
-use std::ffi::OsStr;
 use std::fs;
-use std::io::{self, Read};
-use std::os::unix::fs::MetadataExt;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
 
 use hil_config::plan::{ControllerProgram, Plan, Programs};
 use hil_config::scenario::Advice;
-use hil_target::asking::{NoAnswer, ask};
 use hil_target::bridge::ready_file;
-use hil_target::contact::Answer;
-use hil_target::machine::hash;
-use rustix::fs::{Access, access};
-use serde_json::Value;
 use shared_types::describe::{
     Description, FaultKindDescription, LawDescription, PROTOCOL, PlantDescription,
 };
@@ -26,6 +19,8 @@ use shared_types::record::RecordLayout;
 use shared_types::session::SessionInfo;
 use shared_types::text;
 
+use answer::{asked, refusal, unprintable};
+use file::{FileIdentity, hashed, hashed_model};
 use host::Host;
 use named::{CONTROLLER, Choice, Named, NamedBy, PLANT, Role};
 use reached::{BesideDesk, Reached};
@@ -34,9 +29,8 @@ use crate::arguments::BinaryArguments;
 use crate::terminal::exit::Failure;
 use crate::terminal::interruption::Interruption;
 
-/// Begin of the line by which a program of the framework gives its reason.
-const REASON: &str = "error: ";
-
+mod answer;
+mod file;
 pub(crate) mod host;
 pub(crate) mod named;
 pub(crate) mod reached;
@@ -62,26 +56,6 @@ pub(crate) struct Binary {
     pub(crate) beside_desk: Option<BesideDesk>,
     /// The file that was hashed.
     file: FileIdentity,
-}
-
-/// Values that change with every change of a file and of its place: device, inode, size, and the times at
-/// which its content and its inode were changed, in s and ns.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct FileIdentity([i128; 7]);
-
-impl FileIdentity {
-    fn of(path: &Path) -> io::Result<Self> {
-        let found = fs::metadata(path)?;
-        Ok(Self([
-            found.dev().into(),
-            found.ino().into(),
-            found.size().into(),
-            found.mtime().into(),
-            found.mtime_nsec().into(),
-            found.ctime().into(),
-            found.ctime_nsec().into(),
-        ]))
-    }
 }
 
 /// Both binaries of a run.
@@ -124,12 +98,7 @@ impl Choices {
 
     /// Takes copies of both programs in place of those beside `hil`.
     pub(crate) fn copies([plant, controller]: [PathBuf; 2]) -> Self {
-        let copy = |path| Choice {
-            path,
-            by: NamedBy::Nobody,
-            blake3: None,
-            locals: Vec::new(),
-        };
+        let copy = |path| Choice::new(path, NamedBy::Nobody);
         Self {
             plant: copy(plant),
             controller: copy(controller),
@@ -267,12 +236,8 @@ impl Binary {
         at: Option<&Reached>,
         interruption: &Interruption,
     ) -> Result<Self, Failure> {
-        let choice = Choice {
-            path: std::path::absolute(path).map_err(Failure::usage)?,
-            by: NamedBy::Person(flag),
-            blake3: None,
-            locals: Vec::new(),
-        };
+        let path = std::path::absolute(path).map_err(Failure::usage)?;
+        let choice = Choice::new(path, NamedBy::Person(flag));
         Self::of_controller(&choice, at, interruption)
     }
 
@@ -285,12 +250,8 @@ impl Binary {
         role: &Role,
         interruption: &Interruption,
     ) -> Result<Self, Failure> {
-        let choice = Choice {
-            path: std::path::absolute(path).map_err(Failure::usage)?,
-            by: NamedBy::Person("--as"),
-            blake3: None,
-            locals: Vec::new(),
-        };
+        let path = std::path::absolute(path).map_err(Failure::usage)?;
+        let choice = Choice::new(path, NamedBy::Person("--as"));
         Self::find(&choice, role, None, interruption)
     }
 
@@ -338,7 +299,7 @@ impl Binary {
         }
     }
 
-    /// Its path, if somebody named it.
+    /// Returns the path, if somebody named it.
     pub(crate) fn named(&self) -> Option<&Path> {
         (self.by != NamedBy::Nobody).then_some(&self.path)
     }
@@ -509,66 +470,6 @@ impl Binary {
     }
 }
 
-/// The reason for which a program of the framework does not answer; others say nothing of the kind.
-fn refusal(stderr: &str) -> Option<&str> {
-    let begins = |line: &str| line.starts_with(REASON);
-    let before = stderr
-        .split_inclusive('\n')
-        .take_while(|line| !begins(line));
-    let begin: usize = before.map(str::len).sum();
-    Some(stderr[begin..].strip_prefix(REASON)?.trim())
-}
-
-/// Asks a program on this machine; the inner error is its own.
-fn asked<S: AsRef<OsStr>>(
-    path: &Path,
-    arguments: &[S],
-    interruption: &Interruption,
-) -> Result<Result<Answer, String>, Failure> {
-    match ask(path, arguments, &|| interruption.came()) {
-        Ok(answer) => Ok(Ok(Answer {
-            is_success: answer.status.success(),
-            stdout: String::from_utf8_lossy(&answer.stdout).into_owned(),
-            stderr: String::from_utf8_lossy(&answer.stderr).into_owned(),
-        })),
-        Err(NoAnswer::Interrupted) => Err(Failure::Interrupted),
-        Err(NoAnswer::Failed(why)) => Ok(Err(why)),
-    }
-}
-
-/// Returns the reason for which a path can be no program; the system has one word for all such reasons.
-fn unfit(path: &Path) -> Option<String> {
-    let found = fs::metadata(path).ok()?;
-    if found.is_dir() {
-        return Some("it is a folder; name the program in it".into());
-    }
-    if !found.is_file() {
-        return Some("it is no file that a program could be in".into());
-    }
-    (found.mode() & 0o111 == 0).then(|| {
-        format!(
-            "it is not executable; if it is a program, `chmod +x {}`",
-            path.display()
-        )
-    })
-}
-
-/// A program's identity and hash. What cannot be executed is not read: it may have no end.
-fn hashed(path: &Path) -> io::Result<(FileIdentity, String)> {
-    if let Some(what) = unfit(path) {
-        return Err(io::Error::other(what));
-    }
-    access(path, Access::EXEC_OK)?;
-    let file = FileIdentity::of(path)?;
-    Ok((file, hash(path)?))
-}
-
-/// A model's identity and hash: a file that a program reads.
-fn hashed_model(path: &Path) -> io::Result<(FileIdentity, String)> {
-    let file = FileIdentity::of(path)?;
-    Ok((file, hash(path)?))
-}
-
 fn cannot_run(choice: &Choice, role: &Role, error: &dyn std::fmt::Display) -> Failure {
     let (shown, by) = (choice.path.display(), &choice.by);
     Failure::usage(match by {
@@ -582,65 +483,8 @@ fn cannot_run(choice: &Choice, role: &Role, error: &dyn std::fmt::Display) -> Fa
     })
 }
 
-/// The first text of a description that a terminal would do something at.
-fn unprintable(described: &Value) -> Option<&str> {
-    match described {
-        Value::String(text) => (text::printable(text) != *text).then_some(text),
-        Value::Array(all) => all.iter().find_map(unprintable),
-        Value::Object(all) => (all.keys())
-            .find(|name| text::printable(name) != **name)
-            .map(String::as_str)
-            .or_else(|| all.values().find_map(unprintable)),
-        Value::Null | Value::Bool(_) | Value::Number(_) => None,
-    }
-}
-
 /// A binary beside this one.
 pub(crate) fn beside(name: &str) -> Result<PathBuf, Failure> {
     let own = std::env::current_exe().map_err(Failure::infrastructure)?;
     Ok(own.with_file_name(name))
-}
-
-#[cfg(test)]
-mod tests {
-    use serde_json::json;
-
-    use super::*;
-
-    #[test]
-    fn what_can_be_no_program_is_told_by_what_it_is() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let file = folder.path().join("text");
-        std::fs::write(&file, "schema = 1").expect("written");
-        let told = |path: &Path| unfit(path).unwrap_or_default();
-        assert!(told(folder.path()).contains("it is a folder"));
-        assert!(told(&file).contains("not executable"), "{}", told(&file));
-        assert!(told(Path::new("/dev/null")).contains("no file"));
-        assert_eq!(unfit(Path::new("/nowhere")), None);
-        assert_eq!(unfit(&std::env::current_exe().expect("this")), None);
-    }
-
-    #[test]
-    fn the_reason_of_a_program_is_what_stands_behind_its_mark() {
-        for (stderr, reason) in [
-            (
-                "error: `x_m` is there twice\n",
-                Some("`x_m` is there twice"),
-            ),
-            ("a library speaks\nerror: no\nunit\n", Some("no\nunit")),
-            ("who are you", None),
-            ("an error: none", None),
-            ("", None),
-        ] {
-            assert_eq!(refusal(stderr), reason, "{stderr}");
-        }
-    }
-
-    #[test]
-    fn a_description_with_control_characters_is_found_wherever_they_are() {
-        let sound = json!({"plants": [{"name": "a", "truth": [{"unit": "m", "text": "a\nb"}]}]});
-        assert_eq!(unprintable(&sound), None);
-        let wrong = json!({"protocol": 4, "plants": [{"truth": [{"unit": "m\u{1b}[2J"}]}]});
-        assert_eq!(unprintable(&wrong), Some("m\u{1b}[2J"));
-    }
 }

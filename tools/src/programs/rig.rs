@@ -121,7 +121,7 @@ pub(crate) fn plant() -> PlantDescription {
     }
 }
 
-/// One of each sort of kinds that any plant has.
+/// Lists kinds of faults that any plant has, one of each sort.
 pub(crate) fn kinds() -> Vec<FaultKindDescription> {
     let kind = |kind: &str, acts_on, keys: &[(&str, &str)], list: Option<(&str, usize)>| {
         FaultKindDescription {

@@ -26,7 +26,7 @@ pub(crate) struct Collector {
 }
 
 impl Collector {
-    /// Begins with a run of so many steps.
+    /// Begins with a run of N steps.
     pub(crate) fn new(steps: u64, evaluation: Option<RecordEvaluation>) -> Self {
         Self {
             steps,

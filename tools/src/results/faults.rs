@@ -1,4 +1,4 @@
-//! What became of the faults of a run, for its summary.
+//! Fates of the faults of a run, for its summary.
 //!
 //! Made from the plan and from the events that the plant published: what was asked for, the step at
 //! which it took hold, how large its effect was. A fault that did nothing is told as loudly as one

@@ -1,4 +1,4 @@
-//! What became of controllers in a run, for the summary and for who watches.
+//! Fates of the controllers of a run, for the summary and for those who watch.
 
 use std::fmt::{self, Write as _};
 use std::path::Path;
@@ -11,7 +11,7 @@ use crate::results::ended::Started;
 
 /// A controller of a run that had several, or lost its only one.
 #[derive(Clone, Debug, Serialize)]
-pub(crate) struct Tenure {
+pub(crate) struct ActiveController {
     epoch: u32,
     /// Null where only a recording tells of it, as is the hash.
     binary: Option<String>,
@@ -124,7 +124,7 @@ impl Laws {
         (is_whole && law.other.is_empty()).then_some(&law.name)
     }
 
-    /// As a person reads it: the first, and each other one with its begin.
+    /// Describes the controllers for a person: the first, and each other one with its begin.
     pub(crate) fn describe(&self, rate: Rate) -> String {
         let told = self.0.iter().map(|(step, law)| {
             let law = (law.as_ref()).map_or_else(|| "no controller".into(), Law::to_string);
@@ -138,20 +138,20 @@ impl Laws {
 }
 
 /// The controllers of a run; empty if it kept the one it began with.
-pub(crate) fn tenures(
+pub(crate) fn active_controllers(
     started: &[Started],
     changes: &[ControllerChange],
     rate: Rate,
-) -> Vec<Tenure> {
+) -> Vec<ActiveController> {
     if changes.is_empty() {
         return Vec::new();
     }
     let last = started.iter().map(|one| one.epoch);
     let last = last.chain(changes.iter().map(|change| change.epoch)).max();
-    let mut tenures: Vec<Tenure> = (1..=last.unwrap_or(0))
+    let mut active: Vec<ActiveController> = (1..=last.unwrap_or(0))
         .map(|epoch| {
             let started = started.iter().find(|one| one.epoch == epoch);
-            Tenure {
+            ActiveController {
                 epoch,
                 binary: started.map(|one| one.binary.path.display().to_string()),
                 blake3: started.map(|one| one.binary.blake3.clone()),
@@ -172,15 +172,15 @@ pub(crate) fn tenures(
         change,
     } in changes
     {
-        for tenure in &mut tenures {
-            let is_meant = tenure.epoch == *epoch;
+        for one in &mut active {
+            let is_meant = one.epoch == *epoch;
             let (end, reason, then) = match change {
                 Change::Joined { law } if is_meant => {
-                    tenure.from_step = Some(*step);
-                    tenure.law = Some(law.clone());
+                    one.from_step = Some(*step);
+                    one.law = Some(law.clone());
                     continue;
                 }
-                Change::Joined { .. } if tenure.from_step.is_some() && tenure.end.is_none() => {
+                Change::Joined { .. } if one.from_step.is_some() && one.end.is_none() => {
                     ("replaced", None, None)
                 }
                 Change::Lost { reason, policy } if is_meant => {
@@ -193,18 +193,18 @@ pub(crate) fn tenures(
                 Change::Refused { reason } if is_meant => ("refused", Some(reason.clone()), None),
                 _ => continue,
             };
-            tenure.until_step = Some(*step);
-            tenure.until_s = Some(rate.seconds(Step(*step)));
-            tenure.end = Some(end);
-            tenure.reason = reason;
-            tenure.then = then;
+            one.until_step = Some(*step);
+            one.until_s = Some(rate.seconds(Step(*step)));
+            one.end = Some(end);
+            one.reason = reason;
+            one.then = then;
         }
     }
-    tenures
+    active
 }
 
-impl Tenure {
-    /// As a person reads it.
+impl ActiveController {
+    /// Describes the controller for a person.
     pub(crate) fn describe(&self) -> String {
         let Self { epoch, law, .. } = self;
         let mut text = format!("controller {epoch}");

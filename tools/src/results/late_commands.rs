@@ -1,4 +1,4 @@
-//! Where the controller of a recorded run was not in time: what `hil rerun` repeats in lockstep.
+//! Late commands of a recorded run, which `hil rerun` repeats in lockstep.
 //!
 //! Every record says which command its step met, and that command which samples were answered
 //! before it. A sample that no command tells of was never seen by the controller.

@@ -38,8 +38,8 @@ pub struct Recorded {
     pub answers: Option<Answers>,
     /// The digest of all records taken; `None` if something was lost.
     pub digest: Option<String>,
-    /// The digests after the first records, by how many, as far as they were asked for and there
-    /// were so many.
+    /// The digests after the first records, by how many, as far as they were asked for and
+    /// exist.
     pub partial_digests: BTreeMap<u64, String>,
     /// Metrics.
     pub metrics: Vec<MetricValue>,

@@ -51,10 +51,10 @@ impl RecordedRun {
         reader: &RunReader,
         plan: impl FnOnce(&str, &Description, &Description) -> Result<Plan, Failure>,
     ) -> Result<Self, Failure> {
-        let description = |name| reader.enclosed::<Description>(name).map_err(Failure::usage);
+        let description = |name| reader.attached::<Description>(name).map_err(Failure::usage);
         let plant_program = description("plant-description.json")?;
         let controller_program = description("controller-description.json")?;
-        let text = reader.enclosure("scenario.toml").map_err(Failure::usage)?;
+        let text = reader.attachment("scenario.toml").map_err(Failure::usage)?;
         let plan = plan(text, &plant_program, &controller_program)?;
         let plant = plan.plant_among(&plant_program.plants).cloned();
         let law = plan.law_among(&controller_program.laws);

@@ -1,4 +1,4 @@
-//! What requirements mean for a run, and their table.
+//! Meaning of requirements for a run, and their table.
 //!
 //! Used by the summary of a run and by `hil judge`, so that both say the same. Evaluates no formula:
 //! that is done while records are read, by [`Evaluation`](hil_config::evaluation::Evaluation).

@@ -12,12 +12,12 @@ pub(crate) const CHANGED_FAULTS: &str = "changed_faults";
 pub(crate) struct Made {
     pub(crate) step: u64,
     pub(crate) time_s: f64,
-    /// Its folder, from that of the run.
+    /// Folder, from that of the run.
     pub(crate) folder: String,
 }
 
 impl Made {
-    /// As a person reads it.
+    /// Describes the checkpoint for a person.
     #[must_use]
     pub(crate) fn describe(&self, run_dir: &Path) -> String {
         let (step, time_s) = (self.step, self.time_s);
@@ -60,7 +60,7 @@ impl Resumed {
         told.map(|(name, value)| (name.to_owned(), value))
     }
 
-    /// As a person reads it.
+    /// Describes the origin for a person.
     pub(crate) fn describe(&self) -> String {
         let Self {
             checkpoint,

@@ -27,7 +27,7 @@ pub(crate) struct Recorder {
 }
 
 impl Realtime {
-    /// As a person reads it.
+    /// Describes the settings for a person.
     #[must_use]
     pub(crate) fn describe(&self) -> String {
         let mut text = format!("{} waits", self.wait.name());

@@ -1,20 +1,18 @@
 //! The summary of a run: `summary.json` for machines and a table for people.
 
 mod recorded;
+mod table;
 
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
-use std::path::Path;
 
 use hil_config::evaluation::MetricValue;
-use hil_config::plan::{Clock, Plan, Published};
+use hil_config::plan::{Clock, Plan};
 use serde::Serialize;
 use shared_types::connection::Connection;
 use shared_types::ignored::Ignored;
-use shared_types::number::{short, unit_shown};
 use shared_types::origin::Build;
 use shared_types::pacer::Streaks;
-use shared_types::record::{Mark, Outcome, RunEnd, ValueChange};
+use shared_types::record::{Mark, Outcome, ValueChange};
 use shared_types::session::SessionInfo;
 use shared_types::time::{Rate, Step};
 
@@ -22,7 +20,7 @@ use crate::programs::binaries::{Binaries, Binary};
 use crate::results::company::Company;
 use crate::results::ended::{Ended, Started};
 use crate::results::faults::Fault;
-use crate::results::handover::{Laws, Tenure, tenures};
+use crate::results::handover::{ActiveController, Laws, active_controllers};
 use crate::results::latency::grade::Graded;
 use crate::results::latency::legs::Legs;
 use crate::results::latency::spikes::Spike;
@@ -30,9 +28,7 @@ use crate::results::requirements::{self, Requirement};
 use crate::results::resumed::{Made, Resumed};
 use crate::results::settings::Realtime;
 use crate::results::target::Target;
-use crate::terminal::duration::shown_ns;
-use crate::terminal::output;
-use crate::terminal::table::{Table, left, right};
+pub(crate) use table::{of_law, write_metrics};
 
 /// Version of the summary.
 const SCHEMA: u32 = 1;
@@ -92,7 +88,7 @@ pub(crate) struct Summary {
     /// Notes of those who watched the run.
     marks: Vec<MarkAt>,
     /// All controllers, if the first was lost or replaced.
-    controllers: Vec<Tenure>,
+    controllers: Vec<ActiveController>,
     plant: Program,
     seed: u64,
     #[serde(skip)]
@@ -126,27 +122,6 @@ impl From<Streaks> for Missed {
             longest_streak: streaks.longest,
             first_step: streaks.first_step,
         }
-    }
-}
-
-/// Texts that follow a count of late steps or of late commands.
-const OVERRAN: &str = "steps overran";
-const MISSED: &str = "commands missed their deadline";
-
-impl Missed {
-    /// Describes the steps and commands of a run that came too late, as a person reads it.
-    pub(crate) fn of_end(end: &RunEnd) -> impl Iterator<Item = String> {
-        let counts = [(end.overruns, OVERRAN), (end.missed_commands, MISSED)];
-        (counts.into_iter()).filter_map(|(streaks, what)| Self::from(streaks).describe(what))
-    }
-
-    /// As a person reads it, if there is anything to tell.
-    fn describe(&self, what: &str) -> Option<String> {
-        let first_step = self.first_step?;
-        let (count, longest) = (self.count, self.longest_streak);
-        Some(format!(
-            "{count} {what}, {longest} in a row at most, the first at step {first_step}"
-        ))
     }
 }
 
@@ -213,9 +188,6 @@ pub(crate) struct ChangeAt {
     change: ValueChange,
     at_s: f64,
 }
-
-/// Most changes that a person is shown.
-const MOST_SHOWN: usize = 20;
 
 /// Note at a step and its time.
 #[derive(Clone, Debug, Serialize)]
@@ -359,7 +331,7 @@ impl Summary {
                 })
                 .collect(),
             marks: marks(&recorded.marks, plan.run.rate),
-            controllers: tenures(&ended.controllers, &recorded.changes, plan.run.rate),
+            controllers: active_controllers(&ended.controllers, &recorded.changes, plan.run.rate),
             plant: origin.plant,
             seed: plan.run.seed,
             laws: Laws::of(&plan.controller.law, &recorded.changes, |name| {
@@ -414,201 +386,4 @@ impl Summary {
             ..self
         }
     }
-
-    /// The summary as a person reads it.
-    #[must_use]
-    pub(crate) fn table(&self, plan: &Plan, run_dir: &Path) -> String {
-        output::text(|text| self.write_table(text, plan, run_dir))
-    }
-
-    fn write_table(&self, text: &mut String, plan: &Plan, run_dir: &Path) -> std::fmt::Result {
-        let (law, model) = (self.laws.describe(plan.run.rate), &plan.plant.model);
-        writeln!(
-            text,
-            "{}: {}  ({law} on {model}, {})",
-            self.scenario, self.verdict, self.clock
-        )?;
-        if let Some(reason) = &self.reason {
-            writeln!(text, "  {reason}")?;
-        }
-        writeln!(
-            text,
-            "  {} steps, {} s in {:.2} s, {:.1}x real time",
-            self.steps, self.sim_time_s, self.wall_time_s, self.realtime_factor
-        )?;
-        if let Some(resumed) = &self.resumed {
-            writeln!(text, "  {}", resumed.describe())?;
-        }
-        let overruns = self.overruns.as_ref();
-        let overran = overruns.and_then(|overruns| overruns.steps.describe(OVERRAN));
-        let missed = (self.missed_commands.as_ref()).and_then(|missed| missed.describe(MISSED));
-        for told in overran.iter().chain(&missed) {
-            writeln!(text, "  {told}")?;
-        }
-        if let Some(target) = &self.target {
-            writeln!(text, "  {target} ({})", self.evidence)?;
-        }
-        if !self.started_by_hand.is_empty() {
-            let sides = self.started_by_hand.join(" and ");
-            writeln!(text, "  {sides} started by hand ({})", self.evidence)?;
-        }
-        for connection in &self.connections {
-            writeln!(text, "  connected: {connection}")?;
-        }
-        for controller in &self.controllers {
-            writeln!(text, "  {}", controller.describe())?;
-        }
-        for fault in &self.faults {
-            writeln!(text, "  {}", fault.describe())?;
-        }
-        for ChangeAt { change, at_s } in self.changes.iter().take(MOST_SHOWN) {
-            let (id, step, told) = (change.id, change.step, change.described());
-            let live = if change.live { " (live)" } else { "" };
-            writeln!(
-                text,
-                "  change {id}{live} at step {step} ({at_s} s): {told}"
-            )?;
-        }
-        if self.changes.len() > MOST_SHOWN {
-            let more = self.changes.len() - MOST_SHOWN;
-            writeln!(text, "  {more} more changes are in the summary's JSON")?;
-        }
-        for MarkAt { mark, at_s } in &self.marks {
-            writeln!(
-                text,
-                "  mark at step {} ({at_s} s): {}",
-                mark.step, mark.text
-            )?;
-        }
-        write_metrics(text, &self.metrics, plan, &self.laws, self.steps)?;
-        requirements::write(text, &self.requirements)?;
-        self.write_latency(text)?;
-        writeln!(text, "  {}", self.realtime.describe())?;
-        if let Some(company) = self.company.filter(Company::is_worth_telling) {
-            writeln!(text, "  {company}")?;
-        }
-        let Recording {
-            file,
-            records,
-            digested,
-            kept,
-            cut_short,
-            lost,
-            ..
-        } = &self.recording;
-        match (&self.digest, cut_short) {
-            (Some(digest), None) => writeln!(text, "  digest {digest}")?,
-            (Some(digest), Some(_)) => writeln!(
-                text,
-                "  digest {digest} of {digested} records, of which the file has {kept}"
-            )?,
-            (None, _) => {}
-        }
-        let lost = if *lost > 0 {
-            format!(", {lost} LOST")
-        } else {
-            String::new()
-        };
-        for checkpoint in &self.checkpoints {
-            writeln!(text, "  {}", checkpoint.describe(run_dir))?;
-        }
-        let run_dir = run_dir.display();
-        match file {
-            Some(file) if kept < records => writeln!(
-                text,
-                "  {kept} of {records} records{lost} in {run_dir}/{file}"
-            ),
-            Some(file) => writeln!(text, "  {records} records{lost} in {run_dir}/{file}"),
-            None => writeln!(
-                text,
-                "  {records} records{lost}, not kept; summary in {run_dir}"
-            ),
-        }
-    }
-
-    /// Two lines: how long steps took, and the worst with its cause.
-    fn write_latency(&self, text: &mut String) -> std::fmt::Result {
-        let (Some(graded), trip) = (&self.grade, &self.latency_ns.round_trip) else {
-            return Ok(());
-        };
-        let [p50, p99, p9999, max] = [trip.p50, trip.p99, trip.p9999, trip.max].map(shown_ns);
-        let grade = graded.grade.words();
-        writeln!(
-            text,
-            "  round trip {p50} p50, {p99} p99, {p9999} p99.99, {max} max: {grade}"
-        )?;
-        match self.spikes.first() {
-            Some(worst) => writeln!(text, "  worst: {}", worst.describe()),
-            None => Ok(()),
-        }
-    }
-}
-
-/// The table of metrics after so many steps, with what others published beside it.
-pub(crate) fn write_metrics(
-    text: &mut String,
-    metrics: &[Metric],
-    plan: &Plan,
-    laws: &Laws,
-    steps: u64,
-) -> std::fmt::Result {
-    if metrics.is_empty() || steps == 0 {
-        return Ok(());
-    }
-    let published: Vec<_> = (metrics.iter())
-        .map(|metric| of_law(plan, laws, metric))
-        .collect();
-    let any = published.iter().any(Option::is_some);
-    let column = if any { "published" } else { "" };
-    let columns = [left(0), right(10), right(11), left(4).close()];
-    let mut table = Table::new(2, [&columns[..], &[right(9), left(0).close()]].concat());
-    table.cells(["metric", "window [s]", "value", "", column]);
-    let mut notes = Vec::new();
-    for (metric, published) in metrics.iter().zip(published) {
-        let [start_s, end_s] = metric.window_s;
-        let window = format!("{start_s} to {end_s}");
-        let (value, unit) = match metric.value {
-            Some(value) => (short(value), unit_shown(&metric.unit)),
-            None => ("-".into(), ""),
-        };
-        let [figure, source] = match published {
-            Some((published, note)) => {
-                notes.extend(note);
-                [short(published.value), format!("({})", published.source)]
-            }
-            None => Default::default(),
-        };
-        table.row(&[&metric.name, &window, &value, &unit, &figure, &source]);
-    }
-    write!(text, "\n{table}")?;
-    if steps < plan.run.steps {
-        writeln!(
-            text,
-            "  the run ended early: windows beyond its end are not complete"
-        )?;
-    }
-    notes.dedup();
-    for note in notes {
-        writeln!(text, "  note: {note}")?;
-    }
-    writeln!(text)
-}
-
-/// The published value of a metric's window for the law that answered it, and the note to it.
-pub(crate) fn of_law<'a>(
-    plan: &'a Plan,
-    laws: &Laws,
-    metric: &Metric,
-) -> Option<(&'a Published, &'a Option<String>)> {
-    let law = laws.during(metric.window_s, plan.run.rate)?;
-    let planned = plan
-        .metrics
-        .iter()
-        .find(|planned| planned.name == metric.name)?;
-    let is_it =
-        |published: &&Published| published.law == law && published.window_s == metric.window_s;
-    Some((
-        planned.published.iter().find(is_it)?,
-        &planned.published_note,
-    ))
 }

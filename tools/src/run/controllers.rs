@@ -1,6 +1,6 @@
-//! The controllers of a run: the one in office, those before it, and the one that is to take over.
+//! The controllers of a run: the active one, those before it, and the one that is to take over.
 //!
-//! The plant decides who is in office and tells it in the record stream; here processes are started
+//! The plant decides which one is active and tells it in the record stream; here processes are started
 //! and ended accordingly.
 
 use std::path::PathBuf;
@@ -48,7 +48,7 @@ pub(super) struct Controllers {
     crew: Crew,
 }
 
-/// One controller process.
+/// Controller process.
 struct Member {
     epoch: u32,
     side: Side,
@@ -199,13 +199,13 @@ impl Controllers {
         self.members.last().map_or(1, |last| last.epoch + 1)
     }
 
-    /// The one in office.
+    /// The active one.
     pub(super) fn in_office(&self) -> Option<&Side> {
         let member = &self.members[self.place_in_office()];
         (member.standing == Standing::InOffice).then_some(&member.side)
     }
 
-    /// The one in office, or the one that was started last.
+    /// The active one, or the one that was started last.
     pub(super) fn latest(&self) -> &Side {
         &self.members[self.place_in_office()].side
     }
@@ -349,7 +349,7 @@ impl Controllers {
         }
     }
 
-    /// Takes down who is in office, and answers who asked for it.
+    /// Takes down which one is active, and answers who asked for it.
     pub(super) fn note(&mut self, change: &ControllerChange) {
         self.known += 1;
         let ControllerChange {

@@ -1,4 +1,4 @@
-//! One run from checked scenario to summary: prepared, run, concluded.
+//! Run from checked scenario to summary: prepared, run, concluded.
 //!
 //! Called by every command that runs a scenario. Judges nothing itself, and knows of no other run.
 
@@ -63,12 +63,12 @@ pub(crate) struct Repeated {
 /// Result of a run.
 pub(crate) struct RunResult {
     pub(crate) exit: Exit,
-    /// Digests after the first records, by their number, as far as they were asked for and there
-    /// were so many.
+    /// Digests after the first records, by their number, as far as they were asked for and
+    /// exist.
     pub(crate) partial_digests: BTreeMap<u64, String>,
     /// Curve of a campaign's case, if one is kept.
     pub(crate) curve: Option<Curve>,
-    /// Its recording, if there is one.
+    /// Recording, if there is one.
     pub(crate) recording: Option<PathBuf>,
     /// Folder of the run.
     pub(crate) folder: PathBuf,

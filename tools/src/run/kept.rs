@@ -240,7 +240,7 @@ impl Pair {
     }
 }
 
-/// Has both sides look at their jobs, as they do before a run in new processes.
+/// Asks both sides to look at their jobs, as they do before a run in new processes.
 ///
 /// # Errors
 /// Objection of a side.

@@ -135,12 +135,12 @@ impl Log {
         self.file.metadata().map_or(0, |found| found.len())
     }
 
-    /// The last bytes, at most so many.
+    /// The last bytes, at most N.
     fn end(&self, bytes: u64) -> Vec<u8> {
         self.read(self.length().saturating_sub(bytes), bytes)
     }
 
-    /// Reads at most so many bytes from there on; fewer if the log ends before, none if it cannot be read.
+    /// Reads at most N bytes from there on; fewer if the log ends before, none if it cannot be read.
     fn read(&self, from: u64, bytes: u64) -> Vec<u8> {
         let there = self.length().saturating_sub(from).min(bytes);
         let mut content = vec![0; usize::try_from(there).unwrap_or(0)];

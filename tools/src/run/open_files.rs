@@ -1,4 +1,4 @@
-//! How many files a process may have open: without enough of them, what is made of shared memory fails
+//! Limit of open files of a process: without enough of them, what is made of shared memory fails
 //! in ways that do not tell why.
 
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};

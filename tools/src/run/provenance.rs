@@ -14,7 +14,7 @@ use crate::programs::binaries::{Binaries, seal};
 use crate::results::summary::BY_HAND;
 use crate::results::target::Target;
 use hil_recording::reader::EXCERPT;
-use hil_recording::writer::{Enclosure, Provenance};
+use hil_recording::writer::{Attachment, Provenance};
 
 /// Collects what the recording says of its run.
 pub(super) fn of(
@@ -116,24 +116,24 @@ pub(super) fn of(
         facts.insert(EXCERPT.into(), recording.choice.describe());
     }
     let json = |value: &Description| serde_json::to_string_pretty(value).unwrap_or_default();
-    let enclosure = |name, media_type, text| Enclosure {
+    let attachment = |name, media_type, text| Attachment {
         name,
         media_type,
         text,
     };
     let (plant, controller) = (&binaries.plant, &binaries.controller);
-    let enclosures = vec![
-        enclosure("scenario.toml", "application/toml", effective.into()),
-        enclosure(
+    let attachments = vec![
+        attachment("scenario.toml", "application/toml", effective.into()),
+        attachment(
             "plant-description.json",
             "application/json",
             json(&plant.description),
         ),
-        enclosure(
+        attachment(
             "controller-description.json",
             "application/json",
             json(&controller.description),
         ),
     ];
-    Provenance { facts, enclosures }
+    Provenance { facts, attachments }
 }

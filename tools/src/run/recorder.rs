@@ -47,7 +47,7 @@ const STUCK: Duration = Duration::from_millis(50);
 pub struct RecordingPlan {
     /// The file.
     pub path: PathBuf,
-    /// Its compression.
+    /// Compression.
     pub compression: Compression,
     /// Part of the run that is kept.
     pub choice: Choice,
@@ -166,7 +166,7 @@ impl Recorder {
         self.shared.next_step.load(Ordering::Relaxed)
     }
 
-    /// Has the recording say something that became known while the run goes on.
+    /// Adds facts to the recording that became known while the run goes on.
     pub fn add_facts(&self, facts: impl IntoIterator<Item = (String, String)>) {
         let known = self.shared.facts.lock();
         (known.unwrap_or_else(PoisonError::into_inner)).extend(facts);

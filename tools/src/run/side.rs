@@ -31,7 +31,7 @@ pub(crate) struct Side {
     pub(super) name: &'static str,
     process: Process,
     id: Option<ProcessId>,
-    /// Its output, unless that goes to a terminal.
+    /// Output, unless that goes to a terminal.
     log: Option<Log>,
     status: Option<ExitStatus>,
     /// A process that is no child ended and did not say how.

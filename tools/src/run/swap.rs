@@ -35,7 +35,7 @@ const BESIDES: Duration = Duration::from_secs(25);
 /// Request for another controller.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct Request {
-    /// The binary; the one in office if `None`.
+    /// The binary; the active one if `None`.
     pub(crate) binary: Option<PathBuf>,
     /// Values of the scenario's `[controller]` to change.
     pub(crate) set: Vec<String>,
@@ -70,7 +70,7 @@ pub(crate) struct Swapped {
 /// A controller that is checked and waits to be started.
 pub(crate) struct Wanted {
     pub(crate) binary: Binary,
-    /// Its part of the scenario.
+    /// Part of the scenario.
     pub(crate) law: ControllerPlan,
     /// Values of the scenario that are changed for it.
     pub(crate) set: Vec<String>,
@@ -161,7 +161,7 @@ impl SwapContext {
             }
         };
         let (law, left_out) = self.law(&binary, &request.set).map_err(told)?;
-        // Beside the job of the one in office, which may not have read it yet.
+        // Beside the job of the active one, which may not have read it yet.
         let job = jobs::with_law(self.job.clone(), law.clone());
         jobs::check(&binary, session, "swap.json", &job, &self.interruption).map_err(told)?;
         let (answer, answered) = channel();

@@ -27,7 +27,7 @@ const ADMITTED: &str = "admitted.json";
 /// Shortest and longest sleep between two looks at the stream. The shortest empties it often enough
 /// for the fastest loop; one that is longer is not seen on a screen.
 const NAPS: [Duration; 2] = [Duration::from_millis(4), Duration::from_millis(32)];
-/// With so many items at one look, which takes no more, it looks again at once and then more often;
+/// With N items at one look, which takes no more, it looks again at once and then more often;
 /// with fewer than an eighth less often.
 const MANY: usize = BUFFER / 8;
 
@@ -128,7 +128,7 @@ pub(crate) enum Seen<'a> {
     Broken(String),
 }
 
-/// One who watches a session, until it is dropped.
+/// Watcher of a session, until it is dropped.
 pub(crate) struct Observer {
     session: SessionInfo,
     source: Option<IceoryxSource>,

@@ -30,7 +30,7 @@ const MOST_EVENTS: usize = 2000;
 /// State of a requirement.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Standing {
-    /// Its name.
+    /// Name.
     pub name: String,
     /// `pass`, `fail` or `undecided`.
     pub verdict: String,

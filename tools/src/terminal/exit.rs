@@ -61,7 +61,7 @@ impl Failure {
         Self::infrastructure(format!("{who} panicked: {said}"))
     }
 
-    /// Its exit code.
+    /// Returns the exit code.
     #[must_use]
     pub const fn exit(&self) -> Exit {
         match self {

@@ -22,7 +22,7 @@ struct Pause {
 }
 
 impl Progress {
-    /// A bar for so many steps; not shown if several share the terminal.
+    /// A bar for N steps; not shown if several share the terminal.
     #[must_use]
     pub(crate) fn new(steps: u64, rate: Rate, shown: bool) -> Self {
         let is_drawn = shown && output::person_watches();

@@ -54,7 +54,7 @@ enum Row {
 }
 
 impl Table {
-    /// A table without rows, so many blanks from the left.
+    /// A table without rows, N blanks from the left.
     #[must_use]
     pub(crate) fn new(indent: usize, columns: impl Into<Vec<Column>>) -> Self {
         Self {

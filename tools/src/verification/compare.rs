@@ -30,7 +30,7 @@ pub struct Comparison {
     verdict: Verdict,
     a: Side,
     b: Side,
-    /// One run has steps that the other has not; of excerpts that is not known.
+    /// True if a run has steps that the other has not; of excerpts that is not known.
     lengths_differ: bool,
     /// Signals that only one of them has.
     only_in_a: Vec<String>,
@@ -116,7 +116,7 @@ impl std::fmt::Display for Difference {
 /// Two runs cannot be compared.
 #[derive(Debug, thiserror::Error)]
 pub enum CompareError {
-    /// One cannot be read.
+    /// Recording that cannot be read.
     #[error(transparent)]
     Read(#[from] ReadError),
     /// The recordings have nothing to compare.

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use hil_recording::compression::Compression;
 use hil_recording::reader::{RECORDING, RunReader, digest_of_first};
-use hil_recording::writer::{Enclosure, Provenance, Recording};
+use hil_recording::writer::{Attachment, Provenance, Recording};
 
 use crate::arguments::tolerance::Tolerances;
 use crate::benchmark::recorded;
@@ -22,7 +22,7 @@ fn files() -> Vec<(Compression, Vec<u8>)> {
         let path = folder.path().join(RECORDING);
         let provenance = Provenance {
             facts: BTreeMap::from([("rate_hz".into(), "1000".into())]),
-            enclosures: vec![Enclosure {
+            attachments: vec![Attachment {
                 name: "note.txt",
                 media_type: "text/plain",
                 text: "a text".into(),

@@ -37,7 +37,7 @@ pub struct RecordedScenario {
     live_changes: Vec<ValueChange>,
     session: String,
     started: String,
-    /// Its programs.
+    /// Programs.
     pub(crate) programs: Recorded,
     /// Records in it.
     pub records: u64,

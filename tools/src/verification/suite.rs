@@ -1,7 +1,7 @@
 //! `hil run`: one scenario or several, once, repeatedly or under the conditions of an audit, from the
 //! command line to the verdicts.
 //!
-//! Every run has a session, a folder and processes or threads of its own; so many of them go on at a time
+//! Every run has a session, a folder and processes or threads of its own; N of them go on at a time
 //! as there are cores for. All scenarios are checked before the first run starts. What repeats a
 //! scenario must have its digest: that is a verdict too.
 

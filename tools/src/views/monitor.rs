@@ -169,7 +169,7 @@ fn wait_for_end(watch: &Watch, interruption: &Interruption) -> Result<(), Failur
     watch.failure().map_or(Ok(()), Err)
 }
 
-/// The session that is meant, which may be awaited for so many seconds.
+/// The session that is meant, which may be awaited for N seconds.
 pub(super) fn find(
     choice: &SessionChoice,
     wait_s: Option<f64>,

@@ -179,7 +179,7 @@ fn owned_by(owner: u32, interruption: &Interruption) -> Result<Option<SessionInf
 struct Beside(Child);
 
 impl Drop for Beside {
-    /// It ends by itself with the session; what does not is ended.
+    /// Waits for the panel, which ends by itself with the session, and kills it otherwise.
     fn drop(&mut self) {
         let since = Instant::now();
         while since.elapsed() < END_LIMIT {

@@ -22,9 +22,9 @@ const LONGEST_COMPLAINT: u64 = 64 << 10;
 /// Answer of a program.
 #[derive(Debug)]
 pub struct Answer {
-    /// How it ended.
+    /// Exit status.
     pub status: ExitStatus,
-    /// Its standard output, whole.
+    /// Standard output, whole.
     pub stdout: Vec<u8>,
     /// The beginning of its standard error.
     pub stderr: Vec<u8>,
@@ -36,7 +36,7 @@ pub enum NoAnswer {
     /// Somebody interrupted it.
     #[error("interrupted")]
     Interrupted,
-    /// It cannot be started, or does not answer as it should.
+    /// Failure: it cannot be started, or does not answer as it should.
     #[error("{0}")]
     Failed(String),
 }
@@ -113,7 +113,7 @@ struct Heard {
     stderr: Ear,
 }
 
-/// One of its outputs, read on a thread of its own.
+/// Output of the program, read on a thread of its own.
 struct Ear {
     is_too_long: Arc<AtomicBool>,
     bytes: Receiver<Vec<u8>>,

@@ -236,8 +236,8 @@ impl Bridge {
         let mut sign_ns = 0;
         loop {
             self.pass_on(supervision);
-            let mut busy = self.hear_plant().map_err(told)?;
-            busy |= self.hear_wire().map_err(told)?;
+            let mut busy = self.hear_plant().map_err(described)?;
+            busy |= self.hear_wire().map_err(described)?;
             busy |= self.hear_channel()?;
             let now_ns = monotonic_ns();
             self.speak(now_ns);
@@ -367,7 +367,7 @@ impl Bridge {
         match heard {
             Heard::Packet(bytes) => {
                 if let Some(packet) = Packet::read(&bytes) {
-                    self.take(packet).map_err(told)?;
+                    self.take(packet).map_err(described)?;
                 }
             }
             Heard::Message(message) => self.hear(message)?,
@@ -385,9 +385,10 @@ impl Bridge {
 
     fn hear(&mut self, message: ToDesk) -> Result<(), String> {
         match message {
-            ToDesk::Control { content } => {
-                self.link.send_control(content.as_bytes()).map_err(told)?
-            }
+            ToDesk::Control { content } => self
+                .link
+                .send_control(content.as_bytes())
+                .map_err(described)?,
             ToDesk::Log { text } => log(&text),
             ToDesk::Realtime { report } => {
                 if let Ok(report) = serde_json::from_str::<Value>(&report) {
@@ -491,6 +492,6 @@ fn log(text: &str) {
     let _ = std::io::stderr().write_all(text::printable(text).as_bytes());
 }
 
-fn told(error: LinkError) -> String {
+fn described(error: LinkError) -> String {
     error.to_string()
 }

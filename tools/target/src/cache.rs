@@ -178,7 +178,7 @@ fn files(folder: &Path) -> Vec<PathBuf> {
     files.map(|entry| entry.path()).collect()
 }
 
-/// Says that there is no room for a program of so many bytes.
+/// Says that there is no room for a program of N bytes.
 #[must_use]
 pub fn no_room(bytes: u64, free: u64) -> String {
     let mib = |bytes: u64| bytes.div_ceil(1 << 20);

@@ -40,7 +40,7 @@ pub struct Contact {
 pub struct Answer {
     /// True if its exit code was 0.
     pub is_success: bool,
-    /// Its standard output.
+    /// Standard output.
     pub stdout: String,
     /// The beginning of its standard error.
     pub stderr: String,
@@ -100,7 +100,7 @@ impl Contact {
         &self.findings
     }
 
-    /// Has this program on the target, by its hash.
+    /// Provides this program on the target, by its hash.
     ///
     /// # Errors
     /// If it is built for another machine, or cannot be copied.

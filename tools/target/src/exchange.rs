@@ -26,7 +26,7 @@ const FIRST_NS: u64 = 20_000_000;
 /// Time between two packets where nothing has to be said: each end hears that the other lives.
 pub const BEAT_NS: u64 = 100_000_000;
 
-/// What both ends know.
+/// Facts that both ends know.
 #[derive(Debug, Default)]
 struct Ends {
     /// Newest frame of this end.

@@ -27,7 +27,7 @@ pub enum KeyError {
     /// Others can read it, or it is somebody else's.
     #[error("key file {} can be read by others, or is not yours: `chmod 600 {}`", .0.display(), .0.display())]
     Open(PathBuf),
-    /// It has something else in it.
+    /// File with other content than a key.
     #[error("key file {} holds no key; `hil target key FILE` makes one", .0.display())]
     NoKey(PathBuf),
 }

@@ -11,7 +11,7 @@ use shared_types::text;
 /// Time that `ssh` may take to end once its input is closed.
 const PARTING: Duration = Duration::from_secs(1);
 
-/// What keeps an agent alive: when it goes, the agent ends.
+/// Leash that keeps an agent alive: when it goes, the agent ends.
 pub(crate) enum Leash {
     /// The `ssh` that started it, and the last of what that said.
     Ssh(Child, Said),

@@ -32,7 +32,7 @@ pub struct Findings {
     pub emulates: Vec<String>,
     /// Bytes free in `/dev/shm`, if it is there.
     pub free_bytes: Option<u64>,
-    /// What keeps a session from being made there, and what to do; `None` if nothing is known that does.
+    /// Hindrance that keeps a session from being made there, and the remedy; `None` if none is known.
     #[serde(default, deserialize_with = "line_if_any")]
     pub hindrance: Option<String>,
     /// Bytes free in the folder of programs, of an agent that takes any.

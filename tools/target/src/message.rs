@@ -22,7 +22,7 @@ pub enum ToAgent {
         protocol: u32,
         /// Hash of the file.
         blake3: String,
-        /// Its length in bytes.
+        /// Length in bytes.
         bytes: u64,
     },
     /// Run the program with `--describe`.
@@ -52,7 +52,7 @@ pub enum ToAgent {
     Beat,
 }
 
-/// What a run needs.
+/// Request for a run.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct RunRequest {
     /// The job file.
@@ -101,9 +101,9 @@ pub enum ToDesk {
     Have,
     /// The program's answer.
     Answer {
-        /// Its exit code; `None` if it was killed.
+        /// Exit code; `None` if it was killed.
         code: Option<i32>,
-        /// Its standard output.
+        /// Standard output.
         stdout: String,
         /// The beginning of its standard error.
         stderr: String,
@@ -133,19 +133,19 @@ pub enum ToDesk {
     },
     /// The output was switched to the safe command, or is the controller's again.
     Output {
-        /// What happened.
+        /// Event in words.
         #[serde(deserialize_with = "line_of")]
         what: String,
         /// Number of times that it was switched in this run.
         switches: u32,
-        /// It is the controller's again.
+        /// True if the output is the controller's again.
         is_back: bool,
     },
     /// The program ended.
     Ended {
-        /// Its exit code; `None` if it was killed.
+        /// Exit code; `None` if it was killed.
         code: Option<i32>,
-        /// What became of it, if that was not in order.
+        /// Fate of the program, if that was not in order.
         #[serde(default, deserialize_with = "line_if_any")]
         fate: Option<String>,
         /// Number of its last frame.
@@ -170,7 +170,7 @@ pub enum ToDesk {
     Beat,
 }
 
-/// What both ends believe about a session; the handshake fails if they do not agree.
+/// Writes what both ends believe about a session; the handshake fails if they do not agree.
 #[must_use]
 pub fn prologue(blake3: &str, job: &str, epoch: u32) -> Vec<u8> {
     let job = blake3::hash(job.as_bytes()).to_hex();

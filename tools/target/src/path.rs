@@ -12,7 +12,7 @@ const MOST_AT_ONCE: u32 = 32;
 /// Longest datagram: a frame of 512 signals, and what is around it.
 const LONGEST: usize = 8192;
 
-/// One end of the path.
+/// End of the path.
 pub(crate) struct Wire {
     socket: Arc<UdpSocket>,
     datagrams: Datagrams,

@@ -73,7 +73,7 @@ impl LeakageEstimate {
         self.theta_hat = theta_hat;
     }
 
-    /// One explicit Euler step of the estimate.
+    /// Takes an explicit Euler step of the estimate.
     ///
     /// `sigma = -Gamma F_3^T M_3^T z_3` (eq. 67), taken while V_3 is above V_r; the projection of
     /// eq. (68) is the bound on each component. `f_3` holds the diagonal of F_3.

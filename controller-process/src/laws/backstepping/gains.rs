@@ -120,7 +120,7 @@ impl Gains {
         Ok(())
     }
 
-    /// One gain of both components as a vector.
+    /// Collects a gain of both components as a vector.
     pub(super) fn vector(&self, gain: fn(&ComponentGains) -> f64) -> Vector2<f64> {
         let [sum, difference] = &self.components;
         Vector2::new(gain(sum), gain(difference))

@@ -1,4 +1,4 @@
-//! One actuator's hydraulics as the law believes them to be (eqs. 10, 11, 18, 20-22).
+//! Hydraulics of an actuator as the law believes them to be (eqs. 10, 11, 18, 20-22).
 //!
 //! The rate of the hydraulic force `x_3 = A_1 P_h1 - A_2 P_h2` is
 //! `x_3' = f_h1 u - f_h2 - f_h3 C_t` (eqs. 19, 23); the law solves it for the current u.

@@ -1,9 +1,9 @@
-//! What the backstepping laws believe of the plant (Table 1), under the plant's own names.
+//! Beliefs of the backstepping laws about the plant (Table 1), under the plant's own names.
 //!
 //! Neither the disturbances nor the leakage fault are in it: no law knows them.
 
 shared_types::table! {
-    /// One actuator: servo valve, cylinder, power supply and connection to the surface.
+    /// Actuator: servo valve, cylinder, power supply and connection to the surface.
     pub struct ActuatorModel {
         /// Servo valve gain k_i.
         valve_gain_m_per_a: "m/A" = 3.04e-3 in 1e-9..=1.0,

@@ -102,7 +102,7 @@ shared_types::table! {
         /// Performance indicator V_3, half the sum of the squares of all z; it adds N2, N2/s2 and
         /// N2/s4 as plain numbers, as the paper does.
         lyapunov_v3: "1",
-        /// Its bound V_r (eq. 60).
+        /// Bound V_r (eq. 60).
         lyapunov_bound: "1",
         /// 1 while V_3 has been above V_r without a break for `performance.detection_hold_s`,
         /// else 0.

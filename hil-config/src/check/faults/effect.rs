@@ -1,4 +1,4 @@
-//! One effect of an event: its target, its sizes or parameters, its profile and its skew.
+//! Effect of an event: its target, its sizes or parameters, its profile and its skew.
 
 use shared_types::describe::{FaultDescription, MoveBy, Settings};
 use shared_types::number::exact as number;

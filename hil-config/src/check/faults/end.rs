@@ -1,4 +1,4 @@
-//! When an event ends.
+//! End of an event.
 
 use shared_types::number::exact as number;
 use shared_types::time::Step;

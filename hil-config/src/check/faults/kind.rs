@@ -3,7 +3,7 @@
 use shared_types::describe::{FaultDescription, FaultKindDescription, ProfileDescription};
 
 use super::EventContext;
-use crate::problem::{ProblemKind, listed};
+use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
 
 /// A kind of fault.
@@ -11,12 +11,12 @@ use crate::reader::{Reader, Section};
 pub(crate) enum Kind<'d> {
     /// The plant's own, which moves its parameters.
     Own(&'d FaultDescription),
-    /// One on signals, links or timing.
+    /// Kind of fault on signals, links or timing.
     Shared(&'d FaultKindDescription),
 }
 
 impl<'d> Kind<'d> {
-    /// Its name.
+    /// Returns the name.
     pub(crate) fn name(self) -> &'d str {
         match self {
             Self::Own(fault) => &fault.kind,
@@ -67,9 +67,7 @@ pub(super) fn find<'a>(
     if names.clone().next().is_none() {
         problem.expected("no faults: this plant offers none");
     } else {
-        problem
-            .expected(format!("one of {}", listed(names.clone())))
-            .nearest(name, names);
+        problem.one_of(name, names);
     }
     None
 }

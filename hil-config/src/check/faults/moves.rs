@@ -1,4 +1,4 @@
-//! Where the plant's own faults move its parameters, which must not leave their ranges.
+//! Moves of the plant's parameters by its own faults, which must not leave their ranges.
 
 use shared_types::describe::{Operation, Settings};
 use shared_types::number::exact as number;

@@ -1,4 +1,4 @@
-//! What an effect acts on.
+//! Target of an effect.
 
 use shared_types::describe::{ActsOn, FaultDescription, FaultKindDescription, PlantDescription};
 use shared_types::table::Field;
@@ -102,9 +102,9 @@ pub(super) fn of_plant<'d>(
 /// The target of an effect.
 #[derive(Clone, Debug)]
 pub(super) struct Target {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Its unit; `1` for what is no number.
+    /// Unit; `1` for what is no number.
     pub unit: String,
 }
 

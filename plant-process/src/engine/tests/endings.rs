@@ -4,8 +4,6 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use hil_config::plan::Limit;
-use shared_types::ignored::Ignored;
-use shared_types::link::Peer;
 use shared_types::supervision::Supervision;
 use shared_types::wait::Waiter;
 
@@ -97,14 +95,8 @@ fn a_controller_that_does_not_fit_is_refused_with_the_reason() {
     let (sink, _source) = shared_types::stream::in_process::pair();
     let mut engine = Engine::new(&kind(), &kinds::all(), job(3), link, sink).expect("starts");
     let hello = Hello {
-        protocol: PROTOCOL,
-        session: 5,
-        law: "test".into(),
         measured: vec![Field::signal("posiition_m", "m", "x")],
-        reference: vec![],
-        commands: None,
-        internals: vec![],
-        tunable: vec![],
+        ..Hello::new(5, "test")
     };
     controller
         .send_control(&Control::Hello(hello).to_bytes())
@@ -132,37 +124,7 @@ struct LastWord {
 }
 
 impl Link for LastWord {
-    fn send_control(&mut self, message: &[u8]) -> Result<(), LinkError> {
-        self.inner.send_control(message)
-    }
-
-    fn tell(&mut self, message: &[u8]) -> Result<(), LinkError> {
-        self.inner.tell(message)
-    }
-
-    fn receive_control(&mut self) -> Result<Option<Vec<u8>>, LinkError> {
-        self.inner.receive_control()
-    }
-
-    fn expect(&mut self, epoch: u32) -> Result<(), LinkError> {
-        self.inner.expect(epoch)
-    }
-
-    fn peer(&self) -> Result<Peer, LinkError> {
-        self.inner.peer()
-    }
-
-    fn open_frames(&mut self, spec: &FrameSpec) -> Result<(), LinkError> {
-        self.inner.open_frames(spec)
-    }
-
-    fn take_over(&mut self) {
-        self.inner.take_over();
-    }
-
-    fn send(&mut self, header: &Header, values: &[f64]) -> Result<(), LinkError> {
-        self.inner.send(header, values)
-    }
+    shared_types::pass_on!(self => self.inner; send_control tell receive_control expect peer open_frames take_over send rejected);
 
     fn receive(&mut self, values: &mut [f64]) -> Result<Option<Header>, LinkError> {
         let got = self.inner.receive(values)?;
@@ -172,10 +134,6 @@ impl Link for LastWord {
             self.supervision.peer_gone(1);
         }
         Ok(got)
-    }
-
-    fn rejected(&self) -> Ignored {
-        self.inner.rejected()
     }
 }
 
@@ -191,16 +149,7 @@ fn what_a_controller_confirmed_before_it_ended_counts() {
     };
     let (sink, _source) = shared_types::stream::in_process::pair();
     let mut engine = Engine::new(&kind(), &kinds::all(), job(0), link, sink).expect("starts");
-    let hello = Hello {
-        protocol: PROTOCOL,
-        session: 5,
-        law: "test".into(),
-        measured: vec![],
-        reference: vec![],
-        commands: None,
-        internals: vec![],
-        tunable: vec![],
-    };
+    let hello = Hello::new(5, "test");
     let say = |message: Control| {
         let sent = controller.borrow_mut().send_control(&message.to_bytes());
         sent.expect("sends");

@@ -76,7 +76,7 @@ impl FaultKind for StuckAt {
 shared_types::table! {
     /// Parameters of [`Delay`].
     pub struct DelayParameters {
-        /// How late, n, a whole number.
+        /// Delay n, a whole number.
         steps: "steps" = 1.0 in 0.0..=1e5,
     }
 }

@@ -120,7 +120,7 @@ impl FaultKind for Loss {
 shared_types::table! {
     /// Parameters of [`Delay`].
     pub struct DelayParameters {
-        /// How late messages come, n, a whole number.
+        /// Delay n of messages, a whole number.
         steps: "steps" = 1.0 in 0.0..=1000.0,
     }
 }
@@ -199,7 +199,7 @@ shared_types::table! {
     pub struct DuplicationParameters {
         /// Probability P that a message comes twice.
         probability: "1" = 1.0 in 0.0..=1.0,
-        /// How long after the first the second one comes, n, a whole number.
+        /// Delay n from the first to the second one, a whole number.
         lag_steps: "steps" = 1.0 in 1.0..=1000.0,
     }
 }

@@ -15,7 +15,7 @@ fn with(reading: Reading, value: f64) -> Reading {
 shared_types::table! {
     /// Parameters of [`Bias`].
     pub struct BiasParameters {
-        /// What is added, b.
+        /// Addend b.
         bias: "target" = 0.0 in (-LARGEST)..=LARGEST,
     }
 }
@@ -46,7 +46,7 @@ impl FaultKind for Bias {
 shared_types::table! {
     /// Parameters of [`Scale`].
     pub struct ScaleParameters {
-        /// What it is multiplied by, f.
+        /// Factor f.
         factor: "1" = 1.0 in (-LARGEST)..=LARGEST,
     }
 }
@@ -77,7 +77,7 @@ impl FaultKind for Scale {
 shared_types::table! {
     /// Parameters of [`Drift`].
     pub struct DriftParameters {
-        /// How fast the error grows, r.
+        /// Growth rate r of the error.
         rate_per_s: "target/s" = 0.0 in (-LARGEST)..=LARGEST,
     }
 }

@@ -114,9 +114,9 @@ impl FaultKind for Late {
 shared_types::table! {
     /// Parameters of [`Skip`].
     pub struct SkipParameters {
-        /// How much later a command takes effect, n, a whole number.
+        /// Delay n of a command's effect, a whole number.
         steps: "steps" = 1.0 in 0.0..=1e5,
-        /// How many commands in a row come late, m, a whole number.
+        /// Number m of late commands in a row, a whole number.
         burst: "1" = 1.0 in 1.0..=1e5,
         /// Steps from burst to burst, a whole number; 0: one burst.
         period_steps: "steps" = 0.0 in 0.0..=1e9,

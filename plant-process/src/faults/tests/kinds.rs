@@ -31,7 +31,7 @@ pub(super) fn all() -> Vec<FaultKindEntry> {
 shared_types::table! {
     /// The one parameter of most kinds here.
     struct By {
-        /// How much.
+        /// Size of the addition.
         by: "target",
     }
 }

@@ -89,7 +89,7 @@ pub(super) fn skewed(skew_steps: u64, effect: FaultEffect) -> FaultEffect {
     }
 }
 
-/// Full, then gone, for so many steps each.
+/// Full, then gone, for N steps each.
 pub(super) fn on_and_off(steps: u32, effect: FaultEffect) -> FaultEffect {
     FaultEffect {
         profile: Profile::Intermittent {
@@ -134,7 +134,7 @@ pub(super) fn until(end: FaultEnd, event: FaultEvent) -> FaultEvent {
     FaultEvent { end, ..event }
 }
 
-/// An end so many steps after the begin.
+/// An end N steps after the begin.
 pub(super) fn lasting(steps: u64) -> FaultEnd {
     FaultEnd {
         after_steps: Some(steps),
@@ -252,7 +252,7 @@ impl Rig {
         (0..steps).map(|_| self.step()).collect()
     }
 
-    /// One number of each of the next steps.
+    /// Collects a number of each of the next steps.
     pub(super) fn each<T>(&mut self, steps: usize, of: impl Fn(&Passed) -> T) -> Vec<T> {
         self.run(steps).iter().map(of).collect()
     }

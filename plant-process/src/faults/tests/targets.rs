@@ -1,4 +1,4 @@
-//! What effects do to what they act on, alone and stacked.
+//! Effects on their targets, alone and stacked.
 
 use hil_config::plan::{FaultEffect, FaultEvent, Profile};
 use shared_types::describe::Operation;

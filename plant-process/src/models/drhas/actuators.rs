@@ -69,7 +69,7 @@ impl ActuatorStates {
         p_h1.is_below(p_h2).choose(p_h1, p_h2)
     }
 
-    /// One after the other.
+    /// Splits the state, an actuator after the other.
     #[inline]
     #[must_use]
     pub fn split(&self) -> [ActuatorState; 2] {

@@ -1,4 +1,4 @@
-//! What pushes the pistons besides oil and rods: the model uncertainty of eq. 74.
+//! Disturbances that push the pistons besides oil and rods: the model uncertainty of eq. 74.
 //!
 //! Called by the right-hand side and by the truth of the hydraulic system. No controller knows it.
 

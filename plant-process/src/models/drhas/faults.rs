@@ -1,4 +1,4 @@
-//! What can break in the hydraulic system: names for the faults of its parts, each with the
+//! Faults of the hydraulic system: names for the faults of its parts, each with the
 //! parameters that it moves and by what.
 //!
 //! Given to the launcher with the plant's description; the fault layer around the plant moves the

@@ -1,4 +1,4 @@
-//! What holds the piston besides oil, rod and viscous damping: dry friction and seizure.
+//! Forces that hold the piston besides oil, rod and viscous damping: dry friction and seizure.
 //!
 //! Called by the right-hand side of the hydraulic system. The paper has neither; with neutral
 //! parameters both are absent. Both are smooth, so that Runge-Kutta follows them with its step.

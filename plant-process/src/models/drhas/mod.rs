@@ -137,7 +137,7 @@ impl Drhas {
         }
     }
 
-    /// One integration step: a substep or a part of one.
+    /// Integrates a step: a substep or a part of one.
     ///
     /// Inlined, the right-hand side takes over the roots and quotients that tell whether the substep
     /// has to be cut.

@@ -1,4 +1,4 @@
-//! What goes into the hydraulic system and what comes out of it: its parameters and signals.
+//! Tables of the hydraulic system: its parameters and signals.
 //!
 //! The defaults are Table 1 of the paper and eq. 74; what the paper does not have is neutral by
 //! default. The symbols in the descriptions are the paper's.
@@ -6,7 +6,7 @@
 use shared_types::table;
 
 table! {
-    /// One actuator: valve, cylinder, seal, its connection to the surface and what disturbs it.
+    /// Actuator: valve, cylinder, seal, its connection to the surface and its disturbance.
     pub struct ActuatorParameters {
         /// Valve gain k_i: spool displacement per current.
         valve_gain_m_per_a: "m/A" = 3.04e-3 in 0.0..=1.0 [faultable],
@@ -16,7 +16,7 @@ table! {
         valve_travel_m: "m" = 0.02 in 1e-6..=1.0,
         /// Time constant of the spool, 1 / (2 pi bandwidth); 0: it follows at once.
         valve_lag_s: "s" = 0.0 in 0.0..=10.0 [faultable],
-        /// How far the spool is stuck where it was: 0 moves freely, 1 not at all.
+        /// Degree to which the spool is stuck where it was: 0 moves freely, 1 not at all.
         valve_stuck: "1" = 0.0 in 0.0..=1.0 [faultable],
         /// Flow gain k_q of the valve.
         flow_gain_m2ps_per_sqrt_pa: "m2/s/sqrt(Pa)" = 7.5e-5 in 0.0..=1.0,
@@ -34,7 +34,7 @@ table! {
         coulomb_friction_n: "N" = 0.0 in 0.0..=4e4 [faultable],
         /// Velocity v_s at which Coulomb friction has reached 76 % (tanh 1) of its size.
         friction_velocity_mps: "m/s" = 1e-2 in 1e-2..=1e2,
-        /// How far the piston is seized: 0 moves freely, 1 not at all.
+        /// Degree to which the piston is seized: 0 moves freely, 1 not at all.
         motion_blocked: "1" = 0.0 in 0.0..=1.0 [faultable],
         /// Piston area A_1 of the active chamber.
         area1_m2: "m2" = 1.47e-3 in 1e-6..=1.0,

@@ -7,7 +7,6 @@ use std::time::Duration;
 use super::{Iceoryx, InProcess};
 use crate::conformance::link::{Fixture, Opener, sentences};
 use crate::frame::{FrameKind, Header, MAX_SIGNALS, VALIDITY_WORDS};
-use crate::ignored::Ignored;
 use crate::link::{FrameSpec, Link, LinkError, Peer};
 use crate::time::Step;
 use crate::wait::Sleeper;
@@ -130,9 +129,7 @@ impl<L, const FLAW: usize> Drop for BrokenLink<L, FLAW> {
 }
 
 impl<L: Link, const FLAW: usize> Link for BrokenLink<L, FLAW> {
-    fn send_control(&mut self, message: &[u8]) -> Result<(), LinkError> {
-        self.link.send_control(message)
-    }
+    crate::pass_on!(self => self.link; send_control expect rejected);
 
     fn tell(&mut self, message: &[u8]) -> Result<(), LinkError> {
         match Self::has(Flaw::TellsTheNext) {
@@ -149,10 +146,6 @@ impl<L: Link, const FLAW: usize> Link for BrokenLink<L, FLAW> {
             message = Some(newer);
         }
         Ok(message)
-    }
-
-    fn expect(&mut self, epoch: u32) -> Result<(), LinkError> {
-        self.link.expect(epoch)
     }
 
     fn peer(&self) -> Result<Peer, LinkError> {
@@ -237,10 +230,6 @@ impl<L: Link, const FLAW: usize> Link for BrokenLink<L, FLAW> {
             }
         }
         Ok(header)
-    }
-
-    fn rejected(&self) -> Ignored {
-        self.link.rejected()
     }
 
     fn sleeper(&self) -> Option<Box<dyn Sleeper>> {

@@ -25,7 +25,7 @@ macro_rules! for_class {
     };
 }
 
-/// Opens the sending end of a channel for frames of so many values.
+/// Opens the sending end of a channel for frames of N values.
 pub(super) fn outgoing(
     (node, side): (&Node<Ipc>, Side),
     name: &str,
@@ -35,7 +35,7 @@ pub(super) fn outgoing(
     for_class!(class(values)?, writer(node, side, name, identity))
 }
 
-/// Opens the receiving end of a channel for frames of so many values.
+/// Opens the receiving end of a channel for frames of N values.
 pub(super) fn incoming(
     (node, side): (&Node<Ipc>, Side),
     name: &str,

@@ -10,7 +10,7 @@ use tools::testing::End;
 
 use super::{COMMANDS, SIGNALS};
 
-/// One end.
+/// End of a link.
 pub(super) struct Linked {
     link: IceoryxLink,
     kind: FrameKind,

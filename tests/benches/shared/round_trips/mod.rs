@@ -1,6 +1,6 @@
 //! Round trips: a payload there and one back, over whatever connects two processes.
 //!
-//! Benches [`measure`] one exchange at a time, for so many trips at some [`Place`] with one way to
+//! Benches [`measure`] one exchange at a time, for N trips at some [`Place`] with one way to
 //! [`Wait`]. The plant's end is in this process, the controller's in this program started again, so
 //! that each bench first asks whether it was [`answered`] as one. The raw limit and the bare
 //! blackboard are those of `hil latency`.
@@ -81,7 +81,7 @@ impl Exchange {
 /// Way in which both sides wait for each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Wait {
-    /// As the project's processes do unless told otherwise.
+    /// Strategy of the project's processes unless told otherwise.
     Hybrid,
     /// Poll and never give the core away.
     Spin,

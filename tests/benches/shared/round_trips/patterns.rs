@@ -115,7 +115,7 @@ fn topics<const OUT: usize, const IN: usize>(
     })
 }
 
-/// One topic each way.
+/// Exchanges over one topic each way.
 pub(super) fn publish_subscribe(session: &SessionInfo, side: Side) -> Box<dyn End> {
     match side {
         Side::Plant => topics::<SAMPLE, COMMAND>(session, side, (SAMPLES, COMMANDS)),

@@ -35,7 +35,7 @@ fn waiter(wait: Wait, core: usize, shares_core: bool) -> Waiter {
     Waiter::with(WaitLimit::from_seconds(WAIT_LIMIT_S), strategy, shares_core)
 }
 
-/// Measures one round of so many trips.
+/// Measures one round of N trips.
 pub(crate) fn measure(exchange: Exchange, wait: Wait, place: Place<'_>, trips: u64) -> Round {
     let trips = Trips {
         warm_up: WARM_UP,
@@ -104,7 +104,7 @@ fn led(end: &mut impl End, trips: Trips, waiter: Waiter) -> Round {
     }
 }
 
-/// Is the controller of a measurement if this process was started as one; false if it was not.
+/// Runs as the controller of a measurement if this process was started as one; false if it was not.
 pub(crate) fn answered() -> bool {
     let told = |name: &str| std::env::var(name).ok();
     let Some(exchange) = told(EXCHANGE) else {

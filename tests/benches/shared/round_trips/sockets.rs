@@ -25,7 +25,7 @@ trait Socket {
     /// Sets whether receiving waits, but never for longer than the wait limit.
     fn set_wait(&self, wait: Wait) -> io::Result<()>;
     fn put(&mut self, bytes: &[u8]) -> io::Result<()>;
-    /// Takes what is there, up to so many bytes.
+    /// Takes what is there, up to N bytes.
     fn take(&mut self, bytes: &mut [u8]) -> io::Result<usize>;
 }
 
@@ -54,7 +54,7 @@ socket!(TcpStream, write_all, read);
 socket!(UnixDatagram, send, recv);
 socket!(UdpSocket, send, recv);
 
-/// One end.
+/// End of a socket.
 struct SocketEnd<S> {
     socket: S,
     outgoing: Vec<u8>,

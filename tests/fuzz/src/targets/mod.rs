@@ -1,4 +1,4 @@
-//! What must hold of any bytes, one function for each way into the programs.
+//! Properties that must hold for any bytes, a function for each way into the programs.
 //!
 //! Called by libFuzzer with inputs that it makes up, and by the workspace's tests with the committed
 //! corpus and with changed pieces of it. A function panics if something does not hold and returns
@@ -19,7 +19,7 @@ pub mod session;
 
 /// A way in.
 pub struct Target {
-    /// Its name, which is that of its corpus.
+    /// Name, which is that of its corpus.
     pub name: &'static str,
     /// Check of what must hold of any bytes.
     pub run: fn(&[u8]),

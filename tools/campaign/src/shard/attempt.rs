@@ -32,7 +32,7 @@ pub struct Attempt<'a> {
 /// End of an attempt.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Published {
-    /// Its result counts.
+    /// Counts, as the first result of its case.
     First,
     /// Another one was first, with the same rows.
     Again,

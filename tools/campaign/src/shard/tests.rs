@@ -19,7 +19,7 @@ impl Campaign {
         Self::with(cases, shard_cases, |_| {})
     }
 
-    /// One whose manifest is changed before it is written.
+    /// Makes a shard whose manifest is changed before it is written.
     pub(crate) fn with(cases: u64, shard_cases: u64, change: impl FnOnce(&mut Manifest)) -> Self {
         let root = tempfile::tempdir().expect("a folder");
         let file = || Copied {

@@ -39,7 +39,7 @@ fn run() -> Result<u8, String> {
         patterns.push(pattern(arguments.next())?);
     }
     let rest = std::iter::once(own).chain(arguments);
-    let told = |error: &dyn std::fmt::Display| told(&path, error);
+    let told = |error: &dyn std::fmt::Display| describe(&path, error);
     let fmu = Arc::new(Fmu::open(&path, &patterns).map_err(|error| told(&error))?);
     let imported = &fmu.model().tables.imported;
     match side.to_str() {
@@ -63,7 +63,7 @@ fn pattern(text: Option<OsString>) -> Result<Pattern, String> {
     Pattern::new(&text).map_err(|error| format!("{text:?} is no pattern: {error}"))
 }
 
-fn told(path: &Path, error: &dyn std::fmt::Display) -> String {
+fn describe(path: &Path, error: &dyn std::fmt::Display) -> String {
     let name = path.file_name().unwrap_or(path.as_os_str());
     format!("{}: {error}", name.to_string_lossy())
 }

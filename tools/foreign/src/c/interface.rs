@@ -23,7 +23,7 @@ pub struct Parameter {
     pub name: *const c_char,
     /// Unit.
     pub unit: *const c_char,
-    /// One sentence.
+    /// Description in one sentence.
     pub description: *const c_char,
     /// Default.
     pub initial: f64,
@@ -43,7 +43,7 @@ pub struct Signal {
     pub name: *const c_char,
     /// Unit.
     pub unit: *const c_char,
-    /// One sentence.
+    /// Description in one sentence.
     pub description: *const c_char,
     /// Smallest legal value.
     pub min: f64,
@@ -132,7 +132,7 @@ pub struct Plant {
     pub api: u32,
     /// Name.
     pub name: *const c_char,
-    /// One sentence.
+    /// Summary in one sentence.
     pub summary: *const c_char,
     /// Version of the program.
     pub version: *const c_char,
@@ -162,7 +162,7 @@ pub struct Plant {
     pub save: Option<Save>,
     /// Puts a state back.
     pub restore: Option<Restore>,
-    /// Is told the end.
+    /// Function that is called at the end.
     pub end: Option<End>,
 }
 
@@ -174,7 +174,7 @@ pub struct Controller {
     pub api: u32,
     /// Name.
     pub name: *const c_char,
-    /// One sentence.
+    /// Summary in one sentence.
     pub summary: *const c_char,
     /// Version of the program.
     pub version: *const c_char,
@@ -208,6 +208,6 @@ pub struct Controller {
     pub save: Option<Save>,
     /// Puts a state back.
     pub restore: Option<Restore>,
-    /// Is told the end.
+    /// Function that is called at the end.
     pub end: Option<End>,
 }

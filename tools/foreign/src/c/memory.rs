@@ -29,7 +29,7 @@ pub(super) struct Memory {
 }
 
 impl Memory {
-    /// Memory of so many bytes, at most [`MOST_BYTES`].
+    /// Memory of N bytes, at most [`MOST_BYTES`].
     pub(super) fn new(size: usize) -> Self {
         Self {
             words: vec![0; size.div_ceil(size_of::<u128>())].into(),

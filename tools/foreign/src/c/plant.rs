@@ -34,7 +34,7 @@ struct InC {
 /// The entry of a plant in C.
 ///
 /// # Safety
-/// The struct is one of `hil.h`: its tables have so many rows, each text is null or ends with a zero, and its
+/// The struct is one of `hil.h`: its tables have N rows, each text is null or ends with a zero, and its
 /// callbacks are functions of their type, write no more than the rows that they are given and `size` bytes of
 /// `self`, and may be called for as long as the program runs.
 ///

@@ -14,7 +14,7 @@ use super::{law, plant};
 /// Exit code of a program of Rust that panicked.
 const PANICKED: c_int = 101;
 
-/// What the start of a program of Rust does and that of C does not.
+/// Steps of the start of a program in Rust that a program in C lacks.
 mod start {
     use std::ffi::{c_char, c_int};
     use std::ptr;

@@ -36,7 +36,7 @@ pub(super) fn required<T>(callback: Option<T>, name: &str) -> Result<T, Invalid>
     callback.ok_or_else(|| Invalid(format!("the callback `{name}` is missing")))
 }
 
-/// What is there for checkpoints: everything or nothing.
+/// Takes the functions for checkpoints: all or none.
 ///
 /// # Errors
 /// If a part is missing.
@@ -78,7 +78,7 @@ pub(super) unsafe fn text(text: *const c_char, what: &str) -> Result<String, Inv
 /// The rows of a table.
 ///
 /// # Safety
-/// If the pointer is not null it points to so many rows.
+/// If the pointer is not null it points to N rows.
 unsafe fn rows<'t, T>(table: &'t Rows<T>, name: &str) -> Result<&'t [T], Invalid> {
     let count = table.count;
     if count == 0 {
@@ -101,7 +101,7 @@ unsafe fn rows<'t, T>(table: &'t Rows<T>, name: &str) -> Result<&'t [T], Invalid
 /// The columns of a table of signals.
 ///
 /// # Safety
-/// The table is one of `hil.h`: so many rows, each text null or with a zero at its end.
+/// The table is one of `hil.h`: N rows, each text null or with a zero at its end.
 ///
 /// # Errors
 /// The row that has a null pointer or a text that is no UTF-8.

@@ -416,7 +416,7 @@ fn content<R: Read + Seek>(source: &mut R, entry: &Entry) -> Result<Vec<u8>, Arc
     is_sound.then_some(bytes).ok_or_else(damaged)
 }
 
-/// So many bytes of the archive; memory is taken as they come.
+/// Reads a number of bytes of the archive; memory is taken as they come.
 fn read_at<R: Read + Seek>(source: &mut R, at: u64, count: u64) -> Result<Vec<u8>, ArchiveError> {
     source.seek(SeekFrom::Start(at))?;
     let mut bytes = Vec::new();

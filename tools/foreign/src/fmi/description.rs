@@ -1,4 +1,4 @@
-//! What an FMU says of itself: its `modelDescription.xml`, of FMI 2.0 and 3.0, in one form.
+//! Description of an FMU: its `modelDescription.xml`, of FMI 2.0 and 3.0, in one form.
 //!
 //! [`ModelDescription::read`] takes the text and never asks for anything else: a document type, and with it
 //! every entity that a document could declare, is refused. Nothing here knows signals or plants; which
@@ -210,7 +210,7 @@ pub enum Causality {
     Independent,
 }
 
-/// One variable.
+/// Variable.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Variable {
     /// Name.

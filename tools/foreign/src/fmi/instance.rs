@@ -1,4 +1,4 @@
-//! One instance of an FMU, called in the order of the standard.
+//! Instance of an FMU, called in the order of the standard.
 //!
 //! 1. [`Instance::start`]: instantiated, parameters set, initialised at time 0; all signals are read.
 //! 2. [`Instance::step`]: inputs and changed parameters are set, the step is done, all signals are read.
@@ -31,14 +31,14 @@ const TERMINATED: c_int = 3;
 /// Deviation of a period from a multiple of the internal step, as a part of it, that is rounding alone.
 const ROUNDING: f64 = 1e-6;
 
-/// How far an instance is.
+/// Stage of an instance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Life {
     /// Made, and not stepped yet.
     Made,
     /// Steps may be done.
     Stepping,
-    /// It answered with an error: it can be freed.
+    /// Failed with an error: the instance can be freed.
     Broken,
     /// No function may be called any more.
     Fatal,

@@ -20,13 +20,13 @@ pub(super) type Handle = *mut c_void;
 /// A library cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LibraryError {
-    /// It cannot be loaded.
+    /// Failure of loading the library.
     #[error("its library cannot be loaded: {0}")]
     Load(String),
     /// A function is missing.
     #[error("its library has no function `{0}`")]
     Missing(String),
-    /// It is of another version than the model description.
+    /// Library of another version than the model description.
     #[error("its library is of FMI {library}, its model description of {description}")]
     Version {
         /// Version that the library tells.

@@ -1,4 +1,4 @@
-//! Which variable of an FMU becomes which signal or parameter, under which name, and what is left out.
+//! Tables of an FMU: which variable becomes which signal or parameter, under which name, and what is left out.
 //!
 //! Follows from the model description alone, so that an FMU is described without its library. Variables keep
 //! their order; an array is one column for each element, and stays or is left out as a whole.

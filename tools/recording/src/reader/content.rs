@@ -28,9 +28,9 @@ const NOT_AS_LONG: &str = "a chunk that is not as long as it says";
 /// End of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
-    /// As its writer finished it.
+    /// Finished by its writer.
     Whole,
-    /// Its writer was killed, or a copy was cut: whole up to this byte.
+    /// Torn, by a killed writer or a copy that was cut: whole up to this byte.
     Torn(u64),
 }
 

@@ -7,7 +7,7 @@ use shared_types::record::{GROUPS, HASHED_GROUPS, Timing};
 /// Words of validity bits of the widest frame, and room to grow: more is damage.
 const MOST_WORDS: usize = 1024;
 
-/// One word of a record.
+/// Word of a record.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Column {
     /// Name: `step`, `truth.x_m`, `sample_invalid[0]`.

@@ -2,7 +2,7 @@ use shared_types::record::{Outcome, RunEnd, Timing};
 
 use super::*;
 use crate::fixture::{Content, layout, record, recorded, taken};
-use crate::writer::Enclosure;
+use crate::writer::Attachment;
 
 #[test]
 fn a_recording_reads_back_as_it_was_written() {
@@ -13,19 +13,19 @@ fn a_recording_reads_back_as_it_was_written() {
         Content::Record(record(1, -0.0, f64::NAN)),
         Content::Event(end.clone()),
     ];
-    let enclosure = Enclosure {
+    let attachment = Attachment {
         name: "scenario.toml",
         media_type: "application/toml",
         text: "schema = 1".into(),
     };
-    let folder = recorded("reads", &layout(), &contents, vec![enclosure], true);
+    let folder = recorded("reads", &layout(), &contents, vec![attachment], true);
     let mut reader = RunReader::open(&folder).expect("opens");
     assert_eq!(reader.rate().expect("a rate").hz(), 1000.0);
     assert_eq!(
-        reader.enclosure("scenario.toml").expect("enclosed"),
+        reader.attachment("scenario.toml").expect("enclosed"),
         "schema = 1"
     );
-    assert!(reader.enclosure("other.toml").is_err());
+    assert!(reader.attachment("other.toml").is_err());
     let names: Vec<&str> = reader
         .columns()
         .iter()

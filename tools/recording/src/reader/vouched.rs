@@ -1,4 +1,4 @@
-//! What no check sum vouches for in a recording that broke off, and in one that was made of such a file.
+//! Content that no check sum vouches for, in a recording that broke off and in one that was made of such a file.
 
 use super::RunReader;
 use super::content::End;

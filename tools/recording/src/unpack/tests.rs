@@ -1,4 +1,4 @@
-//! What was packed by others comes out again, from a torn chunk as far as it goes.
+//! Chunks that were packed by others come out again, from a torn chunk as far as it goes.
 
 use std::io::Write;
 

@@ -1,4 +1,4 @@
-//! What is in a file, read by the `mcap` crate.
+//! Content of a written file, read by the `mcap` crate.
 
 use std::path::PathBuf;
 
@@ -54,7 +54,7 @@ fn written(compression: Compression, records: u64) -> File {
     let path = folder.path().join("run.mcap");
     let provenance = Provenance {
         facts: BTreeMap::from([("fact".into(), "true".into())]),
-        enclosures: vec![Enclosure {
+        attachments: vec![Attachment {
             name: "scenario.toml",
             media_type: "text/plain",
             text: "content".into(),

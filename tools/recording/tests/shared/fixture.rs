@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use hil_recording::compression::Compression;
 use hil_recording::reader::RECORDING;
-use hil_recording::writer::{Enclosure, Provenance, Recording};
+use hil_recording::writer::{Attachment, Provenance, Recording};
 use shared_types::record::{Event, FaultTaken, RecordLayout, Timing};
 use shared_types::table::Field;
 
@@ -54,14 +54,14 @@ pub(crate) fn recorded(
     name: &str,
     layout: &RecordLayout,
     contents: &[Content],
-    enclosures: Vec<Enclosure>,
+    attachments: Vec<Attachment>,
     finish: bool,
 ) -> PathBuf {
     let folder = std::env::temp_dir().join(format!("hil-{name}-{}", std::process::id()));
     std::fs::create_dir_all(&folder).expect("a folder");
     let provenance = Provenance {
         facts: BTreeMap::from([("rate_hz".into(), "1000".into())]),
-        enclosures,
+        attachments,
     };
     let path = folder.join(RECORDING);
     let mut recording =

@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use super::data::Singles;
 
-/// Quantiles of the least values, then of the greatest: each pair has so many of the cases between its curves.
+/// Quantiles of the least values, then of the greatest: each pair has N of the cases between its curves.
 const LOWER: [f64; 3] = [0.05, 0.25, 0.5];
 const UPPER: [f64; 3] = [0.5, 0.75, 0.95];
 

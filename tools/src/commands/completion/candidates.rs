@@ -1,4 +1,4 @@
-//! What an argument can be.
+//! Candidates for an argument.
 
 use std::ffi::OsStr;
 use std::path::Path;
@@ -65,7 +65,7 @@ impl Source {
     }
 }
 
-/// What an argument can be that begins as typed.
+/// Lists the candidates for an argument that begin as typed.
 pub(super) fn of(source: Source, line: &Line, typed: &OsStr) -> Vec<CompletionCandidate> {
     let found = match source {
         Source::Sessions => sessions(),
@@ -73,22 +73,22 @@ pub(super) fn of(source: Source, line: &Line, typed: &OsStr) -> Vec<CompletionCa
         Source::Scenarios => return scenarios(typed),
         Source::Keys => keys(line, typed),
         Source::References => references(line)
-            .map(|(name, unit)| told(&name, &unit))
+            .map(|(name, unit)| candidate(&name, &unit))
             .collect(),
         Source::Signals => signals(line),
         Source::Kinds => kinds(line)
             .iter()
-            .map(|kind| told(&kind.kind, &kind.summary))
+            .map(|kind| candidate(&kind.kind, &kind.summary))
             .collect(),
         Source::Targets => targets(line),
         Source::Sizes => sizes(line)
-            .map(|(name, about)| told(&format!("{name}="), &about))
+            .map(|(name, about)| candidate(&format!("{name}="), &about))
             .collect(),
         Source::Models => {
             let plants = plants(line).0;
             plants
                 .iter()
-                .map(|plant| told(&plant.name, &plant.summary))
+                .map(|plant| candidate(&plant.name, &plant.summary))
                 .collect()
         }
     };
@@ -101,7 +101,7 @@ pub(super) fn of(source: Source, line: &Line, typed: &OsStr) -> Vec<CompletionCa
     found
 }
 
-fn told(value: &str, about: &str) -> CompletionCandidate {
+fn candidate(value: &str, about: &str) -> CompletionCandidate {
     let about = about.lines().next().unwrap_or_default();
     let help = (!about.is_empty()).then(|| StyledStr::from(about.to_owned()));
     CompletionCandidate::new(value).help(help)
@@ -113,7 +113,7 @@ fn sessions() -> Vec<CompletionCandidate> {
         .map(|session| {
             let folder = session.run_dir.as_ref();
             let folder = folder.map(|folder| folder.display().to_string());
-            told(&session.name, &folder.unwrap_or_default())
+            candidate(&session.name, &folder.unwrap_or_default())
         })
         .collect()
 }
@@ -122,7 +122,7 @@ fn sessions() -> Vec<CompletionCandidate> {
 fn runs(typed: &OsStr) -> Vec<CompletionCandidate> {
     let begin = typed.as_encoded_bytes();
     let known = runs::newest(Path::new(runs::RUNS), MOST_RUNS);
-    let latest = (!known.is_empty()).then(|| told(runs::LATEST, "the newest run"));
+    let latest = (!known.is_empty()).then(|| candidate(runs::LATEST, "the newest run"));
     let known = known.into_iter().map(CompletionCandidate::new);
     let fitting: Vec<_> = (latest.into_iter().chain(known))
         .filter(|one| one.get_value().as_encoded_bytes().starts_with(begin))
@@ -161,7 +161,7 @@ fn keys(line: &Line, typed: &OsStr) -> Vec<CompletionCandidate> {
         };
         let names = names.into_iter();
         return names
-            .map(|(name, about)| told(&format!("{key}={name}"), &about))
+            .map(|(name, about)| candidate(&format!("{key}={name}"), &about))
             .collect();
     }
     let Subject {
@@ -186,7 +186,7 @@ fn keys(line: &Line, typed: &OsStr) -> Vec<CompletionCandidate> {
     }
     found
         .iter()
-        .map(|(key, value)| told(&format!("{key}="), value))
+        .map(|(key, value)| candidate(&format!("{key}="), value))
         .collect()
 }
 
@@ -269,7 +269,7 @@ fn signals(line: &Line) -> Vec<CompletionCandidate> {
     let recorded = columns.iter().map(|one| (&one.name, &one.unit));
     let derived = plan.derived.iter().map(|one| (&one.name, &one.unit));
     (recorded.chain(derived))
-        .map(|(name, unit)| told(name, unit_shown(unit)))
+        .map(|(name, unit)| candidate(name, unit_shown(unit)))
         .collect()
 }
 
@@ -315,7 +315,7 @@ fn targets(line: &Line) -> Vec<CompletionCandidate> {
         .collect();
     names.sort_unstable();
     names.dedup();
-    names.iter().map(|name| told(name, "")).collect()
+    names.iter().map(|name| candidate(name, "")).collect()
 }
 
 /// Keys of the kinds that the line names, with what they are.

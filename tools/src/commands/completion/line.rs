@@ -20,7 +20,7 @@ use crate::terminal::interruption::Interruption;
 /// Commands that ask or change a running session.
 const OF_A_SESSION: [&str; 7] = ["inject", "get", "set", "watch", "monitor", "panel", "swap"];
 
-/// What a line is about.
+/// Subject of a line.
 pub(super) struct Subject {
     pub(super) plan: Plan,
     pub(super) plant: Description,

@@ -106,7 +106,7 @@ fn flipped(original: &Original, bytes: &[u8], places: &BTreeSet<(usize, u8)>) ->
     became
 }
 
-/// So many places in ranges of bytes, the same for a seed (xorshift).
+/// Chooses places in ranges of bytes, the same for a seed (xorshift).
 fn places(ranges: &[(usize, usize)], count: usize, seed: u64) -> BTreeSet<(usize, u8)> {
     let mut state = seed;
     let mut random = |bound: usize| {

@@ -29,7 +29,7 @@ impl Original {
         let path = folder.path().join(RECORDING);
         let provenance = Provenance {
             facts: BTreeMap::from([("rate_hz".into(), "1000".into())]),
-            enclosures: vec![],
+            attachments: vec![],
         };
         let layout = layout();
         let recording = Recording::create(&path, compression, &layout, &provenance, None);

@@ -92,7 +92,7 @@ fn decide(arguments: &RemovalArguments) -> Result<Vec<Decision>, Failure> {
     Ok(runs.into_iter().enumerate().map(decide).collect())
 }
 
-/// What the folder of a run holds that no run put there.
+/// Finds content of a run's folder that no run put there.
 fn foreign(folder: &Path) -> Option<String> {
     part_file::sweep(folder);
     let entries = match fs::read_dir(folder) {

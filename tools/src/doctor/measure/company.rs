@@ -135,7 +135,7 @@ mod tests {
     use crate::doctor::finding::Grade;
     use crate::doctor::tree::Fake;
 
-    /// A machine of which the second core was busy for so many ticks of 1000, all of them with one program.
+    /// A machine of which the second core was busy for N ticks of 1000, all of them with one program.
     fn machine(busy: u64) -> Fake {
         let idle = 1000 - busy;
         let stat = format!(

@@ -1,4 +1,4 @@
-//! How long two cores take to exchange a number through memory: the least that any exchange between
+//! Ping-pong: the time that two cores take to exchange a number through memory, the least that any exchange between
 //! plant and controller takes.
 //!
 //! Two threads, two plain atomics on cache lines of their own, both sides spinning: no link of the

@@ -1,4 +1,4 @@
-//! Which program a side has: what the command line names, else the environment, else the scenario or the
+//! Program of a side: the one that the command line names, else the environment, else the scenario or the
 //! recording that is run, else the program beside `hil`.
 //!
 //! What a file names is run only if nobody but this user and root can have written it, and what a
@@ -25,7 +25,7 @@ pub(crate) struct Role {
     pub(crate) beside: &'static str,
     pub(crate) flag: &'static str,
     pub(crate) variable: &'static str,
-    /// Its key in a scenario.
+    /// Key in a scenario.
     pub(crate) key: &'static str,
 }
 
@@ -80,6 +80,18 @@ pub(crate) struct Choice {
     pub(crate) blake3: Option<String>,
     /// Patterns of inner signals that are part of the truth, if it is an FMU.
     pub(crate) locals: Vec<String>,
+}
+
+impl Choice {
+    /// Chooses a program of which nothing more is asked.
+    pub(super) const fn new(path: PathBuf, by: NamedBy) -> Self {
+        Self {
+            path,
+            by,
+            blake3: None,
+            locals: Vec::new(),
+        }
+    }
 }
 
 /// Source of program names besides the command line.
@@ -244,10 +256,8 @@ impl<'a> Named<'a> {
             // Absolute, so that what is run is what is hashed: a bare name is looked for elsewhere.
             let path = std::path::absolute(path).map_err(Failure::usage)?;
             return Ok(Choice {
-                path,
-                by: NamedBy::Person(by),
-                blake3: None,
                 locals: self.locals(role),
+                ..Choice::new(path, NamedBy::Person(by))
             });
         }
         let named = match self {
@@ -262,10 +272,8 @@ impl<'a> Named<'a> {
         match named {
             Some(choice) => Ok(choice),
             None => Ok(Choice {
-                path: beside(role.beside)?,
-                by: NamedBy::Nobody,
-                blake3: None,
                 locals: self.locals(role),
+                ..Choice::new(beside(role.beside)?, NamedBy::Nobody)
             }),
         }
     }

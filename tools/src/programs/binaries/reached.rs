@@ -95,7 +95,7 @@ impl Reached {
             .map_err(failed)
     }
 
-    /// Has a program, there, look at its job.
+    /// Asks a program, there, to look at its job.
     pub(super) fn check(
         &self,
         program: &Path,

@@ -1,4 +1,4 @@
-//! What a plant can say of its end, and what of it is believed.
+//! Accounts of a plant about its end, and the part of them that is believed.
 
 use shared_types::record::{Change, ControllerChange, FaultEffectSize, Outcome, RunEnd};
 use shared_types::time::Step;

@@ -1,4 +1,4 @@
-//! What a latency is good for, in the words and limits that LinuxCNC's users live by.
+//! Grades of latency, in the words and limits that LinuxCNC's users live by.
 
 use std::fmt;
 
@@ -63,7 +63,7 @@ pub struct Graded {
     pub grade: Grade,
     /// Leg that decided.
     pub leg: Leg,
-    /// Its 99.99 %.
+    /// 99.99 %.
     pub p9999_ns: u64,
 }
 

@@ -3,6 +3,8 @@
 use hdrhistogram::Histogram;
 use serde::{Deserialize, Serialize};
 
+use crate::terminal::duration::shown_ns;
+
 /// Percentiles of some times, in ns, within the three digits of the histogram.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Percentiles {
@@ -20,6 +22,16 @@ pub struct Percentiles {
     pub max: u64,
     /// Number of times.
     pub count: u64,
+}
+
+impl Percentiles {
+    /// Lists all times as a person reads them, from the median to the largest.
+    pub(crate) fn shown(&self) -> [String; 6] {
+        [
+            self.p50, self.p90, self.p99, self.p999, self.p9999, self.max,
+        ]
+        .map(shown_ns)
+    }
 }
 
 impl Percentiles {

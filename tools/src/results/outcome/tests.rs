@@ -1,13 +1,13 @@
-//! What is believed of a recording that tells its own end.
+//! Belief in a recording that tells its own end.
 
-use hil_recording::writer::Enclosure;
+use hil_recording::writer::Attachment;
 use shared_types::record::{Event, RunEnd};
 
 use super::*;
 use crate::programs::rig::{SCENARIO, described, plan};
 use crate::results::fixture::{Content, recorded};
 
-/// A recording of so many records whose plant says that it completed all 1000 steps.
+/// A recording of N records whose plant says that it completed all 1000 steps.
 fn of_records(records: u64) -> RecordedOutcome {
     let [plant, controller] = described();
     let plan = plan();
@@ -25,18 +25,18 @@ fn of_records(records: u64) -> RecordedOutcome {
         Outcome::Completed,
     ))));
     let json = |description| serde_json::to_string(description).expect("JSON");
-    let enclosures = [
+    let attachments = [
         ("scenario.toml", SCENARIO.to_owned()),
         ("plant-description.json", json(&plant)),
         ("controller-description.json", json(&controller)),
     ]
-    .map(|(name, text)| Enclosure {
+    .map(|(name, text)| Attachment {
         name,
         media_type: "text/plain",
         text,
     });
     let name = format!("outcome-{records}");
-    let folder = recorded(&name, &layout, &contents, enclosures.into(), true);
+    let folder = recorded(&name, &layout, &contents, attachments.into(), true);
     let outcome = RecordedOutcome::of(&folder, None).expect("a recording");
     std::fs::remove_dir_all(folder).expect("it is there");
     outcome

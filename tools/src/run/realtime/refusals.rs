@@ -1,4 +1,4 @@
-//! What the system refused, told once, with the command that mends it.
+//! Refusals of the system, told once, with the command that mends each.
 
 use std::fmt::{self, Display};
 
@@ -6,7 +6,7 @@ use shared_types::realtime::Report;
 
 use crate::doctor::rights::LIMITS;
 
-/// One refusal after another.
+/// Refusals, one after another.
 #[derive(Debug, Default)]
 pub(super) struct Refusals(Vec<Refusal>);
 

@@ -1,4 +1,4 @@
-//! What a plant says in the record stream, looked at before anything is made of it.
+//! Words of a plant in the record stream, checked before anything is made of them.
 
 use hil_config::plan::{Clock, Plan};
 use shared_types::lockstep::OnLoss;

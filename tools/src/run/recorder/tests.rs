@@ -1,4 +1,4 @@
-//! What the recorder takes of a stream, whatever became of who published it.
+//! Items that the recorder takes of a stream, whatever became of the publisher.
 
 use hil_config::plan::Clock;
 use shared_types::link::LinkError;
@@ -12,7 +12,7 @@ use crate::programs::rig::plan;
 use crate::results::fixture::{layout, record};
 use crate::results::recorded::Recorded;
 
-/// A stream of so many records whose plant is dead: a few come with each look.
+/// A stream of N records whose plant is dead: a few come with each look.
 struct Left {
     records: u64,
     taken: u64,

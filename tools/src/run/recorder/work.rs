@@ -1,4 +1,4 @@
-//! What the recorder's thread does with each item of the stream, until the recording is complete.
+//! Work of the recorder's thread on each item of the stream, until the recording is complete.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::Ordering;

@@ -47,7 +47,7 @@ enum Key<'a> {
 #[derive(Default)]
 struct Sorted<'a> {
     targets: Vec<String>,
-    /// One value, or one for each target.
+    /// Values of each parameter: a common one, or one for each target.
     values: Vec<(&'a Field, Vec<String>)>,
     list: Option<(&'a ListDescription, String)>,
 }

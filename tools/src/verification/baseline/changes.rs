@@ -1,4 +1,4 @@
-//! What is another in a run than in a baseline: texts that identify it, and figures.
+//! Changes of a run against a baseline: texts that identify it, and figures.
 //!
 //! Made for a judgement, which asks what is within its tolerance, and for an update, which shows what
 //! it will write.

@@ -141,7 +141,7 @@ impl Figures {
             )));
         }
         let fact = |name| reader.fact(name).unwrap_or_default().to_owned();
-        let scenario = reader.enclosure("scenario.toml").map_err(Failure::usage)?;
+        let scenario = reader.attachment("scenario.toml").map_err(Failure::usage)?;
         Ok(Self {
             scenario: fact("scenario"),
             digest: reader.digest(),

@@ -25,7 +25,7 @@ pub(super) struct Work {
     only_in_a: Vec<String>,
     only_in_b: Vec<String>,
     first: Option<Difference>,
-    /// One of the recordings is only an excerpt: what is not in both says nothing.
+    /// True if a recording is only an excerpt: what is not in both says nothing.
     is_excerpt: bool,
     /// Anything but the size of a signal differs.
     is_other: bool,
@@ -231,7 +231,7 @@ impl Work {
         Ok(())
     }
 
-    /// One has a record more than the other.
+    /// Notes that a recording has a record more than the other.
     pub(super) fn ended(&mut self, longer: &RunReader, is_a: bool) {
         self.is_other = true;
         self.lengths_differ = true;
@@ -314,7 +314,7 @@ fn faults(reader: &RunReader) -> String {
     }
 }
 
-/// Whose validity the lowest of these bits is, and the bit.
+/// Names the signal of the lowest of these validity bits, and the bit.
 fn validity(column: &str, bits: u64, columns: &[Column]) -> (String, u32) {
     let bit = bits.trailing_zeros();
     let word = column.split_once('[').and_then(|(name, index)| {

@@ -1,5 +1,5 @@
 use hil_config::plan::{FaultAction, FaultEffect, FaultSource, Plan, Profile};
-use hil_recording::writer::Enclosure;
+use hil_recording::writer::Attachment;
 use shared_types::describe::Settings;
 use shared_types::record::{FaultAccepted, Outcome, RunEnd};
 
@@ -107,21 +107,21 @@ fn again(run: &RecordedScenario, text: &str) -> Plan {
 /// A recorded run of the scenario in which these things happened.
 fn run(name: &str, events: Vec<Event>) -> Result<RecordedScenario, Failure> {
     let [plant, controller] = described();
-    let enclose = |name, text| Enclosure {
+    let attach = |name, text| Attachment {
         name,
         media_type: "text/plain",
         text,
     };
     let json = |description| serde_json::to_string(description).expect("JSON");
-    let enclosures = vec![
-        enclose("scenario.toml", format!("{SCENARIO}{FAULTS}")),
-        enclose("plant-description.json", json(&plant)),
-        enclose("controller-description.json", json(&controller)),
+    let attachments = vec![
+        attach("scenario.toml", format!("{SCENARIO}{FAULTS}")),
+        attach("plant-description.json", json(&plant)),
+        attach("controller-description.json", json(&controller)),
     ];
     let end = Event::End(RunEnd::new(1, Outcome::Completed));
     let mut contents = vec![Content::Record(record(0, 0.0, 0.0))];
     contents.extend(events.into_iter().chain([end]).map(Content::Event));
-    let folder = recorded(name, &layout(), &contents, enclosures, true);
+    let folder = recorded(name, &layout(), &contents, attachments, true);
     let run = RecordedScenario::read(&folder);
     std::fs::remove_dir_all(folder).expect("removed");
     run

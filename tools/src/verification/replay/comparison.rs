@@ -1,4 +1,4 @@
-//! What was recorded against what comes now, answer by answer.
+//! Comparison of the recorded with the new values, answer by answer.
 //!
 //! The [host](super::host) hands over each answer as it comes. Signals are matched by name and unit,
 //! so a rebuilt controller may show more or less of itself. It keeps the last samples until shortly

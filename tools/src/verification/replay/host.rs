@@ -55,7 +55,7 @@ pub(super) struct Replayed {
     pub(super) wall_time_s: f64,
 }
 
-/// One replay.
+/// Replay.
 pub(super) struct Host<L> {
     link: L,
     side: PlantSide,

@@ -1,4 +1,4 @@
-//! What a replay says, to a person and to a machine.
+//! Report of a replay, for a person and for a machine.
 
 use std::collections::BTreeMap;
 use std::fmt::{self, Display, Formatter, Write as _};

@@ -138,7 +138,7 @@ impl Batches {
 }
 
 impl Tape {
-    /// Starts to read a run of so many steps whose reader stands at its first record.
+    /// Starts to read a run of N steps whose reader stands at its first record.
     pub(super) fn start(reader: RunReader, places: Places, steps: u64, clock: Clock) -> Self {
         let (fill, filled) = sync_channel(AHEAD);
         let (emptied, empty) = channel();

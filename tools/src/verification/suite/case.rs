@@ -1,4 +1,4 @@
-//! One run that is wanted and the row of the verdict table that comes of it.
+//! Case: a run that is wanted and the row of the verdict table that comes of it.
 
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};

@@ -18,7 +18,7 @@ pub(super) struct Noise {
 }
 
 impl Noise {
-    /// One thread more than there are cores.
+    /// Starts a thread more than there are cores.
     pub(super) fn begin() -> Self {
         let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
         let over = Arc::new(AtomicBool::new(false));

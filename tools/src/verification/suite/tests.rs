@@ -1,4 +1,4 @@
-//! What stands for several runs, and how texts that mean something elsewhere are written.
+//! Patterns that stand for several runs, and how texts that mean something elsewhere are written.
 
 use super::*;
 

@@ -16,7 +16,7 @@ pub(super) struct Selection {
     /// In order; `step` and `time_s` come first.
     pub(super) columns: Vec<Column>,
     sources: Vec<Source>,
-    /// If one of them is wanted.
+    /// Derived signals, if one of them is wanted.
     derived: Option<Derived>,
     /// The last step of the run, which no command answers.
     last: Option<u64>,

@@ -32,7 +32,7 @@ pub(super) enum Kind {
     Flag,
 }
 
-/// One value.
+/// Value of a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Cell {
     Number(f64),

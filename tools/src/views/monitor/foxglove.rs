@@ -178,7 +178,7 @@ fn agree(request: &Request, mut response: Response) -> Result<Response, ErrorRes
     }
 }
 
-/// One who looks.
+/// Viewer of a session.
 struct Client {
     socket: WebSocket<TcpStream>,
     /// Subscription and channel.

@@ -6,7 +6,7 @@
 
 /// Bins of each level.
 const BINS: u64 = 4096;
-/// Each bin of a level is as long as so many of the level below, as a power of two.
+/// Each bin of a level is as long as N of the level below, as a power of two.
 const SHIFT: u32 = 3;
 /// Levels: the coarsest reaches `BINS` times 8^6 steps back, a day at 10 kHz.
 const LEVELS: usize = 7;

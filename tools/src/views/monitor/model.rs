@@ -27,7 +27,7 @@ use hil_recording::reader::Column;
 /// End of the watched run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Ending {
-    /// Its last word in the record stream.
+    /// Last word in the record stream.
     pub outcome: Option<Outcome>,
     /// Reason, if the run did not come to its end.
     pub reason: Option<String>,
@@ -57,7 +57,7 @@ pub(crate) enum Judged {
 
 /// A signal that is kept.
 struct Trace {
-    /// Its place among the columns.
+    /// Place among the columns.
     column: usize,
     value: f64,
     history: History,
@@ -135,7 +135,7 @@ impl Model {
         }
     }
 
-    /// Its signals are known.
+    /// Takes the signals, which are known from now on.
     ///
     /// # Errors
     /// If those that are to be drawn are not among them.

@@ -26,7 +26,7 @@ pub(super) struct Button {
     pub fault: Prepared,
 }
 
-/// What the pages of a session share.
+/// Board that the pages of a session share.
 pub(super) struct Board {
     pub(super) session: SessionInfo,
     pub(super) model: SharedModel,

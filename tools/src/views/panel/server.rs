@@ -61,7 +61,7 @@ struct Shared {
     is_over: AtomicBool,
 }
 
-/// A place among so many, until it is dropped.
+/// A place among N, until it is dropped.
 struct Place<'a>(&'a AtomicUsize);
 
 impl<'a> Place<'a> {

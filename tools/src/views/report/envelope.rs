@@ -23,7 +23,7 @@ pub(super) struct Envelope {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub(super) enum Written {
-    /// One value wherever the signal exists.
+    /// Value that is the same wherever the signal exists.
     Constant {
         /// The value.
         value: f64,
@@ -45,7 +45,7 @@ pub(super) enum Written {
 }
 
 impl Envelope {
-    /// One without any value.
+    /// Makes an envelope without any value.
     pub(super) fn new(buckets: usize) -> Self {
         Self {
             least: vec![f64::NAN; buckets],
@@ -79,7 +79,7 @@ impl Envelope {
         self.least.iter().any(|value| !value.is_nan())
     }
 
-    /// Its one value, if it exists in every bucket and never changes.
+    /// Returns the value, if there is one in every bucket and it never changes.
     pub(super) fn constant(&self) -> Option<f64> {
         let first = *self.least.first()?;
         let is_it = |value: &f64| *value == first;

@@ -33,7 +33,7 @@ pub(super) fn label(runs: &mut [Run]) {
 }
 
 fn facts(run: &Run) -> Facts {
-    let scenario = run.outcome.reader.enclosure("scenario.toml");
+    let scenario = run.outcome.reader.attachment("scenario.toml");
     Facts {
         law: run.law().to_owned(),
         scenario: run.fact("scenario").to_owned(),

@@ -150,7 +150,7 @@ impl Run {
         })
     }
 
-    /// Its scenario; `None` if that cannot be understood.
+    /// Returns the scenario; `None` if that cannot be understood.
     pub(super) fn plan(&self) -> Option<&Plan> {
         self.recorded_run.as_ref().map(|run| &run.plan)
     }
@@ -160,7 +160,7 @@ impl Run {
         self.outcome.reader.fact(name).unwrap_or_default()
     }
 
-    /// Its law, or all with the time from which each ran; empty if the scenario cannot be understood.
+    /// Names the law, or all with the time from which each ran; empty if the scenario cannot be understood.
     pub(super) fn law(&self) -> &str {
         &self.told_laws
     }
@@ -266,7 +266,7 @@ impl Reading<'_> {
         Ok(signals)
     }
 
-    /// Its derived signals and the extra ones, and what computes them; `None` of an excerpt, which lacks
+    /// Lists the derived signals and the extra ones, and what computes them; `None` of an excerpt, which lacks
     /// what they are made of.
     fn derived(&self, reader: &RunReader) -> Option<(Vec<plan::Derived>, RecordEvaluation)> {
         let run = self.run.filter(|_| !reader.is_excerpt())?;

@@ -251,18 +251,9 @@ pub(super) fn latency(runs: &[Run]) -> Markup {
 }
 
 fn percentiles(times: &Percentiles) -> Markup {
-    let Percentiles {
-        p50,
-        p90,
-        p99,
-        p999,
-        p9999,
-        max,
-        count,
-    } = *times;
     html! {
-        @for ns in [p50, p90, p99, p999, p9999, max] { td.n { (shown_ns(ns)) } }
-        td.n { (count) }
+        @for time in times.shown() { td.n { (time) } }
+        td.n { (times.count) }
     }
 }
 
@@ -311,7 +302,7 @@ pub(super) fn provenance(runs: &[Run]) -> Markup {
                     } } }
                 } }
             }
-            @if let Ok(scenario) = run.outcome.reader.enclosure("scenario.toml") {
+            @if let Ok(scenario) = run.outcome.reader.attachment("scenario.toml") {
                 details { summary { "Configuration: the effective scenario" } pre { code { (scenario) } } }
             }
         }

@@ -36,7 +36,7 @@ pub(super) struct Output {
     bytes: Vec<u8>,
 }
 
-/// What a driver has to know of the values.
+/// Facts that a driver has to know of the values.
 #[derive(Serialize)]
 struct Table {
     commands: Vec<Field>,
@@ -131,7 +131,7 @@ mod tests {
 
     use super::*;
 
-    /// What a driver reads: step, whether it is safe, and the values.
+    /// Reads what a driver reads: step, whether it is safe, and the values.
     fn read(path: &Path) -> (u64, bool, Vec<f64>) {
         let bytes = std::fs::read(path).expect("there");
         let (content, sum) = bytes.split_at(bytes.len() - SUM);

@@ -124,16 +124,16 @@ impl<'a> Run<'a> {
         let (mut waiter, awaited) = waiter(self.both_here, self.link.bell(), self.wire.as_ref());
         let (mut look_ns, mut sign_ns) = (0, 0);
         loop {
-            let mut busy = self.hear_wire().map_err(told)?;
+            let mut busy = self.hear_wire().map_err(described)?;
             match self.hear_channel()? {
                 Some(came) => busy |= came,
                 None => return Ok(()),
             }
-            busy |= self.hear_controller().map_err(told)?;
+            busy |= self.hear_controller().map_err(described)?;
             let now_ns = monotonic_ns();
             if now_ns >= look_ns {
                 look_ns = now_ns + LOOK_NS;
-                self.look(now_ns).map_err(told)?;
+                self.look(now_ns).map_err(described)?;
                 if now_ns.saturating_sub(self.heard_ns) > limit.ns() {
                     let limit_s = limit.ms() as f64 / 1e3;
                     return Err(format!("nothing was heard of the desk for {limit_s} s"));
@@ -141,7 +141,7 @@ impl<'a> Run<'a> {
                 if now_ns >= sign_ns {
                     sign_ns = now_ns + SIGN_NS.min(limit.ns() / 4);
                     self.mouth.try_say(&ToDesk::Beat);
-                    if let Peer::Stranger(what) = self.link.peer().map_err(told)? {
+                    if let Peer::Stranger(what) = self.link.peer().map_err(described)? {
                         return Err(what);
                     }
                 }
@@ -174,7 +174,7 @@ impl<'a> Run<'a> {
             Heard::Closed(_) => return Ok(None),
             Heard::Packet(bytes) => {
                 if let Some(packet) = Packet::read(&bytes) {
-                    self.take(packet, Way::Channel).map_err(told)?;
+                    self.take(packet, Way::Channel).map_err(described)?;
                 }
             }
             Heard::Message(ToAgent::Control { content }) => self.control(&content)?,
@@ -192,7 +192,7 @@ impl<'a> Run<'a> {
                 outgoing: welcome.sample.len(),
                 incoming: welcome.command.len(),
             };
-            self.link.open_frames(&spec).map_err(told)?;
+            self.link.open_frames(&spec).map_err(described)?;
             self.end = TargetEnd::new(welcome.against_clock);
             self.against_clock = welcome.against_clock;
             if welcome.against_clock {
@@ -202,11 +202,13 @@ impl<'a> Run<'a> {
             self.open = Some((spec.identity, spec.outgoing));
         }
         let said = Control::from_bytes(content.as_bytes());
-        self.link.send_control(content.as_bytes()).map_err(told)?;
+        self.link
+            .send_control(content.as_bytes())
+            .map_err(described)?;
         if let Ok(Control::Tuned(tuned)) = said {
             self.tuning = self.tuning.max(tuned.number);
             if let Some((packet, way)) = self.waiting.take() {
-                return self.take(packet, way).map_err(told);
+                return self.take(packet, way).map_err(described);
             }
         }
         Ok(())
@@ -385,6 +387,6 @@ impl<'a> Run<'a> {
     }
 }
 
-fn told(error: LinkError) -> String {
+fn described(error: LinkError) -> String {
     error.to_string()
 }

@@ -27,7 +27,7 @@ impl Random {
     }
 }
 
-/// One direction of a wire.
+/// Direction of a wire.
 struct Line {
     percent: u64,
     /// Ticks left, and the packet.

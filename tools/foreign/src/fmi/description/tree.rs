@@ -12,7 +12,7 @@ const DEEPEST: usize = 64;
 /// Most elements.
 const MOST: usize = 4_000_000;
 
-/// One element.
+/// Element.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Element {
     pub(super) name: String,

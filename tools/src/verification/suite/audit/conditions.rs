@@ -1,4 +1,4 @@
-//! What must not matter to a run: the conditions of an audit, made for a plan and this machine.
+//! Conditions of an audit, which must not matter to a run, made for a plan and this machine.
 
 use std::num::NonZero;
 use std::sync::Arc;
@@ -11,13 +11,13 @@ use shared_types::time::Step;
 
 use crate::verification::suite::case::{Case, Row};
 
-/// The delays of a repetition add up to about so many times what the run took, at least to
+/// The delays of a repetition add up to about N times what the run took, at least to
 /// [`DELAYS_S`].
 const DELAYS: f64 = 1.0;
 const DELAYS_S: f64 = 0.2;
 /// Longest delay of a side in one step, in us.
 const LONGEST_DELAY_US: f64 = 200.0;
-/// A repetition at another speed takes so many times as long.
+/// A repetition at another speed takes N times as long.
 const SLOWER: f64 = 2.0;
 
 /// Makes the cases of an audit from that of its reference; none if that did not end by itself, recorded

@@ -1,4 +1,4 @@
-//! One plot: signals of one unit over simulated time.
+//! Plot: signals of one unit over simulated time.
 //!
 //! Every column of dots goes from the least to the greatest value of its stretch of time.
 
@@ -152,7 +152,7 @@ fn title_line<'a>(
 /// Form in which the scale beside a plot gives its range.
 #[derive(Clone, Debug, PartialEq)]
 enum Scale {
-    /// One value; what differs by the last bits alone is the same.
+    /// Constant; values that differ by the last bits alone are the same.
     Flat(f64),
     /// Middle and distance of two ends that agree in five digits.
     Around(f64, f64),

@@ -1,0 +1,277 @@
+//! Values of keys: numbers in their range, truth values, texts and lists of them.
+
+use shared_types::number::exact as number;
+
+use super::{Reader, Section, describe, is_unprintable};
+use crate::document::{Node, Value};
+use crate::keys::Kind;
+use crate::problem::ProblemKind;
+use crate::quantity::Quantity;
+use crate::source::Place;
+
+impl Reader {
+    /// A number of the section's own keys, or its default.
+    pub(crate) fn number(&mut self, section: &Section<'_>, name: &str) -> Option<f64> {
+        let key = section.key(name);
+        let Kind::Number {
+            unit,
+            min,
+            max,
+            default,
+        } = key.kind
+        else {
+            unreachable!("`{name}` is a number")
+        };
+        let Some(node) = self.value(section, key) else {
+            return default;
+        };
+        let quantity = Quantity {
+            name,
+            unit,
+            min,
+            max,
+            whole: false,
+        };
+        self.quantity(&section.path_of(name), node, &quantity)
+    }
+
+    /// A number that must be there, by a description.
+    pub(crate) fn described_number(
+        &mut self,
+        section: &Section<'_>,
+        quantity: &Quantity<'_>,
+    ) -> Option<f64> {
+        let path = section.path_of(quantity.name);
+        match section.table.get(quantity.name) {
+            Some(entry) => self.quantity(&path, &entry.node, quantity),
+            None => {
+                self.missing(section, &path, quantity.expected());
+                None
+            }
+        }
+    }
+
+    /// A number in its range.
+    pub(crate) fn quantity(
+        &mut self,
+        path: &str,
+        node: &Node,
+        quantity: &Quantity<'_>,
+    ) -> Option<f64> {
+        let value = match &node.value {
+            Value::Integer(value) => *value as f64,
+            Value::Float(value) => *value,
+            _ => {
+                self.wrong_type(path, node, quantity.expected());
+                return None;
+            }
+        };
+        if quantity.admits(value) {
+            return Some(value);
+        }
+        let what = if value.is_nan() {
+            "not a number".into()
+        } else if quantity.whole && value.fract() != 0.0 {
+            format!("{}, not a whole number", number(value))
+        } else {
+            format!("{}, out of range", number(value))
+        };
+        self.report(
+            ProblemKind::OutOfRange,
+            path,
+            &node.place,
+            format!("`{path}` is {what}"),
+        )
+        .expected(quantity.expected());
+        None
+    }
+
+    /// A whole number, or its default.
+    pub(crate) fn integer(&mut self, section: &Section<'_>, name: &str) -> Option<i64> {
+        let key = section.key(name);
+        let Kind::Integer { min, max, default } = key.kind else {
+            unreachable!("`{name}` is a whole number")
+        };
+        let Some(node) = self.value(section, key) else {
+            return default;
+        };
+        let path = section.path_of(name);
+        let Value::Integer(value) = node.value else {
+            self.wrong_type(&path, node, describe(&key.kind));
+            return None;
+        };
+        if (min..=max).contains(&value) {
+            return Some(value);
+        }
+        self.report(
+            ProblemKind::OutOfRange,
+            &path,
+            &node.place,
+            format!("`{path}` is {value}, out of range"),
+        )
+        .expected(describe(&key.kind));
+        None
+    }
+
+    /// True or false, or its default.
+    pub(crate) fn boolean(&mut self, section: &Section<'_>, name: &str) -> Option<bool> {
+        let key = section.key(name);
+        let Kind::Boolean { default } = key.kind else {
+            unreachable!("`{name}` is true or false")
+        };
+        let Some(node) = self.value(section, key) else {
+            return Some(default);
+        };
+        let Value::Boolean(value) = node.value else {
+            self.wrong_type(&section.path_of(name), node, describe(&key.kind));
+            return None;
+        };
+        Some(value)
+    }
+
+    /// Text, or its default.
+    pub(crate) fn text<'a>(&mut self, section: &Section<'a>, name: &str) -> Option<&'a str> {
+        let key = section.key(name);
+        let Kind::Text { choices, default } = key.kind else {
+            unreachable!("`{name}` is text")
+        };
+        let Some(node) = self.value(section, key) else {
+            return default;
+        };
+        let path = section.path_of(name);
+        let text = self.printable(&path, node, describe(&key.kind))?;
+        if choices.is_empty() || choices.contains(&text) {
+            return Some(text);
+        }
+        self.report(
+            ProblemKind::UnknownName,
+            &path,
+            &node.place,
+            format!("`{path}` is `{text}`, which does not exist"),
+        )
+        .expected(describe(&key.kind))
+        .nearest(text, choices.iter().copied());
+        None
+    }
+
+    /// Texts of a list, at least one, each with its path and place.
+    pub(crate) fn texts<'a>(
+        &mut self,
+        section: &Section<'a>,
+        name: &str,
+    ) -> Option<Vec<(String, &'a Place, &'a str)>> {
+        let key = section.key(name);
+        let Kind::Texts = key.kind else {
+            unreachable!("`{name}` is a list of texts")
+        };
+        let node = self.value(section, key)?;
+        let path = section.path_of(name);
+        let Value::List(items) = &node.value else {
+            self.wrong_type(&path, node, describe(&key.kind));
+            return None;
+        };
+        if items.is_empty() {
+            self.report(
+                ProblemKind::OutOfRange,
+                &path,
+                &node.place,
+                format!("`{path}` is empty"),
+            )
+            .expected(describe(&key.kind));
+            return None;
+        }
+        let texts: Vec<Option<_>> = (items.iter().enumerate())
+            .map(|(index, item)| {
+                let path = format!("{path}[{index}]");
+                let text = self.printable(&path, item, "text")?;
+                Some((path, &item.place, text))
+            })
+            .collect();
+        texts.into_iter().collect()
+    }
+
+    /// Text that a terminal can show.
+    pub(crate) fn printable<'a>(
+        &mut self,
+        path: &str,
+        node: &'a Node,
+        expected: impl Into<String>,
+    ) -> Option<&'a str> {
+        let Value::Text(text) = &node.value else {
+            self.wrong_type(path, node, expected);
+            return None;
+        };
+        if let Some(found) = text.chars().find(|c| is_unprintable(*c)) {
+            self.report(
+                ProblemKind::OutOfRange,
+                path,
+                &node.place,
+                format!("`{path}` has the control character {found:?}"),
+            )
+            .expected("text that a terminal can show");
+            return None;
+        }
+        Some(text)
+    }
+
+    /// Numbers of a list, any finite ones.
+    pub(crate) fn numbers(&mut self, path: &str, node: &Node) -> Option<Vec<f64>> {
+        let Value::List(items) = &node.value else {
+            self.wrong_type(path, node, "a list of numbers");
+            return None;
+        };
+        let finite = Quantity {
+            name: "",
+            unit: "",
+            min: f64::MIN,
+            max: f64::MAX,
+            whole: false,
+        };
+        let values: Vec<Option<f64>> = items
+            .iter()
+            .enumerate()
+            .map(|(index, item)| self.quantity(&format!("{path}[{index}]"), item, &finite))
+            .collect();
+        values.into_iter().collect()
+    }
+
+    /// A pair `[first, second]` with the first not above the second; each may be infinite.
+    pub(crate) fn pair(&mut self, path: &str, node: &Node, unit: &str) -> Option<(f64, f64)> {
+        let expected = "a pair of numbers, the smaller one first";
+        let Value::List(items) = &node.value else {
+            self.wrong_type(path, node, expected);
+            return None;
+        };
+        let [first, second] = items.as_slice() else {
+            self.report(
+                ProblemKind::WrongType,
+                path,
+                &node.place,
+                format!("`{path}` has {} entries", items.len()),
+            )
+            .expected(expected);
+            return None;
+        };
+        let any = Quantity {
+            name: "",
+            unit,
+            min: f64::NEG_INFINITY,
+            max: f64::INFINITY,
+            whole: false,
+        };
+        let low = self.quantity(&format!("{path}[0]"), first, &any);
+        let high = self.quantity(&format!("{path}[1]"), second, &any);
+        let (low, high) = (low?, high?);
+        if low > high {
+            self.report(
+                ProblemKind::OutOfRange,
+                path,
+                &node.place,
+                format!("`{path}` is [{}, {}]", number(low), number(high)),
+            )
+            .expected(expected);
+            return None;
+        }
+        Some((low, high))
+    }
+}
