@@ -168,8 +168,9 @@ fn told(command: &mut Command) -> String {
 }
 
 fn show(name: &str, unit: &str, values: &[f64]) {
-    let middle = median(values.iter().copied());
-    let least = values.iter().copied().fold(f64::INFINITY, f64::min);
-    let most = values.iter().copied().fold(0.0, f64::max);
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let (least, most) = (sorted[0], sorted[sorted.len() - 1]);
+    let middle = median(sorted);
     println!("{name:<22} {middle:>7.1} {unit:<2} ({least:.1} to {most:.1})");
 }

@@ -1,7 +1,4 @@
 //! Costs of `hil monitor` for the run that it watches.
-//!
-//! Runs with and without one, in turns. Each run is held before its first steps until the monitor is
-//! there, also where there is none, so that both are held alike.
 
 use std::fs::File;
 use std::io::Read;

@@ -74,7 +74,10 @@ fn is_other(text: &str, base: &BaseUnit) -> bool {
     let Ok(here) = units::Unit::parse(text) else {
         return false;
     };
-    let is_near = |a: f64, b: f64| (a - b).abs() <= ROUNDING * a.abs().max(b.abs());
+    let is_near = |a: f64, b: f64| {
+        let off = (a - b).abs();
+        off <= ROUNDING * a.abs() || off <= ROUNDING * b.abs()
+    };
     let is_same = |base: &BaseUnit| {
         let told = units::Unit::parse(&base_text(base)).ok();
         let conversion = told.and_then(|told| here.conversion_to(&told));
