@@ -281,7 +281,7 @@ fn under_gdb_it_is_held_before_and_after_hello() {
         "match IceoryxLink::open(session, epoch)",
     );
     let answer = line_of(
-        "controller-process/src/runner.rs",
+        "controller-process/src/runner/answering.rs",
         "self.previous.copy_from_slice(&self.answer[..commands])",
     );
     let orders = [
