@@ -123,7 +123,7 @@ fn looped_ns(python: &Path, fmu: &Path, steps: u64) -> f64 {
     let mut command = Command::new(python);
     command.arg(script).arg(fmu);
     command.args([RATE_HZ.to_string(), steps.to_string()]);
-    let told = told(&mut command);
+    let told = printed_by(&mut command);
     told.trim().parse().expect("a number")
 }
 
@@ -153,13 +153,13 @@ fn openings(programs: &Programs, what: &str, fmu: &Path) {
 
 fn time_ms(command: &mut Command) -> f64 {
     let started = Instant::now();
-    let told = told(command);
+    let told = printed_by(command);
     let taken_ms = started.elapsed().as_secs_f64() * 1e3;
     assert!(told.contains("co-simulation"), "{told}");
     taken_ms
 }
 
-fn told(command: &mut Command) -> String {
+fn printed_by(command: &mut Command) -> String {
     let output = command.output();
     let output = output.unwrap_or_else(|error| panic!("{command:?}: {error}"));
     let said = String::from_utf8_lossy(&output.stderr);

@@ -1,4 +1,4 @@
-//! What a complete campaign shows: classes, probabilities with bounds, margins with quantiles, worst cases, rank
+//! Answers of a complete campaign: classes, probabilities with bounds, margins with quantiles, worst cases, rank
 //! correlations, and whether the study's goals are met.
 //!
 //! Bounds only where draws are independent. A diverged case has not passed and is worse than any other; an undecided

@@ -6,7 +6,7 @@ use hil_campaign::folder::Folder;
 use hil_campaign::shard::Shard;
 use hil_config::plan::Plan;
 
-use super::cases::{Cases, told};
+use super::cases::Cases;
 use super::work::{become_planned, open};
 use crate::arguments::BinaryArguments;
 use crate::arguments::campaign::CaseArguments;
@@ -35,7 +35,7 @@ pub(super) fn case(arguments: &CaseArguments) -> Result<Exit, Failure> {
         )));
     }
     let cases = Cases::of_folder(&folder, &interruption)?;
-    let plan = cases.plan(case).map_err(told)?;
+    let plan = cases.plan(case)?;
     if arguments.show {
         output::write(&cases.shown(&plan)?)?;
         return Ok(Exit::Pass);

@@ -65,7 +65,7 @@ impl Cases {
         interruption: &Interruption,
     ) -> Result<Self, Failure> {
         refuse_programs(&study)?;
-        let scenario = Scenario::read(&study.scenario).map_err(told)?;
+        let scenario = Scenario::read(&study.scenario)?;
         let choices = Choices::of(binaries, &Named::by(&scenario), None)?;
         let rig = match choices.names_one() {
             true => Rig::Own(choices.find(interruption)?),
@@ -80,7 +80,7 @@ impl Cases {
     /// If something there is not as it was.
     pub(super) fn of_folder(folder: &Folder, interruption: &Interruption) -> Result<Self, Failure> {
         let study = folder.path().join(&folder.manifest().study.path);
-        Self::by_folder(Study::read(study).map_err(told)?, folder, interruption)
+        Self::by_folder(Study::read(study)?, folder, interruption)
     }
 
     /// Takes the cases of a study whose scenario, programs and tables are the copies in the folder of a campaign.
@@ -93,7 +93,7 @@ impl Cases {
         interruption: &Interruption,
     ) -> Result<Self, Failure> {
         let (manifest, path) = (folder.manifest(), folder.path());
-        let scenario = Scenario::read(path.join(&manifest.scenario.path)).map_err(told)?;
+        let scenario = Scenario::read(path.join(&manifest.scenario.path))?;
         let rig = match (&manifest.plant, &manifest.controller) {
             (Some(plant), Some(controller)) => {
                 let arguments = BinaryArguments {
@@ -129,7 +129,7 @@ impl Cases {
         rig: Rig,
         tables: BTreeMap<String, String>,
     ) -> Result<Self, Failure> {
-        let draws = Draws::new(study).map_err(told)?;
+        let draws = Draws::new(study)?;
         let files = scenario.files();
         Ok(Self {
             draws,
@@ -255,7 +255,7 @@ impl Cases {
     /// # Errors
     /// As of [`plan`](Self::plan), or the objection of a side.
     pub(super) fn check(&self, case: u64) -> Result<Plan, Failure> {
-        let plan = self.plan(case).map_err(told)?;
+        let plan = self.plan(case)?;
         alone::refuse_clock(&plan)?;
         if let Rig::BuiltIn(described) = &self.rig {
             alone::check(&plan, described)?;
@@ -416,11 +416,6 @@ fn refuse_programs(study: &Study) -> Result<(), Failure> {
             "{key} in a study: all cases have the same programs; name them in the scenario, or by --plant-bin and --controller-bin, and compare two campaigns with hil campaign compare"
         ))),
     }
-}
-
-/// Makes a failure of problems.
-pub(super) fn told(problems: Problems) -> Failure {
-    Failure::Usage(problems.to_string())
 }
 
 /// Tells whether a key names a table of points.

@@ -35,7 +35,7 @@ struct Flips {
 pub(super) fn compare(arguments: &CompareCampaignArguments) -> Result<Exit, Failure> {
     let (first, second) = (open(&arguments.first)?, open(&arguments.second)?);
     let flips = flips(&first, &second)?;
-    output::result(arguments.json, &flips, || told(&flips))?;
+    output::result(arguments.json, &flips, || describe(&flips))?;
     // What came out twice and not the same cannot be told from what flipped.
     let conflicts = tell_conflicts(&first)? + tell_conflicts(&second)?;
     let has_flipped = |one: &Flips| !(one.first_only.is_empty() && one.second_only.is_empty());
@@ -45,7 +45,7 @@ pub(super) fn compare(arguments: &CompareCampaignArguments) -> Result<Exit, Fail
     })
 }
 
-fn told(flips: &[Flips]) -> String {
+fn describe(flips: &[Flips]) -> String {
     let mut text = String::new();
     for one in flips {
         let Flips {

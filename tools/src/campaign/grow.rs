@@ -13,7 +13,7 @@ use rustix::fs::{FlockOperation, flock};
 use serde_json::json;
 use shared_types::number::counted;
 
-use super::cases::{Cases, told};
+use super::cases::Cases;
 use super::envelopes::DRAWS;
 use super::plan::{CASES, cases_table, every_plan, refuse_ineffective, shard_cases};
 use super::quoted;
@@ -49,7 +49,7 @@ pub(super) fn grow(arguments: &GrowArguments) -> Result<Exit, Failure> {
     let origin = folder.path().join(&folder.manifest().study.path);
     let text = with_cases(cases.study().text(), arguments.cases)
         .ok_or_else(|| Failure::usage("the study does not say `cases`"))?;
-    let study = Study::parse(&text, origin).map_err(told)?;
+    let study = Study::parse(&text, origin)?;
     let before = folder.manifest().cases;
     let cases = Cases::by_folder(study, &folder, &interruption)?;
     refuse_ineffective(&cases)?;

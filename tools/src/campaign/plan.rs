@@ -15,7 +15,7 @@ use serde::Serialize;
 use shared_types::number::counted;
 use shared_types::time::Step;
 
-use super::cases::{Cases, told};
+use super::cases::Cases;
 use super::result::CaseResult;
 use super::{envelopes, quoted};
 use crate::arguments::campaign::{CheckArguments, PlanArguments};
@@ -56,7 +56,7 @@ struct Facts {
 }
 
 impl Facts {
-    fn told(&self) -> String {
+    fn describe(&self) -> String {
         let Self {
             study,
             cases,
@@ -93,7 +93,7 @@ impl Facts {
 /// Everything that is wrong with it.
 pub(super) fn check(arguments: &CheckArguments) -> Result<Exit, Failure> {
     let checked = checked(arguments, &Interruption::listen()?)?;
-    output::result(arguments.json, &checked.facts, || checked.facts.told())?;
+    output::result(arguments.json, &checked.facts, || checked.facts.describe())?;
     Ok(Exit::Pass)
 }
 
@@ -112,17 +112,17 @@ pub(super) fn plan(arguments: &PlanArguments) -> Result<Exit, Failure> {
     output::result(arguments.check.json, &checked.facts, || {
         format!(
             "{}\nplanned in {shown}; hil campaign run {quoted}\n",
-            checked.facts.told()
+            checked.facts.describe()
         )
     })?;
     Ok(Exit::Pass)
 }
 
 fn checked(arguments: &CheckArguments, interruption: &Interruption) -> Result<Checked, Failure> {
-    let study = Study::read(&arguments.study).map_err(told)?;
+    let study = Study::read(&arguments.study)?;
     let cases = Cases::of_study(study, &arguments.binaries, interruption)?;
     let study = cases.study();
-    let first = cases.plan(0).map_err(told)?;
+    let first = cases.plan(0)?;
     alone::refuse_clock(&first)?;
     refuse_ineffective(&cases)?;
     let longest_s = every_plan(&cases, 0, interruption)?;
@@ -160,7 +160,7 @@ fn checked(arguments: &CheckArguments, interruption: &Interruption) -> Result<Ch
 fn curves(cases: &Cases, longest_s: f64) -> Result<Option<Grid>, Failure> {
     let study = cases.study();
     let first = (0..).zip(&study.variants).map(|(case, _)| {
-        let plan = cases.plan(case).map_err(told)?;
+        let plan = cases.plan(case)?;
         let layout = cases.record_layout(&plan)?;
         Ok((plan, layout))
     });
@@ -196,7 +196,7 @@ fn columns(
         }
     }
     for (case, variant) in (1..).zip(&cases.study().variants[1..]) {
-        let plan = cases.plan(case).map_err(told)?;
+        let plan = cases.plan(case)?;
         let found = cases.columns(&cases.run(&plan, kept, interruption)?);
         if found != columns {
             let differs = found.iter().find(|column| !columns.contains(column));
@@ -247,7 +247,7 @@ pub(super) fn refuse_ineffective(cases: &Cases) -> Result<(), Failure> {
         for variant in 0..study.variants.len() {
             let shown = |values| {
                 let flags = cases.draws.flags_of(variant, 0, values);
-                let plan = cases.planned(flags).map_err(told)?;
+                let plan = cases.planned(flags)?;
                 cases.shown(&plan)
             };
             // No case has these values together; that they are refused shows that they do something.
@@ -257,11 +257,12 @@ pub(super) fn refuse_ineffective(cases: &Cases) -> Result<(), Failure> {
             };
         }
         if !is_effective {
-            return Err(told(Problems(vec![study.problem_of(
+            return Err(Problems(vec![study.problem_of(
                 key,
                 &format!("`{key}` changes nothing in the scenario that runs"),
                 "the scenario may set the same value under another name, or use another law; `hil config show` prints what runs",
-            )])));
+            )])
+            .into());
         }
     }
     Ok(())
@@ -288,7 +289,7 @@ fn refuse_unknown_goals(study: &Study, columns: &[Column]) -> Result<(), Failure
                 &what,
                 &format!("its requirements: {}", names.join(", ")),
             );
-            return Err(told(Problems(vec![problem])));
+            return Err(Problems(vec![problem]).into());
         }
     }
     Ok(())
@@ -344,7 +345,7 @@ pub(super) fn every_plan(
     }
 }
 
-/// Makes a bar for so many things, drawn where a person watches.
+/// Makes a progress bar over `all` things, drawn where a person watches.
 pub(super) fn bar(all: u64, what: &'static str) -> ProgressBar {
     if !output::person_watches() {
         return ProgressBar::hidden();

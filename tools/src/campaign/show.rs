@@ -10,7 +10,6 @@ use shared_types::number::{counted, short, unit_shown};
 use super::answers::{
     self, Answers, BoundsAnswer, CLASSES, Gathered, QuantileAnswer, Share, VariantAnswer,
 };
-use super::cases::told as told_problems;
 use super::collect::{self, set_aside};
 use super::quoted;
 use super::work::open;
@@ -28,7 +27,7 @@ pub(super) fn show(arguments: &ShowArguments) -> Result<Exit, Failure> {
     let study = study(&folder)?;
     let mut gathered = Gathered::new(folder.manifest(), &study);
     let collected = collect::read(&folder, false, |part| gathered.take(part))?;
-    told(&folder, &collected, gathered, arguments.json)
+    print(&folder, &collected, gathered, arguments.json)
 }
 
 /// Reads the study of a campaign.
@@ -36,15 +35,16 @@ pub(super) fn show(arguments: &ShowArguments) -> Result<Exit, Failure> {
 /// # Errors
 /// If it cannot be read.
 pub(super) fn study(folder: &Folder) -> Result<Study, Failure> {
-    let study = Study::read(folder.path().join(&folder.manifest().study.path));
-    study.map_err(told_problems)
+    Ok(Study::read(
+        folder.path().join(&folder.manifest().study.path),
+    )?)
 }
 
-/// Tells what a collected campaign shows.
+/// Prints the answers of a collected campaign.
 ///
 /// # Errors
 /// If it cannot be written.
-pub(super) fn told(
+pub(super) fn print(
     folder: &Folder,
     collected: &Collected,
     gathered: Gathered,

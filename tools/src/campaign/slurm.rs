@@ -101,7 +101,7 @@ pub(super) fn submit(arguments: &SubmitArguments) -> Result<Exit, Failure> {
         output::write(&format!("{line}\n"))?;
         return Ok(Exit::Pass);
     }
-    let answer = said(&mut sbatch)?;
+    let answer = output_of(&mut sbatch)?;
     let job = answer
         .trim()
         .split(';')
@@ -121,7 +121,7 @@ pub(super) fn submit(arguments: &SubmitArguments) -> Result<Exit, Failure> {
 }
 
 /// Runs a program of Slurm and returns its output.
-fn said(command: &mut Command) -> Result<String, Failure> {
+fn output_of(command: &mut Command) -> Result<String, Failure> {
     let name = command.get_program().to_string_lossy().into_owned();
     let output = command.output().map_err(|error| {
         Failure::usage(format!(
@@ -137,7 +137,7 @@ fn said(command: &mut Command) -> Result<String, Failure> {
 
 /// Returns the greatest number of tasks in an array.
 fn most_tasks() -> Result<u64, Failure> {
-    let text = said(Command::new("scontrol").args(["show", "config"]))?;
+    let text = output_of(Command::new("scontrol").args(["show", "config"]))?;
     let line = text
         .lines()
         .find_map(|line| line.strip_prefix("MaxArraySize"));
@@ -155,7 +155,7 @@ fn task_s(arguments: &SubmitArguments) -> Result<f64, Failure> {
     if let Some(partition) = option(&arguments.options, "-p", "--partition") {
         sinfo.arg(format!("--partition={partition}"));
     }
-    let limits = said(&mut sinfo)?;
+    let limits = output_of(&mut sinfo)?;
     let given = option(&arguments.options, "-t", "--time");
     let all = limits.lines().chain(given.as_deref());
     let least = all
@@ -216,7 +216,7 @@ pub(super) fn tasks(folder: &Folder) -> Option<Tasks> {
     for job in jobs {
         let mut squeue = Command::new("squeue");
         squeue.args(["--noheader", "--array", "--format=%i %T %r"]);
-        let listed = match said(squeue.arg(format!("--jobs={job}"))) {
+        let listed = match output_of(squeue.arg(format!("--jobs={job}"))) {
             Ok(listed) => listed,
             // It ended long ago.
             Err(failure) if failure.to_string().contains("Invalid job id") => continue,

@@ -22,7 +22,7 @@ use rustix::process::{Signal, getpid, kill_process};
 use shared_types::session;
 
 use super::answers::class_of;
-use super::cases::{Cases, told};
+use super::cases::Cases;
 use super::result::CaseResult;
 use crate::arguments::campaign::WorkArguments;
 use crate::run::kept::Kept;
@@ -306,7 +306,7 @@ impl Worker<'_> {
 
     /// Runs a case in new processes.
     fn fresh(&self, case: u64) -> Result<Row, Failure> {
-        let plan = self.cases.plan(case).map_err(told)?;
+        let plan = self.cases.plan(case)?;
         let mut tries = 0;
         loop {
             let _watched = self.watchdog.watch(case);
@@ -327,7 +327,7 @@ impl Worker<'_> {
     fn try_once(&self, case: u64) -> Result<(Row, CaseResult), Failure> {
         let _watched = self.watchdog.watch(case);
         let run = || {
-            let plan = self.cases.plan(case).map_err(told)?;
+            let plan = self.cases.plan(case)?;
             let result = self
                 .cases
                 .run(&plan, &mut self.kept.borrow_mut(), &self.interruption)?;

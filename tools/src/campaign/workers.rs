@@ -72,7 +72,7 @@ pub(super) fn run(arguments: &RunCampaignArguments) -> Result<Exit, Failure> {
             }
         }
     };
-    show::told(&folder, &collected, gathered, arguments.json)
+    show::print(&folder, &collected, gathered, arguments.json)
 }
 
 /// Opens the results again that have cases without one, for these cases alone.

@@ -99,9 +99,7 @@ impl Past {
         let origin = format!("the scenario of {}", self.folder.display());
         let (plants, laws, kinds) = binaries.described();
         let scenario = || Scenario::parse(&self.scenario, &origin);
-        let then = scenario()
-            .and_then(|scenario| scenario.check(plants, laws, kinds))
-            .map_err(|problems| Failure::Usage(problems.to_string()))?;
+        let then = scenario().and_then(|scenario| scenario.check(plants, laws, kinds))?;
         let now = scenario::check(scenario(), changes, binaries, json)?;
         for set in &changes.set {
             // Every key is written out, so that one for several of them at once is overruled.

@@ -40,5 +40,5 @@ pub(crate) fn checked_with(
     Scenario::parse(text, origin)
         .map(|scenario| scenario.advise(advice))
         .and_then(|scenario| scenario.check(&plant.plants, &controller.laws, &plant.faults))
-        .map_err(|problems| Failure::Usage(problems.to_string()))
+        .map_err(Failure::from)
 }

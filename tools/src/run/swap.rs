@@ -210,9 +210,8 @@ impl SwapContext {
         let scenario = Scenario::parse(&text, "the running scenario");
         let scenario = scenario.map(|scenario| scenario.set(set).advise(advice));
         let laws = &binary.description.laws;
-        let plan = scenario
-            .and_then(|scenario| scenario.check(&plant.plants, laws, &plant.faults))
-            .map_err(|problems| Failure::Usage(problems.to_string()))?;
+        let plan =
+            scenario.and_then(|scenario| scenario.check(&plant.plants, laws, &plant.faults))?;
         Ok((plan.controller, left_out))
     }
 }

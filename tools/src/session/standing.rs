@@ -91,7 +91,7 @@ impl Board {
         (account.unwrap_or_else(PoisonError::into_inner)).push(happening);
     }
 
-    /// The account after so many events, or the next part of it.
+    /// The account behind its first `after` events, or the next part of it.
     fn account(&self, after: usize) -> Vec<Happening> {
         let account = self.account.lock().unwrap_or_else(PoisonError::into_inner);
         let rest = account.get(after..).unwrap_or_default();
@@ -144,7 +144,7 @@ pub(crate) fn listen(session: &SessionInfo, board: Arc<Board>) -> Result<Listeni
     listening.map_err(Failure::infrastructure)
 }
 
-/// Asks a session, of whose account so many events are known.
+/// Asks a session for its standing, with the account behind the first `after` events.
 ///
 /// # Errors
 /// If nobody listens, as in a session that is starting, or `hil` is stopped.

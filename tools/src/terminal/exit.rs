@@ -4,6 +4,8 @@ use std::any::Any;
 use std::fmt::Display;
 use std::process::ExitCode;
 
+use hil_config::problem::Problems;
+
 /// Exit code of `hil`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Exit {
@@ -40,6 +42,12 @@ pub enum Failure {
     /// The machine or a process let it down.
     #[error("error: {0}")]
     Infrastructure(String),
+}
+
+impl From<Problems> for Failure {
+    fn from(problems: Problems) -> Self {
+        Self::Usage(problems.to_string())
+    }
 }
 
 impl Failure {

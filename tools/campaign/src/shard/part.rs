@@ -10,7 +10,7 @@ use crate::table::{self, Cell, Column, Kind, Row, TableError, Values, Writer};
 /// Facts in a part.
 const CAMPAIGN: &str = "campaign";
 const SUM: &str = "sum";
-/// Place of the check sum in a part: behind this word, as so many digits, which are zeros while it is computed.
+/// Place of the check sum in a part: behind this word, in `DIGITS` digits, which are zeros while it is computed.
 const SEAL: &str = "hil-part-sum:";
 const DIGITS: usize = 64;
 

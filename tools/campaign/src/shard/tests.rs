@@ -8,7 +8,7 @@ use super::*;
 use crate::manifest::{Copied, MANIFEST, Manifest, SCHEMA, Stage};
 use crate::table::{Cell, Column, Kind, LOST};
 
-/// A campaign of so many cases in a folder that is gone afterwards.
+/// A small campaign in a folder that is gone afterwards.
 pub(crate) struct Campaign {
     _root: tempfile::TempDir,
     pub(crate) folder: Folder,

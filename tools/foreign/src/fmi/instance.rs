@@ -231,7 +231,9 @@ impl Instance {
                     )
                 })?;
                 if is_over != 0 {
-                    return Err(Failure::diverged(self.told("ended the simulation")));
+                    return Err(Failure::diverged(
+                        self.with_last_message("ended the simulation"),
+                    ));
                 }
                 if is_early != 0 {
                     self.life.set(Life::Broken);
@@ -275,7 +277,7 @@ impl Instance {
                     true => "ended the simulation",
                     false => "could not do the step (Discard)",
                 };
-                return Failure::diverged(self.told(what));
+                return Failure::diverged(self.with_last_message(what));
             }
             _ => Life::Broken,
         };
@@ -295,10 +297,10 @@ impl Instance {
     }
 
     fn failure(&self, what: &str) -> Failure {
-        Failure::lost(self.told(what))
+        Failure::lost(self.with_last_message(what))
     }
 
-    fn told(&self, what: &str) -> String {
+    fn with_last_message(&self, what: &str) -> String {
         match self.journal.last() {
             Some(message) => format!("the FMU {what}: {message}"),
             None => format!("the FMU {what}"),

@@ -1,4 +1,4 @@
-//! What answers need of each case, kept by columns while the parts of a campaign pass.
+//! Columns that answers need of each case, gathered while the parts of a campaign pass.
 
 use hil_campaign::manifest::Manifest;
 use hil_campaign::shard::part::Part;

@@ -28,7 +28,7 @@ pub(super) struct Data {
     command: String,
     variants: Vec<String>,
     classes: [&'static str; 5],
-    /// Cases of one draw in so many are here.
+    /// Distance of the draws whose cases are here; 1 if all are.
     every: u64,
     /// Numbers of the cases; none if they are 0, 1, 2 and so on.
     cases: Option<Numbers>,
@@ -158,7 +158,7 @@ impl Data {
         self.class.0.len()
     }
 
-    /// Cases of one draw in so many are in it.
+    /// Distance of the draws whose cases are here; 1 if all are.
     pub(super) const fn every(&self) -> u64 {
         self.every
     }

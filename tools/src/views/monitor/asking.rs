@@ -97,7 +97,7 @@ impl Thread {
     }
 
     fn ask_standings(&self) {
-        let known = self.model.lock().log().told();
+        let known = self.model.lock().log().known();
         let answer = standing::ask(&self.session, known).unwrap_or_default();
         let mut model = self.model.lock();
         model.hear_standings(answer.standings);

@@ -11,7 +11,7 @@ use crate::session::happening::Happening;
 pub(crate) struct Log {
     /// The account as far as it was told, then what only the stream has told.
     list: Vec<Happening>,
-    told: usize,
+    known: usize,
     /// Place in the account behind the last event that the stream has told too.
     seen: usize,
     edition: u32,
@@ -26,8 +26,8 @@ impl Log {
 
     /// Number of events that the account has told.
     #[must_use]
-    pub(crate) const fn told(&self) -> usize {
-        self.told
+    pub(crate) const fn known(&self) -> usize {
+        self.known
     }
 
     /// Number of times that an event came before one that was there: who knows the list knows another one.
@@ -38,7 +38,7 @@ impl Log {
 
     /// Takes an event of the stream.
     pub(crate) fn see(&mut self, happening: Happening) {
-        let ahead = &self.list[self.seen..self.told];
+        let ahead = &self.list[self.seen..self.known];
         match ahead.iter().position(|told| *told == happening) {
             Some(place) => self.seen += place + 1,
             None => self.list.push(happening),
@@ -47,7 +47,7 @@ impl Log {
 
     /// Takes what the account tells after the events that it has told.
     pub(crate) fn hear(&mut self, account: Vec<Happening>) {
-        let begin = self.told;
+        let begin = self.known;
         let seen = self.list.split_off(begin);
         let (mut place, mut covered) = (0, 0);
         for (number, one) in seen.iter().enumerate() {
@@ -56,7 +56,7 @@ impl Log {
                 covered = number + 1;
             }
         }
-        self.told += account.len();
+        self.known += account.len();
         if covered > 0 {
             self.seen = begin + place;
         }
@@ -98,7 +98,7 @@ mod tests {
                     log.see(event(step));
                 }
             }
-            assert_eq!((steps(&log), log.told()), (vec![3, 3, 5], 3));
+            assert_eq!((steps(&log), log.known()), (vec![3, 3, 5], 3));
             assert_eq!(log.edition(), 0, "nobody has to begin anew");
         }
     }
@@ -137,6 +137,6 @@ mod tests {
         }
         log.hear(Vec::new());
         assert_eq!((steps(&log), log.edition()), ((0..10).collect(), 0));
-        assert_eq!(log.told(), 10);
+        assert_eq!(log.known(), 10);
     }
 }

@@ -418,16 +418,16 @@ impl Model {
         &self.judged
     }
 
-    /// Takes what the recorder's account tells after so many events; nothing if it has told others meanwhile.
+    /// Takes the recorder's account after its first `known` events; passes it over if others came meanwhile.
     pub(crate) fn hear_account(&mut self, known: usize, account: Vec<Happening>) {
-        if known == self.log.told() {
+        if known == self.log.known() {
             self.log.hear(account);
         }
     }
 
     /// Takes the account of the whole run.
     pub(crate) fn hear_whole_account(&mut self, mut account: Vec<Happening>) {
-        let known = self.log.told().min(account.len());
+        let known = self.log.known().min(account.len());
         self.log.hear(account.split_off(known));
     }
 

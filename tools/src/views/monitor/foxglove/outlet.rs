@@ -1,6 +1,6 @@
 //! From the watching thread to the clients: which records, and to whom.
 //!
-//! Records are picked, not averaged: at most so many a second, each as it was. Never waits; what a
+//! Records are picked, not averaged: a bounded number a second, each as it was. Never waits; what a
 //! client's queue has no room for is counted.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
