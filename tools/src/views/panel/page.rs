@@ -98,10 +98,12 @@ fn head() -> Markup {
                 span #time .n {}
                 span #speed .n.hint {}
             }
-            div.controls role="toolbar" aria-label="Run" {
+            div.controls.clock role="toolbar" aria-label="Clock" {
                 button #pause type="button" title="Space" disabled { "Pause" }
                 button #step type="button" title="s" disabled { "Step" }
                 button #steps type="button" title="S" disabled { "100 steps" }
+            }
+            div.controls role="toolbar" aria-label="Note and view" {
                 form #mark-form {
                     label.visually-hidden for="mark" { "Note at this step" }
                     input #mark type="text" maxlength="400" placeholder="Note at this step" title="m" autocomplete="off";

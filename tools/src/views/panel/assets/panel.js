@@ -217,7 +217,8 @@
         return;
       }
       const size = Math.max(Math.abs(min), Math.abs(max));
-      if (max - min < 1e-9 * size) [min, max] = [min - 1e-9 * size, max + 1e-9 * size];
+      // Points are single numbers: what differs by less is one value, whose ticks are to differ in digits that are shown.
+      if (max - min < 1e-6 * size) [min, max] = [min - 0.01 * size, max + 0.01 * size];
       const height = max - min;
       for (const level of levels) if (level < max + 4 * height && level > min - 4 * height) [min, max] = [Math.min(min, level), Math.max(max, level)];
       const room = (max - min || Math.abs(max) || 1) * 0.08;
@@ -312,7 +313,7 @@
           if (row === undefined) continue;
           boxes.push({ row, left: x, right: x + wide + 6 * ratio });
           const y = top + 3 * ratio + row * line;
-          ctx.globalAlpha = 0.8;
+          ctx.globalAlpha = 0.55; // curves below stay in sight
           ctx.fillStyle = ink.paper;
           ctx.fillRect(x - ratio, y - ratio, wide + 2 * ratio, line);
           ctx.globalAlpha = 1;
