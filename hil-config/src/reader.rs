@@ -150,6 +150,17 @@ impl Reader {
 
     /// Reports every key of a section that is neither its own nor among the further ones.
     pub(crate) fn refuse_unknown(&mut self, section: &Section<'_>, further: &[&str]) {
+        self.refuse_misplaced(section, further, &[], "");
+    }
+
+    /// Does the same, and says of some other keys that they belong to another table.
+    pub(crate) fn refuse_misplaced(
+        &mut self,
+        section: &Section<'_>,
+        further: &[&str],
+        others: &[&str],
+        table: &str,
+    ) {
         let known: Vec<&str> = section
             .keys
             .iter()
@@ -158,12 +169,20 @@ impl Reader {
             .collect();
         for entry in section.table.entries() {
             if !known.contains(&entry.key.as_str()) {
-                self.unknown_key(section, entry, &known);
+                let problem = self.unknown_key(section, entry, &known);
+                if others.contains(&entry.key.as_str()) {
+                    problem.help(format!("`{}` belongs to {table}", entry.key));
+                }
             }
         }
     }
 
-    fn unknown_key(&mut self, section: &Section<'_>, entry: &Entry, known: &[&str]) {
+    fn unknown_key(
+        &mut self,
+        section: &Section<'_>,
+        entry: &Entry,
+        known: &[&str],
+    ) -> &mut Problem {
         let wherein = match section.path.as_str() {
             "" if std::ptr::eq(section.keys, crate::keys::STUDY) => "in a study".into(),
             "" => "in a scenario".into(),
@@ -175,7 +194,7 @@ impl Reader {
             &entry.key_place,
             format!("unknown key `{}` {wherein}", entry.key),
         )
-        .one_of(&entry.key, known.iter().copied());
+        .one_of(&entry.key, known.iter().copied())
     }
 
     /// The value of a key; a missing one is reported if it must be there.

@@ -155,12 +155,13 @@ impl Event<'_> {
         effects: &[Section<'_>],
         id: u32,
     ) -> Option<FaultEvent> {
-        reader.refuse_unknown(section, &[]);
+        let kind = kind::find(reader, section, self.context);
+        let of_effects = kind.map_or_else(|| vec!["target"], Kind::keys);
+        reader.refuse_misplaced(section, &[], &of_effects, "a table [[faults.effects]]");
         let name = match section.table.get("name") {
             Some(_) => reader.text(section, "name").map(Some),
             None => Some(None),
         };
-        let kind = kind::find(reader, section, self.context);
         let end = end::check(reader, section, self.context);
         let checked: Vec<_> = match kind {
             Some(kind) => (effects.iter())

@@ -186,7 +186,9 @@ fn varied(
             && reader.boolean(&own, "whole").unwrap_or_default();
         let spread = spread(reader, &own, kind, &columns)
             .and_then(|spread| whole(reader, &own, spread, is_whole));
-        let (Some(name), Some(spread)) = (name, spread) else {
+        let Some(name) = name else { continue };
+        let Some(spread) = spread else {
+            columns.push(Group::Derived, &name); // who names it in an expression has made no mistake there
             continue;
         };
         if sampling == Sampling::Grid

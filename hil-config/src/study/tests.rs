@@ -84,6 +84,17 @@ values = ["x", "y", "z", "w"]
 }
 
 #[test]
+fn who_names_a_value_with_a_mistake_has_made_none() {
+    let text = "cases = 1\n[[vary]]\nkey = \"a.n\"\nkind = \"normal\"\nmean = nan\ndeviation = 1\n\
+                [[vary]]\nkey = \"a.b\"\nkind = \"expression\"\nexpression = \"2 * n\"\n";
+    let told = refused(text);
+    assert!(
+        told.contains("`vary[0].mean` is not a number") && told.ends_with("\n1 problem"),
+        "{told}"
+    );
+}
+
+#[test]
 fn each_mistake_is_told_with_its_place_and_the_nearest_name() {
     let uniform = "[[vary]]\nkey = \"a.b\"\nkind = \"uniform\"\nmin = 0\nmax = 1\n";
     let normal = "[[vary]]\nkey = \"a.n\"\nkind = \"normal\"\nmean = 0\ndeviation = 1\n";

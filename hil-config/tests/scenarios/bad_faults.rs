@@ -34,6 +34,8 @@ const EVENTS: &[Case] = &[
     ("kind = \"bias\"\nat_s = 0.5\nname = ^\"1a\"", OutOfRange, &["`faults[0].name` is `1a`", "a letter first"]),
     ("kind = \"bias\"\nat_s = 0.5\nname = ^1", WrongType, &["`faults[0].name` is a number"]),
     ("kind = \"bias\"\nat_s = 0.5\n^form = 1", UnknownKey, &["unknown key `form` in `faults[0]`", "`at_step`", "`until_for_s`"]),
+    ("kind = \"bias\"\nat_s = 0.5\n^bias = 1", UnknownKey, &["unknown key `bias` in `faults[0]`", "help: `bias` belongs to a table [[faults.effects]]"]),
+    ("kind = \"bias\"\nat_s = 0.5\n^target = \"measured.surface_angle_rad\"", UnknownKey, &["help: `target` belongs to a table [[faults.effects]]"]),
     // Triggers
     ("kind = \"bias\"\nat_s = 0.5\n at_step = ^7", Mismatch, &["has both `at_s` and `at_step`", "exactly one of `at_s`, `at_step`, `when`, `after`"]),
     ("kind = \"bias\"\nat_s = 0.5\nwhen = ^\"1\"", Mismatch, &["has both `at_s` and `when`"]),
