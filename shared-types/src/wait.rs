@@ -49,6 +49,11 @@ const LONG_NAP_NS: u64 = 1_000_000;
 /// Time by which a sleep may end later than asked for on an ordinary machine.
 const LATE_NS: u64 = 300_000;
 
+/// Time before an awaited one from which on a side waits awake, as wake-ups come this late on an ordinary machine.
+const EARLY_NS: u64 = 200_000;
+/// Longest nap before a time, so that an interruption is seen soon.
+const LONGEST_NAP_NS: u64 = 20_000_000;
+
 /// Strategy between two polls. Moves times and the share of others, never a result.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -322,36 +327,39 @@ impl Waiter {
         self.limit_ns(now_ns) == 0
     }
 
-    /// Waits for a time of the monotonic clock: naps until close to it, then as the strategy says.
-    /// `interrupted` is asked between naps and ends the wait early.
-    pub fn until_ns(&self, target_ns: u64, interrupted: impl Fn() -> bool) {
-        until_ns(self.strategy, target_ns, interrupted);
-    }
-}
-
-/// Waits for a time of the monotonic clock: naps until close to it, then spins or yields, as the
-/// strategy says. `interrupted` is asked between naps and ends the wait early.
-fn until_ns(strategy: WaitStrategy, target_ns: u64, interrupted: impl Fn() -> bool) {
-    /// Wake-ups come this late on an ordinary machine; what is left is waited for awake.
-    const EARLY_NS: u64 = 200_000;
-    /// No nap is longer, so that an interruption is seen soon.
-    const LONGEST_NS: u64 = 20_000_000;
-    let early_ns = match strategy {
-        WaitStrategy::Hybrid | WaitStrategy::Yield | WaitStrategy::Sleep => EARLY_NS,
-        WaitStrategy::Spin => PATIENCE_NS,
-    };
-    loop {
-        let left_ns = target_ns.saturating_sub(monotonic_ns());
-        if left_ns == 0 || interrupted() {
-            return;
+    /// Waits for a time of the monotonic clock: naps until close to it, then spins or yields as the strategy
+    /// says. `interrupted` is asked between naps and ends the wait early.
+    pub fn until_ns(&mut self, target_ns: u64, interrupted: impl Fn() -> bool) {
+        loop {
+            let now_ns = monotonic_ns();
+            let left_ns = target_ns.saturating_sub(now_ns);
+            if left_ns == 0 {
+                return self.company.woke(now_ns, now_ns - target_ns);
+            }
+            if interrupted() {
+                return;
+            }
+            let nap_ns = left_ns
+                .saturating_sub(self.early_ns(now_ns))
+                .min(LONGEST_NAP_NS);
+            if nap_ns > 0 {
+                std::thread::sleep(Duration::from_nanos(nap_ns));
+            } else if self.strategy == WaitStrategy::Yield {
+                std::thread::yield_now();
+            } else {
+                std::hint::spin_loop();
+            }
         }
-        if left_ns > early_ns {
-            let nap_ns = (left_ns - early_ns).min(LONGEST_NS);
-            std::thread::sleep(Duration::from_nanos(nap_ns));
-        } else if strategy == WaitStrategy::Yield {
-            std::thread::yield_now();
-        } else {
-            std::hint::spin_loop();
+    }
+
+    /// Returns the time before an awaited one that is waited for awake.
+    const fn early_ns(&self, now_ns: u64) -> u64 {
+        match self.strategy {
+            WaitStrategy::Spin => PATIENCE_NS,
+            // Who computes before each release soon had as much of the core as is due, and then waits for a
+            // slice of the others.
+            WaitStrategy::Hybrid if self.company.is_there(now_ns) => 0,
+            WaitStrategy::Hybrid | WaitStrategy::Yield | WaitStrategy::Sleep => EARLY_NS,
         }
     }
 }

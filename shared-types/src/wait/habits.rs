@@ -1,6 +1,6 @@
 //! Habits of a hybrid wait, learned from the waits before.
 
-use super::SPINS;
+use super::{LATE_NS, SPINS};
 
 /// Number of polls before anything else.
 #[derive(Debug)]
@@ -67,7 +67,7 @@ pub(super) struct Company {
     away_ns: u64,
     /// Time until which others are taken for granted.
     pub(super) until_ns: u64,
-    /// Time for which they are taken for granted after the next late return.
+    /// Time for which they are taken for granted when they come next.
     backoff_ns: u64,
 }
 
@@ -77,6 +77,8 @@ impl Company {
     const RETURNS: u64 = 128;
     /// Average above which others need the core.
     const LIMIT_NS: u64 = 20_000;
+    /// Time away that is a slice of the scheduler.
+    const SLICE_NS: u64 = 1_000_000;
     const SHORTEST_NS: u64 = 10_000_000;
     const LONGEST_NS: u64 = 1_000_000_000;
 
@@ -89,13 +91,25 @@ impl Company {
     /// Notes that the core came back.
     pub(super) fn came_back(&mut self, now_ns: u64, took_ns: u64) {
         self.away_ns = self.away_ns - self.away_ns / Self::RETURNS + took_ns / Self::RETURNS;
-        if self.away_ns > Self::LIMIT_NS {
-            // One late return is enough the next time.
-            self.away_ns = Self::LIMIT_NS - Self::LIMIT_NS / 4;
-            self.until_ns = now_ns + self.backoff_ns;
-            self.backoff_ns = (2 * self.backoff_ns).min(Self::LONGEST_NS);
-        } else if self.away_ns < Self::LIMIT_NS / 2 {
+        // They are gone when they were not seen for as long as they were taken for granted, however often the
+        // core was given away meanwhile: a yield comes back at once where all others are in another session.
+        let are_gone = now_ns > self.until_ns.saturating_add(self.backoff_ns);
+        if are_gone {
             self.backoff_ns = Self::SHORTEST_NS;
+        }
+        if self.away_ns > Self::LIMIT_NS || (!are_gone && took_ns >= Self::SLICE_NS) {
+            self.away_ns = self.away_ns.min(Self::LIMIT_NS - Self::LIMIT_NS / 4);
+            self.until_ns = now_ns + self.backoff_ns;
+            self.backoff_ns = (4 * self.backoff_ns).min(Self::LONGEST_NS);
+        }
+    }
+
+    /// Notes by how much a wait for a time ended later than that. Beside others only a late end counts: one in
+    /// time is what such waits are shorter for there.
+    pub(super) fn woke(&mut self, now_ns: u64, late_ns: u64) {
+        let took_ns = late_ns.saturating_sub(LATE_NS);
+        if took_ns > 0 || !self.is_there(now_ns) {
+            self.came_back(now_ns, took_ns);
         }
     }
 
@@ -118,22 +132,40 @@ mod tests {
             company.came_back(step, if step % 1000 == 0 { 500_000 } else { 4_000 });
             assert!(!company.is_there(step));
         }
-        company.came_back(0, 3 * MS);
-        assert!(company.is_there(0) && company.is_there(10 * MS - 1) && !company.is_there(10 * MS));
-        // Still there: each time for twice as long, up to a second.
-        for ms in [20, 40, 80, 160, 320, 640, 1000, 1000] {
-            company.came_back(0, MS);
-            assert!(
-                company.is_there(ms * MS - 1) && !company.is_there(ms * MS),
-                "{ms}"
-            );
+        let mut now_ns = 1000 * MS;
+        company.came_back(now_ns, 3 * MS);
+        // Still there: each time for four times as long, up to a second, however many quick returns are between.
+        for for_ms in [10, 40, 160, 640, 1000, 1000] {
+            assert_eq!(company.until_ns, now_ns + for_ms * MS);
+            assert!(company.is_there(now_ns) && !company.is_there(company.until_ns));
+            now_ns = company.until_ns + 5 * MS;
+            (0..10_000).for_each(|_| company.came_back(now_ns, 500));
+            assert!(!company.is_there(now_ns));
+            company.came_back(now_ns, 2 * MS);
         }
-        // It went; when it comes again, it is for a short time at first.
-        (0..1000).for_each(|_| company.came_back(0, 500));
-        while company.until_ns == 1000 * MS {
-            company.came_back(0, 3 * MS);
-        }
+        // They went; when they come again, it is for a short time at first.
+        now_ns = company.until_ns + 1001 * MS;
+        (0..10_000).for_each(|_| company.came_back(now_ns, 500));
+        company.came_back(now_ns, 2 * MS);
+        assert!(!company.is_there(now_ns));
+        company.came_back(now_ns, 3 * MS);
+        assert_eq!(company.until_ns, now_ns + 10 * MS);
+    }
+
+    #[test]
+    fn waits_that_end_late_are_company_and_those_in_time_do_not_make_it_go() {
+        let mut company = Company::NONE;
+        (0..100_000).for_each(|_| company.woke(0, LATE_NS));
+        assert!(!company.is_there(0));
+        company.woke(0, 3 * MS);
         assert_eq!(company.until_ns, 10 * MS);
+        for until_ms in [50, 210, 850, 1850] {
+            let now_ns = company.until_ns;
+            (0..1000).for_each(|_| company.woke(now_ns - 1, 60_000));
+            assert!(!company.is_there(now_ns));
+            company.woke(now_ns, 3 * MS);
+            assert_eq!(company.until_ns, until_ms * MS);
+        }
     }
 
     #[test]

@@ -169,7 +169,7 @@ fn a_renewed_wait_has_the_whole_limit_again() {
 fn a_wait_for_a_time_ends_not_before_it() {
     for strategy in WaitStrategy::ALL {
         let target_ns = monotonic_ns() + 1_000_000;
-        let waiter = Waiter::with(limit(), strategy, false);
+        let mut waiter = Waiter::with(limit(), strategy, false);
         waiter.until_ns(target_ns, || false);
         assert!(monotonic_ns() >= target_ns);
         waiter.until_ns(u64::MAX, || true);
