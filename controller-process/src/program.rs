@@ -6,7 +6,6 @@ use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitCode;
 
-use shared_types::checkpoint::Side;
 use shared_types::describe::Description;
 use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{Link, LinkError};
@@ -15,6 +14,7 @@ use shared_types::origin::Origin;
 use shared_types::program::{self, COMPLETED, FAILED, Program};
 use shared_types::realtime;
 use shared_types::session::SessionInfo;
+use shared_types::side::Side;
 use shared_types::supervision::Supervision;
 use shared_types::wait::{WaitLimit, Waiter};
 

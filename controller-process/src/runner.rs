@@ -5,7 +5,7 @@
 //! asked for, and answers every sample. Like the plant's engine it never blocks.
 
 use serde::{Deserialize, Serialize};
-use shared_types::checkpoint::{Saves, Side};
+use shared_types::checkpoint::Saves;
 use shared_types::clock::monotonic_ns;
 use shared_types::connection::renamed;
 use shared_types::describe::Invalid;
@@ -15,9 +15,10 @@ use shared_types::hello::{Control, Hello, Welcome};
 use shared_types::layout::SignalKind;
 use shared_types::link::{FrameSpec, Link, LinkError};
 use shared_types::lockstep::{Abort, AbortCode, ControllerAction, ControllerEvent, ControllerSide};
-use shared_types::surroundings::ThreadSampler;
+use shared_types::side::Side;
 use shared_types::table::Field;
 use shared_types::text;
+use shared_types::thread::ThreadSampler;
 use shared_types::time::Step;
 use shared_types::wait::Sleeper;
 

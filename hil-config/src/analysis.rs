@@ -22,11 +22,11 @@ use step_response::StepResponse;
 #[derive(Clone, Debug)]
 pub(crate) struct RunningAnalysis {
     name: String,
-    work: Work,
+    work: AnalysisState,
 }
 
 #[derive(Clone, Debug)]
-enum Work {
+enum AnalysisState {
     Step {
         signal: Program,
         last: Step,
@@ -78,17 +78,17 @@ impl RunningAnalysis {
     ) -> Result<Self, ExpressionError> {
         let bind = |expression: &Expression| expression.compile_signal(columns);
         let work = match &analysis.kind {
-            AnalysisKind::StepResponse(plan) => Work::Step {
+            AnalysisKind::StepResponse(plan) => AnalysisState::Step {
                 signal: bind(&plan.signal)?,
                 last: plan.last,
                 response: StepResponse::new(plan),
             },
-            AnalysisKind::FrequencyResponse(plan) => Work::Frequency {
+            AnalysisKind::FrequencyResponse(plan) => AnalysisState::Frequency {
                 input: bind(&plan.input)?,
                 output: bind(&plan.output)?,
                 response: Box::new(FrequencyResponse::new(plan)),
             },
-            AnalysisKind::Detection(plan) => Work::Detection {
+            AnalysisKind::Detection(plan) => AnalysisState::Detection {
                 alarm: bind(&plan.alarm)?,
                 recovered: plan.recovered.as_ref().map(bind).transpose()?,
                 effect: (plan.effect.as_ref())
@@ -106,7 +106,7 @@ impl RunningAnalysis {
     /// Takes the row of a step. Steps must rise.
     pub(crate) fn observe(&mut self, step: Step, rate: Rate, row: &[f64]) {
         match &mut self.work {
-            Work::Step {
+            AnalysisState::Step {
                 signal,
                 last,
                 response,
@@ -115,7 +115,7 @@ impl RunningAnalysis {
                     response.take(rate.seconds(step), signal.evaluate(row));
                 }
             }
-            Work::Frequency {
+            AnalysisState::Frequency {
                 input,
                 output,
                 response,
@@ -125,7 +125,7 @@ impl RunningAnalysis {
                     response.take(time_s, input.evaluate(row), output.evaluate(row));
                 }
             }
-            Work::Detection {
+            AnalysisState::Detection {
                 alarm,
                 recovered,
                 effect,
@@ -142,7 +142,7 @@ impl RunningAnalysis {
 
     /// A fault takes hold at a step, whose row is still to come.
     pub(crate) fn fault(&mut self, event: u32, step: Step) {
-        if let Work::Detection { detection, .. } = &mut self.work {
+        if let AnalysisState::Detection { detection, .. } = &mut self.work {
             detection.fault(event, step);
         }
     }
@@ -155,9 +155,9 @@ impl RunningAnalysis {
     /// Returns the figures from the rows so far.
     pub(crate) fn figures(&self) -> Vec<Figure> {
         match &self.work {
-            Work::Step { response, .. } => response.figures(),
-            Work::Frequency { response, .. } => response.figures(),
-            Work::Detection { detection, .. } => detection.figures(),
+            AnalysisState::Step { response, .. } => response.figures(),
+            AnalysisState::Frequency { response, .. } => response.figures(),
+            AnalysisState::Detection { detection, .. } => detection.figures(),
         }
     }
 }

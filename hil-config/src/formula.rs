@@ -139,13 +139,13 @@ impl Reach {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Comparison {
     pub relation: Relation,
-    pub left: Side,
-    pub right: Side,
+    pub left: FormulaSide,
+    pub right: FormulaSide,
 }
 
 /// An expression and where it begins in the formula.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Side {
+pub(crate) struct FormulaSide {
     pub expression: Expression,
     pub start: usize,
 }
@@ -250,7 +250,7 @@ impl Formula {
         Comparison { left, right, .. }: &Comparison,
         columns: &Columns,
     ) -> Result<Option<String>, ExpressionError> {
-        let inside = |side: &Side, error| self.inside(error, side.start);
+        let inside = |side: &FormulaSide, error| self.inside(error, side.start);
         let a = (left.expression.unit(columns)).map_err(|error| inside(left, error))?;
         let b = (right.expression.unit(columns)).map_err(|error| inside(right, error))?;
         let unit = a.with(b, "compared").map_err(|mixed| {
@@ -354,7 +354,7 @@ impl Formula {
         error.inside(&self.text, start)
     }
 
-    fn sides(&self) -> impl Iterator<Item = &Side> {
+    fn sides(&self) -> impl Iterator<Item = &FormulaSide> {
         let comparisons = self.nodes.iter().filter_map(|node| match node {
             Node::Comparison(comparison) => Some(comparison),
             _ => None,

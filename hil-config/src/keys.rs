@@ -39,7 +39,7 @@ pub(crate) struct Key {
     /// Name.
     pub name: &'static str,
     /// Kind of value that the key takes.
-    pub kind: Kind,
+    pub kind: KeyKind,
     /// True if the key must be there.
     pub required: bool,
     /// Meaning of the key.
@@ -48,7 +48,7 @@ pub(crate) struct Key {
 
 /// Kind of value that a key takes.
 #[derive(Debug)]
-pub(crate) enum Kind {
+pub(crate) enum KeyKind {
     /// A number.
     Number {
         /// Unit.
@@ -104,7 +104,7 @@ pub(crate) enum Kind {
 }
 
 impl Key {
-    const fn new(name: &'static str, kind: Kind, text: &'static str) -> Self {
+    const fn new(name: &'static str, kind: KeyKind, text: &'static str) -> Self {
         Self {
             name,
             kind,
@@ -121,8 +121,8 @@ impl Key {
     }
 }
 
-const fn number(unit: &'static str, min: f64, max: f64) -> Kind {
-    Kind::Number {
+const fn number(unit: &'static str, min: f64, max: f64) -> KeyKind {
+    KeyKind::Number {
         unit,
         min,
         max,
@@ -130,8 +130,8 @@ const fn number(unit: &'static str, min: f64, max: f64) -> Kind {
     }
 }
 
-const fn number_or(unit: &'static str, min: f64, max: f64, default: f64) -> Kind {
-    Kind::Number {
+const fn number_or(unit: &'static str, min: f64, max: f64, default: f64) -> KeyKind {
+    KeyKind::Number {
         unit,
         min,
         max,
@@ -139,15 +139,15 @@ const fn number_or(unit: &'static str, min: f64, max: f64, default: f64) -> Kind
     }
 }
 
-const fn integer(min: i64, max: i64, default: i64) -> Kind {
-    Kind::Integer {
+const fn integer(min: i64, max: i64, default: i64) -> KeyKind {
+    KeyKind::Integer {
         min,
         max,
         default: Some(default),
     }
 }
 
-pub(crate) const TEXT: Kind = Kind::Text {
+pub(crate) const TEXT: KeyKind = KeyKind::Text {
     choices: &[],
     default: None,
 };
@@ -155,7 +155,7 @@ pub(crate) const TEXT: Kind = Kind::Text {
 /// Longest time in s that can be named: 2^40 steps at the lowest rate.
 const MAX_S: f64 = MAX_STEPS as f64 / Rate::MIN_HZ;
 
-const LENGTH: Kind = number("s", 1e-9, MAX_S);
+const LENGTH: KeyKind = number("s", 1e-9, MAX_S);
 
 /// A table that names a file.
 pub(crate) const FILE: &[Key] =
@@ -163,7 +163,7 @@ pub(crate) const FILE: &[Key] =
 
 const VERSION: Key = Key::new(
     "schema",
-    Kind::Integer {
+    KeyKind::Integer {
         min: SCHEMA,
         max: SCHEMA,
         default: None,
@@ -181,57 +181,62 @@ pub(crate) const SCENARIO: &[Key] = &[
         "Name of the scenario: letters, digits, - and _. Default: the file's name.",
     ),
     Key::new("description", TEXT, "What the scenario shows."),
-    Key::new("run", Kind::Section(RUN), "Duration, rate and clock.").required(),
-    Key::new("plant", Kind::Section(PLANT), "The plant.").required(),
-    Key::new("controller", Kind::Section(CONTROLLER), "The controller.").required(),
+    Key::new("run", KeyKind::Section(RUN), "Duration, rate and clock.").required(),
+    Key::new("plant", KeyKind::Section(PLANT), "The plant.").required(),
+    Key::new(
+        "controller",
+        KeyKind::Section(CONTROLLER),
+        "The controller.",
+    )
+    .required(),
     Key::new(
         "connect",
-        Kind::List(CONNECT),
+        KeyKind::List(CONNECT),
         "Signals of the law that are bound to signals of the plant under another name or unit; all others are bound by their own name and unit.",
     ),
     Key::new(
         "realtime",
-        Kind::Section(REALTIME),
+        KeyKind::Section(REALTIME),
         "What plant, controller and recorder ask of the system; moves times, never numbers. Cores are looked for when a run starts.",
     ),
     Key::new(
         "stimuli",
-        Kind::List(STIMULUS),
+        KeyKind::List(STIMULUS),
         "Reference signals of the rig, sent with the derivatives that the waveform has.",
     ),
     Key::new(
         "faults",
-        Kind::List(FAULT),
+        KeyKind::List(FAULT),
         "Fault events. All effects of an event take hold at the same step.",
     ),
     Key::new(
         "changes",
-        Kind::List(CHANGE),
+        KeyKind::List(CHANGE),
         "Values of parameters and reference signals that change while the run goes on, as `hil set` does. All keys of a change change at the same step.",
     ),
     Key::new(
         "derived",
-        Kind::List(DERIVED),
+        KeyKind::List(DERIVED),
         "Signals computed from other signals at every step.",
     ),
     Key::new(
         "metrics",
-        Kind::List(METRIC),
+        KeyKind::List(METRIC),
         "Numbers computed from the records: reductions over windows of time, or ready-made analyses.",
     ),
     Key::new(
         "requirements",
-        Kind::List(REQUIREMENT),
+        KeyKind::List(REQUIREMENT),
         "What the run must do to pass.",
     ),
     Key::new(
         "plots",
-        Kind::List(PLOT),
+        KeyKind::List(PLOT),
         "Plots that report, monitor and layouts of the run begin with; nothing of the run depends on them.",
     ),
     Key::new(
         "panel",
-        Kind::Section(PANEL),
+        KeyKind::Section(PANEL),
         "Contents of `hil panel` beside the plots; nothing of the run depends on them.",
     ),
 ];
@@ -257,7 +262,7 @@ pub(crate) const RUN: &[Key] = &[
     ),
     Key::new(
         "clock",
-        Kind::Text {
+        KeyKind::Text {
             choices: &["lockstep", "paced", "realtime"],
             default: Some("lockstep"),
         },
@@ -270,7 +275,7 @@ pub(crate) const RUN: &[Key] = &[
     ),
     Key::new(
         "overrun",
-        Kind::Text {
+        KeyKind::Text {
             choices: &["catch-up", "skip", "stretch", "abort"],
             default: Some("catch-up"),
         },
@@ -283,7 +288,7 @@ pub(crate) const RUN: &[Key] = &[
     ),
     Key::new(
         "on_controller_loss",
-        Kind::Text {
+        KeyKind::Text {
             choices: &["abort", "hold", "safe-command", "wait-for-restart"],
             default: Some("abort"),
         },
@@ -301,7 +306,7 @@ pub(crate) const PLANT: &[Key] = &[
     ),
     Key::new(
         "locals",
-        Kind::Texts,
+        KeyKind::Texts,
         "Inner signals of an FMU that are part of the truth: patterns with * and ?, of their names in the FMU or here. Default: none.",
     ),
     Key::new(
@@ -311,17 +316,17 @@ pub(crate) const PLANT: &[Key] = &[
     ),
     Key::new(
         "parameters",
-        Kind::Described,
+        KeyKind::Described,
         "The plant's parameters: a full name (actuator1.x), or the last part alone (x) for every parameter that ends so; the full name wins.",
     ),
     Key::new(
         "limits",
-        Kind::Described,
+        KeyKind::Described,
         "Ranges [min, max] of true signals, outside which the run ends as diverged; replace the plant's own.",
     ),
     Key::new(
         "safe_command",
-        Kind::Described,
+        KeyKind::Described,
         "Commands that the plant gets while run.on_controller_loss = \"safe-command\" acts. Default: 0.",
     ),
 ];
@@ -336,7 +341,7 @@ pub(crate) const CONTROLLER: &[Key] = &[
     ),
     Key::new(
         "program",
-        Kind::Program,
+        KeyKind::Program,
         "Controller program or FMU, relative to the scenario, or a table of them by the machine's name in `uname -m`; a scenario that names one runs it. Default: controller-process beside hil.",
     ),
     Key::new(
@@ -351,7 +356,7 @@ pub(crate) const CONTROLLER: &[Key] = &[
     ),
     Key::new(
         "model",
-        Kind::Described,
+        KeyKind::Described,
         "What the law believes of the plant. Default: the plant's parameter of the same name and unit as plant.parameters sets it, which no fault moves; else the law's own default.",
     ),
 ];
@@ -382,7 +387,7 @@ pub(crate) const CONNECT: &[Key] = &[
     ),
 ];
 
-const ANY_NUMBER: Kind = number("", f64::MIN, f64::MAX);
+const ANY_NUMBER: KeyKind = number("", f64::MIN, f64::MAX);
 
 /// `[[derived]]`.
 pub(crate) const DERIVED: &[Key] = &[

@@ -62,7 +62,7 @@ impl Verdict {
 #[derive(Clone, Debug)]
 pub struct Monitors {
     /// Operands of the comparisons.
-    sides: Vec<Side>,
+    sides: Vec<ComparedSide>,
     /// The parts of all formulas, operands before what is made of them.
     parts: Vec<Part>,
     /// The newest margin of each part.
@@ -82,7 +82,7 @@ pub struct Monitors {
 
 /// An expression that comparisons compare.
 #[derive(Clone, Debug)]
-struct Side {
+struct ComparedSide {
     /// Value in the present row.
     value: f64,
     /// None if it is a number.

@@ -7,7 +7,7 @@
 mod values;
 
 use crate::document::{Entry, Node, Table, Value};
-use crate::keys::{Key, Kind};
+use crate::keys::{Key, KeyKind};
 use crate::problem::{MOST_PROBLEMS, Problem, ProblemKind, Problems, listed};
 use crate::quantity::Quantity;
 use crate::source::{Place, Sources};
@@ -239,7 +239,7 @@ impl Reader {
         let key = parent.key(name);
         self.value(parent, key)?;
         let keys = match key.kind {
-            Kind::Section(keys) => keys,
+            KeyKind::Section(keys) => keys,
             _ => &[],
         };
         Some(self.table(parent, name)?.with_keys(keys))
@@ -287,7 +287,7 @@ impl Reader {
         name: &'static str,
     ) -> Vec<Section<'a>> {
         let key = parent.key(name);
-        let Kind::List(keys) = key.kind else {
+        let KeyKind::List(keys) = key.kind else {
             unreachable!("`{name}` is a list")
         };
         let Some(node) = self.value(parent, key) else {
@@ -351,9 +351,9 @@ fn shown(text: String) -> String {
 }
 
 /// Describes what a key takes, for messages and comments.
-pub(crate) fn describe(kind: &Kind) -> String {
+pub(crate) fn describe(kind: &KeyKind) -> String {
     match *kind {
-        Kind::Number { unit, min, max, .. } => Quantity {
+        KeyKind::Number { unit, min, max, .. } => Quantity {
             name: "",
             unit,
             min,
@@ -361,19 +361,21 @@ pub(crate) fn describe(kind: &Kind) -> String {
             whole: false,
         }
         .expected(),
-        Kind::Integer { min, max, .. } if min == max => min.to_string(),
-        Kind::Integer { min, max, .. } => format!("a whole number from {min} to {max}"),
-        Kind::Text { choices: [], .. } => "text".into(),
-        Kind::Text { choices, .. } => format!("one of {}", listed(choices.iter().copied())),
-        Kind::Boolean { .. } => "true or false".into(),
-        Kind::Numbers => "a list of numbers".into(),
-        Kind::Texts => "a list of texts, at least one".into(),
-        Kind::Values => "a list of numbers, of texts, or of true and false".into(),
-        Kind::Pair => "two numbers".into(),
-        Kind::Pairs => "a list of pairs of numbers".into(),
-        Kind::Event => "the name or number of a fault event".into(),
-        Kind::Section(_) | Kind::Described => "a table".into(),
-        Kind::List(_) => "a list of tables".into(),
-        Kind::Program => "a file, or a table of files by the machine's name in `uname -m`".into(),
+        KeyKind::Integer { min, max, .. } if min == max => min.to_string(),
+        KeyKind::Integer { min, max, .. } => format!("a whole number from {min} to {max}"),
+        KeyKind::Text { choices: [], .. } => "text".into(),
+        KeyKind::Text { choices, .. } => format!("one of {}", listed(choices.iter().copied())),
+        KeyKind::Boolean { .. } => "true or false".into(),
+        KeyKind::Numbers => "a list of numbers".into(),
+        KeyKind::Texts => "a list of texts, at least one".into(),
+        KeyKind::Values => "a list of numbers, of texts, or of true and false".into(),
+        KeyKind::Pair => "two numbers".into(),
+        KeyKind::Pairs => "a list of pairs of numbers".into(),
+        KeyKind::Event => "the name or number of a fault event".into(),
+        KeyKind::Section(_) | KeyKind::Described => "a table".into(),
+        KeyKind::List(_) => "a list of tables".into(),
+        KeyKind::Program => {
+            "a file, or a table of files by the machine's name in `uname -m`".into()
+        }
     }
 }

@@ -10,7 +10,7 @@ use shared_types::describe::{FaultKindDescription, LawDescription, PlantDescript
 use shared_types::number::unit_shown;
 use shared_types::table::Field;
 
-use crate::keys::{self, Key, Kind, METRICS, WAVEFORMS};
+use crate::keys::{self, Key, KeyKind, METRICS, WAVEFORMS};
 use crate::quantity::Quantity;
 use crate::reader::describe;
 
@@ -97,7 +97,7 @@ fn section(keys: &[Key]) -> Value {
 
 fn property(key: &Key) -> Value {
     let mut value = match key.kind {
-        Kind::Number {
+        KeyKind::Number {
             unit,
             min,
             max,
@@ -115,14 +115,14 @@ fn property(key: &Key) -> Value {
             }
             value
         }
-        Kind::Integer { min, max, default } => {
+        KeyKind::Integer { min, max, default } => {
             let mut value = json!({"type": "integer", "minimum": min, "maximum": max});
             if let Some(default) = default {
                 value["default"] = json!(default);
             }
             value
         }
-        Kind::Text { choices, default } => {
+        KeyKind::Text { choices, default } => {
             let mut value = json!({"type": "string"});
             if !choices.is_empty() {
                 value["enum"] = json!(choices);
@@ -132,26 +132,26 @@ fn property(key: &Key) -> Value {
             }
             value
         }
-        Kind::Boolean { default } => json!({"type": "boolean", "default": default}),
-        Kind::Numbers => json!({"type": "array", "items": {"type": "number"}, "minItems": 1}),
-        Kind::Texts => json!({"type": "array", "items": {"type": "string"}, "minItems": 1}),
-        Kind::Values => {
+        KeyKind::Boolean { default } => json!({"type": "boolean", "default": default}),
+        KeyKind::Numbers => json!({"type": "array", "items": {"type": "number"}, "minItems": 1}),
+        KeyKind::Texts => json!({"type": "array", "items": {"type": "string"}, "minItems": 1}),
+        KeyKind::Values => {
             let values = json!({"type": ["number", "string", "boolean"]});
             json!({"type": "array", "items": values, "minItems": 1})
         }
-        Kind::Pair => pair(),
-        Kind::Pairs => json!({"type": "array", "items": pair(), "minItems": 1}),
-        Kind::Event => json!({"type": ["string", "integer"]}),
-        Kind::Section(keys) => section(keys),
-        Kind::List(keys) => json!({"type": "array", "items": section(keys)}),
-        Kind::Described => json!({"type": "object"}),
-        Kind::Program => json!({"anyOf": [
+        KeyKind::Pair => pair(),
+        KeyKind::Pairs => json!({"type": "array", "items": pair(), "minItems": 1}),
+        KeyKind::Event => json!({"type": ["string", "integer"]}),
+        KeyKind::Section(keys) => section(keys),
+        KeyKind::List(keys) => json!({"type": "array", "items": section(keys)}),
+        KeyKind::Described => json!({"type": "object"}),
+        KeyKind::Program => json!({"anyOf": [
             {"type": "string"},
             {"type": "object", "additionalProperties": {"type": "string"}, "minProperties": 1},
         ]}),
     };
     let text = match key.kind {
-        Kind::Number { .. } | Kind::Integer { .. } => {
+        KeyKind::Number { .. } | KeyKind::Integer { .. } => {
             format!("{} Expected: {}.", key.text, describe(&key.kind))
         }
         _ => key.text.into(),

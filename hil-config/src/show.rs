@@ -19,7 +19,7 @@ use shared_types::describe::{FaultKindDescription, LawDescription, PlantDescript
 use shared_types::table::Field;
 use shared_types::time::{Rate, Step};
 
-use crate::keys::{self, Key, Kind, SCHEMA};
+use crate::keys::{self, Key, KeyKind, SCHEMA};
 use crate::plan::{
     Change, Clock, ControllerProgram, Derived, FaultEvent, Metric, Plan, Realtime, Run, Stimulus,
 };
@@ -170,8 +170,12 @@ fn each<T>(text: &mut String, all: &[T], write: impl Fn(&mut String, &T) -> Writ
 /// Writes the keys of a table that take a value, in their order; `value` knows each of them and leaves out
 /// those that mean the same without.
 fn section(text: &mut String, keys: &[Key], value: impl Fn(&str) -> Option<String>) -> Written {
-    let is_table =
-        |key: &&Key| matches!(key.kind, Kind::Section(_) | Kind::List(_) | Kind::Described);
+    let is_table = |key: &&Key| {
+        matches!(
+            key.kind,
+            KeyKind::Section(_) | KeyKind::List(_) | KeyKind::Described
+        )
+    };
     for key in keys.iter().filter(|key| !is_table(key)) {
         if let Some(value) = value(key.name) {
             writeln!(text, "{} = {value}", key.name)?;

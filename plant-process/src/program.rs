@@ -8,7 +8,6 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use hil_config::plan::Clock;
-use shared_types::checkpoint::Side;
 use shared_types::describe::Description;
 use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{Link, LinkError};
@@ -18,6 +17,7 @@ use shared_types::program::{self, COMPLETED, DIVERGED, FAILED, Program};
 use shared_types::realtime;
 use shared_types::record::Outcome;
 use shared_types::session::SessionInfo;
+use shared_types::side::Side;
 use shared_types::stream::iceoryx::IceoryxSink;
 use shared_types::stream::{Backpressure, RecordSink};
 use shared_types::supervision::Supervision;

@@ -15,9 +15,9 @@ use std::os::unix::net::UnixStream;
 use blake3::Hash;
 use serde::{Deserialize, Serialize};
 
-use crate::checkpoint::Side;
 use crate::process::ProcessId;
 use crate::session::SessionInfo;
+use crate::side::Side;
 use crate::supervision::Supervision;
 
 /// Exit code of a Rust program that panicked.

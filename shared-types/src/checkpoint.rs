@@ -14,6 +14,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::describe::Invalid;
+use crate::side::Side;
 use crate::state::State;
 use crate::time::Step;
 
@@ -21,35 +22,6 @@ use crate::time::Step;
 const MARK: &[u8] = b"hil state 1\n";
 /// A step that no run reaches.
 const NEVER: Step = Step(u64::MAX);
-
-/// A side of a run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Side {
-    /// The plant, with its faults.
-    Plant,
-    /// The controller.
-    Controller,
-}
-
-impl Side {
-    /// Both sides.
-    pub const ALL: [Self; 2] = [Self::Plant, Self::Controller];
-
-    /// In one word.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Plant => "plant",
-            Self::Controller => "controller",
-        }
-    }
-
-    /// Name of its file in the session's folder.
-    #[must_use]
-    pub fn file(self, step: Step) -> String {
-        format!("checkpoint-{step}-{}.state", self.name())
-    }
-}
 
 /// Checkpoints that a side writes and the one that it begins from, as its job says.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -73,7 +73,7 @@ pub struct Header {
     /// ([`Directive`](crate::directive::Directive)); in a command which samples were answered before
     /// it ([`Answered`](crate::directive::Answered)); in an abort the reason.
     pub directive: u64,
-    /// Statistics of the sender's thread ([`ThreadStatistics`](crate::surroundings::ThreadStatistics)).
+    /// Statistics of the sender's thread ([`ThreadStatistics`](crate::thread::ThreadStatistics)).
     pub surroundings: u64,
     /// In a sample: number of messages with changed parameters of the law that come before it
     /// ([`Tuned`](crate::tuning::Tuned)); 0 as long as none was changed.

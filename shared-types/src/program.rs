@@ -11,11 +11,11 @@ use std::process::ExitCode;
 use clap::Parser;
 
 use crate::by_hand;
-use crate::checkpoint::Side;
 use crate::describe::{Description, PROTOCOL};
 use crate::link::LinkError;
 use crate::link::iceoryx::IceoryxLink;
 use crate::session::SessionInfo;
+use crate::side::Side;
 use crate::supervision::Supervision;
 use crate::wait::{WaitLimit, Waiter};
 

@@ -107,7 +107,7 @@ pub struct Timing {
     pub held_steps: u64,
     /// Samples that were answered before the applied command ([`Answered`](crate::directive::Answered)).
     pub answered: u64,
-    /// Statistics of the plant's thread ([`ThreadStatistics`](crate::surroundings::ThreadStatistics)).
+    /// Statistics of the plant's thread ([`ThreadStatistics`](crate::thread::ThreadStatistics)).
     pub plant_surroundings: u64,
     /// Statistics of the controller's thread.
     pub controller_surroundings: u64,

@@ -14,7 +14,6 @@ use plant_process::faults::kinds;
 use plant_process::job::{JOB_FILE, Job};
 use plant_process::plant::{Plant, PlantKind};
 use plant_process::program::drive;
-use shared_types::checkpoint::Side;
 use shared_types::describe::{Description, Invalid};
 use shared_types::layout::{SignalKind, SignalTable};
 use shared_types::link::LinkError;
@@ -26,6 +25,7 @@ use shared_types::record::{
     Change, ControllerChange, Event, FaultEffectSize, Outcome, RecordLayout, RunEnd,
 };
 use shared_types::session::SessionInfo;
+use shared_types::side::Side;
 use shared_types::stream::iceoryx::IceoryxSink;
 use shared_types::stream::{Backpressure, RecordSink};
 use shared_types::supervision::Supervision;

@@ -7,7 +7,7 @@
 use std::process::Command;
 
 use serde_json::Value;
-use shared_types::surroundings::ThreadStatistics;
+use shared_types::thread::ThreadStatistics;
 
 use crate::support::company::BusyLoop;
 use crate::support::harness::{Rig, Run, until};

@@ -29,7 +29,7 @@ use crate::reader::{Reader, Section};
 use names::Names;
 
 pub(crate) use effect::unit_of;
-use kind::Kind;
+use kind::FaultKind;
 pub(crate) use target::groups;
 
 /// Context that faults are checked against. A part that is `None` is not right itself; whatever
@@ -156,7 +156,7 @@ impl Event<'_> {
         id: u32,
     ) -> Option<FaultEvent> {
         let kind = kind::find(reader, section, self.context);
-        let of_effects = kind.map_or_else(|| vec!["target"], Kind::keys);
+        let of_effects = kind.map_or_else(|| vec!["target"], FaultKind::keys);
         reader.refuse_misplaced(section, &[], &of_effects, "a table [[faults.effects]]");
         let name = match section.table.get("name") {
             Some(_) => reader.text(section, "name").map(Some),

@@ -44,7 +44,7 @@ fn entry_of<'a>(root: &Section<'a>, table: &str, key: &str) -> Option<&'a Node> 
 
 /// Texts of a list, at least one.
 fn texts(reader: &mut Reader, path: &str, node: &Node) -> Vec<String> {
-    let expected = describe(&crate::keys::Kind::Texts);
+    let expected = describe(&crate::keys::KeyKind::Texts);
     let items = match &node.value {
         Value::List(items) if !items.is_empty() => items,
         _ => {
@@ -60,7 +60,7 @@ fn texts(reader: &mut Reader, path: &str, node: &Node) -> Vec<String> {
 /// The file of a key.
 fn file(reader: &mut Reader, folder: &Path, path: &str, node: &Node) -> Option<PathBuf> {
     let expected = describe(match path {
-        "controller.program" => &crate::keys::Kind::Program,
+        "controller.program" => &crate::keys::KeyKind::Program,
         _ => &crate::keys::TEXT,
     });
     let text = reader.printable(path, node, expected)?;

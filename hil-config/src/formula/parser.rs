@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use shared_types::table::nearest;
 
-use super::{Comparison, Formula, Node, Relation, Side, Window};
+use super::{Comparison, Formula, FormulaSide, Node, Relation, Window};
 use crate::expression::cursor::Cursor;
 use crate::expression::lexer::{Token, TokenKind};
 use crate::expression::{Expression, ExpressionError, functions, is_reserved};
@@ -232,12 +232,12 @@ impl Parser<'_> {
         self.words.tokens.len()
     }
 
-    fn side(&self, span: Range<usize>) -> Result<Side, ExpressionError> {
+    fn side(&self, span: Range<usize>) -> Result<FormulaSide, ExpressionError> {
         let start = span.start;
         let expression = Expression::parse(&self.words.text[span])
             .and_then(|expression| expression.refuse_reduction().map(|()| expression))
             .map_err(|error| error.inside(self.words.text, start))?;
-        Ok(Side { expression, start })
+        Ok(FormulaSide { expression, start })
     }
 
     /// Returns the error of words that compare nothing.

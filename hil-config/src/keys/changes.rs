@@ -1,6 +1,6 @@
 //! `[[changes]]`: the keys of a change of values while the run goes on.
 
-use super::{Key, Kind, LENGTH, MAX_S, number};
+use super::{Key, KeyKind, LENGTH, MAX_S, number};
 
 /// `[[changes]]`.
 pub(crate) const CHANGE: &[Key] = &[
@@ -34,11 +34,11 @@ const RAMP: Key = Key::new(
 );
 const SET: Key = Key::new(
     "set",
-    Kind::Described,
+    KeyKind::Described,
     "New values by their keys: controller.<law>.x and plant.parameters.x for parameters that can be tuned, a full name or the last part alone; reference.x for a reference signal, which leaves its stimulus.",
 );
 const CLEAR: Key = Key::new(
     "clear",
-    Kind::Texts,
+    KeyKind::Texts,
     "Reference signals that follow their stimulus again: reference.x.",
 );

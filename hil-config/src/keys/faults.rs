@@ -2,19 +2,19 @@
 
 use shared_types::time::Rate;
 
-use super::{Key, Kind, LENGTH, MAX_S, MAX_STEPS, TEXT, number, number_or};
+use super::{Key, KeyKind, LENGTH, MAX_S, MAX_STEPS, TEXT, number, number_or};
 
 /// A number of steps or times, with no default.
-const fn count(min: i64) -> Kind {
-    Kind::Integer {
+const fn count(min: i64) -> KeyKind {
+    KeyKind::Integer {
         min,
         max: MAX_STEPS as i64,
         default: None,
     }
 }
 
-const TIME: Kind = number("s", 0.0, MAX_S);
-const TIME_OR_ZERO: Kind = number_or("s", 0.0, MAX_S, 0.0);
+const TIME: KeyKind = number("s", 0.0, MAX_S);
+const TIME_OR_ZERO: KeyKind = number_or("s", 0.0, MAX_S, 0.0);
 
 /// `[[faults]]`. An event has exactly one of [`TRIGGERS`].
 pub(crate) const FAULT: &[Key] = &[
@@ -43,7 +43,7 @@ pub(crate) const FAULT: &[Key] = &[
     ),
     Key::new(
         "after",
-        Kind::Event,
+        KeyKind::Event,
         "It takes hold so long after another event did: the event's name, or its number in the file from 1.",
     ),
     Key::new(
@@ -81,7 +81,7 @@ pub(crate) const FAULT: &[Key] = &[
     ),
     Key::new(
         "effects",
-        Kind::List(EFFECT),
+        KeyKind::List(EFFECT),
         "What it does, one entry per target.",
     )
     .required(),
@@ -93,7 +93,7 @@ pub(crate) const TRIGGERS: [&str; 4] = ["at_s", "at_step", "when", "after"];
 /// All that is asked of a running run at once.
 pub(crate) const REQUEST: &[Key] = &[Key::new(
     "faults",
-    Kind::List(FAULT),
+    KeyKind::List(FAULT),
     "Fault events. One without a trigger takes hold at once.",
 )
 .required()];
@@ -102,7 +102,7 @@ pub(crate) const REQUEST: &[Key] = &[Key::new(
 pub(crate) const EFFECT: &[Key] = &[
     Key::new(
         "profile",
-        Kind::Section(PROFILE),
+        KeyKind::Section(PROFILE),
         "Course of the effect's size from when it takes hold. Default: all at once, or what the plant's fault has.",
     ),
     Key::new(
@@ -194,10 +194,10 @@ pub(crate) const PROFILES: &[ProfileKind] = &[
             ),
             Key::new(
                 "time_s",
-                Kind::Numbers,
+                KeyKind::Numbers,
                 "Times since it took hold, strictly rising.",
             ),
-            Key::new("values", Kind::Numbers, "Values, as many as times."),
+            Key::new("values", KeyKind::Numbers, "Values, as many as times."),
         ],
     },
 ];

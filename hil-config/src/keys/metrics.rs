@@ -1,6 +1,6 @@
 //! `[[metrics]]`: the keys of a metric and of each kind.
 
-use super::{Key, Kind, MAX_S, TEXT, number, number_or};
+use super::{Key, KeyKind, MAX_S, TEXT, number, number_or};
 
 /// `[[metrics]]`; besides these the keys of the kind in [`METRICS`].
 pub(crate) const METRIC: &[Key] = &[
@@ -12,7 +12,7 @@ pub(crate) const METRIC: &[Key] = &[
     .required(),
     Key::new(
         "kind",
-        Kind::Text {
+        KeyKind::Text {
             choices: &[],
             default: Some("expression"),
         },
@@ -31,7 +31,7 @@ pub(crate) struct MetricKind {
     pub keys: &'static [Key],
 }
 
-const ANY: Kind = number("", f64::MIN, f64::MAX);
+const ANY: KeyKind = number("", f64::MIN, f64::MAX);
 
 /// The kinds of metrics.
 pub(crate) const METRICS: &[MetricKind] = &[
@@ -111,7 +111,7 @@ pub(crate) const METRICS: &[MetricKind] = &[
             ),
             Key::new(
                 "fault",
-                Kind::Event,
+                KeyKind::Event,
                 "Name or number of the fault event that is to be found. Default: the first that takes hold.",
             ),
             Key::new(
@@ -144,12 +144,12 @@ pub(crate) const EXPRESSION: &[Key] = &[
     .required(),
     Key::new(
         "windows_s",
-        Kind::Pairs,
+        KeyKind::Pairs,
         "Windows [begin, end], both ends included. Default: the whole run.",
     ),
     Key::new(
         "published",
-        Kind::List(PUBLISHED),
+        KeyKind::List(PUBLISHED),
         "Values that others published, shown beside the run's own.",
     ),
     Key::new(
@@ -164,7 +164,7 @@ pub(crate) const PUBLISHED: &[Key] = &[
     Key::new("law", TEXT, "The law that it was found with.").required(),
     Key::new(
         "window_s",
-        Kind::Pair,
+        KeyKind::Pair,
         "The window [begin, end], one of the metric's.",
     )
     .required(),

@@ -1,24 +1,24 @@
 //! `[[plots]]` and `[panel]`.
 
-use super::{Key, Kind, TEXT, number_or};
+use super::{Key, KeyKind, TEXT, number_or};
 
 /// `[[plots]]`.
 pub(crate) const PLOT: &[Key] = &[
     Key::new("title", TEXT, "What it shows; its heading.").required(),
     Key::new(
         "signals",
-        Kind::Texts,
+        KeyKind::Texts,
         "Names of signals (truth.x, measured.x, .., or a derived one) that share its axes.",
     )
     .required(),
     Key::new(
         "laws",
-        Kind::Texts,
+        KeyKind::Texts,
         "The laws that it is for; with others it is left out, so that it may show what only these have. Default: all.",
     ),
     Key::new(
         "scale",
-        Kind::Text {
+        KeyKind::Text {
             choices: &["linear", "log"],
             default: Some("linear"),
         },
@@ -26,7 +26,7 @@ pub(crate) const PLOT: &[Key] = &[
     ),
     Key::new(
         "lines",
-        Kind::Numbers,
+        KeyKind::Numbers,
         "Values that are drawn as level lines, in the unit of the signals.",
     ),
 ];
@@ -40,17 +40,17 @@ pub(crate) const PANEL: &[Key] = &[
     ),
     Key::new(
         "readings",
-        Kind::Texts,
+        KeyKind::Texts,
         "Signals whose newest values stand beside the plots: names, or patterns with * and ?. Default: the first of the plots.",
     ),
     Key::new(
         "tune",
-        Kind::Texts,
+        KeyKind::Texts,
         "Keys that have a slider, as `hil get --tunable` lists them: names, or patterns with * and ?. Default: all.",
     ),
     Key::new(
         "inject",
-        Kind::Texts,
+        KeyKind::Texts,
         "Faults that have a button, each with the words of `hil inject`; those of `--inject` come first. Default: none.",
     ),
 ];

@@ -1,6 +1,6 @@
 //! `[realtime]`.
 
-use super::{Key, Kind, integer};
+use super::{Key, KeyKind, integer};
 
 /// Highest number of a core that Linux can be asked for.
 const MAX_CORE: i64 = 1023;
@@ -9,7 +9,7 @@ const MAX_PRIORITY: i64 = 98;
 /// Longest latency in us that makes a difference: no processor sleeps so deep.
 const MAX_LATENCY_US: i64 = 1_000_000;
 
-const CORE: Kind = Kind::Integer {
+const CORE: KeyKind = KeyKind::Integer {
     min: 0,
     max: MAX_CORE,
     default: None,
@@ -34,7 +34,7 @@ pub(crate) const REALTIME: &[Key] = &[
     ),
     Key::new(
         "dma_latency_us",
-        Kind::Integer {
+        KeyKind::Integer {
             min: 0,
             max: MAX_LATENCY_US,
             default: None,
@@ -48,17 +48,17 @@ pub(crate) const REALTIME: &[Key] = &[
     ),
     Key::new(
         "lock_memory",
-        Kind::Boolean { default: false },
+        KeyKind::Boolean { default: false },
         "Keep the memory of plant and controller from being taken away once it is there.",
     ),
     Key::new(
         "prefault",
-        Kind::Boolean { default: false },
+        KeyKind::Boolean { default: false },
         "Fetch all memory of plant and controller before step 0, by locking it.",
     ),
     Key::new(
         "wait",
-        Kind::Text {
+        KeyKind::Text {
             choices: &["hybrid", "spin", "yield", "sleep"],
             default: Some("hybrid"),
         },

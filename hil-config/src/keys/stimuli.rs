@@ -2,7 +2,7 @@
 
 use shared_types::time::Rate;
 
-use super::{Key, Kind, LENGTH, MAX_S, TEXT, number, number_or};
+use super::{Key, KeyKind, LENGTH, MAX_S, TEXT, number, number_or};
 
 /// `[[stimuli]]`; besides these the keys of the kind in [`WAVEFORMS`].
 pub(crate) const STIMULUS: &[Key] = &[
@@ -33,9 +33,9 @@ pub(crate) struct WaveformKind {
     pub keys: &'static [Key],
 }
 
-const ANY: Kind = number("", f64::MIN, f64::MAX);
-const ANY_OR_ZERO: Kind = number_or("", f64::MIN, f64::MAX, 0.0);
-const FREQUENCY: Kind = number("Hz", 0.0, Rate::MAX_HZ);
+const ANY: KeyKind = number("", f64::MIN, f64::MAX);
+const ANY_OR_ZERO: KeyKind = number_or("", f64::MIN, f64::MAX, 0.0);
+const FREQUENCY: KeyKind = number("Hz", 0.0, Rate::MAX_HZ);
 
 /// The waveforms of stimuli.
 pub(crate) const WAVEFORMS: &[WaveformKind] = &[
@@ -104,7 +104,7 @@ pub(crate) const WAVEFORMS: &[WaveformKind] = &[
             Key::new("duration_s", LENGTH, "Length of the sweep.").required(),
             Key::new(
                 "sweep",
-                Kind::Text {
+                KeyKind::Text {
                     choices: &["linear", "logarithmic"],
                     default: Some("linear"),
                 },
@@ -123,8 +123,8 @@ pub(crate) const WAVEFORMS: &[WaveformKind] = &[
                 TEXT,
                 "CSV file with the columns time_s,value, relative to the scenario. In its place: time_s and values.",
             ),
-            Key::new("time_s", Kind::Numbers, "Times, strictly rising."),
-            Key::new("values", Kind::Numbers, "Values, as many as times."),
+            Key::new("time_s", KeyKind::Numbers, "Times, strictly rising."),
+            Key::new("values", KeyKind::Numbers, "Values, as many as times."),
         ],
     },
 ];

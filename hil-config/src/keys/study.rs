@@ -1,6 +1,6 @@
 //! Keys of a study, the file of a campaign.
 
-use super::{Key, Kind, TEXT, VERSION, integer, number, number_or};
+use super::{Key, KeyKind, TEXT, VERSION, integer, number, number_or};
 
 /// Most cases of a campaign.
 pub(crate) const MOST_CASES: i64 = 100_000_000;
@@ -32,7 +32,7 @@ const CUT_MAX: Key = Key::new(
 
 const WHOLE: Key = Key::new(
     "whole",
-    Kind::Boolean { default: false },
+    KeyKind::Boolean { default: false },
     "Only whole numbers, for keys that take no others. `uniform` gives each one from min to max equally often; `normal`, `lognormal` and `expression` are rounded to the nearest, halves away from zero; the points of a `grid` must be whole as they are.",
 );
 
@@ -48,12 +48,12 @@ pub(crate) const STUDY: &[Key] = &[
     Key::new("scenario", TEXT, "The scenario, relative to the study.").required(),
     Key::new(
         "set",
-        Kind::Texts,
+        KeyKind::Texts,
         "Values of the scenario that are changed for every case, each as --set takes it.",
     ),
     Key::new(
         "cases",
-        Kind::Integer {
+        KeyKind::Integer {
             min: 1,
             max: MOST_CASES,
             default: None,
@@ -67,7 +67,7 @@ pub(crate) const STUDY: &[Key] = &[
     ),
     Key::new(
         "sampling",
-        Kind::Text {
+        KeyKind::Text {
             choices: &["independent", "latin-hypercube", "sobol", "grid"],
             default: Some("independent"),
         },
@@ -85,23 +85,27 @@ pub(crate) const STUDY: &[Key] = &[
     ),
     Key::new(
         "fresh_processes",
-        Kind::Boolean { default: false },
+        KeyKind::Boolean { default: false },
         "Starts the programs of a campaign's own anew for each case. Otherwise a worker keeps them from case to case, and some cases are run once more in new processes, to see that nothing is kept in them.",
     ),
-    Key::new("vary", Kind::List(VARY), "What differs from case to case."),
+    Key::new(
+        "vary",
+        KeyKind::List(VARY),
+        "What differs from case to case.",
+    ),
     Key::new(
         "variants",
-        Kind::List(VARIANT),
+        KeyKind::List(VARIANT),
         "Versions that are compared on the same draws, such as control laws. Default: the scenario alone.",
     ),
     Key::new(
         "correlate",
-        Kind::List(CORRELATE),
+        KeyKind::List(CORRELATE),
         "Correlations of normal and lognormal values.",
     ),
     Key::new(
         "goals",
-        Kind::List(GOAL),
+        KeyKind::List(GOAL),
         "What the campaign itself must show to pass.",
     ),
 ];
@@ -168,7 +172,7 @@ pub(crate) const SPREADS: &[SpreadKind] = &[
     SpreadKind {
         name: "list",
         text: "One of these values, all alike; numbers, texts, true or false.",
-        keys: &[Key::new("values", Kind::Values, "The values, all of one type.").required()],
+        keys: &[Key::new("values", KeyKind::Values, "The values, all of one type.").required()],
     },
     SpreadKind {
         name: "grid",
@@ -178,7 +182,7 @@ pub(crate) const SPREADS: &[SpreadKind] = &[
             MAX,
             Key::new(
                 "points",
-                Kind::Integer {
+                KeyKind::Integer {
                     min: 2,
                     max: 1_000_000,
                     default: None,
@@ -188,7 +192,7 @@ pub(crate) const SPREADS: &[SpreadKind] = &[
             .required(),
             Key::new(
                 "scale",
-                Kind::Text {
+                KeyKind::Text {
                     choices: &["linear", "log"],
                     default: Some("linear"),
                 },
@@ -217,14 +221,14 @@ pub(crate) const VARIANT: &[Key] = &[
     Key::new("name", TEXT, "Name: letters, digits, - and _.").required(),
     Key::new(
         "set",
-        Kind::Texts,
+        KeyKind::Texts,
         "Values of the scenario that make it, each as --set takes it. Default: none.",
     ),
 ];
 
 /// `[[correlate]]`.
 pub(crate) const CORRELATE: &[Key] = &[
-    Key::new("names", Kind::Texts, "Names of two varied values.").required(),
+    Key::new("names", KeyKind::Texts, "Names of two varied values.").required(),
     Key::new(
         "coefficient",
         number("1", -1.0, 1.0),

@@ -6,10 +6,10 @@
 use std::collections::HashMap;
 use std::ops::Range;
 
-use super::draft::{Draft, Kind, Task};
+use super::draft::{Draft, Task, WindowKind};
 use super::margin::Choice;
 use super::part::{self, Chained};
-use super::{FormulaContext, Side, draft};
+use super::{ComparedSide, FormulaContext, draft};
 use crate::expression::{ExpressionError, Program};
 use crate::formula::{self, Comparison, Formula, Node};
 
@@ -23,7 +23,7 @@ pub(super) struct Built {
     /// The part that is the whole of each formula.
     pub wholes: Vec<usize>,
     /// Operands of the comparisons, each expression once.
-    pub sides: Vec<Side>,
+    pub sides: Vec<ComparedSide>,
     /// The place of each expression.
     places: HashMap<String, usize>,
 }
@@ -63,11 +63,11 @@ impl Built {
         let place = *(self.places.entry(format!("{program:?}"))).or_insert(next);
         if place == next {
             self.sides.push(match constant {
-                Some(value) => Side {
+                Some(value) => ComparedSide {
                     value,
                     program: None,
                 },
-                None => Side {
+                None => ComparedSide {
                     value: f64::NAN,
                     program: Some(program),
                 },
@@ -209,7 +209,7 @@ impl Builder<'_> {
         Ok(self.push(task, 0, until))
     }
 
-    fn side(&mut self, side: &formula::Side) -> Drafted {
+    fn side(&mut self, side: &formula::FormulaSide) -> Drafted {
         let program = side.expression.compile_signal(self.context.columns);
         let program = program.map_err(|error| self.formula.inside(error, side.start))?;
         Ok(self.built.side(program, side.expression.constant()))
@@ -237,7 +237,7 @@ impl Builder<'_> {
         let delay = delay.max(end.min(0).unsigned_abs());
         let operand = self.delayed(operand, delay);
         self.window(
-            Kind::Extreme(operand),
+            WindowKind::Extreme(operand),
             Choice::least_if(every),
             (begin, end),
             delay,
@@ -272,9 +272,9 @@ impl Builder<'_> {
             reach: self.delayed(reach, delay),
         };
         let kind = if is_past {
-            Kind::Since(of)
+            WindowKind::Since(of)
         } else {
-            Kind::Until(of)
+            WindowKind::Until(of)
         };
         let choice = Choice::least_if(holds);
         let chain = self.window(kind, choice, (begin, end), delay, until, &window.span)?;
@@ -287,7 +287,7 @@ impl Builder<'_> {
 
     fn window(
         &mut self,
-        kind: Kind,
+        kind: WindowKind,
         choice: Choice,
         (begin, end): (i64, i64),
         delay: u64,

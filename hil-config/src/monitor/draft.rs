@@ -7,7 +7,7 @@ use std::collections::{HashMap, VecDeque};
 
 use super::due::Span;
 use super::margin::{Choice, Margin};
-use super::part::{Chained, Comparison, Delay, Growing, Join, Part, Work};
+use super::part::{Chained, Comparison, Delay, Growing, Join, Part, PartWork};
 use super::window::{Chain, Extreme, Taking};
 
 /// A part to be.
@@ -30,9 +30,9 @@ pub(super) enum Task {
         by: u64,
     },
     Window {
-        kind: Kind,
+        kind: WindowKind,
         /// The least of what the formula says, the greatest of its opposite, or for
-        /// [`Kind::Extreme`] what is chosen.
+        /// [`WindowKind::Extreme`] what is chosen.
         choice: Choice,
         /// Begin and end from the step that is judged.
         begin: i64,
@@ -44,7 +44,7 @@ pub(super) enum Task {
 
 /// Kind of window: what the window does with its operands.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Kind {
+pub(super) enum WindowKind {
     /// `always` and `historically` choose the least margin, `eventually` and `once` the greatest.
     Extreme(usize),
     Until(Chained),
@@ -93,8 +93,8 @@ pub(super) fn parts(drafts: &[Draft]) -> (Vec<Part>, Vec<Span>, Vec<usize>) {
             let after = operands.map(|operand| stages[places[operand]]).max();
             let after = after.unwrap_or(0);
             let within = match part.work {
-                Work::Comparison(_) | Work::Join(_) => 0,
-                Work::Growing(_) => 1,
+                PartWork::Comparison(_) | PartWork::Join(_) => 0,
+                PartWork::Growing(_) => 1,
                 _ => 2,
             };
             stages.push(after + (within + 3 - after % 3) % 3);
@@ -127,8 +127,8 @@ impl Draft {
             Task::Join(_, a, b) => [Some(a), Some(b)],
             Task::Delay { operand, .. } => [Some(operand), None],
             Task::Window { kind, .. } => match kind {
-                Kind::Extreme(operand) => [Some(operand), None],
-                Kind::Until(of) | Kind::Since(of) => [Some(of.hold), Some(of.reach)],
+                WindowKind::Extreme(operand) => [Some(operand), None],
+                WindowKind::Until(of) | WindowKind::Since(of) => [Some(of.hold), Some(of.reach)],
             },
         }
     }
@@ -177,7 +177,7 @@ impl Draft {
             (Task::Delay { by, .. }, _) => gives_from - by,
             (
                 Task::Window {
-                    kind: Kind::Extreme(_),
+                    kind: WindowKind::Extreme(_),
                     ..
                 },
                 Some(taking),
@@ -208,13 +208,13 @@ impl Draft {
         let (first, last) = self.wanted.unwrap_or_default();
         let slides = self.slides();
         let work = match (self.task, self.taking()) {
-            (Task::Comparison(comparison), _) => Work::Comparison(comparison),
-            (Task::Join(choice, a, b), _) => Work::Join(Join {
+            (Task::Comparison(comparison), _) => PartWork::Comparison(comparison),
+            (Task::Join(choice, a, b), _) => PartWork::Join(Join {
                 choice,
                 a: places[a],
                 b: places[b],
             }),
-            (Task::Delay { operand, by }, _) => Work::Delay(Delay {
+            (Task::Delay { operand, by }, _) => PartWork::Delay(Delay {
                 operand: places[operand],
                 takes_until: last + self.delay - by,
                 gives_from: first + self.delay,
@@ -229,11 +229,11 @@ impl Draft {
                     reach: places[of.reach],
                 };
                 match (kind, slides) {
-                    (Kind::Extreme(operand), None) => Work::Growing(Growing {
+                    (WindowKind::Extreme(operand), None) => PartWork::Growing(Growing {
                         choice,
                         operand: places[operand],
                     }),
-                    (Kind::Extreme(operand), Some(steps)) => Work::Extreme(
+                    (WindowKind::Extreme(operand), Some(steps)) => PartWork::Extreme(
                         places[operand],
                         Extreme {
                             choice,
@@ -241,11 +241,11 @@ impl Draft {
                             candidates: VecDeque::with_capacity(steps as usize),
                         },
                     ),
-                    (Kind::Until(of), _) => {
-                        Work::Until(placed(of), Chain::new(choice, taking, slides))
+                    (WindowKind::Until(of), _) => {
+                        PartWork::Until(placed(of), Chain::new(choice, taking, slides))
                     }
-                    (Kind::Since(of), _) => {
-                        Work::Since(placed(of), Chain::new(choice, taking, slides))
+                    (WindowKind::Since(of), _) => {
+                        PartWork::Since(placed(of), Chain::new(choice, taking, slides))
                     }
                 }
             }

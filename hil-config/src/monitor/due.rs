@@ -3,8 +3,8 @@
 //! Part of [`Monitors`](super::Monitors). What is in no list is not evaluated; nothing is in a list
 //! twice.
 
-use super::Side;
-use super::part::{Comparison, Growing, Join, Part, Work};
+use super::ComparedSide;
+use super::part::{Comparison, Growing, Join, Part, PartWork};
 
 /// Rows at which a part looks. Ordered by stage: parts look at parts of earlier stages and at those of
 /// their own that come before them in the lists.
@@ -50,7 +50,13 @@ impl Due {
     }
 
     /// Finds what is due from this row on, and until when.
-    pub(super) fn turn(&mut self, row: u64, spans: &[Span], parts: &[Part], sides: &[Side]) {
+    pub(super) fn turn(
+        &mut self,
+        row: u64,
+        spans: &[Span],
+        parts: &[Part],
+        sides: &[ComparedSide],
+    ) {
         self.turns_at = u64::MAX;
         self.sides.clear();
         self.comparisons.clear();
@@ -79,7 +85,7 @@ impl Due {
 
     fn add(&mut self, place: usize, part: &Part) {
         match &part.work {
-            Work::Comparison(comparison) => {
+            PartWork::Comparison(comparison) => {
                 // Formulas that share it may have spans that overlap.
                 if self
                     .comparisons
@@ -90,8 +96,8 @@ impl Due {
                     self.sides.extend([comparison.left, comparison.right]);
                 }
             }
-            Work::Join(join) => self.joins.push((place, *join)),
-            Work::Growing(window) => self.growing.push((place, *window)),
+            PartWork::Join(join) => self.joins.push((place, *join)),
+            PartWork::Growing(window) => self.growing.push((place, *window)),
             _ => self.others.push(place),
         }
     }

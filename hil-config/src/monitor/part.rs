@@ -3,7 +3,7 @@
 //! Made by [`draft`](super::draft), called by [`Monitors`](super::Monitors) at the rows at which the part
 //! is [due](super::due::Due) and no others.
 
-use super::Side;
+use super::ComparedSide;
 use super::margin::{self, Choice, Margin, larger, smaller};
 use super::window::{Chain, Extreme, Since, Until};
 use crate::formula::Relation;
@@ -11,7 +11,7 @@ use crate::formula::Relation;
 /// A part of a formula.
 #[derive(Clone, Debug)]
 pub(super) struct Part {
-    pub work: Work,
+    pub work: PartWork,
     /// True if only one margin of the part is wanted.
     pub is_single: bool,
     /// The row at which every margin that is wanted was computed.
@@ -20,7 +20,7 @@ pub(super) struct Part {
 
 /// Work of a part. Operands are places among the parts before it.
 #[derive(Clone, Debug)]
-pub(super) enum Work {
+pub(super) enum PartWork {
     Comparison(Comparison),
     Join(Join),
     Growing(Growing),
@@ -83,7 +83,7 @@ impl Part {
     /// The margin before the first row.
     pub(super) fn first_margin(&self) -> Margin {
         match self.work {
-            Work::Growing(window) => window.choice.none(),
+            PartWork::Growing(window) => window.choice.none(),
             _ => Margin::BOTTOM,
         }
     }
@@ -99,17 +99,17 @@ impl Part {
     #[inline]
     pub(super) fn observe(&mut self, row: u64, operands: &[Margin], own: &mut Margin) -> bool {
         match &mut self.work {
-            Work::Delay(delay) => delay.observe(row, operands, own),
-            Work::Extreme(operand, window) => *own = window.observe(row, operands[*operand]),
-            Work::Until(Chained { hold, reach }, window) => {
+            PartWork::Delay(delay) => delay.observe(row, operands, own),
+            PartWork::Extreme(operand, window) => *own = window.observe(row, operands[*operand]),
+            PartWork::Until(Chained { hold, reach }, window) => {
                 let before = window.certain();
                 *own = window.observe(row, operands[*hold], operands[*reach]);
                 return before != window.certain();
             }
-            Work::Since(Chained { hold, reach }, window) => {
+            PartWork::Since(Chained { hold, reach }, window) => {
                 *own = window.observe(row, operands[*hold], operands[*reach]);
             }
-            Work::Comparison(_) | Work::Join(_) | Work::Growing(_) => {
+            PartWork::Comparison(_) | PartWork::Join(_) | PartWork::Growing(_) => {
                 unreachable!("they have lists of their own")
             }
         }
@@ -119,8 +119,8 @@ impl Part {
     /// The operands that it joins or delays, whose margins it has.
     pub(super) const fn joined(&self) -> [Option<usize>; 2] {
         match self.work {
-            Work::Join(Join { a, b, .. }) => [Some(a), Some(b)],
-            Work::Delay(Delay { operand, .. }) => [Some(operand), None],
+            PartWork::Join(Join { a, b, .. }) => [Some(a), Some(b)],
+            PartWork::Delay(Delay { operand, .. }) => [Some(operand), None],
             _ => [None; 2],
         }
     }
@@ -130,7 +130,7 @@ impl Part {
     pub(super) fn certain(&self, of: &[Option<bool>], own: Margin) -> Option<bool> {
         match &self.work {
             // What is least fails as soon as one fails, what is greatest holds as soon as one holds.
-            Work::Join(Join { choice, a, b }) => {
+            PartWork::Join(Join { choice, a, b }) => {
                 let one = Some(*choice == Choice::GREATEST);
                 if of[*a] == one || of[*b] == one {
                     one
@@ -138,13 +138,13 @@ impl Part {
                     of[*a].and(of[*b])
                 }
             }
-            Work::Growing(window) => {
+            PartWork::Growing(window) => {
                 let one = window.choice == Choice::GREATEST;
                 (own.holds() == one).then_some(one)
             }
-            Work::Delay(delay) => of[delay.operand],
-            Work::Until(_, window) => window.certain(),
-            Work::Comparison(_) | Work::Extreme(..) | Work::Since(..) => None,
+            PartWork::Delay(delay) => of[delay.operand],
+            PartWork::Until(_, window) => window.certain(),
+            PartWork::Comparison(_) | PartWork::Extreme(..) | PartWork::Since(..) => None,
         }
     }
 
@@ -152,10 +152,10 @@ impl Part {
     /// each part before and `own` is its margin so far.
     pub(super) fn bounds(&self, of: &[[f64; 2]], own: Margin) -> [f64; 2] {
         match &self.work {
-            Work::Growing(Growing { choice, .. }) => {
+            PartWork::Growing(Growing { choice, .. }) => {
                 choice.turn_bounds([f64::NEG_INFINITY, choice.turn(own).size()])
             }
-            Work::Join(Join { choice, a, b }) => {
+            PartWork::Join(Join { choice, a, b }) => {
                 let choose = if *choice == Choice::LEAST {
                     smaller
                 } else {
@@ -164,20 +164,22 @@ impl Part {
                 let ([a_low, a_high], [b_low, b_high]) = (of[*a], of[*b]);
                 [choose(a_low, b_low), choose(a_high, b_high)]
             }
-            Work::Delay(delay) => of[delay.operand],
-            Work::Until(_, window) => window.bounds(),
-            Work::Comparison(_) | Work::Extreme(..) | Work::Since(..) => margin::ANY,
+            PartWork::Delay(delay) => of[delay.operand],
+            PartWork::Until(_, window) => window.bounds(),
+            PartWork::Comparison(_) | PartWork::Extreme(..) | PartWork::Since(..) => margin::ANY,
         }
     }
 
     /// Bytes that it keeps beside itself.
     pub(super) fn kept_bytes(&self) -> usize {
         match &self.work {
-            Work::Comparison(_) | Work::Join(_) | Work::Growing(_) => 0,
-            Work::Delay(delay) => size_of_val(delay.kept.as_slice()),
-            Work::Extreme(_, window) => window.candidates.capacity() * size_of::<(u64, Margin)>(),
-            Work::Until(_, window) => window.kept_bytes(),
-            Work::Since(_, window) => window.kept_bytes(),
+            PartWork::Comparison(_) | PartWork::Join(_) | PartWork::Growing(_) => 0,
+            PartWork::Delay(delay) => size_of_val(delay.kept.as_slice()),
+            PartWork::Extreme(_, window) => {
+                window.candidates.capacity() * size_of::<(u64, Margin)>()
+            }
+            PartWork::Until(_, window) => window.kept_bytes(),
+            PartWork::Since(_, window) => window.kept_bytes(),
         }
     }
 }
@@ -206,7 +208,7 @@ impl Comparison {
 
     /// Gives the distance of both sides, with the sign that says whether they have the relation.
     #[inline]
-    pub(super) fn margin(self, sides: &[Side], step: u64) -> Margin {
+    pub(super) fn margin(self, sides: &[ComparedSide], step: u64) -> Margin {
         let (a, b) = (sides[self.left].value, sides[self.right].value);
         let difference = a - b;
         if difference.is_nan() {

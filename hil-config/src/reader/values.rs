@@ -4,7 +4,7 @@ use shared_types::number::exact as number;
 
 use super::{Reader, Section, describe, is_unprintable};
 use crate::document::{Node, Value};
-use crate::keys::Kind;
+use crate::keys::KeyKind;
 use crate::problem::ProblemKind;
 use crate::quantity::Quantity;
 use crate::source::Place;
@@ -13,7 +13,7 @@ impl Reader {
     /// A number of the section's own keys, or its default.
     pub(crate) fn number(&mut self, section: &Section<'_>, name: &str) -> Option<f64> {
         let key = section.key(name);
-        let Kind::Number {
+        let KeyKind::Number {
             unit,
             min,
             max,
@@ -89,7 +89,7 @@ impl Reader {
     /// A whole number, or its default.
     pub(crate) fn integer(&mut self, section: &Section<'_>, name: &str) -> Option<i64> {
         let key = section.key(name);
-        let Kind::Integer { min, max, default } = key.kind else {
+        let KeyKind::Integer { min, max, default } = key.kind else {
             unreachable!("`{name}` is a whole number")
         };
         let Some(node) = self.value(section, key) else {
@@ -116,7 +116,7 @@ impl Reader {
     /// True or false, or its default.
     pub(crate) fn boolean(&mut self, section: &Section<'_>, name: &str) -> Option<bool> {
         let key = section.key(name);
-        let Kind::Boolean { default } = key.kind else {
+        let KeyKind::Boolean { default } = key.kind else {
             unreachable!("`{name}` is true or false")
         };
         let Some(node) = self.value(section, key) else {
@@ -132,7 +132,7 @@ impl Reader {
     /// Text, or its default.
     pub(crate) fn text<'a>(&mut self, section: &Section<'a>, name: &str) -> Option<&'a str> {
         let key = section.key(name);
-        let Kind::Text { choices, default } = key.kind else {
+        let KeyKind::Text { choices, default } = key.kind else {
             unreachable!("`{name}` is text")
         };
         let Some(node) = self.value(section, key) else {
@@ -161,7 +161,7 @@ impl Reader {
         name: &str,
     ) -> Option<Vec<(String, &'a Place, &'a str)>> {
         let key = section.key(name);
-        let Kind::Texts = key.kind else {
+        let KeyKind::Texts = key.kind else {
             unreachable!("`{name}` is a list of texts")
         };
         let node = self.value(section, key)?;

@@ -10,11 +10,12 @@ use shared_types::describe::{
     ActsOn, FaultKindDescription, Invalid, Operation, PlantDescription, Settings,
 };
 use shared_types::record::FaultTaken;
+use shared_types::side::Side;
 use shared_types::table::Field;
 use shared_types::time::Rate;
 
 use super::arrivals::Arrivals;
-use super::effect::{Action, Direction, Effect, Side};
+use super::effect::{Action, Direction, Effect};
 use super::kind::{AnySetup, FaultKindEntry};
 use super::profile;
 

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use shared_types::describe::{Invalid, Operation};
 use shared_types::random::RandomStream;
 use shared_types::record::{FaultEffectSize, FaultTaken};
+use shared_types::side::Side;
 use shared_types::state::State;
 use shared_types::time::{Rate, Step};
 
@@ -24,15 +25,6 @@ pub(super) enum Direction {
     Sample,
     /// Controller to plant.
     Command,
-}
-
-/// A side of the link.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Side {
-    /// The controller.
-    Controller,
-    /// The plant.
-    Plant,
 }
 
 /// Action of an effect.

@@ -7,9 +7,10 @@
 
 use shared_types::directive::Directive;
 use shared_types::frame::Header;
+use shared_types::side::Side;
 use shared_types::time::{Rate, Step};
 
-use super::effect::{Action, Effect, Side};
+use super::effect::{Action, Effect};
 
 /// The faults of timing that act, in the order in which they took hold.
 #[derive(Default)]

@@ -11,9 +11,9 @@ use iceoryx2::service::port_factory::blackboard::PortFactory;
 
 use super::LinkError;
 use super::iceoryx::{Ipc, node, transport};
-use crate::checkpoint::Side;
 use crate::frame::Header;
 use crate::session::SessionInfo;
+use crate::side::Side;
 
 /// Words of a frame's header.
 pub const HEADER_WORDS: usize = size_of::<Header>() / size_of::<u64>();

@@ -28,6 +28,7 @@ use crate::ignored::Ignored;
 use crate::process::ProcessId;
 use crate::session::SessionInfo;
 use crate::shared_memory;
+use crate::side::Side;
 use crate::wait::Sleeper;
 use frames::{Incoming, Outgoing};
 
@@ -47,13 +48,6 @@ pub fn node(session: &SessionInfo, name: &str) -> Result<Node<Ipc>, LinkError> {
     let service = "shared memory".into();
     let node = session.node(name);
     node.map_err(|reason| LinkError::Transport { service, reason })
-}
-
-/// End of the link.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Side {
-    Plant,
-    Controller,
 }
 
 /// End of a link over shared memory.
@@ -153,15 +147,6 @@ impl IceoryxLink {
             rejected: Ignored::default(),
             node,
         })
-    }
-}
-
-impl Side {
-    const fn name(self) -> &'static str {
-        match self {
-            Self::Plant => "plant",
-            Self::Controller => "controller",
-        }
     }
 }
 

@@ -9,7 +9,7 @@ use std::time::Instant;
 use hil_campaign::folder::Folder;
 use hil_campaign::manifest::{MANIFEST, Manifest};
 use hil_campaign::shard::{Shard, missing};
-use hil_campaign::table::{Cell, Column, Kind, Row};
+use hil_campaign::table::{Cell, Column, ColumnKind, Row};
 use serde_json::Value;
 use shared_types::random::RandomStream;
 
@@ -98,7 +98,7 @@ fn row(case: u64, columns: &[Column], random: &mut RandomStream) -> Row {
     let cell = |column: &Column| match (&*column.name, column.kind) {
         ("case" | "draw", _) => Cell::Count(case),
         ("seed", _) => Cell::Count((random.uniform() * (1_u64 << 53) as f64) as u64),
-        (_, Kind::Count) => Cell::Count(10),
+        (_, ColumnKind::Count) => Cell::Count(10),
         ("variant", _) => Cell::Text("scenario".into()),
         ("reason", _) => Cell::Text(String::new()),
         ("digest", _) => Cell::Text(
@@ -106,9 +106,9 @@ fn row(case: u64, columns: &[Column], random: &mut RandomStream) -> Row {
                 .map(|_| format!("{:016x}", random.uniform().to_bits()))
                 .collect(),
         ),
-        (_, Kind::Text) => Cell::Text(if margin < 0.0 { "fail" } else { "pass" }.into()),
-        (name, Kind::Number) if name.starts_with("robustness.") => Cell::number(margin),
-        (_, Kind::Number) => Cell::number(random.uniform()),
+        (_, ColumnKind::Text) => Cell::Text(if margin < 0.0 { "fail" } else { "pass" }.into()),
+        (name, ColumnKind::Number) if name.starts_with("robustness.") => Cell::number(margin),
+        (_, ColumnKind::Number) => Cell::number(random.uniform()),
     };
     columns.iter().map(cell).collect()
 }

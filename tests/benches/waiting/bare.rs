@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use shared_types::checkpoint::Side;
 use shared_types::link::bare::{Blackboard, HEADER_WORDS};
 use shared_types::link::bell::{Bell, Owner};
 use shared_types::realtime::Settings;
 use shared_types::session::{Session, SessionInfo};
+use shared_types::side::Side;
 use shared_types::wait::Sleeper;
 
 use crate::cell::Cell;

@@ -13,7 +13,7 @@ use crate::curves::Curves;
 use crate::folder::Folder;
 use crate::shard::part::{Part, circumstance_columns};
 use crate::shard::{PartError, Shard};
-use crate::table::{CLASS, Column, Kind, LOST, TableError, Writer};
+use crate::table::{CLASS, Column, ColumnKind, LOST, TableError, Writer};
 
 /// A campaign's rows, collected.
 #[derive(Clone, Debug, Default)]
@@ -107,7 +107,7 @@ pub fn collect<W: Write + Send, V: Write + Send>(
     circumstances: V,
     mut take: impl FnMut(&Part),
 ) -> Result<(Collected, W, V), TableError> {
-    let mut own = vec![Column::new("case", Kind::Count)];
+    let mut own = vec![Column::new("case", ColumnKind::Count)];
     own.extend(circumstance_columns());
     let mut table = Writer::new(results, &folder.manifest().columns)?;
     let mut second = Writer::new(circumstances, &own)?;

@@ -26,7 +26,7 @@ pub const LOST: &str = "lost";
 /// Type of the cells of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Kind {
+pub enum ColumnKind {
     /// A whole number.
     Count,
     /// A number; one that does not exist is NaN.
@@ -41,7 +41,7 @@ pub struct Column {
     /// Name.
     pub name: String,
     /// Type of its cells.
-    pub kind: Kind,
+    pub kind: ColumnKind,
     /// Unit of its numbers; empty if there is none.
     #[serde(default)]
     pub unit: String,
@@ -50,7 +50,7 @@ pub struct Column {
 impl Column {
     /// Makes a column without a unit.
     #[must_use]
-    pub fn new(name: &str, kind: Kind) -> Self {
+    pub fn new(name: &str, kind: ColumnKind) -> Self {
         Self {
             name: name.into(),
             kind,

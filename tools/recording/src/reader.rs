@@ -25,7 +25,7 @@ use shared_types::time::Rate;
 
 use crate::clean::clean;
 use crate::{event, mark, part_file};
-pub use content::End;
+pub use content::FileEnd;
 use content::{Content, ContentError};
 pub use error::ReadError;
 pub use schema::Column;
@@ -124,7 +124,7 @@ impl RunReader {
         while reader.columns.is_empty() {
             if matches!(reader.next()?, Next::End) {
                 return Err(match reader.end() {
-                    (Some(End::Whole), _) => reader.foreign("it has no channel `/record`"),
+                    (Some(FileEnd::Whole), _) => reader.foreign("it has no channel `/record`"),
                     (_, length) => ReadError::Cut {
                         path: reader.path,
                         length,
@@ -320,12 +320,12 @@ impl RunReader {
     /// Returns true if the writer of the file finished it; known at the end.
     #[must_use]
     pub fn is_whole(&self) -> bool {
-        self.content.end() == Some(End::Whole)
+        self.content.end() == Some(FileEnd::Whole)
     }
 
     /// Returns the end of the file, whole or torn, and the number of its bytes; known at the end of reading.
     #[must_use]
-    pub fn end(&self) -> (Option<End>, u64) {
+    pub fn end(&self) -> (Option<FileEnd>, u64) {
         (self.content.end(), self.content.length())
     }
 

@@ -137,9 +137,9 @@ fn receive(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use shared_types::checkpoint::Side;
     use shared_types::frame::Frame;
     use shared_types::session::Session;
+    use shared_types::side::Side;
     use shared_types::wait::WaitLimit;
 
     #[test]

@@ -11,12 +11,12 @@ use std::time::{Duration, Instant};
 
 use controller_process::job::{JOB_FILE, Job};
 use controller_process::runner::{End, Runner};
-use shared_types::checkpoint::Side;
 use shared_types::link::bare::Blackboard;
 use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::process::{end_group, reap};
 use shared_types::realtime::CONTROLLER_FILE;
 use shared_types::session::{Session, SessionInfo};
+use shared_types::side::Side;
 use shared_types::supervision::Supervision;
 use shared_types::wait::WaitLimit;
 

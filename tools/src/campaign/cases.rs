@@ -8,7 +8,7 @@ use std::time::Instant;
 use hil_campaign::curve::Grid;
 use hil_campaign::draws::{Drawn, Draws};
 use hil_campaign::folder::Folder;
-use hil_campaign::table::{CLASS, Cell, Column, Kind, LOST, Row};
+use hil_campaign::table::{CLASS, Cell, Column, ColumnKind, LOST, Row};
 use hil_config::plan::{Plan, Programs, Realtime};
 use hil_config::problem::Problems;
 use hil_config::scenario::Scenario;
@@ -344,15 +344,15 @@ impl Cases {
     /// Lists the columns of the table of results, as the result of a case has them.
     pub(super) fn columns(&self, result: &CaseResult) -> Vec<Column> {
         let mut columns = vec![
-            Column::new("case", Kind::Count),
-            Column::new("draw", Kind::Count),
-            Column::new("variant", Kind::Text),
-            Column::new("seed", Kind::Count),
+            Column::new("case", ColumnKind::Count),
+            Column::new("draw", ColumnKind::Count),
+            Column::new("variant", ColumnKind::Text),
+            Column::new("seed", ColumnKind::Count),
         ];
         for (one, value) in self.study().varied.iter().zip(self.draws.values(0)) {
             let kind = match value.cell() {
-                Cell::Number(_) => Kind::Number,
-                _ => Kind::Text,
+                Cell::Number(_) => ColumnKind::Number,
+                _ => ColumnKind::Text,
             };
             columns.push(Column::new(&one.name, kind));
         }
@@ -376,9 +376,9 @@ impl Cases {
                 .map(|column| match (&*column.name, column.kind) {
                     (CLASS, _) => Cell::Text(LOST.into()),
                     ("reason", _) => Cell::Text(reason.into()),
-                    (_, Kind::Count) => Cell::Count(0),
-                    (_, Kind::Number) => Cell::number(f64::NAN),
-                    (_, Kind::Text) => Cell::Text(String::new()),
+                    (_, ColumnKind::Count) => Cell::Count(0),
+                    (_, ColumnKind::Number) => Cell::number(f64::NAN),
+                    (_, ColumnKind::Text) => Cell::Text(String::new()),
                 }),
         );
         row

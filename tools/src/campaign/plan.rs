@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use hil_campaign::curve::Grid;
-use hil_campaign::table::{Column, Kind};
+use hil_campaign::table::{Column, ColumnKind};
 use hil_config::problem::Problems;
 use hil_config::study::{Spread, Study, Varied};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -171,7 +171,7 @@ fn curves(cases: &Cases, longest_s: f64) -> Result<Option<Grid>, Failure> {
 /// Returns the bytes of a cell, about.
 fn cell_bytes(column: &Column) -> u64 {
     match (column.kind, &*column.name) {
-        (Kind::Text, "digest") => 64,
+        (ColumnKind::Text, "digest") => 64,
         _ => 8,
     }
 }

@@ -4,13 +4,13 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use hil_campaign::curve::{Curve, Grid};
-use hil_campaign::table::{CLASS, Cell, Column, Kind, Row};
+use hil_campaign::table::{CLASS, Cell, Column, ColumnKind, Row};
 use hil_config::plan::Plan;
 use shared_types::record::Outcome;
 
 use crate::arguments::run::LinkKind;
 use crate::programs::binaries::Binaries;
-use crate::results::ended::Ended;
+use crate::results::ended::EndedRun;
 use crate::results::requirements::Requirement;
 use crate::results::summary::Metric;
 use crate::run::settings::Settings;
@@ -39,7 +39,7 @@ impl CaseResult {
     ///
     /// # Errors
     /// If it did not.
-    pub(super) fn of_ended(ended: Ended, began: Instant) -> Result<Self, Failure> {
+    pub(super) fn of_ended(ended: EndedRun, began: Instant) -> Result<Self, Failure> {
         let recorded = ended.recorded;
         let requirements = recorded.requirements.iter().map(Requirement::from);
         let requirements: Vec<Requirement> = requirements.collect();
@@ -99,15 +99,15 @@ impl CaseResult {
     /// Lists its columns.
     pub(super) fn columns(&self) -> Vec<Column> {
         let mut columns = vec![
-            Column::new(CLASS, Kind::Text),
-            Column::new("steps", Kind::Count),
+            Column::new(CLASS, ColumnKind::Text),
+            Column::new("steps", ColumnKind::Count),
         ];
         for requirement in &self.requirements {
             let name = &requirement.name;
-            columns.push(Column::new(&format!("verdict.{name}"), Kind::Text));
+            columns.push(Column::new(&format!("verdict.{name}"), ColumnKind::Text));
             columns.push(Column {
                 unit: requirement.unit.clone(),
-                ..Column::new(&format!("robustness.{name}"), Kind::Number)
+                ..Column::new(&format!("robustness.{name}"), ColumnKind::Number)
             });
         }
         for metric in &self.metrics {
@@ -122,11 +122,11 @@ impl CaseResult {
             };
             columns.push(Column {
                 unit: metric.unit.clone(),
-                ..Column::new(&name, Kind::Number)
+                ..Column::new(&name, ColumnKind::Number)
             });
         }
-        columns.push(Column::new("digest", Kind::Text));
-        columns.push(Column::new("reason", Kind::Text));
+        columns.push(Column::new("digest", ColumnKind::Text));
+        columns.push(Column::new("reason", ColumnKind::Text));
         columns
     }
 

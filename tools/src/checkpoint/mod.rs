@@ -22,15 +22,15 @@ use std::path::Path;
 use hil_config::plan::{Clock, Plan};
 use hil_recording::reader::RECORDING;
 use serde::{Deserialize, Serialize};
-use shared_types::checkpoint::Side;
 use shared_types::describe::PROTOCOL;
 use shared_types::number::{exact, exact_in};
 use shared_types::session::SessionInfo;
+use shared_types::side::Side;
 use shared_types::time::Step;
 
 use crate::files::part_file::PartFolder;
 use crate::programs::binaries::Binaries;
-use crate::results::resumed::Made;
+use crate::results::resumed::MadeCheckpoint;
 use crate::terminal::exit::Failure;
 
 /// Version of the folder.
@@ -160,7 +160,7 @@ pub(crate) fn collect(
     (binaries, session): (&Binaries, &SessionInfo),
     (run_dir, scenario): (&Path, &str),
     digests: &BTreeMap<u64, String>,
-) -> Result<Vec<Made>, Failure> {
+) -> Result<Vec<MadeCheckpoint>, Failure> {
     let mut made = Vec::new();
     for &step in steps {
         let states = Side::ALL.map(|side| session.folder.join(side.file(step)));
@@ -220,7 +220,7 @@ pub(crate) fn collect(
         let json = serde_json::to_string_pretty(&checkpoint).map_err(Failure::infrastructure)?;
         fs::write(part.path().join(FILE), json + "\n").map_err(cannot)?;
         part.complete(&whole).map_err(cannot)?;
-        made.push(Made {
+        made.push(MadeCheckpoint {
             step: step.0,
             time_s: checkpoint.time_s,
             folder,

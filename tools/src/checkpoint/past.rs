@@ -10,9 +10,10 @@ use std::path::{Path, PathBuf};
 use hil_config::plan::{FaultEvent, Plan};
 use hil_config::scenario::Scenario;
 use hil_recording::reader::{ReadError, RunReader};
-use shared_types::checkpoint::{Checkpoints, Resume, Side};
+use shared_types::checkpoint::{Checkpoints, Resume};
 use shared_types::describe::PROTOCOL;
 use shared_types::record::RecordLayout;
+use shared_types::side::Side;
 use shared_types::time::Step;
 
 use super::branch::{self, Branch};

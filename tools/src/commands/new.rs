@@ -72,7 +72,7 @@ const LONGEST: usize = 40;
 
 /// Files that were made.
 #[derive(Serialize)]
-struct Made {
+struct NewFiles {
     folder: PathBuf,
     files: Vec<String>,
 }
@@ -117,7 +117,7 @@ pub(crate) fn new(arguments: &NewArguments) -> Result<Exit, Failure> {
     let relative = framework.as_ref().map(|found| relative(found, &place));
     let relative = relative.map(|path| path.display().to_string());
     let part = PartFolder::beside(path).map_err(cannot)?;
-    let mut made = Made {
+    let mut made = NewFiles {
         folder: path.clone(),
         files: Vec::new(),
     };

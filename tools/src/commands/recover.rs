@@ -15,7 +15,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use hil_recording::copy::Rescue;
-use hil_recording::reader::{End, Unvouched};
+use hil_recording::reader::{FileEnd, Unvouched};
 use rustix::fs::{FlockOperation, flock};
 use rustix::io::Errno;
 use serde::Serialize;
@@ -78,7 +78,7 @@ fn recovered(run: &Path, output: Option<&Path>) -> Result<Recovered, Failure> {
     let (end, bytes) = outcome.reader.end();
     let (state, whole_bytes) = match (&outcome.damage, end) {
         (Some(_), _) => (State::Damaged, outcome.reader.position()),
-        (None, Some(End::Torn(at))) => (State::BrokenOff, at),
+        (None, Some(FileEnd::Torn(at))) => (State::BrokenOff, at),
         (None, _) => (State::Whole, bytes),
     };
     refuse_live(&path)?;

@@ -6,7 +6,7 @@ use crate::programs::binaries::Binary;
 use crate::results::recorded::Recorded;
 
 /// End of a run.
-pub(crate) struct Ended {
+pub(crate) struct EndedRun {
     pub(crate) recorded: Recorded,
     /// Outcome of the run, with what the supervisor knows besides what the plant saw.
     pub(crate) outcome: Outcome,

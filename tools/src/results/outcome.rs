@@ -11,7 +11,7 @@ use hil_recording::reader::{ReadError, RunReader};
 use shared_types::record::Outcome;
 
 use crate::results::collector::Collector;
-use crate::results::ended::Ended;
+use crate::results::ended::EndedRun;
 use crate::results::ending;
 use crate::results::evaluation::RecordEvaluation;
 use crate::results::latency::legs::Latency;
@@ -166,7 +166,7 @@ impl RecordedOutcome {
     pub(crate) fn summary(self, broke_off: Option<&str>) -> Result<Summary, Failure> {
         let (outcome, reason) = self.outcome(broke_off);
         let run = self.run?;
-        let ended = Ended {
+        let ended = EndedRun {
             recorded: self.recorded,
             outcome,
             reason,

@@ -9,14 +9,14 @@ pub(crate) const CHANGED_FAULTS: &str = "changed_faults";
 
 /// A checkpoint as the summary of its run tells it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub(crate) struct Made {
+pub(crate) struct MadeCheckpoint {
     pub(crate) step: u64,
     pub(crate) time_s: f64,
     /// Folder, from that of the run.
     pub(crate) folder: String,
 }
 
-impl Made {
+impl MadeCheckpoint {
     /// Describes the checkpoint for a person.
     #[must_use]
     pub(crate) fn describe(&self, run_dir: &Path) -> String {

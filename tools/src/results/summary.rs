@@ -18,14 +18,14 @@ use shared_types::time::{Rate, Step};
 
 use crate::programs::binaries::{Binaries, Binary};
 use crate::results::company::Company;
-use crate::results::ended::{Ended, Started};
+use crate::results::ended::{EndedRun, Started};
 use crate::results::faults::Fault;
 use crate::results::handover::{ActiveController, Laws, active_controllers};
 use crate::results::latency::grade::Graded;
 use crate::results::latency::legs::Legs;
 use crate::results::latency::spikes::Spike;
 use crate::results::requirements::{self, Requirement};
-use crate::results::resumed::{Made, Resumed};
+use crate::results::resumed::{MadeCheckpoint, Resumed};
 use crate::results::settings::Realtime;
 use crate::results::target::Target;
 pub(crate) use table::{of_law, write_metrics};
@@ -96,7 +96,7 @@ pub(crate) struct Summary {
     /// Checkpoint that the run went on from; null if the run began at step 0.
     resumed: Option<Resumed>,
     /// Checkpoints of the run, to go on from.
-    checkpoints: Vec<Made>,
+    checkpoints: Vec<MadeCheckpoint>,
 }
 
 /// Steps that were due before the step before them was done.
@@ -236,7 +236,7 @@ impl Summary {
         evidence: &'static str,
         recorded_to: Option<&'static str>,
         realtime: Realtime,
-        ended: &Ended,
+        ended: &EndedRun,
     ) -> Self {
         let origin = Origin {
             session: session.name.clone(),
@@ -253,7 +253,7 @@ impl Summary {
         origin: Origin,
         recorded_to: Option<&'static str>,
         realtime: Realtime,
-        ended: &Ended,
+        ended: &EndedRun,
     ) -> Self {
         let recorded = &ended.recorded;
         let end = recorded.end.as_ref();
@@ -344,7 +344,11 @@ impl Summary {
 
     /// The same of a run that went on from a checkpoint, or that can be gone on from.
     #[must_use]
-    pub(crate) fn with_checkpoints(self, resumed: Option<Resumed>, made: Vec<Made>) -> Self {
+    pub(crate) fn with_checkpoints(
+        self,
+        resumed: Option<Resumed>,
+        made: Vec<MadeCheckpoint>,
+    ) -> Self {
         Self {
             resumed,
             checkpoints: made,

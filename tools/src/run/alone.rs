@@ -18,7 +18,7 @@ use shared_types::wait::{WaitLimit, WaitStrategy, Waiter};
 use super::in_process::{FAULTS, LAWS, PLANTS, plant_of, runner, turns};
 use super::jobs;
 use super::recorder::direct::DirectRecorder;
-use crate::results::ended::Ended;
+use crate::results::ended::EndedRun;
 use crate::terminal::exit::Failure;
 use crate::terminal::interruption::Interruption;
 
@@ -97,7 +97,7 @@ pub(crate) fn run(
     described: &[Description; 2],
     grid: Option<Arc<Grid>>,
     interruption: &Interruption,
-) -> Result<Ended, Failure> {
+) -> Result<EndedRun, Failure> {
     let (mut engine, mut runner, recorder) = sides(plan, described, grid)?;
     let limit = WaitLimit::from_seconds(f64::INFINITY);
     let waiter = Waiter::with(limit, WaitStrategy::Hybrid, true);
@@ -118,7 +118,7 @@ pub(crate) fn run(
             Some("the run ended without saying how".into()),
         ),
     };
-    Ok(Ended {
+    Ok(EndedRun {
         recorded,
         outcome,
         reason,

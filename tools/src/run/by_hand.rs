@@ -11,43 +11,43 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use hil_target::machine::hash;
 use rustix::net::sockopt::socket_peercred;
 use shared_types::by_hand::{Admission, Entry, Token, door, token_file};
-use shared_types::checkpoint::Side as Role;
 use shared_types::live::{self, Listening};
 use shared_types::number::exact_in;
 use shared_types::process::ProcessId;
 use shared_types::session::{Session, SessionInfo};
+use shared_types::side::Side;
 
-use super::prepare::Prepared;
+use super::prepare::PreparedRun;
 use super::processes::LOOK;
-use super::side::Side;
+use super::side::SideProcess;
 use crate::programs::binaries::Binary;
 use crate::terminal::exit::Failure;
 
 /// Sides of a run that were admitted.
 #[derive(Default)]
 pub(super) struct ByHand {
-    pub(super) plant: Option<Side>,
-    pub(super) controller: Option<Side>,
+    pub(super) plant: Option<SideProcess>,
+    pub(super) controller: Option<SideProcess>,
     _doors: Vec<Listening>,
 }
 
 impl ByHand {
-    fn place(&mut self, role: Role) -> &mut Option<Side> {
+    fn place(&mut self, role: Side) -> &mut Option<SideProcess> {
         match role {
-            Role::Plant => &mut self.plant,
-            Role::Controller => &mut self.controller,
+            Side::Plant => &mut self.plant,
+            Side::Controller => &mut self.controller,
         }
     }
 }
 
 /// A process that may be a side, and the connection that it came by.
-type Admitted = (Role, ProcessId, UnixStream);
+type Admitted = (Side, ProcessId, UnixStream);
 
 /// Waits for the sides of a run that are started by hand.
 ///
 /// # Errors
 /// If the user does not want it any more, or one of them ended before all were there.
-pub(super) fn admit(prepared: &Prepared, session: &mut Session) -> Result<ByHand, Failure> {
+pub(super) fn admit(prepared: &PreparedRun, session: &mut Session) -> Result<ByHand, Failure> {
     let (sender, admitted) = channel();
     let mut by_hand = ByHand::default();
     for role in prepared.settings.by_hand.roles() {
@@ -69,12 +69,12 @@ pub(super) fn admit(prepared: &Prepared, session: &mut Session) -> Result<ByHand
         let (role, process, leash) = next(&admitted, prepared, &mut by_hand)?;
         let pid = process.pid;
         match role {
-            Role::Plant => session.add_child(pid),
-            Role::Controller => session.add_controller(1, pid),
+            Side::Plant => session.add_child(pid),
+            Side::Controller => session.add_controller(1, pid),
         }
         .map_err(Failure::infrastructure)?;
         tell!("{}: process {pid} is admitted", role.name());
-        *by_hand.place(role) = Some(Side::by_hand(role.name(), process, leash));
+        *by_hand.place(role) = Some(SideProcess::by_hand(role.name(), process, leash));
     }
     Ok(by_hand)
 }
@@ -82,7 +82,7 @@ pub(super) fn admit(prepared: &Prepared, session: &mut Session) -> Result<ByHand
 /// Waits for the next one.
 fn next(
     admitted: &Receiver<Admitted>,
-    prepared: &Prepared,
+    prepared: &PreparedRun,
     by_hand: &mut ByHand,
 ) -> Result<Admitted, Failure> {
     loop {
@@ -96,7 +96,7 @@ fn next(
         if prepared.interruption.came() {
             return Err(Failure::Interrupted);
         }
-        for role in Role::ALL {
+        for role in Side::ALL {
             if let Some(side) = by_hand.place(role)
                 && side.has_ended()
             {
@@ -110,15 +110,15 @@ fn next(
     }
 }
 
-fn program(prepared: &Prepared, role: Role) -> &Binary {
+fn program(prepared: &PreparedRun, role: Side) -> &Binary {
     match role {
-        Role::Plant => &prepared.binaries.plant,
-        Role::Controller => &prepared.binaries.controller,
+        Side::Plant => &prepared.binaries.plant,
+        Side::Controller => &prepared.binaries.controller,
     }
 }
 
 /// Prints the command that starts a side, and what to know about it.
-fn tell_command(prepared: &Prepared, role: Role, program: &Path) -> Result<(), Failure> {
+fn tell_command(prepared: &PreparedRun, role: Side, program: &Path) -> Result<(), Failure> {
     let words = [program, &prepared.session.folder].map(Path::to_str);
     let [Some(program), Some(folder)] = words else {
         return Err(Failure::usage(format!(
@@ -146,7 +146,7 @@ fn tell_command(prepared: &Prepared, role: Role, program: &Path) -> Result<(), F
 /// Opens the door of a side and writes its token.
 fn open(
     session: &SessionInfo,
-    role: Role,
+    role: Side,
     binary: Binary,
     admitted: Sender<Admitted>,
 ) -> Result<Listening, String> {
@@ -183,7 +183,7 @@ fn judge(
     client: &UnixStream,
     Entry { token, process }: &Entry,
     own: &Token,
-    (role, binary): (Role, &Binary),
+    (role, binary): (Side, &Binary),
     taken: Option<ProcessId>,
 ) -> Result<ProcessId, String> {
     let side = role.name();

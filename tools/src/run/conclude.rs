@@ -1,16 +1,16 @@
 //! Conclusion of a run: its outcome, its checkpoints, its summary and its exit code.
 
-use shared_types::checkpoint::Side;
 use shared_types::record::Outcome;
 use shared_types::session::Session;
+use shared_types::side::Side;
 
 use super::execute::RunResult;
-use super::prepare::Prepared;
+use super::prepare::PreparedRun;
 use crate::arguments::run::LinkKind;
 use crate::checkpoint;
 use crate::files::part_file;
 use crate::results::company::ProcessorTime;
-use crate::results::ended::Ended;
+use crate::results::ended::EndedRun;
 use crate::results::requirements;
 use crate::results::settings::Realtime;
 use crate::results::summary::Summary;
@@ -24,10 +24,10 @@ use hil_target::bridge::switches;
 /// # Errors
 /// If the summary cannot be made; one that cannot be written is part of the result.
 pub(super) fn conclude(
-    mut prepared: Prepared,
+    mut prepared: PreparedRun,
     session: Session,
     realtime: Realtime,
-    mut ended: Ended,
+    mut ended: EndedRun,
     before: &ProcessorTime,
 ) -> Result<RunResult, Failure> {
     // A side that is no child counts among the others.

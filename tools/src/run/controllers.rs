@@ -17,7 +17,7 @@ use shared_types::supervision::{EXPECT, MOST_EPOCHS, PEER_GONE};
 use super::jobs;
 use super::judge::Crew;
 use super::processes::LOOK;
-use super::side::Side;
+use super::side::SideProcess;
 use crate::programs::binaries::Binary;
 use crate::results::ended::Started;
 use crate::run::swap::{Swapped, Wanted};
@@ -51,7 +51,7 @@ pub(super) struct Controllers {
 /// Controller process.
 struct Member {
     epoch: u32,
-    side: Side,
+    side: SideProcess,
     binary: Binary,
     job: Job,
     /// Values of the scenario that were changed for it.
@@ -68,7 +68,13 @@ struct Member {
 }
 
 impl Member {
-    const fn new(epoch: u32, side: Side, binary: Binary, job: Job, set: Vec<String>) -> Self {
+    const fn new(
+        epoch: u32,
+        side: SideProcess,
+        binary: Binary,
+        job: Job,
+        set: Vec<String>,
+    ) -> Self {
         Self {
             epoch,
             side,
@@ -125,7 +131,7 @@ impl Controllers {
         run_dir: PathBuf,
         policy: OnLoss,
         (binary, job): (Binary, Job),
-        by_hand: Option<Side>,
+        by_hand: Option<SideProcess>,
     ) -> Result<Self, Failure> {
         let mut controllers = Self {
             members: Vec::new(),
@@ -185,7 +191,7 @@ impl Controllers {
             1 => "controller.log".into(),
             _ => format!("controller-{epoch}.log"),
         };
-        let side = Side::start("controller", &binary, &info, &self.run_dir, &log)?;
+        let side = SideProcess::start("controller", &binary, &info, &self.run_dir, &log)?;
         session
             .add_controller(epoch, side.process_id())
             .map_err(Failure::infrastructure)?;
@@ -200,13 +206,13 @@ impl Controllers {
     }
 
     /// The active one.
-    pub(super) fn in_office(&self) -> Option<&Side> {
+    pub(super) fn in_office(&self) -> Option<&SideProcess> {
         let member = &self.members[self.place_in_office()];
         (member.standing == Standing::InOffice).then_some(&member.side)
     }
 
     /// The active one, or the one that was started last.
-    pub(super) fn latest(&self) -> &Side {
+    pub(super) fn latest(&self) -> &SideProcess {
         &self.members[self.place_in_office()].side
     }
 
@@ -337,7 +343,7 @@ impl Controllers {
     pub(super) fn hear(
         &mut self,
         session: &mut Session,
-        plant: &mut Side,
+        plant: &mut SideProcess,
         changes: &[ControllerChange],
     ) {
         for change in changes {
@@ -403,7 +409,7 @@ impl Controllers {
     }
 
     /// Starts a lost controller anew, or lets the plant know that none comes any more.
-    fn restart(&mut self, session: &mut Session, plant: &mut Side, lost: u32) {
+    fn restart(&mut self, session: &mut Session, plant: &mut SideProcess, lost: u32) {
         if self.is_one_coming() {
             return; // somebody asked for another one just before
         }
@@ -435,7 +441,7 @@ impl Controllers {
     }
 
     /// Tells the plant of those that ended, and ends those that are of no more use.
-    pub(super) fn look(&mut self, plant: &mut Side) {
+    pub(super) fn look(&mut self, plant: &mut SideProcess) {
         for member in &mut self.members {
             let has_ended = member.side.has_ended();
             if !member.is_announced

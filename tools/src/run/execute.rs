@@ -24,7 +24,7 @@ use crate::results::summary::Summary;
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::interruption::Interruption;
 
-/// Surroundings of a run, whatever its scenario.
+/// Environment of a run, whatever its scenario.
 #[derive(Clone)]
 pub(crate) struct Environment {
     pub(crate) binaries: Arc<Binaries>,

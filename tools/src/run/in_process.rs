@@ -22,10 +22,10 @@ use shared_types::wait::{WaitLimit, Waiter};
 
 use super::attach::refuse_other_layout;
 use super::jobs::{tuned, tuned_plant};
-use super::prepare::Prepared;
+use super::prepare::PreparedRun;
 use super::realtime::Watched;
 use crate::programs::binaries::Binaries;
-use crate::results::ended::Ended;
+use crate::results::ended::EndedRun;
 use crate::terminal::exit::Failure;
 
 /// Time between two looks at what may end a run before its time.
@@ -98,7 +98,7 @@ impl RecordSink for TellingSink {
 ///
 /// # Errors
 /// If a side cannot begin, or the recorder broke.
-pub(super) fn run(prepared: &Prepared, realtime: &mut Watched) -> Result<Ended, Failure> {
+pub(super) fn run(prepared: &PreparedRun, realtime: &mut Watched) -> Result<EndedRun, Failure> {
     let (sink, source) = stream::in_process::pair();
     let (tell, told) = channel();
     let described = prepared.layout.clone();
@@ -153,7 +153,7 @@ pub(super) fn run(prepared: &Prepared, realtime: &mut Watched) -> Result<Ended, 
             outcome = Outcome::Failed;
         }
     }
-    Ok(Ended {
+    Ok(EndedRun {
         recorded,
         outcome,
         reason,

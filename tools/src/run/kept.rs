@@ -17,10 +17,10 @@ use super::jobs;
 use super::processes::LOOK;
 use super::recorder::direct::take_run;
 use super::settings::Settings;
-use super::side::Side;
+use super::side::SideProcess;
 use crate::arguments::run::LinkKind;
 use crate::programs::binaries::Binaries;
-use crate::results::ended::Ended;
+use crate::results::ended::EndedRun;
 use crate::terminal::exit::Failure;
 use crate::terminal::interruption::Interruption;
 
@@ -39,8 +39,8 @@ pub(crate) struct Kept {
 /// A plant, a controller and their session. Parts are dropped in this order: ends of the stream, processes, session.
 struct Pair {
     source: IceoryxSource,
-    plant: Side,
-    controller: Side,
+    plant: SideProcess,
+    controller: SideProcess,
     session: Session,
     layout: RecordLayout,
     /// Runs that were begun after the first.
@@ -64,7 +64,7 @@ impl Kept {
         binaries: &Binaries,
         grid: Option<Arc<Grid>>,
         interruption: &Interruption,
-    ) -> Result<(Ended, bool), Failure> {
+    ) -> Result<(EndedRun, bool), Failure> {
         let layout = binaries.record_layout(plan)?;
         let mut pair = match self.take(&layout) {
             Some(mut pair) => {
@@ -158,7 +158,7 @@ impl Pair {
         let folder = tempfile::tempdir().map_err(Failure::infrastructure)?;
         let info = session.info().clone();
         write_jobs(plan, binaries, &info, 0)?;
-        let start = |name, binary, log| Side::start(name, binary, &info, folder.path(), log);
+        let start = |name, binary, log| SideProcess::start(name, binary, &info, folder.path(), log);
         let mut plant = start("plant", &binaries.plant, "plant.log")?;
         (session.add_child(plant.process_id())).map_err(Failure::infrastructure)?;
         let mut controller = start("controller", &binaries.controller, "controller.log")?;
@@ -208,7 +208,7 @@ impl Pair {
         plan: &Plan,
         grid: Option<Arc<Grid>>,
         interruption: &Interruption,
-    ) -> Result<Ended, Failure> {
+    ) -> Result<EndedRun, Failure> {
         let Self {
             source,
             plant,
@@ -225,7 +225,7 @@ impl Pair {
         let end = recorded.end.clone();
         match (&recorded.error, end) {
             (None, Some(end)) if matches!(end.outcome, Outcome::Completed | Outcome::Diverged) => {
-                Ok(Ended {
+                Ok(EndedRun {
                     recorded,
                     outcome: end.outcome,
                     reason: end.reason,
@@ -260,7 +260,7 @@ fn refuse_jobs(
 }
 
 /// Describes a run that did not end by itself: what was seen of it, and what became of its sides.
-fn disorder(seen: Option<String>, sides: [&mut Side; 2]) -> Failure {
+fn disorder(seen: Option<String>, sides: [&mut SideProcess; 2]) -> Failure {
     let mut parts: Vec<String> = seen.into_iter().collect();
     for side in sides {
         if side.has_ended() {

@@ -11,11 +11,11 @@ use hil_recording::excerpt::Choice;
 use hil_recording::reader::RECORDING;
 use hil_recording::reserve::Reserve;
 use hil_recording::size;
-use shared_types::checkpoint::Side;
 use shared_types::lockstep::OnLoss;
 use shared_types::number::{exact, exact_in};
 use shared_types::record::RecordLayout;
 use shared_types::session::{Session, SessionError, SessionInfo};
+use shared_types::side::Side;
 use shared_types::stream::RecordSource;
 use shared_types::time::Step;
 
@@ -43,7 +43,7 @@ const SUMMARY_BYTES: u64 = 256 << 10;
 const SCENARIO: &str = "scenario.toml";
 
 /// A run that can begin.
-pub(super) struct Prepared {
+pub(super) struct PreparedRun {
     pub(super) plan: Plan,
     pub(super) binaries: Arc<Binaries>,
     pub(super) settings: Settings,
@@ -72,7 +72,7 @@ pub(super) struct Prepared {
     pub(super) resumed: Option<Resumed>,
 }
 
-impl Prepared {
+impl PreparedRun {
     /// Starts the recorder; the result of `attach` looks for the stream again and again.
     pub(super) fn recorder<S, A>(
         &self,
@@ -117,7 +117,7 @@ pub(super) fn prepare(
     plan: Plan,
     environment: Environment,
     origin: Origin,
-) -> Result<(Prepared, Session), Failure> {
+) -> Result<(PreparedRun, Session), Failure> {
     let Environment {
         binaries,
         settings,
@@ -193,7 +193,7 @@ pub(super) fn prepare(
             session: info.clone(),
         }
     });
-    let prepared = Prepared {
+    let prepared = PreparedRun {
         plan,
         binaries,
         settings,

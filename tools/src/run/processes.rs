@@ -14,11 +14,11 @@ use super::attach::attach;
 use super::by_hand::ByHand;
 use super::controllers::Controllers;
 use super::judge;
-use super::prepare::Prepared;
+use super::prepare::PreparedRun;
 use super::realtime::Watched;
-use super::side::{GRACE, Side};
+use super::side::{GRACE, SideProcess};
 use super::termination::termination;
-use crate::results::ended::Ended;
+use crate::results::ended::EndedRun;
 use crate::results::handover::describe;
 use crate::run::open_files;
 use crate::run::recorder::Recorder;
@@ -36,11 +36,11 @@ pub(crate) const LOOK: Duration = Duration::from_millis(2);
 /// # Errors
 /// If one cannot be started, or the recorder broke.
 pub(super) fn run(
-    prepared: &Prepared,
+    prepared: &PreparedRun,
     session: &mut Session,
     mut by_hand: ByHand,
     realtime: &mut Watched,
-) -> Result<Ended, Failure> {
+) -> Result<EndedRun, Failure> {
     open_files::warn_of_few_addresses();
     let info = &prepared.session;
     let (attached, described) = (info.clone(), prepared.layout.clone());
@@ -52,7 +52,7 @@ pub(super) fn run(
     let recorder = recorder.unblocked_by(move || theirs.remove_unfinished());
     recorder.recall(&prepared.interruption)?;
     let binaries = &prepared.binaries;
-    let start = |session: &mut Session, by_hand: Option<Side>| {
+    let start = |session: &mut Session, by_hand: Option<SideProcess>| {
         Controllers::start(
             session,
             prepared.folder.clone(),
@@ -71,7 +71,7 @@ pub(super) fn run(
         Some(plant) => plant,
         None => {
             let (program, folder) = (&binaries.plant, &prepared.folder);
-            let plant = Side::start("plant", program, info, folder, "plant.log")?;
+            let plant = SideProcess::start("plant", program, info, folder, "plant.log")?;
             session
                 .add_child(plant.process_id())
                 .map_err(Failure::infrastructure)?;
@@ -146,9 +146,9 @@ pub(super) fn run(
 
 /// Looks after the processes of a run.
 struct Watch<'a> {
-    prepared: &'a Prepared,
+    prepared: &'a PreparedRun,
     session: &'a mut Session,
-    plant: &'a mut Side,
+    plant: &'a mut SideProcess,
     controllers: &'a mut Controllers,
     recorder: &'a Recorder,
     /// Controllers that somebody wants to take over.

@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 
 use hil_config::plan::Plan;
-use shared_types::checkpoint::Side;
 use shared_types::describe::{Description, PROTOCOL};
 use shared_types::session::SessionInfo;
+use shared_types::side::Side;
 
 use super::settings::Settings;
 use crate::doctor;

@@ -26,7 +26,7 @@ use crate::results::recorded::Recorded;
 use crate::session::standing::Board;
 use crate::terminal::exit::Failure;
 use crate::terminal::interruption::Interruption;
-use work::Work;
+use work::RecorderWork;
 
 pub(crate) mod direct;
 mod heard;
@@ -105,7 +105,7 @@ impl Recorder {
         let theirs = Arc::clone(&shared);
         let thread = std::thread::spawn(move || {
             let mut attach = prepare();
-            let work = Work::new(plan, recording, marks, Arc::clone(&theirs));
+            let work = RecorderWork::new(plan, recording, marks, Arc::clone(&theirs));
             let mut work = work.with_curve(curve);
             if let Some(past) = &past {
                 work.recall(past);

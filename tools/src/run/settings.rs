@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use hil_campaign::curve::Grid;
 use hil_config::plan::{Clock, Plan};
-use shared_types::checkpoint::Side;
+use shared_types::side::Side;
 
 use crate::arguments::run::{LinkKind, RunOptions, StartKind};
 use crate::programs::binaries::{Binaries, Binary};

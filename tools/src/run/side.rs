@@ -27,7 +27,7 @@ const PANIC: i32 = by_hand::PANIC as i32;
 const DEATH_LIMIT: Duration = Duration::from_secs(1);
 
 /// Side of the run.
-pub(crate) struct Side {
+pub(crate) struct SideProcess {
     pub(super) name: &'static str,
     process: Process,
     id: Option<ProcessId>,
@@ -47,7 +47,7 @@ enum Process {
     ByHand(UnixStream),
 }
 
-impl Side {
+impl SideProcess {
     /// Takes a process that somebody started by hand and that was admitted.
     pub(super) const fn by_hand(name: &'static str, id: ProcessId, leash: UnixStream) -> Self {
         Self {
@@ -250,7 +250,7 @@ impl Side {
     }
 }
 
-impl Drop for Side {
+impl Drop for SideProcess {
     fn drop(&mut self) {
         if !self.has_ended() {
             self.kill();

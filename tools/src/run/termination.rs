@@ -4,18 +4,18 @@
 use shared_types::record::Outcome;
 
 use super::controllers::Controllers;
-use super::prepare::Prepared;
-use super::side::Side;
-use crate::results::ended::Ended;
+use super::prepare::PreparedRun;
+use super::side::SideProcess;
+use crate::results::ended::EndedRun;
 use crate::results::recorded::Recorded;
 
 /// Returns the end of the run, from what the plant saw and what became of the processes.
 pub(super) fn termination(
-    prepared: &Prepared,
+    prepared: &PreparedRun,
     recorded: Recorded,
-    (plant, controllers): (&Side, &Controllers),
+    (plant, controllers): (&SideProcess, &Controllers),
     first: &'static str,
-) -> Ended {
+) -> EndedRun {
     let controller = controllers.latest();
     let interrupted = prepared.interruption.came();
     let seen = recorded.end.as_ref();
@@ -29,7 +29,7 @@ pub(super) fn termination(
         } else {
             outcome
         };
-        return Ended {
+        return EndedRun {
             recorded,
             outcome,
             reason: disorder,
@@ -65,7 +65,7 @@ pub(super) fn termination(
         Outcome::Failed if interrupted => Outcome::Stopped,
         other => other,
     };
-    Ended {
+    EndedRun {
         recorded,
         outcome,
         reason: Some(parts.join("; ")),
@@ -74,7 +74,12 @@ pub(super) fn termination(
 }
 
 /// Explains the end of a run whose plant could not report it: the cause first.
-fn unseen_end(plant: &Side, controller: &Side, first: &str, records: u64) -> Vec<String> {
+fn unseen_end(
+    plant: &SideProcess,
+    controller: &SideProcess,
+    first: &str,
+    records: u64,
+) -> Vec<String> {
     let (cause, other) = if plant.killed.is_some() || first == "plant" {
         (plant, controller)
     } else {

@@ -7,7 +7,7 @@ mod listing;
 mod request;
 mod typed;
 
-pub(crate) use listing::{Kind, kinds_of};
+pub(crate) use listing::{ListedKind, kinds_of};
 pub use request::toml;
 
 use std::fmt::Write as _;

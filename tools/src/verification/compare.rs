@@ -22,14 +22,14 @@ use crate::verification::baseline;
 pub(crate) use deviation::SignalDifference;
 pub(crate) use deviation::{Deviation, is_near, share, write_table};
 use hil_recording::reader::{ReadError, RunReader};
-use work::{Row, Work};
+use work::{ComparisonPass, Row};
 
 /// Two runs, compared.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Comparison {
     verdict: Verdict,
-    a: Side,
-    b: Side,
+    a: ComparedRun,
+    b: ComparedRun,
     /// True if a run has steps that the other has not; of excerpts that is not known.
     lengths_differ: bool,
     /// Signals that only one of them has.
@@ -64,7 +64,7 @@ impl Verdict {
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize)]
-struct Side {
+struct ComparedRun {
     run: String,
     records: u64,
     digest: String,
@@ -172,7 +172,7 @@ pub fn compare(
         return Err(CompareError::NotComparable(what));
     }
     let is_excerpt = reader_a.is_excerpt() || reader_b.is_excerpt();
-    let mut work = Work::new(&reader_a, &reader_b, rate, signals, tolerances)?;
+    let mut work = ComparisonPass::new(&reader_a, &reader_b, rate, signals, tolerances)?;
     // A step is compared when it is known whether both runs go on: the last record of a run has no
     // command, which is no difference to one that is longer.
     let mut held: Option<(Row, Row)> = None;

@@ -43,19 +43,19 @@ use crate::programs::binaries::reached::Reached;
 use crate::run::jobs;
 use crate::run::processes::LOOK;
 use crate::run::settings::refuse_in_process;
-use crate::run::side::{GRACE, Side};
+use crate::run::side::{GRACE, SideProcess};
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::interruption::Interruption;
 use crate::terminal::output;
 use crate::terminal::progress::Progress;
 use comparison::Comparison;
-use host::{End, Host, Replayed};
+use host::{Host, ReplayEnd, Replayed};
 use original::Original;
 use report::Report;
 use tape::Tape;
 
 /// A replay about to begin.
-struct Prepared {
+struct PreparedReplay {
     original: Arc<Original>,
     plan: Plan,
     controller: Binary,
@@ -94,7 +94,7 @@ pub(crate) fn replay(arguments: &ReplayArguments) -> Result<Exit, Failure> {
     )?;
     refuse_in_process(arguments.link, &[&controller])?;
     let plan = original.plan_for(&controller)?;
-    let prepared = Prepared {
+    let prepared = PreparedReplay {
         original: Arc::new(original),
         plan,
         controller,
@@ -124,7 +124,7 @@ pub(crate) fn replay(arguments: &ReplayArguments) -> Result<Exit, Failure> {
     Ok(report.exit())
 }
 
-impl Prepared {
+impl PreparedReplay {
     /// Refuses before anything is started what the controller would be refused for.
     fn check(&self) -> Result<(), Failure> {
         let path = self.controller.path.display();
@@ -172,7 +172,7 @@ impl Prepared {
             LinkKind::InProcess => (std::thread::spawn(move || loops.in_one_thread(job)), None),
             LinkKind::Iceoryx2 => {
                 let controller = &self.controller;
-                let mut child = Side::start(
+                let mut child = SideProcess::start(
                     "controller",
                     controller,
                     &info,
@@ -231,7 +231,7 @@ impl Prepared {
     fn watch<T>(
         &self,
         host: &JoinHandle<T>,
-        mut child: Option<&mut Side>,
+        mut child: Option<&mut SideProcess>,
         supervision: &Supervision,
         mut look: impl FnMut(),
     ) {
@@ -334,20 +334,20 @@ fn turns(
 
 /// The comparison of a replay that came to its end, or why it did not.
 fn conclude(
-    end: End,
+    end: ReplayEnd,
     comparison: Option<Comparison>,
-    child: Option<&Side>,
+    child: Option<&SideProcess>,
 ) -> Result<Comparison, Failure> {
-    let fate = child.and_then(Side::death);
+    let fate = child.and_then(SideProcess::death);
     let reason = match (end, comparison) {
-        (End::Refused(reason), _) => return Err(Failure::usage(reason)),
-        (End::Short, Some(comparison)) => return Ok(comparison),
-        (End::Completed, Some(comparison)) => match fate {
+        (ReplayEnd::Refused(reason), _) => return Err(Failure::usage(reason)),
+        (ReplayEnd::Short, Some(comparison)) => return Ok(comparison),
+        (ReplayEnd::Completed, Some(comparison)) => match fate {
             None => return Ok(comparison),
             // Something is wrong with it all the same.
             Some(fate) => fate,
         },
-        (End::Aborted(abort), comparison) => {
+        (ReplayEnd::Aborted(abort), comparison) => {
             let told = fate.map_or_else(|| abort.to_string(), |fate| format!("{fate}; {abort}"));
             let first = comparison.as_ref().and_then(Comparison::first);
             match first {
@@ -357,7 +357,7 @@ fn conclude(
         }
         (_, None) => "the replay ended before it began".into(),
     };
-    let said = child.map(Side::excerpt).unwrap_or_default();
+    let said = child.map(SideProcess::excerpt).unwrap_or_default();
     if !said.is_empty() {
         output::tell(&format!("controller:\n{said}\n"));
     }

@@ -91,7 +91,7 @@ pub fn table(
         first: None,
     };
     let columns = selection.columns.clone();
-    let work = Work {
+    let work = ExportPass {
         table: match format {
             ExportFormat::Csv => Table::Csv(csv::Csv::new(destination, &columns)),
             ExportFormat::Parquet => parquet::Parquet::new(destination, &columns)
@@ -226,7 +226,7 @@ impl Exported {
 }
 
 /// An export going on.
-struct Work {
+struct ExportPass {
     reader: RunReader,
     selection: Selection,
     picking: Picking,
@@ -234,7 +234,7 @@ struct Work {
     interruption: Interruption,
 }
 
-impl Work {
+impl ExportPass {
     /// Writes the table; `None` if its reader went away, which wanted no more.
     fn run(mut self, path: Option<&Path>) -> Result<Option<Exported>, Failure> {
         let mut exported = Exported {

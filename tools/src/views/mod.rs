@@ -5,6 +5,7 @@
 pub mod export;
 pub(crate) mod layout;
 pub(crate) mod monitor;
+pub(crate) mod offline_page;
 pub(crate) mod panel;
 pub(crate) mod plots;
 pub(crate) mod report;

@@ -35,7 +35,6 @@ use crate::terminal::output;
 use crate::views::export::not_written;
 use crate::views::plots::bounds::bounds;
 use grid::Grid;
-pub(crate) use page::POLICY;
 use plots::plots;
 use run::{Run, Signals};
 

@@ -28,7 +28,7 @@ use shared_types::wait::WaitLimit;
 
 use crate::channel::Heard;
 use crate::contact::Contact;
-use crate::exchange::{BEAT_NS, Desk};
+use crate::exchange::{BEAT_NS, DeskEnd};
 use crate::machine::{Findings, hash};
 use crate::message::{Missed, RunRequest, ToAgent, ToDesk, from_hex, prologue, to_hex};
 use crate::packet::Packet;
@@ -169,7 +169,7 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
         session,
         wire,
         address,
-        desk: Desk::new(false, BEAT_NS),
+        desk: DeskEnd::new(false, BEAT_NS),
         beat_ns: BEAT_NS.min(limit.ns() / 4),
         open: None,
         values: Vec::new(),
@@ -190,7 +190,7 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
 }
 
 /// The end of the controller's process.
-struct Ended {
+struct EndedController {
     code: Option<i32>,
     fate: Option<String>,
     said: u64,
@@ -205,7 +205,7 @@ struct Bridge {
     session: SessionInfo,
     wire: Option<Wire>,
     address: Option<SocketAddr>,
-    desk: Desk,
+    desk: DeskEnd,
     /// Identity that the frames must carry, and the number of values from the target.
     open: Option<(FrameIdentity, usize)>,
     /// Values of a sample.
@@ -222,7 +222,7 @@ struct Bridge {
     has_told_way: bool,
     beat_ns: u64,
     against_clock: bool,
-    ended: Option<Ended>,
+    ended: Option<EndedController>,
     /// Time at which the controller was told to stop; 0 if it was not.
     stopping_ns: u64,
     told_gone: bool,
@@ -322,7 +322,7 @@ impl Bridge {
             };
             self.link.open_frames(&spec)?;
             self.values = vec![0.0; spec.incoming];
-            self.desk = Desk::new(welcome.against_clock, self.beat_ns);
+            self.desk = DeskEnd::new(welcome.against_clock, self.beat_ns);
             self.against_clock = welcome.against_clock;
             self.open = Some((spec.identity, spec.outgoing));
         }
@@ -404,7 +404,7 @@ impl Bridge {
             } => self.output(&what, switches, is_back)?,
             ToDesk::Ended { code, fate, said } => {
                 let since_ns = monotonic_ns();
-                self.ended = Some(Ended {
+                self.ended = Some(EndedController {
                     code,
                     fate,
                     said,

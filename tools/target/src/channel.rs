@@ -27,7 +27,7 @@ const WAITING: usize = 256;
 /// Kind of a frame. One that more of the same message follows has the highest bit set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
-enum Kind {
+enum FrameContent {
     Message = 1,
     Part = 2,
     Packet = 3,
@@ -53,7 +53,7 @@ pub struct Ear<M>(Receiver<Heard<M>>);
 
 /// The end that speaks, on a thread of its own: nobody who speaks ever waits for the other end.
 #[derive(Clone)]
-pub struct Mouth(SyncSender<(Kind, Vec<u8>)>);
+pub struct Mouth(SyncSender<(FrameContent, Vec<u8>)>);
 
 impl<M: DeserializeOwned + Send + 'static> Ear<M> {
     /// Listens from now on; `ring` is called after each thing that came.
@@ -115,9 +115,9 @@ impl<R: Read> Reader<R> {
             if kind & MORE != 0 {
                 continue;
             }
-            const MESSAGE: u8 = Kind::Message as u8;
-            const PART: u8 = Kind::Part as u8;
-            const PACKET: u8 = Kind::Packet as u8;
+            const MESSAGE: u8 = FrameContent::Message as u8;
+            const PART: u8 = FrameContent::Part as u8;
+            const PACKET: u8 = FrameContent::Packet as u8;
             return match kind {
                 MESSAGE => serde_json::from_slice(&whole)
                     .map(Heard::Message)
@@ -164,7 +164,7 @@ fn wrong(what: &str) -> io::Error {
 impl Mouth {
     /// Speaks into this from now on.
     pub fn speak(into: impl Write + Send + 'static, seal: Option<Arc<Seal>>) -> Self {
-        let (sender, frames) = sync_channel::<(Kind, Vec<u8>)>(WAITING);
+        let (sender, frames) = sync_channel::<(FrameContent, Vec<u8>)>(WAITING);
         std::thread::spawn(move || {
             let mut writer = Writer {
                 into,
@@ -186,7 +186,7 @@ impl Mouth {
     /// Never: messages are plain data, which always serialises.
     pub fn say(&self, message: &impl Serialize) {
         let content = serde_json::to_vec(message).expect("plain data serialises");
-        let _ = self.0.send((Kind::Message, content)); // closed: the ear hears it
+        let _ = self.0.send((FrameContent::Message, content)); // closed: the ear hears it
     }
 
     /// Says a message unless many wait; false if they do.
@@ -196,19 +196,19 @@ impl Mouth {
     pub fn try_say(&self, message: &impl Serialize) -> bool {
         let content = serde_json::to_vec(message).expect("plain data serialises");
         !matches!(
-            self.0.try_send((Kind::Message, content)),
+            self.0.try_send((FrameContent::Message, content)),
             Err(TrySendError::Full(_))
         )
     }
 
     /// Sends a part of a file.
     pub fn part(&self, part: Vec<u8>) {
-        let _ = self.0.send((Kind::Part, part)); // closed: the ear hears it
+        let _ = self.0.send((FrameContent::Part, part)); // closed: the ear hears it
     }
 
     /// Sends a packet, or loses it if many things wait.
     pub fn packet(&self, packet: &[u8]) {
-        let _ = self.0.try_send((Kind::Packet, packet.to_vec()));
+        let _ = self.0.try_send((FrameContent::Packet, packet.to_vec()));
     }
 }
 
@@ -219,7 +219,7 @@ struct Writer<W> {
 }
 
 impl<W: Write> Writer<W> {
-    fn write(&mut self, kind: Kind, content: &[u8]) -> io::Result<()> {
+    fn write(&mut self, kind: FrameContent, content: &[u8]) -> io::Result<()> {
         let mut pieces = content.chunks(LONGEST_FRAME).peekable();
         if pieces.peek().is_none() {
             self.frame(kind as u8, &[])?;

@@ -100,7 +100,7 @@ impl Trips {
 
 /// The desk's end.
 #[derive(Debug)]
-pub struct Desk {
+pub struct DeskEnd {
     ends: Ends,
     against_clock: bool,
     beat_ns: u64,
@@ -114,7 +114,7 @@ pub struct Desk {
     patience_ns: u64,
 }
 
-impl Desk {
+impl DeskEnd {
     /// Makes the end of a run, `against_clock` if its plant waits for nobody; says something each `beat_ns` at
     /// least.
     #[must_use]

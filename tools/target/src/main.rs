@@ -18,11 +18,11 @@ use shared_types::program::{FAILED, say};
 #[command(version)]
 struct Arguments {
     #[command(subcommand)]
-    end: End,
+    end: Mode,
 }
 
 #[derive(Debug, Subcommand)]
-enum End {
+enum Mode {
     /// Serve one desk through standard input and output; started by hil through ssh
     Agent,
     /// Serve one desk after another that has the key; for boards without ssh
@@ -62,13 +62,13 @@ enum End {
 
 fn main() -> ExitCode {
     let ended = match Arguments::parse().end {
-        End::Agent => serve_ssh().map(|()| 0),
-        End::Serve {
+        Mode::Agent => serve_ssh().map(|()| 0),
+        Mode::Serve {
             listen,
             key_file,
             allow,
         } => serve::serve(listen, &key_file, &allow, say).map(|()| 0),
-        End::Bridge {
+        Mode::Bridge {
             target,
             agent,
             key_file,

@@ -6,7 +6,7 @@ use shared_types::table::Field;
 use shared_types::time::Step;
 
 use super::span::{Keys, Reported, steps_of};
-use super::{Event, Kind, list, moves, profile, target};
+use super::{Event, FaultKind, list, moves, profile, target};
 use crate::keys::TARGET;
 use crate::plan::{FaultAction, FaultEffect, Move, Trigger};
 use crate::problem::ProblemKind;
@@ -23,13 +23,13 @@ impl Event<'_> {
         &self,
         reader: &mut Reader,
         section: &Section<'_>,
-        kind: Kind<'_>,
+        kind: FaultKind<'_>,
     ) -> Option<FaultEffect> {
         reader.refuse_unknown(section, &kind.keys());
         let skew_steps = self.skew_steps(reader, section);
         let folder = self.context.origin.folder();
         match kind {
-            Kind::Own(fault) => {
+            FaultKind::Own(fault) => {
                 let profile = profile::check(reader, section, folder, Some(&fault.profile));
                 let sizes = settings(reader, section, &fault.sizes, None);
                 let plant = self.context.plant?;
@@ -54,7 +54,7 @@ impl Event<'_> {
                     action: FaultAction::Move { sizes, moves },
                 })
             }
-            Kind::Shared(kind) => {
+            FaultKind::Shared(kind) => {
                 let profile = profile::check(reader, section, folder, None);
                 let named = reader.text(&section.with_keys(TARGET), "target");
                 let target = named

@@ -8,14 +8,14 @@ use crate::reader::{Reader, Section};
 
 /// A kind of fault.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Kind<'d> {
+pub(crate) enum FaultKind<'d> {
     /// The plant's own, which moves its parameters.
     Own(&'d FaultDescription),
     /// Kind of fault on signals, links or timing.
     Shared(&'d FaultKindDescription),
 }
 
-impl<'d> Kind<'d> {
+impl<'d> FaultKind<'d> {
     /// Returns the name.
     pub(crate) fn name(self) -> &'d str {
         match self {
@@ -50,14 +50,14 @@ pub(super) fn find<'a>(
     reader: &mut Reader,
     section: &Section<'_>,
     context: &EventContext<'a>,
-) -> Option<Kind<'a>> {
+) -> Option<FaultKind<'a>> {
     let name = reader.text(section, "kind")?;
     let own = context.plant.map_or(&[][..], |plant| &plant.faults);
     if let Some(fault) = own.iter().find(|fault| fault.kind == name) {
-        return Some(Kind::Own(fault));
+        return Some(FaultKind::Own(fault));
     }
     if let Some(kind) = context.kinds.iter().find(|kind| kind.kind == name) {
-        return Some(Kind::Shared(kind));
+        return Some(FaultKind::Shared(kind));
     }
     let plant = context.plant?; // it may well be a fault of a plant that is not known
     let names = (own.iter().map(|fault| fault.kind.as_str()))

@@ -6,8 +6,9 @@ use iceoryx2::prelude::*;
 use iceoryx2::service::builder::blackboard::BlackboardOpenError;
 use iceoryx2::service::port_factory::blackboard::PortFactory as Blackboard;
 
-use super::{Ipc, LinkError, Side, process_of, transport};
+use super::{Ipc, LinkError, process_of, transport};
 use crate::frame::{Frame, FrameError, FrameIdentity, Header, SizeClass};
+use crate::side::Side;
 
 const LAYOUT: &str = "layout";
 

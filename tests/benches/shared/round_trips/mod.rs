@@ -14,10 +14,10 @@ mod peer;
 mod place;
 mod sockets;
 
-use shared_types::checkpoint::Side;
 use shared_types::frame::Frame;
 use shared_types::link::bare::Blackboard;
 use shared_types::session::SessionInfo;
+use shared_types::side::Side;
 use tools::testing::End;
 
 pub(crate) use peer::{answered, measure};

@@ -10,9 +10,9 @@ use iceoryx2::port::server::Server;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
-use shared_types::checkpoint::Side;
 use shared_types::link::iceoryx::Ipc;
 use shared_types::session::SessionInfo;
+use shared_types::side::Side;
 use tools::testing::End;
 
 use super::{COMMAND_BYTES, SAMPLE_BYTES};

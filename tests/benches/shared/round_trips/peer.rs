@@ -4,9 +4,9 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
-use shared_types::checkpoint::Side;
 use shared_types::realtime::pin;
 use shared_types::session::{Session, SessionInfo};
+use shared_types::side::Side;
 use shared_types::wait::{WaitLimit, WaitStrategy, Waiter};
 use tools::testing::{End, Trips, follow, lead, raw};
 

@@ -9,8 +9,8 @@ use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::os::unix::net::{UnixDatagram, UnixListener, UnixStream};
 use std::time::Duration;
 
-use shared_types::checkpoint::Side;
 use shared_types::session::SessionInfo;
+use shared_types::side::Side;
 use tools::testing::End;
 
 use super::peer::WAIT_LIMIT_S;

@@ -8,7 +8,7 @@ use crate::curves::{CURVES, Curves};
 use crate::journal;
 use crate::shard::Shard;
 use crate::shard::tests::Campaign;
-use crate::table::{CLASS, Cell, Column, Kind, Row};
+use crate::table::{CLASS, Cell, Column, ColumnKind, Row};
 
 const CASES: u64 = 40;
 const BINS: usize = 3;
@@ -26,11 +26,11 @@ fn grid() -> Grid {
 fn campaign() -> Campaign {
     Campaign::with(CASES, 10, |manifest| {
         manifest.columns = vec![
-            Column::new("case", Kind::Count),
-            Column::new("draw", Kind::Count),
-            Column::new("variant", Kind::Text),
-            Column::new(CLASS, Kind::Text),
-            Column::new("robustness.a", Kind::Number),
+            Column::new("case", ColumnKind::Count),
+            Column::new("draw", ColumnKind::Count),
+            Column::new("variant", ColumnKind::Text),
+            Column::new(CLASS, ColumnKind::Text),
+            Column::new("robustness.a", ColumnKind::Number),
         ];
         manifest.curves = Some(grid());
     })

@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::PartError;
 use crate::folder::Folder;
 use crate::journal::Circumstances;
-use crate::table::{self, Cell, Column, Kind, Row, TableError, Values, Writer};
+use crate::table::{self, Cell, Column, ColumnKind, Row, TableError, Values, Writer};
 
 /// Facts in a part.
 const CAMPAIGN: &str = "campaign";
@@ -27,13 +27,13 @@ pub struct Part {
 pub fn circumstance_columns() -> Vec<Column> {
     let seconds = Column {
         unit: "s".into(),
-        ..Column::new("wall_time_s", Kind::Number)
+        ..Column::new("wall_time_s", ColumnKind::Number)
     };
     vec![
         seconds,
-        Column::new("host", Kind::Text),
-        Column::new("attempt", Kind::Text),
-        Column::new("tries", Kind::Count),
+        Column::new("host", ColumnKind::Text),
+        Column::new("attempt", ColumnKind::Text),
+        Column::new("tries", ColumnKind::Count),
     ]
 }
 

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use super::attempt::Published;
 use super::*;
 use crate::manifest::{Copied, MANIFEST, Manifest, SCHEMA, Stage};
-use crate::table::{Cell, Column, Kind, LOST};
+use crate::table::{Cell, Column, ColumnKind, LOST};
 
 /// A small campaign in a folder that is gone afterwards.
 pub(crate) struct Campaign {
@@ -40,9 +40,9 @@ impl Campaign {
             controller: None,
             pair: None,
             columns: vec![
-                Column::new("case", Kind::Count),
-                Column::new("x", Kind::Number),
-                Column::new("class", Kind::Text),
+                Column::new("case", ColumnKind::Count),
+                Column::new("x", ColumnKind::Number),
+                Column::new("class", ColumnKind::Text),
             ],
             curves: None,
             case_s: 0.1,

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use shared_types::table::canonical;
 
-use super::{Column, Kind};
+use super::{Column, ColumnKind};
 
 /// A value in a table.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -55,11 +55,11 @@ impl Cell {
         }
     }
 
-    const fn kind(&self) -> Kind {
+    const fn kind(&self) -> ColumnKind {
         match self {
-            Self::Count(_) => Kind::Count,
-            Self::Number(_) => Kind::Number,
-            Self::Text(_) => Kind::Text,
+            Self::Count(_) => ColumnKind::Count,
+            Self::Number(_) => ColumnKind::Number,
+            Self::Text(_) => ColumnKind::Text,
         }
     }
 }

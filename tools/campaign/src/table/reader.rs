@@ -6,7 +6,7 @@ use parquet::column::page::Page;
 use parquet::file::metadata::KeyValue;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 
-use super::{Column, Kind, TableError, Values};
+use super::{Column, ColumnKind, TableError, Values};
 
 /// A table that was read.
 pub struct Table {
@@ -34,9 +34,9 @@ pub fn read(bytes: Vec<u8>, columns: &[Column]) -> Result<Table, TableError> {
     let about = file.metadata().file_metadata();
     let found = about.schema_descr().columns().iter().map(|column| {
         let kind = match column.physical_type() {
-            Physical::INT64 => Some(Kind::Count),
-            Physical::DOUBLE => Some(Kind::Number),
-            Physical::BYTE_ARRAY => Some(Kind::Text),
+            Physical::INT64 => Some(ColumnKind::Count),
+            Physical::DOUBLE => Some(ColumnKind::Number),
+            Physical::BYTE_ARRAY => Some(ColumnKind::Text),
             _ => None,
         };
         (column.name(), kind)

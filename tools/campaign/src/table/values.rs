@@ -5,7 +5,7 @@ use std::ops::Range;
 use bytes::Bytes;
 use parquet::data_type::ByteArray;
 
-use super::{Cell, Kind};
+use super::{Cell, ColumnKind};
 
 /// Cells of one column.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,19 +20,19 @@ pub enum Values {
 
 impl Values {
     /// Makes a column without cells.
-    pub(super) fn new(kind: Kind) -> Self {
+    pub(super) fn new(kind: ColumnKind) -> Self {
         match kind {
-            Kind::Count => Self::Counts(Vec::new()),
-            Kind::Number => Self::Numbers(Vec::new()),
-            Kind::Text => Self::Texts(Texts::default()),
+            ColumnKind::Count => Self::Counts(Vec::new()),
+            ColumnKind::Number => Self::Numbers(Vec::new()),
+            ColumnKind::Text => Self::Texts(Texts::default()),
         }
     }
 
-    pub(super) const fn kind(&self) -> Kind {
+    pub(super) const fn kind(&self) -> ColumnKind {
         match self {
-            Self::Counts(_) => Kind::Count,
-            Self::Numbers(_) => Kind::Number,
-            Self::Texts(_) => Kind::Text,
+            Self::Counts(_) => ColumnKind::Count,
+            Self::Numbers(_) => ColumnKind::Number,
+            Self::Texts(_) => ColumnKind::Text,
         }
     }
 
@@ -241,14 +241,14 @@ mod tests {
 
     #[test]
     fn texts_of_pages_stand_one_after_the_other() {
-        let mut values = Values::new(Kind::Text);
+        let mut values = Values::new(ColumnKind::Text);
         values
             .decode(&page(&[b"a", b"", "\u{e4}".as_bytes()]), 3)
             .expect("texts");
         values.decode(&page(&[b"bc"]), 1).expect("a text");
         let found: Vec<&str> = (0..4).map(|row| values.text(row)).collect();
         assert_eq!(found, ["a", "", "\u{e4}", "bc"]);
-        let mut more = Values::new(Kind::Text);
+        let mut more = Values::new(ColumnKind::Text);
         assert!(more.push(&Cell::Text("x".into())));
         more.extend(&values, 1..4);
         let found: Vec<&str> = (0..4).map(|row| more.text(row)).collect();
@@ -270,12 +270,12 @@ mod tests {
             (&page(&[b"\xff"]), 1),
         ] {
             assert_eq!(
-                Values::new(Kind::Text).decode(page, cells),
+                Values::new(ColumnKind::Text).decode(page, cells),
                 None,
                 "{page:?} {cells}"
             );
         }
-        for kind in [Kind::Count, Kind::Number] {
+        for kind in [ColumnKind::Count, ColumnKind::Number] {
             for (bytes, cells) in [(16, 1), (16, 3), (17, 2), (0, usize::MAX)] {
                 let page = vec![0; bytes];
                 assert_eq!(

@@ -10,7 +10,7 @@ use parquet::file::properties::{EnabledStatistics, WriterProperties};
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::Type;
 
-use super::{Cell, Column, Kind, TableError, Values};
+use super::{Cell, Column, ColumnKind, TableError, Values};
 
 /// Rows of a group, which are in memory at once.
 const GROUP: usize = 1 << 16;
@@ -30,9 +30,9 @@ impl<W: Write + Send> Writer<W> {
     pub fn new(to: W, columns: &[Column]) -> Result<Self, TableError> {
         let fields = columns.iter().map(|column| {
             let (physical, logical) = match column.kind {
-                Kind::Count => (Physical::INT64, Some(LogicalType::integer(64, false))),
-                Kind::Number => (Physical::DOUBLE, None),
-                Kind::Text => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
+                ColumnKind::Count => (Physical::INT64, Some(LogicalType::integer(64, false))),
+                ColumnKind::Number => (Physical::DOUBLE, None),
+                ColumnKind::Text => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
             };
             let field = Type::primitive_type_builder(&column.name, physical)
                 .with_logical_type(logical)
@@ -161,9 +161,9 @@ mod tests {
 
     fn columns() -> [Column; 3] {
         [
-            Column::new("case", Kind::Count),
-            Column::new("x", Kind::Number),
-            Column::new("name", Kind::Text),
+            Column::new("case", ColumnKind::Count),
+            Column::new("x", ColumnKind::Number),
+            Column::new("name", ColumnKind::Text),
         ]
     }
 
@@ -222,8 +222,11 @@ mod tests {
         assert!(refused(&[row(1), row(1)].concat()));
         assert!(refused(&[Cell::Count(1), Cell::Count(1), Cell::Count(1)]));
         let mut writer = Writer::new(Vec::new(), &columns()).expect("a table");
-        let (mut one, two) = (Values::new(Kind::Count), Values::new(Kind::Number));
-        let text = Values::new(Kind::Text);
+        let (mut one, two) = (
+            Values::new(ColumnKind::Count),
+            Values::new(ColumnKind::Number),
+        );
+        let text = Values::new(ColumnKind::Text);
         assert!(writer.extend(&[&one, &two, &text]).is_ok());
         assert!(writer.extend(&[&one, &two]).is_err());
         assert!(writer.extend(&[&two, &one, &text]).is_err());

@@ -9,10 +9,10 @@ use std::sync::Arc;
 
 use glob::Pattern;
 use hil_foreign::fmi::{Fmu, sides};
-use shared_types::checkpoint::Side;
 use shared_types::describe::{Description, Imported};
 use shared_types::program::{self, Program, UNUSABLE};
 use shared_types::session::SessionInfo;
+use shared_types::side::Side;
 use shared_types::supervision::Supervision;
 
 const NAME: &str = "hil-fmu";

@@ -150,7 +150,7 @@ impl<R: Read + Seek> Archive<R> {
             let most = limits.archive >> 20;
             return Err(ArchiveError::Large(format!("it has more than {most} MiB")));
         }
-        let end = End::find(&mut source, length)?;
+        let end = EndRecord::find(&mut source, length)?;
         if usize::from(end.entries) > limits.entries {
             let (count, most) = (end.entries, limits.entries);
             return Err(ArchiveError::Large(format!(
@@ -224,13 +224,13 @@ fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
 }
 
 /// Record at the end of an archive.
-struct End {
+struct EndRecord {
     entries: u16,
     list: u64,
     list_bytes: u64,
 }
 
-impl End {
+impl EndRecord {
     fn find<R: Read + Seek>(source: &mut R, length: u64) -> Result<Self, ArchiveError> {
         if length < END_BYTES {
             return Err(ArchiveError::Damaged("it is too short"));

@@ -107,7 +107,7 @@ pub struct Dependency {
 
 /// Type of a variable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Kind {
+pub enum VariableType {
     /// 32-bit floating point.
     Float32,
     /// 64-bit floating point.
@@ -140,7 +140,7 @@ pub enum Kind {
     Clock,
 }
 
-impl Kind {
+impl VariableType {
     /// In one word.
     #[must_use]
     pub const fn name(self) -> &'static str {
@@ -220,7 +220,7 @@ pub struct Variable {
     /// Number by which the library knows it.
     pub reference: u32,
     /// Type.
-    pub kind: Kind,
+    pub kind: VariableType,
     /// Role.
     pub causality: Causality,
     /// True if it may change between steps although it is a parameter.

@@ -12,7 +12,7 @@ use std::path::Path;
 use libloading::os::unix::{Library, RTLD_LOCAL, RTLD_NOW};
 use shared_types::text;
 
-use super::description::{Kind, Version};
+use super::description::{VariableType, Version};
 
 /// Instance of an FMU, or a state of one, as its library knows it.
 pub(super) type Handle = *mut c_void;
@@ -150,7 +150,7 @@ pub(super) struct Functions {
     pub(super) terminate: OnInstance,
     pub(super) free: FreeInstance,
     pub(super) state: Option<StateFunctions>,
-    pub(super) access: BTreeMap<Kind, Access>,
+    pub(super) access: BTreeMap<VariableType, Access>,
 }
 
 impl Functions {
@@ -162,7 +162,7 @@ impl Functions {
     pub(super) fn load(
         path: &Path,
         version: Version,
-        kinds: &[Kind],
+        kinds: &[VariableType],
         saves: bool,
     ) -> Result<Self, LibraryError> {
         // SAFETY: loading runs code of the library, which is what somebody asked for who named the FMU; nothing
@@ -300,21 +300,21 @@ impl Find<'_> {
 
     /// # Safety
     /// As of [`own`](Self::own).
-    unsafe fn access(&self, kind: Kind) -> Result<Access, LibraryError> {
+    unsafe fn access(&self, kind: VariableType) -> Result<Access, LibraryError> {
         let name = match (self.version, kind) {
-            (Version::Two, Kind::Float64) => "Real",
-            (Version::Two, Kind::Int32 | Kind::Enumeration) => "Integer",
-            (Version::Three, Kind::Float32) => "Float32",
-            (Version::Three, Kind::Float64) => "Float64",
-            (Version::Three, Kind::Int8) => "Int8",
-            (Version::Three, Kind::UInt8) => "UInt8",
-            (Version::Three, Kind::Int16) => "Int16",
-            (Version::Three, Kind::UInt16) => "UInt16",
-            (Version::Three, Kind::Int32) => "Int32",
-            (Version::Three, Kind::UInt32) => "UInt32",
-            (Version::Three, Kind::Int64 | Kind::Enumeration) => "Int64",
-            (Version::Three, Kind::UInt64) => "UInt64",
-            (_, Kind::Boolean) => "Boolean",
+            (Version::Two, VariableType::Float64) => "Real",
+            (Version::Two, VariableType::Int32 | VariableType::Enumeration) => "Integer",
+            (Version::Three, VariableType::Float32) => "Float32",
+            (Version::Three, VariableType::Float64) => "Float64",
+            (Version::Three, VariableType::Int8) => "Int8",
+            (Version::Three, VariableType::UInt8) => "UInt8",
+            (Version::Three, VariableType::Int16) => "Int16",
+            (Version::Three, VariableType::UInt16) => "UInt16",
+            (Version::Three, VariableType::Int32) => "Int32",
+            (Version::Three, VariableType::UInt32) => "UInt32",
+            (Version::Three, VariableType::Int64 | VariableType::Enumeration) => "Int64",
+            (Version::Three, VariableType::UInt64) => "UInt64",
+            (_, VariableType::Boolean) => "Boolean",
             _ => return Err(LibraryError::Missing(format!("for a {}", kind.name()))),
         };
         let (get, set) = (format!("Get{name}"), format!("Set{name}"));

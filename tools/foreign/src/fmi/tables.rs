@@ -12,7 +12,7 @@ use shared_types::layout::{MOST_FIELDS, is_line};
 use shared_types::spelling::{spelled, spelled_all};
 use shared_types::table::Field;
 
-use super::description::{Causality, Kind, ModelDescription, Variable, Version};
+use super::description::{Causality, ModelDescription, Variable, VariableType, Version};
 use units::Units;
 
 mod units;
@@ -294,9 +294,9 @@ fn imported(model: &ModelDescription, units: &Units<'_>) -> Imported {
 }
 
 /// Types of variables that have a column.
-pub(super) fn kinds(model: &ModelDescription, columns: &[&[Column]]) -> Vec<Kind> {
+pub(super) fn kinds(model: &ModelDescription, columns: &[&[Column]]) -> Vec<VariableType> {
     let all = columns.iter().flat_map(|columns| columns.iter());
-    let kinds: BTreeSet<Kind> = all
+    let kinds: BTreeSet<VariableType> = all
         .map(|column| model.variables[column.variable].kind)
         .collect();
     kinds.into_iter().collect()

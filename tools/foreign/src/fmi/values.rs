@@ -5,7 +5,7 @@
 
 use std::ffi::{c_int, c_void};
 
-use super::description::{Kind, ModelDescription, Version};
+use super::description::{ModelDescription, VariableType, Version};
 use super::library::{Access, Functions, Handle};
 use super::status::Status;
 use super::tables::Column;
@@ -49,25 +49,30 @@ macro_rules! each {
 }
 
 impl Buffer {
-    fn new(version: Version, kind: Kind, count: usize) -> Self {
+    fn new(version: Version, kind: VariableType, count: usize) -> Self {
         match (version, kind) {
-            (Version::Two, Kind::Int32 | Kind::Enumeration | Kind::Boolean) => {
-                Self::Int32(vec![0; count])
-            }
-            (_, Kind::Float32) => Self::Float32(vec![0.0; count]),
-            (_, Kind::Int8) => Self::Int8(vec![0; count]),
-            (_, Kind::UInt8) => Self::UInt8(vec![0; count]),
-            (_, Kind::Int16) => Self::Int16(vec![0; count]),
-            (_, Kind::UInt16) => Self::UInt16(vec![0; count]),
-            (_, Kind::Int32) => Self::Int32(vec![0; count]),
-            (_, Kind::UInt32) => Self::UInt32(vec![0; count]),
-            (_, Kind::Int64 | Kind::Enumeration) => Self::Int64(vec![0; count]),
-            (_, Kind::UInt64) => Self::UInt64(vec![0; count]),
-            (_, Kind::Boolean) => Self::Boolean(vec![0; count]),
+            (
+                Version::Two,
+                VariableType::Int32 | VariableType::Enumeration | VariableType::Boolean,
+            ) => Self::Int32(vec![0; count]),
+            (_, VariableType::Float32) => Self::Float32(vec![0.0; count]),
+            (_, VariableType::Int8) => Self::Int8(vec![0; count]),
+            (_, VariableType::UInt8) => Self::UInt8(vec![0; count]),
+            (_, VariableType::Int16) => Self::Int16(vec![0; count]),
+            (_, VariableType::UInt16) => Self::UInt16(vec![0; count]),
+            (_, VariableType::Int32) => Self::Int32(vec![0; count]),
+            (_, VariableType::UInt32) => Self::UInt32(vec![0; count]),
+            (_, VariableType::Int64 | VariableType::Enumeration) => Self::Int64(vec![0; count]),
+            (_, VariableType::UInt64) => Self::UInt64(vec![0; count]),
+            (_, VariableType::Boolean) => Self::Boolean(vec![0; count]),
             // Variables of the types without a range have no column.
-            (_, Kind::Float64 | Kind::String | Kind::Binary | Kind::Clock) => {
-                Self::Float64(vec![0.0; count])
-            }
+            (
+                _,
+                VariableType::Float64
+                | VariableType::String
+                | VariableType::Binary
+                | VariableType::Clock,
+            ) => Self::Float64(vec![0.0; count]),
         }
     }
 
@@ -144,7 +149,7 @@ impl Buffer {
 /// Variables of one type: their references, and for each value the place in the row.
 #[derive(Debug)]
 struct Group {
-    kind: Kind,
+    kind: VariableType,
     references: Vec<u32>,
     places: Vec<usize>,
     buffer: Buffer,
@@ -285,7 +290,7 @@ mod tests {
 
     #[test]
     fn whole_numbers_are_carried_exactly_or_refused() {
-        let mut bytes = Buffer::new(Version::Three, Kind::Int8, 1);
+        let mut bytes = Buffer::new(Version::Three, VariableType::Int8, 1);
         for value in [-128.0, -1.0, 0.0, 127.0] {
             assert!(bytes.set(0, value));
             assert_eq!(bytes.get(0), Some(value));
@@ -294,7 +299,7 @@ mod tests {
             assert!(!bytes.set(0, value), "{value}");
         }
         let most = 9_007_199_254_740_992.0;
-        let mut large = Buffer::new(Version::Three, Kind::Int64, 1);
+        let mut large = Buffer::new(Version::Three, VariableType::Int64, 1);
         assert!(large.set(0, -most) && large.get(0) == Some(-most));
         assert!(!large.set(0, most * 2.0));
         let beyond = Buffer::Int64(vec![(1 << 53) + 1]);
@@ -305,7 +310,7 @@ mod tests {
 
     #[test]
     fn booleans_are_0_and_1() {
-        let mut flags = Buffer::new(Version::Three, Kind::Boolean, 1);
+        let mut flags = Buffer::new(Version::Three, VariableType::Boolean, 1);
         assert!(flags.set(0, 1.0) && flags.get(0) == Some(1.0));
         assert!(!flags.set(0, 2.0));
         assert_eq!(Buffer::Boolean(vec![7]).get(0), Some(1.0));

@@ -27,7 +27,7 @@ const NOT_AS_LONG: &str = "a chunk that is not as long as it says";
 
 /// End of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum End {
+pub enum FileEnd {
     /// Finished by its writer.
     Whole,
     /// Torn, by a killed writer or a copy that was cut: whole up to this byte.
@@ -54,7 +54,7 @@ pub(crate) struct Content {
     length: u64,
     /// Begin of the next record outside of chunks.
     position: u64,
-    end: Option<End>,
+    end: Option<FileEnd>,
     /// Of all bytes so far; `None` behind the data section, which ends with it.
     sum: Option<crc32fast::Hasher>,
     /// The first mark that did not fit, if the file is read on nevertheless.
@@ -129,7 +129,7 @@ impl Content {
                     if behind > 0 {
                         return Err(damaged(format!("{behind} bytes follow where it ends")));
                     }
-                    self.end = Some(End::Whole);
+                    self.end = Some(FileEnd::Whole);
                     continue;
                 }
                 Some(Ok(LinearReadEvent::ReadRequest(wanted))) => wanted,
@@ -208,7 +208,7 @@ impl Content {
     }
 
     /// Returns the end of the file, whole or torn; known at the end of reading.
-    pub(crate) const fn end(&self) -> Option<End> {
+    pub(crate) const fn end(&self) -> Option<FileEnd> {
         self.end
     }
 
@@ -250,7 +250,7 @@ impl Content {
             let what = "a length is wrong: there are whole records behind".into();
             return Err(ContentError::Damaged { at, what });
         }
-        self.end = Some(End::Torn(at));
+        self.end = Some(FileEnd::Torn(at));
         let Some((head, rest)) = self.outside.split_at_checked(HEAD_BYTES) else {
             return Ok(());
         };

@@ -1,7 +1,7 @@
 //! Content that no check sum vouches for, in a recording that broke off and in one that was made of such a file.
 
 use super::RunReader;
-use super::content::End;
+use super::content::FileEnd;
 
 /// The fact that says how many records check sums vouched for when the file was recovered; only if that is
 /// not all.
@@ -25,7 +25,7 @@ impl RunReader {
     pub fn caveat(&self) -> Option<String> {
         let (path, records) = (self.path.display(), self.records);
         let doubt = self.unvouched().map(|unvouched| unvouched.told);
-        if !matches!(self.content.end(), Some(End::Torn(_))) {
+        if !matches!(self.content.end(), Some(FileEnd::Torn(_))) {
             return doubt.map(|told| format!("{path} was recovered: {told}"));
         }
         let doubt = doubt.map_or_else(String::new, |told| format!(" ({told})"));

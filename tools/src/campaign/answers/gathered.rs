@@ -2,7 +2,7 @@
 
 use hil_campaign::manifest::Manifest;
 use hil_campaign::shard::part::Part;
-use hil_campaign::table::{CLASS, Column, Kind};
+use hil_campaign::table::{CLASS, Column, ColumnKind};
 use hil_config::study::Study;
 
 use super::{CLASSES, margin};
@@ -46,7 +46,8 @@ impl<'a> Gathered<'a> {
         let columns = &manifest.columns;
         let place = |name: &str| columns.iter().position(|known| known.name == name);
         let is_varied = |column: &Column| {
-            column.kind == Kind::Number && study.varied.iter().any(|one| one.name == column.name)
+            column.kind == ColumnKind::Number
+                && study.varied.iter().any(|one| one.name == column.name)
         };
         let varied = columns.iter().enumerate();
         let varied = varied.filter(|(_, column)| is_varied(column));

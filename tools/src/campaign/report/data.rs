@@ -6,7 +6,7 @@ use base64::engine::general_purpose::STANDARD;
 use hil_campaign::folder::Folder;
 use hil_campaign::shard::missing;
 use hil_campaign::shard::part::Part;
-use hil_campaign::table::{Kind, Values};
+use hil_campaign::table::{ColumnKind, Values};
 use hil_config::study::Study;
 use serde::{Serialize, Serializer};
 
@@ -206,13 +206,13 @@ fn columns(folder: &Folder, class: usize) -> impl Iterator<Item = (usize, Column
         let margin = column.name.strip_prefix("robustness.");
         let role = match (column.kind, margin) {
             _ if (HEAD..class).contains(&place) => "varied",
-            (Kind::Number, Some(_)) => "margin",
-            (Kind::Number, None) if place > class => "metric",
+            (ColumnKind::Number, Some(_)) => "margin",
+            (ColumnKind::Number, None) if place > class => "metric",
             _ => return None,
         };
         let values = match column.kind {
-            Kind::Text => ColumnValues::Codes(Codes::default()),
-            Kind::Number | Kind::Count => ColumnValues::Numbers(Singles::default()),
+            ColumnKind::Text => ColumnValues::Codes(Codes::default()),
+            ColumnKind::Number | ColumnKind::Count => ColumnValues::Numbers(Singles::default()),
         };
         let name = match role {
             "margin" => margin.unwrap_or_default(),

@@ -2,7 +2,7 @@
 
 use hil_campaign::folder::{Conflict, Folder};
 use hil_config::study::Study;
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, html};
 use shared_types::number::counted;
 
 use super::data::Data;
@@ -10,12 +10,10 @@ use super::tables;
 use crate::campaign::answers::Answers;
 use crate::campaign::collect::set_aside;
 use crate::terminal::exit::Failure;
-use crate::views::report::POLICY;
+use crate::views::offline_page::OfflinePage;
 
 const SCRIPT: &str = include_str!("assets/campaign.js");
 const STYLE: &str = include_str!("assets/campaign.css");
-/// Style of every report.
-const COMMON_STYLE: &str = include_str!("../../views/report/assets/report.css");
 
 /// A campaign and its answers.
 pub(super) struct Campaign<'a> {
@@ -37,57 +35,43 @@ impl Campaign<'_> {
 /// Writes the whole page.
 pub(super) fn page(campaign: &Campaign, data: &Data) -> Result<String, Failure> {
     let name = &campaign.answers.name;
-    // No text in it can end the element.
-    let json = serde_json::to_string(data)
-        .map_err(Failure::infrastructure)?
-        .replace('<', "\\u003c");
-    let page = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                meta http-equiv="Content-Security-Policy" content=(POLICY);
-                meta name="generator" content=(concat!("hil ", env!("CARGO_PKG_VERSION")));
-                title { (name) ": campaign" }
-                style { (PreEscaped(COMMON_STYLE)) (PreEscaped(STYLE)) }
+    let body = html! {
+        header {
+            (warnings(campaign))
+            h1 { (name) }
+            @if !campaign.study.description.is_empty() { p { (campaign.study.description) } }
+        }
+        nav.bar aria-label="Sections" {
+            a href="#summary" { "Summary" }
+            a href="#requirements" { "Requirements" }
+            a href="#plots" { "Plots" }
+            span.gap {}
+            button #theme type="button" aria-pressed="false" { "Dark" }
+        }
+        main {
+            section #summary {
+                h2 { "Summary" }
+                (tables::facts(campaign))
+                (tables::goals(campaign))
+                h3 { "Classes of cases" }
+                (tables::classes(campaign))
             }
-            body {
-                a.skip href="#plots" { "Skip to the plots" }
-                header {
-                    (warnings(campaign))
-                    h1 { (name) }
-                    @if !campaign.study.description.is_empty() { p { (campaign.study.description) } }
-                }
-                nav.bar aria-label="Sections" {
-                    a href="#summary" { "Summary" }
-                    a href="#requirements" { "Requirements" }
-                    a href="#plots" { "Plots" }
-                    span.gap {}
-                    button #theme type="button" aria-pressed="false" { "Dark" }
-                }
-                main {
-                    section #summary {
-                        h2 { "Summary" }
-                        (tables::facts(campaign))
-                        (tables::goals(campaign))
-                        h3 { "Classes of cases" }
-                        (tables::classes(campaign))
-                    }
-                    section #requirements {
-                        h2 { "Requirements" }
-                        (tables::requirements(campaign, data.command()))
-                    }
-                    (plots(data))
-                }
-                footer { p { "Made by hil " (env!("CARGO_PKG_VERSION")) ", commit " (env!("HIL_COMMIT")) "." } }
-                p #status .visually-hidden role="status" aria-live="polite" {}
-                script #data type="application/json" { (PreEscaped(json)) }
-                script { (PreEscaped(SCRIPT)) }
+            section #requirements {
+                h2 { "Requirements" }
+                (tables::requirements(campaign, data.command()))
             }
+            (plots(data))
         }
     };
-    Ok(page.into_string())
+    let page = OfflinePage {
+        title: &format!("{name}: campaign"),
+        styles: ["", STYLE],
+        body,
+        credit: None,
+        data,
+        scripts: &[SCRIPT],
+    };
+    page.write()
 }
 
 /// Names what keeps the numbers below from being those of the whole campaign.

@@ -16,7 +16,7 @@ use toml_edit::{DocumentMut, Item, Value};
 use super::line::{Line, Subject};
 use crate::files::runs;
 use crate::run::alone::built_in;
-use crate::session::inject::{Kind, kinds_of};
+use crate::session::inject::{ListedKind, kinds_of};
 use crate::views::plots::columns_of;
 
 /// Most runs that are offered, the newest.
@@ -289,9 +289,9 @@ fn plants(line: &Line) -> (Vec<PlantDescription>, Vec<Field>, Vec<FaultKindDescr
 }
 
 /// Kinds of faults, of the running session or of the built-in plants.
-fn kinds(line: &Line) -> Vec<Kind> {
+fn kinds(line: &Line) -> Vec<ListedKind> {
     let (plants, reference, shared) = plants(line);
-    let mut found: Vec<Kind> = (plants.iter())
+    let mut found: Vec<ListedKind> = (plants.iter())
         .flat_map(|one| kinds_of(one, &reference, &shared))
         .collect();
     found.sort_by(|a, b| a.kind.cmp(&b.kind));
@@ -299,9 +299,9 @@ fn kinds(line: &Line) -> Vec<Kind> {
 }
 
 /// Kinds that the line names, or all.
-fn meant(line: &Line) -> Vec<Kind> {
+fn meant(line: &Line) -> Vec<ListedKind> {
     let kinds = kinds(line);
-    let named: Vec<Kind> = (kinds.iter())
+    let named: Vec<ListedKind> = (kinds.iter())
         .filter(|kind| line.has(&kind.kind))
         .cloned()
         .collect();

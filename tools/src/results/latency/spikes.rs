@@ -7,7 +7,7 @@
 
 use serde::Serialize;
 use shared_types::record::Timing;
-use shared_types::surroundings::ThreadStatistics;
+use shared_types::thread::ThreadStatistics;
 
 use crate::terminal::duration::shown_ns;
 

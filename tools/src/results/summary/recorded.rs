@@ -8,7 +8,7 @@ use shared_types::describe::Description;
 use shared_types::realtime::{Granted, Report};
 
 use super::{BY_HAND, Origin, Program, Summary};
-use crate::results::ended::Ended;
+use crate::results::ended::EndedRun;
 use crate::results::handover::Laws;
 use crate::results::recorded_run::RecordedRun;
 use crate::results::settings::{Realtime, Recorder};
@@ -20,7 +20,7 @@ const EVIDENCE: [&str; 5] = ["in-process", "sil", "sil-emulated", "pil", "hil"];
 impl Summary {
     /// The summary of a run by what its recording says.
     #[must_use]
-    pub(crate) fn of_recording(run: &RecordedRun, reader: &RunReader, ended: &Ended) -> Self {
+    pub(crate) fn of_recording(run: &RecordedRun, reader: &RunReader, ended: &EndedRun) -> Self {
         let plan = &run.plan;
         let fact = |name| reader.fact(name).unwrap_or_default();
         let evidence = fact("evidence");

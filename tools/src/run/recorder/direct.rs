@@ -12,7 +12,7 @@ use shared_types::link::LinkError;
 use shared_types::record::{Event, RecordLayout};
 use shared_types::stream::{Item, RecordSink, RecordSource};
 
-use super::work::Work;
+use super::work::RecorderWork;
 use super::{NAP, Shared};
 use crate::results::recorded::Recorded;
 use crate::run::attach::refuse_other_layout;
@@ -30,7 +30,7 @@ pub(crate) fn take_run(
     mut is_over: impl FnMut() -> bool,
 ) -> Recorded {
     let shared = Arc::new(Shared::default());
-    let work = Work::new(plan, None, Vec::new(), shared).without_latency();
+    let work = RecorderWork::new(plan, None, Vec::new(), shared).without_latency();
     let mut work = work.with_curve(grid);
     work.attach(layout.clone());
     let mut nap = FIRST_NAP;
@@ -53,7 +53,7 @@ pub(crate) fn take_run(
 /// A sink whose items are taken at once. Its copies are the same recorder.
 #[derive(Clone)]
 pub(crate) struct DirectRecorder {
-    work: Rc<RefCell<Work>>,
+    work: Rc<RefCell<RecorderWork>>,
     shared: Arc<Shared>,
     layout: RecordLayout,
 }
@@ -62,7 +62,7 @@ impl DirectRecorder {
     /// Makes a recorder of records of this layout, which takes a curve if there is a grid for it.
     pub(crate) fn new(plan: Plan, layout: RecordLayout, grid: Option<Arc<Grid>>) -> Self {
         let shared = Arc::new(Shared::default());
-        let work = Work::new(plan, None, Vec::new(), Arc::clone(&shared)).without_latency();
+        let work = RecorderWork::new(plan, None, Vec::new(), Arc::clone(&shared)).without_latency();
         Self {
             work: Rc::new(RefCell::new(work.with_curve(grid))),
             shared,

@@ -41,7 +41,7 @@ fn taken(clock: Clock, items: Vec<Item<'_>>) -> Recorded {
     shared.finish.store(true, Ordering::Release);
     let mut plan = plan();
     plan.run.clock = clock;
-    let mut work = Work::new(plan, None, vec![], shared);
+    let mut work = RecorderWork::new(plan, None, vec![], shared);
     work.layout = layout();
     work.drain(&mut Once(items));
     work.finish()
@@ -208,7 +208,7 @@ fn the_stream_of_a_dead_plant_is_taken_to_its_end() {
     let shared = Arc::new(Shared::default());
     // All that is known of the run: it is over.
     shared.finish.store(true, Ordering::Release);
-    let mut work = Work::new(plan(), None, vec![], Arc::clone(&shared));
+    let mut work = RecorderWork::new(plan(), None, vec![], Arc::clone(&shared));
     work.layout = layout();
     work.drain(&mut Left {
         records: 500,

@@ -28,7 +28,7 @@ use crate::session::happening::Happening;
 use crate::session::standing;
 
 /// The thread's own state.
-pub(super) struct Work {
+pub(super) struct RecorderWork {
     plan: Plan,
     recording_plan: Option<RecordingPlan>,
     /// After how many records the digest is wanted besides.
@@ -43,7 +43,7 @@ pub(super) struct Work {
     collector: Collector,
 }
 
-impl Work {
+impl RecorderWork {
     pub(super) fn new(
         plan: Plan,
         recording_plan: Option<RecordingPlan>,

@@ -119,7 +119,7 @@ pub(super) fn of(possible: &Possible) -> serde_json::Value {
 
 /// Kind of fault, with what it acts on and its keys.
 #[derive(Clone, Debug)]
-pub(crate) struct Kind {
+pub(crate) struct ListedKind {
     pub(crate) kind: String,
     pub(crate) summary: String,
     pub(crate) targets: Vec<String>,
@@ -132,7 +132,7 @@ pub(crate) fn kinds_of(
     plant: &PlantDescription,
     reference: &[Field],
     shared: &[FaultKindDescription],
-) -> Vec<Kind> {
+) -> Vec<ListedKind> {
     let listing = Listing::new(plant, reference, shared);
     (listing.faults.into_iter())
         .map(|entry| {
@@ -140,7 +140,7 @@ pub(crate) fn kinds_of(
                 .map(|selector| (selector, "the target by its number".to_owned()));
             let sizes = (entry.parameters.into_iter()).map(|field| (field.name, field.description));
             let list = (entry.list.into_iter()).map(|list| (list.key, list.description));
-            Kind {
+            ListedKind {
                 kind: entry.kind,
                 summary: entry.summary,
                 targets: entry.targets,

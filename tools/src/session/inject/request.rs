@@ -17,7 +17,7 @@ use crate::arguments::inject::{InjectArguments, nearest_options};
 use text::{float, head, profile, rows, string, values};
 
 /// A kind of fault as the command line needs it.
-struct Kind<'a> {
+struct FaultKind<'a> {
     name: &'a str,
     target: TargetKey<'a>,
     fields: Vec<&'a Field>,
@@ -57,7 +57,7 @@ struct Sorted<'a> {
 /// # Errors
 /// Everything that is not understood.
 pub fn toml(arguments: &InjectArguments, possible: &Possible) -> Result<String, Vec<Refusal>> {
-    let kind = Kind::find(arguments.kind.as_deref().unwrap_or_default(), possible)?;
+    let kind = FaultKind::find(arguments.kind.as_deref().unwrap_or_default(), possible)?;
     let sorted = kind.sort(arguments)?;
     let mut refusals = Vec::new();
     let profile = profile(arguments).unwrap_or_else(|refusal| {
@@ -118,7 +118,7 @@ pub fn toml(arguments: &InjectArguments, possible: &Possible) -> Result<String, 
     Ok(text)
 }
 
-impl<'a> Kind<'a> {
+impl<'a> FaultKind<'a> {
     fn find(name: &str, possible: &'a Possible) -> Result<Self, Vec<Refusal>> {
         let own = possible.plant.faults.iter().map(Self::of_plant);
         let shared = possible.kinds.iter().map(Self::shared);

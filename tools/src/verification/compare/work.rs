@@ -9,13 +9,13 @@ use shared_types::table::near;
 use shared_types::time::{Rate, Step};
 
 use super::{
-    CompareError, Comparison, Deviation, Difference, GONE, RECORD, Side, SignalDifference, Verdict,
-    number,
+    CompareError, ComparedRun, Comparison, Deviation, Difference, GONE, RECORD, SignalDifference,
+    Verdict, number,
 };
 use crate::arguments::tolerance::Tolerances;
 
 /// A comparison going on.
-pub(super) struct Work {
+pub(super) struct ComparisonPass {
     rate: Rate,
     /// Signals were named; then nothing else counts.
     is_selected: bool,
@@ -86,7 +86,7 @@ struct Pair {
     deviation: Deviation,
 }
 
-impl Work {
+impl ComparisonPass {
     pub(super) fn new(
         a: &RunReader,
         b: &RunReader,
@@ -254,7 +254,7 @@ impl Work {
     }
 
     pub(super) fn finish(self, a: &RunReader, b: &RunReader, names: (&Path, &Path)) -> Comparison {
-        let side = |reader: &RunReader, run: &Path| Side {
+        let side = |reader: &RunReader, run: &Path| ComparedRun {
             run: run.display().to_string(),
             records: reader.records(),
             digest: reader.digest(),

@@ -35,7 +35,7 @@ pub(super) enum Progress {
 
 /// End of a replay.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum End {
+pub(super) enum ReplayEnd {
     /// With the last step of the run, confirmed by the controller.
     Completed,
     /// With the last record, before the last step of the run.
@@ -48,7 +48,7 @@ pub(super) enum End {
 
 /// Result of a replay.
 pub(super) struct Replayed {
-    pub(super) end: End,
+    pub(super) end: ReplayEnd,
     /// `None` if no controller was welcomed.
     pub(super) comparison: Option<Comparison>,
     /// From the first sample to the end, in s.
@@ -75,7 +75,7 @@ pub(super) struct Host<L> {
     /// Samples answered, for who watches.
     answered: Arc<AtomicU64>,
     began_ns: u64,
-    end: Option<End>,
+    end: Option<ReplayEnd>,
 }
 
 impl<L: Link> Host<L> {
@@ -133,7 +133,7 @@ impl<L: Link> Host<L> {
         match self.side.on(event) {
             PlantAction::Abort(abort) => {
                 let code = abort.code();
-                self.give_up(code, End::Aborted(abort))
+                self.give_up(code, ReplayEnd::Aborted(abort))
             }
             _ => Ok(()),
         }
@@ -145,7 +145,7 @@ impl<L: Link> Host<L> {
             0 => 0,
             began_ns => monotonic_ns() - began_ns,
         };
-        let stopped = || End::Aborted(Abort::Stopped { at: self.side.at() });
+        let stopped = || ReplayEnd::Aborted(Abort::Stopped { at: self.side.at() });
         Replayed {
             end: self.end.unwrap_or_else(stopped),
             comparison: self.comparison,
@@ -223,7 +223,7 @@ impl<L: Link> Host<L> {
         let refusal = Control::Refusal {
             reason: reason.clone(),
         };
-        self.end = Some(End::Refused(reason));
+        self.end = Some(ReplayEnd::Refused(reason));
         self.link.send_control(&refusal.to_bytes())
     }
 
@@ -231,7 +231,7 @@ impl<L: Link> Host<L> {
     fn send(&mut self, step: Step) -> Result<Progress, LinkError> {
         if step.0 < self.original.plan.run.steps && !self.has_row() {
             self.side.on(&PlantEvent::Stop);
-            self.give_up(AbortCode::Stopped, End::Short)?;
+            self.give_up(AbortCode::Stopped, ReplayEnd::Short)?;
             return Ok(Progress::Over);
         }
         match self.side.on(&PlantEvent::Release) {
@@ -301,10 +301,10 @@ impl<L: Link> Host<L> {
                 self.index += 1;
                 self.answered.store(step.0 + 1, Ordering::Relaxed);
             }
-            PlantAction::Finish => self.end = Some(End::Completed),
+            PlantAction::Finish => self.end = Some(ReplayEnd::Completed),
             PlantAction::Abort(abort) => {
                 let code = abort.code();
-                self.give_up(code, End::Aborted(abort))?;
+                self.give_up(code, ReplayEnd::Aborted(abort))?;
             }
             PlantAction::Ignore(_) if self.contradicts(&header) => {
                 self.interrupt(&PlantEvent::Contradiction(Step(header.step)))?;
@@ -327,7 +327,7 @@ impl<L: Link> Host<L> {
     }
 
     /// Tells the controller and ends.
-    fn give_up(&mut self, code: AbortCode, end: End) -> Result<(), LinkError> {
+    fn give_up(&mut self, code: AbortCode, end: ReplayEnd) -> Result<(), LinkError> {
         let header = Header {
             directive: code as u64,
             ..Header::new(FrameKind::Abort, self.side.at())

@@ -65,7 +65,7 @@ impl<W: Write> Csv<W> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::table::Kind;
+    use super::super::table::CellKind;
     use super::*;
 
     #[test]
@@ -81,7 +81,7 @@ mod tests {
         let column = |name: &str| Column {
             name: name.into(),
             unit: String::new(),
-            kind: Kind::Number,
+            kind: CellKind::Number,
             is_optional: false,
         };
         let mut table = Csv::new(Vec::new(), &[column("step"), column("x_m"), column("ok")]);

@@ -14,7 +14,7 @@ use parquet::file::properties::{EnabledStatistics, WriterProperties};
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::Type;
 
-use super::table::{Cell, Column, Kind};
+use super::table::{Cell, CellKind, Column};
 
 /// Cells of a group of rows: 32 MiB of numbers.
 const GROUP_CELLS: usize = 1 << 22;
@@ -41,9 +41,9 @@ impl<W: Write + Send> Parquet<W> {
     pub(super) fn new(to: W, columns: &[Column]) -> io::Result<Self> {
         let fields = columns.iter().map(|column| {
             let (physical, logical) = match column.kind {
-                Kind::Number => (Physical::DOUBLE, None),
-                Kind::Count => (Physical::INT64, Some(LogicalType::integer(64, false))),
-                Kind::Flag => (Physical::BOOLEAN, None),
+                CellKind::Number => (Physical::DOUBLE, None),
+                CellKind::Count => (Physical::INT64, Some(LogicalType::integer(64, false))),
+                CellKind::Flag => (Physical::BOOLEAN, None),
             };
             let repetition = match column.is_optional {
                 true => Repetition::OPTIONAL,
@@ -69,10 +69,10 @@ impl<W: Write + Send> Parquet<W> {
         let schema = Arc::new(schema.map_err(io_error)?);
         let file = SerializedFileWriter::new(to, schema, Arc::new(properties)).map_err(io_error)?;
         let cells = |column: &Column| match column.kind {
-            Kind::Number => Cells::Numbers(Vec::new()),
-            Kind::Count if column.is_optional => Cells::OptionalCounts(Vec::new(), Vec::new()),
-            Kind::Count => Cells::Counts(Vec::new()),
-            Kind::Flag => Cells::Flags(Vec::new()),
+            CellKind::Number => Cells::Numbers(Vec::new()),
+            CellKind::Count if column.is_optional => Cells::OptionalCounts(Vec::new(), Vec::new()),
+            CellKind::Count => Cells::Counts(Vec::new()),
+            CellKind::Flag => Cells::Flags(Vec::new()),
         };
         Ok(Self {
             file,

@@ -8,7 +8,7 @@ use shared_types::table::near;
 use shared_types::time::Step;
 
 use super::origin::{self, Derived};
-use super::table::{Cell, Column, Kind};
+use super::table::{Cell, CellKind, Column};
 use crate::terminal::exit::Failure;
 
 /// The columns of a table.
@@ -70,7 +70,7 @@ impl Offer {
             offer.push(
                 &column.name,
                 &column.unit,
-                Kind::Number,
+                CellKind::Number,
                 Source::Number(word),
             );
         }
@@ -82,7 +82,7 @@ impl Offer {
             Ok(derived) => {
                 for (number, signal) in derived.signals.iter().enumerate() {
                     let source = Source::Derived(number);
-                    offer.push(&signal.name, &signal.unit, Kind::Number, source);
+                    offer.push(&signal.name, &signal.unit, CellKind::Number, source);
                 }
                 offer.derived = Some(derived);
             }
@@ -98,12 +98,12 @@ impl Offer {
                 name if name.ends_with("_ns") => Source::Measured(word),
                 _ => Source::Exchanged(word),
             };
-            offer.push(&column.name, "", Kind::Count, source);
+            offer.push(&column.name, "", CellKind::Count, source);
         }
         offer
     }
 
-    fn push(&mut self, name: &str, unit: &str, kind: Kind, source: Source) {
+    fn push(&mut self, name: &str, unit: &str, kind: CellKind, source: Source) {
         self.columns.push(Column {
             name: name.into(),
             unit: unit.into(),
@@ -140,7 +140,7 @@ impl Offer {
                 tell!("note: derived signals are left out: {why}");
             }
             return Ok(all
-                .filter(|&index| self.columns[index].kind == Kind::Number)
+                .filter(|&index| self.columns[index].kind == CellKind::Number)
                 .collect());
         }
         let (mut chosen, mut seen) = (Vec::new(), BTreeSet::new());
@@ -202,8 +202,8 @@ impl Selection {
             is_optional: false,
         };
         let mut columns = vec![
-            column("step", "", Kind::Count),
-            column("time_s", "s", Kind::Number),
+            column("step", "", CellKind::Count),
+            column("time_s", "s", CellKind::Number),
         ];
         let mut sources = vec![Source::Step, Source::Time];
         for index in offer.chosen(reader, patterns)? {
@@ -211,7 +211,11 @@ impl Selection {
             columns.push(chosen.clone());
             sources.push(offer.sources[index]);
             if validity && let Some(invalid) = offer.invalid(reader, &chosen.name)? {
-                columns.push(column(&format!("{}.valid", chosen.name), "", Kind::Flag));
+                columns.push(column(
+                    &format!("{}.valid", chosen.name),
+                    "",
+                    CellKind::Flag,
+                ));
                 sources.push(invalid);
             }
         }

@@ -14,7 +14,7 @@ pub(super) struct Column {
     pub(super) name: String,
     /// Empty for counts and flags.
     pub(super) unit: String,
-    pub(super) kind: Kind,
+    pub(super) kind: CellKind,
     /// A cell may be missing.
     #[serde(skip)]
     pub(super) is_optional: bool,
@@ -23,7 +23,7 @@ pub(super) struct Column {
 /// Type of a column's cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum Kind {
+pub(super) enum CellKind {
     /// A physical number.
     Number,
     /// Steps, nanoseconds, bits.

@@ -8,7 +8,7 @@ use std::env;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 use shared_types::live::Request;
 
-use super::prepared::Prepared;
+use super::prepared::PreparedFault;
 
 /// Widths of the time axis, in s.
 const WINDOWS_S: [f64; 17] = [
@@ -84,13 +84,13 @@ pub(crate) struct Display {
     /// Last answer of the session.
     pub answer: Option<String>,
     /// Faults that keys put in.
-    pub prepared: Vec<Prepared>,
+    pub prepared: Vec<PreparedFault>,
 }
 
 impl Display {
     /// Before any key.
     #[must_use]
-    pub(crate) fn new(abilities: Abilities, window_s: f64, prepared: Vec<Prepared>) -> Self {
+    pub(crate) fn new(abilities: Abilities, window_s: f64, prepared: Vec<PreparedFault>) -> Self {
         Self {
             abilities,
             window_s,
@@ -194,7 +194,7 @@ mod tests {
             unicode: true,
             colour: true,
         };
-        let prepared = Prepared {
+        let prepared = PreparedFault {
             words: "bias x 1".into(),
             toml: "[[faults]]".into(),
         };

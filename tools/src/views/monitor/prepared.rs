@@ -29,7 +29,7 @@ const LOOK: Duration = Duration::from_millis(10);
 
 /// A fault that is ready to be put in.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Prepared {
+pub(crate) struct PreparedFault {
     /// Typed words.
     pub words: String,
     /// The request's text.
@@ -44,7 +44,7 @@ pub(crate) fn all(
     texts: &[String],
     session: &SessionInfo,
     plan: &Plan,
-) -> Result<Vec<Prepared>, RequestError> {
+) -> Result<Vec<PreparedFault>, RequestError> {
     if texts.is_empty() {
         return Ok(Vec::new());
     }
@@ -103,7 +103,7 @@ pub(crate) fn one(
     possible: &Possible,
     plan: &Plan,
     layout: &RecordLayout,
-) -> Result<Prepared, Vec<Refusal>> {
+) -> Result<PreparedFault, Vec<Refusal>> {
     let refused = |message: String| vec![Refusal::new(message)];
     let words = shlex::split(text).ok_or_else(|| refused("a quote is not closed".into()))?;
     let typed = ["hil", "inject"]
@@ -133,7 +133,7 @@ pub(crate) fn one(
     };
     (context.check(&toml, &layout.internal))
         .map_err(|problems| problems.0.iter().map(Refusal::from).collect::<Vec<_>>())?;
-    Ok(Prepared {
+    Ok(PreparedFault {
         words: text.into(),
         toml,
     })
@@ -144,7 +144,7 @@ mod tests {
     use super::*;
     use crate::views::monitor::model::tests::{layout, plan, possible};
 
-    fn prepared(text: &str) -> Result<Prepared, String> {
+    fn prepared(text: &str) -> Result<PreparedFault, String> {
         let plan = plan();
         one(text, &possible(&plan), &plan, &layout(&plan)).map_err(|problems| {
             let told: Vec<String> = problems.into_iter().map(|one| one.message).collect();

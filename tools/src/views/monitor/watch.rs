@@ -62,7 +62,7 @@ impl Watch {
         let stop = Arc::new(AtomicBool::new(false));
         let (failed, failures) = channel();
         let (tried, first) = channel();
-        let mut work = Work {
+        let mut work = WatchThread {
             session,
             model,
             audience,
@@ -109,7 +109,7 @@ impl Drop for Watch {
     }
 }
 
-struct Work {
+struct WatchThread {
     session: SessionInfo,
     model: SharedModel,
     audience: Option<Box<dyn Audience>>,
@@ -117,7 +117,7 @@ struct Work {
     stop: Arc<AtomicBool>,
 }
 
-impl Work {
+impl WatchThread {
     fn watch(&mut self, tried: &Sender<()>) -> Result<(), Failure> {
         let attached = self.attach(tried)?;
         if let Some(mut observer) = attached {

@@ -16,14 +16,14 @@ use crate::session::inject;
 use crate::session::live::{RequestError, refused_text};
 use crate::views::monitor::SharedModel;
 use crate::views::monitor::asking::{LIMIT, in_one_line, met};
-use crate::views::monitor::prepared::{self, Prepared};
+use crate::views::monitor::prepared::{self, PreparedFault};
 
 /// A button for a fault.
 pub(super) struct Button {
     /// Text on it.
     pub label: String,
     /// Fault.
-    pub fault: Prepared,
+    pub fault: PreparedFault,
 }
 
 /// Board that the pages of a session share.

@@ -43,7 +43,7 @@ const AT_ONCE: usize = 32;
 const END_LIMIT: Duration = Duration::from_secs(2);
 
 /// Question or deed that waits for the session's answer.
-enum Work {
+enum Errand {
     /// Something that the session is to do, with its number.
     Do(u32, Deed),
     /// The values that can be changed.
@@ -62,7 +62,7 @@ pub(super) struct Client<'a> {
     /// The socket has not taken everything.
     is_full: bool,
     heard_at: Instant,
-    work: SyncSender<Work>,
+    work: SyncSender<Errand>,
     answers: Receiver<String>,
 }
 
@@ -78,8 +78,8 @@ impl<'a> Client<'a> {
             }
             for work in asked {
                 let told = match work {
-                    Work::Do(number, deed) => Some(message::answer(number, &theirs.act(&deed))),
-                    Work::AskTunable => theirs.tunable().map(|told| told.to_string()),
+                    Errand::Do(number, deed) => Some(message::answer(number, &theirs.act(&deed))),
+                    Errand::AskTunable => theirs.tunable().map(|told| told.to_string()),
                 };
                 if let Some(told) = told
                     && answer.send(told).is_err()
@@ -155,7 +155,7 @@ impl<'a> Client<'a> {
                     let seen = (!model.is_paused()).then(|| model.retunings());
                     drop(model);
                     let is_news = seen.is_none() || seen != retunings;
-                    if is_news && self.work.try_send(Work::AskTunable).is_ok() {
+                    if is_news && self.work.try_send(Errand::AskTunable).is_ok() {
                         retunings = seen;
                     }
                     tunable_at = now + TUNABLE;
@@ -237,7 +237,8 @@ impl<'a> Client<'a> {
                     }
                 }
                 Ok(Wish::Do { number, deed }) => {
-                    if let Err(TrySendError::Full(_)) = self.work.try_send(Work::Do(number, deed)) {
+                    if let Err(TrySendError::Full(_)) = self.work.try_send(Errand::Do(number, deed))
+                    {
                         let busy = Err("the session has not answered yet".into());
                         self.say(message::answer(number, &busy).into())?;
                     }

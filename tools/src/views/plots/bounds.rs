@@ -11,7 +11,7 @@ pub(crate) struct Bound {
     /// Name of the requirement.
     pub requirement: String,
     /// First signal.
-    pub side: Side,
+    pub side: BoundedSignal,
     /// `<`, `<=`, `>`, `>=`, `==` or `!=`, as it stands between the side and the other.
     relation: &'static str,
     /// Level or second signal.
@@ -25,7 +25,7 @@ pub(crate) struct Bound {
 
 /// A signal that is compared.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Side {
+pub(crate) struct BoundedSignal {
     /// Recorded, derived or computed signal.
     pub signal: String,
     /// Comparison of its magnitude.
@@ -38,7 +38,7 @@ pub(crate) enum Other {
     /// A number.
     Level(f64),
     /// Another signal.
-    Signal(Side),
+    Signal(BoundedSignal),
 }
 
 /// The comparisons of a run's requirements, and the signals that must be computed to show them.
@@ -47,7 +47,7 @@ pub(crate) fn bounds(plan: &Plan, end_s: f64) -> (Vec<Bound>, Vec<Derived>) {
     let (mut bounds, mut extra) = (Vec::new(), Vec::<Derived>::new());
     for requirement in &plan.requirements {
         let mut side = |side: &Expression| match side.plain_signal() {
-            Some((signal, magnitude)) => Side {
+            Some((signal, magnitude)) => BoundedSignal {
                 signal: recorded_name(signal),
                 magnitude,
             },
@@ -60,7 +60,7 @@ pub(crate) fn bounds(plan: &Plan, end_s: f64) -> (Vec<Bound>, Vec<Derived>) {
                         expression: side.clone(),
                     });
                 }
-                Side {
+                BoundedSignal {
                     signal: text,
                     magnitude: false,
                 }
@@ -98,7 +98,7 @@ fn mirrored(relation: &'static str) -> &'static str {
     }
 }
 
-impl Side {
+impl BoundedSignal {
     /// The compared part of a value.
     fn compared(&self, value: f64) -> f64 {
         if self.magnitude { value.abs() } else { value }

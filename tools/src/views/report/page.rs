@@ -1,6 +1,6 @@
 //! The page of a report: everything that reads without a script, and the data for the script that draws.
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, html};
 use shared_types::number::unit_shown;
 
 use super::data::Data;
@@ -8,68 +8,51 @@ use super::plots::Plot;
 use super::run::{Run, Span};
 use super::tables;
 use crate::terminal::exit::Failure;
+use crate::views::offline_page::OfflinePage;
 
 pub(crate) const UPLOT: &str = include_str!("assets/uplot/uPlot.iife.min.js");
 pub(crate) const UPLOT_STYLE: &str = include_str!("assets/uplot/uPlot.min.css");
 const SCRIPT: &str = include_str!("assets/report.js");
-const STYLE: &str = include_str!("assets/report.css");
-/// Nothing is loaded, nothing is sent.
-pub(crate) const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'";
 
 /// The whole page.
 pub(super) fn page(runs: &[Run], plots: &[Plot], data: &Data) -> Result<String, Failure> {
     let title = title(runs);
-    // No text in it can end the element.
-    let json = serde_json::to_string(data)
-        .map_err(Failure::infrastructure)?
-        .replace('<', "\\u003c");
-    let page = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                meta http-equiv="Content-Security-Policy" content=(POLICY);
-                meta name="generator" content=(concat!("hil ", env!("CARGO_PKG_VERSION")));
-                title { (title) }
-                style { (PreEscaped(UPLOT_STYLE)) (PreEscaped(STYLE)) }
+    let body = html! {
+        header {
+            h1 { (title) }
+            p { (description(runs)) }
+        }
+        (toolbar(runs))
+        main {
+            section #runs { h2 { "Runs" } (tables::runs(runs)) }
+            section #requirements { h2 { "Requirements" } (tables::requirements(runs)) }
+            section #metrics { h2 { "Metrics" } (tables::metrics(runs)) }
+            section #faults { h2 { "Faults and controllers" } (tables::events(runs)) }
+            section #plots {
+                h2 { "Plots" }
+                noscript { p.note { "Plots need a browser with JavaScript; the tables do not." } }
+                (sections(plots))
             }
-            body {
-                a.skip href="#plots" { "Skip to the plots" }
-                header {
-                    h1 { (title) }
-                    p { (description(runs)) }
-                }
-                (toolbar(runs))
-                main {
-                    section #runs { h2 { "Runs" } (tables::runs(runs)) }
-                    section #requirements { h2 { "Requirements" } (tables::requirements(runs)) }
-                    section #metrics { h2 { "Metrics" } (tables::metrics(runs)) }
-                    section #faults { h2 { "Faults and controllers" } (tables::events(runs)) }
-                    section #plots {
-                        h2 { "Plots" }
-                        noscript { p.note { "Plots need a browser with JavaScript; the tables do not." } }
-                        (sections(plots))
-                    }
-                    (picker(data))
-                    section #latency {
-                        h2 { "Latency" }
-                        (tables::latency(runs))
-                        div.plots #histograms {}
-                        h3 { "The longest round trips" }
-                        (tables::spikes(runs))
-                    }
-                    section #provenance { h2 { "Provenance" } (tables::provenance(runs)) }
-                }
-                footer { p { "Made by hil " (env!("CARGO_PKG_VERSION")) ", commit " (env!("HIL_COMMIT")) ". Plots by uPlot, MIT licence." } }
-                p #status .visually-hidden role="status" aria-live="polite" {}
-                script #data type="application/json" { (PreEscaped(json)) }
-                script { (PreEscaped(UPLOT)) }
-                script { (PreEscaped(SCRIPT)) }
+            (picker(data))
+            section #latency {
+                h2 { "Latency" }
+                (tables::latency(runs))
+                div.plots #histograms {}
+                h3 { "The longest round trips" }
+                (tables::spikes(runs))
             }
+            section #provenance { h2 { "Provenance" } (tables::provenance(runs)) }
         }
     };
-    Ok(page.into_string())
+    let page = OfflinePage {
+        title: &title,
+        styles: [UPLOT_STYLE, ""],
+        body,
+        credit: Some("Plots by uPlot, MIT licence."),
+        data,
+        scripts: &[UPLOT, SCRIPT],
+    };
+    page.write()
 }
 
 fn title(runs: &[Run]) -> String {

@@ -105,7 +105,7 @@ fn in_lockstep_each_sample_is_answered_once_whatever_the_wire_does() {
         for seed in 0..50 {
             let mut random = Random(seed);
             let mut lines = [Line::new(percent), Line::new(percent)];
-            let (mut desk, mut target) = (Desk::new(false, BEAT_NS), TargetEnd::new(false));
+            let (mut desk, mut target) = (DeskEnd::new(false, BEAT_NS), TargetEnd::new(false));
             let (mut state, mut bytes, mut got) = (7, Vec::new(), Vec::new());
             let mut ticks = 0;
             desk.say(&sample(0), &[0.0]);
@@ -202,7 +202,7 @@ fn against_the_clock_what_a_command_names_completes_the_list_of_all_answers() {
         for seed in 0..50 {
             let mut random = Random(seed);
             let mut lines = [Line::new(percent), Line::new(percent)];
-            let (mut desk, mut target) = (Desk::new(true, BEAT_NS), TargetEnd::new(true));
+            let (mut desk, mut target) = (DeskEnd::new(true, BEAT_NS), TargetEnd::new(true));
             let mut bytes = Vec::new();
             let mut world = Realtime {
                 step: 0,
@@ -286,7 +286,7 @@ fn against_the_clock_what_a_command_names_completes_the_list_of_all_answers() {
 
 #[test]
 fn a_sample_is_never_repeated_against_the_clock() {
-    let (mut desk, mut bytes) = (Desk::new(true, BEAT_NS), Vec::new());
+    let (mut desk, mut bytes) = (DeskEnd::new(true, BEAT_NS), Vec::new());
     desk.say(&sample(3), &[0.0]);
     desk.packet(1, &mut bytes);
     assert!(Packet::read(&bytes).expect("a packet").frame.is_some());
@@ -296,7 +296,7 @@ fn a_sample_is_never_repeated_against_the_clock() {
 
 #[test]
 fn a_repeated_frame_gets_the_stored_answer_and_the_law_no_step() {
-    let (mut desk, mut target) = (Desk::new(false, BEAT_NS), TargetEnd::new(false));
+    let (mut desk, mut target) = (DeskEnd::new(false, BEAT_NS), TargetEnd::new(false));
     let mut bytes = Vec::new();
     let read = |bytes: &[u8]| Packet::read(bytes).expect("a packet");
     desk.say(&sample(0), &[1.0]);
@@ -324,7 +324,7 @@ fn a_sample_is_repeated_in_lockstep_alone_and_an_end_always() {
             (sample(3), !against_clock),
             (Header::new(FrameKind::End, Step(4)), true),
         ] {
-            let mut desk = Desk::new(against_clock, BEAT_NS);
+            let mut desk = DeskEnd::new(against_clock, BEAT_NS);
             desk.say(&header, &[0.0]);
             desk.packet(1, &mut bytes);
             let is_soon = desk.due_ns() < BEAT_NS;
@@ -335,7 +335,7 @@ fn a_sample_is_repeated_in_lockstep_alone_and_an_end_always() {
 
 #[test]
 fn the_other_end_cannot_have_heard_what_was_never_said() {
-    let (mut desk, mut bytes) = (Desk::new(false, BEAT_NS), Vec::new());
+    let (mut desk, mut bytes) = (DeskEnd::new(false, BEAT_NS), Vec::new());
     desk.say(&sample(0), &[0.0]);
     desk.packet(1, &mut bytes);
     let lie = Packet {

@@ -4,30 +4,30 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::tree::{Element, shortened};
 use super::{
-    BASE_UNITS, BaseUnit, Causality, Dependency, DescriptionError, Kind, ModelDescription, Unit,
-    Variable, Version,
+    BASE_UNITS, BaseUnit, Causality, Dependency, DescriptionError, ModelDescription, Unit,
+    Variable, VariableType, Version,
 };
 
 /// Most elements of an array.
 const MOST_ELEMENTS: usize = 65_536;
 
 /// Element names of FMI 3 and the types they stand for.
-const KINDS: [(&str, Kind); 15] = [
-    ("Float32", Kind::Float32),
-    ("Float64", Kind::Float64),
-    ("Int8", Kind::Int8),
-    ("UInt8", Kind::UInt8),
-    ("Int16", Kind::Int16),
-    ("UInt16", Kind::UInt16),
-    ("Int32", Kind::Int32),
-    ("UInt32", Kind::UInt32),
-    ("Int64", Kind::Int64),
-    ("UInt64", Kind::UInt64),
-    ("Boolean", Kind::Boolean),
-    ("Enumeration", Kind::Enumeration),
-    ("String", Kind::String),
-    ("Binary", Kind::Binary),
-    ("Clock", Kind::Clock),
+const KINDS: [(&str, VariableType); 15] = [
+    ("Float32", VariableType::Float32),
+    ("Float64", VariableType::Float64),
+    ("Int8", VariableType::Int8),
+    ("UInt8", VariableType::UInt8),
+    ("Int16", VariableType::Int16),
+    ("UInt16", VariableType::UInt16),
+    ("Int32", VariableType::Int32),
+    ("UInt32", VariableType::UInt32),
+    ("Int64", VariableType::Int64),
+    ("UInt64", VariableType::UInt64),
+    ("Boolean", VariableType::Boolean),
+    ("Enumeration", VariableType::Enumeration),
+    ("String", VariableType::String),
+    ("Binary", VariableType::Binary),
+    ("Clock", VariableType::Clock),
 ];
 
 type Types<'a> = BTreeMap<&'a str, &'a Element>;
@@ -215,13 +215,13 @@ fn variables(root: &Element, version: Version) -> Result<Vec<Variable>, Descript
     Ok(variables)
 }
 
-fn two(element: &Element) -> Option<Kind> {
+fn two(element: &Element) -> Option<VariableType> {
     Some(match element.name.as_str() {
-        "Real" => Kind::Float64,
-        "Integer" => Kind::Int32,
-        "Boolean" => Kind::Boolean,
-        "Enumeration" => Kind::Enumeration,
-        "String" => Kind::String,
+        "Real" => VariableType::Float64,
+        "Integer" => VariableType::Int32,
+        "Boolean" => VariableType::Boolean,
+        "Enumeration" => VariableType::Enumeration,
+        "String" => VariableType::String,
         _ => return None,
     })
 }
@@ -230,7 +230,7 @@ fn two(element: &Element) -> Option<Kind> {
 fn variable(
     element: &Element,
     of: &Element,
-    kind: Kind,
+    kind: VariableType,
     types: &Types<'_>,
 ) -> Result<Variable, DescriptionError> {
     let declared = of.text("declaredType").and_then(|name| types.get(name));
@@ -244,11 +244,11 @@ fn variable(
     let (mut min, mut max) = (None, None);
     if !matches!(
         kind,
-        Kind::Boolean | Kind::String | Kind::Binary | Kind::Clock
+        VariableType::Boolean | VariableType::String | VariableType::Binary | VariableType::Clock
     ) {
         (min, max) = (inherited("min")?, inherited("max")?);
     }
-    if let (Kind::Enumeration, Some(declared)) = (kind, declared) {
+    if let (VariableType::Enumeration, Some(declared)) = (kind, declared) {
         let items = declared.children.iter().filter(|item| item.name == "Item");
         for item in items {
             let value: f64 = item
@@ -294,14 +294,14 @@ fn causality(element: &Element) -> Result<Causality, DescriptionError> {
     })
 }
 
-fn start(of: &Element, kind: Kind) -> Result<Vec<f64>, DescriptionError> {
+fn start(of: &Element, kind: VariableType) -> Result<Vec<f64>, DescriptionError> {
     let Some(text) = of.text("start").filter(|_| kind.range().is_some()) else {
         return Ok(Vec::new());
     };
     let number = |word: &str| match (kind, word) {
-        (Kind::Boolean, "true") => Some(1.0),
-        (Kind::Boolean, "false") => Some(0.0),
-        (Kind::Float32 | Kind::Float64, _) => word.parse().ok(),
+        (VariableType::Boolean, "true") => Some(1.0),
+        (VariableType::Boolean, "false") => Some(0.0),
+        (VariableType::Float32 | VariableType::Float64, _) => word.parse().ok(),
         (_, _) => whole(word),
     };
     let numbers = text.split_ascii_whitespace().map(number);

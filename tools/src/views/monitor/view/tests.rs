@@ -8,7 +8,7 @@ use shared_types::record::FaultEffectSize;
 use super::*;
 use crate::session::standing::Standing;
 use crate::views::monitor::model::tests::{attached, feed, layout, plan};
-use crate::views::monitor::prepared::Prepared;
+use crate::views::monitor::prepared::PreparedFault;
 
 /// Seven requirements, one of which failed, and two faults.
 fn busy() -> Model {
@@ -64,7 +64,7 @@ fn display(colour: bool) -> Display {
         unicode: true,
         colour,
     };
-    let prepared = Prepared {
+    let prepared = PreparedFault {
         words: "leakage --actuator 1,2 --coefficient 5e-7,1e-7 --speed 10,0.5".into(),
         toml: String::new(),
     };

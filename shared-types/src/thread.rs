@@ -1,4 +1,4 @@
-//! Surroundings of a thread while it worked: on which core it ran, how often it was switched out,
+//! Statistics of a thread while it worked: on which core it ran, how often it was switched out,
 //! how many pages it faulted in.
 //!
 //! The engine and the runner watch their own threads. These are system calls, so they are made after
