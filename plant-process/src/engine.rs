@@ -23,7 +23,7 @@ use shared_types::wait::{Sleeper, WaitLimit};
 
 use crate::checkpoint::SavedPlant;
 use crate::faults::{FaultBuilder, FaultKindEntry, FaultLayer};
-use crate::guard::Guard;
+use crate::guard::Guards;
 use crate::job::Job;
 use crate::plant::{Model, PlantKind};
 use crate::request_queue::RequestQueue;
@@ -94,7 +94,7 @@ struct Plant {
     builder: Arc<FaultBuilder>,
     faults: FaultLayer,
     tuning: Tuning,
-    guard: Guard,
+    guards: Guards,
 }
 
 impl<L: Link, S: RecordSink> Engine<L, S> {
@@ -145,7 +145,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         }
         let plant = Plant {
             model,
-            guard: Guard::new(&description.truth, &job.plant.limits)?,
+            guards: Guards::new(&description, &job.plant.limits)?,
             faults: FaultLayer::new(&builder, &job.faults)?,
             tuning: Tuning::new(
                 job.run.rate,

@@ -105,19 +105,19 @@ impl Rows {
         &mut self.received
     }
 
-    /// Makes the frame of what was received; gives the header that goes with it.
-    pub fn take_frame(&mut self, header: Header) -> Header {
+    /// Makes the frame of what was received, and the header that goes with it.
+    pub fn take_frame(&mut self, header: &mut Header) {
         let Some(places) = &self.places else {
             std::mem::swap(&mut self.frame, &mut self.received);
-            return header;
+            return;
         };
         let mut invalid = [0; VALIDITY_WORDS];
         for (index, place) in places.iter().enumerate() {
-            let (value, is_valid) = received(&self.received, &header, *place);
+            let (value, is_valid) = received(&self.received, header, *place);
             self.frame[index] = value;
             invalid[index / 64] |= u64::from(!is_valid) << (index % 64);
         }
-        Header { invalid, ..header }
+        header.invalid = invalid;
     }
 
     /// Returns true if what was received with `header` differs from the frame with the header `taken`.
@@ -315,7 +315,7 @@ mod tests {
         rows.receiver().copy_from_slice(&[1.0, 2.0, 3.0]);
         let mut header = Header::new(FrameKind::Command, Step(0));
         header.invalid[0] = 0b100; // its error_m
-        let header = rows.take_frame(header);
+        rows.take_frame(&mut header);
         // spare_m, drive_m, error_m, sum_m as the first controller sent them.
         assert!(rows.frame[0].is_nan() && rows.frame[3].is_nan());
         assert_eq!(rows.frame[1..3], [1.0, 3.0]);
@@ -330,7 +330,9 @@ mod tests {
         rows.rebind(&welcome(2, &["spare_m", "drive_m"], &["error_m", "sum_m"]));
         rows.receiver().copy_from_slice(&[1.0, 2.0, 3.0, 4.0]);
         let header = Header::new(FrameKind::Command, Step(0));
-        assert_eq!(rows.take_frame(header), header);
+        let mut taken = header;
+        rows.take_frame(&mut taken);
+        assert_eq!(taken, header);
         assert_eq!(rows.frame, [1.0, 2.0, 3.0, 4.0]);
     }
 
@@ -343,7 +345,8 @@ mod tests {
             }
             let header = Header::new(FrameKind::Command, Step(0));
             rows.receiver().copy_from_slice(&[1.0, 2.0, 3.0, 4.0]);
-            let taken = rows.take_frame(header);
+            let mut taken = header;
+            rows.take_frame(&mut taken);
             let frame = rows.frame.clone();
             rows.receiver().copy_from_slice(&[1.0, 2.0, 3.0, 4.0]);
             assert!(!rows.differs(&header, &taken));

@@ -10,6 +10,19 @@ use shared_types::wait::WaitLimit;
 
 use crate::repeat::Repetition;
 
+/// How a step meets the newest command.
+#[derive(Clone, Copy)]
+pub(crate) struct Met {
+    /// Steps since the one that the command was sent for.
+    pub held_steps: u32,
+    /// Age of the command's content in steps, as it comes to the plant.
+    pub age_steps: u32,
+    /// As in [`Command`].
+    pub round_trip_ns: u64,
+    /// As in [`Command`].
+    pub work_ns: u64,
+}
+
 /// Newest command, and what became of those before it.
 #[derive(Default)]
 pub(super) struct Commands {
@@ -22,11 +35,11 @@ pub(super) struct Commands {
     pub repetition: Option<Repetition>,
 }
 
-/// Command that a step meets.
+/// The newest command.
 #[derive(Clone, Copy)]
 pub(super) struct Command {
     pub header: Header,
-    /// Steps since the one it was sent for.
+    /// Steps since the one that it was sent for, at the step that met it last.
     pub held_steps: u32,
     /// From sending its sample, or when that was due, to having it; 0 if none came at this step.
     /// Of a late command and the one after it, those of the late one.
@@ -55,10 +68,10 @@ impl Command {
 
 impl Commands {
     /// Makes a command the newest.
-    pub(super) fn came(&mut self, header: Header, received_ns: u64, round_trip_ns: u64) {
+    pub(super) fn came(&mut self, header: &Header, received_ns: u64, round_trip_ns: u64) {
         self.heard_ns = received_ns;
         let newest = &mut self.newest;
-        newest.header = header;
+        newest.header = *header;
         if round_trip_ns > newest.round_trip_ns {
             (newest.round_trip_ns, newest.work_ns) = (round_trip_ns, header.work_ns);
         }
@@ -66,14 +79,19 @@ impl Commands {
 
     /// Gives a step the newest command; it counts as missed if it is of an earlier step and there is a
     /// controller.
-    pub(super) fn meet(&mut self, step: Step, is_alone: bool) -> Command {
-        self.newest.held_steps = (step.0 - self.newest.header.step) as u32;
-        if self.newest.held_steps > 0 && !is_alone {
+    pub(super) fn meet(&mut self, step: Step, is_alone: bool) -> Met {
+        let newest = &mut self.newest;
+        let held_steps = (step.0 - newest.header.step) as u32;
+        newest.held_steps = held_steps;
+        if held_steps > 0 && !is_alone {
             self.missed.note(step);
         }
-        let met = self.newest;
-        (self.newest.round_trip_ns, self.newest.work_ns) = (0, 0);
-        met
+        Met {
+            held_steps,
+            age_steps: newest.header.age_steps.saturating_add(held_steps),
+            round_trip_ns: std::mem::take(&mut newest.round_trip_ns),
+            work_ns: std::mem::take(&mut newest.work_ns),
+        }
     }
 
     /// Tells if no command came for the wait limit.

@@ -9,9 +9,8 @@ use shared_types::record::{Outcome, Timing};
 use shared_types::stream::RecordSink;
 use shared_types::time::{Interval, Step};
 
-use super::commands::Command;
+use super::commands::Met;
 use super::{Engine, Progress};
-use crate::guard::first_bad;
 
 impl<L: Link, S: RecordSink> Engine<L, S> {
     /// After a sample was sent: take the command that answers it and integrate to the next step.
@@ -30,8 +29,8 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         if self.side.is_alone() {
             return self.go_on_alone();
         }
-        if let Some(header) = self.link.receive(self.rows.receiver())?
-            && self.hears(header)?
+        if let Some(mut header) = self.link.receive(self.rows.receiver())?
+            && self.hears(&mut header)?
         {
             return Ok(Progress::Busy);
         }
@@ -46,19 +45,19 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
 
     /// Does what a frame of the controller asks for; false if it gets the run no further, and what was
     /// awaited still is.
-    fn hears(&mut self, header: Header) -> Result<bool, LinkError> {
+    fn hears(&mut self, header: &mut Header) -> Result<bool, LinkError> {
         let before = self.side.standing();
-        match self.side.on(&PlantEvent::Frame(&header)) {
+        match self.side.on(&PlantEvent::Frame(header)) {
             PlantAction::Apply(step) => {
-                let header = self.rows.take_frame(header);
+                self.rows.take_frame(header);
                 self.take(step, header)?;
             }
             PlantAction::Keep => {
-                let header = self.rows.take_frame(header);
+                self.rows.take_frame(header);
                 self.keep(header);
             }
             PlantAction::Finish => self.finish(Outcome::Completed, None)?,
-            PlantAction::Ignore(_) if self.contradicts(&header) => {
+            PlantAction::Ignore(_) if self.contradicts(header) => {
                 self.interrupt(&PlantEvent::Contradiction(Step(header.step)))?;
             }
             action => self.react(&action)?,
@@ -77,7 +76,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     }
 
     /// Takes the command that answers a step, or what it had to do with in the run that is repeated.
-    fn take(&mut self, step: Step, header: Header) -> Result<(), LinkError> {
+    fn take(&mut self, step: Step, header: &Header) -> Result<(), LinkError> {
         let received_ns = monotonic_ns();
         if step == self.first
             && let Some(pacer) = &mut self.pacer
@@ -88,7 +87,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         let round_trip_ns = received_ns - self.sample.sent_ns;
         (self.commands).came(header, received_ns, round_trip_ns);
         if let Some(repetition) = &mut self.commands.repetition {
-            match repetition.exchange(step, header, &mut self.rows.frame) {
+            match repetition.exchange(step, *header, &mut self.rows.frame) {
                 Ok(header) => self.commands.newest.header = header,
                 Err(reason) => return self.give_up(Outcome::Failed, AbortCode::Other, reason),
             }
@@ -97,7 +96,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     }
 
     /// Keeps a command that came too late for its own step.
-    fn keep(&mut self, header: Header) {
+    fn keep(&mut self, header: &Header) {
         let received_ns = monotonic_ns();
         let due_ns = (self.pacer).map_or(0, |pacer| pacer.due_ns(Step(header.step)));
         let round_trip_ns = received_ns.saturating_sub(due_ns);
@@ -137,20 +136,20 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             return self.recorder_late();
         }
         let met = self.commands.meet(step, self.side.is_alone());
-        let header = &Header {
-            age_steps: met.header.age_steps.saturating_add(met.held_steps),
-            work_ns: met.work_ns,
-            ..met.header
-        };
+        let header = &self.commands.newest.header;
         let (rows, plant) = (&mut self.rows, &mut self.plant);
         rows.take_command(header);
-        let commands = &plant.description.commands;
-        if let Err(bad) = first_bad(commands, &rows.command) {
+        if let Err(bad) = plant.guards.command.check(&rows.command) {
             let reason = format!("controller's command of step {}: {bad}", header.step);
             return self.give_up(Outcome::Failed, AbortCode::NotANumber, reason);
         }
         let command = (&rows.command[..], &mut rows.command_invalid);
-        let age_steps = (plant.faults).command(step, header, command, &mut rows.applied);
+        let age_steps = (plant.faults).command(
+            step,
+            (met.age_steps, met.work_ns),
+            command,
+            &mut rows.applied,
+        );
 
         let rate = self.job.run.rate;
         let time_s = rate.seconds(step);
@@ -158,7 +157,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         if let Err(failure) = told {
             return self.failed(step, &failure);
         }
-        if let Err(bad) = plant.guard.check(&rows.truth) {
+        if let Err(bad) = plant.guards.truth.check(&rows.truth) {
             if rows.truth.iter().all(|value| value.is_finite()) {
                 self.note_record(step, &met, age_steps, received_ns);
             }
@@ -180,14 +179,8 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     }
 
     /// Writes down the record of a step; it is published while the controller works on the next.
-    fn note_record(&mut self, step: Step, met: &Command, age_steps: u32, received_ns: u64) {
-        let Command {
-            header,
-            held_steps,
-            round_trip_ns,
-            work_ns,
-        } = met;
-        let round_trip_ns = *round_trip_ns;
+    fn note_record(&mut self, step: Step, met: &Met, age_steps: u32, received_ns: u64) {
+        let header = &self.commands.newest.header;
         let took_ns = received_ns - self.sample.sent_ns + self.timing.plant_ns;
         self.timing = Timing {
             time_ns: self.job.run.rate.nanoseconds(step),
@@ -195,11 +188,11 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             sample_age_steps: u64::from(self.sample.age_steps),
             command_age_steps: u64::from(age_steps),
             published_ns: received_ns,
-            round_trip_ns,
-            controller_ns: *work_ns,
+            round_trip_ns: met.round_trip_ns,
+            controller_ns: met.work_ns,
             plant_ns: self.timing.plant_ns,
             late_ns: self.sample.late_ns,
-            held_steps: u64::from(*held_steps),
+            held_steps: u64::from(met.held_steps),
             answered: header.directive,
             plant_surroundings: self.sampler.after(took_ns),
             controller_surroundings: header.surroundings,
@@ -217,7 +210,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         if let Err(failure) = told {
             return self.failed(step, &failure);
         }
-        if let Err(bad) = self.plant.guard.check(&rows.truth) {
+        if let Err(bad) = self.plant.guards.truth.check(&rows.truth) {
             return self.diverged(step, &bad.to_string());
         }
         self.timing = Timing {

@@ -13,7 +13,6 @@ use shared_types::time::Step;
 
 use super::{Engine, Plant, Progress};
 use crate::checkpoint::SavedPlant;
-use crate::guard::first_bad;
 use crate::stimulus;
 
 /// Sample that was sent last, and the wait for its command.
@@ -224,7 +223,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             self.failed(step, &failure)?;
             return Ok(false);
         }
-        if let Err(bad) = first_bad(&plant.description.measured, &rows.sensed) {
+        if let Err(bad) = plant.guards.measured.check(&rows.sensed) {
             self.diverged(step, &format!("measured {bad}"))?;
             return Ok(false);
         }

@@ -17,7 +17,7 @@ use hil_config::plan::FaultEvent;
 use serde::{Deserialize, Serialize};
 use shared_types::describe::Invalid;
 use shared_types::directive::Directive;
-use shared_types::frame::{FrameKind, Header, VALIDITY_WORDS};
+use shared_types::frame::{FrameKind, VALIDITY_WORDS};
 use shared_types::live::FaultState;
 use shared_types::record::{Event, FaultEffectSize, FaultEnded, RecordLayout};
 use shared_types::time::{Rate, Step};
@@ -232,23 +232,24 @@ impl FaultLayer {
         timing.plant_was_busy(&mut self.effects, busy_ns);
     }
 
-    /// Makes of the commands that the controller sent what is applied; gives its age in steps.
+    /// Makes of the commands that the controller sent what is applied; gives its age in steps. They were
+    /// `sent_age_steps` old then, and the controller worked for `work_ns` on them.
     /// `invalid` are the bits of these commands, as they were sent and then as the plant gets them. What
     /// drives a valve holds the last current that was good: an invalid command leaves the one before in
     /// force.
     pub fn command(
         &mut self,
         step: Step,
-        header: &Header,
+        (sent_age_steps, work_ns): (u32, u64),
         (command, invalid): (&[f64], &mut [u64; VALIDITY_WORDS]),
         applied: &mut [f64],
     ) -> u32 {
         applied.copy_from_slice(command);
         let (effects, rate) = (&mut self.effects, self.rate);
-        self.targets.timing.answered(effects, header);
+        (self.targets.timing).answered(effects, sent_age_steps, work_ns);
         let path = &mut self.targets.command;
         let age_steps =
-            path.apply_link_faults(effects, step, rate, (applied, invalid), header.age_steps);
+            path.apply_link_faults(effects, step, rate, (applied, invalid), sent_age_steps);
         path.apply_signal_faults(effects, step, rate, (applied, invalid));
         self.schedule.count(effects, step);
         age_steps

@@ -14,9 +14,6 @@ use super::channel::{About, Channel, SavedChannel};
 use super::effect::{Action, Effect};
 use super::kind::{Passage, Reading};
 
-/// Nothing is invalid.
-const VALID: [u64; VALIDITY_WORDS] = [0; VALIDITY_WORDS];
-
 /// A row of signals on its way, with its invalid bits.
 pub(super) type Row<'a> = (&'a mut [f64], &'a mut [u64; VALIDITY_WORDS]);
 
@@ -115,7 +112,7 @@ impl SignalPath {
         rate: Rate,
         (row, invalid): Row<'_>,
     ) {
-        if *invalid != VALID {
+        if invalid.iter().fold(0, |all, word| all | word) != 0 {
             for (index, value) in row.iter_mut().enumerate() {
                 if is_invalid(invalid, index) {
                     *value = self.kept[index];

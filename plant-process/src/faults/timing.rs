@@ -6,7 +6,6 @@
 //! does not obey shows that nothing happened.
 
 use shared_types::directive::Directive;
-use shared_types::frame::Header;
 use shared_types::side::Side;
 use shared_types::time::{Rate, Step};
 
@@ -70,14 +69,14 @@ impl Timing {
     }
 
     /// The controller answered.
-    pub(super) fn answered(&self, effects: &mut [Effect], header: &Header) {
+    pub(super) fn answered(&self, effects: &mut [Effect], age_steps: u32, work_ns: u64) {
         for &effect in &self.stack {
             match effects[effect].action {
                 Action::Busy(Side::Controller, _, asked_ns) => {
-                    effects[effect].grow(seen(asked_ns, header.work_ns));
+                    effects[effect].grow(seen(asked_ns, work_ns));
                 }
                 // The command that comes is an older one, and will be until the skipped one is due.
-                Action::Skip(_, asked_steps) if header.age_steps > 0 => {
+                Action::Skip(_, asked_steps) if age_steps > 0 => {
                     effects[effect].grow(f64::from(asked_steps));
                 }
                 _ => {}

@@ -7,7 +7,7 @@ use plant_process::faults::{FaultBuilder, FaultLayer, kinds};
 use serde_json::Value;
 use shared_types::clock::monotonic_ns;
 use shared_types::describe::Settings;
-use shared_types::frame::{FrameKind, Header, VALIDITY_WORDS};
+use shared_types::frame::VALIDITY_WORDS;
 use shared_types::record::RecordLayout;
 use shared_types::table::Field;
 use shared_types::time::{Rate, Step};
@@ -101,10 +101,9 @@ fn idle_ns() -> f64 {
         black_box(layer.advance(step, None));
         black_box(layer.sample(step, (&sensed, &stimulus), &mut row, &mut invalid));
         black_box(layer.timing(step));
-        let header = Header::new(FrameKind::Command, step);
         black_box(layer.command(
             step,
-            &header,
+            (0, 0),
             (&command, &mut [0; VALIDITY_WORDS]),
             &mut applied,
         ));

@@ -216,7 +216,7 @@ impl Rig {
         command_invalid[0] = self.command_invalid;
         let command_age_steps = layer.command(
             step,
-            &self.answer,
+            (self.answer.age_steps, self.answer.work_ns),
             (&command, &mut command_invalid),
             &mut applied,
         );
