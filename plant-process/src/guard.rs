@@ -1,7 +1,7 @@
 //! The validity guard: ends a run at the step at which the plant leaves the range where its
 //! equations mean something, and names the signal.
 //!
-//! Called by the engine with every row that leaves the plant. It never corrects anything.
+//! Called by the engine with every row that the plant gets or gives. It never corrects anything.
 
 use std::fmt;
 

@@ -11,7 +11,8 @@
 //!    is made.
 //!
 //! A [`session`] is the private place where all this happens and which leaves nothing behind, with
-//! each [`process`] in it known by more than its number, the [`side`] that it plays and what became of its [`thread`];
+//! each [`process`] in it known by more than its number. A [`side`] is the plant's or the controller's, and [`thread`] keeps
+//! statistics of its loop's thread;
 //! [`live`] is how another terminal talks to it while it runs, and [`directive`] what a fault of
 //! timing tells a runner. [`tuning`] is how values change on the way. [`supervision`] is what its processes hear from the one that started them and [`program`] what
 //! they have in common, with the [`mod@origin`] that each tells; [`by_hand`] is the way in for one that somebody else starts. A [`checkpoint`] keeps the [`state`] of both sides before a step, so that a run
@@ -60,7 +61,6 @@ pub mod spelling;
 pub mod state;
 pub mod stream;
 pub mod supervision;
-
 pub mod table;
 pub mod text;
 pub mod thread;

@@ -3,7 +3,7 @@
 //!
 //! The engine and the runner watch their own threads. These are system calls, so they are made after
 //! a step that took far longer than the others, to tell why, and now and then to have something to
-//! compare with. Samples, commands and records carry what was found last as one word.
+//! compare with. Samples, commands and records carry what was found last as one word, which is called `surroundings` there.
 
 use nix::sys::resource::{UsageWho, getrusage};
 use rustix::thread::sched_getcpu;
@@ -118,7 +118,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn surroundings_survive_the_wire_and_counts_begin_anew() {
+    fn statistics_survive_the_wire_and_counts_begin_anew() {
         let before = ThreadStatistics {
             core: 511,
             switches: (1 << 24) - 1,

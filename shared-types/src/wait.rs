@@ -14,7 +14,8 @@
 //!
 //! - **Whether others need the core.** A core that was given away comes back within microseconds if only the
 //!   other side took it, and after a slice of milliseconds if a third did. Then it is not given away any more
-//!   for a while: a sleeper that is woken goes before those who compute.
+//!   for a while: a sleeper that is woken goes before those who compute. A wait for a time that ended late
+//!   shows the same, and such a wait is slept to its end then.
 //! - **Whether polling helps.** It does not where both sides are on one core, as the other runs only when
 //!   this one lets it. After some waits in a row that polls did not end, there are none for a while.
 //!
@@ -49,7 +50,7 @@ const LONG_NAP_NS: u64 = 1_000_000;
 /// Time by which a sleep may end later than asked for on an ordinary machine.
 const LATE_NS: u64 = 300_000;
 
-/// Time before an awaited one from which on a side waits awake, as wake-ups come this late on an ordinary machine.
+/// Time before a release at which a side stops sleeping, as wake-ups come this late on an ordinary machine.
 const EARLY_NS: u64 = 200_000;
 /// Longest nap before a time, so that an interruption is seen soon.
 const LONGEST_NAP_NS: u64 = 20_000_000;
@@ -330,12 +331,18 @@ impl Waiter {
     /// Waits for a time of the monotonic clock: naps until close to it, then spins or yields as the strategy
     /// says. `interrupted` is asked between naps and ends the wait early.
     pub fn until_ns(&mut self, target_ns: u64, interrupted: impl Fn() -> bool) {
+        let mut has_waited = false;
         loop {
             let now_ns = monotonic_ns();
             let left_ns = target_ns.saturating_sub(now_ns);
             if left_ns == 0 {
-                return self.company.woke(now_ns, now_ns - target_ns);
+                // What was past at once is late by the caller's own work.
+                if has_waited {
+                    self.company.woke(now_ns, now_ns - target_ns);
+                }
+                return;
             }
+            has_waited = true;
             if interrupted() {
                 return;
             }

@@ -10,9 +10,9 @@ use shared_types::wait::WaitLimit;
 
 use crate::repeat::Repetition;
 
-/// How a step meets the newest command.
+/// Meeting of a step with the newest command.
 #[derive(Clone, Copy)]
-pub(crate) struct Met {
+pub(super) struct Met {
     /// Steps since the one that the command was sent for.
     pub held_steps: u32,
     /// Age of the command's content in steps, as it comes to the plant.

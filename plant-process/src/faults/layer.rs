@@ -232,24 +232,23 @@ impl FaultLayer {
         timing.plant_was_busy(&mut self.effects, busy_ns);
     }
 
-    /// Makes of the commands that the controller sent what is applied; gives its age in steps. They were
-    /// `sent_age_steps` old then, and the controller worked for `work_ns` on them.
+    /// Makes of the commands that the controller sent what is applied; gives its age in steps. `age_steps`
+    /// is their age as this step meets them, `work_ns` the controller's work on them.
     /// `invalid` are the bits of these commands, as they were sent and then as the plant gets them. What
     /// drives a valve holds the last current that was good: an invalid command leaves the one before in
     /// force.
     pub fn command(
         &mut self,
         step: Step,
-        (sent_age_steps, work_ns): (u32, u64),
+        (age_steps, work_ns): (u32, u64),
         (command, invalid): (&[f64], &mut [u64; VALIDITY_WORDS]),
         applied: &mut [f64],
     ) -> u32 {
         applied.copy_from_slice(command);
         let (effects, rate) = (&mut self.effects, self.rate);
-        (self.targets.timing).answered(effects, sent_age_steps, work_ns);
+        (self.targets.timing).answered(effects, age_steps, work_ns);
         let path = &mut self.targets.command;
-        let age_steps =
-            path.apply_link_faults(effects, step, rate, (applied, invalid), sent_age_steps);
+        let age_steps = path.apply_link_faults(effects, step, rate, (applied, invalid), age_steps);
         path.apply_signal_faults(effects, step, rate, (applied, invalid));
         self.schedule.count(effects, step);
         age_steps

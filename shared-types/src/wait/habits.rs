@@ -60,7 +60,7 @@ impl Polling {
     }
 }
 
-/// Other programs that need the core, known by the time that it was away when it was given away.
+/// Other programs that need the core, known by the time that it was away when it was given away or waited for.
 #[derive(Debug)]
 pub(super) struct Company {
     /// Moving average of the time that the core was away.
@@ -77,8 +77,8 @@ impl Company {
     const RETURNS: u64 = 128;
     /// Average above which others need the core.
     const LIMIT_NS: u64 = 20_000;
-    /// Time away that is a slice of the scheduler.
-    const SLICE_NS: u64 = 1_000_000;
+    /// Time away that only a slice of the scheduler takes.
+    const TURN_NS: u64 = 1_000_000;
     const SHORTEST_NS: u64 = 10_000_000;
     const LONGEST_NS: u64 = 1_000_000_000;
 
@@ -91,21 +91,22 @@ impl Company {
     /// Notes that the core came back.
     pub(super) fn came_back(&mut self, now_ns: u64, took_ns: u64) {
         self.away_ns = self.away_ns - self.away_ns / Self::RETURNS + took_ns / Self::RETURNS;
-        // They are gone when they were not seen for as long as they were taken for granted, however often the
-        // core was given away meanwhile: a yield comes back at once where all others are in another session.
+        // They are gone when they were not met for as long as they would be taken for granted next, however
+        // often the core was given away meanwhile: a yield comes back at once where all others are in another
+        // session.
         let are_gone = now_ns > self.until_ns.saturating_add(self.backoff_ns);
         if are_gone {
             self.backoff_ns = Self::SHORTEST_NS;
         }
-        if self.away_ns > Self::LIMIT_NS || (!are_gone && took_ns >= Self::SLICE_NS) {
+        if self.away_ns > Self::LIMIT_NS || (!are_gone && took_ns >= Self::TURN_NS) {
             self.away_ns = self.away_ns.min(Self::LIMIT_NS - Self::LIMIT_NS / 4);
             self.until_ns = now_ns + self.backoff_ns;
             self.backoff_ns = (4 * self.backoff_ns).min(Self::LONGEST_NS);
         }
     }
 
-    /// Notes by how much a wait for a time ended later than that. Beside others only a late end counts: one in
-    /// time is what such waits are shorter for there.
+    /// Notes by how much a wait for a time ended later than that. Beside others only a late end counts: one
+    /// in time does not show that they went, as the side slept.
     pub(super) fn woke(&mut self, now_ns: u64, late_ns: u64) {
         let took_ns = late_ns.saturating_sub(LATE_NS);
         if took_ns > 0 || !self.is_there(now_ns) {

@@ -125,6 +125,22 @@ fn a_hybrid_wait_in_company_sleeps_at_once_if_it_can_be_woken() {
 }
 
 #[test]
+fn a_release_is_waited_for_awake_except_by_a_hybrid_wait_in_company() {
+    use WaitStrategy::{Hybrid, Sleep, Spin, Yield};
+    for (strategy, alone_ns, in_company_ns) in [
+        (Hybrid, 200_000, 0),
+        (Yield, 200_000, 200_000),
+        (Sleep, 200_000, 200_000),
+        (Spin, 20 * MS, 20 * MS),
+    ] {
+        let mut waiter = Waiter::with(limit(), strategy, false);
+        assert_eq!(waiter.early_ns(1), alone_ns);
+        waiter.company.until_ns = 2;
+        assert_eq!(waiter.early_ns(1), in_company_ns);
+    }
+}
+
+#[test]
 fn nobody_polls_where_both_sides_have_one_core() {
     for strategy in WaitStrategy::ALL {
         let waiter = Waiter::with(limit(), strategy, true);

@@ -1,6 +1,6 @@
 //! A page that shows results without a server or a network: the frame of every report.
 //!
-//! Texts, scripts and data stand in the one file. Reports fill it; knows nothing of runs or campaigns.
+//! Texts, scripts and data stand in the one file. Filled by reports; knows nothing of runs or campaigns.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use serde::Serialize;
