@@ -3,8 +3,8 @@
 //! [`Scenario::check`](crate::scenario::Scenario::check) is the way in. Each part of a scenario has
 //! its file below; a part that is wrong is reported and left out, and the others are checked as far
 //! as they can be without it. The order is that of the data: run, plant, law, stimuli, binding,
-//! expressions, faults. The faults that a running run is asked for are [checked](FaultContext::check)
-//! by the same code.
+//! expressions, faults. The faults and changes of values that a running run is asked for are
+//! [checked](RequestContext) by the same code.
 
 mod analyses;
 mod binding;
@@ -46,7 +46,7 @@ pub(crate) use faults::{groups, unit_of};
 
 /// Run that faults and changes of values are asked for.
 #[derive(Clone, Debug)]
-pub struct FaultContext {
+pub struct RequestContext {
     /// Plant.
     pub plant: PlantDescription,
     /// The kinds of faults on signals, links and timing.
@@ -67,7 +67,7 @@ pub struct FaultContext {
     pub first_id: u32,
 }
 
-impl FaultContext {
+impl RequestContext {
     /// Collects the facts of a plan and its faults.
     #[must_use]
     pub fn of(plan: &Plan, plant: &PlantDescription, kinds: &[FaultKindDescription]) -> Self {

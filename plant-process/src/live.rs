@@ -9,7 +9,7 @@ use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::{Duration, Instant};
 
 use hil_config::expression::Columns;
-use hil_config::live_faults::FaultContext;
+use hil_config::live_requests::RequestContext;
 use hil_config::plan::{Change, FaultEvent, PLANT_KEYS, Stimulus, law_keys};
 use shared_types::describe::LawDescription;
 use shared_types::live::{
@@ -39,7 +39,7 @@ const MOST_FAULTS: usize = 16;
 
 /// Context that requests are checked against.
 pub struct LiveContext {
-    run: FaultContext,
+    run: RequestContext,
     law: Option<LawDescription>,
     /// True if every fault must be one that can be saved.
     saves: bool,
@@ -49,7 +49,7 @@ impl LiveContext {
     /// Collects all that a live fault may refer to in a job.
     #[must_use]
     pub fn new(plant: &PlantKind, faults: &[FaultKindEntry], job: &Job) -> Self {
-        let mut run = FaultContext {
+        let mut run = RequestContext {
             plant: plant.description.clone(),
             kinds: faults.iter().map(|kind| kind.description.clone()).collect(),
             parameters: job.plant.parameters.clone(),

@@ -12,7 +12,7 @@ use shared_types::record::{ChangedValue, MOST_CHANGES};
 use shared_types::table::Field;
 use shared_types::time::Step;
 
-use super::FaultContext;
+use super::RequestContext;
 use super::run::Grid;
 use crate::document::{Entry, Table, Value};
 use crate::keys::LIVE_CHANGE;
@@ -332,7 +332,7 @@ fn cleared(
     Some(clear)
 }
 
-impl FaultContext {
+impl RequestContext {
     /// Checks a change that is to have a number, against the run and its law as it is then: the law's name
     /// and the parameters that it offers.
     ///

@@ -1,6 +1,6 @@
 //! Faults that are asked for while a run goes on.
 
-use hil_config::live_faults::FaultContext;
+use hil_config::live_requests::RequestContext;
 use hil_config::plan::{FaultEvent, FaultSource, Trigger};
 use hil_config::problem::{Problem, ProblemKind};
 use shared_types::live::Refusal;
@@ -15,10 +15,10 @@ const BIAS: &str = "effects = [{ target = \"measured.surface_angle_rad\", bias =
 /// Asks the base's run, which has the events 1, `leak`, and 2.
 fn ask(toml: &str) -> Result<Vec<FaultEvent>, Vec<Problem>> {
     let (plants, kinds) = (descriptions::plants(), descriptions::kinds());
-    let context = FaultContext {
+    let context = RequestContext {
         names: vec![("leak".into(), 1)],
         first_id: 3,
-        ..FaultContext::of(&plan(BASE), &plants[0], &kinds)
+        ..RequestContext::of(&plan(BASE), &plants[0], &kinds)
     };
     let checked = context.check(toml, &[Field::signal("fault_detected", "1", "x")]);
     checked.map_err(|problems| problems.0)

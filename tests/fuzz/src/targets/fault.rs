@@ -8,7 +8,7 @@ use std::ffi::OsString;
 
 use clap::Parser;
 use hil_config::expression::Columns;
-use hil_config::live_faults::FaultContext;
+use hil_config::live_requests::RequestContext;
 use hil_config::plan::{FaultEvent, Trigger};
 use hil_config::problem::ProblemKind;
 use hil_config::show::fault_toml;
@@ -91,10 +91,10 @@ fn check(
     toml: &str,
     names: &[(String, u32)],
 ) -> Result<Vec<FaultEvent>, hil_config::problem::Problems> {
-    let context = FaultContext {
+    let context = RequestContext {
         names: names.to_vec(),
         first_id: 1,
-        ..FaultContext::of(small_plan(), plant(), &rig().kinds)
+        ..RequestContext::of(small_plan(), plant(), &rig().kinds)
     };
     context.check(toml, &[])
 }

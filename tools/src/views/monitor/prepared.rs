@@ -7,7 +7,7 @@ use std::ffi::OsString;
 use std::time::{Duration, Instant};
 
 use clap::Parser;
-use hil_config::live_faults::FaultContext;
+use hil_config::live_requests::RequestContext;
 use hil_config::plan::Plan;
 use shared_types::live::{Possible, Refusal};
 use shared_types::record::RecordLayout;
@@ -126,10 +126,10 @@ pub(crate) fn one(
         ));
     }
     let toml = inject::toml(&arguments, possible)?;
-    let context = FaultContext {
+    let context = RequestContext {
         // Faults that others put in before this one have lower numbers.
         first_id: u32::MAX / 2,
-        ..FaultContext::of(plan, &possible.plant, &possible.kinds)
+        ..RequestContext::of(plan, &possible.plant, &possible.kinds)
     };
     (context.check(&toml, &layout.internal))
         .map_err(|problems| problems.0.iter().map(Refusal::from).collect::<Vec<_>>())?;

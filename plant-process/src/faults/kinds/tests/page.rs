@@ -1,6 +1,6 @@
 //! The user's page says what the code does: `docs/faults.md`.
 
-use hil_config::live_faults::FaultContext;
+use hil_config::live_requests::RequestContext;
 use hil_config::plan::{FaultAction, Stimulus, Waveform};
 use shared_types::describe::ActsOn;
 use shared_types::number::exact as number;
@@ -103,7 +103,7 @@ fn every_example_on_the_page_is_a_fault_that_starts() {
             onset_per_s3: 0.1,
         },
     }];
-    let context = FaultContext {
+    let context = RequestContext {
         plant,
         kinds: all().into_iter().map(|entry| entry.description).collect(),
         parameters,

@@ -3,7 +3,7 @@
 use std::num::NonZero;
 use std::sync::Arc;
 
-use hil_config::live_faults::FaultContext;
+use hil_config::live_requests::RequestContext;
 use hil_config::plan::{Clock, Plan};
 use hil_target::machine::built_for;
 use rustix::thread::{CpuSet, sched_getaffinity};
@@ -143,7 +143,7 @@ fn delayed(reference: &Case, wall_time_s: f64) -> Case {
         condition.skipped = Some("the binaries do not describe themselves".into());
         return condition;
     };
-    match FaultContext::of(plan, plant, kinds).check(&text, &law.internals) {
+    match RequestContext::of(plan, plant, kinds).check(&text, &law.internals) {
         Ok(faults) => condition.plan.faults.extend(faults),
         Err(_) => condition.skipped = Some("the plant's binary has no fault `late`".into()),
     }

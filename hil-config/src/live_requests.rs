@@ -5,7 +5,7 @@
 
 use shared_types::live::Refusal;
 
-pub use crate::check::FaultContext;
+pub use crate::check::RequestContext;
 use crate::problem::Problem;
 
 impl From<&Problem> for Refusal {
