@@ -1,7 +1,7 @@
 //! `hil target`: look at the machines that controllers run on, clean them, and listen on one.
 
-use hil_target::cache::no_room;
 use hil_target::machine::Findings;
+use hil_target::programs::no_room;
 use hil_target::{key, serve};
 use serde::Serialize;
 use shared_types::program;

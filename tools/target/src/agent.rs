@@ -15,11 +15,11 @@ use shared_types::session::{Session, sweep};
 use shared_types::wait::WaitLimit;
 
 use crate::asking::ask;
-use crate::cache::{Programs, Storing};
 use crate::channel::{Ear, Heard, Mouth};
 use crate::machine::Findings;
 use crate::message::{PROTOCOL, Refusal, RunRequest, ToAgent, ToDesk, from_hex, prologue, to_hex};
-use crate::path::{Wire, listen};
+use crate::path::{DatagramPath, listen};
+use crate::programs::{AllowedPrograms, Storing};
 use crate::seal::{Key, answer};
 use crate::sleep::LateBell;
 use run::Run;
@@ -38,7 +38,7 @@ pub fn run(
     from: impl Read + Send + 'static,
     into: impl Write + Send + 'static,
     seal: Option<Arc<crate::seal::Seal>>,
-    programs: &Programs,
+    programs: &AllowedPrograms,
     address: Option<IpAddr>,
 ) -> Result<(), String> {
     let bell = LateBell::default();
@@ -75,7 +75,7 @@ struct Agent<'a> {
     ear: Ear<ToAgent>,
     mouth: Mouth,
     bell: LateBell,
-    programs: &'a Programs,
+    programs: &'a AllowedPrograms,
     /// Address that the desk reached; without one there are no datagrams.
     address: Option<IpAddr>,
     program: Option<(String, PathBuf)>,
@@ -208,7 +208,7 @@ impl Agent<'_> {
             (&self.ear, &self.mouth),
             link,
             started,
-            socket.map(|socket| Wire::target(socket, seal)),
+            socket.map(|socket| DatagramPath::target(socket, seal)),
             &info,
             request,
         )

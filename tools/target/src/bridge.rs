@@ -32,7 +32,7 @@ use crate::exchange::{BEAT_NS, DeskEnd};
 use crate::machine::{Findings, hash};
 use crate::message::{Missed, RunRequest, ToAgent, ToDesk, from_hex, prologue, to_hex};
 use crate::packet::Packet;
-use crate::path::Wire;
+use crate::path::DatagramPath;
 use crate::seal::{Key, begin};
 use crate::sleep::{LateBell, waiter};
 use crate::way::Way;
@@ -155,7 +155,7 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
         .end(&handshake)
         .map_err(|e| format!("target {}: {e}", way.target))?;
     let address: Option<SocketAddr> = running.address.and_then(|address| address.parse().ok());
-    let wire = address.and_then(|address| Wire::desk(address, seal).ok());
+    let path = address.and_then(|address| DatagramPath::desk(address, seal).ok());
     let told = session.write_file(&ready_file(known.epoch), &way.target.to_string());
     told.map_err(|e| e.to_string())?;
     let link = program::attach(&session, known.epoch, limit, &supervision)?;
@@ -167,7 +167,7 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
         contact,
         link,
         session,
-        wire,
+        path,
         address,
         desk: DeskEnd::new(false, BEAT_NS),
         beat_ns: BEAT_NS.min(limit.ns() / 4),
@@ -203,7 +203,7 @@ struct Bridge {
     both_here: bool,
     link: IceoryxLink,
     session: SessionInfo,
-    wire: Option<Wire>,
+    path: Option<DatagramPath>,
     address: Option<SocketAddr>,
     desk: DeskEnd,
     /// Identity that the frames must carry, and the number of values from the target.
@@ -232,12 +232,12 @@ struct Bridge {
 
 impl Bridge {
     fn drive(mut self, limit: WaitLimit, supervision: &Supervision) -> Result<u8, String> {
-        let (mut waiter, awaited) = waiter(self.both_here, self.link.bell(), self.wire.as_ref());
+        let (mut waiter, awaited) = waiter(self.both_here, self.link.bell(), self.path.as_ref());
         let mut sign_ns = 0;
         loop {
             self.pass_on(supervision);
             let mut busy = self.hear_plant().map_err(described)?;
-            busy |= self.hear_wire().map_err(described)?;
+            busy |= self.hear_path().map_err(described)?;
             busy |= self.hear_channel()?;
             let now_ns = monotonic_ns();
             self.speak(now_ns);
@@ -331,8 +331,8 @@ impl Bridge {
         Ok(())
     }
 
-    fn hear_wire(&mut self) -> Result<bool, LinkError> {
-        let Some(packet) = self.wire.as_mut().and_then(Wire::receive) else {
+    fn hear_path(&mut self) -> Result<bool, LinkError> {
+        let Some(packet) = self.path.as_mut().and_then(DatagramPath::receive) else {
             return Ok(false);
         };
         // Small ones may get through where frames do not.
@@ -441,19 +441,19 @@ impl Bridge {
             return;
         }
         self.desk.packet(now_ns, &mut self.bytes);
-        if let Some(wire) = &mut self.wire {
-            wire.send(&self.bytes);
+        if let Some(path) = &mut self.path {
+            path.send(&self.bytes);
         }
-        if self.goes_through_channel || self.wire.is_none() {
+        if self.goes_through_channel || self.path.is_none() {
             self.contact.mouth.packet(&self.bytes);
         }
     }
 
     /// Goes through the channel while no datagram gets through.
     fn look_at_path(&mut self, now_ns: u64) {
-        let is_silent = now_ns.saturating_sub(self.datagram_ns) > PATH_NS || self.wire.is_none();
+        let is_silent = now_ns.saturating_sub(self.datagram_ns) > PATH_NS || self.path.is_none();
         self.goes_through_channel |= is_silent;
-        let matters = self.open.is_some() || self.wire.is_none();
+        let matters = self.open.is_some() || self.path.is_none();
         if is_silent && matters && !std::mem::replace(&mut self.has_told_way, true) {
             let to = self
                 .address

@@ -7,8 +7,8 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use hil_target::cache::Programs;
 use hil_target::name::Target;
+use hil_target::programs::AllowedPrograms;
 use hil_target::way::Way;
 use hil_target::{agent, bridge, serve};
 use shared_types::program::{FAILED, say};
@@ -98,6 +98,6 @@ fn serve_ssh() -> Result<(), String> {
         .nth(2)
         .and_then(|own| own.parse().ok());
     let own: Option<IpAddr> = own;
-    let programs = Programs::cached()?;
+    let programs = AllowedPrograms::cached()?;
     agent::run(io::stdin(), io::stdout(), None, &programs, own)
 }

@@ -12,8 +12,8 @@ const MOST_AT_ONCE: u32 = 32;
 /// Longest datagram: a frame of 512 signals, and what is around it.
 const LONGEST: usize = 8192;
 
-/// End of the path.
-pub(crate) struct Wire {
+/// End of the path of datagrams.
+pub(crate) struct DatagramPath {
     socket: Arc<UdpSocket>,
     datagrams: Datagrams,
     /// Address of the other end, as the newest authentic datagram had it.
@@ -32,7 +32,7 @@ pub(crate) fn listen(address: IpAddr) -> io::Result<UdpSocket> {
     Ok(socket)
 }
 
-impl Wire {
+impl DatagramPath {
     /// The target's end.
     pub(crate) fn target(socket: UdpSocket, seal: Seal) -> Self {
         Self::new(socket, seal, None)

@@ -8,8 +8,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use crate::agent;
-use crate::cache::Programs;
 use crate::key::{Until, get, prologue, put, read_key, see_proof};
+use crate::programs::AllowedPrograms;
 use crate::seal::{Key, Seal, answer};
 
 /// Longest time that a handshake may take: a stranger who says nothing holds the place no longer.
@@ -26,7 +26,7 @@ pub fn serve(
     say: impl Fn(&str),
 ) -> Result<(), String> {
     let key = read_key(key_file).map_err(|error| error.to_string())?;
-    let programs = Programs::listed(allowed)?;
+    let programs = AllowedPrograms::listed(allowed)?;
     let listener =
         TcpListener::bind(listen).map_err(|error| format!("cannot listen on {listen}: {error}"))?;
     let at = listener.local_addr().map_err(|error| error.to_string())?;
@@ -68,7 +68,11 @@ fn greet(mut connection: &TcpStream, key: &Key) -> io::Result<Seal> {
     Ok(seal)
 }
 
-fn session(connection: TcpStream, seal: &Arc<Seal>, programs: &Programs) -> Result<(), String> {
+fn session(
+    connection: TcpStream,
+    seal: &Arc<Seal>,
+    programs: &AllowedPrograms,
+) -> Result<(), String> {
     let told = |error: io::Error| error.to_string();
     let address = connection.local_addr().map_err(told)?.ip();
     let reader = connection.try_clone().map_err(told)?;

@@ -1,5 +1,5 @@
-//! Sleeping until either the own shared memory or the wire has something: on the one that is awaited, with a look at the
-//! other after a slice.
+//! Sleeping until shared memory or the wire has something: on whichever is awaited, looking at the other at short
+//! intervals.
 
 use std::cell::Cell;
 use std::net::UdpSocket;
@@ -11,14 +11,18 @@ use rustix::time::Timespec;
 use shared_types::link::bell::Bell;
 use shared_types::wait::{Sleeper, WaitLimit, WaitStrategy, Waiter};
 
-use crate::path::Wire;
+use crate::path::DatagramPath;
 
 /// Longest sleep on one of them while the other may have news too.
 const SLICE_NS: u64 = 200_000;
 
 /// Makes the waiter of one end, whose limit is looked at elsewhere, and what tells it where to sleep. With fewer cores than
 /// loops it sleeps at once: what it polled would be the others' time.
-pub(crate) fn waiter(both_here: bool, bell: Bell, wire: Option<&Wire>) -> (Waiter, Awaited) {
+pub(crate) fn waiter(
+    both_here: bool,
+    bell: Bell,
+    path: Option<&DatagramPath>,
+) -> (Waiter, Awaited) {
     let loops = if both_here { 4 } else { 2 };
     let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let strategy = if cores < loops {
@@ -30,7 +34,7 @@ pub(crate) fn waiter(both_here: bool, bell: Bell, wire: Option<&Wire>) -> (Waite
     let awaited = Awaited::default();
     waiter.sleep_on(Some(Box::new(Either {
         bell,
-        socket: wire.map(Wire::socket),
+        socket: path.map(DatagramPath::socket),
         awaited: awaited.clone(),
     })));
     (waiter, awaited)

@@ -20,7 +20,7 @@ use crate::exchange::{BEAT_NS, TargetEnd};
 use crate::machine::Findings;
 use crate::message::{Missed, RunRequest, ToAgent, ToDesk};
 use crate::packet::{Numbered, Packet};
-use crate::path::Wire;
+use crate::path::DatagramPath;
 use crate::sleep::waiter;
 
 /// Time between two looks at what changes seldom.
@@ -43,7 +43,7 @@ pub(super) struct Run<'a> {
     mouth: &'a Mouth,
     link: IceoryxLink,
     started: Started,
-    wire: Option<Wire>,
+    path: Option<DatagramPath>,
     session: SessionInfo,
     missed: Missed,
     /// Both ends are on this machine.
@@ -84,7 +84,7 @@ impl<'a> Run<'a> {
         (ear, mouth): (&'a Ear<ToAgent>, &'a Mouth),
         link: IceoryxLink,
         started: Started,
-        wire: Option<Wire>,
+        path: Option<DatagramPath>,
         session: &SessionInfo,
         request: &RunRequest,
     ) -> Self {
@@ -93,7 +93,7 @@ impl<'a> Run<'a> {
             mouth,
             link,
             started,
-            wire,
+            path,
             session: session.clone(),
             missed: request.missed,
             both_here: Findings::own().boot_id == request.boot_id,
@@ -121,10 +121,10 @@ impl<'a> Run<'a> {
 
     /// Serves until the channel closes or the desk is silent for the limit.
     pub(super) fn serve(&mut self, limit: WaitLimit) -> Result<(), String> {
-        let (mut waiter, awaited) = waiter(self.both_here, self.link.bell(), self.wire.as_ref());
+        let (mut waiter, awaited) = waiter(self.both_here, self.link.bell(), self.path.as_ref());
         let (mut look_ns, mut sign_ns) = (0, 0);
         loop {
-            let mut busy = self.hear_wire().map_err(described)?;
+            let mut busy = self.hear_path().map_err(described)?;
             match self.hear_channel()? {
                 Some(came) => busy |= came,
                 None => return Ok(()),
@@ -156,8 +156,8 @@ impl<'a> Run<'a> {
         }
     }
 
-    fn hear_wire(&mut self) -> Result<bool, LinkError> {
-        let Some(packet) = self.wire.as_mut().and_then(Wire::receive) else {
+    fn hear_path(&mut self) -> Result<bool, LinkError> {
+        let Some(packet) = self.path.as_mut().and_then(DatagramPath::receive) else {
             return Ok(false);
         };
         self.take(packet, Way::Datagram)?;
@@ -271,8 +271,8 @@ impl<'a> Run<'a> {
 
     fn answer(&mut self) {
         self.end.packet(&mut self.bytes);
-        match (&mut self.wire, self.way) {
-            (Some(wire), Way::Datagram) => wire.send(&self.bytes),
+        match (&mut self.path, self.way) {
+            (Some(path), Way::Datagram) => path.send(&self.bytes),
             _ => self.mouth.packet(&self.bytes),
         }
     }

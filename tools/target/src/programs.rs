@@ -19,14 +19,14 @@ pub const MOST_BYTES: u64 = 512 << 20;
 
 /// Programs that may be run.
 #[derive(Debug)]
-pub enum Programs {
+pub enum AllowedPrograms {
     /// Whatever is sent, kept in this folder.
     Cached(PathBuf),
     /// These and no others, as they were when they were listed.
     Listed(Vec<(PathBuf, String)>),
 }
 
-impl Programs {
+impl AllowedPrograms {
     /// Makes the cache in the folder of the running agent, which the desk's script put there.
     ///
     /// # Errors
@@ -217,7 +217,7 @@ fn make_room(folder: &Path) {
 mod tests {
     use super::*;
 
-    fn store(programs: &Programs, content: &[u8]) -> Result<String, Refusal> {
+    fn store(programs: &AllowedPrograms, content: &[u8]) -> Result<String, Refusal> {
         let hash = blake3::hash(content).to_hex().to_string();
         let mut storing = programs.store(&hash, content.len() as u64)?;
         let (first, second) = content.split_at(content.len() / 2);
@@ -229,7 +229,7 @@ mod tests {
     #[test]
     fn a_program_is_kept_by_its_hash_and_found_unchanged_alone() {
         let folder = tempfile::tempdir().expect("a folder");
-        let programs = Programs::Cached(folder.path().into());
+        let programs = AllowedPrograms::Cached(folder.path().into());
         let hash = store(&programs, b"a program").expect("kept");
         let file = programs.find(&hash).expect("found");
         assert_eq!(fs::metadata(&file).expect("there").mode() & 0o777, 0o500);
@@ -241,7 +241,7 @@ mod tests {
     #[test]
     fn what_arrives_otherwise_leaves_nothing() {
         let folder = tempfile::tempdir().expect("a folder");
-        let programs = Programs::Cached(folder.path().into());
+        let programs = AllowedPrograms::Cached(folder.path().into());
         let hash = blake3::hash(b"a program").to_hex().to_string();
         let mut other = programs.store(&hash, 9).expect("begins");
         assert!(other.take(b"a PROGRAM").is_err());
@@ -259,7 +259,7 @@ mod tests {
     #[test]
     fn the_cache_is_bounded_and_can_be_emptied() {
         let folder = tempfile::tempdir().expect("a folder");
-        let programs = Programs::Cached(folder.path().into());
+        let programs = AllowedPrograms::Cached(folder.path().into());
         for number in 0..3 * MOST_FILES {
             store(&programs, format!("program {number}").as_bytes()).expect("kept");
             assert!(files(folder.path()).len() <= MOST_FILES);
@@ -277,7 +277,7 @@ mod tests {
     #[test]
     fn parts_of_copies_count_for_nothing_and_old_ones_go() {
         let folder = tempfile::tempdir().expect("a folder");
-        let programs = Programs::Cached(folder.path().into());
+        let programs = AllowedPrograms::Cached(folder.path().into());
         for number in 0..MOST_FILES - 1 {
             store(&programs, format!("program {number}").as_bytes()).expect("kept");
         }
@@ -307,7 +307,7 @@ mod tests {
     #[test]
     fn an_agent_with_a_list_takes_no_program() {
         let own = std::env::current_exe().expect("this");
-        let programs = Programs::listed(std::slice::from_ref(&own)).expect("there");
+        let programs = AllowedPrograms::listed(std::slice::from_ref(&own)).expect("there");
         assert_eq!(programs.find(&hash(&own).expect("read")), Some(own));
         assert_eq!(programs.find(&blake3::hash(b"").to_hex()), None);
         assert!(programs.store(&blake3::hash(b"x").to_hex(), 1).is_err());
